@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from slidax.codegen.builder import Builder
 from slidax.codegen.c import statements
 from slidax.codegen.c.layout import CodeLine
-from slidax.codegen.c.scopes import scoped, stack
+from slidax.codegen.c.scopes import add_scopes, stack_bytes
 from slidax.codegen.ir import Call, functions
 from slidax.codegen.rebuild import rebuild
 from slidax.codegen.trace import Library, trace
@@ -182,9 +182,9 @@ def test_blocks_that_follow_each_other_share_their_stack():
     lines = []
     for k in range(3):
         lines += [CodeLine(1, f"double a{k}[40];", f"part {k}"), CodeLine(1, f"f(a{k});", f"part {k}")]
-    assert stack(lines) == 3 * 320
-    blocks = scoped(lines)
-    assert stack(blocks) == 320
+    assert stack_bytes(lines) == 3 * 320
+    blocks = add_scopes(lines)
+    assert stack_bytes(blocks) == 320
     assert sum(line.text == "{" for line in blocks) == 3
 
 
@@ -195,5 +195,5 @@ def test_what_is_needed_after_a_block_is_declared_before_it():
         CodeLine(1, "double b[40];", "two"),
         CodeLine(1, "g(b, s);", "two"),
     ]
-    texts = [line.text for line in scoped(lines)]
+    texts = [line.text for line in add_scopes(lines)]
     assert texts.index("double s;") < texts.index("{") < texts.index("s = f(a);")

@@ -82,7 +82,7 @@ class Access:
         return f"&{self.array}[{self.start}]" if self.start else self.array
 
 
-def accesses(rows: Sequence[Operands], stored: Stored) -> tuple[int, list[Access]]:
+def find_accesses(rows: Sequence[Operands], stored: Stored) -> tuple[int, list[Access]]:
     """Count the expressions, from the first on, that one loop can compute, and return the rule for each operand.
 
     - `rows`: operands of each expression.

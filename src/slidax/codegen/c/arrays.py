@@ -7,7 +7,7 @@ from collections import defaultdict
 from collections.abc import Callable, Sequence
 
 from ..naming import identifier
-from .alike import LEAST, Access, Stored, accesses
+from .alike import LEAST, Access, Stored, find_accesses
 from .groups import Group, Statement
 from .writer import LETTERS
 
@@ -61,17 +61,17 @@ class Arrays:
         groups: list[Group] = []
         for (visit, _, _), lanes in alike.items():
             several = visit is not None and len(lanes) >= LEAST
-            parts = self._split(lanes) if several else [self._alone(lane) for lane in lanes]
-            self._know(parts)
+            parts = self._split(lanes) if several else [self._single_group(lane) for lane in lanes]
+            self._add_singles(parts)
             groups += parts
         # Only now are the arrays of their operands known.
-        groups = self._again(groups, lambda lane: (lane.line.visit, lane.type, lane.piece.template))
-        return self._again(groups, self._arrays_of)
+        groups = self._regroup(groups, lambda lane: (lane.line.visit, lane.type, lane.piece.template))
+        return self._regroup(groups, self._arrays_of)
 
-    def _know(self, groups: list[Group]) -> None:
+    def _add_singles(self, groups: list[Group]) -> None:
         self.single |= {group.lanes[0].name: group for group in groups if group.target is None}
 
-    def _again(self, groups: list[Group], kind: Callable[[Statement], object]) -> list[Group]:
+    def _regroup(self, groups: list[Group], kind: Callable[[Statement], object]) -> list[Group]:
         """Group single statements again; one loop may compute statements with one `kind` other than None."""
         alike: defaultdict[object, list[Statement]] = defaultdict(list)
         for group in groups:
@@ -84,7 +84,7 @@ class Arrays:
                     alone = {lane.name for lane in lanes}
                     groups = [group for group in groups if group.target is not None or group.lanes[0].name not in alone]
                     groups += parts
-                    self._know(parts)
+                    self._add_singles(parts)
         return groups
 
     def _arrays_of(self, statement: Statement) -> object:
@@ -94,7 +94,7 @@ class Arrays:
         words = (self.read(word) for word in (statement.name, *statement.piece.operands))
         return (statement.type, statement.piece.template, *(word.partition("[")[0] for word in words))
 
-    def _alone(self, lane: Statement) -> Group:
+    def _single_group(self, lane: Statement) -> Group:
         return Group([lane], self.stored[lane.name][0] if lane.name in self.stored else "")
 
     def _gather(self, lanes: list[Statement]) -> None:
@@ -160,9 +160,9 @@ class Arrays:
             alike = next((n for n, known in enumerate(placed) if known != placed[0]), len(placed))
             names = [(lane.name,) if placed[0] else () for lane in lanes[k : k + alike]]
             rows = [(*name, *lane.piece.operands) for name, lane in zip(names, lanes[k : k + alike], strict=True)]
-            count, at = accesses(rows, self.stored)
+            count, at = find_accesses(rows, self.stored)
             if count < LEAST or (placed[0] and not at[0].step):
-                groups.append(self._alone(lanes[k]))
+                groups.append(self._single_group(lanes[k]))
                 k += 1
                 continue
             group = Group(lanes[k : k + count], at=at[1:] if placed[0] else at)

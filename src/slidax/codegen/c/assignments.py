@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 
-from .alike import LEAST, Access, Operands, Stored, accesses
+from .alike import LEAST, Access, Operands, Stored, find_accesses
 from .groups import Statement
 
 Where = Callable[[str], str]
@@ -80,7 +80,7 @@ def _split(statements: Sequence[Statement], stored: Stored, where: Where) -> lis
         while end < len(statements) and statements[end].piece.template == statements[k].piece.template:
             end += 1
         rows: list[Operands] = [(lane.name, *lane.piece.operands) for lane in statements[k:end]]
-        count, at = accesses(rows, stored)
+        count, at = find_accesses(rows, stored)
         # A table of constants is no shorter than assignments that are made once.
         if count < LEAST or not at[0].step:
             count, at = 1, []

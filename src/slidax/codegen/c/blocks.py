@@ -8,7 +8,7 @@ from ..ir import Branch, Loop, Region, Value
 from .calls import CallWriter
 from .expressions import CHOICE, EITHER, UNARY, CExpression
 from .layout import CodeLine
-from .placement import counts
+from .placement import is_counter
 from .writer import HEAVY, Rows
 
 
@@ -32,7 +32,7 @@ class BlockWriter(CallWriter):
             else:
                 # Circular: a copy breaks the circle.
                 pair = waiting[0]
-                self.keep(pair[1])
+                self.declare_value(pair[1])
                 continue
             waiting.remove(pair)
             self.line(f"{pair[0]} = {self.texts[pair[1]].text};")
@@ -41,7 +41,7 @@ class BlockWriter(CallWriter):
         assert self.rows is not None
         row, when, *values = store.args
         if self.texts[row].weight > 1 and len(values) > 1:
-            self.keep(row)
+            self.declare_value(row)
         always = self.texts[when].text == "true"
         if not always:
             self.line(f"if ({self.texts[when].text}) {{")
@@ -56,10 +56,10 @@ class BlockWriter(CallWriter):
 
     def branch(self, branch: Branch) -> None:
         """Write an `if`, or a choice between two expressions where both sides are short."""
-        left = self.placement.left(branch)
+        left = self.placement.results_of(branch)
         hints = {k: self._hint(branch, k) for k in left}
-        into = {k: self.into.pop(result, None) for k, result in left.items()}
-        names = {k: into[k] or self.fresh(hints[k]) for k in left}
+        into = {k: self.result_names.pop(result, None) for k, result in left.items()}
+        names = {k: into[k] or self.new_name(hints[k]) for k in left}
         when, sides = branch.args[0], [(branch.then, branch.yes), (branch.otherwise, branch.no)]
         if when.op == "not":
             when, sides = when.args[0], sides[::-1]
@@ -74,7 +74,7 @@ class BlockWriter(CallWriter):
                 if into[k] is None:
                     self.taken.discard(names[k])
                     if not self.is_inline(result):
-                        self.keep(result, hints[k])
+                        self.declare_value(result, hints[k])
                 return
         # A variable that starts with a known number needs no `else`.
         plain = not otherwise and not any(into.values()) and not any(self.texts[value].weight for value in no.values())
@@ -100,7 +100,7 @@ class BlockWriter(CallWriter):
         return CExpression(text, CHOICE, weight, when.reads | yes.reads | no.reads)
 
     def _hint(self, branch: Branch, k: int) -> str | None:
-        for value in (self.placement.left(branch)[k], branch.yes[k], branch.no[k]):
+        for value in (self.placement.results_of(branch)[k], branch.yes[k], branch.no[k]):
             if value.op not in ("const", "input") and value.region.within(branch.region):
                 name = self.hint(value)
                 if name is not None:
@@ -112,8 +112,8 @@ class BlockWriter(CallWriter):
         around, self.lines = self.lines, []
         self.level += 1
         for value, name in leaves.items():
-            if value.op == "result" and self.placement.alone(value) and value not in self.precomputed:
-                self.into[value] = name
+            if value.op == "result" and self.placement.has_single_use(value) and value not in self.precomputed:
+                self.result_names[value] = name
         self.region(region)
         self.level -= 1
         side, self.lines = self.lines, around
@@ -129,12 +129,12 @@ class BlockWriter(CallWriter):
 
     def loop(self, loop: Loop) -> None:
         """Write a `for` where the number of iterations is known, else a `while`."""
-        left = self.placement.left(loop)
+        left = self.placement.results_of(loop)
         names: dict[int, str] = {}
         counted = self._counter(loop, left) if loop.turns is not None else ""
-        for k in self.placement.kept(loop):
+        for k in self.placement.carried(loop):
             param = loop.params[k]
-            if counts(param):
+            if is_counter(param):
                 continue
             names[k] = self._carried(loop, k, left)
             self.texts[param] = CExpression(names[k], reads=frozenset((names[k],)))
@@ -162,9 +162,9 @@ class BlockWriter(CallWriter):
         """Head of a `for`."""
         assert loop.turns is not None
         if self.texts[loop.turns].weight:
-            self.keep(loop.turns)
+            self.declare_value(loop.turns)
         param = loop.params[0]
-        type, name = self.declared(param, self._index())
+        type, name = self.new_variable(param, self._index())
         self.texts[param] = CExpression(name, reads=frozenset((name,)))
         start = f"{type} {name} = 0"
         if 0 in left:
@@ -178,14 +178,14 @@ class BlockWriter(CallWriter):
     def _carried(self, loop: Loop, k: int, left: Mapping[int, Value]) -> str:
         """Declare a carried variable with its initial value."""
         result, param = left.get(k), loop.params[k]
-        name = self.into.pop(result, None) if result is not None else None
+        name = self.result_names.pop(result, None) if result is not None else None
         start = self.texts[loop.args[k]].text
         if name is not None:
             self.line(f"{name} = {start};")
             return name
         alike = [param, loop.following[k]] if result is None else [result, param, loop.following[k]]
         hint = next((self.hint(value) for value in alike if self.hint(value) is not None), None)
-        type, name = self.declared(param, hint)
+        type, name = self.new_variable(param, hint)
         self.line(f"{type} {name} = {start};", param)
         return name
 

@@ -45,16 +45,16 @@ class CallWriter(Writer, ABC):
                 arguments.append(self._array(entry, elements, callee) if entry.shape else self.texts[elements[0]].text)
             place += entry.size
         size = sum(output.size for output in call.program.outputs)
-        name = self.fresh(self._hint_of(call) or f"{callee.name}_result")
+        name = self.new_name(self._hint_of(call) or f"{callee.name}_result")
         self.line(f"{self.dialect.type('f64')} {name}[{size}];", call)
         self.bytes += size * self.dialect.size("f64")
         self.line(f"{callee.name}({', '.join((*arguments, name))});", call)
-        for k, result in self.placement.left(call).items():
+        for k, result in self.placement.results_of(call).items():
             self.texts[result] = CExpression(f"{name}[{k}]")
 
     def _hint_of(self, call: Call) -> str | None:
         """Name of the results in the source, without a number."""
-        for result in self.placement.left(call).values():
+        for result in self.placement.results_of(call).values():
             hint = self.hint(result)
             if hint is not None:
                 return hint.rstrip("0123456789").rstrip("_") or None
@@ -68,7 +68,7 @@ class CallWriter(Writer, ABC):
             array, start = first.group(1), int(first.group(2))
             if all(text == f"{array}[{start + k}]" for k, text in enumerate(texts)):
                 return f"&{array}[{start}]" if start else array
-        name = self.fresh(f"{callee.name}_at")
+        name = self.new_name(f"{callee.name}_at")
         self.bytes += entry.size * self.dialect.size(entry.type)
         self.line(f"const {self.dialect.type(entry.type)} {name}[{entry.size}] = {{")
         room = WIDTH - len(INDENT) * (self.level + 1)

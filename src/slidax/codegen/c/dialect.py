@@ -30,21 +30,21 @@ class Dialect:
     real: Real = "double"
     kernel: bool = False
 
-    def narrowed(self, type: Type) -> Type:
+    def effective_type(self, type: Type) -> Type:
         """Return the type of a value in C, in terms of the IR: f32 for f64 in a program of floats."""
         return "f32" if type == "f64" and self.real == "float" else type
 
     def type(self, type: Type) -> str:
         """Return the C name of a type."""
-        return (_KERNEL_TYPES if self.kernel else _C_TYPES)[self.narrowed(type)]
+        return (_KERNEL_TYPES if self.kernel else _C_TYPES)[self.effective_type(type)]
 
     def size(self, type: Type) -> int:
         """Return the bytes of a value."""
-        return SIZES[self.narrowed(type)]
+        return SIZES[self.effective_type(type)]
 
     def function(self, name: str, type: Type) -> str:
         """Return the name of a function of `math.h`, from its name for doubles."""
-        return name + "f" if self.narrowed(type) == "f32" else name
+        return name + "f" if self.effective_type(type) == "f32" else name
 
     def number(self, number: Number, type: Type) -> str:
         """Return a constant that reads back to the same bits; in a program of floats, the nearest float.
@@ -57,7 +57,7 @@ class Dialect:
         if type not in FLOATS:
             return _integer(int(number), type)
         number = float(number)
-        single = self.narrowed(type) == "f32"
+        single = self.effective_type(type) == "f32"
         if math.isnan(number):
             return self._special("NAN", single)
         if math.isinf(number):

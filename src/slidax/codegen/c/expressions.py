@@ -53,24 +53,26 @@ class Expressions:
 
     - `helpers`: collects the helpers that they need.
 
-    With `alike`, sums and products of the same operands have the same order, whatever the numbers in the operands'
-    names.
+    With `ordered_operands`, sums and products of the same operands have the same order, whatever numbers their names
+    have.
     """
 
     def __init__(self, dialect: Dialect, helpers: Helpers) -> None:
         self.dialect = dialect
         self.helpers = helpers
-        self.alike = False
+        self.ordered_operands = False
 
-    def operation(self, op: str, type: Type, of: Type, args: list[CExpression], *, counts: bool = False) -> CExpression:
+    def operation(
+        self, op: str, type: Type, of: Type, args: list[CExpression], *, cannot_overflow: bool = False
+    ) -> CExpression:
         """Return an operation of the IR as an expression.
 
         - `of`: type of its last argument.
-        - `counts`: true for a sum of integers that cannot overflow.
+        - `cannot_overflow`: true for a sum of integers that cannot overflow.
         """
-        if self.alike and op in ("add", "mul") and type in FLOATS:
+        if self.ordered_operands and op in ("add", "mul") and type in FLOATS:
             args = sorted(args, key=lambda arg: (arg.precedence, re.sub(r"\d+", "", arg.text)))
-        text, precedence = _commuted(op, args) if counts else self._text(op, type, of, args)
+        text, precedence = _commuted(op, args) if cannot_overflow else self._text(op, type, of, args)
         weight = 1 + sum(arg.weight for arg in args)
         return CExpression(text, precedence, weight, NO_READS.union(*[arg.reads for arg in args]))
 
@@ -105,7 +107,7 @@ class Expressions:
         if op == "neg":
             return _negated(args[0])
         if op in ("min", "max"):
-            return _call(self.helpers.named(op, type), args)
+            return _call(self.helpers.name_of(op, type), args)
         if op == "erf_inv":
             return self._erf_inv(type, args[0])
         return _call(self.dialect.function(CALLED.get(op, op), type), args)
@@ -113,8 +115,8 @@ class Expressions:
     def _erf_inv(self, type: Type, arg: CExpression) -> tuple[str, int]:
         if self.dialect.kernel:
             return _call(self.dialect.function("erfinv", type), [arg])
-        name = self.helpers.named("erf_inv", "f64")
-        if self.dialect.narrowed(type) == "f32":
+        name = self.helpers.name_of("erf_inv", "f64")
+        if self.dialect.effective_type(type) == "f32":
             return f"(float){name}((double){arg.within(UNARY)})", UNARY
         return _call(name, [arg])
 
@@ -132,7 +134,7 @@ class Expressions:
                 return _two(args, "<<" if op == "shl" else ">>", SHIFT, each=PRIMARY)
         if op in SUM and op != "div" and not signed:
             return _two(args, *SUM[op])
-        return _call(self.helpers.named(op, type), args)
+        return _call(self.helpers.name_of(op, type), args)
 
     def _logical(self, op: str, args: list[CExpression]) -> tuple[str, int]:
         if op == "not":
@@ -149,7 +151,7 @@ class Expressions:
         return _two(args, sign, precedence, each=BOTH if op == "and" else SHIFT)
 
     def _converted(self, type: Type, of: Type, arg: CExpression) -> tuple[str, int]:
-        type, of = self.dialect.narrowed(type), self.dialect.narrowed(of)
+        type, of = self.dialect.effective_type(type), self.dialect.effective_type(of)
         if type == of:
             return arg.text, arg.precedence
         zero, unit = self.dialect.number(0, of if type == "b1" else type), self.dialect.number(1, type)
@@ -158,7 +160,7 @@ class Expressions:
         if of == "b1":
             return f"{arg.within(EITHER)} ? {unit} : {zero}", CHOICE
         if of in FLOATS and type not in FLOATS:
-            return _call(self.helpers.named(f"to_{type}", of), [arg])
+            return _call(self.helpers.name_of(f"to_{type}", of), [arg])
         return f"({self.dialect.type(type)}){arg.within(UNARY)}", UNARY
 
     def _bits(self, type: Type, of: Type, arg: CExpression) -> tuple[str, int]:
@@ -171,7 +173,7 @@ class Expressions:
         # In a program of floats, the bits of a double are still those of a double.
         wide = Dialect("double", self.dialect.kernel) if narrow else self.dialect
         helpers = Helpers(wide)
-        name = helpers.named(f"bits_{type}", of)
+        name = helpers.name_of(f"bits_{type}", of)
         self.helpers.extend(helpers)
         if narrow and of == "f64":
             text = f"(double){arg.within(UNARY)}"

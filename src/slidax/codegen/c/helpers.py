@@ -28,14 +28,14 @@ class Helpers:
         """Add the helpers of another piece in the same file and dialect."""
         self._texts.update(other._texts)
 
-    def named(self, op: str, type: Type) -> str:
+    def name_of(self, op: str, type: Type) -> str:
         """Return the name of an operation's helper.
 
         - `op`: of the IR; `to_...` for a conversion from `type`, `bits_...` for the bits of a `type`, `all_finite`.
         - `type`: of its arguments.
         """
-        real = self.dialect.narrowed("f64")
-        type = self.dialect.narrowed(type)
+        real = self.dialect.effective_type("f64")
+        type = self.dialect.effective_type(type)
         word = {"max": "larger", "min": "smaller"}.get(op, op)
         name = word if type == real else f"{word}_{type}"
         if name not in self._texts:

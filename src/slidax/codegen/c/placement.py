@@ -42,11 +42,11 @@ class Placement:
         for value in sorted(keys, key=lambda value: keys[value]):
             self.order[self.place[value]].append(value)
 
-    def kept(self, loop: Loop) -> list[int]:
+    def carried(self, loop: Loop) -> list[int]:
         """Return the numbers of the needed carried values of a loop."""
         return [k for k, param in enumerate(loop.params) if param in self.needed]
 
-    def left(self, block: Value) -> dict[int, Value]:
+    def results_of(self, block: Value) -> dict[int, Value]:
         """Return the needed results of a block, by number."""
         return {value.data: value for value in self.results.get(block, ())}
 
@@ -56,7 +56,7 @@ class Placement:
             return region.parent
         return None if region.owner is None else self.place[region.owner]
 
-    def alone(self, value: Value) -> bool:
+    def has_single_use(self, value: Value) -> bool:
         """True if a needed value has one use, in the block in which it is placed."""
         return self.uses[value] == 1 and self._used_in[value] is self.place[value]
 
@@ -84,7 +84,7 @@ class Placement:
             loop = value.region.owner
             assert isinstance(loop, Loop)
             yield loop
-            if not counts(value):
+            if not is_counter(value):
                 yield from (loop.args[value.data], loop.following[value.data])
         elif value.op == "result":
             block = value.args[0]
@@ -141,14 +141,14 @@ class Placement:
         for member in (value, *left):
             self.place[member] = place
         if isinstance(value, Loop):
-            for k in self.kept(value):
-                if not counts(value.params[k]):
+            for k in self.carried(value):
+                if not is_counter(value.params[k]):
                     self._assign(value.args[k], place)
                     self._assign(value.following[k], value.body)
             self._use(value.condition, value.head) if value.turns is None else self._use(value.turns, place)
         elif isinstance(value, Branch):
             self._use(value.args[0], place)
-            for k in self.left(value):
+            for k in self.results_of(value):
                 self._assign(value.yes[k], value.then)
                 self._assign(value.no[k], value.otherwise)
         elif value.op == "call":
@@ -194,13 +194,13 @@ class Placement:
         return place
 
 
-def counts(param: Value) -> bool:
+def is_counter(param: Value) -> bool:
     """True if a carried value counts the iterations of its loop."""
     loop = param.region.owner
     return isinstance(loop, Loop) and loop.turns is not None and param.data == 0
 
 
-def counts_by_little(value: Value) -> bool:
+def is_counter_increment(value: Value) -> bool:
     """True if a value increments a 64-bit counter by too little for an overflow."""
     if value.op != "add" or value.type != "i64":
         return False

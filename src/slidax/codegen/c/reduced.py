@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 
-from .alike import LEAST, Access, Piece, accesses, parse
+from .alike import LEAST, Access, Piece, find_accesses, parse
 from .helpers import Helpers
 from .layout import INDENT, WIDTH, CodeLine
 
@@ -15,43 +15,43 @@ BOOL_DECLARATION = re.compile(r"const bool (\w+) = ")
 LOOP = 4
 """Lines of a loop: its result, its head, its body, and its end."""
 
-Named = Callable[[str], str]
+NewName = Callable[[str], str]
 """From a stem to a free name."""
 
 
-def reduce_conditions(lines: Sequence[CodeLine], named: Named, index: str, helpers: Helpers) -> list[CodeLine]:
+def reduce_conditions(lines: Sequence[CodeLine], new_name: NewName, index: str, helpers: Helpers) -> list[CodeLine]:
     """Replace long conditions on array elements by loops; the conditions, which have no side effects, keep their value.
 
-    - `named`: returns free names.
+    - `new_name`: returns free names.
     - `index`: variable of the loops.
     - `helpers`: collects the called functions.
     """
     out: list[CodeLine] = []
-    turning = False
+    in_loop = False
     for line in lines:
         # Existing loops get no loops inside.
-        turning = line.text.startswith(f"for (size_t {index} ") or (turning and line.text != "}")
+        in_loop = line.text.startswith(f"for (size_t {index} ") or (in_loop and line.text != "}")
         match = CONDITION.fullmatch(line.text)
         if match is None or not (" && " in line.text or " || " in line.text):
             out.append(line)
             continue
         before, text, after = match.groups()
         # The condition of a loop stays in its head.
-        reduction = _Reduction(named, index, helpers, line, loops=not turning and before != "while (")
-        text = reduction.of(text)
+        reduction = _Reduction(new_name, index, helpers, line, loops=not in_loop and before != "while (")
+        text = reduction.reduce(text)
         out += reduction.lines
         declared = BOOL_DECLARATION.fullmatch(before)
         if declared is not None and reduction.lines and text == reduction.result:
             # The loop computes just this variable.
-            out[-LOOP:] = [_renamed(each, text, declared.group(1)) for each in out[-LOOP:]]
+            out[-LOOP:] = [_rename(each, text, declared.group(1)) for each in out[-LOOP:]]
         else:
             out.append(CodeLine(line.level, before + text + after, line.about))
     return out
 
 
 class _Reduction:
-    def __init__(self, named: Named, index: str, helpers: Helpers, line: CodeLine, *, loops: bool) -> None:
-        self.named = named
+    def __init__(self, new_name: NewName, index: str, helpers: Helpers, line: CodeLine, *, loops: bool) -> None:
+        self.new_name = new_name
         self.index = index
         self.helpers = helpers
         self.line = line
@@ -60,7 +60,7 @@ class _Reduction:
         # Variable of the last loop's result.
         self.result = ""
 
-    def of(self, text: str) -> str:
+    def reduce(self, text: str) -> str:
         """Return a condition with its loops moved to `lines`."""
         if _split(text, " ? ")[1:]:
             return text
@@ -70,7 +70,7 @@ class _Reduction:
                 return self._join(terms, sign)
         for before in ("!(", "("):
             if text.startswith(before) and _closing_parenthesis(text, len(before) - 1) == len(text) - 1:
-                inner = self.of(text[len(before) : -1])
+                inner = self.reduce(text[len(before) : -1])
                 return before.rstrip("(") + inner if inner.isidentifier() else f"{before}{inner})"
         return text
 
@@ -83,7 +83,7 @@ class _Reduction:
             matches = [ANY_ELEMENT.fullmatch(word) for word in piece.operands]
             places = [(match.group(1), int(match.group(2))) for match in matches if match is not None]
             if not places:
-                short.append(self.of(term))
+                short.append(self.reduce(term))
                 continue
             arrays = tuple(
                 word if match is None else match.group(1) for word, match in zip(piece.operands, matches, strict=True)
@@ -95,13 +95,13 @@ class _Reduction:
             k = 0
             while k < len(pieces):
                 rows = [piece.operands for piece in pieces[k:]]
-                count, at = accesses(rows, {})
+                count, at = find_accesses(rows, {})
                 if count < LEAST or any(access.numbers for access in at):
-                    short.append(self.of(pieces[k].text))
+                    short.append(self.reduce(pieces[k].text))
                     k += 1
                     continue
                 if at[-1].step == 1 and pieces[k].text == f"isfinite({pieces[k].operands[-1]})" and sign == " && ":
-                    self.helpers.named("all_finite", "f64")
+                    self.helpers.name_of("all_finite", "f64")
                     short.append(f"all_finite({at[-1].pointer()}, {count})")
                 else:
                     loops.setdefault(count, []).append((pieces[k : k + count], at))
@@ -115,7 +115,7 @@ class _Reduction:
         plain = sign.join(piece.text for pieces, _ in runs for piece in pieces)
         if not self.loops or len(plain) < LOOP * (WIDTH - len(INDENT) * self.line.level):
             return plain
-        name = self.named("some" if sign == " || " else "every")
+        name = self.new_name("some" if sign == " || " else "every")
         turn = [pieces[0].fill([_element(access, self.index) for access in at]) for pieces, at in runs]
         self.result = name
         level, about, index = self.line.level, self.line.about, self.index
@@ -128,7 +128,7 @@ class _Reduction:
         return name
 
 
-def _renamed(line: CodeLine, name: str, other: str) -> CodeLine:
+def _rename(line: CodeLine, name: str, other: str) -> CodeLine:
     return CodeLine(line.level, re.sub(rf"\b{name}\b", other, line.text), line.about)
 
 

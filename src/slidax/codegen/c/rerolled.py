@@ -55,11 +55,11 @@ class _Rerolling:
         k = 0
         while k < len(self.lines):
             end, kind = self._run_of(k)
-            if kind == "known":
+            if kind == "constant":
                 self._constants(k, end)
-            elif kind == "mutable":
+            elif kind == "variable":
                 self._variables(k, end)
-            elif kind == "assigned":
+            elif kind == "assignment":
                 self._assignments(k, end)
             else:
                 self.out.append(self.lines[k])
@@ -142,9 +142,9 @@ class _Rerolling:
             else:
                 self._declare(lane.type, group.array, level, lane.line)
                 body.append(CodeLine(level + 1, f"{group.target.element(self.index)} = {text};"))
-        self._turns(groups[0].turns, body, level, about)
+        self._print_loop(groups[0].turns, body, level, about)
 
-    def _turns(self, turns: int, body: list[CodeLine], level: int, about: str) -> None:
+    def _print_loop(self, turns: int, body: list[CodeLine], level: int, about: str) -> None:
         self.out.append(
             CodeLine(level, f"for (size_t {self.index} = 0; {self.index} < {turns}; ++{self.index}) {{", about)
         )
@@ -190,7 +190,7 @@ class _Rerolling:
             for k, match in enumerate(variables)
             if match.group(4) is not None
         ]
-        self._print_assigned(starts, line.level)
+        self._print_assignments(starts, line.level)
 
     def _assignments(self, first: int, end: int) -> None:
         statements = []
@@ -198,9 +198,9 @@ class _Rerolling:
             match = ASSIGNMENT.fullmatch(self.lines[k].text)
             assert match is not None
             statements.append(Statement(self.lines[k], k, "", match.group(1), match.group(2)))
-        self._print_assigned(statements, self.lines[first].level)
+        self._print_assignments(statements, self.lines[first].level)
 
-    def _print_assigned(self, statements: list[Statement], level: int) -> None:
+    def _print_assignments(self, statements: list[Statement], level: int) -> None:
         """Print assignments in an order that keeps the value of each."""
         for run in runs_of(statements, self.arrays.stored, self.arrays.read):
             lane = run.lanes[0]
@@ -208,13 +208,13 @@ class _Rerolling:
             if not run.at:
                 self.out.append(CodeLine(level, f"{lane.name} = {lane.piece.text};", about))
             elif run.is_block_move:
-                self.out.append(CodeLine(level, self._moved(run), about))
+                self.out.append(CodeLine(level, self._block_move(run), about))
             else:
-                texts = [self._operand(access, {}, level, _typed(lane)) for access in run.at[1:]]
+                texts = [self._operand(access, {}, level, _with_type(lane)) for access in run.at[1:]]
                 body = [CodeLine(level + 1, f"{run.at[0].element(self.index)} = {lane.piece.fill(texts)};")]
-                self._turns(len(run.lanes), body, level, about)
+                self._print_loop(len(run.lanes), body, level, about)
 
-    def _moved(self, run: AssignmentRun) -> str:
+    def _block_move(self, run: AssignmentRun) -> str:
         """Copy of a part of an array to another one, or to zero."""
         target, source = run.at
         arrays = (target.array, source.array) if source.step else (target.array,)
@@ -224,7 +224,7 @@ class _Rerolling:
         return f"memset({target.pointer()}, 0, {size});"
 
 
-def _typed(lane: Statement) -> Statement:
+def _with_type(lane: Statement) -> Statement:
     lane.type = lane.type or ("float" if re.search(r"\d[\d.e-]*f\b", lane.piece.text) else "double")
     return lane
 
@@ -232,8 +232,8 @@ def _typed(lane: Statement) -> Statement:
 def _kind(line: CodeLine) -> str:
     match = DECLARATION.fullmatch(line.text)
     if match is not None:
-        return "known" if match.group(1) else "mutable"
-    return "assigned" if ASSIGNMENT.fullmatch(line.text) else ""
+        return "constant" if match.group(1) else "variable"
+    return "assignment" if ASSIGNMENT.fullmatch(line.text) else ""
 
 
 def _stem(line: CodeLine) -> tuple[str, str]:

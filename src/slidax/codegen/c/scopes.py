@@ -45,7 +45,7 @@ class _Variable:
     fixed: bool
 
 
-def scoped(lines: Sequence[CodeLine]) -> list[CodeLine]:
+def add_scopes(lines: Sequence[CodeLine]) -> list[CodeLine]:
     """Return the lines of a function's body with blocks around parts of them."""
     items = _items(lines)
     if len(items) < 2:
@@ -54,7 +54,7 @@ def scoped(lines: Sequence[CodeLine]) -> list[CodeLine]:
     cuts = _cuts(items, variables)
     out: list[CodeLine] = []
     if len(cuts) == 2:
-        return [line for item in items for line in _inner(item)]
+        return [line for item in items for line in _with_inner_scopes(item)]
     for start, end in pairwise(cuts):
         inside = [
             name
@@ -62,7 +62,7 @@ def scoped(lines: Sequence[CodeLine]) -> list[CodeLine]:
             if start <= variable.first < end and variable.last < end and variable.bytes > 8
         ]
         if sum(variables[name].bytes for name in inside) < LEAST:
-            out += [line for item in items[start:end] for line in _inner(item)]
+            out += [line for item in items[start:end] for line in _with_inner_scopes(item)]
             continue
         part = [line for item in items[start:end] for line in item.lines]
         out += _block(
@@ -71,7 +71,7 @@ def scoped(lines: Sequence[CodeLine]) -> list[CodeLine]:
     return out
 
 
-def stack(lines: Sequence[CodeLine]) -> int:
+def stack_bytes(lines: Sequence[CodeLine]) -> int:
     """Return a function's stack in bytes: arrays take it while their block lasts, numbers while they are needed."""
     items = _items(lines)
     variables = _variables(items).values()
@@ -81,11 +81,11 @@ def stack(lines: Sequence[CodeLine]) -> int:
         alive = sum(
             variable.bytes for variable in variables if variable.bytes <= 8 and variable.first <= k <= variable.last
         )
-        most = max(most, alive + _within(item))
+        most = max(most, alive + _inner_bytes(item))
     return arrays + most
 
 
-def _within(item: _Item) -> int:
+def _inner_bytes(item: _Item) -> int:
     """Bytes of the blocks in an item: only one of them at a time."""
     if len(item.lines) < 3 or VARIABLE.match(item.lines[0].text):
         return 0
@@ -95,12 +95,12 @@ def _within(item: _Item) -> int:
         if line.level != level:
             part.append(line)
         elif part:
-            most = max(most, stack(part))
+            most = max(most, stack_bytes(part))
             part = []
     return most + (8 if item.lines[0].text.startswith("for (") else 0)
 
 
-def _inner(item: _Item) -> list[CodeLine]:
+def _with_inner_scopes(item: _Item) -> list[CodeLine]:
     """Lines of an item, with blocks inside it."""
     if len(item.lines) < 4 or VARIABLE.match(item.lines[0].text):
         return item.lines
@@ -109,7 +109,7 @@ def _inner(item: _Item) -> list[CodeLine]:
     part: list[CodeLine] = []
     for line in item.lines:
         if line.level == level:
-            out += scoped(part)
+            out += add_scopes(part)
             part = []
             out.append(line)
         else:
@@ -155,7 +155,7 @@ def _cuts(items: Sequence[_Item], variables: Mapping[str, _Variable]) -> list[in
     while True:
         best, most = None, saved + LEAST
         for candidate in sorted(candidates - ends):
-            gain = _saved(arrays, sorted(ends | {candidate}))
+            gain = _saved_bytes(arrays, sorted(ends | {candidate}))
             if gain >= most:
                 best, most = candidate, gain + 1
         if best is None:
@@ -164,7 +164,7 @@ def _cuts(items: Sequence[_Item], variables: Mapping[str, _Variable]) -> list[in
         saved = most - 1
 
 
-def _saved(arrays: Sequence[_Variable], cuts: Sequence[int]) -> int:
+def _saved_bytes(arrays: Sequence[_Variable], cuts: Sequence[int]) -> int:
     """Bytes that blocks save: all local variables but those of the largest block."""
     local: defaultdict[int, int] = defaultdict(int)
     block = {}
@@ -194,4 +194,4 @@ def _block(lines: Sequence[CodeLine], leaving: set[str]) -> list[CodeLine]:
         before.append(CodeLine(level, f"{type} {name}{f'[{size}]' if size else ''};"))
         if value is not None and size is None:
             inside.append(CodeLine(line.level + 1, f"{name} = {value.rstrip(';')};", line.about))
-    return [*before, CodeLine(level, "{"), *scoped(inside), CodeLine(level, "}")]
+    return [*before, CodeLine(level, "{"), *add_scopes(inside), CodeLine(level, "}")]

@@ -14,7 +14,7 @@ from .helpers import Helpers
 from .layout import format_lines, join_declarations
 from .placement import Placement
 from .rerolled import reroll
-from .scopes import scoped, stack
+from .scopes import add_scopes, stack_bytes
 from .writer import Read, Rows
 
 PLACED = frozenset({"const", "input", "param", "result"})
@@ -74,25 +74,26 @@ def statements(
     writer.rows = rows
     writer.callees = callees
     writer.loops = loops
-    writer.expressions.alike = loops
+    writer.expressions.ordered_operands = loops
     if loops:
         # An element of two arrays is placed in the longer one.
         for which, array in sorted(enumerate(program.arrays), key=lambda pair: -len(pair[1])):
             for k, value in enumerate(array):
                 if value.op not in ("const", "input") and value not in precomputed:
-                    writer.together.setdefault(value, (which, k))
+                    writer.array_elements.setdefault(value, (which, k))
         for number, array in enumerate(_arguments(program), start=len(program.arrays)):
             if all(
-                value.op not in PLACED and value not in precomputed and value not in writer.together for value in array
+                value.op not in PLACED and value not in precomputed and value not in writer.array_elements
+                for value in array
             ):
-                writer.together |= {value: (number, k) for k, value in enumerate(array)}
+                writer.array_elements |= {value: (number, k) for k, value in enumerate(array)}
     writer.region(program.body)
     if writer.lines and assigned:
         writer.line("")
     writer.assign(assigned)
-    lines = scoped(reroll(writer.lines, writer.taken, writer.helpers)) if loops else writer.lines
+    lines = add_scopes(reroll(writer.lines, writer.taken, writer.helpers)) if loops else writer.lines
     texts = format_lines(join_declarations(lines) if loops else lines)
-    return Statements(texts, writer.helpers, frozenset(writer.reads), stack(lines), writer.called)
+    return Statements(texts, writer.helpers, frozenset(writer.reads), stack_bytes(lines), writer.called)
 
 
 def _arguments(program: Program) -> Iterator[tuple[Value, ...]]:

@@ -11,7 +11,7 @@ from .dialect import Dialect
 from .expressions import CExpression, Expressions, constant
 from .helpers import Helpers
 from .layout import INDENT, WIDTH, CodeLine
-from .placement import Placement, counts_by_little
+from .placement import Placement, is_counter_increment
 
 Read = Callable[[int, int | str], str]
 """From an input's number and an element, as a number or a C expression, to the C text that reads it."""
@@ -58,12 +58,12 @@ class Writer(ABC):
         self.places: dict[Value, str] = {}  # of inputs
         self.loops = False
         # Values that are elements of an array: the array's number and the index.
-        self.together: dict[Value, tuple[int, int]] = {}
+        self.array_elements: dict[Value, tuple[int, int]] = {}
         self.called: list[Program] = []
         self.bytes = 0
         self.level = 1
         # Variables for results of inner blocks that get none of their own.
-        self.into: dict[Value, str] = {}
+        self.result_names: dict[Value, str] = {}
         self._unnamed = 0
 
     # ---- lines ------------------------------------------------------------------------------------------------------
@@ -74,9 +74,11 @@ class Writer(ABC):
             self.lines.append(CodeLine(self.level, text))
         else:
             visit = getattr(value.origin, "visit", None)
-            self.lines.append(CodeLine(self.level, text, self.names.about(value), visit, self.together.get(value)))
+            self.lines.append(
+                CodeLine(self.level, text, self.names.about(value), visit, self.array_elements.get(value))
+            )
 
-    def fresh(self, hint: str | None) -> str:
+    def new_name(self, hint: str | None) -> str:
         """Return an unused name; without a hint, a short one with a number."""
         if hint is None:
             self._unnamed += 1
@@ -87,10 +89,10 @@ class Writer(ABC):
         self.taken.add(name)
         return name
 
-    def declared(self, value: Value, hint: str | None = None) -> tuple[str, str]:
+    def new_variable(self, value: Value, hint: str | None = None) -> tuple[str, str]:
         """Return type and name of a new variable for a value, and count its bytes."""
         self.bytes += self.dialect.size(value.type)
-        return self.dialect.type(value.type), self.fresh(hint or self.hint(value))
+        return self.dialect.type(value.type), self.new_name(hint or self.hint(value))
 
     def hint(self, value: Value) -> str | None:
         """Return the preferred name of a value, or None."""
@@ -131,10 +133,10 @@ class Writer(ABC):
     def call(self, call: Call) -> None:
         """Write a call."""
 
-    def keep(self, value: Value, hint: str | None = None) -> None:
+    def declare_value(self, value: Value, hint: str | None = None) -> None:
         """Give a value with an expression a variable of its own."""
         written = self.texts[value]
-        type, name = self.declared(value, hint)
+        type, name = self.new_variable(value, hint)
         self.line(f"const {type} {name} = {written.text};", value)
         self.texts[value] = CExpression(name)
 
@@ -154,11 +156,11 @@ class Writer(ABC):
             self.texts[value] = CExpression(text, reads=frozenset((text,)))
             # A loop over an array reads its elements in place.
             if self.placement.uses[value] > 1 and not text.isidentifier() and not (self.loops and text[-1] == "]"):
-                self.keep(value)
+                self.declare_value(value)
             return
         self.texts[value] = self._composed(value)
         if not self._is_cheap(value) and not self.is_inline(value):
-            self.keep(value)
+            self.declare_value(value)
 
     def _composed(self, value: Value) -> CExpression:
         """Expression of a value; operands that make it too long or too heavy get variables of their own."""
@@ -173,7 +175,7 @@ class Writer(ABC):
                 return written
             if written.weight <= HEAVY and len(written.text) <= self.room():
                 return written
-            self.keep(heaviest)
+            self.declare_value(heaviest)
 
     def _operation(self, value: Value) -> CExpression:
         args = [self.texts[arg] for arg in value.args]
@@ -181,19 +183,23 @@ class Writer(ABC):
             self.reads.add(value.data)
             text = self.read(value.data, args[0].text)
             return CExpression(text, weight=1 + args[0].weight, reads=args[0].reads | {text})
-        counts = counts_by_little(value)
-        return self.expressions.operation(value.op, value.type, value.args[-1].type, args, counts=counts)
+        cannot_overflow = is_counter_increment(value)
+        return self.expressions.operation(
+            value.op, value.type, value.args[-1].type, args, cannot_overflow=cannot_overflow
+        )
 
     def is_inline(self, value: Value) -> bool:
         """True if a value is written in place of its use, and not as a variable."""
         name = self.names.of(value)
-        if value in self.together:
+        if value in self.array_elements:
             return False
-        return self.placement.alone(value) and (value in self.placement.assigned or name is None or not name.firm)
+        return self.placement.has_single_use(value) and (
+            value in self.placement.assigned or name is None or not name.firm
+        )
 
     def _is_cheap(self, value: Value) -> bool:
         """True if a value's expression is no longer than a name."""
-        if value in self.together:
+        if value in self.array_elements:
             return False
         arg = self.texts[value.args[0]]
         return arg.weight == 0 and (self.texts[value].text == arg.text or value.op in ("neg", "not"))
