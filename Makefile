@@ -1,4 +1,4 @@
-# `make` alone lists the targets. Needed: make, and a Python >= 3.11 (or any python3 with pip: see scripts/find-python).
+# `make` alone lists the targets. Needed: make, and a Python >= 3.11 (or any python3 with pip: see scripts/bootstrap).
 # Extra arguments go through ARGS, as in: make test ARGS="-k scara -x"
 
 ARGS ?=
@@ -114,7 +114,7 @@ lock: .venv-lock/bin/uv ## Renew requirements/*.txt after a change in pyproject.
 	@echo "requirements/dev.txt, run.txt, docs.txt and uv.txt are up to date."
 
 .venv-lock/bin/uv: requirements/uv.txt
-	@python=$$(scripts/find-python) && "$$python" -m venv --clear .venv-lock
+	@python=$$(scripts/bootstrap --find) && "$$python" -m venv --clear .venv-lock
 	@.venv-lock/bin/python -m pip install -qq --require-hashes -r requirements/uv.txt
 	@touch $@
 

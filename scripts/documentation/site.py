@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urldefrag, urlsplit
 
-from .page_run import run_all
+from .pages import run_all
 from .stage import ROOT, Stage, with_gallery, with_playground, with_results
 
 

@@ -12,8 +12,7 @@ import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from .blocks import Block, blocks, commands
-from .page_run import STORE, PageResult, sources
+from .pages import STORE, Block, PageResult, blocks, commands, sources
 
 ROOT = Path(__file__).parents[2]
 ELSEWHERE = {

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from scripts.documentation.blocks import MARKS, Files, PageError, blocks, check, check_yaml, commands, dotted
-from scripts.documentation.page_run import PageRun
+from scripts.documentation.pages import MARKS, Files, PageError, PageRun, blocks, check, check_yaml, commands, dotted
 from slidax import DefinitionError
 from slidax.cli import app
 from tests.documentation.pages import CODE, DOCS, PAGES, ROOT, TERMINAL, name, of
@@ -91,7 +90,7 @@ def test_blocks_for_every_day_run(page: Path, tmp_path: Path) -> None:
 
 @pytest.mark.full
 def test_the_code_of_all_pages_runs() -> None:
-    from scripts.documentation.page_run import run_all
+    from scripts.documentation.pages import run_all
 
     found, failed = run_all(jobs=2, only=None)
     assert not failed, "\n\n".join(failed)

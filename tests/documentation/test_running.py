@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from scripts.documentation.blocks import PageError
-from scripts.documentation.page_run import PageResult, PageRun
+from scripts.documentation.pages import PageError, PageResult, PageRun
 from scripts.documentation.stage import LONGEST, with_results
 
 PAGE = """# A page
