@@ -1,4 +1,4 @@
-"""What a law learns of its arm while it moves: rotor inertia and Coulomb friction of each joint."""
+"""Adaptation laws for the rotor inertia and the Coulomb friction of each joint."""
 
 from .adaptation import AbstractAdaptation as AbstractAdaptation
 from .adaptation import Experience as Experience

@@ -1,4 +1,4 @@
-"""What every adaptation is: from what a sample shows to what is believed of the arm."""
+"""Base class of adaptation laws, with their input and their result."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .believed import Believed, with_rotors
 
 
 class Experience(eqx.Module):
-    """What one sample shows of the arm.
+    """Input of an adaptation law at one sample.
 
     - `q`: measured positions [n], rad or m.
     - `dq`: estimated velocities [n], rad/s or m/s.
@@ -23,7 +23,7 @@ class Experience(eqx.Module):
     - `mass`: inertia matrix of the nominal arm there [n n].
     - `bias`: C0 q̇ + G0 of the nominal arm there [n], N m or N.
     - `period`: h [s].
-    - `missed`: whether samples were lost before this one.
+    - `missed`: True if samples were lost before this one.
     """
 
     q: Vector
@@ -36,9 +36,9 @@ class Experience(eqx.Module):
 
 
 class Learnt(eqx.Module):
-    """What is believed of the joints.
+    """Estimated parameters of the joints.
 
-    - `rotor`: inertia on the diagonal beside that of the links [n], kg m² or kg; a negative one says that the links are
+    - `rotor`: inertia on the diagonal in addition to that of the links [n], kg m² or kg; negative if the links are
       lighter than the nominal ones.
     - `coulomb`: Coulomb friction [n], N m or N.
     """
@@ -48,9 +48,9 @@ class Learnt(eqx.Module):
 
 
 class AbstractAdaptation(AbstractPart):
-    """What is believed of an arm beside its nominal model, `M̂ = M0 + diag(J - J0)` and `F̂ = f tanh(q̇/v_s)`.
+    """Correction of an arm's nominal model, `M̂ = M0 + diag(J - J0)` and `F̂ = f tanh(q̇/v_s)`.
 
-    J0 is the rotors' inertia that the nominal model counts already; where `J < 0` the links themselves are lighter, and
+    J0 is the rotor inertia that the nominal model contains already. Where `J < 0` the links themselves are lighter, and
     rows and columns of M0 are scaled, so that M̂ is positive definite (`Believed`).
     """
 
@@ -61,47 +61,32 @@ class AbstractAdaptation(AbstractPart):
 
     @abstractmethod
     def init(self, measured: State) -> Memory:
-        """What is kept between two samples, from the first measurement: any pytree of arrays.
-
-        - `measured`: the first measurement.
-        """
+        """Return the initial memory, any pytree of arrays, from the first measurement."""
 
     @abstractmethod
     def __call__(self, experience: Experience, memory: Memory) -> Memory:
-        """The memory after a sample.
+        """Return the memory after a sample.
 
-        - `experience`: what it shows.
-        - `memory`: what `init` or the last sample returned.
+        - `memory`: from `init` or the last sample.
         """
 
     @abstractmethod
     def learnt(self, memory: Memory) -> Learnt:
-        """What is believed of the joints.
-
-        - `memory`: what `init` or a sample returned.
-        """
+        """Return the estimated parameters of the joints."""
 
     def robot(self, nominal: AbstractRobot, memory: Memory) -> AbstractRobot:
-        """The arm as it is believed to be, without its friction.
-
-        - `nominal`: the robot as the law knows it.
-        - `memory`: what `init` or a sample returned.
-        """
+        """Return the nominal arm with the estimated inertias; its friction stays nominal."""
         return Believed.of(nominal, self.learnt(memory).rotor, self.counted)
 
     def mass_at_start(self, mass: Matrix) -> Matrix:
-        """M̂ before anything is learnt, [n n].
-
-        - `mass`: M0 there [n n].
-        """
+        """Return M̂ before the first sample, [n n], from M0 [n n]."""
         nothing = jnp.zeros(mass.shape[0])
         rotor = self.learnt(self.init(State(q=nothing, dq=nothing))).rotor
         return with_rotors(mass, rotor, self.counted)
 
     def friction(self, memory: Memory, dq: Vector) -> Vector:
-        """`f tanh(q̇/v_s)`, the Coulomb friction that is compensated [n], N m or N.
+        """Return the Coulomb friction to compensate, `f tanh(q̇/v_s)` [n], N m or N.
 
-        - `memory`: what `init` or a sample returned.
-        - `dq`: velocities [n]; those of the reference, which has no noise.
+        - `dq`: velocities of the reference [n], which have no noise.
         """
         return self.learnt(memory).coulomb * jnp.tanh(dq / self.smoothing)

@@ -1,4 +1,4 @@
-"""The band in which is learnt, and how much noise of an encoder is in it."""
+"""Band-pass filter of the adaptation, and the encoder noise that passes it."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from jaxtyping import Array, Float
 from slidax.parts import Scalar
 
 LOUDEST = 1e6
-"""rad/s²: noise in which nothing could be learnt."""
+"""rad/s²: upper limit of `noise_of`; such noise hides every inertia."""
 
 STAGES = 5
-"""Of the filter: two high-passes and three low-passes of first order."""
+"""Two high-passes and three low-passes of first order."""
 
 
 def through(
     stages: Float[Array, "5 k n"], signals: Float[Array, "k n"], low: Scalar, high: Scalar, period: Scalar
 ) -> Float[Array, "5 k n"]:
-    """The stages of the band-pass after a sample; the last of them is what it lets through.
+    """Return the stages of the band-pass after a sample; the last stage is its output.
 
-    Two high-passes of first order at `low`, whose slopes take out what changes slowly, such as weight that the model
-    does not know, and then three low-passes at `high`, so that a second difference of rounded positions is bounded.
+    Two high-passes of first order at `low` remove slow signals, such as weight that the model does not know. Three
+    low-passes at `high` then bound the second difference of rounded positions.
 
-    - `stages`: what the stages had, of each signal: two low-passed parts that are taken away, three low-passes.
-    - `signals`: of this sample.
+    - `stages`: before the sample, for each signal: two low-passed parts that are subtracted, three low-passes.
+    - `signals`: at this sample.
     - `low`, `high`: ends of the band [rad/s].
     - `period`: h [s].
     """
@@ -40,18 +40,16 @@ def through(
 
 
 def started(signals: Float[Array, "k n"]) -> Float[Array, "5 k n"]:
-    """The stages of a band-pass that has seen these signals for long: nothing comes through.
-
-    - `signals`: of the first sample.
-    """
+    """Return the stages after a long time with constant signals: the output is 0."""
     nothing = jnp.zeros_like(signals)
     return jnp.stack([signals] + [nothing] * (STAGES - 1))
 
 
 def noise_of(deviation: float, low: float, high: float, period: float) -> float:
-    """Standard deviation of a measured acceleration in the band, rad/s², from white noise of the position.
+    """Return the standard deviation of a measured acceleration in the band, rad/s², for white position noise.
 
-    With the frequency response of the second difference and the filter, `σ √(h/π ∫ |D(ω) F(ω)|² dω)` to `π/h`.
+    `σ √(h/π ∫ |D(ω) F(ω)|² dω)` up to `π/h`, with D and F the frequency responses of the second difference and
+    the filter.
 
     - `deviation`: of a measured position, rad; `r/√12` for a resolution r.
     - `low`, `high`: ends of the band [rad/s].

@@ -1,4 +1,4 @@
-"""The nominal arm with the rotors that it is believed to have."""
+"""The nominal arm with estimated rotor inertias."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from slidax.parts import Matrix, PerJoint, Scalar, Vector, parameter, piece
 from slidax.robots import AbstractRobot
 
 LEAST_SHARE = 0.01
-"""Of a nominal diagonal entry that remains, whatever is believed: M̂ stays positive definite."""
+"""Least share of a nominal diagonal entry that remains, so that M̂ stays positive definite."""
 
 
 class Believed(AbstractRobot):
@@ -29,12 +29,7 @@ class Believed(AbstractRobot):
 
     @classmethod
     def of(cls, nominal: AbstractRobot, rotor: Vector, counted: PerJoint) -> Believed:
-        """A nominal arm with other rotors.
-
-        - `nominal`: the robot as the law knows it.
-        - `rotor`: J [n], kg m² or kg.
-        - `counted`: J0, one number or [n], kg m² or kg.
-        """
+        """Return a nominal arm with other rotors J instead of J0, kg m² or kg."""
         return cls(
             joint_units=nominal.joint_units,
             joint_names=nominal.joint_names,
@@ -44,49 +39,27 @@ class Believed(AbstractRobot):
         )
 
     def mass(self, q: Vector) -> Matrix:
-        """`M̂(q)`, [n n], kg m², kg m, kg.
-
-        - `q`: positions [n].
-        """
         return with_rotors(self.nominal.mass(q), self.rotor, self.counted)
 
     def bias(self, q: Vector, dq: Vector) -> Vector:
-        """That of the nominal arm, `C0 q̇ + G0`, [n], N m or N.
-
-        - `q`, `dq`: positions and velocities [n].
-        """
         return self.nominal.bias(q, dq)
 
     def friction(self, dq: Vector) -> Vector:
-        """That of the nominal arm, [n], N m or N.
-
-        - `dq`: velocities [n].
-        """
         return self.nominal.friction(dq)
 
     def potential(self, q: Vector) -> Scalar:
-        """That of the nominal arm, J.
-
-        - `q`: positions [n].
-        """
         return self.nominal.potential(q)
 
     def tip(self, q: Vector) -> Float[Array, "3"]:
-        """That of the nominal arm, [3], m.
-
-        - `q`: positions [n].
-        """
         return self.nominal.tip(q)
 
 
-# As the functions of `Articulated`: traced once, and a function in exported C.
+# Traced once, and one function in exported C, as the functions of `Articulated`.
 @jax.jit
 def with_rotors(mass: Matrix, rotor: Vector, counted: PerJoint) -> Matrix:
-    """`S (M0 + diag(max(J, 0) - J0)) S`, as `Believed` says, [n n].
+    """Return `S (M0 + diag(max(J, 0) - J0)) S` as in `Believed`, [n n].
 
-    - `mass`: M0 [n n].
-    - `rotor`: J [n].
-    - `counted`: J0, one number or [n].
+    - `mass`, `rotor`, `counted`: M0 [n n], J [n], J0.
     """
     diagonal = jnp.eye(mass.shape[0], dtype=bool)
     heavier = mass + jnp.where(diagonal, (jnp.maximum(rotor, 0.0) - counted)[:, None], 0.0)

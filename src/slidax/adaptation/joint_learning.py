@@ -1,4 +1,4 @@
-"""Rotor inertia and Coulomb friction of each joint, learnt in the band of the loop's own crossover."""
+"""Learn rotor inertia and Coulomb friction of each joint in the frequency band of the loop's crossover."""
 
 from __future__ import annotations
 
@@ -15,31 +15,31 @@ from . import band
 from .adaptation import AbstractAdaptation, Experience, Learnt
 
 FASTEST = 1e4
-"""No arm accelerates faster, in rad/s² or m/s²; what is beyond comes from measurements that make no sense."""
+"""rad/s² or m/s²: largest credible acceleration; larger ones come from wrong measurements."""
 
 STRONGEST = 1e6
-"""No joint has more torque, in N m or N."""
+"""N m or N: largest credible torque."""
 
 STEADY = 1e-3
 """Share of the kept information that is added to the normal equations, so that they can always be solved."""
 
 
 class Learning(eqx.Module):
-    """What is kept between two samples.
+    """Memory of the learning.
 
     - `positions`: the last two measured positions, the newest first.
     - `tau`: torque of the period before the last measurement [n].
-    - `seen`: time since the start or the last gap, until the filter has settled [s].
-    - `begun`: whether there was a sample before.
+    - `elapsed`: time since the start or the last gap, until the filter has settled [s].
+    - `begun`: True after the first sample.
     - `stages`: of the band-pass, for torque, acceleration and direction of motion.
     - `information`: `∫φ²`, `∫φ c`, `∫c²` [3 n]: of inertia, of both, of friction.
-    - `rotor`, `coulomb`: what is learnt [n].
+    - `rotor`, `coulomb`: the estimates [n].
     - `squares`: recent means of φ², φ z and z² with z = y - f c, [3 n].
     """
 
     positions: Float[Array, "2 n"]
     tau: Vector
-    seen: Scalar
+    elapsed: Scalar
     begun: Bool[Array, ""]
     stages: Float[Array, "5 3 n"]
     information: Float[Array, "3 n"]
@@ -52,21 +52,21 @@ class JointLearning(AbstractAdaptation):
     """Recursive least squares in a band of frequencies, one for each joint: `y = (M0_ii - J0 + J) φ + f c`.
 
     φ is the joint's measured acceleration, the second difference of its position; c is `tanh(q̇/v_s)`; y is the torque
-    less the nominal bias and what the other joints' accelerations ask for, `y = τ̄ - (C0 q̇ + G0) - Σ M0_ij φ_j`. All
+    less the nominal bias and the torque for the other joints' accelerations, `y = τ̄ - (C0 q̇ + G0) - Σ M0_ij φ_j`. All
     three go through the same band-pass from `low` to `high`. τ̄ is the mean torque of the two periods that the second
     difference spans, so that both are of the same time.
 
-    - The band holds the loop's crossover: a wrong inertia shows there before it harms. Below it weight that the model
-      does not know looks like negative inertia, since it falls as 1/ω².
-    - What is known is displaced by new knowledge alone, never by the passing of time: the information matrix is scaled
-      back to `window` and `coulomb_window` when it grows beyond, so that a long hold forgets nothing.
-    - A sample teaches inertia only if |φ| is above `gate`, some times the encoder's noise in the band: noise in φ would
-      draw the inertia to zero.
-    - It teaches only while torque and acceleration are coherent, `(φ z)² > coherence φ² z²` in means over `recent` with
-      `z = y - f c`: a torque that moves the joint is in phase with its acceleration, the weight of a load that is taken
-      up or let go is not.
+    - The band contains the loop's crossover, where a wrong inertia shows before it harms. Below it, weight that the
+      model does not know looks like negative inertia, since it falls as 1/ω².
+    - Only new information displaces old information, not the passing of time: the information matrix is scaled back to
+      `window` and `coulomb_window` when it grows beyond, so that a long hold forgets nothing.
+    - A sample counts for inertia only if |φ| is above `gate`, a multiple of the encoder noise in the band: noise in φ
+      would draw the inertia to zero.
+    - A sample counts only while torque and acceleration are coherent, `(φ z)² > coherence φ² z²` in means over `recent`
+      with `z = y - f c`: a torque that moves the joint is in phase with its acceleration; the weight of a payload that
+      is taken up or released is not.
     - J stays between `rotor_min` less .6 of the links' share and `rotor_max` more than the links' share, f in
-      [0, coulomb_max]: so M̂ is positive definite and bounded, whatever is measured.
+      [0, coulomb_max]. M̂ is therefore positive definite and bounded for all measurements.
 
     Source: docs/learning.md. Recursive least squares: Ljung, System Identification, 1999; Astrom and Wittenmark,
     Adaptive Control, 1995.
@@ -93,15 +93,11 @@ class JointLearning(AbstractAdaptation):
     coulomb_window: PerJoint = parameter("information that is kept of f", "s", ">= coulomb_prior", default=0.5)
 
     def init(self, measured: State) -> Learning:
-        """The first guess, from the first measurement on.
-
-        - `measured`: the first measurement.
-        """
         nothing = jnp.zeros_like(measured.q)
         return Learning(
             positions=jnp.stack([measured.q, measured.q]),
             tau=nothing,
-            seen=jnp.zeros((), nothing.dtype),
+            elapsed=jnp.zeros((), nothing.dtype),
             begun=jnp.zeros((), bool),
             stages=jnp.zeros((band.STAGES, 3, *nothing.shape), nothing.dtype),
             information=jnp.stack([nothing + self.prior, nothing, nothing + self.coulomb_prior]),
@@ -111,20 +107,13 @@ class JointLearning(AbstractAdaptation):
         )
 
     def learnt(self, memory: Learning) -> Learnt:
-        """What is learnt.
-
-        - `memory`: what `init` or a sample returned.
-        """
         return Learnt(rotor=memory.rotor, coulomb=memory.coulomb)
 
     def __call__(self, experience: Experience, memory: Learning) -> Learning:
-        """The memory after a sample.
+        """Return the memory after a sample.
 
-        After a gap the filter goes on where it was, once a second difference is whole. Until it has settled nothing is
-        learnt: a position's noise that sets in at once looks like a jump of the velocity.
-
-        - `experience`: what the sample shows.
-        - `memory`: what `init` or the last sample returned.
+        After a gap the filter continues once a second difference is complete again. Nothing is learnt until it has
+        settled, since sudden position noise looks like a jump of the velocity.
         """
         h, mass = experience.period, experience.mass
         newest, before = memory.positions
@@ -135,18 +124,18 @@ class JointLearning(AbstractAdaptation):
         signals = jnp.stack([jnp.clip(torque - others, -STRONGEST, STRONGEST), ddq, direction])
 
         settled = self.recent + 2.0 * h
-        seen = jnp.where(experience.missed, 0.0, jnp.minimum(memory.seen + h, settled + h))
-        whole = seen > 2.5 * h
-        # An arm that is switched on is held: it does not accelerate, and its torque has been as it is for long.
+        elapsed = jnp.where(experience.missed, 0.0, jnp.minimum(memory.elapsed + h, settled + h))
+        whole = elapsed > 2.5 * h
+        # At the first sample the arm is held: it does not accelerate, and its torque has been constant for long.
         held = jnp.stack([jnp.clip(torque, -STRONGEST, STRONGEST), jnp.zeros_like(ddq), direction])
         stages = jnp.where(memory.begun, memory.stages, band.started(held))
         stages = jnp.where(whole, band.through(stages, signals, self.low, self.high, h), stages)
-        return self._regressed(experience, memory, stages, jnp.where(seen > settled, h, 0.0), seen)
+        return self._regressed(experience, memory, stages, jnp.where(elapsed > settled, h, 0.0), elapsed)
 
     def _regressed(
-        self, experience: Experience, memory: Learning, stages: Float[Array, "5 3 n"], weight: Scalar, seen: Scalar
+        self, experience: Experience, memory: Learning, stages: Float[Array, "5 3 n"], weight: Scalar, elapsed: Scalar
     ) -> Learning:
-        """One step of least squares with what the band lets through."""
+        """One step of least squares with the filtered signals."""
         y, phi, c = stages[-1]
         links = jnp.diagonal(experience.mass) - self.counted
         missed = y - (links + memory.rotor) * phi - memory.coulomb * c
@@ -163,13 +152,13 @@ class JointLearning(AbstractAdaptation):
         gain = weight * missed / (a * b - of_both * of_both)
         rotor = memory.rotor + gain * (b * taught - of_both * turned)
         coulomb = memory.coulomb + gain * (a * turned - of_both * taught)
-        # Scaled from both sides the matrix stays semidefinite, and what it weighs stays where it is.
+        # Scaled from both sides, the matrix stays semidefinite and its estimate does not move.
         keep_rotor = jnp.minimum(1.0, jnp.sqrt(self.window / of_rotor))
         keep_coulomb = jnp.minimum(1.0, jnp.sqrt(self.coulomb_window / of_coulomb))
         return Learning(
             positions=jnp.stack([experience.q, memory.positions[0]]),
             tau=experience.tau,
-            seen=seen,
+            elapsed=elapsed,
             begun=jnp.ones((), bool),
             stages=stages,
             information=jnp.stack(
@@ -182,22 +171,21 @@ class JointLearning(AbstractAdaptation):
 
     @classmethod
     def of_arm(
-        cls, mass: Any, *, rotors: Any, torque: Any, deviation: Any, period: float, **given: Any
+        cls, mass: Any, *, rotors: Any, torque: Any, deviation: Any, period: float, **parameters: Any
     ) -> JointLearning:
-        """The learning that fits an arm, its drives and its encoders.
+        """Return the learning for an arm, its drives and its encoders.
 
-        Where the model counts no rotor the first guess is .002 kg m² for each N m of rated torque, in the middle of
-        what drives of arms have (docs/learning.md); rotors are sought from .0005 to .1 of it. The upper end of the band
-        is 200 rad/s, or as low as 120 rad/s where three times the encoder's noise would be above .2 rad/s².
+        Where the model has no rotor, the first guess is 0.002 kg m² for each N m of rated torque, typical of drives of
+        arms (docs/learning.md); the limits are 0.0005 and 0.1 kg m² for each N m. The upper end of the band is
+        200 rad/s, or as low as 120 rad/s if three times the encoder noise would exceed 0.2 rad/s².
 
         - `mass`: inertia matrix of the nominal arm where it works [n n].
-        - `rotors`: J0, rotor inertia that it has, one number or [n], kg m² or kg; None for an arm whose model has no
-          rotors of its own, so that there is none to guess.
-        - `torque`: rated torque of each joint, one number or [n], N m or N; where it is not known, inf: what turns the
-          joint's own inertia by 25 rad/s² is taken.
+        - `rotors`: J0, its rotor inertia, one number or [n], kg m² or kg; None for an arm whose model has no rotors.
+        - `torque`: rated torque of each joint, one number or [n], N m or N; if it is inf, the torque that accelerates
+          the joint's own inertia by 25 rad/s² takes its place.
         - `deviation`: standard deviation of a measured position, one number or [n], rad or m.
         - `period`: h [s].
-        - `given`: parameters that are known otherwise.
+        - `parameters`: parameters that replace the computed ones.
 
         Raises DefinitionError if one of them is out of its range.
         """
@@ -206,11 +194,11 @@ class JointLearning(AbstractAdaptation):
         rated = np.broadcast_to(np.asarray(torque, float), inertia.shape)
         rated = np.where(np.isfinite(rated), rated, USUAL_ACCELERATION * inertia)
         worst = float(np.max(deviation))
-        low, high = float(given.get("low", 15.0)), 200.0
+        low, high = float(parameters.get("low", 15.0)), 200.0
         while high > 120.0 and CLEAR * band.noise_of(worst, low, high, period) > GATE:
             high -= 5.0
-        high = float(given.get("high", high))
-        found = {
+        high = float(parameters.get("high", high))
+        computed = {
             "counted": counted,
             "rotor": counted if rotors is None else np.where(counted > 0.0, counted, GUESS * rated),
             "rotor_min": np.zeros_like(rated) if rotors is None else LEAST * rated,
@@ -219,17 +207,17 @@ class JointLearning(AbstractAdaptation):
             "high": high,
             "gate": max(GATE, CLEAR * band.noise_of(worst, low, high, period)),
         }
-        return cls(**{**found, **{name: value for name, value in given.items() if value is not None}})
+        return cls(**{**computed, **{name: value for name, value in parameters.items() if value is not None}})
 
 
 GATE = 0.2
-"""rad/s²: what teaches, with encoders as good as 1e-5 rad."""
+"""rad/s²: `gate` for encoders with a resolution of 1e-5 rad or finer."""
 
 CLEAR = 3.0
-"""Standard deviations of the encoders' noise that an acceleration must have to teach."""
+"""`gate` over the standard deviation of the encoder noise in the band."""
 
 GUESS, LEAST, LARGEST = 0.002, 0.0005, 0.1
 """kg m² of rotor inertia for each N m of rated torque: the first guess, the least and the largest."""
 
 USUAL_ACCELERATION = 25.0
-"""rad/s² that drives give a joint, where their torque is not known."""
+"""rad/s²: acceleration that determines a rated torque that is not known."""

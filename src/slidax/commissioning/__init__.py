@@ -1,4 +1,4 @@
-"""The first scenario of an arm: what its file says, what had to be assumed, where it stands and how it moves."""
+"""First scenario for an arm: drive ratings with assumptions, a home posture and a motion."""
 
 from .scenario import Drafted as Drafted
 from .scenario import draft as draft

@@ -1,4 +1,4 @@
-"""An arm with something at its tip, while its drives are looked at."""
+"""An arm with an additional payload, for the choice of its drives and motion."""
 
 from __future__ import annotations
 
@@ -10,10 +10,6 @@ from slidax.robots import Articulated
 
 
 def loaded(arm: Articulated, share: float) -> Articulated:
-    """The arm with a share of its moving mass at the tip, beside what it carries already.
-
-    - `arm`: the arm.
-    - `share`: of the mass.
-    """
+    """Return the arm with a share of its moving mass at the tip, in addition to its payload."""
     mass = float(arm.payload.mass) + share * float(np.sum(np.asarray(arm.masses)))
-    return eqx.tree_at(lambda one: one.payload.mass, arm, as_array(mass))
+    return eqx.tree_at(lambda arm: arm.payload.mass, arm, as_array(mass))

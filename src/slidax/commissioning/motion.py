@@ -1,4 +1,4 @@
-"""How an arm moves about its home: a sinusoid for each joint, within what the joint can do."""
+"""Motion of a first scenario: a sinusoid about the home posture for each joint, within its limits."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from .posture import TIP_SHARE
 from .ratings import Ratings
 
 AMPLITUDE = {"rad": 0.4, "m": 0.08}
-"""Rad or m, where the range allows it."""
+"""rad or m, reduced if the range is too small."""
 
 FREQUENCY = (2.0, 2.4)
-"""Between the slowest and the fastest joint, rad/s; no two are alike, so that the joints meet in every way."""
+"""rad/s of the slowest and the fastest joint; no two are equal, so that all combinations of joint positions occur."""
 
 RANGE_SHARE, VELOCITY_SHARE, TORQUE_SHARE = 0.5, 0.4, 0.65
-"""Of what is left of the range at home, and of the limits, that the motion takes."""
+"""Largest shares of the range around the home posture, and of the limits, that the motion uses."""
 
 START = 0.2
-"""How far from the motion the arm begins, rad; a fifth of it in m."""
+"""rad: initial distance from the motion; a fifth of it in m."""
 
 
 @dataclass(frozen=True)
@@ -31,8 +31,8 @@ class Motion:
     """Sinusoids about the home.
 
     - `amplitude`, `frequency`: [n], rad or m, rad/s.
-    - `start`: where the arm is at t = 0 [n].
-    - `burden`: the largest share of each torque limit that it takes, with 20 % of the arm's mass at the tip [n].
+    - `start`: positions at t = 0 [n].
+    - `burden`: largest share of each torque limit that it needs, with 20 % of the arm's mass at the tip [n].
     """
 
     amplitude: Numbers
@@ -42,12 +42,7 @@ class Motion:
 
 
 def motion_about(arm: Articulated, ratings: Ratings, home: Numbers) -> Motion:
-    """The motion, slower and smaller until it fits.
-
-    - `arm`: as it is described.
-    - `ratings`: what its joints can do.
-    - `home`: the middle of the motion [n].
-    """
+    """Return the motion about a home posture [n], slower and smaller until it is within the ratings."""
     units = arm.joint_units
     left = np.minimum(home - ratings.lower, ratings.upper - home)
     amplitude = np.minimum([AMPLITUDE[unit] for unit in units], RANGE_SHARE * left)
@@ -73,5 +68,4 @@ def motion_about(arm: Articulated, ratings: Ratings, home: Numbers) -> Motion:
     away = START * np.array([1.0 if unit == "rad" else 0.2 for unit in units])
     sign = np.where(np.arange(arm.joints) % 2 == 0, 1.0, -1.0)
     away = np.minimum(away, 0.8 * left) * sign
-    # To the side where the weight is less of a burden it would fall by itself: all the same here.
     return Motion(np.round(amplitude, 2), np.round(pace * frequency, 2), np.round(home + away, 3), burden)

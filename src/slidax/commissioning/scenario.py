@@ -1,4 +1,4 @@
-"""A scenario for an arm that has none yet: what is chosen, and why, as a commented file."""
+"""First scenario for an arm, as a commented file with the reason for each choice."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .ratings import ratings_of
 from .text import Choices, written
 
 SLOWEST, FASTEST = 20.0, 20_000.0
-"""Of a loop, Hz."""
+"""Hz: allowed loop rates."""
 
 FILES = {".urdf": "urdf", ".xacro": "urdf", ".xml": "mjcf", ".mjcf": "mjcf"}
 
@@ -27,8 +27,8 @@ FILES = {".urdf": "urdf", ".xacro": "urdf", ".xml": "mjcf", ".mjcf": "mjcf"}
 class Drafted:
     """A new scenario.
 
-    - `text`: of the file.
-    - `notes`: what had to be assumed, each a sentence.
+    - `text`: content of the file.
+    - `notes`: assumptions, each a sentence.
     """
 
     text: str
@@ -36,14 +36,14 @@ class Drafted:
 
 
 def draft(robot: str | Path, rate: float = 1000.0, *, tip: str | None = None, folder: Path = Path()) -> Drafted:
-    """A scenario for an arm, to be changed by a person: it runs as it is.
+    """Return a scenario for an arm that runs, with comments for a person who will edit it.
 
-    - `robot`: a ready one by name, or the path of a URDF or MJCF file.
-    - `rate`: of the arm's loop, Hz.
-    - `tip`: the link, body or site at the end of the arm; else found.
-    - `folder`: where the scenario will be, so that it names the robot file from there.
+    - `robot`: a built-in arm by name, or the path of a URDF or MJCF file.
+    - `rate`: loop rate, Hz.
+    - `tip`: link, body or site at the end of the arm; None to search it.
+    - `folder`: folder of the scenario file, from which it names the robot file.
 
-    Raises DefinitionError if there is no such robot, the file is not one arm, or the rate is none of an arm's.
+    Raises DefinitionError if the robot does not exist, the file is not one arm, or the rate is out of its range.
     """
     if not (math.isfinite(rate) and SLOWEST <= rate <= FASTEST):
         raise DefinitionError(f"the rate must be {SLOWEST:g} to {FASTEST:g} Hz; got {rate:g}")
@@ -56,7 +56,7 @@ def draft(robot: str | Path, rate: float = 1000.0, *, tip: str | None = None, fo
 
 
 def _arm(robot: str, tip: str | None, folder: Path) -> tuple[Articulated, tuple[str, ...], tuple[str, ...]]:
-    """The arm, the lines of the scenario's `robot`, and what is to be said of it."""
+    """The arm, the lines of the scenario's `robot`, and notes about it."""
     if robot in built_in_names():
         if tip is not None:
             raise DefinitionError(f"`{robot}` has its tip; `tip` is for robot files")

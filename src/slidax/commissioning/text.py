@@ -1,4 +1,4 @@
-"""The text of a new scenario, each choice with its reason."""
+"""Text of a new scenario, with the reason for each choice."""
 
 from __future__ import annotations
 
@@ -14,35 +14,33 @@ from .motion import Motion
 from .ratings import Ratings
 
 RADIUS = 5.0
-"""Final radius of the envelope over the period, rad/s: .005 rad at 1 kHz, .02 at 250 Hz."""
+"""rad/s: final radius of the envelope over the period, 0.005 rad at 1 kHz, 0.02 rad at 250 Hz."""
 
 WIDTH = {"rad": 1.0, "m": 0.2}
-"""Initial radius, rad or m; in m the final one is as much smaller."""
+"""rad or m: initial radius; the final radius of a prismatic joint is smaller by the same factor."""
 
 HORIZON, PERIODS = 25e-3, 12
-"""H is no less than so many s, and so many periods."""
+"""s and periods: lower bounds of the horizon H."""
 
 RATE = 20.0
-"""A drive goes from 0 to its largest torque in 1/20 s."""
+"""1/s: torque rate over torque limit; a drive reaches its largest torque in 1/20 s."""
 
 RESOLUTION = 1e-5
-"""Of the encoders, rad or m: 19 bits a turn."""
+"""rad or m: encoder resolution, 19 bits per turn."""
 
 DRIFT = 0.008
-"""√(torque density) over the torque limit, 1/√s: the disturbance drifts by so much of it in a second."""
+"""1/√s: √(torque density) over the torque limit, the drift of the disturbance in one second."""
 
 SUBSTEPS = 10
 
 
 @dataclass(frozen=True)
 class Choices:
-    """What a new scenario is made of.
+    """Choices for a new scenario.
 
-    - `arm`: as it is described.
-    - `block`: the lines of `robot`.
+    - `block`: lines of `robot`.
     - `rate`: Hz.
-    - `ratings`, `home`, `motion`: what its joints can do, where it stands, how it moves.
-    - `notes`: what had to be assumed.
+    - `notes`: assumptions.
     """
 
     arm: Articulated
@@ -55,14 +53,11 @@ class Choices:
 
 
 ROTORS = 0.002
-"""kg m² for each N m of rated torque: of the simulated arm, since no drive is without a rotor."""
+"""kg m² for each N m of rated torque: rotor inertia of the simulated arm, since every drive has a rotor."""
 
 
 def written(chosen: Choices) -> str:
-    """The file.
-
-    - `chosen`: what it is made of.
-    """
+    """Return the text of the file."""
     units, period = chosen.arm.joint_units, 1.0 / chosen.rate
     ratings, motion = chosen.ratings, chosen.motion
     wide = [WIDTH[unit] for unit in units]
@@ -73,10 +68,10 @@ def written(chosen: Choices) -> str:
     burden = int(100 * max(motion.burden))
     return f"""title: {chosen.arm.name} at {chosen.rate:g} Hz
 
-{_comment("What had to be assumed:") + assumed if assumed else ""}
+{_comment("Assumptions:") + assumed if assumed else ""}
 robot:
 {block}
-  # What the arm that moves differs by; the law does not know it. Its drives have rotors, {ROTORS:g} kg m² for each N m;
+  # Differences of the true arm, unknown to the law. Its drives have rotors, {ROTORS:g} kg m² for each N m;
   # also, for instance, mass_factor: 0.85, coulomb: 0.5, load: {{mass: 1.0, center: [0.0, 0.0, 0.05]}}
   plant: {{armature: {_row(ROTORS * ratings.torque)}}}
   # Rotors (kg m², seen from the joint) that are known: nominal: {{armature: ...}}. Unknown ones are learnt.

@@ -1,4 +1,4 @@
-"""Control schemes: laws as classes, and presets of their parts and numbers."""
+"""Controllers as classes, and presets: published schemes with their parts and parameter values."""
 
 from .adaptive_nonsingular_fast_terminal import AdaptiveNonsingularFastTerminal as AdaptiveNonsingularFastTerminal
 from .cftsmppc import cftsmppc as cftsmppc

@@ -1,4 +1,4 @@
-"""The adaptive nonsingular fast terminal scheme that the paper cites as [10]."""
+"""Adaptive nonsingular fast terminal sliding mode control, [10] in the paper."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from slidax.parts import PerJoint, Scalar, State, parameter
 from .model_based import AbstractModelBased
 
 Adapted = Float[Array, "3"]
-"""b̂0, b̂1, b̂2: the bound of the uncertainty, as learnt; rad/s², 1/s², 1/rad."""
+"""b̂0, b̂1, b̂2: adapted bound of the uncertainty; rad/s², 1/s², 1/rad."""
 
 
 class AdaptiveNonsingularFastTerminal(AbstractModelBased):
@@ -22,11 +22,11 @@ class AdaptiveNonsingularFastTerminal(AbstractModelBased):
     `τ = C0 q̇ + G0 + M0 (q̈_d - (1 + k1 α |e|^(α-1)) sig^(2-β)(ė)/(k2 β) - k s - (b̂0 + b̂1‖q‖ + b̂2‖q̇‖² + η) sat(s/φ))`;
     `b̂0' = λ0 W`, `b̂1' = λ1 W ‖q‖`, `b̂2' = λ2 W ‖q̇‖²`, `W = Σ_i |s_i| |ė_i|^(β-1)`.
 
-    The paper prints its parameters, not its law; this structure is that of a re-implementation of a follow-up paper,
-    and that k = 250 stands where it does has low confidence: with it joint 3 of Example 4.2 starts at 215 N, where the
-    paper prints 39.44 N. Defaults are those of Table 2, but for α: the printed .2 is singular at e = 0 and does not
-    converge, so it is refused here; 2 is the value of the follow-up, and with it the settling times come out within
-    .05 s of the printed ones. Table 2 lists no boundary layer, hence the sign.
+    The paper prints its parameters, not its law; this structure comes from a re-implementation of a follow-up paper.
+    The place of k = 250 has low confidence: with it joint 3 of Example 4.2 starts at 215 N, where the paper prints
+    39.44 N. Defaults are those of Table 2 except α: the printed 0.2 is singular at e = 0 and does not converge, so it
+    is refused here. The follow-up's α = 2 gives settling times within 0.05 s of the printed ones. Table 2 lists no
+    boundary layer, hence the sign.
 
     Signals: `s` [n], `u`, the size of the robust acceleration, `b` [3], the adapted gains.
     """
@@ -83,25 +83,11 @@ class AdaptiveNonsingularFastTerminal(AbstractModelBased):
     )
 
     def init(self, t: Scalar, state: State, reference: Reference) -> Adapted:
-        """The adapted gains at the start.
-
-        - `t`: time at the start [s].
-        - `state`: measured positions and velocities.
-        - `reference`: what the joints should do then.
-        """
         return self.initial
 
     def __call__(
         self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: Adapted
     ) -> Command:
-        """The torque, and the rate of the adapted gains.
-
-        - `t`: not used.
-        - `state`: measured positions and velocities.
-        - `reference_now`: what the joints should do now.
-        - `reference_next`: not used.
-        - `memory`: b̂0, b̂1, b̂2.
-        """
         q, dq = state.q, state.dq
         e, de = q - reference_now.q, dq - reference_now.dq
         far, slope = sig_and_slope(e, self.alpha)

@@ -1,4 +1,4 @@
-"""The proposed scheme of the paper."""
+"""The paper's own scheme."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from .model_based import AbstractModelBased
 
 
 class ComputedTorque(AbstractModelBased):
-    """`τ = M0 (q̈_d - Kp e - Kd ė) + C0 q̇ + G0`: with the exact model each joint is a linear oscillator of its own.
+    """`τ = M0 (q̈_d - Kp e - Kd ė) + C0 q̇ + G0`: with the exact model each joint is an independent linear oscillator.
 
     Source: Siciliano et al., Robotics: Modelling, Planning and Control, 2009, section 8.5.2 (inverse dynamics control).
 
@@ -25,14 +25,6 @@ class ComputedTorque(AbstractModelBased):
     def __call__(
         self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: Memory
     ) -> Command:
-        """The torque.
-
-        - `t`: not used.
-        - `state`: measured positions and velocities.
-        - `reference_now`: what the joints should do now.
-        - `reference_next`: not used.
-        - `memory`: empty.
-        """
         e, de = state.q - reference_now.q, state.dq - reference_now.dq
         wanted = reference_now.ddq - self.kp * e - self.kd * de
         tau = matvec(self.nominal.mass(state.q), wanted) + self.nominal.bias(state.q, state.dq)

@@ -1,4 +1,4 @@
-"""The fixed-time scheme without an envelope that the paper cites as [23]."""
+"""FTSMC: the fixed-time scheme without an envelope, [23] in the paper."""
 
 from __future__ import annotations
 

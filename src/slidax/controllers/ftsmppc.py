@@ -1,4 +1,4 @@
-"""The scheme that the paper compares with its own: the same law on the older surface, which has a kink."""
+"""FTSMPPC: the paper's law on an older surface, which has a kink."""
 
 from __future__ import annotations
 

@@ -11,9 +11,9 @@ STABLE_POSTURE = "so that the posture is stable (Takegaki and Arimoto, 1981)"
 
 
 class GravityCompensatedPD(AbstractModelBased):
-    """`τ = -Kp e - Kd ė + G0(q)`: brings an arm to rest at a posture; on a motion it lags behind.
+    """`τ = -Kp e - Kd ė + G0(q)`: brings an arm to rest at a posture, and lags behind a motion.
 
-    Of the nominal robot only the gravity is used.
+    Only the gravity of the nominal robot is used.
     Source: Takegaki and Arimoto, 1981; Siciliano et al., Robotics: Modelling, Planning and Control, 2009, sec. 8.5.1.
 
     Signals: `e` [n], `de` [n].
@@ -25,14 +25,6 @@ class GravityCompensatedPD(AbstractModelBased):
     def __call__(
         self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: Memory
     ) -> Command:
-        """The torque.
-
-        - `t`: not used.
-        - `state`: measured positions and velocities.
-        - `reference_now`: what the joints should do now.
-        - `reference_next`: not used.
-        - `memory`: empty.
-        """
         e, de = state.q - reference_now.q, state.dq - reference_now.dq
         tau = self.nominal.gravity(state.q) - self.kp * e - self.kd * de
         return Command(tau=tau, memory=memory, signals={"e": e, "de": de})

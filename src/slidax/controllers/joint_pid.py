@@ -13,11 +13,11 @@ STABLE = "so that the joint is stable"
 
 
 class JointPID(AbstractModelBased):
-    """`τ = -Kp e - Kd ė - Ki z + g G0(q)`, `ż = e`, `z(0) = 0`: what drives come with, each joint by itself.
+    """`τ = -Kp e - Kd ė - Ki z + g G0(q)`, `ż = e`, `z(0) = 0`: the usual controller of drives, for each joint alone.
 
-    The integral stands still in a joint while `|τ|` is at or above `limit` and the error would raise it further
-    (conditional integration), so that it does not wind up. In sampled-data form it stands still for all joints while
-    any limit withholds torque. `g` is 0 unless the weight is to be compensated; the model is used for nothing else.
+    The integral of a joint stops while `|τ|` is at or above `limit` and the error would raise it further
+    (conditional integration), so that it does not wind up. In sampled-data form all integrals stop while any
+    limit withholds torque. `g` is 0 unless the weight is to be compensated; the model has no other use.
 
     Source: Åström and Hägglund, Advanced PID Control, 2006, section 3.5 (windup).
 
@@ -33,25 +33,11 @@ class JointPID(AbstractModelBased):
     )
 
     def init(self, t: Scalar, state: State, reference: Reference) -> Vector:
-        """No integral yet.
-
-        - `t`: time at the start [s].
-        - `state`: measured positions and velocities.
-        - `reference`: what the joints should do then.
-        """
         return jnp.zeros_like(state.q - reference.q)
 
     def __call__(
         self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: Memory
     ) -> Command:
-        """The torque, and the rate of the integral.
-
-        - `t`: not used.
-        - `state`: measured positions and velocities.
-        - `reference_now`: what the joints should do now.
-        - `reference_next`: not used.
-        - `memory`: z.
-        """
         e, de = state.q - reference_now.q, state.dq - reference_now.dq
         tau = self.gravity * self.nominal.gravity(state.q) - self.kp * e - self.kd * de - self.ki * memory
         rate = e

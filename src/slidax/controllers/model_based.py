@@ -1,4 +1,4 @@
-"""What the laws that know a nominal arm have in common."""
+"""Base classes of controllers with a nominal arm, and of those with a sliding surface."""
 
 from __future__ import annotations
 
@@ -14,38 +14,26 @@ from .controller import AbstractController
 
 
 class AbstractModelBased(AbstractController):
-    """A law that computes with a nominal arm; without an envelope or a memory, unless it says otherwise."""
+    """A law that computes with a nominal arm; by default without an envelope and without a memory."""
 
     nominal: AbstractRobot = piece("the robot as the law knows it, M0, C0, G0")
 
     def __check_init__(self) -> None:
-        of = type(self.nominal).__name__
-        for said in parameters_of(type(self)):
-            if said.piece and said.name != "nominal":
-                require_joints(getattr(self, said.name), self.joints, of)
-            elif said.shape == "one number or [n]":
-                require_per_joint(self, self.joints, of, said.name)
+        robot = type(self.nominal).__name__
+        for parameter in parameters_of(type(self)):
+            if parameter.piece and parameter.name != "nominal":
+                require_joints(getattr(self, parameter.name), self.joints, robot)
+            elif parameter.shape == "one number or [n]":
+                require_per_joint(self, self.joints, robot, parameter.name)
 
     @property
     def joints(self) -> int:
-        """The number of joints of the nominal robot."""
         return self.nominal.joints
 
     def init(self, t: Scalar, state: State, reference: Reference) -> Memory:
-        """Nothing to keep.
-
-        - `t`: time at the start [s].
-        - `state`: measured positions and velocities.
-        - `reference`: what the joints should do then.
-        """
         return ()
 
     def envelope(self, t: Scalar, memory: Memory) -> Envelope | None:
-        """None: no bounds are promised.
-
-        - `t`: time [s].
-        - `memory`: the memory.
-        """
         return None
 
 
@@ -58,18 +46,7 @@ class AbstractSurfaceBased(AbstractModelBased):
     surface: AbstractSurface = piece("the pull on ε1")
 
     def init(self, t: Scalar, state: State, reference: Reference) -> Memory:
-        """What the transformation keeps from the initial error.
-
-        - `t`: time at the start [s].
-        - `state`: measured positions and velocities.
-        - `reference`: what the joints should do then.
-        """
         return self.transformation.init(t, state.q - reference.q)
 
     def envelope(self, t: Scalar, memory: Memory) -> Envelope | None:
-        """The transformation's envelope.
-
-        - `t`: time [s].
-        - `memory`: what `init` returned.
-        """
         return self.transformation.envelope(t, memory)

@@ -1,4 +1,4 @@
-"""The nonsingular fast terminal scheme that the paper cites as [7]."""
+"""Nonsingular fast terminal sliding mode control, [7] in the paper."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ class NonsingularFastTerminal(AbstractModelBased):
     `τ = C0 q̇ + G0 + M0 (q̈_d - Γ2⁻¹ (I + Γ1 |e|^(Γ1-1)) sig^(2-Γ2)(ė) - M2 s - (η + M1) s/(‖s‖ + s0))`.
     Nonsingular since 1 < Γ2 < 2. The matrix norm is the spectral one.
 
-    The paper prints its parameters, not its law; this one is that of public code with the same names and values. That
-    it is [7] has confidence medium to high. Defaults are those of Table 2. It lists no boundary layer, hence the unit
-    vector; the printed accuracy is about that of a run with `layer=3e-4`.
+    The paper prints its parameters, not its law; this law comes from public code with the same names and values. Its
+    identity with [7] has medium to high confidence. Defaults are those of Table 2, which lists no boundary layer, hence
+    the unit vector; the printed accuracy is about that of a run with `layer=3e-4`.
 
     Signals: `s` [n], `u`, the size `η + M1` of the robust acceleration.
     """
@@ -45,14 +45,6 @@ class NonsingularFastTerminal(AbstractModelBased):
     def __call__(
         self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: Memory
     ) -> Command:
-        """The torque.
-
-        - `t`: not used.
-        - `state`: measured positions and velocities.
-        - `reference_now`: what the joints should do now.
-        - `reference_next`: not used.
-        - `memory`: empty.
-        """
         q, dq = state.q, state.dq
         e, de = q - reference_now.q, dq - reference_now.dq
         far, slope = sig_and_slope(e, self.gamma1)

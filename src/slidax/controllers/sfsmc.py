@@ -1,4 +1,4 @@
-"""The singularity-free fixed-time scheme that the paper cites as [24], and the same inside an envelope."""
+"""SFSMC, the singularity-free fixed-time scheme, [24] in the paper, without and with an envelope."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The control law of the paper, equations (40) to (45) and (51), in one place."""
+"""The control law of the paper, eqs. (40)-(45) and (51)."""
 
 from __future__ import annotations
 
@@ -28,14 +28,6 @@ class SlidingMode(AbstractSurfaceBased):
     def __call__(
         self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: Memory
     ) -> Command:
-        """The torque, eqs. (40)-(45), (51).
-
-        - `t`: time [s].
-        - `state`: measured positions and velocities.
-        - `reference_now`: what the joints should do now.
-        - `reference_next`: not used by the printed law.
-        - `memory`: what `init` returned.
-        """
         now = sliding_variable(self.transformation, self.surface, t, state, reference_now, memory)
         m0 = self.nominal.mass(state.q)
         tau0 = matvec(m0, now.feedforward) + self.nominal.bias(state.q, state.dq)
@@ -45,9 +37,4 @@ class SlidingMode(AbstractSurfaceBased):
         return Command(tau=tau0 + tau1 + tau2, memory=memory, signals={**now.signals, "u": u})
 
     def implicit_step(self, recovery: Recovery | None, slopes: bool) -> AbstractStep:
-        """The same law as an implicit step.
-
-        - `recovery`: what to do outside the envelope.
-        - `slopes`: whether u counts the slope part of τ1, as (45) prints it.
-        """
         return SlidingStep(self.nominal, self.transformation, self.surface, recovery, self.reaching, self.bound, slopes)

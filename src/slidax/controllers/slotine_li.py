@@ -1,4 +1,4 @@
-"""The classical sliding mode law for robot arms."""
+"""The classical sliding-mode law of Slotine and Li."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from .steps import AbstractStep, Recovery, SlidingStep
 class SlotineLi(AbstractSurfaceBased):
     """`τ = M0 q̈_r + C0 q̇_r + G0 - K_D s - K sat(s/φ)` with the reference velocity `q̇_r = q̇ - s`.
 
-    On the linear surface `s = ė + Λ e` it is the textbook's law, `q̇_r = q̇_d - Λ e`, `q̈_r = q̈_d - Λ ė`. On any other,
-    with any transformation, `s = ė + A e + pull(ε1)` as in (40) and `q̈_r = q̈_d - Ȧ e - A ė - slope(ε1) ε2`. C0 is in
-    Christoffel form, for which `Ṁ0 - 2 C0` is skew-symmetric.
+    On the linear surface `s = ė + Λ e` it is the textbook law, `q̇_r = q̇_d - Λ e`, `q̈_r = q̈_d - Λ ė`. On any other
+    surface, with any transformation, `s = ė + A e + pull(ε1)` as in (40) and `q̈_r = q̈_d - Ȧ e - A ė - slope(ε1) ε2`.
+    C0 is in Christoffel form, for which `Ṁ0 - 2 C0` is skew-symmetric.
 
     Source: Slotine and Li, Applied Nonlinear Control, 1991, chapters 7 (boundary layer) and 9 (robots).
 
@@ -36,32 +36,20 @@ class SlotineLi(AbstractSurfaceBased):
     def __call__(
         self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: Memory
     ) -> Command:
-        """The torque.
-
-        - `t`: time [s].
-        - `state`: measured positions and velocities.
-        - `reference_now`: what the joints should do now.
-        - `reference_next`: not used.
-        - `memory`: what `init` returned.
-        """
         now = sliding_variable(self.transformation, self.surface, t, state, reference_now, memory)
         q, dq, s = state.q, state.dq, now.s
 
         def bias(dq: Vector) -> Vector:
             return self.nominal.bias(q, dq)
 
-        # C q̇ is quadratic in q̇, so half its derivative along s is C s with the C of Christoffel: no matrix is needed.
+        # C q̇ is quadratic in q̇, so half its derivative along s is C s in Christoffel form: no matrix is needed.
         whole, along_s = jax.jvp(bias, (dq,), (s,))
         model = matvec(self.nominal.mass(q), now.equivalent) + whole - 0.5 * along_s
         tau = model - self.damping * s - self.gain * saturation(s, self.layer)
         return Command(tau=tau, memory=memory, signals=now.signals)
 
     def implicit_step(self, recovery: Recovery | None, slopes: bool) -> AbstractStep:
-        """The same law as an implicit step, with `u = ‖K‖` and each joint's share of it.
-
-        - `recovery`: what to do outside the envelope.
-        - `slopes`: not used: u does not depend on τ1.
-        """
+        """Return the law as an implicit step, with `u = ‖K‖` and each joint's share of u."""
         gain = jnp.broadcast_to(self.gain, (self.joints,))
         size = vector_norm(gain)
         reaching = SaturatedReaching(self.damping, gain / jnp.where(size > 0, size, 1.0), self.layer)

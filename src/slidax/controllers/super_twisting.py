@@ -1,4 +1,4 @@
-"""The super-twisting law: a continuous torque that still rejects what does not change too fast."""
+"""Super-twisting: a continuous torque that rejects disturbances of bounded rate."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .steps import AbstractStep, Recovery, TwistingStep
 class Integral(eqx.Module):
     """The memory of `SuperTwisting`.
 
-    - `start`: what the transformation keeps from the initial error.
+    - `start`: memory of the transformation.
     - `v`: the integral of the sign [n], rad/s² or m/s².
     """
 
@@ -47,26 +47,12 @@ class SuperTwisting(AbstractSurfaceBased):
     )
 
     def init(self, t: Scalar, state: State, reference: Reference) -> Integral:
-        """What the transformation keeps from the initial error, and `v = 0`.
-
-        - `t`: time at the start [s].
-        - `state`: measured positions and velocities.
-        - `reference`: what the joints should do then.
-        """
         e = state.q - reference.q
         return Integral(start=self.transformation.init(t, e), v=jnp.zeros_like(e))
 
     def __call__(
         self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: Integral
     ) -> Command:
-        """The torque, and the rate of v.
-
-        - `t`: time [s].
-        - `state`: measured positions and velocities.
-        - `reference_now`: what the joints should do now.
-        - `reference_next`: not used.
-        - `memory`: with the v of now.
-        """
         now = sliding_variable(self.transformation, self.surface, t, state, reference_now, memory.start)
         wanted = now.equivalent - self.k1 * sig(now.s, jnp.asarray(0.5)) + memory.v
         still = jax.tree.map(jnp.zeros_like, memory.start)
@@ -78,17 +64,7 @@ class SuperTwisting(AbstractSurfaceBased):
         )
 
     def envelope(self, t: Scalar, memory: Integral) -> Envelope | None:
-        """The transformation's envelope.
-
-        - `t`: time [s].
-        - `memory`: what `init` returned.
-        """
         return self.transformation.envelope(t, memory.start)
 
     def implicit_step(self, recovery: Recovery | None, slopes: bool) -> AbstractStep:
-        """The same law as an implicit step.
-
-        - `recovery`: what to do outside the envelope.
-        - `slopes`: not used: there is no u.
-        """
         return TwistingStep(self.nominal, self.transformation, self.surface, recovery, self.k1, self.k2)

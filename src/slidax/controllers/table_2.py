@@ -1,4 +1,4 @@
-"""Terminal sliding modes of other papers that Example 4.2 compares with, by the numbers of Table 2."""
+"""Terminal sliding modes of other papers in Example 4.2, with the parameters of Table 2."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ anftsmc = Preset(
     AdaptiveNonsingularFastTerminal,
     """Adaptive nonsingular fast terminal sliding mode, the paper's [10].
 
-    α is that of a follow-up paper: with the .2 that Table 2 prints the law is singular.
+    α comes from a follow-up paper: with the 0.2 of Table 2 the law is singular.
     """,
     source="Table 2",
     k1=1.0,

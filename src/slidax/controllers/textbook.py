@@ -1,4 +1,4 @@
-"""What a robot engineer compares with, from the textbooks; the gains are our own choice, for arms like the paper's."""
+"""Textbook controllers for comparison; the gains are our own choice, for arms like the paper's."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ pid = Preset(
     JointPID,
     """A PID controller at each joint, which knows nothing of the arm.
 
-    As drives come: no model, no feed-forward; the integral stops where the drives' torque does.
+    As in usual drives: no model and no feed-forward. The integral stops at the torque limit of the drives.
     """,
     source=OURS,
     kp=400.0,

@@ -96,7 +96,7 @@ class BenchmarkEntry:
 
     @property
     def _has_envelope(self) -> bool:
-        transformation = self.preset.given.get("transformation")
+        transformation = self.preset.values.get("transformation")
         needed = [] if transformation is None else [each.name for each in parameters_of(transformation.part)]
         return "performance" in needed
 

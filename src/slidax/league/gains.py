@@ -91,7 +91,7 @@ def _by_declarations(preset: Preset) -> list[tuple[str, GainDescription]]:
     """Return all positive parameters of the law and its parts (without the envelope), around their own values."""
     gains = []
     for parameter in parameters_of(preset.law):
-        value = preset.given.get(parameter.name, None if parameter.required else parameter.default)
+        value = preset.values.get(parameter.name, None if parameter.required else parameter.default)
         if isinstance(value, Given):
             if parameter.name == "transformation":
                 continue

@@ -1,8 +1,8 @@
-"""What authors of parts need: the base class, the one declaration of a parameter, checks, and the types of arrays.
+"""Base class of parts, the declaration of their parameters, checks, and types of arrays.
 
-A part is a frozen, differentiable piece of a closed loop: a surface, a reaching law, a robot. Each of its numbers is
-declared once, in the class, by `parameter`; docstring, checks, scenario files with their JSON schema, `slidax list`,
-reports and the comments of exported C are all derived from there. docs/extending.md shows how.
+A part is a frozen, differentiable piece of a closed loop: a surface, a reaching law, a robot. Each of its parameters is
+declared once, in the class, by `parameter`. Docstrings, checks, scenario files with their JSON schema, `slidax list`,
+reports and the comments of exported C are derived from there; see docs/extending.md.
 """
 
 from slidax._errors import DefinitionError as DefinitionError

@@ -1,4 +1,4 @@
-"""What parts are called in files: by the names of their classes."""
+"""Names of parts in files, derived from the names of their classes."""
 
 from __future__ import annotations
 
@@ -9,11 +9,9 @@ from typing import Any
 
 
 def kind_of(part: type) -> str:
-    """The name of a part in files: that of its class in small letters, without the word of its room.
+    """Return the name of a part in files: its class's name in small letters, without the word of its family.
 
-    `FixedTimeReaching` in `slidax.reaching` is `fixed_time`, `PrescribedPerformance` is `prescribed_performance`.
-
-    - `part`: its class.
+    `FixedTimeReaching` is `fixed_time`, `PrescribedPerformance` is `prescribed_performance`.
     """
     families = [base.__name__.removeprefix("Abstract") for base in part.__mro__[1:] if base.__module__ != "equinox"]
     name = part.__name__
@@ -25,11 +23,7 @@ def kind_of(part: type) -> str:
 
 
 def members_of(room: ModuleType, family: type) -> dict[str, Any]:
-    """The parts of a family that a room exports, by their kinds.
-
-    - `room`: the package, such as `slidax.surfaces`.
-    - `family`: their abstract class.
-    """
+    """Return the parts of an abstract class that a package exports, by their kinds."""
     members = {
         kind_of(thing): thing
         for thing in vars(room).values()

@@ -1,4 +1,4 @@
-"""The one declaration of a parameter, and what can be read off it."""
+"""Declaration of a parameter, from which its documentation and its checks are derived."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from slidax._errors import as_array
 from .range import Range
 
 REQUIRED: Any = object()
-"""The default of a parameter that has none."""
+"""Default of a parameter without a default."""
 
 ANY = Range()
 
@@ -25,7 +25,7 @@ SHAPES = {
     "Matrix": "[n n]",
     "State": "positions and velocities, each [n]",
 }
-"""What the types of arrays are called in a docstring."""
+"""Words for the types of arrays in a docstring."""
 
 MATRIX = "one number, a diagonal [n] or a matrix [n n]"
 
@@ -36,16 +36,15 @@ _KEY = "slidax"
 class Parameter:
     """A parameter as its class declares it.
 
-    - `name`: of the field.
-    - `meaning`: what it is, with its symbol.
-    - `unit`: of one of its numbers; empty for a pure number.
-    - `range`: what values it may have.
-    - `why`: the reason of the range, with its equation.
-    - `default`: its value if none is given; `REQUIRED` if it must be.
-    - `source`: where the default comes from.
-    - `shape`: how many numbers: "one number", "one number or [n]", "[3]", ...; empty for what is not a number.
-    - `annotation`: the type of the field, as it is written.
-    - `piece`: whether it is another part, or anything else but numbers.
+    - `meaning`: description with its symbol.
+    - `unit`: empty for a pure number.
+    - `range`: allowed values.
+    - `why`: reason for the range, with its equation.
+    - `default`: default value, or `REQUIRED`.
+    - `source`: source of the default.
+    - `shape`: "one number", "one number or [n]", "[3]", ...; empty for a field without numbers.
+    - `annotation`: type of the field, as text.
+    - `piece`: True for another part, a name or a choice.
     """
 
     name: str
@@ -61,7 +60,7 @@ class Parameter:
 
     @property
     def required(self) -> bool:
-        """Whether it must be given."""
+        """True without a default."""
         return self.default is REQUIRED
 
     @property
@@ -72,18 +71,14 @@ class Parameter:
         return f"{self.range.words}{separator}{reason}".strip(" ,")
 
     def rule(self, part: object) -> str:
-        """What must hold, as a sentence's end.
-
-        - `part`: whose parameter it is.
-        """
+        """Return the range of a part's parameter as the end of a sentence: "must be > 0 (eq. 40)"."""
         separator = "" if not self.why else " " if self.why.startswith("(") else ", "
         return f"{self.range.rule(part, '' if ' or ' in self.unit else self.unit)}{separator}{self.why}"
 
     def bullet(self) -> str:
         """One line of a docstring: meaning, shape, unit, range, default."""
         within = f"in {self.range.text}" if self.range.words[:1] in ("(", "[") else self.range.words
-        said = [self.meaning, self.shape, self.unit, within]
-        text = ", ".join(part for part in said if part)
+        text = ", ".join(part for part in (self.meaning, self.shape, self.unit, within) if part)
         if not self.required and self.default is not None and not self.piece:
             text += f"; {_shown(self.default)} if not given"
         return f"- `{self.name}`: {text}."
@@ -101,22 +96,20 @@ def parameter(
     static: bool = False,
     converter: Any = as_array,
 ) -> Any:
-    """A field of a part: numbers that are checked, documented, and leaves of the tree.
+    """Declare a field of a part that has numbers: checked, documented, and leaves of the pytree.
 
         k1: PerJoint = parameter("diagonal of K1", "rad/s or m/s", "> 0", "(eq. 40)")
 
-    The annotation says how many: `Scalar` one, `PerJoint` one or one for each joint, `Vector` one for each joint,
-    `Float[Array, "3"]` three. With the default None it may be left out.
+    The annotation determines the shape: `Scalar` is one number, `PerJoint` one or one for each joint, `Vector` one for
+    each joint, `Float[Array, "3"]` three. The default None makes the field optional.
 
-    - `meaning`: what it is, with its symbol, in a few words.
-    - `unit`: of one of its numbers.
+    - `meaning`: description with its symbol, in a few words.
     - `range`: as in `Range`; any finite number if empty.
-    - `why`: the reason of the range, as "so that ... (eq. 20)" or "(eq. 20)".
-    - `default`: its value if none is given.
-    - `source`: where the default comes from.
-    - `matrix`: whether it may be a matrix, too.
-    - `static`: whether compiled code depends on it; for a plain number of Python.
-    - `converter`: from what is given to the field's type; by default anything like numbers to a float array.
+    - `why`: reason for the range, as "so that ... (eq. 20)" or "(eq. 20)".
+    - `source`: source of the default.
+    - `matrix`: True if it may also be a matrix.
+    - `static`: True if compiled code depends on it; for a plain Python number.
+    - `converter`: from the argument to the field's type; by default to a float array.
     """
     declared = Parameter("", meaning, unit, Range(range), why, default, source, MATRIX if matrix else "")
     if static and converter is as_array:
@@ -130,11 +123,9 @@ def parameter(
 
 
 def piece(meaning: str, *, default: Any = REQUIRED, default_factory: Any = REQUIRED, static: bool = False) -> Any:
-    """A field of a part that is no number: another part, a name, a choice.
+    """Declare a field of a part that is no number: another part, a name, a choice.
 
-    - `meaning`: what it is.
-    - `default`, `default_factory`: what it is if none is given.
-    - `static`: whether compiled code depends on it.
+    - `static`: True if compiled code depends on it.
     """
     declared = Parameter("", meaning, default=default, piece=True)
     how = {} if default is REQUIRED else {"default": default}
@@ -145,33 +136,26 @@ def piece(meaning: str, *, default: Any = REQUIRED, default_factory: Any = REQUI
 
 
 def parameters_of(part: type) -> list[Parameter]:
-    """The parameters of a part, in order; a field without a declaration is known by its name, type and default alone.
-
-    - `part`: its class.
-    """
+    """Return the parameters of a part, in order; a field without a declaration has a name, type and default alone."""
     return [declared(field) for field in dataclasses.fields(part) if field.init]
 
 
 def is_declared(field: dataclasses.Field[Any]) -> bool:
-    """Whether a field is declared by `parameter` or `piece`.
-
-    - `field`: of a dataclass.
-    """
+    """True if `parameter` or `piece` declares a dataclass field."""
     return _KEY in field.metadata
 
 
 def declared(field: dataclasses.Field[Any], annotation: str = "") -> Parameter:
-    """What a field's declaration says, completed by its name and type.
+    """Return a dataclass field's declaration with its name and type.
 
-    - `field`: of a dataclass.
-    - `annotation`: its type as it is written, where the field does not know it yet.
+    - `annotation`: type of a field that does not know it yet.
     """
     written = str(annotation or field.type)
     if _KEY not in field.metadata:
         default = REQUIRED if field.default is dataclasses.MISSING else field.default
         return Parameter(field.name, "", default=default, shape=_shape(written), annotation=written)
-    said: Parameter = field.metadata[_KEY]
-    return replace(said, name=field.name or said.name, annotation=written, shape=said.shape or _shape(written))
+    known: Parameter = field.metadata[_KEY]
+    return replace(known, name=field.name or known.name, annotation=written, shape=known.shape or _shape(written))
 
 
 def _shape(annotation: str) -> str:

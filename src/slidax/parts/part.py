@@ -1,4 +1,4 @@
-"""What every part of a closed loop is."""
+"""Base class of the parts of a closed loop."""
 
 from __future__ import annotations
 
@@ -18,9 +18,8 @@ from .tree import as_tree
 class AbstractPart(eqx.Module):
     """A frozen piece of a closed loop, whose fields are declared by `parameter` and `piece`.
 
-    Shapes and ranges are checked when it is made, as far as values are known; `__check_init__` of a class is for rules
-    that no range can say. The docstring of a class gives the formula and its source; a line for each parameter is added
-    to it from the declarations.
+    The constructor checks shapes and ranges of known values; `__check_init__` of a class checks rules that no range
+    expresses. The docstring of a class has the formula and its source, and gets a line for each declared parameter.
     """
 
     # One line without a formula: `slidax list`, the JSON schema and the tables of parameters show it.
@@ -28,12 +27,12 @@ class AbstractPart(eqx.Module):
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
-        bullets = [said.bullet() for said in _said_of(cls)]
-        if bullets:
+        parameters = _declared_in(cls)
+        if parameters:
             own = inspect.cleandoc(cls.__doc__ or "")
-            listed = "\n".join(bullets)
+            listed = "\n".join(parameter.bullet() for parameter in parameters)
             cls.__doc__ = f"{own}\n\n{listed}"
-            if not all(said.piece for said in _said_of(cls)):
+            if not all(parameter.piece for parameter in parameters):
                 cls.__doc__ += "\n\nRaises DefinitionError if one of them is out of its range."
 
     def __repr__(self) -> str:
@@ -41,54 +40,54 @@ class AbstractPart(eqx.Module):
 
     def __check_init__(self) -> None:
         fields = [declared(field) for field in dataclasses.fields(self) if is_declared(field)]
-        said = [one for one in fields if not one.piece and getattr(self, one.name) is not None]
-        require_consistent(self, *(one.name for one in said if one.shape in PER_JOINT))
-        for one in said:
-            value = getattr(self, one.name)
-            if one.shape in SIZES:
-                require_shape(self, SIZES[one.shape], one.name)
-            elif one.shape == "[n]" and np.ndim(value) != 1:
-                given = list(np.shape(value))
+        parameters = [p for p in fields if not p.piece and getattr(self, p.name) is not None]
+        require_consistent(self, *(p.name for p in parameters if p.shape in PER_JOINT))
+        for parameter in parameters:
+            value = getattr(self, parameter.name)
+            if parameter.shape in SIZES:
+                require_shape(self, SIZES[parameter.shape], parameter.name)
+            elif parameter.shape == "[n]" and np.ndim(value) != 1:
                 raise DefinitionError(
-                    f"`{type(self).__name__}.{one.name}` must have one entry per joint; got shape {given}"
+                    f"`{type(self).__name__}.{parameter.name}` must have one entry per joint; got shape "
+                    f"{list(np.shape(value))}"
                 )
-        # A range whose end is another parameter comes last, when that parameter is known to be right.
-        for one in sorted(said, key=_depends):
-            if one.shape and not is_traced(getattr(self, one.name)):
-                _require_range(self, one)
+        # A range whose end is another parameter comes last, after the check of that parameter.
+        for parameter in sorted(parameters, key=_depends):
+            if parameter.shape and not is_traced(getattr(self, parameter.name)):
+                _require_range(self, parameter)
 
 
 PER_JOINT = ("one number or [n]", "[n]")
-"""The shapes of what must have as many entries as the other parameters, if it has one per joint."""
+"""Shapes of parameters that must agree in their number of joints."""
 
 SIZES: dict[str, tuple[int, ...]] = {"one number": (), "[2]": (2,), "[3]": (3,), "[3 3]": (3, 3)}
 
 
-def _depends(said: Parameter) -> bool:
-    return any(end.number is None for end in said.range.ends)
+def _depends(parameter: Parameter) -> bool:
+    return any(end.number is None for end in parameter.range.ends)
 
 
-def _require_range(part: AbstractPart, said: Parameter) -> None:
-    lower, upper = said.range.ends
-    # An end that is another parameter may be traced where this one is not.
-    if _depends(said) and is_traced(part):
+def _require_range(part: AbstractPart, parameter: Parameter) -> None:
+    lower, upper = parameter.range.ends
+    # Another parameter at an end of the range may be traced even if this one is not.
+    if _depends(parameter) and is_traced(part):
         return
-    value = np.asarray(getattr(part, said.name))
-    holds = said.range.holds(part, value)
+    value = np.asarray(getattr(part, parameter.name))
+    holds = parameter.range.holds(part, value)
     endless = any(end.number is not None and np.isinf(end.number) and not end.open for end in (lower, upper))
-    # What has an entry per row or per term must not blame a joint.
-    each = "joint" if said.shape.endswith("n]") else "entry"
-    require(part, said.name, holds, said.rule(part), finite=not endless, each=each)
+    # An entry per row or per term is not a joint's.
+    each = "joint" if parameter.shape.endswith("n]") else "entry"
+    require(part, parameter.name, holds, parameter.rule(part), finite=not endless, each=each)
 
 
-def _said_of(cls: type) -> list[Parameter]:
-    """The declarations of a class that is not a dataclass yet, with those that it inherits."""
-    found: dict[str, Parameter] = {}
+def _declared_in(cls: type) -> list[Parameter]:
+    """The declarations of a class that is not a dataclass yet, with inherited ones."""
+    parameters: dict[str, Parameter] = {}
     for owner in reversed(cls.__mro__[1:]):
         if dataclasses.is_dataclass(owner):
-            found |= {field.name: declared(field) for field in dataclasses.fields(owner) if is_declared(field)}
+            parameters |= {field.name: declared(field) for field in dataclasses.fields(owner) if is_declared(field)}
     annotations = inspect.get_annotations(cls)
     for name, value in vars(cls).items():
         if isinstance(value, dataclasses.Field) and is_declared(value):
-            found[name] = dataclasses.replace(declared(value, str(annotations.get(name, ""))), name=name)
-    return list(found.values())
+            parameters[name] = dataclasses.replace(declared(value, str(annotations.get(name, ""))), name=name)
+    return list(parameters.values())

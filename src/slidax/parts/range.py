@@ -1,4 +1,4 @@
-"""The range of a parameter, as it is written."""
+"""Range of a parameter, parsed from its text."""
 
 from __future__ import annotations
 
@@ -21,8 +21,7 @@ COMPARISON = re.compile(r"(>=|>|<=|<)(.+)")
 class End:
     """One end of a range: a number, or an expression over other parameters of the same part, such as `4 - 2 * gain`.
 
-    - `text`: as it is written.
-    - `open`: whether the end itself is outside.
+    - `open`: True if the end itself is outside.
     """
 
     text: str
@@ -30,25 +29,19 @@ class End:
 
     @property
     def number(self) -> float | None:
-        """The end, if it is known without the part."""
+        """The end as a number; None for an expression."""
         try:
             return float(Fraction(self.text)) if "/" in self.text else float(self.text)
         except ValueError:
             return None
 
     def value(self, part: object) -> Any:
-        """The end for one part, a number or [n].
-
-        - `part`: whose parameters the expression names.
-        """
+        """Return the end for a part with these parameters, a number or [n]."""
         number = self.number
         return number if number is not None else eval(self._code, {}, _Fields(part))
 
     def shown(self, part: object) -> str:
-        """The end for a message: with the value it has, where it is another parameter's.
-
-        - `part`: whose.
-        """
+        """Return the end for a message, with its value if it is an expression."""
         return self.text if self.number is not None else f"`{self.text}` = {np.asarray(self.value(part)).tolist()}"
 
     @property
@@ -67,11 +60,9 @@ class _Fields(dict[str, Any]):
 
 @dataclass(frozen=True)
 class Range:
-    """What values a parameter may have: `> 0`, `>= 0`, `(0, 1)`, `[0, 1]`, `(0, 1]`, `> final`; empty for any number.
+    """Allowed values of a parameter: `> 0`, `>= 0`, `(0, 1)`, `[0, 1]`, `(0, 1]`, `> final`; empty for any number.
 
-    What is infinite is outside, unless the end is written as `inf]` or `[-inf`.
-
-    - `text`: as it is written.
+    Infinity is outside, unless the end has the form `inf]` or `[-inf`.
     """
 
     text: str = ""
@@ -92,25 +83,21 @@ class Range:
 
     @property
     def words(self) -> str:
-        """The range in a list: as it is written, but "> 0, infinite for no limit" for `(0, inf]`."""
+        """The range for a table: its text, but "> 0, infinite for no limit" for `(0, inf]`."""
         return "> 0, infinite for no limit" if self.text == "(0, inf]" else self.text
 
     def holds(self, part: object, values: np.ndarray) -> np.ndarray:
-        """Where the values are inside, broadcast against ends that are other parameters.
-
-        - `part`: whose parameter it is.
-        - `values`: known numbers.
-        """
+        """Return True for each value inside, broadcast against ends that are other parameters of the part."""
         lower, upper = self.ends
         low, high = lower.value(part), upper.value(part)
         above = values > low if lower.open else values >= low
         return np.asarray(above & (values < high if upper.open else values <= high))
 
     def rule(self, part: object, unit: str = "") -> str:
-        """The range as a rule: "must be > 0", "must be in (0, 1)".
+        """Return the range as a rule: "must be > 0", "must be in (0, 1)".
 
-        - `part`: whose parameter it is, for the values of others that are named.
-        - `unit`: of the numbers, if they have just one.
+        - `part`: has the values of other parameters in the range.
+        - `unit`: empty for a parameter with several units.
         """
         if not self.text:
             return "must be finite"
@@ -128,14 +115,14 @@ class Range:
         return f"must be {sign.group(1)} {end.shown(part)}{f' {unit}' if unit else ''}"
 
     def schema(self) -> dict[str, float]:
-        """The ends as JSON schema has them, as far as they are numbers."""
+        """Return the numeric ends as keywords of a JSON schema."""
         lower, upper = self.ends
-        said: dict[str, float] = {}
+        keywords: dict[str, float] = {}
         for end, opened, closed in (
             (lower, "exclusiveMinimum", "minimum"),
             (upper, "exclusiveMaximum", "maximum"),
         ):
             number = end.number
             if number is not None and math.isfinite(number):
-                said[opened if end.open else closed] = number
-        return said
+                keywords[opened if end.open else closed] = number
+        return keywords

@@ -77,7 +77,7 @@ FOUND: dict[type[eqx.Module], dict[str, str]] = {
 
 def _for_editors(schema: dict[str, Any], model: type[SchemeDescription]) -> None:
     """What a file may leave out, since the preset has it, and what may stand in the scheme itself."""
-    for name, given in model.preset.given.items():
+    for name, given in model.preset.values.items():
         if isinstance(given, Given):
             known = {**given.values, **FOUND.get(given.part, {})}
             missing = [one for one in parameters_of(given.part) if one.required and one.name not in known]
@@ -106,7 +106,7 @@ class SchemeDescription(PartDescription):
         if not isinstance(data, dict):
             return data
         data = placed(data)
-        for name, given in cls.preset.given.items():
+        for name, given in cls.preset.values.items():
             value = data.setdefault(name, {}) if isinstance(given, Given) else None
             if isinstance(given, Given) and isinstance(value, dict):
                 data[name] = filled(given, value)
@@ -191,7 +191,7 @@ def with_kinds(scheme: dict[str, Any]) -> dict[str, Any]:
     - `scheme`: as `placed` returns it.
     """
     preset = PRESETS.get(scheme.get("name", "")) if isinstance(scheme.get("name"), str) else None
-    given = {name: one for name, one in (preset.given if preset else {}).items() if isinstance(one, Given)}
+    given = {name: one for name, one in (preset.values if preset else {}).items() if isinstance(one, Given)}
     kinds = {name: {"kind": kind_of(one.part)} for name, one in given.items() if isinstance(scheme.get(name), dict)}
     return {**scheme, **{name: {**kind, **scheme[name]} for name, kind in kinds.items()}}
 
@@ -241,7 +241,7 @@ def switched(scheme: Any, name: Any) -> Any:
         return {**scheme, "name": name}
     old, new = placed(scheme), {"name": name}
     for key in ("transformation", "bound"):
-        part, given = old.get(key), preset.given.get(key)
+        part, given = old.get(key), preset.values.get(key)
         if not isinstance(given, Given) or not isinstance(part, dict):
             continue
         had = getattr(PRESETS.get(str(scheme.get("name"))), "given", {}).get(key)
@@ -267,7 +267,7 @@ def described_scheme(name: str, preset: Preset) -> type[SchemeDescription]:
     for one in parameters_of(preset.law):
         if one.name == "nominal":
             continue
-        given, hint = preset.given.get(one.name), hints_of(preset.law)[one.name]
+        given, hint = preset.values.get(one.name), hints_of(preset.law)[one.name]
         if isinstance(hint, type) and issubclass(hint, eqx.Module):
             default = None
             if isinstance(given, Given):

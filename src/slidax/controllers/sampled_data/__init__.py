@@ -1,4 +1,4 @@
-"""Every law at the arm's own rate, with an estimator, a prediction over the delay, and limits."""
+"""Sampled-data form of every law: estimator, prediction over the delay, and torque limits."""
 
 from .explicit_step import ExplicitStep as ExplicitStep
 from .gate import Admission as Admission

@@ -1,4 +1,4 @@
-"""What a law at the arm's own rate keeps of its adaptation, and what it tells it at each sample."""
+"""Adaptation state of a sampled-data law, and the input of its adaptation at each sample."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from .prediction import commands_kept
 
 
 class Adapted(eqx.Module):
-    """What is kept of an adaptation between two samples.
+    """Adaptation state between two samples.
 
     - `memory`: of the adaptation.
-    - `friction`: the part of each command under way that compensates friction, the oldest first, [m n].
-    - `recovering`: time for which a joint has been on its way back into its envelope [s].
+    - `friction`: friction compensation in each pending command, the oldest first, [m n].
+    - `recovering`: duration of the current way back into the envelope [s].
     """
 
     memory: Memory
@@ -28,23 +28,18 @@ class Adapted(eqx.Module):
 
     @classmethod
     def init(cls, adaptation: AbstractAdaptation, state: State, delay: float) -> Adapted:
-        """Nothing learnt, and no friction compensated.
-
-        - `adaptation`: what learns.
-        - `state`: measured positions and velocities.
-        - `delay`: age of a measurement when its torque sets in [periods].
-        """
+        """Return the initial state, without friction compensation."""
         friction = jnp.zeros((commands_kept(delay), *state.q.shape), state.q.dtype)
         return cls(memory=adaptation.init(state), friction=friction, recovering=jnp.zeros(()))
 
 
 def acted(torques: Float[Array, "m n"], delay: float) -> Vector:
-    """The torque that acted in the period before a measurement, [n], N m or N.
+    """Return the mean torque in the period before a measurement, [n], N m or N.
 
-    With a whole number D of periods of delay it is the command of D + 1 samples ago. Else it changed within the period,
-    and is their mean over time.
+    With a whole number D of periods of delay it is the command of D + 1 samples ago. Else the torque changed within the
+    period, and the mean has two terms.
 
-    - `torques`: commands under way and those before, the oldest first.
+    - `torques`: pending commands and those before, the oldest first.
     - `delay`: age of a measurement when its torque sets in [periods].
     """
     whole, part = int(delay), delay % 1.0
@@ -60,14 +55,10 @@ def experienced(
     period: Scalar,
     missed: Bool[Array, ""],
 ) -> Experience:
-    """What a sample shows of the arm.
+    """Return the input of the adaptation at a sample.
 
-    - `nominal`: the robot as the law knows it.
-    - `measured`: positions and velocities.
-    - `estimate`: what they were estimated to be.
-    - `tau`: the torque that acted in the period before.
-    - `period`: h [s].
-    - `missed`: whether samples were lost before.
+    - `tau`: torque that acted in the period before.
+    - `missed`: True if samples were lost before.
     """
     q, dq = estimate.state.q, estimate.state.dq
     return Experience(

@@ -1,4 +1,4 @@
-"""The step of a law without an implicit form: the law itself, at the predicted state."""
+"""Explicit step, for laws without an implicit form: the law at the predicted state."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from ..steps import AbstractStep, Decision, Moment
 class ExplicitStep(AbstractStep):
     """`τ = law(t, q, q̇)`, with q and q̇ as predicted and the reference's mean acceleration over the period.
 
-    A memory with a rate is integrated over the period, and stands still while the limits withhold torque. The
-    compensated push may be as large as the drives can give: such a law has no u that would cover the rest.
+    A memory with a rate is integrated over the period, and stops while the limits withhold torque. Only the torque
+    limits bound the compensated disturbance, since such a law has no robust torque u.
 
     Signals: those of the law.
     """
@@ -35,25 +35,12 @@ class ExplicitStep(AbstractStep):
 
     @property
     def robot(self) -> AbstractRobot:
-        """The robot as the law knows it."""
         return self.law.nominal  # type: ignore[attr-defined]
 
     def init(self, t: Scalar, state: State, reference: Reference, period: Scalar, horizon: Scalar | None) -> Memory:
-        """The law's own memory.
-
-        - `t`: time at the start [s].
-        - `state`: measured positions and velocities.
-        - `reference`: what the joints should do then.
-        - `period`, `horizon`: not used.
-        """
         return self.law.init(t, state, reference)
 
     def __call__(self, moment: Moment, memory: Memory) -> Decision:
-        """The law's torque, and the nominal arm's motion under it.
-
-        - `moment`: the arm as it is predicted.
-        - `memory`: the law's own.
-        """
         h, now = moment.period, moment.reference
         ahead = Reference(q=now.q + h * (now.dq + 0.5 * h * now.ddq), dq=now.dq + h * now.ddq, ddq=now.ddq)
         law = eqx.tree_at(lambda law: law.nominal, self.law, moment.robot)
@@ -67,9 +54,4 @@ class ExplicitStep(AbstractStep):
         )
 
     def envelope(self, t: Scalar, memory: Memory) -> Envelope | None:
-        """The law's own.
-
-        - `t`: time [s].
-        - `memory`: the law's own.
-        """
         return self.law.envelope(t, memory)

@@ -1,4 +1,4 @@
-"""The gate for measurements: a sample that the arm cannot have produced is treated as a lost sample."""
+"""Measurement gate: a sample that the arm cannot have produced counts as a lost sample."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from slidax.parts import AbstractPart, Matrix, PerJoint, Scalar, State, Vector, 
 from slidax.robots import AbstractRobot, Articulated, Coupled
 
 LARGEST_POSITION = 1e4
-"""rad or m: range of a joint whose position limits are not known."""
+"""rad or m: range of a joint without known position limits."""
 
 FASTEST_JOINT = {"rad": 100.0, "m": 20.0}
-"""rad/s and m/s: speed of a joint whose velocity limit is not known. No robot joint moves faster."""
+"""rad/s and m/s: speed of a joint without a known velocity limit. No robot joint moves faster."""
 
 RUN_UP = {"rad": 2.0 * math.pi, "m": 1.0}
-"""rad and m: way in which a joint gains its largest speed."""
+"""rad and m: distance over which a joint reaches its largest speed."""
 
 BEYOND_LIMITS, FASTER_THAN_LIMITS = 1.5, 4.0
 """Range of positions and largest speed, relative to the limits of the arm's description."""
 
 LARGEST_ACCELERATION = 1e4
-"""rad/s² and m/s²: acceleration of a joint whose drives are not known."""
+"""rad/s² and m/s²: acceleration of a joint without known drives."""
 
 SHORTEST = 0.1
-"""Periods: two samples that are closer in time than this have the same time stamp."""
+"""Periods: two samples that are closer in time count as one time stamp."""
 
 LONGEST_GAP = 100.0
 """Periods: after a longer gap the law starts anew, once a second sample has confirmed the clock."""
 
 FROZEN = 2.0
-"""Samples in a row that may be the same to the last bit while the arm moves, as of a sensor at half the loop's rate."""
+"""Identical samples in a row while the arm moves that are still accepted, as of a sensor at half the loop rate."""
 
 CLOCK = 2.0
 """Samples with consistent time stamps that confirm a jump of the clock, or a long gap."""
@@ -79,14 +79,14 @@ class MeasurementGate(AbstractPart):
         |dq' - dq| <= (2 / patience) speed (T/h + 1) + acceleration (T + h),
         |q' - q - T (dq' + dq)/2| <= T (acceleration (T + 4 h) + 0.02 speed) + 2 spread,
 
-    the last two only if the estimator uses velocities, and if `0.1 h <= T <= 100 h`. From the third sample in a row on
-    whose positions are the same to the last bit, while the law predicts that a joint has moved by more than
-    `2 spread + acceleration T h`, the sensor is frozen and the sample is rejected, too. Below that way a joint that
-    rests against friction or a push looks the same. A rejected sample is treated as a lost one: the last torque stands,
-    and the law's memory does not change. The windows grow with T, so that the gate opens again by itself after any
-    motion that the arm is capable of.
+    the last two only if the estimator uses velocities, and if `0.1 h <= T <= 100 h`. The sensor counts as frozen from
+    the third sample in a row with identical positions while the law predicts that a joint has moved by more than
+    `2 spread + acceleration T h`; the sample is then rejected, too. Over a shorter distance a joint that rests against
+    friction or a disturbance looks the same. A rejected sample counts as a lost one: the last torque stands, and the
+    law's memory does not change. The windows grow with T, so that the gate opens again by itself after any possible
+    motion of the arm.
 
-    A sensor or a clock can jump for good. After more than `patience` samples in a row that are consistent with each
+    A sensor or a clock can jump permanently. After more than `patience` samples in a row that are consistent with each
     other (two, if only the time stamp is implausible) the law accepts them and restarts: it keeps its disturbance
     estimate, its learnt parameters and the sides of its envelope, and takes the measured state. A sample outside
     `q_max` is never accepted.
@@ -110,17 +110,17 @@ class MeasurementGate(AbstractPart):
         limited: bool = True,
         **parameters: Any,
     ) -> MeasurementGate:
-        """The gate for an arm: 1.5 times its position limits, and 4 times its velocity limits.
+        """Return the gate for an arm: 1.5 times its position limits, and 4 times its velocity limits.
 
-        A push can make a joint faster than its velocity limit. A joint without a position limit gets 1e4 rad or m. The
-        acceleration is four times `torque / mass`, if both are known. A joint without a velocity limit gets the speed
-        after one turn, or one metre, from rest at that acceleration, at most 100 rad/s or 20 m/s.
+        A disturbance can make a joint faster than its velocity limit. Without a position limit a joint gets 1e4 rad or
+        m. The acceleration is four times `torque / mass`, if both are known. Without a velocity limit a joint gets the
+        speed after one turn, or one metre, from rest at that acceleration, at most 100 rad/s or 20 m/s.
 
         - `arm`: the arm as the law knows it.
         - `torque`: largest torque, one number or [n], N m or N; infinite if it is not known.
         - `mass`: its inertia matrix where it works [n n]; None if it is not known.
         - `limited`: False for an arm that may move beyond its limits.
-        - `parameters`: parameters that are known otherwise; None for one that is not.
+        - `parameters`: parameters that replace the computed ones; None replaces nothing.
 
         Raises DefinitionError if one of them is out of its range.
         """
@@ -140,35 +140,26 @@ class MeasurementGate(AbstractPart):
         return cls(**{"q_max": q_max, "speed": speed, "acceleration": acceleration, **known})
 
     def init(self, t: Scalar, state: State, velocity: bool) -> GateMemory:
-        """Memory after a first accepted sample.
-
-        - `t`: its time stamp [s].
-        - `state`: measured positions and velocities.
-        - `velocity`: whether velocities are used.
-        """
+        """Return the memory after a first accepted sample at time t [s]; `velocity`: True if velocities are used."""
         state = _used(state, velocity)
         return GateMemory(
             q=state.q, dq=state.dq, suspect_t=t, suspect=state, consistent=jnp.zeros(()), same=jnp.zeros(())
         )
 
     def in_range(self, q: Vector) -> Bool[Array, ""]:
-        """True if every position is within its range.
-
-        - `q`: measured positions [n].
-        """
+        """True if every measured position is within its range."""
         return jnp.all(jnp.abs(q) <= self.q_max)
 
     def learnable(self, state: State, predicted: State, period: Scalar, velocity: bool) -> Bool[Array, ""]:
-        """True if a measurement is near enough to its prediction for parameters to be learnt from it.
+        """True if a measurement is near enough to its prediction to learn parameters from it.
 
         The position must be within `0.4 h speed + spread` of its prediction, a used velocity within
-        `(0.04 + 10 h) speed`: a larger difference comes from an outlier, a collision or a push, and not from the
-        inertia and friction of the joint.
+        `(0.04 + 10 h) speed`: a larger difference comes from an outlier, a collision or a disturbance, not from
+        the inertia and friction of the joint.
 
-        - `state`: measured positions and velocities.
-        - `predicted`: what the law predicted for that time.
+        - `predicted`: the law's prediction for that time.
         - `period`: h [s].
-        - `velocity`: whether velocities are used.
+        - `velocity`: True if velocities are used.
         """
         near = jnp.all(jnp.abs(state.q - predicted.q) <= 0.4 * period * self.speed + self.spread)
         largest = (0.04 + 10.0 * period) * self.speed
@@ -187,12 +178,10 @@ class MeasurementGate(AbstractPart):
         """Judge a sample.
 
         - `t`: its time stamp [s].
-        - `state`: measured positions and velocities.
         - `last`: time stamp of the last accepted sample [s].
-        - `predicted`: positions that the law predicted for the next sample [n].
+        - `predicted`: positions that the law predicted for this sample [n].
         - `period`: h [s].
-        - `velocity`: whether the estimator uses velocities.
-        - `memory`: what `init` or the last call returned.
+        - `velocity`: True if the estimator uses velocities.
         """
         state = _used(state, velocity)
         elapsed = t - last
@@ -201,7 +190,7 @@ class MeasurementGate(AbstractPart):
         reachable = self._reachable(state, accepted, jnp.where(elapsed > 0, elapsed, period), period, velocity)
         inside = self.in_range(state.q)
         same = jnp.where(jnp.all(state.q == memory.q), memory.same + 1.0, 0.0)
-        # The prediction of a joint at rest may be wrong by what the drives can do within the estimator's lag.
+        # The prediction of a joint at rest may be wrong by the motion that the drives cause within the estimator's lag.
         unexplained = 2.0 * self.spread + self.acceleration * jnp.maximum(elapsed, 0.0) * period
         frozen = (same > FROZEN) & jnp.any(jnp.abs(predicted - memory.q) > unexplained)
         plausible = inside & timely & reachable & ~frozen
@@ -215,7 +204,7 @@ class MeasurementGate(AbstractPart):
         takes = plausible | restarts
         slope = (state.q - memory.suspect.q) / jnp.where(since > 0, since, period)
         dq = state.dq if velocity else jnp.clip(slope, -self.speed, self.speed)
-        # A sample outside the ranges makes no sense: it changes nothing, as one that is not finite.
+        # A sample outside the ranges changes nothing, as one that is not finite.
         doubted = inside & ~takes
         after = GateMemory(
             q=jnp.where(takes, state.q, memory.q),
@@ -240,7 +229,7 @@ class MeasurementGate(AbstractPart):
             return near
         steps = elapsed / period + 1.0
         change = (2.0 / self.patience) * self.speed * steps + self.acceleration * (elapsed + period)
-        # The way must be that of the mean velocity.
+        # The distance must agree with the mean velocity.
         missing = state.q - before.q - 0.5 * elapsed * (state.dq + before.dq)
         slack = self.acceleration * (elapsed + 4.0 * period) + 0.02 * self.speed
         fits = jnp.all(jnp.abs(missing) <= elapsed * slack + 2.0 * self.spread)
@@ -248,5 +237,5 @@ class MeasurementGate(AbstractPart):
 
 
 def _used(state: State, velocity: bool) -> State:
-    """The measured state without what the estimator does not use, which may be anything."""
+    """The measured state, with zeros for velocities that the estimator does not use."""
     return state if velocity else State(q=state.q, dq=jnp.zeros_like(state.q))

@@ -1,4 +1,4 @@
-"""The memory of a law in sampled-data form."""
+"""Memory of a sampled-data law."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from .monitor import Watched
 
 
 class Kept(eqx.Module):
-    """What the law keeps between two samples.
+    """Memory between two samples.
 
     - `t`: time of the last sample [s].
-    - `prior`: what the nominal model predicts for the next measurement.
-    - `estimator`: what the estimator keeps.
-    - `torques`: commands under way, the oldest first, [m n].
+    - `prior`: the nominal model's prediction of the next measurement.
+    - `estimator`: memory of the estimator.
+    - `torques`: pending commands, the oldest first, [m n].
     - `dq`: velocity that is planned for the next sample, [n].
-    - `planned`: whether that plan can be relied on: no limit withheld any torque.
-    - `step`: what the step keeps.
-    - `adapted`: what is kept of the adaptation; None without one.
-    - `watched`: what is kept by the monitor; None without one.
+    - `planned`: True if that plan is valid: no limit withheld any torque.
+    - `step`: memory of the step.
+    - `adapted`: adaptation state; None without an adaptation.
+    - `watched`: memory of the monitor; None without a monitor.
     - `gate`: last accepted and last rejected measurements.
     """
 

@@ -1,4 +1,4 @@
-"""A law at the arm's own rate: what is measured, estimated, predicted and limited around what it decides."""
+"""Sampled-data form of a law: measurement gate, estimator, prediction over the delay, step and torque limits."""
 
 from __future__ import annotations
 
@@ -38,20 +38,20 @@ PAUSE = 0.3
 """s: longest pause of the learning while a joint is on its way back into its envelope."""
 
 STRONGEST = 1e6
-"""Largest estimated disturbance in the law, rad/s² or m/s²; no drive could compensate as much."""
+"""rad/s² or m/s²: largest estimated disturbance in the law; no drive could compensate more."""
 
 
 class SampledData(AbstractController):
-    """A law that decides once a period, for the time when its torque sets in: `τ = τ_step - M0 w`, within the limits.
+    """A law that is evaluated once a period, for the time when its torque sets in: `τ = τ_step - M0 w` within limits.
 
-    With an adaptation M0 is M̂, and the friction that it has learnt is compensated at the reference's velocity.
+    With an adaptation M0 is M̂, and the learnt friction is compensated at the reference's velocity.
 
-    At each sample the estimator corrects the nominal arm's prediction, and says which acceleration w the model does not
-    explain. From there the arm is moved on under the commands that are under way, the step decides for the state that
-    it will be in, and w is compensated. Of all torques within the limits the one is set whose accelerations are nearest
-    to the wanted ones. While samples are lost the last torque stands; at the next one the arm is predicted under it.
+    At each sample the estimator corrects the nominal arm's prediction, and estimates the acceleration w that the model
+    does not explain. The arm is then predicted under the pending commands, the step computes a torque for the predicted
+    state, and w is compensated. Of all torques within the limits, the law returns the one whose accelerations are
+    nearest to the desired ones. While samples are lost the last torque stands; the next prediction accounts for it.
 
-    A sample that the gate rejects is treated as a lost one: the last torque stands, and only the gate's memory changes.
+    A sample that the gate rejects counts as a lost one: the last torque stands, and only the gate's memory changes.
 
     Signals: those of the step, `push` (w), `residual` (the acceleration that the last prediction missed) [n], and
     `rejected`, 1 for a sample that the gate did not accept, where all other signals are 0; with an adaptation
@@ -122,20 +122,14 @@ class SampledData(AbstractController):
 
     @property
     def joints(self) -> int:
-        """The number of joints of the nominal robot."""
         return self.nominal.joints
 
     def init(self, t: Scalar, state: State, reference: Reference) -> Memory:
-        """The memory of an arm that is held by its own weight's torque.
-
-        - `t`: time at the start [s].
-        - `state`: measured positions and velocities.
-        - `reference`: what the joints should do then.
-        """
-        # A velocity that the estimator does not use may be anything.
+        """Return the memory of an arm at rest under the torque of its own weight."""
+        # A velocity that the estimator does not use may have any value.
         state = State(q=state.q, dq=jnp.clip(state.dq, -self.gate.speed, self.gate.speed))
         held = self.nominal.bias(state.q, state.dq)
-        # To learn from a torque it must be known until what it did has been measured.
+        # The adaptation needs each torque until its effect has been measured.
         kept = commands_kept(self.delay) + (0 if self.adaptation is None else 2)
         return Kept(
             t=t - self.period,
@@ -153,13 +147,6 @@ class SampledData(AbstractController):
     def __call__(
         self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: Kept
     ) -> Command:
-        """The torque, with the prediction that goes with it in the memory.
-
-        - `t`: time [s].
-        - `state`: measured positions and velocities.
-        - `reference_now`, `reference_next`: what the joints should do now and one period later.
-        - `memory`: what `init` or the last sample returned.
-        """
         command, accepted = self.gated(t, state, reference_now, reference_next, memory)
         held = jnp.clip(memory.torques[-1], -self.limits.torque, self.limits.torque)
         kept = select(accepted, command.memory, memory)
@@ -173,11 +160,9 @@ class SampledData(AbstractController):
     def gated(
         self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: Kept
     ) -> tuple[Command, Bool[Array, ""]]:
-        """The command for a sample that the gate accepts, and True if it does.
+        """Return the command for an accepted sample, and True if the gate accepts it.
 
-        For a rejected sample only the memory of the gate in the command means anything.
-
-        - `t`, `state`, `reference_now`, `reference_next`, `memory`: as in a call.
+        For a rejected sample only the gate's memory in the command is meaningful.
         """
         admission, gate = self.gate(
             t, state, memory.t, memory.prior.state.q, self.period, self.estimator.reads_velocity, memory.gate
@@ -191,7 +176,7 @@ class SampledData(AbstractController):
         return eqx.tree_at(lambda command: command.memory.gate, command, gate), accepted
 
     def _restarted(self, t: Scalar, measured: State, admission: Admission, memory: Kept) -> Kept:
-        """The memory from which the law goes on where the gate restarts it; else the memory as it is."""
+        """The memory after a restart by the gate; without one, the memory as it is."""
         state = State(q=measured.q, dq=admission.dq)
         anew = Kept(
             t=t - self.period,
@@ -229,12 +214,12 @@ class SampledData(AbstractController):
             estimator = estimator.for_inertia(jnp.diagonal(robot.mass(prior.state.q)))
         estimate, estimated = estimator(state, prior, elapsed, missed, memory.estimator)
         estimate = self._within_reason(estimate)
-        # While nothing arrived the last torque stood, so that it is the one that is under way.
+        # The last torque stood while nothing arrived, so that all pending commands are equal to it.
         under_way = jnp.where(missed, memory.torques[-1], memory.torques)
         net, adapted = under_way, memory.adapted
         if self.adaptation is not None and adapted is not None:
-            # On the way back all joints accelerate at once, so that learning each by itself would go wrong. It goes on
-            # where the way takes long, since the arm may have changed.
+            # During a recovery all joints accelerate at once, which disturbs the learning of each joint alone. A long
+            # recovery does not pause it, since the arm may have changed.
             recovers = self.step.recovers(t, memory.step)
             recovering = jnp.where(recovers, adapted.recovering + h, 0.0)
             paused = recovers & (recovering <= PAUSE)
@@ -244,12 +229,12 @@ class SampledData(AbstractController):
             friction = jnp.where(missed, adapted.friction[-1], adapted.friction)
             net = under_way[-friction.shape[0] :] - friction
             adapted = Adapted(self.adaptation(experience, adapted.memory), friction, recovering)
-            # The push is a torque that is not explained: with another inertia it is another acceleration.
+            # The disturbance is a torque: with another inertia it is another acceleration.
             lumped = matvec(robot.mass(estimate.state.q), estimate.push)
             robot = self._robot(adapted)
             estimate = Estimate(estimate.state, solve_symmetric(robot.mass(estimate.state.q), lumped))
 
-        # The state at which this sample's torque sets in, and what will be measured next, as far as it is settled now.
+        # The state when this sample's torque sets in, and the next measurement if pending commands determine it.
         now, following = predicted(robot, estimate, net, self.delay, h)
         m0 = once(robot.mass(now.q))
         planned = memory.planned & ~missed
@@ -286,7 +271,7 @@ class SampledData(AbstractController):
         if decision.limited is not None:
             step = jax.tree.map(lambda usual, limited: jnp.where(free, usual, limited), step, decision.limited)
         learnt = None if self.adaptation is None or adapted is None else self.adaptation.learnt(adapted.memory)
-        watched, said = self._watched(moment, state.q - estimate.state.q, decision, ~missed, learnt, memory)
+        watched, monitor_signals = self._watched(moment, state.q - estimate.state.q, decision, ~missed, learnt, memory)
         kept = Kept(
             t=jnp.asarray(t, memory.t.dtype),
             prior=Estimate(state=following, push=push),
@@ -300,17 +285,12 @@ class SampledData(AbstractController):
             gate=memory.gate,
         )
         residual = jnp.where(planned, (now.dq - memory.dq) / h, 0.0)
-        signals = {**decision.signals, "push": push, "residual": residual, **said}
+        signals = {**decision.signals, "push": push, "residual": residual, **monitor_signals}
         if learnt is not None:
             signals |= {"rotor": learnt.rotor, "coulomb": learnt.coulomb}
         return Command(tau=tau, memory=kept, signals=signals)
 
     def envelope(self, t: Scalar, memory: Kept) -> Envelope | None:
-        """The bounds that the step must keep, or None if it promises none.
-
-        - `t`: time [s].
-        - `memory`: what `init` or a sample returned.
-        """
         return self.step.envelope(t, memory.step)
 
     def _watched(
@@ -322,7 +302,7 @@ class SampledData(AbstractController):
         learnt: Learnt | None,
         memory: Kept,
     ) -> tuple[Watched | None, dict[str, Array]]:
-        """What the monitor keeps and says."""
+        """The monitor's memory and signals."""
         if self.monitor is None or memory.watched is None:
             return None, {}
         envelope = None
@@ -336,13 +316,13 @@ class SampledData(AbstractController):
         return self.monitor(moment.state, unseen, desired, wanted, fresh, envelope, learnt, span, memory.watched)
 
     def _robot(self, adapted: Adapted | None) -> AbstractRobot:
-        """The arm as it is believed to be."""
+        """The arm with the estimated parameters."""
         if self.adaptation is None or adapted is None:
             return self.nominal
         return self.adaptation.robot(self.nominal, adapted.memory)
 
     def _after_gap(self, robot: AbstractRobot, memory: Kept, gap: Scalar) -> Estimate:
-        """The prediction for the first measurement after lost samples, under the torque that was held meanwhile."""
+        """The prediction of the first measurement after lost samples, under the last torque."""
         prior, net = memory.prior, memory.torques[-1]
         if memory.adapted is not None:
             net = net - memory.adapted.friction[-1]
@@ -350,16 +330,15 @@ class SampledData(AbstractController):
         return Estimate(state=moved_on(prior.state, acceleration, gap), push=prior.push)
 
     def _within_reason(self, estimate: Estimate) -> Estimate:
-        """The estimate, bounded: an estimator with absurd gains must not make the numbers after it infinite."""
+        """The estimate, bounded, so that no gains of an estimator lead to infinite values."""
         fastest = self.gate.speed
         state = State(q=estimate.state.q, dq=jnp.clip(estimate.state.dq, -fastest, fastest))
         return Estimate(state=state, push=jnp.clip(estimate.push, -STRONGEST, STRONGEST))
 
     def _share(self, lumped: Vector, decision: Decision) -> Scalar:
-        """Which share of the push, a torque `M0 w`, is compensated.
+        """Share of the disturbance torque `M0 w` that is compensated.
 
-        No more than the law covers by itself. A law that gives no bound compensates as much as the drives can give: an
-        estimate that asks for more is wrong.
+        The law's own bound limits it. Without a bound the torque limits do: an estimate beyond them is wrong.
         """
         if decision.cover is None:
             return 1.0 / jnp.maximum(jnp.max(jnp.abs(lumped) / self.limits.torque), 1.0)
@@ -367,7 +346,7 @@ class SampledData(AbstractController):
         return jnp.where(size > u, u / jnp.maximum(size, u), 1.0)
 
     def _within_limits(self, wanted: Vector, last: Vector, m0: Matrix) -> tuple[Vector, Vector, Bool[Array, ""]]:
-        """The torque that the limits allow, the acceleration that they withhold, and whether they withhold none."""
+        """The torque within the limits, the acceleration that they withhold, and True if they withhold none."""
         endless = jnp.full_like(wanted, jnp.inf)
         lower, upper = self.limits(-endless, last, self.period), self.limits(endless, last, self.period)
         free = jnp.all((wanted >= lower) & (wanted <= upper))

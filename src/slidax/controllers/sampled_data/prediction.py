@@ -1,4 +1,4 @@
-"""From what was measured to what will be when a torque sets in."""
+"""Prediction from the last measurement to the time when a torque sets in."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from slidax.robots import AbstractRobot
 
 
 def commands_kept(delay: float) -> int:
-    """How many commands are kept: those under way, and at least the last, which the rate limit counts from.
+    """Number of commands in the memory: all pending ones, and at least the last, for the rate limit.
 
     - `delay`: age of a measurement when its torque sets in [periods].
     """
@@ -22,36 +22,24 @@ def commands_kept(delay: float) -> int:
 
 
 def moved_on(state: State, acceleration: Vector, duration: Scalar) -> State:
-    """The state after a time under a constant acceleration.
-
-    - `state`: before.
-    - `acceleration`: [n], rad/s² or m/s².
-    - `duration`: [s].
-    """
+    """Return the state after a duration [s] of constant acceleration [n], rad/s² or m/s²."""
     step = duration * acceleration
     return State(q=state.q + duration * (state.dq + 0.5 * step), dq=state.dq + step)
 
 
 def free_acceleration(nominal: AbstractRobot, state: State, tau: Vector) -> Vector:
-    """The acceleration of the nominal arm, [n], rad/s² or m/s².
-
-    - `nominal`: the robot as the law knows it.
-    - `state`: positions and velocities.
-    - `tau`: torque [n], N m or N.
-    """
+    """Return the nominal arm's acceleration under a torque, [n], rad/s² or m/s²."""
     return solve_symmetric(nominal.mass(state.q), tau - nominal.bias(state.q, state.dq))
 
 
 def predicted(
     nominal: AbstractRobot, estimate: Estimate, torques: Float[Array, "m n"], delay: float, period: Scalar
 ) -> tuple[State, State | None]:
-    """The state when this sample's torque sets in, and the one that will be measured next if that is before.
+    """Return the state when this sample's torque sets in, and the next measured state if that is earlier.
 
-    The nominal arm with the estimated push, under one torque after the other that is under way.
+    The nominal arm moves with the estimated disturbance under each pending torque in turn.
 
-    - `nominal`: the robot as the law knows it.
-    - `estimate`: the state that was measured, and the push.
-    - `torques`: commands under way, the oldest first.
+    - `torques`: pending commands, the oldest first.
     - `delay`: age of a measurement when its torque sets in [periods].
     - `period`: [s].
     """
@@ -72,11 +60,11 @@ def predicted(
 
 
 def reference_ahead(now: Reference, following: Reference, dead_time: float, period: Scalar) -> Reference:
-    """What the joints should do a dead time after a sample, and the mean acceleration over the period from there.
+    """Return the desired motion a dead time after a sample, with the mean acceleration over the following period.
 
-    By Taylor's series: off by the third derivative times the cube of the dead time.
+    Taylor series with an error of the order of the third derivative times the cube of the dead time.
 
-    - `now`, `following`: what the joints should do at the sample and one period later.
+    - `now`, `following`: desired motion at the sample and one period later.
     - `dead_time`: [periods].
     - `period`: [s].
     """

@@ -1,4 +1,4 @@
-"""From a law in continuous time to its sampled-data form."""
+"""Make the sampled-data form of a law."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from .law import SampledData
 from .monitor import Monitor
 
 HORIZON = 0.012
-"""The horizon unless another is asked for [s]: at 1 kHz long enough for a period of delay, rate limits and the noise of
-encoders; docs/loop-rate.md shows the trade-off."""
+"""Default horizon [s]: at 1 kHz long enough for one period of delay, rate limits and encoder noise; docs/loop-rate.md
+shows the trade-off."""
 
 
 def sampled_data(
@@ -38,28 +38,28 @@ def sampled_data(
     monitor: Monitor | None = None,
     gate: MeasurementGate | None = None,
 ) -> SampledData:
-    """Any law at the arm's own rate: with an estimator, a prediction over the delay, and the limits of the drives.
+    """Make the sampled-data form of a law: with an estimator, a prediction over the delay, and torque limits.
 
     A law with a surface `s = ė + φ(t, e)` becomes an implicit step over a horizon: a `SlidingMode` (CFTSMPPC, FTSMPPC,
-    FTSMC, SFSMC), a `SlotineLi` or a `SuperTwisting`, with an envelope or without. Any other, such as `ComputedTorque`,
-    is evaluated as it is at the predicted state; the estimator makes it a law with a disturbance observer.
+    FTSMC, SFSMC), a `SlotineLi` or a `SuperTwisting`, with an envelope or without. Any other law, such as
+    `ComputedTorque`, is evaluated at the predicted state; the estimator adds a disturbance observer.
 
     - `law`: the law in continuous time.
     - `period`: h [s].
     - `horizon`: H [s], >= h, of an implicit step; None: 12 ms, but no less than two periods, nor than 1.5 (`delay` + 1)
       of them.
-    - `estimator`: from what is measured to q, q̇ and the unexplained acceleration; None: `Measured.tolerant` with the
+    - `estimator`: from measurements to q, q̇ and the unexplained acceleration; None: `Measured.tolerant` with the
       gain 2 h/H or less, for sensors that give the velocity.
-    - `limits`: of torque and torque rate, as far as they are known; None for none.
-    - `recovery`: what an implicit step does outside the envelope; None: pull back to the drawn one as it is.
+    - `limits`: known limits of torque and torque rate; None for none.
+    - `recovery`: policy of an implicit step outside the envelope; None: pull back to the prescribed envelope.
     - `delay`: age of a measurement when its torque sets in, in periods.
     - `dead_time`: the part of it after the command, in periods.
-    - `slopes`: whether u counts τ1's slopes, as (45) prints it; without them u, and with it the torque, is smaller.
-    - `adaptation`: what is learnt of the arm, such as `JointLearning.of_arm(...)`; None for nothing.
-    - `monitor`: says in every sample whether the envelope's promise still stands; None for nothing.
+    - `slopes`: True if u counts the slopes of τ1, as printed in (45); without them u, and the torque, is smaller.
+    - `adaptation`: adaptation law, such as `JointLearning.of_arm(...)`; None for none.
+    - `monitor`: checks at every sample if the guarantee of the envelope still holds; None for none.
     - `gate`: rejects measurements that the arm cannot have produced; None: the gate for the nominal arm.
 
-    Raises DefinitionError if something does not fit.
+    Raises DefinitionError if an argument does not fit the law.
     """
     period = as_array(period)
     step: AbstractStep = law.implicit_step(recovery, slopes) or ExplicitStep(law)

@@ -1,4 +1,4 @@
-"""Steps: a law in discrete time, evaluated for the state in which its torque will set in."""
+"""Discrete-time steps of laws, evaluated at the predicted state in which the torque sets in."""
 
 from .recovery import Recovery as Recovery
 from .sliding_step import SlidingStep as SlidingStep

@@ -1,4 +1,4 @@
-"""The plan of one horizon: which velocity error leads from here to a place inside the envelope."""
+"""Plan of one horizon: the velocity error that leads to a point inside the envelope."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from slidax.surfaces import AbstractSurface
 from slidax.transformations import Frame
 
 PRECISION = 1e-12
-"""To what residual in the velocity error, rad/s or m/s, the plan is solved; rounding may leave some more."""
+"""rad/s or m/s: residual of the plan in the velocity error, besides rounding."""
 
 ROUNDING = 4e-16
-"""Of a sum, relative to its largest term."""
+"""Rounding error of a sum, relative to its largest term."""
 
 
 class Barrier(eqx.Module):
@@ -31,21 +31,17 @@ class Barrier(eqx.Module):
     horizon: Scalar
 
     def value_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
-        """`f(ε)` and its derivative, [n].
-
-        - `eps`: transformed error [n].
-        """
+        """Return `f(ε)` and its derivative, [n]."""
         place, place_slope = _place_and_slope(self.frame, eps)
         pull, pull_slope = _pull_and_slope(self.surface, eps)
         now, horizon = self.frame.now, self.horizon
         return now * place + horizon * pull, now * place_slope + horizon * pull_slope
 
     def solve(self, target: Vector, guess: Vector, at_guess: tuple[Vector, Vector]) -> Vector:
-        """The ε with `f(ε) = target`, [n].
+        """Return the ε with `f(ε) = target`, [n].
 
         - `target`: y + H s⁺, [n], rad or m.
-        - `guess`: where to begin, [n].
-        - `at_guess`: value and slope there.
+        - `at_guess`: value and slope at the guess.
         """
         size = jnp.abs(target)
         # The pull alone reaches the target there, and both parts have its sign.
@@ -56,7 +52,7 @@ class Barrier(eqx.Module):
 
 
 class Plan(eqx.Module):
-    """Where a plan begins, with the surface at a guess of where it leads.
+    """Start of a plan, with the surface at a guess of its end.
 
     - `barrier`: the equation of the plan.
     - `y`: led error [n], rad or m.
@@ -79,10 +75,7 @@ class Plan(eqx.Module):
 
     @staticmethod
     def near(barrier: Barrier, y: Vector, v: Vector, s: Vector, eps: Vector) -> Plan:
-        """A plan that may lead near a given ε.
-
-        - `barrier`, `y`, `v`, `s`, `eps`: as in the class.
-        """
+        """Return a plan with its surface evaluated at the guess `eps`."""
         frame, horizon = barrier.frame, barrier.horizon
         place, place_slope = _place_and_slope(frame, eps)
         pull, pull_slope = _pull_and_slope(barrier.surface, eps)
@@ -90,13 +83,13 @@ class Plan(eqx.Module):
         return Plan(barrier, y, v, s, eps, place, place_slope, value, slope)
 
     def keeping(self) -> Vector:
-        """The acceleration beyond the reference's that keeps s as it is, by one Newton step: [n], rad/s² or m/s²."""
+        """Acceleration relative to the reference's that keeps s, by one Newton step: [n], rad/s² or m/s²."""
         horizon = self.barrier.horizon
         place = self.place + self.place_slope * (self.y + horizon * self.s - self.value) / self.slope
         return ((self.barrier.frame.ahead * place - self.y) / horizon - self.v) / horizon
 
     def towards(self, s_next: Vector) -> tuple[Vector, Vector]:
-        """The ε that it leads to, [n], and the acceleration beyond the reference's, [n], rad/s² or m/s².
+        """Return the ε at its end, [n], and the acceleration relative to the reference's, [n], rad/s² or m/s².
 
         - `s_next`: the sliding variable s⁺ at its end [n], rad/s or m/s.
         """

@@ -1,4 +1,4 @@
-"""What a law does outside its envelope: it draws a new one around the error, which narrows into the old."""
+"""Recovery outside the envelope: a new envelope around the error narrows into the prescribed one."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from slidax.parts import AbstractPart, Scalar, Vector, parameter
 from slidax.transformations import Frame, Sides
 
 TINY = 1e-30
-"""Keeps the derivative of a square root finite where there are no limits."""
+"""Keeps the derivative of a square root finite without torque limits."""
 
 LOOSE = 4.0
-"""An envelope this many times wider than a new one would be is replaced by that."""
+"""A new envelope replaces one that is wider by this factor."""
 
 
 class Reseat(eqx.Module):
-    """The envelopes that are in force in place of the drawn ones, as excess over the inner radius; all [n].
+    """Envelopes that replace the prescribed ones, as excess over the inner radius; all [n].
 
-    - `until`: when they end [s].
-    - `span`: how long they last [s].
-    - `excess`: by how much they are wider at their start, rad or m.
+    - `until`: end time [s].
+    - `span`: duration [s].
+    - `excess`: excess at their start, rad or m.
     - `outside`: True if the joint was outside at the last sample.
     """
 
@@ -32,10 +32,7 @@ class Reseat(eqx.Module):
     outside: Bool[Array, " n"]
 
     def excess_rate_curvature(self, t: Scalar) -> tuple[Vector, Vector, Vector]:
-        """`X = excess (1 - (t - t_r)/span)³` and its two derivatives, [n]; 0 from `until` on.
-
-        - `t`: time [s].
-        """
+        """Return `X = excess (1 - (t - t_r)/span)³` and its two derivatives, [n]; 0 from `until` on."""
         left = jnp.clip((self.until - t) / self.span, 0.0, 1.0)
         per_second = 1.0 / self.span
         x = self.excess * left
@@ -43,18 +40,18 @@ class Reseat(eqx.Module):
 
 
 class Recovery(AbstractPart):
-    """The policy `recover`: when a joint is outside, `|e| < ϑ ρ(t) + X(t)` takes the place of its drawn envelope.
+    """The policy `recover`: while a joint is outside, `|e| < ϑ ρ(t) + X(t)` replaces its prescribed envelope.
 
-    X begins with `R0 = room (|e| + c |ė| + ė²/(2a))`, so that there is room to brake with the acceleration a that the
-    torque limits leave, and ends after `max(deadline, sqrt(6 R0/(share a)))` as a cubic, whose own curvature asks for
-    no more than `share a`. From then on the drawn envelope is in force again. Where X is four times wider than it would
-    be if it began now, it begins anew.
+    X starts at `R0 = room (|e| + c |ė| + ė²/(2a))`, which leaves the distance to brake with the acceleration a within
+    the torque limits. X is a cubic that ends after `max(deadline, sqrt(6 R0/(share a)))`; its curvature needs no more
+    than `share a`. Then the prescribed envelope is in force again. X starts anew once it is four times wider than a new
+    X would be.
 
-    One sample cannot set X: the first sample outside is answered with the X that it asks for, but X is kept only if the
-    next sample is outside, too.
+    One sample cannot set X: the first sample outside uses its own X, but X stays only if the next sample is outside,
+    too.
     """
 
-    title = "What a law does outside its envelope: it draws a new one around the error, which narrows into the old."
+    title = "Recovery outside the envelope: a new envelope around the error narrows into the prescribed one."
 
     deadline: Scalar = parameter("least time for the way back", "s", "> 0", default=0.3)
     room: Scalar = parameter(
@@ -65,30 +62,25 @@ class Recovery(AbstractPart):
     )
 
     def init(self, t: Scalar, joints: int) -> Reseat:
-        """No envelope but the drawn ones.
-
-        - `t`: time at the start [s].
-        - `joints`: number of joints.
-        """
+        """Return the prescribed envelopes alone, at the start time t [s]."""
         zero = jnp.zeros(joints)
         return Reseat(until=zero + t, span=zero + 1.0, excess=zero, outside=jnp.zeros(joints, bool))
 
     def reseat(
         self, t: Scalar, e: Vector, de: Vector, drawn: Envelope, slowness: Vector, lead: Scalar, now: Reseat
     ) -> tuple[Reseat, Reseat, Bool[Array, " n"]]:
-        """The envelopes in force at this sample, those that are kept for the next, and which of them are new.
+        """Return the envelopes at this sample, those for the next sample, and True for each new one.
 
-        - `t`: time [s].
         - `e`, `de`: error and its rate [n].
-        - `drawn`: the drawn envelope.
-        - `slowness`: 1/a, a the acceleration that the torque limits leave [n], s²/rad or s²/m; 0 without limits.
+        - `drawn`: the prescribed envelope.
+        - `slowness`: 1/a, with the acceleration a within the torque limits [n], s²/rad or s²/m; 0 without limits.
         - `lead`: c [s].
-        - `now`: those in force before.
+        - `now`: the envelopes before this sample.
         """
         inner = jnp.minimum(-drawn.lower, drawn.upper)
         speed = jnp.abs(de)
         needed = self.room * (jnp.abs(e) + lead * speed + 0.5 * de * de * slowness)
-        # A cubic begins with the rate 3 R0/span, which the led radius must not lose more than a quarter to.
+        # A cubic starts with the rate 3 R0/span, which may take no more than a quarter of the led radius.
         span = jnp.maximum(
             jnp.maximum(self.deadline, 12.0 * lead), jnp.sqrt(6.0 * needed * slowness / self.share + TINY)
         )
@@ -98,7 +90,7 @@ class Recovery(AbstractPart):
         active = t < now.until
         in_force = inner + now.excess_rate_curvature(t)[0]
         outside = jnp.where(active, jnp.abs(e) >= in_force, (e <= drawn.lower) | (e >= drawn.upper))
-        # One that was drawn in full flight is far too wide and slow once the joint has been caught.
+        # An envelope from a fast motion is far too wide and slow once the joint has slowed down.
         loose = active & (in_force > LOOSE * jnp.maximum(radius, inner)) & (fresh.until < now.until)
         new = outside | loose
         confirmed = loose | (outside & now.outside)
@@ -106,12 +98,11 @@ class Recovery(AbstractPart):
         return _where(new, fresh, now), Reseat(kept.until, kept.span, kept.excess, outside), new
 
     def frame(self, t: Scalar, lead: Scalar, horizon: Scalar, drawn: Frame, now: Reseat) -> Frame:
-        """The frame of a plan, with the new envelopes where they are in force.
+        """Return the frame of a plan, with new envelopes in place of prescribed ones.
 
-        - `t`: time [s].
         - `lead`, `horizon`: c and H [s].
-        - `drawn`: the frame of the drawn envelope.
-        - `now`: the envelopes in force.
+        - `drawn`: frame of the prescribed envelope.
+        - `now`: the envelopes at this sample.
         """
         if drawn.sides is None:
             return drawn

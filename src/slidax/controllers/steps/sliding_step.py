@@ -1,4 +1,4 @@
-"""The implicit step of a law with a reaching law and a bound: the paper's, and Slotine and Li's."""
+"""Implicit step of laws with a reaching law and a bound: the paper's, and Slotine and Li's."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .surface_step import AbstractSurfaceStep, Reached
 class SlidingStep(AbstractSurfaceStep):
     """`A (s⁺ - s) = -K0 Sig^r(s⁺) - u N(s⁺)`, `A = M0/H`, with (41)-(45): the reaching step, for any reaching law.
 
-    The compensated push is no larger than the one that u covers.
+    The compensated disturbance is at most u.
 
     Signals: `s`, `s_next` (s⁺), `eps1` [n], `u`; with a recovery `reseated` [n], 1 where its envelope is in force.
     """
@@ -32,21 +32,14 @@ class SlidingStep(AbstractSurfaceStep):
         n = self.nominal.joints
         for part in (self.reaching, self.bound):
             require_joints(part, n, type(self.nominal).__name__)
-        # A reaching law that has no implicit step says so now, and not in the middle of a run.
+        # Raises here, and not during a run, if the reaching law has no implicit step.
         shapes = (jax.ShapeDtypeStruct(shape, float) for shape in ((n, n), (n,), ()))
         eqx.filter_eval_shape(self.reaching.implicit, *shapes)
 
     def reach_init(self) -> Memory:
-        """Nothing to keep."""
         return ()
 
     def reach(self, moment: Moment, plan: Plan, memory: Memory) -> Reached:
-        """The reaching law, held to the end of the horizon.
-
-        - `moment`: the arm as it is predicted.
-        - `plan`: where it begins, with s.
-        - `memory`: empty.
-        """
         assert moment.horizon is not None
         feedforward = moment.reference.ddq
         # τ0 + τ1 with the slopes that an implicit step sees.

@@ -1,4 +1,4 @@
-"""What every step is: what it uses, and what it decides."""
+"""Base class of discrete-time steps, with their input and their decision."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from slidax.robots import AbstractRobot
 
 
 class Moment(eqx.Module):
-    """What a step uses: the arm when this sample's torque sets in, as predicted.
+    """Input of a step: the predicted arm when this sample's torque sets in.
 
     - `t`: that time [s].
     - `state`: positions and velocities.
-    - `reference`: what the joints should do, with the mean acceleration over the period from there.
+    - `reference`: desired motion, with the mean acceleration over the following period.
     - `mass`: M0 [n n].
     - `bias`: C0 q̇ + G0 [n], N m or N.
-    - `robot`: the arm that these are of, as it is believed to be.
+    - `robot`: the arm of `mass` and `bias`, with the estimated parameters.
     - `limits`: of torque and torque rate.
     - `period`: h [s].
-    - `horizon`: H [s]; None for a law that decides for one period.
-    - `planned`: whether the last sample was one period ago, and its torque was the wanted one.
-    - `expected`: the velocity that was planned then for now [n], rad/s or m/s.
+    - `horizon`: H [s]; None for a law without a plan.
+    - `planned`: True if the last sample was one period ago, and no limit changed its torque.
+    - `expected`: the velocity that it planned for now [n], rad/s or m/s.
     """
 
     t: Scalar
@@ -45,15 +45,14 @@ class Moment(eqx.Module):
 
 
 class Decision(eqx.Module):
-    """What a step wants, before the estimated push is compensated and the limits are kept.
+    """Result of a step, before the disturbance compensation and the torque limits.
 
     - `tau`: torque [n], N m or N.
     - `acceleration`: of the nominal arm under it [n], rad/s² or m/s².
     - `memory`: after this sample.
     - `signals`: inner quantities by name.
-    - `cover`: the largest push that is compensated, N m; None: as much as the drives can give.
-    - `limited`: the memory where the limits withhold some of the torque: what integrates an error then stands still,
-      since the error is no longer its own; None: as `memory`.
+    - `cover`: largest disturbance that is compensated, N m; None: only the torque limits bound it.
+    - `limited`: the memory if the limits withhold torque, in which integrals of the error stop; None: as `memory`.
     """
 
     tau: Vector
@@ -65,10 +64,10 @@ class Decision(eqx.Module):
 
 
 class AbstractStep(AbstractPart):
-    """A law in discrete time: from the state in which its torque will set in to that torque."""
+    """A law in discrete time: from the predicted state to the torque that sets in there."""
 
     plans: ClassVar[bool]
-    """Whether it plans over a horizon."""
+    """True if it plans over a horizon."""
 
     @property
     @abstractmethod
@@ -77,43 +76,30 @@ class AbstractStep(AbstractPart):
 
     @abstractmethod
     def init(self, t: Scalar, state: State, reference: Reference, period: Scalar, horizon: Scalar | None) -> Memory:
-        """The memory at the start.
+        """Return the memory at the start.
 
         - `t`: time at the start [s].
         - `state`: measured positions and velocities.
-        - `reference`: what the joints should do then.
-        - `period`: h [s].
-        - `horizon`: H [s]; None for a law that decides for one period.
+        - `reference`: desired motion of the joints then.
+        - `period`, `horizon`: h and H [s]; H is None for a law without a plan.
         """
 
     def restarted(self, t: Scalar, memory: Memory) -> Memory:
-        """The memory after a jump of the clock or of the sensor: all that does not depend on the past is kept.
-
-        - `t`: time of the sample that restarts the law [s].
-        - `memory`: what `init` or the last sample returned.
-        """
+        """Return the memory after a jump of the clock or the sensor at time t [s], without dependence on the past."""
         return memory
 
     def recovers(self, t: Scalar, memory: Memory) -> Bool[Array, ""]:
-        """True while a joint is on its way back into its envelope.
-
-        - `t`: time [s].
-        - `memory`: what `init` or the last sample returned.
-        """
+        """True while a joint is on its way back into its envelope."""
         return jnp.zeros((), bool)
 
     @abstractmethod
     def __call__(self, moment: Moment, memory: Memory) -> Decision:
-        """The torque, the motion that it leads to, and the memory.
+        """Return the torque, the resulting acceleration and the memory.
 
-        - `moment`: the arm as it is predicted.
-        - `memory`: what `init` or the last sample returned.
+        - `moment`: the predicted arm.
+        - `memory`: from `init` or the last sample.
         """
 
     @abstractmethod
     def envelope(self, t: Scalar, memory: Memory) -> Envelope | None:
-        """The bounds that the error must keep, or None for a law that promises none.
-
-        - `t`: time [s].
-        - `memory`: what `init` or a sample returned.
-        """
+        """Return the bounds that the error must keep at time t [s]; None for a law without an envelope."""

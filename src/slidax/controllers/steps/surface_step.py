@@ -1,4 +1,4 @@
-"""The implicit step of every law with a surface `s = ė + φ(t, e)`."""
+"""Implicit step of every law with a surface `s = ė + φ(t, e)`."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from .step import AbstractStep, Decision, Moment
 
 
 class Followed(eqx.Module):
-    """What a step with a surface remembers.
+    """Memory of a step with a surface.
 
-    - `sides`: what the transformation keeps.
-    - `s`: sliding variable that is planned for the next sample [n].
-    - `eps`: the transformed error that the next plan may be near [n].
+    - `sides`: memory of the transformation.
+    - `s`: planned sliding variable at the next sample [n].
+    - `eps`: guess of the next plan's transformed error [n].
     - `last_eps`: the last plan's transformed error [n].
-    - `reseat`: envelopes in force in place of the drawn ones; None without a recovery.
-    - `reaching`: what the reaching law keeps.
+    - `reseat`: envelopes that replace the prescribed ones; None without a recovery.
+    - `reaching`: memory of the reaching law.
     """
 
     sides: Memory
@@ -45,8 +45,8 @@ class Reached(eqx.Module):
     """One implicit step of a reaching law.
 
     - `s_next`: the sliding variable s⁺ at the end of the horizon [n], rad/s or m/s.
-    - `memory`: what the reaching law keeps for the next sample.
-    - `cover`: the largest push that it covers, N m; None if it says none.
+    - `memory`: of the reaching law, for the next sample.
+    - `cover`: largest disturbance that it covers, N m; None without a bound.
     - `signals`: inner quantities by name.
     """
 
@@ -57,7 +57,7 @@ class Reached(eqx.Module):
 
 
 class AbstractSurfaceStep(AbstractStep):
-    """The law `s = ė + φ(t, e)` as one implicit Euler step over the horizon H, anew in every period h.
+    """The law `s = ė + φ(t, e)` as one implicit Euler step over the horizon H, repeated in every period h.
 
     With the led error `y = e + c ė`, `c = H - h/2`, its radius `ρ_y = ρ + c ρ̇` and `ρ_a = ρ_y + H ρ̇_y`:
 
@@ -67,7 +67,7 @@ class AbstractSurfaceStep(AbstractStep):
     4. `q̈ = q̈_r + (v⁺ - ė)/H`, `q̈_r = (q̇_d(t + h) - q̇_d(t))/h`.
 
     Without a disturbance y moves to `(1 - h/H) y + (h/H) ρ_a ψ(ε)` in one period, and e to a convex mean of itself and
-    both y: so neither leaves the envelope (docs/sampled-data.md). Each step has exactly one solution for every
+    both y. Neither leaves the envelope (docs/sampled-data.md). Each step has exactly one solution for every
     measurement, inside or outside.
     """
 
@@ -83,31 +83,22 @@ class AbstractSurfaceStep(AbstractStep):
 
     @property
     def robot(self) -> AbstractRobot:
-        """The robot as the law knows it."""
         return self.nominal
 
     @abstractmethod
     def reach_init(self) -> Memory:
-        """What the reaching law keeps at the start."""
+        """Return the reaching law's memory at the start."""
 
     @abstractmethod
     def reach(self, moment: Moment, plan: Plan, memory: Memory) -> Reached:
-        """One implicit step of the reaching law.
+        """Return one implicit step of the reaching law.
 
-        - `moment`: the arm as it is predicted.
-        - `plan`: where it begins, with s.
-        - `memory`: what `reach_init` or the last sample returned.
+        - `moment`: the predicted arm.
+        - `plan`: start of the step, with s.
+        - `memory`: from `reach_init` or the last sample.
         """
 
     def init(self, t: Scalar, state: State, reference: Reference, period: Scalar, horizon: Scalar | None) -> Memory:
-        """What the transformation keeps from the initial error, and no plan yet.
-
-        - `t`: time at the start [s].
-        - `state`: measured positions and velocities.
-        - `reference`: what the joints should do then.
-        - `period`: h [s].
-        - `horizon`: H [s].
-        """
         assert horizon is not None
         lead = horizon - 0.5 * period
         e, de = state.q - reference.q, state.dq - reference.dq
@@ -123,31 +114,17 @@ class AbstractSurfaceStep(AbstractStep):
         )
 
     def restarted(self, t: Scalar, memory: Followed) -> Memory:
-        """No recovery envelope in force; the sides of the drawn envelope stay.
-
-        - `t`: time of the sample that restarts the law [s].
-        - `memory`: what `init` or the last sample returned.
-        """
+        """Reset the recovery; the sides of the prescribed envelope stay."""
         if self.recovery is None:
             return memory
         return eqx.tree_at(lambda kept: kept.reseat, memory, self.recovery.init(t, self.nominal.joints))
 
     def recovers(self, t: Scalar, memory: Followed) -> Bool[Array, ""]:
-        """True while the recovery's envelope is in force for a joint.
-
-        - `t`: time [s].
-        - `memory`: what `init` or the last sample returned.
-        """
         if memory.reseat is None:
             return jnp.zeros((), bool)
         return jnp.any(t < memory.reseat.until)
 
     def __call__(self, moment: Moment, memory: Followed) -> Decision:
-        """The torque, with the plan that led to it in the memory.
-
-        - `moment`: the arm as it is predicted.
-        - `memory`: what `init` or the last sample returned.
-        """
         h, horizon, now, desired = moment.period, moment.horizon, moment.state, moment.reference
         assert horizon is not None
         lead = horizon - 0.5 * h
@@ -165,7 +142,7 @@ class AbstractSurfaceStep(AbstractStep):
                 frame = self.recovery.frame(moment.t, lead, horizon, frame, reseat)
         frame = once(frame)
 
-        # What the last step planned, plus what the velocity missed: the position's slip is not multiplied by φ's slope.
+        # The planned s plus the velocity's deviation, so that φ's slope does not multiply position errors.
         s, eps_guess = jax.lax.cond(
             planned,
             lambda: (memory.s + now.dq - moment.expected, memory.eps),
@@ -179,7 +156,7 @@ class AbstractSurfaceStep(AbstractStep):
         kept = Followed(
             sides=memory.sides,
             s=s + (reached.s_next - s) * (h / horizon),
-            # The line through the last two plans: from there most plans are one Newton step away.
+            # Extrapolation of the last two plans: most plans are one Newton step away from it.
             eps=jnp.where(planned, 2.0 * eps - memory.last_eps, eps),
             last_eps=eps,
             reseat=kept_reseat,
@@ -199,22 +176,18 @@ class AbstractSurfaceStep(AbstractStep):
         )
 
     def envelope(self, t: Scalar, memory: Followed) -> Envelope | None:
-        """The drawn envelope, whichever is in force.
-
-        - `t`: time [s].
-        - `memory`: what `init` or a sample returned.
-        """
+        """Return the prescribed envelope, also during a recovery."""
         return self.transformation.envelope(t, memory.sides)
 
     def _measured(self, frame: Frame, y: Vector, v: Vector, horizon: Scalar) -> tuple[Vector, Vector]:
-        """`s = ė + φ(t, y)` and ε as they are measured, with y held inside the frame."""
+        """`s = ė + φ(t, y)` and ε from the measurement, with y clipped to the frame."""
         eps = frame.transformed(y)
         drift = (frame.now - frame.ahead) / (horizon * frame.now)
         return v + drift * y + self.surface.pull_and_slope(eps)[0], eps
 
 
 def _slowness(moment: Moment) -> Vector:
-    """1/a, with the acceleration a that the limits leave each joint beside the arm's weight and coupled inertia."""
+    """1/a, with the acceleration a of each joint within the limits, for the arm's weight and coupled inertia."""
     limit = moment.limits.torque
     mass: Matrix = jnp.abs(moment.mass)
     return jnp.sum(mass, axis=1) / jnp.maximum(limit - jnp.abs(moment.bias), 0.25 * limit)

@@ -1,4 +1,4 @@
-"""The implicit step of the super-twisting law."""
+"""Implicit step of the super-twisting law."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class TwistingStep(AbstractSurfaceStep):
     """`s⁺ = s + H (v⁺ - k1 sig^½(s⁺))`, `v⁺ = v - H k2 sgn(s⁺)` with the set-valued sign: s⁺ = 0 holds without chatter.
 
     For `|s + H v| <= H² k2` it is `s⁺ = 0`; else the root of s⁺ solves a quadratic equation. In one period v moves by
-    `-h k2 sat((s + H v)/(H² k2))`, and stands still while the limits withhold torque.
+    `-h k2 sat((s + H v)/(H² k2))`, and stops while the limits withhold torque.
     Source: Brogliato, Polyakov and Efimov, The implicit discretization of the supertwisting sliding-mode control
     algorithm, IEEE Transactions on Automatic Control 65, 2020.
 
@@ -26,16 +26,9 @@ class TwistingStep(AbstractSurfaceStep):
     k2: PerJoint = parameter("gain of the integral of its sign", "rad/s³ or m/s³", "> 0")
 
     def reach_init(self) -> Vector:
-        """V = 0, [n]."""
         return jnp.zeros(self.nominal.joints)
 
     def reach(self, moment: Moment, plan: Plan, memory: Vector) -> Reached:
-        """The law, held to the end of the horizon.
-
-        - `moment`: the arm as it is predicted.
-        - `plan`: where it begins, with s.
-        - `memory`: v, [n], rad/s² or m/s².
-        """
         horizon = moment.horizon
         assert horizon is not None
         target = plan.s + horizon * memory
