@@ -1,4 +1,4 @@
-"""Scenarios: a closed loop written down as YAML, validated, and built from the parts of the other rooms."""
+"""Scenarios: a closed loop as a YAML file, validated, and built from parts."""
 
 from .catalogue import catalogue as catalogue
 from .catalogue import explained as explained

@@ -1,4 +1,4 @@
-"""What every part of a scenario file has in common."""
+"""Base class of all descriptions in a scenario file, and their fields."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ def _from_folder(name: str, info: Any) -> str:
 
 
 FileName = Annotated[str, AfterValidator(_from_folder)]
-"""A path, from the folder of the scenario file that it stands in."""
+"""A path relative to the folder of the scenario file."""
 
 CONSTRAINTS = {"exclusiveMinimum": "gt", "minimum": "ge", "exclusiveMaximum": "lt", "maximum": "le"}
-"""What pydantic calls the ends of a range that JSON schema has."""
+"""Pydantic's names of JSON schema keywords for the ends of a range."""
 
 
 class AbstractDescription(BaseModel):
-    """A mapping in a scenario file: immutable, its keys known."""
+    """A mapping in a scenario file: immutable, with known keys."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
@@ -45,63 +45,52 @@ class AbstractDescription(BaseModel):
         return data
 
     def require_joints(self, joints: int) -> None:
-        """Raises a DefinitionError unless each list in it has one entry per joint; not for lists of other things.
-
-        - `joints`: the number of joints.
-        """
+        """Raise DefinitionError unless each list in the description has one entry per joint."""
         for field, value in self:
             if isinstance(value, list) and len(value) != joints:
                 message = f"must be one number or one for {each_of(joints, 'joint')}; got {len(value)}"
                 raise DefinitionError(message, where=field)
 
     def parameters(self) -> dict[str, Any]:
-        """What the described part is made from: the fields that are given, but for the one that names its kind."""
+        """Return the arguments of the described part: all fields with a value, except its kind."""
         return {name: value for name, value in self if name not in ("kind", "name") and value is not None}
 
 
-def described(one: Parameter, *, checked: bool = False, **said: Any) -> Any:
-    """The field of a description for a declared parameter.
+def described(parameter: Parameter, *, checked: bool = False, **changes: Any) -> Any:
+    """Return the field of a description for a declared parameter.
 
-    - `one`: its declaration.
-    - `checked`: whether the file is to refuse what is out of range, where no part does.
-    - `said`: `default` or `source` in place of the declaration's, or `required`.
+    - `checked`: True if the file checks the range, since no part does.
+    - `changes`: `default` or `source` that replace the declaration's, or `required`.
     """
-    default = REQUIRED if said.get("required") else said.get("default", one.default)
-    unit = f" [{one.unit}]" if one.unit else ""
-    # Ends of a range that are numbers, each of a list's too, are for editors; the part itself says the reason.
-    extra = {"unit": one.unit, "range": one.limits, "source": said.get("source", one.source), **one.range.schema()}
-    given: dict[str, Any] = {} if default is REQUIRED else {"default": _plain(default)}
+    default = REQUIRED if changes.get("required") else changes.get("default", parameter.default)
+    limits, bounds = parameter.limits, parameter.range.schema()
+    unit = f" [{parameter.unit}]" if parameter.unit else ""
+    # Editors use the numeric ends of a range; the part itself checks it, with the reason in the message.
+    extra = {"unit": parameter.unit, "range": limits, "source": changes.get("source", parameter.source), **bounds}
+    options: dict[str, Any] = {} if default is REQUIRED else {"default": _plain(default)}
     if checked:
-        given |= {CONSTRAINTS[end]: value for end, value in one.range.schema().items()}
+        options |= {CONSTRAINTS[end]: value for end, value in bounds.items()}
 
-    # A symbol at its beginning stays as it is.
-    word = one.meaning[:2].isascii() and one.meaning[:2].isalpha()
-    meaning = one.meaning[:1].upper() + one.meaning[1:] if word else one.meaning
-    text = f"{meaning}{unit}{f', {one.limits}' if one.limits else ''}."
+    # A symbol at the beginning keeps its case.
+    meaning = parameter.meaning
+    if meaning[:2].isascii() and meaning[:2].isalpha():
+        meaning = meaning[:1].upper() + meaning[1:]
+    text = f"{meaning}{unit}{f', {limits}' if limits else ''}."
     return Field(
-        description=text, json_schema_extra={key: value for key, value in extra.items() if value != ""}, **given
+        description=text, json_schema_extra={key: value for key, value in extra.items() if value != ""}, **options
     )
 
 
-def same(part: type, name: str, **said: Any) -> Any:
-    """The field of a description for a parameter that a part declares.
-
-    - `part`: its class.
-    - `name`: of the parameter.
-    - `said`: as in `described`.
-    """
-    (one,) = (one for one in parameters_of(part) if one.name == name)
-    return described(one, **said)
+def same(part: type, name: str, **changes: Any) -> Any:
+    """Return the field of a description for a parameter of a part's class, with changes as in `described`."""
+    (parameter,) = (parameter for parameter in parameters_of(part) if parameter.name == name)
+    return described(parameter, **changes)
 
 
 def said(meaning: str, unit: str = "", range: str = "", *, default: Any = REQUIRED, source: str = "") -> Any:
-    """The field of a description that no part declares, as `slidax.parts.parameter` declares one of a part.
+    """Declare the field of a description that is no parameter of a part; arguments as of `slidax.parts.parameter`.
 
-    - `meaning`: what it is.
-    - `unit`: of one of its numbers.
-    - `range`: what it may be, checked when the file is read.
-    - `default`: what it is if not given.
-    - `source`: where that comes from.
+    The range is checked when the file is read.
     """
     return described(Parameter("", meaning, unit, Range(range), default=default, source=source), checked=True)
 

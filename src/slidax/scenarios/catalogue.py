@@ -1,4 +1,4 @@
-"""What a scenario file can name, and what each of its parts is made from, read off the descriptions themselves."""
+"""Catalogue of the parts that a scenario file can name, with their parameters."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ KINDS = {
     "trajectories": TrajectoryDescription,
     "disturbances": Term,
 }
-"""Kinds of parts, each with the union of their descriptions."""
+"""Kinds of parts, each with the union of its descriptions."""
 
 BLOCKS: dict[str, type[AbstractDescription]] = {
     "scenario": ScenarioDescription,
@@ -48,44 +48,41 @@ BLOCKS: dict[str, type[AbstractDescription]] = {
     "sampled_data": SampledDataDescription,
     "recovery": RecoveryDescription,
 }
-"""Blocks of a scenario that are of one kind."""
+"""Blocks of a scenario with one kind."""
 
 
 def catalogue() -> dict[str, dict[str, str]]:
-    """Every kind of part with its members: a name and one line each."""
-    found = {kind: {name: _first_line(model) for name, model in members(kind).items()} for kind in KINDS}
-    return {**found, "scenarios": {name: described(name).title for name in names()}}
+    """Return all parts by kind and name, each with one line."""
+    parts = {kind: {name: _first_line(model) for name, model in members(kind).items()} for kind in KINDS}
+    return {**parts, "scenarios": {name: described(name).title for name in names()}}
 
 
 def members(kind: str) -> dict[str, type[AbstractDescription]]:
-    """The descriptions of a kind by their names.
-
-    - `kind`: one of `KINDS`.
-    """
+    """Return the descriptions of one of the `KINDS` by name."""
     return _by_name(KINDS[kind])
 
 
 def explained(name: str) -> dict[str, Any]:
-    """A part's parameters: path, unit, range with its equation, default, the default's source, and meaning.
+    """Return a part's parameters: path, unit, range with its equation, default, the default's source, and meaning.
 
-    - `name`: of a part, as `catalogue` has them, or `kind.name` where several kinds have that name; or of a block of a
-      scenario, such as `sensor`.
+    - `name`: of a part in `catalogue`, or `kind.name` for a name of several kinds; or of a block of a scenario, such as
+      `sensor`.
 
-    Raises DefinitionError if there is none of that name, or there are several.
+    Raises DefinitionError if the name is unknown or ambiguous.
     """
-    kind, _, short = name.rpartition(".")
-    found = {
-        f"{one}.{label}": model
-        for one in KINDS
-        for label, model in members(one).items()
-        if label == short and kind in ("", one)
+    prefix, _, short = name.rpartition(".")
+    matches = {
+        f"{kind}.{label}": model
+        for kind in KINDS
+        for label, model in members(kind).items()
+        if label == short and prefix in ("", kind)
     } | {label: model for label, model in BLOCKS.items() if label == name}
-    if not found:
-        known = [*KINDS, "scenarios", *BLOCKS, *(label for one in KINDS for label in members(one))]
+    if not matches:
+        known = [*KINDS, "scenarios", *BLOCKS, *(label for kind in KINDS for label in members(kind))]
         raise DefinitionError(f"there is nothing called `{plain(name)}`; {nearest(name, known)}")
-    if len(found) > 1:
-        raise DefinitionError(f"`{name}` is the name of several: say {' or '.join(f'`{one}`' for one in found)}")
-    (model,) = found.values()
+    if len(matches) > 1:
+        raise DefinitionError(f"`{name}` is the name of several: say {' or '.join(f'`{match}`' for match in matches)}")
+    (model,) = matches.values()
     return {"name": name, "title": _first_line(model), "parameters": _rows(model, "")}
 
 
@@ -106,8 +103,8 @@ def _rows(model: type[AbstractDescription], path: str) -> list[dict[str, Any]]:
 
 
 def _row(path: str, field: FieldInfo) -> dict[str, Any]:
-    said: Any = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
-    unit, limits = str(said.get("unit", "")), str(said.get("range", ""))
+    extra: Any = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
+    unit, limits = str(extra.get("unit", "")), str(extra.get("range", ""))
     meaning = " ".join((field.description or "").split()).removesuffix(".")
     for suffix in (f", {limits}" if limits else "", f" [{unit}]" if unit else ""):
         meaning = meaning.removesuffix(suffix)
@@ -119,13 +116,13 @@ def _row(path: str, field: FieldInfo) -> dict[str, Any]:
         "range": limits or (f"one of {', '.join(choices)}" if choices else ""),
         "default": default.model_dump() if isinstance(default, AbstractDescription) else default,
         "required": field.is_required(),
-        "source": str(said.get("source", "")),
+        "source": str(extra.get("source", "")),
         "meaning": meaning,
     }
 
 
 def _described(field: FieldInfo) -> type[AbstractDescription] | None:
-    """What is described there, where that is one thing: a block, or the part that a preset has."""
+    """The only description of a field: a block, or the part of a preset; None if there are several."""
     if isinstance(field.annotation, type) and issubclass(field.annotation, AbstractDescription):
         return field.annotation
     preset = [model for model in _models(field) if not model.model_fields["kind"].is_required()]
@@ -140,20 +137,19 @@ def _choices(field: FieldInfo) -> list[str]:
 
 def _models(field: FieldInfo) -> list[type[AbstractDescription]]:
     """The members of a union of kinds."""
-    found = [
-        arg
-        for arg in typing.get_args(field.annotation)
-        if isinstance(arg, type) and issubclass(arg, AbstractDescription)
+    return [
+        model
+        for model in typing.get_args(field.annotation)
+        if isinstance(model, type) and issubclass(model, AbstractDescription) and "kind" in model.model_fields
     ]
-    return [model for model in found if "kind" in model.model_fields]
 
 
 def _by_name(union: Any) -> dict[str, type[AbstractDescription]]:
-    found = {}
+    models = {}
     for model in typing.get_args(typing.get_args(union)[0]):
         field = model.model_fields.get("kind") or model.model_fields["name"]
-        found[typing.get_args(field.annotation)[0]] = model
-    return found
+        models[typing.get_args(field.annotation)[0]] = model
+    return models
 
 
 def _first_line(model: type[AbstractDescription]) -> str:

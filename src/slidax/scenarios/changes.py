@@ -1,4 +1,4 @@
-"""Values that are set in a scenario file before it is validated."""
+"""Changes by dotted path, such as `start.q[elbow]`, before a scenario is validated."""
 
 from __future__ import annotations
 
@@ -13,15 +13,14 @@ from .schemes import PRESETS, owner_of, placed, renamed, switched, with_kinds
 
 
 def changed(data: dict[str, Any], changes: dict[str, Any], folder: Path = Path()) -> dict[str, Any]:
-    """A scenario with other values, each number of its scheme under the part that has it.
+    """Return a scenario with other values, each parameter of its scheme under the part that has it.
 
-    - `data`: the mapping in the file, which stays as it is.
-    - `changes`: values by dotted path. Names and kinds come first, places in lists, such as `start.q[0]`, last: what
-      else is set belongs to what they name. A `kind` that is not the file's own drops what the file says of the other
-      one.
-    - `folder`: from where files that the scenario names are found.
+    - `data`: mapping of the file, which does not change.
+    - `changes`: values by dotted path. Names and kinds are set first, entries of lists, such as `start.q[0]`, last:
+      other values belong to them. A new `kind` drops the parameters of the file's own kind.
+    - `folder`: folder of the files that the scenario names.
 
-    Raises DefinitionError if a path leads nowhere.
+    Raises DefinitionError if a path does not exist.
     """
     data, changes = _with_lists(data), dict(changes)
     if "scheme.name" in changes:
@@ -32,32 +31,32 @@ def changed(data: dict[str, Any], changes: dict[str, Any], folder: Path = Path()
     for path, value in sorted(changes.items(), key=lambda change: (not change[0].endswith(".kind"), "[" in change[0])):
         if "[" in path and not joints:
             joints = joint_names_in(data, folder)
-        _set(data, path_in(data, path, joints), _found_from_here(path, value), len(joints))
+        _set(data, path_in(data, path, joints), _from_here(path, value), len(joints))
     if isinstance(data.get("scheme"), dict):
         data["scheme"] = placed(data["scheme"])
     return data
 
 
 def _with_lists(value: Any) -> Any:
-    """What a description was made of has tuples, whose entries could not be set."""
+    """The data with lists in place of tuples, whose entries could not be set."""
     if isinstance(value, dict):
         return {key: _with_lists(part) for key, part in value.items()}
     return [_with_lists(part) for part in value] if isinstance(value, list | tuple) else value
 
 
-def _found_from_here(path: str, value: Any) -> Any:
-    """A file that is named in a change is found from the current folder, whichever the scenario's is."""
+def _from_here(path: str, value: Any) -> Any:
+    """A file of a change as an absolute path, since it is relative to the current folder, not the scenario's."""
     return str(Path.cwd() / value) if path.endswith(".file") and isinstance(value, str) else value
 
 
 def path_in(data: dict[str, Any], path: str, joints: Sequence[str] = ()) -> str:
-    """The path of a number of the scheme with the part that has it; any other as it is. Places are numbers.
+    """Return a path with indices as numbers; a parameter of the scheme gets the part that has it.
 
-    - `data`: the mapping in the file.
+    - `data`: mapping of the file.
     - `path`: as of `--set`.
-    - `joints`: names of the robot's joints, for places that are given by them.
+    - `joints`: names of the robot's joints, which may be indices.
 
-    Raises DefinitionError if a place is none.
+    Raises DefinitionError if an index does not exist.
     """
     path = without_brackets(path, joints)
     parts = path.split(".")
@@ -99,7 +98,7 @@ def _set(data: dict[str, Any], path: str, value: Any, joints: int) -> None:
 
 
 def _one_per_joint(value: Any, path: str, joints: int) -> Any:
-    """What one number of is set: one number for all joints becomes one for each."""
+    """The value with one number for each joint, so that one of them can be set."""
     if value is None:
         raise DefinitionError(f"`{plain(path)}` is not in the file, so that one of its numbers cannot be set: set all")
     spread = joints and isinstance(value, int | float) and not isinstance(value, bool)

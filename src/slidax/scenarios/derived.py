@@ -1,4 +1,4 @@
-"""Descriptions of parts in a scenario file, derived from the declarations of their parameters."""
+"""Derive descriptions of parts in a scenario file from the declarations of their parameters."""
 
 from __future__ import annotations
 
@@ -20,14 +20,12 @@ from .base import AbstractDescription, Numbers, described
 
 
 class PartDescription(AbstractDescription):
-    """A part by the parameters of its class."""
+    """A part, described by the parameters of its class."""
 
     part: ClassVar[type]
 
     def build(self, **more: Any) -> Any:
-        """The part.
-
-        - `more`: what the file does not say.
+        """Build the part, with more arguments that are not in the file.
 
         Raises DefinitionError, with the path of the field, if it is invalid.
         """
@@ -38,60 +36,52 @@ class PartDescription(AbstractDescription):
 
 
 def built(where: str, value: Any) -> Any:
-    """What a value of a description becomes: a part where it describes one, else itself.
+    """Build the parts in a value of a description; other values stay as they are.
 
-    - `where`: the field, for messages.
-    - `value`: of the field.
+    - `where`: field name for messages.
     """
     if isinstance(value, PartDescription):
         with located(where):
             return value.build()
-    return tuple(built(f"{where}.{i}", one) for i, one in enumerate(value)) if isinstance(value, tuple) else value
+    return tuple(built(f"{where}.{i}", member) for i, member in enumerate(value)) if isinstance(value, tuple) else value
 
 
 @functools.cache
 def description_of(part: type) -> type[PartDescription]:
-    """The description of a part, whose `kind` must be given.
-
-    - `part`: its class.
-    """
+    """Return the description of a part's class, with a required `kind`."""
     kind = kind_of(part)
     return _model(part, part.__name__, {"kind": (Literal[kind], Field(description="Which part it is."))})
 
 
 def preset_of(
-    part: type, owner: str, values: Mapping[str, Any], source: str, found: Mapping[str, str] = {}
+    part: type, owner: str, values: Mapping[str, Any], source: str, computed: Mapping[str, str] = {}
 ) -> type[PartDescription]:
-    """The description of a part of a preset: its kind, and the numbers that the preset has, need not be given.
+    """Return the description of a part of a preset; its kind and the preset's parameter values are defaults.
 
-    - `part`: its class.
-    - `owner`: what the preset is called.
-    - `values`, `source`: its numbers, and where they come from.
-    - `found`: numbers that the scenario finds if they are not given, and from what.
+    - `owner`: name of the preset.
+    - `values`, `source`: the preset's values, and their source.
+    - `computed`: parameters that the scenario computes if the file lacks them, each with the source.
     """
     kind = kind_of(part)
     fields = {"kind": (Literal[kind], Field(default=kind, description="Which part it is."))}
-    return _model(part, f"{owner}.{part.__name__}", fields, values, source, found=found)
+    return _model(part, f"{owner}.{part.__name__}", fields, values, source, computed=computed)
 
 
 def plain_of(part: type, name: str, *, optional: bool = False, doc: str = "") -> type[PartDescription]:
-    """The description of a part that needs no kind.
+    """Return the description of a part without a kind.
 
-    - `part`: its class.
-    - `name`: of the description.
-    - `optional`: whether every parameter may be left out.
-    - `doc`: what it is; as the part says if empty.
+    - `optional`: True to make every parameter optional.
+    - `doc`: docstring; by default the part's title.
     """
-    values = dict.fromkeys((one.name for one in parameters_of(part)), None) if optional else {}
+    values = {parameter.name: None for parameter in parameters_of(part)} if optional else {}
     return _model(part, name, {}, values, doc=doc)
 
 
 def union_of(family: type, *instead: type[AbstractDescription], default: type[PartDescription] | None = None) -> Any:
-    """What a file can name of a family of parts: all that its room exports.
+    """Return the union of the descriptions of all parts of an abstract class that its package exports.
 
-    - `family`: the abstract class.
-    - `instead`: descriptions written by hand, each in place of the part of the same kind.
-    - `default`: the one whose kind need not be given, in place of the plain one.
+    - `instead`: hand-written descriptions, each in place of the part of the same kind.
+    - `default`: the description with a default kind, in place of the derived one.
     """
     room = import_module(family.__module__.rpartition(".")[0])
     listed = {kind: part for kind, part in members_of(room, family).items() if nameable(part, family)}
@@ -102,13 +92,9 @@ def union_of(family: type, *instead: type[AbstractDescription], default: type[Pa
 
 
 def nameable(part: type, family: type) -> bool:
-    """Whether a file can say all that a part needs: numbers, choices, and parts of other families.
-
-    - `part`: its class.
-    - `family`: its own.
-    """
-    fields = [(one, hints_of(part)[one.name]) for one in parameters_of(part)]
-    return all(type_of(one, hint, family) is not None for one, hint in fields if one.required)
+    """True if a file can describe a part of this family: by numbers, choices, and parts of other families."""
+    hints = hints_of(part)
+    return all(type_of(p, hints[p.name], family) is not None for p in parameters_of(part) if p.required)
 
 
 def title_of(part: type) -> str:
@@ -123,20 +109,21 @@ def _model(
     values: Mapping[str, Any] = {},
     source: str = "",
     doc: str = "",
-    found: Mapping[str, str] = {},
+    computed: Mapping[str, str] = {},
 ) -> type[PartDescription]:
     fields = dict(first)
-    for one in parameters_of(part):
-        annotation = type_of(one, hints_of(part)[one.name], part)
+    for parameter in parameters_of(part):
+        key = parameter.name
+        annotation = type_of(parameter, hints_of(part)[key], part)
         if annotation is None:
             continue
-        has = {"default": values[one.name], "source": source} if one.name in values else {}
-        if not has and one.name in found:
-            has = {"default": None, "source": found[one.name]}
-        if has.get("default", one.default) in (None, math.inf):
-            # JSON has no infinity: what is left out takes it.
-            annotation, has = annotation | None, {**has, "default": None}
-        fields[one.name] = (annotation, described(one, **has))
+        changes = {"default": values[key], "source": source} if key in values else {}
+        if not changes and key in computed:
+            changes = {"default": None, "source": computed[key]}
+        if changes.get("default", parameter.default) in (None, math.inf):
+            # JSON has no infinity: null stands for it.
+            annotation, changes = annotation | None, {**changes, "default": None}
+        fields[key] = (annotation, described(parameter, **changes))
     model: type[PartDescription] = create_model(name, __base__=PartDescription, __doc__=doc or title_of(part), **fields)
     model.part = part
     return model
@@ -144,29 +131,26 @@ def _model(
 
 @functools.cache
 def hints_of(part: type) -> dict[str, Any]:
-    """The types of a part's fields.
-
-    - `part`: its class.
-    """
+    """Return the types of a part's fields."""
     return typing.get_type_hints(part)
 
 
-def type_of(one: Parameter, hint: Any, family: type) -> Any:
-    """The type of a field of a description; None for what a file cannot say.
+def type_of(parameter: Parameter, hint: Any, family: type) -> Any:
+    """Return the type of a parameter's field in a description; None if a file cannot describe it.
 
-    - `one`: the parameter.
     - `hint`: its type in the part.
-    - `family`: the part, or its family, of which it cannot itself be made.
+    - `family`: the part, or its family, which it must not contain.
     """
-    if one.shape == "one number":
-        return int if hint is int or one.annotation.startswith("Int[") else float
-    if one.shape == "one number or [n]":
+    shape = parameter.shape
+    if shape == "one number":
+        return int if hint is int or parameter.annotation.startswith("Int[") else float
+    if shape == "one number or [n]":
         return Numbers
-    if one.shape.endswith("a matrix [n n]"):
+    if shape.endswith("a matrix [n n]"):
         return float | list[float] | list[list[float]]
-    if one.shape in ("[n]", "[2]", "[3]", "[k]", "[m]"):
+    if shape in ("[n]", "[2]", "[3]", "[k]", "[m]"):
         return list[float]
-    if one.shape in ("[k n]", "[m n]"):
+    if shape in ("[k n]", "[m n]"):
         return list[list[float]]
     if hint in (bool, str) or typing.get_origin(hint) is Literal:
         return hint

@@ -1,4 +1,4 @@
-"""A scenario file as a whole."""
+"""Description of a scenario: the whole file."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from .tube import ToleranceDescription, tolerance_of
 from .uncertainty.mapping import Uncertainty
 
 OF_THE_LAW = ("scheme", "simulation", "tolerance", "truth", "uncertainty", "title", "source")
-"""Blocks in which nothing can be true without the law knowing it."""
+"""Blocks that the law always knows, so that `truth` cannot change them."""
 
 TOLD = "write it under the scenario's own key"
 
@@ -50,12 +50,7 @@ class StartDescription(AbstractDescription):
     dq: list[float] | None = said("velocities, one per joint", "rad/s or m/s", default=None, source="at rest")
 
     def build(self, joints: int) -> State:
-        """The state.
-
-        - `joints`: the number of joints.
-
-        Raises DefinitionError if there are not as many entries.
-        """
+        """Build the state; raise DefinitionError unless there is one entry for each joint."""
         dq = [0.0] * joints if self.dq is None else self.dq
         for field, values in (("q", self.q), ("dq", dq)):
             if len(values) != joints:
@@ -65,7 +60,7 @@ class StartDescription(AbstractDescription):
 
 
 class SimulationDescription(AbstractDescription):
-    """How time passes."""
+    """Time steps of the simulation, and its checks."""
 
     mode: Literal["continuous", "held"] = "held"
     """`held`: torque held over a period; `continuous`: the law at every stage of the integrator."""
@@ -78,38 +73,38 @@ class SimulationDescription(AbstractDescription):
         "one in how many samples is written to the log; metrics count all", "", "[1, 1e9]", default=10
     )
     outside: Literal["raise", "recover"] = "raise"
-    """What happens at a sample outside the envelope: `raise` ends the run, `recover` counts it and goes on."""
+    """At a sample outside the envelope, `raise` ends the run, and `recover` counts the sample and goes on."""
     limits: Literal["check", "ignore"] = "check"
-    """What happens to a start or a motion beyond the joints' limits: `check` refuses it, `ignore` runs it."""
+    """`check` refuses a start or a motion beyond the joints' limits, `ignore` runs it."""
     plant: Literal["own", "mujoco"] = "own"
-    """What simulates the arm: our own equations, or MuJoCo, in held mode."""
+    """The arm's simulator: our own equations, or MuJoCo, in held mode."""
     friction: Literal["smooth", "dry"] = "smooth"
-    """With MuJoCo's plant: `smooth` as in ours, or `dry`, by which a joint really sticks."""
+    """Friction of MuJoCo's plant: `smooth` as in ours, or `dry`, with which a joint can stick."""
     engine: Literal["auto", "native", "xla", "cuda"] = "auto"
-    """What computes: `native` is machine code of our own, `xla` JAX's compiler; `auto` takes the fastest there is on
-    the processor; `cuda` is the same code on an NVIDIA card, for batches."""
+    """Execution: `native` is our own machine code, `xla` JAX's compiler; `auto` takes the fastest one on the processor;
+    `cuda` is the native code on an NVIDIA card, for batches."""
 
 
 class TableDescription(AbstractDescription):
-    """A level and rigid surface without end, which the tip and what it carries meet."""
+    """A horizontal, rigid and infinite surface, which the tip and its payload can touch."""
 
     height: float = same(Table, "height")
     friction: float = same(Table, "friction")
 
 
 class SurroundingsDescription(AbstractDescription):
-    """What stands around the arm, for a plant that MuJoCo moves."""
+    """Surroundings of the arm, for MuJoCo's plant."""
 
     table: TableDescription | None = None
     """A table."""
 
     def build(self) -> Table | None:
-        """The table, if there is one."""
+        """Build the table, if there is one."""
         return None if self.table is None else Table(as_array(self.table.height), as_array(self.table.friction))
 
 
 def _rated(torque: Array, limits: JointLimits | None, joints: int) -> Array:
-    """The rated torques of the joints: what the scenario says of the drives, else the arm's data sheet."""
+    """Rated torques of the joints: from the scenario's drives, else from the arm's data sheet."""
     rated = jnp.broadcast_to(torque, (joints,))
     return rated if limits is None else jnp.where(jnp.isfinite(rated), rated, limits.torque)
 
@@ -117,8 +112,8 @@ def _rated(torque: Array, limits: JointLimits | None, joints: int) -> Array:
 class Moving(NamedTuple):
     """A closed loop without its law.
 
-    - `arms`: as it is, and as the law knows it.
-    - `drive`: how it is driven, with its limits as numbers.
+    - `arms`: true and nominal arm.
+    - `drive`: drives, with numeric limits.
     - `plant`, `trajectory`, `state0`: as in `simulate`.
     """
 
@@ -133,48 +128,45 @@ class ScenarioDescription(AbstractDescription):
     """One closed loop: the arm, its motion, its disturbance, its controller, and how it is simulated."""
 
     title: str
-    """One line for a person."""
+    """Title of the scenario, in one line."""
     source: str = ""
-    """Where the numbers come from."""
+    """Source of the numbers."""
     robot: RobotDescription
-    """The arm that moves, and the arm as the law knows it."""
+    """The true arm, and the arm that the law knows."""
     trajectory: TrajectoryDescription
-    """What the joints should do."""
+    """Desired motion of the joints."""
     disturbance: DisturbanceDescription = DisturbanceDescription()
-    """What pushes the joints from outside."""
+    """Disturbance of the joints from outside."""
     sensor: SensorDescription = SensorDescription()
-    """What the law measures of the state; all of it, at once, if not given."""
+    """Measurement of the state; by default exact and without delay."""
     surroundings: SurroundingsDescription = SurroundingsDescription()
-    """What stands around the arm; nothing if not given."""
+    """Surroundings of the arm; by default none."""
     actuator: ActuatorDescription = ActuatorDescription()
-    """How the drives deliver the torque; unchanged and at once if not given."""
+    """Drives; by default they deliver each torque exactly and without delay."""
     start: StartDescription
     """The state at t = 0."""
     scheme: AnyScheme
     """The control scheme."""
     simulation: SimulationDescription
-    """How time passes."""
+    """Time steps of the simulation, and its checks."""
     tolerance: ToleranceDescription | None = None
-    """What a run is judged by, whatever its scheme promises; nothing if not given."""
+    """Tolerance band of a run, independent of the scheme's envelope; by default none."""
 
     truth: dict[str, Any] = Field(default={})
-    """What is otherwise than the rest of the file says, by path, unknown to the law, as in one case of a study."""
+    """True values by path that differ from the file and are unknown to the law, as in one case of a study."""
     uncertainty: Uncertainty = Field(default={})
-    """What is not known: a set of values by path. Studies draw from it; one run takes the file's own numbers."""
+    """Uncertainty: a set of values by path. Studies draw from it; one run takes the file's own numbers."""
 
     def build(self, name: str) -> Scenario:
-        """The scenario with all its parts; its law knows nothing of `truth`.
-
-        - `name`: what to call it.
+        """Build the scenario with all its parts; its law does not know `truth`.
 
         Raises DefinitionError, with the path of the field, if a part is invalid.
         """
-        believed = self.moving()
-        actual = believed
+        nominal = actual = self.moving()
         if self.truth:
-            changed_so = self.as_it_is()
+            description = self.as_it_is()
             with located("truth"):
-                actual = changed_so.moving()
+                actual = description.moving()
         simulation = self.simulation
         return Scenario(
             name=name,
@@ -182,7 +174,7 @@ class ScenarioDescription(AbstractDescription):
             scheme=self.scheme.name,
             description=self,
             plant=actual.plant,
-            controller=self.law(believed),
+            controller=self.law(nominal),
             trajectory=actual.trajectory,
             state0=actual.state0,
             t1=simulation.t1,
@@ -196,13 +188,13 @@ class ScenarioDescription(AbstractDescription):
                 engine=simulation.engine,
             ),
             log_every=simulation.log_every,
-            tolerance=tolerance_of(self.tolerance, believed.arms.true),
+            tolerance=tolerance_of(self.tolerance, nominal.arms.true),
         )
 
     def as_it_is(self) -> ScenarioDescription:
-        """The same with what `truth` says in its place.
+        """Return the description with the values of `truth`.
 
-        Raises DefinitionError if that is invalid.
+        Raises DefinitionError if one of them is invalid.
         """
         if not self.truth:
             return self
@@ -226,7 +218,7 @@ class ScenarioDescription(AbstractDescription):
         return Timing(self.simulation.period, self.sensor.delay, self.actuator.dead_time)
 
     def moving(self) -> Moving:
-        """All but the law.
+        """Build all parts except the law.
 
         Raises DefinitionError, with the path of the field, if a part is invalid.
         """
@@ -253,9 +245,7 @@ class ScenarioDescription(AbstractDescription):
         return Moving(arms, drive, plant, trajectory, state0)
 
     def law(self, moving: Moving) -> AbstractController:
-        """The law, made for what it is told of the rest.
-
-        - `moving`: the rest.
+        """Build the law for a closed loop without its law.
 
         Raises DefinitionError, with the path of the field, if it is invalid.
         """
@@ -265,9 +255,9 @@ class ScenarioDescription(AbstractDescription):
             sampled = self.scheme.sampled_data is not None
             find = partial(default_bound, true, nominal, arms.load, drive.limits(), sampled=sampled)
             scheme = self.scheme.with_bound(find).with_limit(drive.limits().torque)
-            given = getattr(self.scheme, "bound", None)
-            if given is not None and all(value is not None for _, value in given):
-                warn_of_another_arms(dict(given), state0, drive.limits(), find)
+            bound = getattr(self.scheme, "bound", None)
+            if bound is not None and all(value is not None for _, value in bound):
+                warn_of_another_arms(dict(bound), state0, drive.limits(), find)
             controller: AbstractController = scheme.build(nominal=nominal)
             if self.scheme.sampled_data is not None:
                 sampling = Sampling(

@@ -17,14 +17,14 @@ else:
 
 
 class DisturbanceDescription(AbstractDescription):
-    """The disturbance: what pushes the joints from outside: the sum of the terms, times the scale."""
+    """The disturbance from outside: the sum of the terms, times the scale."""
 
     scale: float = said("factor on all terms; 0 switches the disturbance off", default=1.0)
     terms: tuple[Term, ...] = ()
-    """What adds up."""
+    """Terms of the sum."""
 
     def build(self) -> AbstractDisturbance:
-        """The disturbance."""
+        """Build the disturbance."""
         built = []
         for number, term in enumerate(self.terms):
             with located(f"terms.{number}"):

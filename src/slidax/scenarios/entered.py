@@ -1,4 +1,4 @@
-"""Scenarios with a scheme that is not of this package."""
+"""Scenarios with a scheme from outside this package."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from .schemes import described_scheme
 
 
 def with_scheme(name: str, scheme: Preset | type[AbstractController]) -> type[ScenarioDescription]:
-    """The form of scenarios that have one scheme, from wherever it is.
+    """Return the description of scenarios with one external scheme.
 
-    - `name`: what to call it; `scheme.name` in the scenario.
-    - `scheme`: a preset, or the class of a law that a nominal arm and numbers make.
+    - `name`: its name, `scheme.name` in the scenario.
+    - `scheme`: a preset, or the class of a law with a nominal arm and numeric parameters.
     """
     preset = scheme if isinstance(scheme, Preset) else Preset(scheme, (scheme.__doc__ or name).strip())
     return create_model(

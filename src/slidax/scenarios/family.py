@@ -1,4 +1,4 @@
-"""Scenarios that differ in some numbers: what a study is about."""
+"""Families of scenarios: all that a file and its uncertainty sets allow."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ from .uncertainty.sets import Inside
 from .uncertainty.space import as_changes
 
 UNTRACEABLE = (TypeError, ValueError, AttributeError, DefinitionError)
-"""What Python raises where an array is used that is not known yet."""
+"""Errors from the use of a traced array."""
 
 
 @dataclass(frozen=True, eq=False)
 class Family:
     """All scenarios that a file and sets of values allow.
 
-    - `base`: the file's own.
-    - `uncertain`: what is otherwise than the law is told.
-    - `varied`: what the law is told, too, as by `--set`.
+    - `base`: the file's own scenario.
+    - `uncertain`: values that the law does not know.
+    - `varied`: values that the law knows, as of `--set`.
     """
 
     base: ScenarioDescription
@@ -48,45 +48,42 @@ class Family:
         uncertain: Mapping[str, AbstractSet] | None = None,
         varied: Mapping[str, AbstractSet] = {},
     ) -> Family:
-        """The family of a scenario.
+        """Return the family of a scenario.
 
-        - `base`: the scenario.
-        - `uncertain`: sets by path; those of the scenario if not given.
-        - `varied`: sets of what the law is told, too.
+        - `uncertain`: sets by path; by default those of the scenario.
+        - `varied`: sets of values that the law knows.
 
-        Raises DefinitionError if a path leads nowhere, a set is empty, or a value is out of its range.
+        Raises DefinitionError if a path does not exist, a set is empty, or a value is out of its range.
         """
         resolved = base.model_copy(update={"robot": base.robot.resolved()})
-        found = {}
+        spaces = {}
         for where, sets in (
             ("uncertainty", base.uncertainty if uncertain is None else uncertain),
             ("varied", varied),
         ):
             with located(where):
-                found[where] = _space(resolved, sets, law=where == "varied")
-        both = [path for path in found["uncertainty"].sets if path in found["varied"].sets]
+                spaces[where] = _space(resolved, sets, law=where == "varied")
+        both = [path for path in spaces["uncertainty"].sets if path in spaces["varied"].sets]
         if both:
             raise DefinitionError("is uncertain and varied at once; leave one out", where=f"uncertainty.{both[0]}")
-        family = cls(resolved, found["uncertainty"], found["varied"])
+        family = cls(resolved, spaces["uncertainty"], spaces["varied"])
         family.require_valid()
         return family
 
     @cached_property
     def space(self) -> Space:
-        """Both spaces as one: what is uncertain first."""
+        """Both spaces as one, the uncertain values first."""
         return Space({**self.uncertain.leaves, **self.varied.leaves}, {**self.uncertain.sets, **self.varied.sets})
 
     @cached_property
     def joint_names(self) -> tuple[str, ...]:
-        """The names of the robot's joints."""
+        """Names of the robot's joints."""
         return _joints(self.base)
 
     def label(self, column: str) -> str:
-        """A column of a study's table for a person: a joint by its name, any other place by its number from 0.
+        """Return the label of a study's column, such as `start.q[3]` or `start.q.3`, with joints by name.
 
-        - `column`: such as `start.q[3]`, or a path such as `start.q.3`.
-
-        `--set` takes what it returns.
+        `--set` accepts these labels.
         """
         path, _, places = column.partition("[")
         leaf = self.space.leaves[path]
@@ -98,7 +95,7 @@ class Family:
         return column
 
     def require_valid(self) -> None:
-        """Raises DefinitionError, with the path, if a scenario at an end of the sets is invalid."""
+        """Raise DefinitionError, with the path, if a scenario at an end of the sets is invalid."""
         for where, space in (("uncertainty", self.uncertain), ("varied", self.varied)):
             with located(where):
                 ends = space.ends() if space.sets else []
@@ -116,47 +113,40 @@ class Family:
             case.as_it_is().moving()
 
     def _blamed(self, where: str, space: Space, values: Mapping[str, Any], error: DefinitionError) -> DefinitionError:
-        """The same mistake with the path of the set that makes it by itself, if one does."""
+        """The error with the path of the set that causes it alone, if there is one."""
         for path, value in values.items():
             try:
                 self._require_buildable({path: value}, space)
-            except DefinitionError as found:
-                return DefinitionError(found.message, where=f"{where}.{path}")
+            except DefinitionError as single:
+                return DefinitionError(single.message, where=f"{where}.{path}")
         return DefinitionError(f"some of its values do not go together: {error}", where=where)
 
     def case(self, values: Mapping[str, Any]) -> ScenarioDescription:
-        """The scenario with these values, which a file can hold.
-
-        - `values`: by path; what is not given is the scenario's own.
+        """Return the scenario with other values by path, as a file can describe it.
 
         Raises DefinitionError if one is invalid.
         """
-        given = as_changes(values)
-        told = {path: value for path, value in given.items() if path in self.varied.sets}
-        true = {path: value for path, value in given.items() if path in self.uncertain.sets}
+        changes = as_changes(values)
+        known = {path: value for path, value in changes.items() if path in self.varied.sets}
+        true = {path: value for path, value in changes.items() if path in self.uncertain.sets}
         data = self.base.model_dump(exclude_unset=True, exclude={"uncertainty"})
         data["truth"] = {**self.base.truth, **true}
-        return validated(data, told, form=type(self.base))
+        return validated(data, known, form=type(self.base))
 
     def scenario(self, values: Mapping[str, Any], name: str) -> Scenario:
-        """The same, built.
-
-        - `values`: as in `case`.
-        - `name`: what to call it.
-        """
+        """Build the scenario of `case`."""
         return self.case(values).build(name)
 
     def parts(self, template: Templates, values: Mapping[str, Any]) -> Parts:
-        """The parts of the loop with these values, which may be traced and are not checked.
+        """Return the parts of the loop with other values by path, which may be traced and are not checked.
 
         - `template`: has all other values.
-        - `values`: by path.
         """
-        told = {path: value for path, value in values.items() if path in self.varied.sets}
+        known = {path: value for path, value in values.items() if path in self.varied.sets}
         controller = template.controller
-        if told:
-            believed = with_values(template.believed, told)
-            controller = believed.law(believed.moving())
+        if known:
+            nominal = with_values(template.believed, known)
+            controller = nominal.law(nominal.moving())
         actual: Moving = with_values(template.actual, values).moving()
         if isinstance(actual.plant, MujocoPlant):
             raise DefinitionError("MuJoCo moves one arm at a time")
@@ -165,33 +155,28 @@ class Family:
         return parts if tolerance is None else (*parts, tolerance)
 
     def traceable(self, template: Templates, values: Mapping[str, Array]) -> dict[str, bool]:
-        """Which paths lead to arrays of the loop, so that many values of them go through one compiled loop.
+        """Return True for each path to an array of the loop, so that one compiled loop runs all its values.
 
-        - `template`: of one case.
-        - `values`: some of each path, with the row first.
+        - `values`: some values for each path, with the row first.
         """
         known: Any = jax.tree.structure((self.parts(template, {}),))
-        found = {}
+        traceable = {}
         for path, some in values.items():
 
             def probe(value: Any, path: str = path) -> Any:
-                made = jax.tree.structure((self.parts(template, {path: value}),))
-                if made != known:
+                if jax.tree.structure((self.parts(template, {path: value}),)) != known:
                     raise TypeError("what is compiled depends on it")
                 return 0
 
             try:
                 jax.vmap(probe)(some)
-                found[path] = True
+                traceable[path] = True
             except UNTRACEABLE:
-                found[path] = False
-        return found
+                traceable[path] = False
+        return traceable
 
     def templates(self, values: Mapping[str, Any]) -> Templates:
-        """A case in which every path leads somewhere.
-
-        - `values`: of all paths, of one case.
-        """
+        """Return a case in which every path exists, from one value for each path."""
         case = self.case(values)
         built = case.build("template")
         return Templates(case, case.as_it_is(), built)
@@ -201,9 +186,9 @@ class Family:
 class Templates:
     """One case of a family.
 
-    - `believed`: as the law is told.
-    - `actual`: as it is.
-    - `built`: both.
+    - `believed`: the description that the law knows.
+    - `actual`: the true description.
+    - `built`: the scenario of both.
     """
 
     believed: ScenarioDescription
@@ -212,43 +197,40 @@ class Templates:
 
     @property
     def controller(self) -> AbstractController:
-        """Its law."""
+        """The law."""
         return self.built.controller
 
     def with_engine(self, engine: str) -> Templates:
-        """The same, run by another engine.
-
-        - `engine`: as in `simulate`.
-        """
+        """Return the templates with another engine, as in `simulate`."""
         return replace(self, built=self.built.replace(engine=engine))
 
 
 def _space(base: ScenarioDescription, sets: Mapping[str, AbstractSet], *, law: bool) -> Space:
-    """The sets by the paths of their numbers, with the numbers."""
+    """The space of the sets, with the full paths of their numbers."""
     data = base.model_dump(exclude_unset=True, exclude={"truth", "uncertainty"})
     own = base if law else base.as_it_is()
     placed: dict[str, AbstractSet] = {}
     joints = _joints(own)
-    for path, one in sets.items():
+    for path, values in sets.items():
         with located(path):
-            full = "start.q" if path == "start" and isinstance(one, Inside) else path_in(data, path, joints)
-        if isinstance(one, Inside) and full != "start.q":
+            full = "start.q" if path == "start" and isinstance(values, Inside) else path_in(data, path, joints)
+        if isinstance(values, Inside) and full != "start.q":
             raise DefinitionError("`inside` is for `start`", where=path)
         if not law and full.split(".")[0] in OF_THE_LAW:
             raise DefinitionError(f"is what the law is told, or how time passes, not what is true: {TOLD}", where=path)
         if full in placed:
             raise DefinitionError("is given twice", where=path)
-        placed[full] = one
+        placed[full] = values
     leaves: dict[str, Leaf] = {}
-    for path, one in placed.items():
+    for path, values in placed.items():
         with located(path):
-            leaves[path] = _leaf(own, path, one, len(joints))
+            leaves[path] = _leaf(own, path, values, len(joints))
     return Space(leaves, placed)
 
 
-def _leaf(own: ScenarioDescription, path: str, one: AbstractSet, joints: int) -> Leaf:
-    """What the file does not have gets its form from the set."""
-    example = one.example
+def _leaf(own: ScenarioDescription, path: str, values: AbstractSet, joints: int) -> Leaf:
+    """The number at a path; its form comes from the set if the file does not have it."""
+    example = values.example
     try:
         leaf = leaf_of(own, path, joints)
     except DefinitionError:
@@ -261,13 +243,13 @@ def _leaf(own: ScenarioDescription, path: str, one: AbstractSet, joints: int) ->
     if leaf.own is None and example is not None:
         leaf = _written(own, path, example, joints) or leaf
     if leaf.per_joint and leaf.shape == () and np.ndim(example):
-        # One number in the file, and one for each joint in the set.
+        # The file has one number, the set one for each joint.
         leaf = replace(leaf, own=np.asarray(example, float))
-    return replace(leaf, envelope=lambda: _start_of(own)) if isinstance(one, Inside) else leaf
+    return replace(leaf, envelope=lambda: _start_of(own)) if isinstance(values, Inside) else leaf
 
 
 def _written(own: ScenarioDescription, path: str, example: Any, joints: int) -> Leaf | None:
-    """The number as it is once a value is written there; None if it cannot be."""
+    """The number at a path after the example is set there; None if this is invalid."""
     data = own.model_dump(exclude_unset=True, exclude={"truth", "uncertainty"})
     try:
         there = leaf_of(validated(data, {path: example}, form=type(own)), path, joints)
@@ -283,16 +265,16 @@ def _joints(base: ScenarioDescription) -> tuple[str, ...]:
 
 
 def _start_of(own: ScenarioDescription) -> tuple[Array, Array]:
-    """The lowest and highest positions at t = 0 that are inside the envelope, or the tolerance band if there is one."""
-    made = own.build("start")
+    """Lowest and highest positions at t = 0 inside the tolerance band, or without one inside the envelope."""
+    scenario = own.build("start")
     t = jax.numpy.zeros(())
-    reference = made.trajectory.reference(t)
+    reference = scenario.trajectory.reference(t)
     state = State(q=reference.q, dq=reference.dq)
     envelope: Envelope | None
-    if made.tolerance is not None:
-        envelope = made.tolerance.envelope(t, made.tolerance.init(t, jax.numpy.zeros_like(reference.q)))
+    if scenario.tolerance is not None:
+        envelope = scenario.tolerance.envelope(t, scenario.tolerance.init(t, jax.numpy.zeros_like(reference.q)))
     else:
-        envelope = made.controller.envelope(t, made.controller.init(t, state, reference))
+        envelope = scenario.controller.envelope(t, scenario.controller.init(t, state, reference))
     if envelope is None:
         raise DefinitionError("the scheme draws no envelope: write `start.q: {around: 0.1}`")
     q = np.asarray(reference.q)

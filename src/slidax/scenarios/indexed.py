@@ -1,4 +1,4 @@
-"""Paths with places in brackets, such as `start.q[2]` and `start.q[elbow]`."""
+"""Paths with indices in brackets, such as `start.q[2]` and `start.q[elbow]`."""
 
 from __future__ import annotations
 
@@ -19,19 +19,18 @@ BRACKETS = re.compile(r"\[([^\[\]]*)\]")
 
 
 def without_brackets(path: str, joints: Sequence[str] = ()) -> str:
-    """A path with its places as numbers after dots: `start.q[2]` is `start.q.2`, `cost[0,1]` is `cost.0.1`.
+    """Return a path with its indices after dots: `start.q[2]` is `start.q.2`, `cost[0,1]` is `cost.0.1`.
 
-    - `path`: dotted.
-    - `joints`: names of the robot's joints, each of which may stand for its number, counted from 0.
+    - `joints`: names of the robot's joints, which may be indices.
 
-    Raises DefinitionError if a name is none of a joint.
+    Raises DefinitionError if an index is no joint's name.
     """
     whole = BRACKETS.sub("", path)
     if "[" in whole or "]" in whole or path.startswith("["):
         raise DefinitionError(f"`{plain(path)}` is no path: a place in a list has the form NAME[0] or NAME[JOINT]")
 
-    def dotted(found: re.Match[str]) -> str:
-        words = found[1].strip()
+    def dotted(match: re.Match[str]) -> str:
+        words = match[1].strip()
         if re.fullmatch(r"\d+(\s*,\s*\d+)*", words):
             return "".join(f".{place.strip()}" for place in words.split(","))
         place = matched(joints, [words]).get(words)
@@ -46,10 +45,10 @@ def without_brackets(path: str, joints: Sequence[str] = ()) -> str:
 
 
 def joint_names_in(data: Mapping[str, Any], folder: Path) -> tuple[str, ...]:
-    """The names of the joints of a scenario's robot.
+    """Return the joint names of a scenario's robot.
 
-    - `data`: the mapping in the file.
-    - `folder`: from where files that it names are found.
+    - `data`: mapping of the file.
+    - `folder`: folder of the files that it names.
 
     Raises DefinitionError if the robot is invalid.
     """

@@ -24,26 +24,26 @@ else:
     InstrumentDescription = union_of(AbstractSensor)
 
 OF_ENCODERS = ("resolution", "position_noise", "velocity", "velocity_noise", "cutoff")
-"""What describes the encoders, where no other instrument is named."""
+"""Fields of the encoders, which exclude another instrument."""
 
 
 class OutageDescription(AbstractDescription):
-    """Samples that are lost in a row."""
+    """Consecutive lost samples."""
 
     start: float = said("time of the first", "s", ">= 0")
     samples: int = said("how many", "", "[0, 1e9]")
 
 
 class LossDescription(AbstractDescription):
-    """Samples that do not arrive; the last torque is held."""
+    """Lost samples, during which the last torque is held."""
 
     probability: float = same(Lossy, "probability")
     outages: tuple[OutageDescription, ...] = ()
-    """Those that are lost for certain."""
+    """Outages, in which all samples are lost."""
 
 
 class SensorDescription(AbstractDescription):
-    """What a law measures of the state."""
+    """Measurement of the state."""
 
     resolution: Numbers = same(Encoders, "resolution", default=0.0)
     position_noise: Numbers = same(Encoders, "position_noise")
@@ -56,22 +56,21 @@ class SensorDescription(AbstractDescription):
     delay: float = said("age of a measurement when it arrives, whole or not", "periods", "[0, 100]", default=0.0)
     jitter: float = said("width of the spread of that age", "periods", "[0, 100]", default=0.0)
     loss: LossDescription = LossDescription()
-    """Samples that do not arrive."""
+    """Lost samples."""
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
-    """Another seed gives other noise."""
+    """Seed of the noise."""
 
     def build(self, period: float, joints: int) -> AbstractSensor | None:
-        """The sensor; None if it is perfect.
+        """Build the sensor; None if it is perfect.
 
         - `period`: time between samples [s].
-        - `joints`: how many are measured.
 
         Raises DefinitionError if a list has another length, or a number is out of its range.
         """
         self.require_joints(joints)
         resolution, position_noise = as_array(self.resolution), as_array(self.position_noise)
         velocity_noise = as_array(self.velocity_noise)
-        # A seed that varies is an array by then.
+        # In a study the seed may be an array.
         seed = self.seed if isinstance(self.seed, jax.Array) else jax.device_put(np.asarray(self.seed))
         sensor: AbstractSensor = Exact()
         if self.instrument is not None:
@@ -94,7 +93,7 @@ class SensorDescription(AbstractDescription):
             sensor = Delayed(sensor, self.delay, self.jitter, seed)
         if self.loss.probability or self.loss.outages:
             with located("loss"):
-                # What begins after any run is never lost.
+                # Bounded, since an outage may start after the end of any run.
                 starts = [round(min(outage.start / period, 2.0**53)) for outage in self.loss.outages]
                 counts = [outage.samples for outage in self.loss.outages]
                 first, count = (jax.device_put(np.asarray(numbers, int)) for numbers in (starts, counts))
@@ -103,19 +102,19 @@ class SensorDescription(AbstractDescription):
 
     @property
     def has_velocity(self) -> bool:
-        """Whether velocities are measured, rather than found from positions."""
+        """True if velocities are measured, and not computed from positions."""
         other = self.instrument
         return self.velocity == "measured" if other is None else not issubclass(other.part, DifferencedEncoders)
 
     def variance(self) -> Array:
-        """The variance of a measured position, one number or [n], rad² or m²."""
-        of = self if self.instrument is None else self.instrument
-        rounding, noise = (as_array(getattr(of, name, 0.0)) for name in ("resolution", "position_noise"))
+        """Return the variance of a measured position, one number or [n], rad² or m²."""
+        sensor = self if self.instrument is None else self.instrument
+        rounding, noise = (as_array(getattr(sensor, name, 0.0)) for name in ("resolution", "position_noise"))
         return _variance(rounding, noise)
 
 
 class ActuatorDescription(AbstractDescription):
-    """How the drives deliver a commanded torque."""
+    """Drives, which deliver a commanded torque."""
 
     torque: Numbers | Literal["robot"] | None = said(
         "largest torque; `robot`: as its data sheet says", "N m or N", default=None, source="no limit"
@@ -127,13 +126,11 @@ class ActuatorDescription(AbstractDescription):
     dead_time: float = said("between a command and its torque, whole or not", "periods", "[0, 100]", default=0.0)
 
     def of_robot(self, limits: JointLimits | None) -> ActuatorDescription:
-        """The same with the robot's own limits where they are asked for.
+        """Return the description with the robot's numbers in place of `robot`.
 
-        - `limits`: the robot's, if it has any.
-
-        Raises DefinitionError if it has none.
+        Raises DefinitionError if the robot has no such limits.
         """
-        found = {}
+        numeric = {}
         for field, name in (("torque", "torque"), ("rate", "torque_rate")):
             if getattr(self, field) != "robot":
                 continue
@@ -144,18 +141,16 @@ class ActuatorDescription(AbstractDescription):
                     f"the robot's description has no such limit; write numbers, such as {write}, or leave it out",
                     where=field,
                 )
-            found[field] = numbers.tolist()
-        return self.model_copy(update=found)
+            numeric[field] = numbers.tolist()
+        return self.model_copy(update=numeric)
 
     def limits(self) -> TorqueLimits:
-        """The limits of torque and torque rate, once those of the robot are known."""
-        given = {"torque": self.torque, "rate": self.rate}
-        return TorqueLimits(**{name: as_array(value) for name, value in given.items() if value is not None})
+        """Return the numeric limits of torque and torque rate."""
+        limits = {"torque": self.torque, "rate": self.rate}
+        return TorqueLimits(**{name: as_array(value) for name, value in limits.items() if value is not None})
 
     def build(self, joints: int) -> Actuator | None:
-        """The actuator; None if it is perfect.
-
-        - `joints`: how many are driven.
+        """Build the actuator; None if it is perfect.
 
         Raises DefinitionError if a list has another length, or a number is out of its range.
         """

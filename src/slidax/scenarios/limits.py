@@ -1,4 +1,4 @@
-"""The limits of a motion in a scenario file: numbers, or the robot's own."""
+"""Limits of a motion in a scenario file: numbers, or the robot's own."""
 
 from __future__ import annotations
 
@@ -18,32 +18,28 @@ Limit = Annotated[float | list[float] | Literal["robot"], Field(union_mode="left
 
 
 class TrajectoryPart(AbstractDescription):
-    """What the joints should do."""
+    """Desired motion of the joints."""
 
     def build(self, limits: JointLimits | None = None) -> AbstractTrajectory:
-        """The trajectory.
+        """Build the trajectory.
 
-        - `limits`: those of the robot, for a field that says `robot`; None if it has none.
+        - `limits`: limits of the robot for fields with the value `robot`; None if it has none.
 
-        Raises DefinitionError if it makes no sense.
+        Raises DefinitionError if the description is invalid.
         """
         raise NotImplementedError
 
 
-def limits_said(described: TrajectoryPart, limits: JointLimits | None, *fields: str) -> dict[str, Any]:
-    """The fields that say `robot`, with the robot's numbers.
+def robot_limits(described: TrajectoryPart, limits: JointLimits | None, *fields: str) -> dict[str, Any]:
+    """Return the robot's numbers for each of the fields with the value `robot`.
 
-    - `described`: whose fields they are.
-    - `limits`: of the robot; None if it has none.
-    - `fields`: their names.
-
-    Raises DefinitionError if a field says `robot` and the robot has no limits.
+    Raises DefinitionError if the robot has no limits.
     """
-    said: dict[str, Any] = {}
+    numbers: dict[str, Any] = {}
     for field in fields:
         if getattr(described, field) == "robot":
             with located(field):
                 if limits is None:
                     raise DefinitionError("says `robot`, but this robot has no limits of its own: give numbers")
-                said[field] = np.asarray(getattr(limits, field))
-    return said
+                numbers[field] = np.asarray(getattr(limits, field))
+    return numbers

@@ -1,4 +1,4 @@
-"""What an arm's links weigh, in a scenario file."""
+"""Inertial parameters of an arm's links in a scenario file."""
 
 from __future__ import annotations
 
@@ -19,11 +19,9 @@ Six = Annotated[list[float], Field(min_length=6, max_length=6)]
 
 
 def inertia_of(entries: list[float]) -> np.ndarray:
-    """The inertia whose entries are listed, [3 3], kg m².
+    """Return the inertia matrix [3 3], kg m², from xx, yy, zz, and optionally xy, xz, yz.
 
-    - `entries`: xx, yy, zz, and perhaps xy, xz, yz.
-
-    Raises DefinitionError if there are four or five.
+    Raises DefinitionError for another number of entries.
     """
     if len(entries) not in (3, 6):
         raise DefinitionError(f"must be 3 moments, or 6 entries; got {len(entries)}", where="inertia")
@@ -32,18 +30,16 @@ def inertia_of(entries: list[float]) -> np.ndarray:
 
 
 class LinksDescription(AbstractDescription):
-    """The inertial parameters of all links, one entry for each joint, in its frame."""
+    """Inertial parameters of all links, one entry for each joint, in its frame."""
 
     mass: list[float] = said("masses", "kg")
     center: list[Three] = said("centres of mass", "m")
     inertia: list[Six] = said("inertias about the centres of mass, xx, yy, zz, xy, xz, yz", "kg m²")
 
     def applied(self, robot: Articulated) -> Articulated:
-        """The arm with these links.
+        """Return the arm with these links.
 
-        - `robot`: the arm.
-
-        Raises DefinitionError if there are not as many as it has joints, or no body can have such numbers.
+        Raises DefinitionError if their number differs from the arm's, or no rigid body has such parameters.
         """
         self.require_joints(robot.joints)
         if min(self.mass) < 0:

@@ -1,4 +1,4 @@
-"""From a file to a scenario, with errors that a person can act on."""
+"""Read scenarios from files."""
 
 from __future__ import annotations
 
@@ -20,65 +20,60 @@ BUILT_IN = resources.files("slidax.scenarios") / "built_in"
 
 
 def names() -> list[str]:
-    """The names of the built-in scenarios."""
+    """Return the names of the built-in scenarios."""
     return sorted(Path(entry.name).stem for entry in BUILT_IN.iterdir() if entry.name.endswith(".yaml"))
 
 
 def load(scenario: str | Path, changes: dict[str, Any] | None = None) -> Scenario:
-    """A scenario, built.
+    """Read and build a scenario.
 
     - `scenario`: name of a built-in scenario, or path of a YAML file.
     - `changes`: values by dotted path, such as `{"disturbance.scale": 0.0}` or `{"start.q[elbow]": 0.3}`, set before
-      validation; a place in a list is a joint's name or a number from 0. `scheme.name` comes
-      first and puts another scheme in place of the file's, of which the envelope, the bound and `sampled_data` remain.
-      Files that are named here are found from the current folder.
+      validation; an index is a joint's name or a number from 0. `scheme.name` comes first and selects another scheme,
+      which keeps the envelope, the bound and `sampled_data` of the file. File paths in changes are relative to the
+      current folder.
 
-    Raises DefinitionError if there is no such scenario, or something in it is invalid.
+    Raises DefinitionError if the scenario does not exist or is invalid.
     """
     name, text = _read(scenario)
     return parse(text, changes, folder=_folder(scenario)).build(name)
 
 
 def altered(scenario: Scenario, changes: dict[str, Any]) -> Scenario:
-    """The same scenario with other values, as `load` would have built it.
+    """Return a loaded scenario with other values by dotted path, as `load` would have built it.
 
-    - `scenario`: one that was loaded; what `replace` changed in it is not kept.
-    - `changes`: values by dotted path, as in `load`.
+    Changes by `replace` are lost.
 
-    Raises DefinitionError if something is invalid then.
+    Raises DefinitionError if a value is invalid.
     """
     return altered_description(scenario.description, changes).build(scenario.name)
 
 
 def altered_description(description: ScenarioDescription, changes: dict[str, Any]) -> ScenarioDescription:
-    """The same description with other values.
+    """Return a description with other values by dotted path, as in `load`.
 
-    - `description`: what a scenario file says.
-    - `changes`: values by dotted path, as in `load`.
-
-    Raises DefinitionError if something is invalid then.
+    Raises DefinitionError if a value is invalid.
     """
     return validated(description.model_dump(exclude_unset=True), changes)
 
 
 def described(scenario: str | Path) -> ScenarioDescription:
-    """What a scenario file says, validated but not built, which takes longer.
+    """Read the validated description of a scenario without building it.
 
     - `scenario`: name of a built-in scenario, or path of a YAML file.
 
-    Raises DefinitionError if there is no such scenario, or something in it is invalid.
+    Raises DefinitionError if the scenario does not exist or is invalid.
     """
     return parse(_read(scenario)[1], folder=_folder(scenario))
 
 
 def parse(text: str, changes: dict[str, Any] | None = None, *, folder: Path = Path()) -> ScenarioDescription:
-    """The validated description in a YAML text.
+    """Return the validated description in a YAML text.
 
-    - `text`: YAML.
     - `changes`: values by dotted path, set before validation, as in `load`.
-    - `folder`: from where files that it names are found.
+    - `folder`: folder of the files that it names.
 
-    Raises DefinitionError with the path of the first field that is wrong.
+    Raises DefinitionError with the path of the first invalid field.
     """
     return validated(read_yaml(text), changes, folder=folder)
 
@@ -90,24 +85,23 @@ def validated(
     folder: Path = Path(),
     form: type[ScenarioDescription] = ScenarioDescription,
 ) -> ScenarioDescription:
-    """The validated description in what a YAML text became.
+    """Return the validated description in data from a YAML text.
 
-    - `data`: mappings, lists and values.
     - `changes`, `folder`: as in `parse`.
-    - `form`: what it describes, where that has other schemes.
+    - `form`: class of the description, if it has other schemes.
 
-    Raises DefinitionError with the path of the first field that is wrong.
+    Raises DefinitionError with the path of the first invalid field.
     """
     if not isinstance(data, dict):
         raise DefinitionError("a scenario is a mapping with the keys " + ", ".join(ScenarioDescription.model_fields))
     require_readable(data)
     data = changed(data, changes or {}, folder)
     try:
-        found = form.model_validate(data, context={"folder": folder})
+        description = form.model_validate(data, context={"folder": folder})
     except ValidationError as error:
         raise translated(error, data) from None
-    found.as_it_is()
-    return found
+    description.as_it_is()
+    return description
 
 
 def _folder(scenario: str | Path) -> Path:

@@ -1,4 +1,4 @@
-"""A robot by one word: a name, or a file."""
+"""A robot from one word: the name of a built-in arm, or a file."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ FILES = {
     ".yaml": "identified",
     ".yml": "identified",
 }
-"""Kinds of descriptions by the ending of a file."""
+"""Kinds of descriptions by file extension."""
 
 
 def named_robot(
@@ -38,15 +38,15 @@ def named_robot(
     locked: Mapping[str, float] | None = None,
     gravity: Sequence[float] | None = None,
 ) -> tuple[Articulated, dict[str, Any]]:
-    """The nominal arm, and its description as a scenario file has it under `robot`.
+    """Return the nominal arm, and its description as under `robot` in a scenario file.
 
-    - `word`: a built-in arm by its name; or a URDF file, an MJCF file, or a YAML file with a mapping `robot`.
-    - `tip`: the link, body or site of the tip; for URDF and MJCF files with more than one end.
-    - `inertias`: `nearest` replaces inertias in a file that no rigid body can have, `strict` refuses them all.
+    - `word`: name of a built-in arm; or a URDF file, an MJCF file, or a YAML file with a mapping `robot`.
+    - `tip`: link, body or site of the tip, for URDF and MJCF files with several ends.
+    - `inertias`: `nearest` replaces inertias that no rigid body can have, `strict` refuses them.
     - `locked`: joints in a file that do not move, with their positions [rad or m].
-    - `gravity`: acceleration of gravity in the base frame [3], m/s²; as the description says if not given.
+    - `gravity`: gravity in the base frame [3], m/s²; by default that of the description.
 
-    Raises DefinitionError if there is no such arm.
+    Raises DefinitionError if the arm does not exist.
     """
     kind = FILES.get(Path(word).suffix.lower())
     if kind is None and word not in built_in_names():
@@ -57,7 +57,7 @@ def named_robot(
         raise DefinitionError("a tip is chosen for URDF and MJCF files alone; write it into the description otherwise")
     description: dict[str, Any]
     if kind == "identified":
-        # Written out, so that what is found can take the place of what is there.
+        # Written out, so that estimates can replace its values.
         written, folder = read_robot(word)
         description = {key: value for key, value in written.items() if key != "plant"}
         if "file" in description:
@@ -77,7 +77,7 @@ def named_robot(
             warnings.simplefilter("always")
             robot = _built(word, description)
     except DefinitionError as error:
-        # The remedies of the files' readers are for Python and for scenarios: these are options of the command.
+        # The readers' messages name remedies for Python and for scenarios; here they are options of the command.
         option = error.setting and f"`{error.setting.as_option}`"
         reworded = error.reworded(option) if option else error
         raise DefinitionError(_with_options(reworded.message), where=error.where) from None
@@ -87,11 +87,11 @@ def named_robot(
 
 
 def _with_options(message: str) -> str:
-    """A message with `locked={...}` and `inertias: strict` as options of the command."""
+    """A message with options of the command in place of `locked={...}` and `inertias: strict`."""
     message = re.sub(
         r"locked=\{([^}]*)\}",
-        lambda found: " ".join(
-            f"--locked {name}={position}" for name, position in re.findall(r"'([^']+)': ([^,]+)", found[1])
+        lambda match: " ".join(
+            f"--locked {name}={position}" for name, position in re.findall(r"'([^']+)': ([^,]+)", match[1])
         ),
         message,
     )
@@ -100,12 +100,12 @@ def _with_options(message: str) -> str:
 
 def _built(word: str, description: Mapping[str, Any]) -> Articulated:
     try:
-        found = TypeAdapter(RobotDescription).validate_python(description)
+        validated = TypeAdapter(RobotDescription).validate_python(description)
     except ValidationError as error:
         raise translated(error, dict(description)) from None
-    if not isinstance(found, AbstractArticulated):
-        raise DefinitionError(f"`{plain(word)}` must be an arm of rigid links; got {found.kind}")
-    robot = found.build().nominal
+    if not isinstance(validated, AbstractArticulated):
+        raise DefinitionError(f"`{plain(word)}` must be an arm of rigid links; got {validated.kind}")
+    robot = validated.build().nominal
     if isinstance(robot, Coupled):
         lower, upper = np.asarray(robot.arm.limits.lower), np.asarray(robot.arm.limits.upper)
         at = dict(zip(robot.arm.joint_names, np.clip(0.0, lower, upper).tolist(), strict=True))

@@ -1,4 +1,4 @@
-"""A scenario with all files that it names, to be kept in one place and run elsewhere."""
+"""Carry a scenario elsewhere with all files that it names."""
 
 from __future__ import annotations
 
@@ -16,17 +16,15 @@ from .scenario import Scenario
 from .written import as_yaml
 
 PARTS = ("robot", "trajectory")
-"""What may name a file."""
+"""Blocks that may name a file."""
 
 
 def portable(description: ScenarioDescription) -> tuple[str, dict[str, bytes]]:
-    """The scenario as YAML, in which files have no folders, and the contents of those files by these names.
+    """Return a validated scenario as YAML with file names without folders, and the contents of these files.
 
-    Of a URDF or MJCF file the meshes do not come along, and nor does what it includes; no run needs meshes.
+    Meshes and included files of a URDF or MJCF file are left out; no run needs meshes.
 
-    - `description`: a validated scenario.
-
-    Raises DefinitionError if a file is gone.
+    Raises DefinitionError if a file does not exist.
     """
     files: dict[str, bytes] = {}
     parts = {}
@@ -48,10 +46,10 @@ def brought_back(text: str, files: Mapping[str, bytes], name: str) -> Scenario:
     - `text`, `files`: of `portable`.
     - `name`: of the scenario.
 
-    Raises DefinitionError if something in it is invalid.
+    Raises DefinitionError if the scenario is invalid.
     """
     with tempfile.TemporaryDirectory() as folder:
         for file, content in files.items():
-            # The name alone: a file from elsewhere writes nowhere else.
+            # The name alone, so that a hostile log writes nowhere else.
             (Path(folder) / Path(file).name).write_bytes(content)
         return parse(text, folder=Path(folder)).build(name)

@@ -1,4 +1,4 @@
-"""A file with the description of a robot, as an identification writes it, and the messages of robot files."""
+"""Read a file with the description of a robot, and reword messages about robot files for scenarios."""
 
 from __future__ import annotations
 
@@ -14,13 +14,11 @@ from slidax._errors import DefinitionError
 from .yaml_text import read_yaml_file
 
 ARGUMENT = re.compile(r"\b(tip|locked|limits|meshes|inertias|mimics)=(\"\w+\"|\{[^{}]*\}|\w+)")
-"""Arguments of the readers of robot files that a message may name as its remedy."""
+"""Arguments of the readers of robot files that messages name as remedies."""
 
 
 def read_robot(path: str | Path) -> tuple[dict[str, Any], Path]:
-    """The mapping `robot` in a YAML file, and the folder from which files that it names are found.
-
-    - `path`: of the file.
+    """Return the mapping `robot` in a YAML file, and the folder of the files that it names.
 
     Raises DefinitionError if it cannot be read or has no such mapping.
     """
@@ -36,22 +34,22 @@ def read_robot(path: str | Path) -> tuple[dict[str, Any], Path]:
 
 @contextmanager
 def messages_with_keys() -> Iterator[None]:
-    """Put errors and warnings of a reader of robot files into the words of a scenario file.
+    """Reword errors and warnings of a reader of robot files for scenario files.
 
-    An argument that one names as its remedy becomes a key: `mimics="followed"` is `mimics: followed`.
+    Arguments in remedies become keys: `mimics="followed"` is `mimics: followed`.
     """
     with warnings.catch_warnings(record=True) as assumed:
         warnings.simplefilter("always")
         try:
             yield
         except DefinitionError as error:
-            # The file's own path is no part of the path in a scenario.
+            # A path inside the robot file is no path in the scenario.
             where = "file" if error.where else ""
             raise DefinitionError(_as_keys(str(error)), where=where).offering(error.setting) from error
-    for one in assumed:
-        warnings.warn(_as_keys(str(one.message)), one.category, stacklevel=4)
+    for warning in assumed:
+        warnings.warn(_as_keys(str(warning.message)), warning.category, stacklevel=4)
 
 
 def _as_keys(text: str) -> str:
     text = re.sub(r"\bpackages=\{[^{}]*\}", "packages: [FOLDER]", text)
-    return ARGUMENT.sub(lambda found: f"{found[1]}: {found[2].strip(chr(34))}", text)
+    return ARGUMENT.sub(lambda match: f"{match[1]}: {match[2].strip(chr(34))}", text)

@@ -1,4 +1,4 @@
-"""Robots in a scenario file: the arm that moves, and the arm as its law knows it."""
+"""Robots in a scenario file: the true arm, and the nominal arm that its law knows."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ from .true_and_nominal import AbstractArticulated, AbstractRobotDescription, Arm
 
 
 class NumbersDescription(AbstractRobotDescription):
-    """A robot that is made of a few numbers, as those of the paper."""
+    """A robot from a few parameters, as those of the paper."""
 
     part: ClassVar[type[AbstractRobot]]
     plant: PartDescription
     nominal: PartDescription
 
     def build(self) -> Arms:
-        """The true robot and the nominal one, which is as the true one but for what is said of it."""
+        """Build the true and the nominal robot, which differs from the true one only in its own parameters."""
         with located("plant"):
             true = self.plant.build()
         with located("nominal"):
@@ -43,15 +43,15 @@ class NumbersDescription(AbstractRobotDescription):
 
 
 class ReadyDescription(AbstractArticulated):
-    """An arm that needs no file."""
+    """A built-in arm."""
 
     def described(self) -> Articulated:
-        """The arm by its maker's numbers."""
+        """Return the arm with its maker's parameters."""
         return built_in_arm(self.kind).robot
 
 
 class AbstractFile(AbstractArticulated):
-    """What every description of an arm from a file is."""
+    """Base class of descriptions of an arm from a file."""
 
     file: FileName
     """Its path, from the folder of the scenario file."""
@@ -60,12 +60,12 @@ class AbstractFile(AbstractArticulated):
     locked: dict[str, float] = Field(default={})
     """Joints that do not move, with their positions [rad or m]."""
     meshes: bool = False
-    """Whether every mesh that it names must be there; none is needed for a run."""
+    """True to require every mesh of the file; no run needs one."""
     inertias: Literal["given", "nearest", "strict"] = "given"
     """Inertias that no rigid body can have: replaced by the nearest if the change is at most 1 %, always, or never."""
 
     def described(self) -> Articulated | Coupled:
-        """The arm as the file has it; the file's own path is no part of the path in a scenario."""
+        """Read the arm from the file."""
         how: dict[str, Any] = {"tip": self.tip, "locked": self.locked, "meshes": self.meshes, "inertias": self.inertias}
         with messages_with_keys():
             return self._read(how)
@@ -79,14 +79,14 @@ class UrdfDescription(AbstractFile):
 
     kind: Literal["urdf"]
     packages: list[FileName] = Field(default=[])
-    """Folders in which the packages are that it names."""
+    """Folders of the packages that it names."""
     limits: bool = True
-    """Whether to read its limits of position, velocity and effort; without them all are infinite."""
+    """True to read its limits of position, velocity and effort; otherwise all limits are infinite."""
     mimics: Literal["held", "followed"] = "held"
     """A joint that follows another and is not between base and tip: held, or moved with its leader."""
 
     arguments: dict[str, str] = Field(default={})
-    """Values of the arguments of a xacro file, by name."""
+    """Arguments of a xacro file, by name."""
 
     def _read(self, how: dict[str, Any]) -> Articulated | Coupled:
         how |= {"limits": self.limits, "mimics": self.mimics, "arguments": self.arguments}
@@ -109,45 +109,48 @@ class IdentifiedDescription(AbstractRobotDescription):
     file: FileName
     """Its path, from the folder of the scenario file."""
     plant: TrueArm = TrueArm()
-    """How the arm that moves differs from that of the file; what is not given is as it says there."""
+    """Differences of the true arm from that of the file, which replace the file's own ones."""
 
     def build(self) -> Arms:
-        """The true robot, the nominal one, and what the true one carries."""
+        """Build the true robot, the nominal one, and the payload of the true one."""
         with located(f"file `{self.file}`"):
             return self.resolved().build()
 
     def resolved(self) -> AbstractRobotDescription:
-        """As the file describes it, with what is said here of the true arm.
+        """Return the file's description, with the true arm's differences of this one.
 
         Raises DefinitionError if the file describes no arm of rigid links.
         """
-        given, folder = read_robot(self.file)
+        data, folder = read_robot(self.file)
         try:
-            found = TypeAdapter(RobotDescription).validate_python(given, context={"folder": folder})
+            description = TypeAdapter(RobotDescription).validate_python(data, context={"folder": folder})
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
-            # The first is the kind, which pydantic puts before the keys.
+            # Without the kind, which pydantic puts before the keys.
             where = ".".join(["robot", *map(str, first["loc"][1:])])
             raise DefinitionError(f"`{where}` of the file `{self.file}`: {first['msg']}") from None
-        if not isinstance(found, AbstractArticulated):
+        if not isinstance(description, AbstractArticulated):
             raise DefinitionError(
-                f"the robot of the file `{self.file}` must be an arm of rigid links; got {found.kind}"
+                f"the robot of the file `{self.file}` must be an arm of rigid links; got {description.kind}"
             )
-        said = {field: getattr(self.plant, field) for field in self.plant.model_fields_set}
-        return found.model_copy(update={"plant": found.plant.model_copy(update=said)})
+        differences = {field: getattr(self.plant, field) for field in self.plant.model_fields_set}
+        return description.model_copy(update={"plant": description.plant.model_copy(update=differences)})
 
 
 def _of_numbers(kind: str, part: type[AbstractRobot]) -> type[NumbersDescription]:
-    true = plain_of(part, f"{part.__name__}.plant", doc="The arm that moves.")
-    nominal = plain_of(part, f"{part.__name__}.nominal", optional=True, doc="What the law believes of it.")
+    true = plain_of(part, f"{part.__name__}.plant", doc="The true arm.")
+    nominal = plain_of(part, f"{part.__name__}.nominal", optional=True, doc="The nominal arm, which the law knows.")
     called: Any = Literal[kind]
     model = create_model(
         part.__name__,
         __base__=NumbersDescription,
         __doc__=title_of(part),
         kind=(called, Field()),
-        plant=(true, Field(description="The arm that moves.")),
-        nominal=(nominal, Field(default=nominal(), description="The arm as the law knows it; else as the plant.")),
+        plant=(true, Field(description="The true arm.")),
+        nominal=(
+            nominal,
+            Field(default=nominal(), description="The nominal arm; by default equal to the plant."),
+        ),
     )
     model.part = part
     return model

@@ -22,23 +22,23 @@ from .base import AbstractDescription, Numbers, said, same
 from .derived import PartDescription, plain_of, union_of
 
 FINEST = 2e-6
-"""rad: a Kalman filter beside an adaptation takes no encoder to be finer; the faster it is, the less wrong an inertia
-its loop bears (docs/learning.md)."""
+"""rad: finest encoder resolution that a Kalman filter with an adaptation assumes; a faster filter tolerates smaller
+errors of the inertia (docs/learning.md)."""
 
 
 @dataclass(frozen=True)
 class Sampling:
-    """How an arm is sampled, as far as its law has to know.
+    """Sampling of an arm, for its law.
 
     - `period`: time between samples [s].
     - `delay`: age of a measurement when its torque sets in [periods].
-    - `dead_time`: the part of it after the command [periods].
+    - `dead_time`: part of the delay after the command [periods].
     - `limits`: of torque and torque rate.
     - `variance`: of a measured position, one number or [n], rad² or m².
-    - `has_velocity`: whether velocities are measured, too.
+    - `has_velocity`: True if velocities are measured, too.
     - `mass`: inertia matrix of the nominal arm at the start [n n].
-    - `rotors`: rotor inertia that it has [n], kg m² or kg; None for an arm whose model has no rotors of its own.
-    - `rated`: rated torque of its joints [n], N m or N; infinite where it is not known.
+    - `rotors`: its rotor inertia [n], kg m² or kg; None for an arm whose model has no rotors.
+    - `rated`: rated torque of its joints [n], N m or N; infinite if it is not known.
     - `limited`: False if the arm may move beyond its limits.
     - `jitter`: width of the spread of a measurement's age [periods].
     """
@@ -68,10 +68,7 @@ class MeasuredDescription(AbstractDescription):
     )
 
     def build(self, sampling: Sampling) -> AbstractEstimator:
-        """The estimator.
-
-        - `sampling`: how the arm is sampled.
-        """
+        """Build the estimator."""
         default = Measured.tolerant(sampling.delay)
         gain = default.gain if self.gain is None else as_array(self.gain)
         if self.trend is not None:
@@ -94,10 +91,7 @@ class KalmanDescription(AbstractDescription):
     )
 
     def build(self, sampling: Sampling) -> AbstractEstimator:
-        """The estimator.
-
-        - `sampling`: how the arm is sampled.
-        """
+        """Build the estimator."""
         variance = sampling.variance if self.variance is None else as_array(self.variance)
         return Kalman.of_arm(
             sampling.mass,
@@ -122,11 +116,7 @@ class GateDescription(AbstractDescription):
     patience: float = same(MeasurementGate, "patience")
 
     def build(self, arm: AbstractRobot, sampling: Sampling) -> MeasurementGate:
-        """The gate.
-
-        - `arm`: the arm as the law knows it.
-        - `sampling`: how the arm is sampled.
-        """
+        """Build the gate for the nominal arm."""
         gate = MeasurementGate.of_arm(
             arm, torque=sampling.rated, mass=sampling.mass, limited=sampling.limited, **self.parameters()
         )
@@ -158,10 +148,7 @@ class JointLearningDescription(AbstractDescription):
     coulomb_window: Numbers = same(JointLearning, "coulomb_window")
 
     def build(self, sampling: Sampling) -> AbstractAdaptation:
-        """The adaptation.
-
-        - `sampling`: how the arm is sampled.
-        """
+        """Build the adaptation."""
         return JointLearning.of_arm(
             sampling.mass,
             rotors=sampling.rotors,
@@ -185,7 +172,7 @@ else:
 
 
 class SampledDataDescription(AbstractDescription):
-    """The scheme as implicit steps at the arm's own rate; what is not given fits the sensor and the actuator."""
+    """The sampled-data form of a scheme; its defaults fit the sensor and the actuator."""
 
     horizon: float | None = said(
         "H, how far a step plans, at least a period",
@@ -195,10 +182,10 @@ class SampledDataDescription(AbstractDescription):
         source="12 ms, or two periods or 1.5 (delay + 1) periods, if that is more",
     )
     estimator: EstimatorDescription | None = None
-    """From measurements to the state and the disturbance; if not given `measured`, with gains after the horizon, or
-    `kalman` for encoders without a velocity sensor."""
+    """Estimator of the state and the disturbance; by default `measured`, with gains from the horizon, or `kalman` for
+    encoders without a velocity sensor."""
     adaptation: AdaptationDescription | None = JointLearningDescription()
-    """What is learnt of the arm while it moves; null for nothing."""
+    """Adaptation of the arm's parameters during the motion; null for none."""
     delay: float | None = said(
         "age of a measurement when its torque sets in, as the law believes it",
         "periods",
@@ -207,25 +194,22 @@ class SampledDataDescription(AbstractDescription):
         source="as the sensor and the actuator say",
     )
     recovery: RecoveryDescription | None = RecoveryDescription()
-    """What to do outside the envelope; null: pull back to the drawn envelope as it is."""
+    """Recovery outside the envelope; null: pull back to the prescribed envelope."""
     monitor: MonitorDescription | None = None
-    """What says in every sample whether the envelope's promise still stands; null for nothing."""
+    """Guarantee monitor, which checks at every sample if the guarantee still holds; null for none."""
     gate: GateDescription = GateDescription()
-    """What rejects measurements that the arm cannot have produced."""
+    """Measurement gate, which rejects measurements that the arm cannot have produced."""
     slopes: bool = True
-    """Whether the robust torque counts the slope part of tau1, as (45) prints it."""
+    """True if the robust torque counts the slope part of tau1, as printed in (45)."""
 
     @field_validator("adaptation", mode="before")
     @classmethod
     def _learns(cls, value: Any) -> Any:
-        """What says no kind is about the learning."""
+        """Add the default kind."""
         return {"kind": "joint_learning", **value} if isinstance(value, dict) else value
 
     def build(self, law: AbstractController, sampling: Sampling) -> AbstractController:
-        """The sampled-data form of a law.
-
-        - `law`: the law in continuous time.
-        - `sampling`: how the arm is sampled.
+        """Build the sampled-data form of a law.
 
         Raises DefinitionError if the law has no such form.
         """
@@ -237,7 +221,7 @@ class SampledDataDescription(AbstractDescription):
                     adaptation = self.adaptation.build(sampling)
                 else:
                     adaptation = self.adaptation.build()
-                # The estimator begins with what is believed of the inertia, and stays slow enough to bear its errors.
+                # The estimator starts with the estimated inertia, and is slow enough to tolerate its errors.
                 variance = jnp.maximum(sampling.variance, FINEST**2 / 12.0)
                 sampling = replace(sampling, mass=adaptation.mass_at_start(sampling.mass), variance=variance)
         if self.delay is not None:
@@ -278,7 +262,7 @@ class SampledDataDescription(AbstractDescription):
 
 
 def _nominal(law: AbstractController) -> AbstractRobot:
-    """The arm as a law knows it."""
+    """The nominal arm of a law."""
     nominal = getattr(law, "nominal", None)
     if not isinstance(nominal, AbstractRobot):
         raise DefinitionError(f"`{type(law).__name__}` has no `nominal` robot, which its sampled-data form needs")

@@ -1,4 +1,4 @@
-"""A closed loop, ready to be simulated."""
+"""A closed loop, ready for simulation."""
 
 from __future__ import annotations
 
@@ -17,17 +17,16 @@ if TYPE_CHECKING:
     from .description import ScenarioDescription
 
 
-# Equal only to itself: its arrays have no one answer, and compiled batches are found by it.
+# Equal only to itself: arrays have no single equality, and it is the key of compiled batches.
 @dataclass(frozen=True, eq=False)
 class Scenario:
-    """The parts of a closed loop, and how long and how finely it is simulated.
+    """The parts of a closed loop, with the duration and the time steps of its simulation.
 
-    - `name`, `robot`, `scheme`: what the scenario, its robot and its scheme are called.
-    - `description`: the validated file it was built from.
-    - `plant`, `controller`, `trajectory`, `state0`: the parts.
+    - `name`, `robot`, `scheme`: names of the scenario, its robot and its scheme.
+    - `description`: the validated file.
     - `t1`, `stepping`, `log_every`: as in `simulate`.
-    - `tolerance`: what a run is judged by, whatever the scheme promises; None for nothing.
-    - `changed`: what `replace` changed, so that it is no longer what `description` says.
+    - `tolerance`: tolerance band of a run, independent of the scheme's envelope; None for none.
+    - `changed`: fields that `replace` changed, so that they differ from `description`.
     """
 
     name: str
@@ -50,13 +49,13 @@ class Scenario:
         return self.stepping.period
 
     def replace(self, **changes: Any) -> Scenario:
-        """The same with other parts.
+        """Return the scenario with other parts.
 
             scenario.replace(state0=State([0.2, 0.8]), t1=2.0, mode="held", period=2e-4)
 
         - `changes`: fields of the scenario, and of its `Stepping`, by name.
 
-        Raises DefinitionError if there is no such field, or the parts do not fit each other.
+        Raises DefinitionError if a field does not exist, or the parts do not fit each other.
         """
         of_stepping = {field.name for field in fields(Stepping)}
         names = {field.name for field in fields(self)} - {"description", "changed"}
@@ -67,22 +66,22 @@ class Scenario:
         others = {name: value for name, value in changes.items() if name in names}
         stepping = Stepping.of(others.pop("stepping", self.stepping), steps)
         changed = tuple(dict.fromkeys([*self.changed, *changes]))
-        made = replace(self, **others, stepping=stepping, changed=changed)
-        require_fitting(*made.parts, stepping=stepping)
-        return made
+        scenario = replace(self, **others, stepping=stepping, changed=changed)
+        require_fitting(*scenario.parts, stepping=stepping)
+        return scenario
 
     @property
     def parts(self) -> Parts:
-        """Plant, controller, trajectory, start, and the tolerance band if any, in the order that `simulate` takes."""
+        """Plant, controller, trajectory, start, and the tolerance band if any, in the order of `simulate`."""
         parts = self.plant, self.controller, self.trajectory, self.state0
         return parts if self.tolerance is None else (*parts, self.tolerance)
 
     def simulate(self, *, log_every: int | None = 0, throw: bool = False, progress: bool | None = None) -> Run:
-        """The run of this scenario.
+        """Simulate the scenario.
 
-        - `log_every`: log one in so many samples, None for no log; the scenario's own if 0.
+        - `log_every`: number of samples per log entry, None for no log, 0 for the scenario's own number.
         - `throw`: raise OutcomeError on a bad outcome.
-        - `progress`: a bar on the terminal; None shows it for long runs.
+        - `progress`: True for a progress bar on the terminal; None shows it for long runs.
 
         Raises DefinitionError if the parts do not fit each other.
         """
@@ -99,29 +98,29 @@ class Scenario:
         log_every: int | None = None,
         threads: int | None = None,
     ) -> Run:
-        """Many runs of this scenario with other parts, as one `Run`.
+        """Simulate many runs of the scenario with other parts, as one `Run`.
 
-            scenario.simulate_batch(lambda one, q: one.replace(state0=State(q)), starts)
+            scenario.simulate_batch(lambda scenario, q: scenario.replace(state0=State(q)), starts)
 
-        - `define`: from this scenario and what varies, for one run, to the scenario of that run, by `replace`.
+        - `define`: from this scenario and the varied values of one run to the scenario of that run, by `replace`.
         - `varied`: a pytree of arrays with the run as their first axis.
         - `log_every`, `threads`: as in `simulate_batch`.
 
         Raises DefinitionError if the parts do not fit each other, or a run has another end or stepping than this.
         """
-        of_one = _PartsOfOne(self, define)
-        return simulate_batch(of_one, varied, t1=self.t1, stepping=self.stepping, log_every=log_every, threads=threads)
+        parts = _PartsOfRun(self, define)
+        return simulate_batch(parts, varied, t1=self.t1, stepping=self.stepping, log_every=log_every, threads=threads)
 
 
 @dataclass(frozen=True)
-class _PartsOfOne:
-    """From what varies to the parts of one run; equal for the same scenario and function, which are compiled once."""
+class _PartsOfRun:
+    """From the varied values to the parts of one run; equal instances share compiled code."""
 
     scenario: Scenario
     define: Callable[[Scenario, Any], Scenario]
 
-    def __call__(self, given: Any) -> Parts:
-        made = self.define(self.scenario, given)
-        if (made.t1, made.stepping) != (self.scenario.t1, self.scenario.stepping):
+    def __call__(self, varied: Any) -> Parts:
+        scenario = self.define(self.scenario, varied)
+        if (scenario.t1, scenario.stepping) != (self.scenario.t1, self.scenario.stepping):
             raise DefinitionError("all runs of a batch have one `t1` and one stepping: replace them before")
-        return made.parts
+        return scenario.parts

@@ -1,8 +1,8 @@
-"""Control schemes in a scenario file: each preset by its name, with its parts and numbers."""
+"""Control schemes in a scenario file: presets by name, with their parts and parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union
 
 import equinox as eqx
@@ -54,35 +54,34 @@ PRESETS: dict[str, Preset] = {
     "slotine_li_ppc": slotine_li_ppc,
     "super_twisting": super_twisting,
 }
-"""The schemes that a file can name."""
+"""Schemes that a file can name."""
 
-ENVELOPE = tuple(one.name for one in parameters_of(PrescribedPerformance))
-"""What may stand in a scheme itself: `performance` and `overshoot` make an envelope."""
+ENVELOPE = tuple(parameter.name for parameter in parameters_of(PrescribedPerformance))
+"""Parameters of an envelope, such as `performance` and `overshoot`, which may stand in the scheme itself."""
 
 RENAMED = {
     "inertia_min": "inverse_inertia_min",
     "inertia_max": "inverse_inertia_max",
     **{"constant": "b0", "position": "b1", "velocity": "b2"},
 }
-"""Earlier names of a bound's numbers, which files may still have."""
+"""Former names of a bound's parameters, which old files have."""
 
 
-FOUND: dict[type[eqx.Module], dict[str, str]] = {
-    UncertaintyBound: dict.fromkeys(
-        (one.name for one in parameters_of(UncertaintyBound)), "the arm, its drives and the stated mismatch"
-    )
+COMPUTED: dict[type[eqx.Module], dict[str, str]] = {
+    UncertaintyBound: {
+        parameter.name: "the arm, its drives and the stated mismatch" for parameter in parameters_of(UncertaintyBound)
+    }
 }
-"""Numbers of parts that a scenario finds by itself where a file does not give them, and from what."""
+"""Parameters of parts that a scenario computes if a file lacks them, each with its source."""
 
 
 def _for_editors(schema: dict[str, Any], model: type[SchemeDescription]) -> None:
-    """What a file may leave out, since the preset has it, and what may stand in the scheme itself."""
-    for name, given in model.preset.values.items():
-        if isinstance(given, Given):
-            known = {**given.values, **FOUND.get(given.part, {})}
-            missing = [one for one in parameters_of(given.part) if one.required and one.name not in known]
-            if not missing or given.part is PrescribedPerformance:
-                schema["required"].remove(name)
+    """Mark parts that the preset has as optional, and allow the envelope's parameters in the scheme itself."""
+    for name, part in _parts(model.preset).items():
+        known = {**part.values, **COMPUTED.get(part.part, {})}
+        missing = [p for p in parameters_of(part.part) if p.required and p.name not in known]
+        if not missing or part.part is PrescribedPerformance:
+            schema["required"].remove(name)
     if "transformation" in schema["properties"]:
         inside = description_of(PrescribedPerformance).model_fields
         for name in ENVELOPE:
@@ -90,7 +89,7 @@ def _for_editors(schema: dict[str, Any], model: type[SchemeDescription]) -> None
 
 
 class SchemeDescription(PartDescription):
-    """The control scheme, with what differs from its preset."""
+    """The control scheme, with the changes to its preset."""
 
     model_config = ConfigDict(json_schema_extra=_for_editors)
 
@@ -98,7 +97,7 @@ class SchemeDescription(PartDescription):
 
     name: Any
     sampled_data: SampledDataDescription | None = None
-    """The scheme as steps for the arm's own rate; the law as it is printed if not given."""
+    """The sampled-data form of the scheme; by default the printed law."""
 
     @model_validator(mode="before")
     @classmethod
@@ -106,31 +105,28 @@ class SchemeDescription(PartDescription):
         if not isinstance(data, dict):
             return data
         data = placed(data)
-        for name, given in cls.preset.values.items():
-            value = data.setdefault(name, {}) if isinstance(given, Given) else None
-            if isinstance(given, Given) and isinstance(value, dict):
-                data[name] = filled(given, value)
+        for name, part in _parts(cls.preset).items():
+            value = data.setdefault(name, {})
+            if isinstance(value, dict):
+                data[name] = filled(part, value)
         return data
 
     def with_bound(self, find: Callable[[], dict[str, float]]) -> SchemeDescription:
-        """The scheme with every number of its bound.
-
-        - `find`: what the numbers are that the file does not give.
-        """
+        """Return the scheme with all parameters of its bound; `find` computes those that the file lacks."""
         bound = getattr(self, "bound", None)
         if not isinstance(bound, PartDescription) or bound.part is not UncertaintyBound:
             return self
         missing = [name for name, value in bound if value is None]
         if not missing:
             return self
-        found = find()
-        update = {name: found[name] for name in missing}
+        defaults = find()
+        update = {name: defaults[name] for name in missing}
         return self.model_copy(update={"bound": bound.model_copy(update=update)})
 
     def with_limit(self, torque: Array) -> SchemeDescription:
-        """The scheme with the torque at which its integral stops.
+        """Return the scheme with a torque at which its integral stops.
 
-        - `torque`: the drives' limits, where the file does not say another, one number or [n], N m or N.
+        - `torque`: default from the drives' limits, one number or [n], N m or N.
         """
         limited = issubclass(self.part, JointPID) and getattr(self, "limit", None) is None
         if not limited or not np.isfinite(torque).all():
@@ -138,9 +134,7 @@ class SchemeDescription(PartDescription):
         return self.model_copy(update={"limit": np.asarray(torque).tolist()})
 
     def build(self, **more: Any) -> AbstractController:
-        """The controller as it is printed.
-
-        - `more`: `nominal`, the robot as the law knows it.
+        """Build the printed controller; `more` has the `nominal` robot.
 
         Raises DefinitionError, with the path of the field, if it is invalid.
         """
@@ -149,68 +143,59 @@ class SchemeDescription(PartDescription):
         return self.part(**values, **more)
 
 
-def filled(given: Given, value: dict[str, Any]) -> dict[str, Any]:
-    """A part of a scheme with its kind and its preset's numbers, where it is of the preset's kind.
+def _parts(preset: Preset | None) -> dict[str, Given]:
+    values = preset.values if preset is not None else {}
+    return {name: part for name, part in values.items() if isinstance(part, Given)}
 
-    - `given`: the preset's.
-    - `value`: as it stands in a file.
-    """
-    kind = kind_of(given.part)
-    return {"kind": kind, **given.values, **value} if value.get("kind", kind) == kind else value
+
+def _preset_of(scheme: Mapping[str, Any]) -> Preset | None:
+    name = scheme.get("name")
+    return PRESETS.get(name) if isinstance(name, str) else None
+
+
+def filled(part: Given, value: dict[str, Any]) -> dict[str, Any]:
+    """Return a file's part of a scheme with the kind and the parameters of the preset's part, if the kinds agree."""
+    kind = kind_of(part.part)
+    return {"kind": kind, **part.values, **value} if value.get("kind", kind) == kind else value
 
 
 def placed(scheme: dict[str, Any]) -> dict[str, Any]:
-    """A scheme with each number under the part that has it, by its present name.
-
-    - `scheme`: as it stands in a file.
-    """
-    preset = PRESETS.get(scheme.get("name", "")) if isinstance(scheme.get("name"), str) else None
+    """Return a file's scheme with each parameter under the part that has it, by its present name."""
+    preset = _preset_of(scheme)
     if preset is None:
         return scheme
-    own = {"name", "sampled_data", *(one.name for one in parameters_of(preset.law))}
-    found: dict[str, Any] = {key: value for key, value in scheme.items() if key in own}
+    own = {"name", "sampled_data", *(parameter.name for parameter in parameters_of(preset.law))}
+    result: dict[str, Any] = {key: value for key, value in scheme.items() if key in own}
     for key, value in scheme.items():
         owner = owner_of(preset, key)
         if owner is None or key in own:
-            found[key] = value
+            result[key] = value
             continue
-        part = found.get(owner, {})
+        part = result.get(owner, {})
         if isinstance(part, dict):
-            found[owner] = {**part, key: value}
-    envelope = found.get("transformation")
+            result[owner] = {**part, key: value}
+    envelope = result.get("transformation")
     if isinstance(envelope, dict) and envelope.keys() & set(ENVELOPE):
-        found["transformation"] = {"kind": kind_of(PrescribedPerformance), **envelope}
-    if isinstance(found.get("bound"), dict):
-        found["bound"] = {RENAMED.get(key, key): value for key, value in found["bound"].items()}
-    return found
+        result["transformation"] = {"kind": kind_of(PrescribedPerformance), **envelope}
+    if isinstance(result.get("bound"), dict):
+        result["bound"] = {RENAMED.get(key, key): value for key, value in result["bound"].items()}
+    return result
 
 
 def with_kinds(scheme: dict[str, Any]) -> dict[str, Any]:
-    """A scheme whose parts say their kinds, also where it is the preset's.
-
-    - `scheme`: as `placed` returns it.
-    """
-    preset = PRESETS.get(scheme.get("name", "")) if isinstance(scheme.get("name"), str) else None
-    given = {name: one for name, one in (preset.values if preset else {}).items() if isinstance(one, Given)}
-    kinds = {name: {"kind": kind_of(one.part)} for name, one in given.items() if isinstance(scheme.get(name), dict)}
-    return {**scheme, **{name: {**kind, **scheme[name]} for name, kind in kinds.items()}}
+    """Return a scheme, as from `placed`, whose parts all have a kind, by default the preset's."""
+    parts = {name: part for name, part in _parts(_preset_of(scheme)).items() if isinstance(scheme.get(name), dict)}
+    return {**scheme, **{name: {"kind": kind_of(part.part), **scheme[name]} for name, part in parts.items()}}
 
 
 def renamed(path: list[str]) -> list[str]:
-    """A path with the present names of a bound's numbers.
-
-    - `path`: its parts.
-    """
+    """Return a path, as its parts, with the present names of a bound's parameters."""
     return [*path[:-1], RENAMED.get(path[-1], path[-1])] if path[:2] == ["scheme", "bound"] else path
 
 
 def owner_of(preset: Preset, name: str) -> str | None:
-    """The part of a scheme that has a number which stands in the scheme itself; None if that is the scheme's own.
-
-    - `preset`: of the scheme.
-    - `name`: of the number.
-    """
-    own = {one.name for one in parameters_of(preset.law)}
+    """Return the part of a scheme that has a parameter; None for a parameter of the scheme itself."""
+    own = {parameter.name for parameter in parameters_of(preset.law)}
     if name in own:
         return None
     if name in ENVELOPE and "transformation" in own:
@@ -220,19 +205,18 @@ def owner_of(preset: Preset, name: str) -> str | None:
 
 
 OF_PLANS = ("horizon", "slopes", "recovery")
-"""What `sampled_data` says for laws that plan over a horizon alone."""
+"""Keys of `sampled_data` that only laws with a plan over a horizon have."""
 
 
 def switched(scheme: Any, name: Any) -> Any:
-    """The scheme of a scenario file with another name.
+    """Return the scheme of a scenario file with another name.
 
-    What describes the task, the arm and its sampling is kept, as far as the new scheme has it: the envelope, the bound
-    but for what the new scheme has a number of its own for, and of `sampled_data` the estimator, with the rest if the
-    new scheme plans over a horizon. All else is dropped, so that it takes the new scheme's numbers. Where the name is
-    the file's own, nothing changes.
+    The envelope stays, and the bound's parameters for which the new scheme has no value of its own. Of `sampled_data`
+    the estimator stays, and the other keys if the new scheme plans over a horizon. All other parameters take the values
+    of the new scheme. The file's own name changes nothing.
 
-    - `scheme`: the mapping in the file.
-    - `name`: the name to be set; one that is not known is left for the validation to refuse.
+    - `scheme`: mapping of the file.
+    - `name`: new name; the validation refuses an unknown one.
     """
     if not isinstance(scheme, dict):
         return {"name": name}
@@ -241,15 +225,15 @@ def switched(scheme: Any, name: Any) -> Any:
         return {**scheme, "name": name}
     old, new = placed(scheme), {"name": name}
     for key in ("transformation", "bound"):
-        part, given = old.get(key), preset.values.get(key)
-        if not isinstance(given, Given) or not isinstance(part, dict):
+        part, target = old.get(key), _parts(preset).get(key)
+        if target is None or not isinstance(part, dict):
             continue
-        had = getattr(PRESETS.get(str(scheme.get("name"))), "given", {}).get(key)
-        kind = part.get("kind", kind_of(had.part) if isinstance(had, Given) else None)
-        if key == "transformation" and kind != kind_of(given.part):
+        own = _parts(PRESETS.get(str(scheme.get("name")))).get(key)
+        kind = part.get("kind", None if own is None else kind_of(own.part))
+        if key == "transformation" and kind != kind_of(target.part):
             continue
-        wanted = {one.name for one in parameters_of(given.part)} - set(given.values)
-        new[key] = {name: value for name, value in part.items() if name in wanted}
+        kept = {parameter.name for parameter in parameters_of(target.part)} - set(target.values)
+        new[key] = {name: value for name, value in part.items() if name in kept}
     if "sampled_data" in old:
         block, dropped = old["sampled_data"], () if preset.law.plans else OF_PLANS
         is_block = isinstance(block, dict)
@@ -258,27 +242,25 @@ def switched(scheme: Any, name: Any) -> Any:
 
 
 def described_scheme(name: str, preset: Preset) -> type[SchemeDescription]:
-    """The description of a scheme.
-
-    - `name`: what it is called in files.
-    - `preset`: its law, parts and numbers.
-    """
+    """Return the description of a preset under its name in files."""
     fields: dict[str, Any] = {"name": (Literal[name], Field(description="Which scheme it is."))}
-    for one in parameters_of(preset.law):
-        if one.name == "nominal":
+    for parameter in parameters_of(preset.law):
+        if parameter.name == "nominal":
             continue
-        given, hint = preset.values.get(one.name), hints_of(preset.law)[one.name]
+        value, hint = preset.values.get(parameter.name), hints_of(preset.law)[parameter.name]
+        changes = {}
         if isinstance(hint, type) and issubclass(hint, eqx.Module):
             default = None
-            if isinstance(given, Given):
-                default = preset_of(given.part, name, given.values, preset.source, FOUND.get(given.part, {}))
-            annotation, has = union_of(hint, default=default), {}
+            if isinstance(value, Given):
+                default = preset_of(value.part, name, value.values, preset.source, COMPUTED.get(value.part, {}))
+            annotation = union_of(hint, default=default)
         else:
-            annotation = type_of(one, hint, preset.law)
-            has = {"default": given, "source": preset.source} if given is not None else {}
-            if one.default is None:
+            annotation = type_of(parameter, hint, preset.law)
+            if value is not None:
+                changes = {"default": value, "source": preset.source}
+            if parameter.default is None:
                 annotation = annotation | None
-        fields[one.name] = (annotation, described(one, **has))
+        fields[parameter.name] = (annotation, described(parameter, **changes))
     title = preset.title.strip().partition("\n")[0]
     model: type[SchemeDescription] = create_model(f"scheme.{name}", __base__=SchemeDescription, __doc__=title, **fields)
     model.part, model.preset = preset.law, preset
@@ -286,7 +268,7 @@ def described_scheme(name: str, preset: Preset) -> type[SchemeDescription]:
 
 
 SCHEMES = {name: described_scheme(name, preset) for name, preset in PRESETS.items()}
-"""The descriptions of the schemes by their names."""
+"""Descriptions of the schemes by name."""
 
 if TYPE_CHECKING:
     AnyScheme = SchemeDescription

@@ -14,7 +14,7 @@ from slidax.robots.joint_limits import JointLimits
 from slidax.trajectories import AbstractTrajectory
 
 from .base import AbstractDescription, FileName, Numbers, said
-from .limits import Limit, TrajectoryPart, limits_said
+from .limits import Limit, TrajectoryPart, robot_limits
 
 Three = Annotated[list[float], Field(min_length=3, max_length=3)]
 Four = Annotated[list[float], Field(min_length=4, max_length=4)]
@@ -22,7 +22,7 @@ Seven = Annotated[list[float], Field(min_length=7, max_length=7)]
 
 
 class MoveDescription(AbstractDescription):
-    """A move of the tool from rest to rest, from where the one before it ended."""
+    """A move of the tool from rest to rest, starting at the end of the move before it."""
 
     move: ClassVar[type[AbstractMove]]
     duration: float | None = said(
@@ -32,7 +32,7 @@ class MoveDescription(AbstractDescription):
     acceleration: float | None = said("largest acceleration of the tip", "m/s²", "> 0", default=None, source="no limit")
 
     def build(self) -> AbstractMove:
-        """The move."""
+        """Build the move."""
         return self.move(**self.parameters())
 
 
@@ -57,7 +57,7 @@ class CircleDescription(MoveDescription):
     axis: Three = said("direction of the axis, of any length")
     angle: float = said("how far it goes about the axis", "rad", default=2 * np.pi)
     tool: Literal["fixed", "turns"] = "fixed"
-    """Whether the tool keeps its orientation or turns with the arc."""
+    """`fixed` keeps the orientation of the tool, `turns` turns it with the arc."""
 
 
 class ScrewDescription(MoveDescription):
@@ -107,14 +107,14 @@ class ToolPathTrajectory(TrajectoryPart):
         source="where the tool is at `start`",
     )
     moves: list[AnyMove] = Field(default=[])
-    """What the tool does, each move from where the one before it ended."""
+    """Moves of the tool, each from the end of the move before it."""
     file: FileName | None = None
-    """A CSV file with columns time, x, y, z and perhaps qw, qx, qy, qz, from the folder of the scenario; in place of
-    `moves`."""
+    """A CSV file with columns time, x, y, z and optionally qw, qx, qy, qz, relative to the folder of the scenario; in
+    place of `moves`."""
     text: str | None = None
-    """What would be in the file, instead of it."""
+    """Content of such a file, in place of `file`."""
     hold: Literal["place", "axis", "pose"] = "pose"
-    """What is asked of the tool: the `place` of its tip, also its `axis` z, or the whole `pose`."""
+    """Requirement on the tool: the `place` of its tip, also its `axis` z, or the whole `pose`."""
     posture: list[float] | None = said(
         "what is liked of an arm that has more joints than it needs", "rad or m", default=None, source="as it starts"
     )
@@ -129,26 +129,22 @@ class ToolPathTrajectory(TrajectoryPart):
     begin: float = said("when it begins", "s", ">= 0", default=0.0)
 
     def build(self, limits: JointLimits | None = None, robot: AbstractRobot | None = None) -> AbstractTrajectory:
-        """The trajectory of the joints.
-
-        - `limits`: those of the robot, for a field that says `robot`.
-        - `robot`: the arm, as the law knows it.
-        """
+        """Build the joint trajectory of the nominal `robot`."""
         assert robot is not None
         pose = None
         if self.pose is not None:
             with located("pose"):
                 pose = Pose.of(self.pose[:3], self.pose[3:])
         named = ("hold", "start", "posture", "velocity", "acceleration", "damping", "tolerance", "begin")
-        given: dict[str, Any] = {name: value for name, value in self.parameters().items() if name in named}
-        given |= limits_said(self, limits, "velocity")
-        return follow(robot, self._moves(), pose=pose, **given).trajectory
+        arguments: dict[str, Any] = {name: value for name, value in self.parameters().items() if name in named}
+        arguments |= robot_limits(self, limits, "velocity")
+        return follow(robot, self._moves(), pose=pose, **arguments).trajectory
 
     def _moves(self) -> list[AbstractMove]:
-        given = [name for name in ("moves", "file", "text") if getattr(self, name)]
-        if len(given) != 1:
+        sources = [name for name in ("moves", "file", "text") if getattr(self, name)]
+        if len(sources) != 1:
             raise DefinitionError("needs one of `moves`, `file` and `text`")
         if self.moves:
             return [move.build() for move in self.moves]
-        with located(given[0]):
+        with located(sources[0]):
             return [Through.from_csv(self.file if self.file is not None else f"{self.text}\n")]

@@ -18,12 +18,12 @@ from slidax.trajectories.tabulated import TimeUnit
 
 from .base import AbstractDescription, FileName, Numbers, said
 from .derived import union_of
-from .limits import Limit, TrajectoryPart, limits_said
+from .limits import Limit, TrajectoryPart, robot_limits
 from .tool_path import ToolPathTrajectory
 from .yaml_text import read_yaml, text_of
 
 LONGER = 100.0
-"""Times the run, which a motion is not by intention."""
+"""Duration of a motion over that of the run above which its unit of time is probably wrong."""
 
 
 class WaypointTrajectory(TrajectoryPart):
@@ -32,10 +32,7 @@ class WaypointTrajectory(TrajectoryPart):
     waypoints: list[list[float]]
 
     def require_joints(self, joints: int) -> None:
-        """Raises a DefinitionError unless each waypoint has one position per joint, before much is made of them.
-
-        - `joints`: the number of joints.
-        """
+        """Raise DefinitionError unless each waypoint has one position per joint."""
         for number, row in enumerate(self.waypoints):
             if len(row) != joints:
                 message = f"must have one position for {each_of(joints, 'joint')}; got {len(row)}"
@@ -50,7 +47,7 @@ class MinimumJerkTrajectory(WaypointTrajectory):
     waypoints: list[list[float]] = said("one row of joint positions per time", "rad or m")
 
     def build(self, limits: JointLimits | None = None) -> AbstractTrajectory:
-        """The trajectory; it has no use for `limits`."""
+        """Build the trajectory; `limits` is not used."""
         return MinimumJerk.through(self.times, self.waypoints)
 
 
@@ -64,7 +61,7 @@ class LimitedTrajectory(WaypointTrajectory):
     start: float = said("when it begins", "s", default=0.0)
 
     def _arguments(self, limits: JointLimits | None) -> dict[str, Any]:
-        return self.parameters() | limits_said(self, limits, "velocity")
+        return self.parameters() | robot_limits(self, limits, "velocity")
 
 
 class QuinticTrajectory(LimitedTrajectory):
@@ -73,7 +70,6 @@ class QuinticTrajectory(LimitedTrajectory):
     kind: Literal["quintic"]
 
     def build(self, limits: JointLimits | None = None) -> AbstractTrajectory:
-        """The trajectory, with `limits` for the word `robot`."""
         return MinimumJerk.within(**self._arguments(limits))
 
 
@@ -83,7 +79,6 @@ class TrapezoidalTrajectory(LimitedTrajectory):
     kind: Literal["trapezoidal"]
 
     def build(self, limits: JointLimits | None = None) -> AbstractTrajectory:
-        """The trajectory, with `limits` for the word `robot`."""
         return Trapezoidal.through(**self._arguments(limits))
 
 
@@ -91,13 +86,13 @@ class TableTrajectory(TrajectoryPart):
     """A motion from a file."""
 
     file: FileName | None = None
-    """Its path, from the folder of the scenario file."""
+    """Its path, relative to the folder of the scenario file."""
     text: str | None = None
-    """What would be in the file, instead of it."""
+    """Content of such a file, in place of `file`."""
     joints: list[str] | None = None
-    """The file's names of the robot's joints, in the robot's order; the robot's own names if not given."""
+    """The file's names of the robot's joints, in the robot's order; by default the robot's own names."""
     time_unit: TimeUnit | None = None
-    """Unit of the times: s, ms, us or ns; the file's own, or s, if not given."""
+    """Unit of the times: s, ms, us or ns; by default the file's own, or s."""
     start: float | None = said("when the first row is to be", "s", default=None, source="the file")
     lower: Limit | None = said("least positions, or `robot`", "rad or m", default=None, source="not checked")
     upper: Limit | None = said("largest positions, or `robot`", "rad or m", default=None, source="not checked")
@@ -107,13 +102,13 @@ class TableTrajectory(TrajectoryPart):
     )
 
     def _arguments(self, limits: JointLimits | None, robot: AbstractRobot | None) -> dict[str, Any]:
-        said = limits_said(self, limits, "lower", "upper", "velocity")
+        arguments = self.parameters() | robot_limits(self, limits, "lower", "upper", "velocity")
         if robot is not None:
-            said["joints"] = self._names(robot.joint_names)
-        return {name: value for name, value in (self.parameters() | said).items() if name not in ("file", "text")}
+            arguments["joints"] = self._names(robot.joint_names)
+        return {name: value for name, value in arguments.items() if name not in ("file", "text")}
 
     def _names(self, own: Sequence[str]) -> Sequence[str]:
-        """What the file calls the robot's joints, in the robot's order."""
+        """The file's names of the robot's joints, in the robot's order."""
         if self.joints is None:
             return own
         with located("joints"):
@@ -131,7 +126,7 @@ class TableTrajectory(TrajectoryPart):
         return self.joints
 
     def _source(self) -> str:
-        """The path, or the text with a line break, which says that it is the text."""
+        """The path, or the text with a line break, by which the reader recognizes a text."""
         if self.text is None and self.file is not None:
             return self.file
         if self.file is None and self.text is not None:
@@ -145,7 +140,6 @@ class CsvTrajectory(TableTrajectory):
     kind: Literal["csv"]
 
     def build(self, limits: JointLimits | None = None, robot: AbstractRobot | None = None) -> AbstractTrajectory:
-        """The trajectory, with `limits` for the word `robot`, and columns for the joints of `robot`."""
         units = () if robot is None else robot.joint_units
         return Tabulated.from_csv(self._source(), units=units, **self._arguments(limits, robot))
 
@@ -156,7 +150,6 @@ class JointTrajectory(TableTrajectory):
     kind: Literal["joint_trajectory"]
 
     def build(self, limits: JointLimits | None = None, robot: AbstractRobot | None = None) -> AbstractTrajectory:
-        """The trajectory, with `limits` for the word `robot`, and columns for the joints of `robot`."""
         if self.text is not None and not self.text.lstrip().startswith("{"):
             raise DefinitionError("must be a JSON object, in braces", where="text")
         source = self._source()
@@ -165,7 +158,7 @@ class JointTrajectory(TableTrajectory):
 
 
 def _yaml_message(path: Path) -> dict[str, Any]:
-    """The message in a file as `ros2 topic echo` writes it, which ends each message with a line of `---`."""
+    """The message in a file from `ros2 topic echo`, which ends each message with a line of `---`."""
     name = f"`{path.name}`"
     text = text_of(path, "the file").removeprefix("\ufeff")
     parts = [part for part in re.split(r"^---\s*$", text, flags=re.M) if part.strip()]
@@ -195,13 +188,12 @@ else:
 
 
 def trajectory_of(described: Any, limits: JointLimits | None, robot: AbstractRobot) -> AbstractTrajectory:
-    """The trajectory that is described.
+    """Build the trajectory of a `TrajectoryDescription`.
 
-    - `described`: a member of `TrajectoryDescription`.
-    - `limits`: those of the robot, for a field that says `robot`; None if it has none.
-    - `robot`: the arm, as the law knows it.
+    - `limits`: limits of the robot for fields with the value `robot`; None if it has none.
+    - `robot`: the nominal arm.
 
-    Raises DefinitionError if it makes no sense.
+    Raises DefinitionError if the description is invalid.
     """
     if isinstance(described, ToolPathTrajectory | CsvTrajectory | JointTrajectory):
         return described.build(limits, robot)
@@ -211,11 +203,10 @@ def trajectory_of(described: Any, limits: JointLimits | None, robot: AbstractRob
 
 
 def warn_of_units(described: Any, trajectory: AbstractTrajectory, t1: float) -> None:
-    """Warns where a motion from a file is so much longer than the run that its times may not be in seconds.
+    """Warn if a motion from a file is so much longer than the run that its times may not be in seconds.
 
-    - `described`: a member of `TrajectoryDescription`; one that says the unit of its times is believed.
-    - `trajectory`: what it describes.
-    - `t1`: the end of the run [s].
+    - `described`: a `TrajectoryDescription`; with a unit of time there is no warning.
+    - `t1`: end of the run [s].
     """
     is_tool = isinstance(described, ToolPathTrajectory)
     if not (is_tool or isinstance(described, TableTrajectory)) or not (described.file or described.text):

@@ -1,4 +1,4 @@
-"""What a description of a robot in a scenario file is made of: the true arm, and the arm as its law knows it."""
+"""The true and the nominal arm in the description of a robot."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from .derived import plain_of
 from .links import LinksDescription, inertia_of
 
 RENAMED = {"mass": "mass_factor", "inertia": "inertia_factor"}
-"""Earlier names of what a true arm differs by, which files may still have."""
+"""Former names of differences of the true arm, which old files have."""
 
 
 class Arms(NamedTuple):
-    """What the description of a robot becomes.
+    """The arms of a scenario.
 
-    - `true`, `nominal`: the arm that moves, and the arm as the law knows it.
-    - `load`: what the true one carries for some time.
+    - `true`, `nominal`: the true arm, and the arm that the law knows.
+    - `load`: payload of the true arm.
     """
 
     true: AbstractRobot
@@ -34,26 +34,26 @@ class Arms(NamedTuple):
 
     @property
     def limits(self) -> JointLimits | None:
-        """Of the joints, by their data sheet; None if it has none."""
+        """Joint limits from the data sheet; None without a data sheet."""
         return self.nominal.limits if isinstance(self.nominal, Articulated | Coupled) else None
 
 
 class AbstractRobotDescription(AbstractDescription):
-    """What every description of a robot is."""
+    """Base class of descriptions of a robot."""
 
     kind: Any
 
     @abstractmethod
     def build(self) -> Arms:
-        """The true robot, the nominal one, and what the true one carries."""
+        """Build the true robot, the nominal one, and the payload of the true one."""
 
     def resolved(self) -> AbstractRobotDescription:
-        """The same with what a file says of it written out, so that each of its numbers has a path."""
+        """Return the description with the content of its file, so that each number has a path."""
         return self
 
 
 class LoadDescription(AbstractDescription):
-    """What the tip carries."""
+    """Payload at the tip."""
 
     mass: float = same(Payload, "mass", required=True)
     center: Annotated[list[float], Field(min_length=3, max_length=3)] = same(Payload, "center")
@@ -63,7 +63,7 @@ class LoadDescription(AbstractDescription):
     released: float | None = same(Load, "released", default=None, source="never let go")
 
     def build(self) -> Load:
-        """The load."""
+        """Build the payload."""
         inertia = as_array(inertia_of(self.inertia) if isinstance(self.inertia, list) else self.inertia)
         payload = Payload(mass=as_array(self.mass), center=as_array(self.center), inertia=inertia)
         if self.released is None:
@@ -72,10 +72,10 @@ class LoadDescription(AbstractDescription):
 
 
 class TrueArm(plain_of(Mismatch, "Mismatch")):  # type: ignore[misc]  # made of the part's declarations
-    """How the arm that moves differs from the nominal one."""
+    """Differences of the true arm from the nominal one."""
 
     load: LoadDescription | None = None
-    """What the tip carries, and when."""
+    """Payload at the tip, and its times."""
 
     @model_validator(mode="before")
     @classmethod
@@ -83,36 +83,33 @@ class TrueArm(plain_of(Mismatch, "Mismatch")):  # type: ignore[misc]  # made of 
         return {RENAMED.get(key, key): value for key, value in data.items()} if isinstance(data, dict) else data
 
     def build(self, **more: Any) -> Mismatch:
-        """The difference.
-
-        - `more`: nothing.
-        """
+        """Build the mismatch; `more` is empty."""
         with located("load"):
             load = None if self.load is None else self.load.build()
         return Mismatch(**{name: value for name, value in self.parameters().items() if name != "load"}, load=load)
 
 
 class NominalArm(AbstractDescription):
-    """What the law knows beside the arm's own description."""
+    """Knowledge of the law in addition to the arm's own description."""
 
     armature: Numbers | None = same(Articulated, "armature", default=None, source="the arm's description")
     load: LoadDescription | None = None
-    """What the law knows to be at the tip from the start to the end, such as a gripper."""
+    """Payload that the law knows, at the tip for the whole run, such as a gripper."""
     links: LinksDescription | None = None
-    """What the links weigh, in place of the arm's description, as from an identification."""
+    """Inertial parameters of the links, in place of the arm's description, as from an identification."""
     gravity: Annotated[list[float], Field(min_length=3, max_length=3)] | None = same(
         Articulated, "gravity_vector", default=None, source="the arm's description"
     )
 
     def applied(self, robot: Articulated | Coupled) -> Articulated | Coupled:
-        """The arm as the law knows it.
+        """Return the nominal arm for a described arm.
 
-        - `robot`: as it is described; of one with followers, each of its joints has its own numbers.
+        With followers, each joint of the arm has its own numbers.
 
-        Raises DefinitionError if a list has another length than the arm has joints.
+        Raises DefinitionError if a list does not have one entry per joint.
         """
         if isinstance(robot, Coupled):
-            return eqx.tree_at(lambda one: one.arm, robot, self._known(robot.arm))
+            return eqx.tree_at(lambda coupled: coupled.arm, robot, self._known(robot.arm))
         return self._known(robot)
 
     def _known(self, robot: Articulated) -> Articulated:
@@ -142,19 +139,18 @@ class NominalArm(AbstractDescription):
 
 
 class AbstractArticulated(AbstractRobotDescription):
-    """What every description of an arm of rigid links is."""
+    """Base class of descriptions of an arm with rigid links."""
 
     plant: TrueArm = TrueArm()
-    """How the arm that moves differs from the nominal one."""
+    """Differences of the true arm from the nominal one."""
     nominal: NominalArm = NominalArm()
-    """What the law knows beside the arm's own description."""
+    """Knowledge of the law in addition to the arm's own description."""
 
     @abstractmethod
     def described(self) -> Articulated | Coupled:
-        """The arm as it is described."""
+        """Return the described arm."""
 
     def build(self) -> Arms:
-        """The true robot, the nominal one, and what the true one carries."""
         described = self.described()
         with located("nominal"):
             nominal = self.nominal.applied(described)

@@ -1,4 +1,4 @@
-"""The tolerance band that judges a run, in a scenario file."""
+"""Tolerance band of a run in a scenario file."""
 
 from __future__ import annotations
 
@@ -19,12 +19,9 @@ else:
 
 
 def tolerance_of(description: ToleranceDescription | None, robot: AbstractRobot) -> PrescribedPerformance | None:
-    """The tolerance band, if there is one.
+    """Build the tolerance band for the errors of a robot, if there is one.
 
-    - `description`: of it.
-    - `robot`: whose errors it is about.
-
-    Raises DefinitionError, with the path of the field, if it is invalid or has other joints.
+    Raises DefinitionError, with the path of the field, if it is invalid or does not fit the joints.
     """
     if description is None:
         return None

@@ -1,4 +1,4 @@
-"""Descriptions as YAML."""
+"""Write descriptions as YAML."""
 
 from __future__ import annotations
 
@@ -11,18 +11,12 @@ from .base import AbstractDescription
 
 
 def as_yaml(description: AbstractDescription) -> str:
-    """A scenario or a study with all its values, as YAML that can be run again.
-
-    - `description`: a validated one.
-    """
+    """Return a scenario or a study with all its values as YAML that can be run again."""
     return dumped(_shown(description))
 
 
 def dumped(values: Any) -> str:
-    """Values as YAML.
-
-    - `values`: mappings, lists and single values.
-    """
+    """Return mappings, lists and single values as YAML."""
     yaml = YAML()
     yaml.default_flow_style = None
     yaml.width = 100
@@ -32,7 +26,7 @@ def dumped(values: Any) -> str:
 
 
 def _shown(value: Any) -> Any:
-    """Without what is not given; but null is shown where it says something else than nothing would."""
+    """Plain values without null, except where null differs from the default."""
     if isinstance(value, AbstractDescription):
         defaults = {name: field.default for name, field in type(value).model_fields.items()}
         return {name: _shown(part) for name, part in value if part is not None or defaults[name] is not None}

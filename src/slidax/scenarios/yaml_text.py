@@ -1,4 +1,4 @@
-"""YAML text as values, within limits that no scenario comes near."""
+"""Read YAML text within limits that no real scenario reaches."""
 
 from __future__ import annotations
 
@@ -13,22 +13,19 @@ from slidax._errors import DefinitionError, shown
 from slidax._files import read_text
 
 MOST_CHARACTERS = 250_000
-"""Of a text: the reader takes some ten seconds for so much of the densest YAML."""
+"""Longest text: the reader takes ten seconds for the densest YAML of this length."""
 
 MOST_VALUES = 250_000
-"""In a text once its aliases are written out, with which a few lines could say more than any memory holds."""
+"""Largest number of values with all aliases expanded; a few lines could otherwise exceed any memory."""
 
 DEEPEST = 50
-"""Levels of lists and mappings in each other."""
+"""Largest depth of nested lists and mappings."""
 
 LONG = "long motions belong in a file of their own, such as `trajectory: {kind: csv, file: motion.csv}`"
 
 
 def text_of(path: Path, what: str = "the file") -> str:
-    """The text in a file.
-
-    - `path`: of the file.
-    - `what`: what it is called in a message.
+    """Read the text in a file; `what` is its name in messages.
 
     Raises DefinitionError if it cannot be read.
     """
@@ -36,12 +33,9 @@ def text_of(path: Path, what: str = "the file") -> str:
 
 
 def read_yaml_file(path: Path, what: str = "the file") -> Any:
-    """The value in a YAML file.
+    """Read the value in a YAML file; `what` is its name in messages.
 
-    - `path`: of the file.
-    - `what`: what it is called in a message.
-
-    Raises DefinitionError, with the file and the line, if it cannot be read, is not YAML, or is too much of it.
+    Raises DefinitionError, with the file and the line, if it cannot be read, is not YAML, or is too large.
     """
     text = text_of(path, what)
     try:
@@ -51,11 +45,9 @@ def read_yaml_file(path: Path, what: str = "the file") -> Any:
 
 
 def read_yaml(text: str) -> Any:
-    """The value in a YAML 1.2 text.
+    """Return the value in a YAML 1.2 text.
 
-    - `text`: YAML.
-
-    Raises DefinitionError, with the line where there is one, if it is not YAML, or too much of it.
+    Raises DefinitionError, with the line if known, if it is not YAML, or is too large.
     """
     if len(text) > MOST_CHARACTERS:
         raise DefinitionError(f"the YAML has {len(text)} characters, at most {MOST_CHARACTERS} are read; {LONG}")
@@ -67,7 +59,7 @@ def read_yaml(text: str) -> Any:
         raise DefinitionError(f"not valid YAML{line}: {getattr(error, 'problem', None) or error}") from None
     except RecursionError:
         raise _too_deep() from None
-    # Where a value does not fit its tag, as in `!!float ""` or a 13th month, the reader fails as Python does.
+    # The reader raises Python's own errors for a value that does not fit its tag, as in `!!float ""` or a 13th month.
     except (ValueError, LookupError, TypeError, AttributeError, AssertionError) as error:
         raise DefinitionError(f"not valid YAML: a value is not what its tag or form says: {error}") from None
     require_readable(value)
@@ -75,15 +67,12 @@ def read_yaml(text: str) -> Any:
 
 
 def require_readable(value: Any) -> None:
-    """Raises DefinitionError if a value holds itself, is too large or too deep, or has a key that is no text.
-
-    - `value`: mappings, lists and single values.
-    """
+    """Raise DefinitionError if a value contains itself, is too large or too deep, or has a key that is no text."""
     _size(value, {}, set(), DEEPEST)
 
 
 def _size(value: Any, known: dict[int, int], inside: set[int], left: int) -> int:
-    """How many values there are in one, itself included, each alias counted as what it stands for."""
+    """Number of values in a value, itself included, with all aliases expanded."""
     if not isinstance(value, (dict, list)):
         return 1
     if id(value) in known:

@@ -1,4 +1,4 @@
-"""What is not known of a scenario: sets of values by path, and the unit cube that stands for all of them."""
+"""Uncertainty of a scenario: sets of values by path, as an image of the unit cube."""
 
 from .leaf import Leaf as Leaf
 from .leaf import leaf_of as leaf_of

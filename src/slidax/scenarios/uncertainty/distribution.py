@@ -1,4 +1,4 @@
-"""From the unit interval to values by a distribution: inverse distribution functions."""
+"""Inverse distribution functions, from the unit interval to values."""
 
 from __future__ import annotations
 
@@ -11,28 +11,23 @@ from slidax._errors import DefinitionError, shown
 from .leaf import Array
 
 Distribution = Literal["uniform", "log_uniform", "triangular", "normal"]
-"""`log_uniform`: each factor alike; `triangular`: its peak in the middle; `normal`: cut at both ends."""
+"""`log_uniform`: uniform logarithm; `triangular`: peak in the middle; `normal`: cut at both ends."""
 
 TAIL = 1e-16
-"""The cube's faces, where a normal distribution has no end."""
+"""Distance from the faces of the cube, at which a normal distribution is infinite."""
 
 
 class Cut(NamedTuple):
-    """Mean and deviation of a normal distribution that is cut; None: the middle, and a sixth of the width."""
+    """Mean and deviation of a truncated normal distribution; None: the middle, and a sixth of the width."""
 
     mean: float | None = None
     deviation: float | None = None
 
 
 def shares(u: Array, lower: Array, upper: Array, distribution: Distribution, cut: Cut) -> Array:
-    """The values at shares u of the probability, between two ends.
+    """Return the values between two ends at cumulative probabilities u in [0, 1).
 
-    - `u`: in [0, 1).
-    - `lower`, `upper`: the ends.
-    - `distribution`: on what lies between.
-    - `cut`: of a normal one.
-
-    Raises DefinitionError if there is no such distribution between these ends.
+    Raises DefinitionError if the distribution does not exist between these ends.
     """
     if distribution == "log_uniform":
         if not (lower > 0).all():
@@ -42,7 +37,7 @@ def shares(u: Array, lower: Array, upper: Array, distribution: Distribution, cut
         share = np.where(u < 0.5, np.sqrt(0.5 * u), 1.0 - np.sqrt(0.5 * (1.0 - u)))
         values = lower + (upper - lower) * share
     elif distribution == "normal":
-        # Here, since few files need it and it takes a third of a short command's start.
+        # Imported here, since few files need it and the import takes a third of a short command's start.
         from scipy.special import ndtr, ndtri
 
         mean = 0.5 * (lower + upper) if cut.mean is None else cut.mean
@@ -57,11 +52,7 @@ def shares(u: Array, lower: Array, upper: Array, distribution: Distribution, cut
 
 
 def cut_normal(u: Array, sigmas: float = 8.0) -> Array:
-    """Normal numbers of mean 0 and deviation 1, before the cut.
-
-    - `u`: in [0, 1).
-    - `sigmas`: where it is cut at both sides.
-    """
+    """Return standard normal numbers, cut at `sigmas` on both sides, at cumulative probabilities u in [0, 1)."""
     from scipy.special import ndtr, ndtri
 
     low = ndtr(-sigmas)

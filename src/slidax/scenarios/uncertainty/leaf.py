@@ -1,4 +1,4 @@
-"""A number of a scenario, found by its path."""
+"""Numbers of a scenario by path."""
 
 from __future__ import annotations
 
@@ -23,18 +23,15 @@ ENDS = (("minimum", -np.inf), ("exclusiveMinimum", -np.inf)), (("maximum", np.in
 
 @dataclasses.dataclass(frozen=True)
 class Leaf:
-    """A number, or some, of a scenario.
+    """A number of a scenario, or a list of numbers.
 
-    - `path`: where it stands.
-    - `own`: its value; None where it has none.
-    - `joints`: of the arm.
-    - `per_joint`: whether it may be one number for all joints, or one for each.
-    - `one_of_joints`: whether it is one joint's number in a list with one for each.
-    - `open_list`: whether it is a list that the file may make as long as the arm has joints.
-    - `integer`: whether it is a whole number.
-    - `unit`: of one of its numbers.
-    - `ends`: of its range, as far as they are numbers.
-    - `envelope`: at the start, gives lower and upper positions [n]; None where it is not asked for.
+    - `own`: its value; None without a value.
+    - `joints`: number of joints of the arm.
+    - `per_joint`: True if it may be one number for all joints, or one for each.
+    - `one_of_joints`: True for one joint's number in a list with one for each.
+    - `open_list`: True for a list of any length.
+    - `ends`: numeric ends of its range.
+    - `envelope`: returns lower and upper positions [n] at the start; None if not needed.
     """
 
     path: str
@@ -55,23 +52,21 @@ class Leaf:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Of its own value; of one number where it has none."""
+        """Shape of its own value; of one number without a value."""
         return () if self.own is None else self.own.shape
 
     @property
     def shape_of_each(self) -> tuple[int, ...]:
-        """Of its numbers where each is by itself."""
+        """Shape of its numbers if each has its own draw."""
         return (self.joints,) if self.per_joint and self.shape == () else self.shape
 
     @property
     def size(self) -> int:
-        """How many numbers there are where each is by itself."""
+        """Count of its numbers if each has its own draw."""
         return int(np.prod(self.shape_of_each, dtype=int))
 
     def own_value(self, what: str) -> Array:
-        """Its own value.
-
-        - `what`: asks for it.
+        """Return its own value, which the key `what` needs.
 
         Raises DefinitionError if it has none.
         """
@@ -80,12 +75,9 @@ class Leaf:
         return self.own
 
     def fitting(self, value: Any, what: str) -> Array:
-        """A value as an array that its own shape can take.
+        """Return the value of the key `what` as an array of its own shape.
 
-        - `value`: one number, or as many as it has.
-        - `what`: where it stands.
-
-        Raises DefinitionError if it has another shape, or is not finite.
+        Raises DefinitionError if the value has another shape, or is not finite.
         """
         array = np.asarray(value, float)
         allowed = {(), self.shape, self.shape_of_each}
@@ -97,27 +89,22 @@ class Leaf:
         return self.spread_out(array, False)
 
     def spread_out(self, value: Array, each: bool) -> Array:
-        """A value in its own shape, or in that of each number by itself.
-
-        - `value`: one number, or more.
-        - `each`: whether each is by itself.
-        """
+        """Return a value in its own shape, or, with `each`, in the shape of separate draws."""
         return np.broadcast_to(value, np.broadcast_shapes(value.shape, self.shape_of_each if each else self.shape))
 
 
 def leaf_of(description: BaseModel, path: str, joints: int, *, own: Any = None) -> Leaf:
-    """The number at a path of a description.
+    """Return the number at a path of a scenario's description.
 
-    - `description`: a scenario's.
     - `path`: dotted, as of `--set`.
-    - `joints`: of its arm.
-    - `own`: its own value, where that is not the one in the description.
+    - `joints`: number of joints of the arm.
+    - `own`: value in place of the one in the description.
 
     Raises DefinitionError if there is none.
     """
     place: Any = description
     kind: Any = None
-    said: Mapping[str, Any] = {}
+    schema: Mapping[str, Any] = {}
     open_list = one_of_joints = False
     for name in path.split("."):
         if isinstance(place, BaseModel):
@@ -125,7 +112,7 @@ def leaf_of(description: BaseModel, path: str, joints: int, *, own: Any = None) 
             if name not in fields:
                 raise DefinitionError(f"there is no `{plain(name)}` here; {nearest(name, fields)}")
             kind, extra = fields[name].annotation, fields[name].json_schema_extra
-            said = extra if isinstance(extra, dict) else {}
+            schema = extra if isinstance(extra, dict) else {}
             place = getattr(place, name)
             open_list = list[float] in _words(kind) and not _has_length(fields[name])
         elif isinstance(place, tuple | list) and name.isdigit() and int(name) < len(place):
@@ -138,12 +125,12 @@ def leaf_of(description: BaseModel, path: str, joints: int, *, own: Any = None) 
     words = _words(kind)
     if not words & NUMERIC or isinstance(place, BaseModel | str | bool):
         raise DefinitionError(f"is not a number of the scenario; got {shown(place)}")
-    given = place if own is None else own
+    value = place if own is None else own
     try:
-        array = None if given is None else np.asarray(given, int if words == {int} else float)
+        array = None if value is None else np.asarray(value, int if words == {int} else float)
     except (TypeError, ValueError):
-        raise DefinitionError(f"is not a number of the scenario; got {shown(given)}") from None
-    lower, upper = (next((said[key] for key, _ in end if key in said), end[0][1]) for end in ENDS)
+        raise DefinitionError(f"is not a number of the scenario; got {shown(value)}") from None
+    lower, upper = (next((schema[key] for key, _ in end if key in schema), end[0][1]) for end in ENDS)
     return Leaf(
         path,
         array,
@@ -152,31 +139,27 @@ def leaf_of(description: BaseModel, path: str, joints: int, *, own: Any = None) 
         one_of_joints=one_of_joints,
         open_list=open_list,
         integer=int in words and float not in words,
-        unit=str(said.get("unit", "")),
+        unit=str(schema.get("unit", "")),
         ends=(float(lower), float(upper)),
     )
 
 
 def _has_length(field: FieldInfo) -> bool:
-    """True if a list has a length of its own, such as the three numbers of a place."""
+    """True for a list of fixed length, such as the three numbers of a point."""
     return "MinLen" in str(field.metadata) or "min_length" in str(field.annotation)
 
 
 def _words(kind: Any) -> set[Any]:
-    """The types that a union is of, without None and without what pydantic was told of them."""
+    """The types of a union, without None and without annotations for pydantic."""
     if typing.get_origin(kind) is typing.Annotated:
         return _words(typing.get_args(kind)[0])
     if typing.get_origin(kind) in (None, list, tuple, typing.Literal):
         return {kind} - {type(None)}
-    return set().union(*(_words(one) for one in typing.get_args(kind)))
+    return set().union(*(_words(member) for member in typing.get_args(kind)))
 
 
 def with_values(description: Any, values: Mapping[str, Any]) -> Any:
-    """A description with other values, which may be traced and are not validated.
-
-    - `description`: a valid one, in which every path leads somewhere.
-    - `values`: by path.
-    """
+    """Return a description with other values by path, which may be traced and are not validated."""
     for path, value in values.items():
         description = _with(description, path.split("."), value)
     return description
@@ -188,5 +171,5 @@ def _with(place: Any, names: list[str], value: Any) -> Any:
     name, *rest = names
     if isinstance(place, BaseModel):
         return place.model_copy(update={name: _with(getattr(place, name), rest, value)})
-    changed = [_with(one, rest, value) if k == int(name) else one for k, one in enumerate(place)]
+    changed = [_with(entry, rest, value) if k == int(name) else entry for k, entry in enumerate(place)]
     return tuple(changed) if isinstance(place, tuple) else changed

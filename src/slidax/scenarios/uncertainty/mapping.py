@@ -1,4 +1,4 @@
-"""The block `uncertainty` of a scenario: sets by path, some of them from a file."""
+"""Block `uncertainty` of a scenario: sets by path, some of them from a file."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..yaml_text import read_yaml_file
 from .sets import AbstractSet, AnySet
 
 FILE = "file"
-"""The key that names a file with a mapping `uncertainty`, as `slidax identify` writes one."""
+"""Key for a file with a mapping `uncertainty`, as from `slidax identify`."""
 
 
 def _with_file(data: Any, info: Any) -> Any:
@@ -22,13 +22,13 @@ def _with_file(data: Any, info: Any) -> Any:
         return data
     path = Path((info.context or {}).get("folder", "")) / str(data[FILE])
     try:
-        given = read_yaml_file(path)
+        content = read_yaml_file(path)
     except DefinitionError as error:
         raise _refused(str(error)) from None
-    found = given.get("uncertainty") if isinstance(given, dict) else None
-    if not isinstance(found, dict):
+    sets = content.get("uncertainty") if isinstance(content, dict) else None
+    if not isinstance(sets, dict):
         raise _refused(f"the file `{path}` has no mapping `uncertainty`, as `slidax identify` writes one")
-    return found | {path: one for path, one in data.items() if path != FILE}
+    return sets | {path: values for path, values in data.items() if path != FILE}
 
 
 def _refused(message: str) -> PydanticCustomError:
@@ -39,4 +39,4 @@ if TYPE_CHECKING:
     Uncertainty = dict[str, AbstractSet]
 else:
     Uncertainty = Annotated[dict[str, AnySet], BeforeValidator(_with_file)]
-"""Sets by path; `file` names a file with more of them."""
+"""Sets by path; `file` names a file with more sets."""

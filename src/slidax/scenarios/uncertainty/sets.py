@@ -1,4 +1,4 @@
-"""Sets of values that a number of a scenario may have, each with a distribution on it."""
+"""Sets of values for a number of a scenario, each with a distribution."""
 
 from __future__ import annotations
 
@@ -17,38 +17,34 @@ from .leaf import Array, Leaf
 
 MOST_SEEDS = 2**32
 
-EACH = "`joint` (or `entry`): each of its numbers by itself; if not given one draw for all of them"
+EACH = "`joint` (or `entry`): a separate draw for each of its numbers; by default one draw for all of them"
 
 
 class AbstractSet(AbstractDescription):
-    """What every set is: an image of the unit cube."""
+    """Base class of sets, which are images of the unit cube."""
 
     each: Literal["joint", "entry"] | None = Field(default=None, description=EACH)
 
     def coordinates(self, leaf: Leaf) -> int:
-        """How many coordinates of the unit cube it takes.
-
-        - `leaf`: the number, or numbers, that it is of.
-        """
+        """Return the number of coordinates of the unit cube that the set takes for a leaf."""
         return leaf.size if self.each else 1
 
     @property
     def example(self) -> Any:
-        """A value of the set, where it has one without knowing what it is of; else None."""
+        """A value of the set that does not depend on a leaf; None if there is none."""
         return None
 
     @abstractmethod
     def values(self, cube: Array, leaf: Leaf) -> Array:
-        """The values at points of the unit cube [rows, ...], of the shape that the leaf takes.
+        """Return the values of a leaf at points of the unit cube, [rows, ...].
 
         - `cube`: [rows, coordinates], in [0, 1).
-        - `leaf`: what they are of.
 
-        Raises DefinitionError if the set does not fit it, or is empty.
+        Raises DefinitionError if the set does not fit the leaf, or is empty.
         """
 
     def _spread(self, cube: Array, leaf: Leaf) -> Array:
-        """The coordinates, one for each number of the leaf."""
+        """The coordinates in the shape of the leaf, one for each number with a separate draw."""
         if self.each:
             return cube.reshape(len(cube), *leaf.shape_of_each)
         return cube.reshape(len(cube), *[1] * len(leaf.shape))
@@ -60,17 +56,15 @@ class Between(AbstractSet):
     between: Annotated[list[Numbers], Field(min_length=2, max_length=2)]
     """Lower and upper end, each one number or one per joint."""
     distribution: Distribution = "uniform"
-    """How likely values are."""
+    """Distribution of the values."""
     mean: float | None = said("of `normal`", default=None, source="the middle")
     deviation: float | None = said("of `normal`", "", "> 0", default=None, source="a sixth of the width")
 
     @property
     def example(self) -> Any:
-        """The lower end."""
         return self.between[0]
 
     def values(self, cube: Array, leaf: Leaf) -> Array:
-        """Between the ends, by the distribution."""
         lower, upper = (leaf.fitting(end, "between") for end in self.between)
         _require_order(lower, upper)
         if self.distribution != "normal" and (self.mean, self.deviation) != (None, None):
@@ -84,7 +78,7 @@ class Around(AbstractSet):
     around: float | str
     """The distance: a number in the parameter's unit, or a share of its own value, such as `20 %`."""
     distribution: Distribution = "uniform"
-    """How likely values are."""
+    """Distribution of the values."""
 
     @field_validator("around")
     @classmethod
@@ -96,10 +90,9 @@ class Around(AbstractSet):
         return value
 
     def values(self, cube: Array, leaf: Leaf) -> Array:
-        """Around the scenario's own value, by the distribution."""
         own = leaf.own_value("around")
         reach = np.abs(own) * _share(self.around) if isinstance(self.around, str) else self.around
-        # What is the same for all joints may differ between them here.
+        # One number for all joints may differ between the joints here.
         lower, upper = (leaf.spread_out(np.asarray(own + sign * reach), bool(self.each)) for sign in (-1.0, 1.0))
         return shares(self._spread(cube, leaf), lower, upper, self.distribution, Cut())
 
@@ -116,30 +109,27 @@ class Ball(AbstractSet):
         return leaf.size + 1
 
     def values(self, cube: Array, leaf: Leaf) -> Array:
-        """In the ball around the scenario's own value."""
         own = leaf.own_value("ball").reshape(-1)
         direction = cut_normal(cube[:, :-1])
-        # The middle of the cube has no direction: it is the ball's own middle.
+        # The middle of the cube has no direction; it is the middle of the ball.
         direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-12)
         far = np.ones(len(cube)) if self.distribution == "surface" else cube[:, -1] ** (1.0 / leaf.size)
         return (own + self.ball * far[:, None] * direction).reshape(len(cube), *leaf.shape)
 
 
 class Choice(AbstractSet):
-    """Some values."""
+    """A finite set of values."""
 
     choice: Annotated[list[float | list[float] | list[list[float]]], Field(min_length=1)] | Literal["any"]
     """The values; `any` for a seed."""
     weights: list[float] | None = None
-    """How likely each is; alike if not given."""
+    """Probabilities of the values; by default equal."""
 
     @property
     def example(self) -> Any:
-        """The first one."""
         return 0 if self.choice == "any" else self.choice[0]
 
     def values(self, cube: Array, leaf: Leaf) -> Array:
-        """One of the values, by the weights."""
         u = self._spread(cube, leaf)
         if self.choice == "any":
             if not leaf.integer:
@@ -149,8 +139,8 @@ class Choice(AbstractSet):
         edges = np.cumsum(weights)[:-1] / np.sum(weights)
         which = np.searchsorted(edges, u, side="right")
         fitting = [leaf.fitting(value, "choice") for value in self.choice]
-        shape = np.broadcast_shapes(*(one.shape for one in fitting), leaf.shape_of_each if self.each else ())
-        values = np.stack([np.broadcast_to(one, shape) for one in fitting])
+        shape = np.broadcast_shapes(*(value.shape for value in fitting), leaf.shape_of_each if self.each else ())
+        values = np.stack([np.broadcast_to(value, shape) for value in fitting])
         if leaf.integer and (values != np.round(values)).any():
             raise DefinitionError(f"needs whole numbers; got {shown(self.choice)}")
         picked: Array = np.take_along_axis(values[None], which.reshape(len(cube), 1, *u.shape[1:]), axis=1)[:, 0]
@@ -164,14 +154,14 @@ class Choice(AbstractSet):
 
 
 class StandardError(AbstractSet):
-    """Values by an estimate and its standard error, as `slidax identify` writes them: normal, cut at both sides."""
+    """Estimated values with a standard error, as from `slidax identify`: normal, cut at both sides."""
 
     standard_error: float | list[float] | list[list[float]]
-    """Of one sigma, each number's own."""
+    """One standard deviation of each number."""
     unit: str = ""
-    """As it was written; not used."""
+    """Unit of the number; not used."""
     seen: bool = True
-    """Whether the log showed it; not used."""
+    """True if the log excited the parameter; not used."""
     sigmas: float = said("where the normal distribution is cut, in standard errors", "", "(0, 8]", default=3.0)
 
     def coordinates(self, leaf: Leaf) -> int:
@@ -179,7 +169,6 @@ class StandardError(AbstractSet):
         return int(np.prod(leaf.shape, dtype=int))
 
     def values(self, cube: Array, leaf: Leaf) -> Array:
-        """Around the scenario's own value, in the parameter's range."""
         own = leaf.own_value("standard_error")
         error = np.broadcast_to(leaf.fitting(self.standard_error, "standard_error"), own.shape)
         if not (np.isfinite(error) & (error >= 0)).all():
@@ -189,15 +178,14 @@ class StandardError(AbstractSet):
 
 
 class Inside(AbstractSet):
-    """Starts inside the envelope as it is at t = 0, with the velocities of the scenario."""
+    """Starts inside the envelope at t = 0, with the velocities of the scenario."""
 
     inside: Literal["envelope"]
-    """What they are inside of."""
+    """The envelope around the starts."""
     share: float = said("of the distance from its middle to its bounds", "", "(0, 1)", default=0.9)
-    each: Literal["joint", "entry"] | None = Field(default="joint", description="Each joint by itself.")
+    each: Literal["joint", "entry"] | None = Field(default="joint", description="A separate draw for each joint.")
 
     def values(self, cube: Array, leaf: Leaf) -> Array:
-        """Positions that are inside."""
         if leaf.envelope is None:
             raise DefinitionError("`inside` is for `start`")
         lower, upper = leaf.envelope()
@@ -218,8 +206,8 @@ KINDS: dict[str, type[AbstractSet]] = {
 def _kind(data: Any) -> str | None:
     if isinstance(data, AbstractSet):
         return next(key for key, kind in KINDS.items() if type(data) is kind)
-    found = [key for key in KINDS if isinstance(data, dict) and key in data]
-    return found[0] if len(found) == 1 else None
+    keys = [key for key in KINDS if isinstance(data, dict) and key in data]
+    return keys[0] if len(keys) == 1 else None
 
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""All that a scenario may be: its uncertain numbers together, as an image of the unit cube."""
+"""Space of a scenario's uncertain numbers, as an image of the unit cube."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from .sets import AbstractSet
 class Space:
     """Sets of values by path; each takes some coordinates of the unit cube, in the order of the paths.
 
-    - `leaves`: the numbers that vary, by path.
-    - `sets`: what each may be.
+    - `leaves`: the uncertain numbers by path.
+    - `sets`: their sets by path.
     """
 
     leaves: Mapping[str, Leaf]
@@ -28,21 +28,21 @@ class Space:
 
     @cached_property
     def widths(self) -> dict[str, int]:
-        """How many coordinates each path takes."""
-        return {path: one.coordinates(self.leaves[path]) for path, one in self.sets.items()}
+        """Number of coordinates of each path."""
+        return {path: values.coordinates(self.leaves[path]) for path, values in self.sets.items()}
 
     @property
     def dimensions(self) -> int:
-        """Of the unit cube."""
+        """Dimensions of the unit cube."""
         return sum(self.widths.values())
 
     @property
     def coordinates(self) -> list[str]:
-        """What each coordinate of the unit cube is called."""
+        """Names of the coordinates of the unit cube."""
         return [path if width == 1 else f"{path}[{k}]" for path, width in self.widths.items() for k in range(width)]
 
     def values(self, cube: Array) -> dict[str, Array]:
-        """The values at points of the unit cube, by path, with the point as their first axis.
+        """Return the values at points of the unit cube, by path, with the point as their first axis.
 
         - `cube`: [rows, dimensions], in [0, 1).
 
@@ -50,16 +50,16 @@ class Space:
         """
         if cube.shape[1:] != (self.dimensions,):
             raise DefinitionError(f"points of the cube have {self.dimensions} coordinates; got {list(cube.shape)}")
-        found, first = {}, 0
-        for path, one in self.sets.items():
+        values, first = {}, 0
+        for path, choices in self.sets.items():
             width = self.widths[path]
             with located(path):
-                found[path] = one.values(cube[:, first : first + width], self.leaves[path])
+                values[path] = choices.values(cube[:, first : first + width], self.leaves[path])
             first += width
-        return found
+        return values
 
     def ends(self) -> list[dict[str, Any]]:
-        """Values at ends of the sets, for a check of them: all lowest, all highest, and by turns."""
+        """Return values at ends of the sets, to check them: all lowest, all highest, and alternating."""
         low, high = 0.0, np.nextafter(1.0, 0.0)
         turns = np.repeat(np.arange(len(self.widths)) % 2 == 0, list(self.widths.values()))
         points = np.array([np.full(len(turns), low), np.full(len(turns), high), *np.where([turns, ~turns], low, high)])
@@ -68,8 +68,5 @@ class Space:
 
 
 def as_changes(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Values as a scenario file has them.
-
-    - `values`: arrays by path, of one case.
-    """
+    """Return one case's arrays by path as plain values of a scenario file."""
     return {path: np.asarray(value).tolist() for path, value in values.items()}
