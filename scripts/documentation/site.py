@@ -119,7 +119,7 @@ def _facts(thing: Any) -> str:
     if isinstance(thing, Preset):
         law = f"Law: `{thing.law.__name__}`."
         numbers = f" Numbers: {thing.source}." if thing.source else ""
-        presets = [f"- `{name}`: `{value}`" for name, value in thing.given.items()]
+        presets = [f"- `{name}`: `{value}`" for name, value in thing.values.items()]
         return "\n".join([thing.__doc__ or "", "", law + numbers, "", *presets])
     if isinstance(thing, Metric):
         unit = thing.unit.format(position="rad or m", torque="N m or N") or "none"
