@@ -37,16 +37,16 @@ def levels(monkeypatch):
 
 def test_code_is_made_well_once_it_was_asked_for_enough_turns(levels):
     code = llvm.ByDemand(scaled())
-    first = code.kernel(by_demand.WORTH[1] // 2)
+    first = code.kernel(by_demand.WORTHWHILE_TURNS[1] // 2)
     assert first.quick and code.kernel(1) is first
-    later = code.kernel(by_demand.WORTH[1] // 2)
+    later = code.kernel(by_demand.WORTHWHILE_TURNS[1] // 2)
     assert not later.quick and code.kernel(1) is later
     assert levels == [machine.QUICK, machine.OPTIMISED]
 
 
 @pytest.mark.parametrize("lanes", [1, 8])
 def test_one_long_run_gets_good_code_at_once(levels, lanes):
-    assert not llvm.ByDemand(scaled(), lanes).kernel(by_demand.WORTH[lanes]).quick
+    assert not llvm.ByDemand(scaled(), lanes).kernel(by_demand.WORTHWHILE_TURNS[lanes]).quick
     assert levels == [machine.OPTIMISED]
 
 
@@ -63,7 +63,7 @@ def test_a_folder_that_may_not_be_looked_into_stops_nobody(levels, monkeypatch, 
 
 
 def test_a_program_whose_values_might_fill_a_threads_stack_is_made_well(levels, monkeypatch):
-    monkeypatch.setattr(by_demand, "STACK", 8)
+    monkeypatch.setattr(by_demand, "STACK_LIMIT", 8)
     assert not llvm.ByDemand(scaled()).kernel(1).quick
 
 
@@ -81,7 +81,7 @@ def test_the_stack_that_quick_code_takes_is_less_than_what_its_values_are_counte
         native_engine._compiled.cache_clear()
         scenario.simulate()
     largest = max(programs, key=lambda program: sum(1 for _ in program.walk()))
-    counted = sum(1 for _ in largest.walk()) * by_demand.NUMBER
+    counted = sum(1 for _ in largest.walk()) * by_demand.VALUE_SIZE
     assert 0 < frame_of(kernel.Kernel(largest, 1, quick=True).object) < counted
 
 
@@ -117,7 +117,7 @@ def test_a_function_that_is_called_gives_the_bits_of_the_one_that_is_written_out
 def test_a_run_has_the_same_bits_by_both(monkeypatch):
     scenario = scenarios.load("example-4.1-1khz")
     quick = scenario.simulate(log_every=1)
-    monkeypatch.setitem(by_demand.WORTH, 1, 0)
+    monkeypatch.setitem(by_demand.WORTHWHILE_TURNS, 1, 0)
     well = scenario.simulate(log_every=1)
     for one, other in zip(jax.tree.leaves(quick.log), jax.tree.leaves(well.log), strict=True):
         np.testing.assert_array_equal(one, other)
@@ -132,6 +132,6 @@ def test_a_batch_has_the_same_bits_by_both(monkeypatch):
         ).tally
 
     quick = runs()
-    monkeypatch.setitem(by_demand.WORTH, 8, 0)
+    monkeypatch.setitem(by_demand.WORTHWHILE_TURNS, 8, 0)
     for one, other in zip(jax.tree.leaves(quick), jax.tree.leaves(runs()), strict=True):
         np.testing.assert_array_equal(one, other)

@@ -17,17 +17,14 @@ from .table import Columns
 from .task import Task, flat
 
 SAMPLES = 4_000_000
-"""About how many samples a chunk has: some seconds, so that little is lost and the bar moves."""
+"""Approximate number of samples per chunk: some seconds of computation, so that an interruption loses little."""
 
 LEAST, MOST = 64, 8192
 """Rows of a chunk."""
 
 
 def _unheard(rows: int) -> None:
-    """Nobody is told.
-
-    - `rows`: how many.
-    """
+    """Ignore the progress."""
 
 
 class AbstractPool(ABC):

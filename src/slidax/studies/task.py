@@ -32,11 +32,7 @@ class Task:
 
     @classmethod
     def of(cls, family: Family, engine: str | None = None) -> Task:
-        """The task of a family.
-
-        - `family`: the scenarios.
-        - `engine`: as in `simulate`; the scenario's own if None.
-        """
+        """The task of a family; `engine` as in `simulate`, the scenario's own if None."""
         base = family.base.model_dump(mode="json", exclude_unset=True, exclude={"uncertainty"})
         sets = [
             {path: item.model_dump(mode="json", exclude_unset=True) for path, item in space.sets.items()}

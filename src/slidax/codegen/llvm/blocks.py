@@ -20,7 +20,7 @@ from .vectorise import Vector
 from .words import literal, typed
 
 EXPENSIVE = frozenset({*ELEMENTARY, "load", "store", "loop", "branch", "div", "rem", "sqrt"})
-FEW = 12
+SELECT_LIMIT = 12
 """A branch with at most so many operations, none of them expensive, becomes a selection between both sides."""
 
 
@@ -295,4 +295,4 @@ class Blocks:
 def is_cheap(branch: Branch) -> bool:
     """True if both sides of a branch cost less than a mispredicted jump."""
     values = [*branch.then.values, *branch.otherwise.values]
-    return len(values) <= FEW and not any(value.op in EXPENSIVE for value in values)
+    return len(values) <= SELECT_LIMIT and not any(value.op in EXPENSIVE for value in values)

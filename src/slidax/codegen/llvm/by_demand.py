@@ -10,7 +10,7 @@ from slidax.codegen.no_native_code import in_one_line
 from . import cache, machine
 from .kernel import Kernel, identity
 
-WORTH = {1: 200_000, 8: 100_000}
+WORTHWHILE_TURNS = {1: 200_000, 8: 100_000}
 """Loop turns, by lanes, from which on optimised code saves time.
 
 For a loop with seven joints, optimised code takes 7 s longer to compile, and then saves 14 µs per turn; with eight
@@ -18,11 +18,11 @@ lanes, 9 s and 70 µs. Both grow with the program, so the number of turns does n
 at most about twice that of the better choice.
 """
 
-STACK = 2_500_000
+STACK_LIMIT = 2_500_000
 """Largest size of the values in quick code, in bytes. The values take about half of that on the stack. A thread's stack
 has 8 MB, on Windows 2 MB."""
 
-NUMBER = 8
+VALUE_SIZE = 8
 """Bytes of one value in one lane."""
 
 
@@ -48,7 +48,7 @@ class ByDemand:
         """
         first = self._kernel is None
         self._turns += turns
-        worth = self._turns >= WORTH.get(self.lanes, 0)
+        worth = self._turns >= WORTHWHILE_TURNS.get(self.lanes, 0)
         if self._kernel is None or (worth and self._kernel.quick):
             with in_one_line(lambda: "the program"):
                 self._identity = self._identity or identity(self.program, self.lanes)
@@ -64,4 +64,4 @@ class ByDemand:
 
     def _is_large(self) -> bool:
         """True if quick code might overflow the stack."""
-        return sum(1 for _ in self.program.walk()) * NUMBER * self.lanes > STACK
+        return sum(1 for _ in self.program.walk()) * VALUE_SIZE * self.lanes > STACK_LIMIT

@@ -8,7 +8,7 @@ from slidax.codegen.ir import Loop, Value, uses
 
 from .slp import Bundles, Members
 
-SAVED = {"div": 4.0, "sqrt": 4.0}
+COSTS = {"div": 4.0, "sqrt": 4.0}
 """Cost of an operation in instructions; 1 for all others."""
 
 
@@ -58,7 +58,7 @@ class _CostModel:
 
     def gain(self, members: Members) -> float:
         """Instructions that a vector saves; negative if it costs more than it saves."""
-        gain = (len(members) - 1) * SAVED.get(members[0].op, 1.0)
+        gain = (len(members) - 1) * COSTS.get(members[0].op, 1.0)
         for value in members:
             if self.scalar_uses[value]:
                 gain -= _extraction_cost(self.bundles, value)

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 
 from slidax.codegen.ir import BLOCKS, Branch, Loop, Program, Region, Value, regions, uses, walk
 
-CYCLES = {
+LATENCIES = {
     **dict.fromkeys(("const", "input", "param", "result"), 0),
     **dict.fromkeys(("mul", "add", "sub", "bitcast", "eq", "ne", "lt", "le", "gt", "ge"), 3),
     **dict.fromkeys(("fma", "rint", "floor", "ceil", "convert"), 4),
@@ -26,7 +26,7 @@ CYCLES = {
 }
 """Latency of each operation in cycles on current processors; 1 for all others."""
 
-STARTED = 2.0
+ISSUE_RATE = 2.0
 """Operations that the model processor starts per cycle. A measured optimum: with more, too many values are live at once
 and spill."""
 
@@ -76,10 +76,10 @@ def _schedule(values: Sequence[Value], after: Heights) -> list[Value]:
             continue
         value = heapq.heappop(ready)[2]
         scheduled.append(value)
-        cycles = CYCLES.get(value.op, 1)
+        cycles = LATENCIES.get(value.op, 1)
         done = now + cycles
         if cycles:
-            now += 1.0 / STARTED
+            now += 1.0 / ISSUE_RATE
         for user in users[value]:
             known_at[user] = max(known_at[user], done)
             missing[user] -= 1
@@ -104,7 +104,7 @@ def _heights(users: Mapping[Value, Sequence[Value]], after: Heights) -> Heights:
         for user in users[value]:
             if heights[user] > most:
                 most = heights[user]
-        heights[value] = most + CYCLES.get(value.op, 1)
+        heights[value] = most + LATENCIES.get(value.op, 1)
     return heights
 
 

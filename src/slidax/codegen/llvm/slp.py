@@ -17,7 +17,7 @@ from .order import dependants, dependency_counts
 
 Members = tuple[Value, ...]
 
-ALIKE = frozenset(
+VECTOR_OPERATIONS = frozenset(
     (
         *("add", "sub", "mul", "div", "neg", "abs", "min", "max", "fma", "sqrt", "floor", "ceil", "rint"),
         *("eq", "ne", "lt", "le", "gt", "ge", "isfinite", "select", "convert", "bitcast"),
@@ -28,7 +28,7 @@ ALIKE = frozenset(
 
 COMMUTATIVE = frozenset({"add", "mul", "min", "max", "and", "or", "xor", "eq", "ne"})
 
-WIDEST = 8
+LARGEST_WIDTH = 8
 """Largest number of lanes of a vector."""
 
 
@@ -60,7 +60,7 @@ class Bundles:
     def _index(self, region: Region) -> None:
         for value in region.values:
             self._table[_key(value, [arg.number for arg in value.args])] = value
-            if value.op in ALIKE:
+            if value.op in VECTOR_OPERATIONS:
                 for arg in value.args:
                     self._users[arg].append(value)
             elif value.op in BLOCKS:
@@ -91,7 +91,7 @@ class Bundles:
                 self._search(value.then)
                 self._search(value.otherwise)
                 self._extend(value, computed=False)
-            elif value.op in ALIKE:
+            elif value.op in VECTOR_OPERATIONS:
                 self._extend(value, computed=True)
             elif value.op == "result" and isinstance(value.args[0], Branch):
                 self._extend(value, computed=False)
@@ -251,7 +251,7 @@ def _rest(value: Value, arg: Value) -> list[str]:
 
 def _rows(numbers: Sequence[int], shape: tuple[int, ...]) -> Iterator[Sequence[int]]:
     """The rows of an array, if they are as long as a vector."""
-    if shape and 2 <= shape[-1] <= WIDEST:
+    if shape and 2 <= shape[-1] <= LARGEST_WIDTH:
         for first in range(0, len(numbers), shape[-1]):
             yield numbers[first : first + shape[-1]]
 

@@ -13,13 +13,13 @@ Stop = Literal["evaluations", "seconds", "enough", "settled"]
 
 @dataclass(frozen=True)
 class Found:
-    """The lowest points of a function that a search has seen.
+    """The lowest points of a search.
 
-    - `points`: the lowest first, each apart from those before it [found dimension].
-    - `values`: of them [found].
-    - `evaluations`: how many points were asked for, in all.
-    - `history`: after so many evaluations, so low a value [looks 2].
-    - `stop`: what ended it.
+    - `points`: the lowest first, each at a distance from those before it [points dimension].
+    - `values`: their values [points].
+    - `evaluations`: number of evaluated points.
+    - `history`: number of evaluations, and lowest value so far [batches 2].
+    - `stop`: reason for the end of the search.
     """
 
     points: np.ndarray
@@ -30,12 +30,12 @@ class Found:
 
 
 def apart(points: np.ndarray, values: np.ndarray, count: int, distance: float) -> np.ndarray:
-    """Places of the lowest points, each apart from all that are lower: different cases and not one case many times.
+    """Indices of the lowest points, each at a distance from all lower ones, so that they are different cases.
 
     - `points`: of the unit cube [points dimension].
-    - `values`: of them [points].
-    - `count`: how many at most.
-    - `distance`: by which at least one coordinate must differ.
+    - `values`: their values [points].
+    - `count`: largest number of points.
+    - `distance`: least difference in one coordinate.
     """
     chosen: list[int] = []
     left = np.ones(len(values), bool)

@@ -1,4 +1,4 @@
-"""The lowest value in the unit cube: spread points, then CMA-ES from the best of them, then a quasi-Newton step."""
+"""Global minimisation on the unit cube: spread points, then CMA-ES from the best of them, then quasi-Newton steps."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from .seen import Objective, Seen, require_budget
 from .spread import spread
 
 FIRST = 0.3
-"""The share of the budget that the spread points may take."""
+"""Largest share of the budget for the spread points."""
 
 LAST = 0.1
-"""The share that is kept for the quasi-Newton steps."""
+"""Share of the budget that is reserved for the quasi-Newton steps."""
 
 SIZE = 0.15
 """The first standard deviation of an island."""
@@ -35,25 +35,22 @@ def lowest(
 ) -> Found:
     """The lowest points of a function on the unit cube, by batches.
 
-    A third of the budget, at most 2048 points, is spread over the cube. From the best of these that are apart from each
-    other, several CMA-ES search at once, so that each batch holds the points of all of them. One that has settled
-    begins again with twice as many points, at the lowest point that is apart from all places where one has settled.
-    The rest of the budget goes to quasi-Newton steps from the lowest points, by finite differences; they are
-    kept if they help.
+    A third of the budget, at most 2048 points, is spread over the cube. Several CMA-ES islands start at the best of
+    these points that are distant from each other. Each batch contains the points of all islands. An island that has
+    settled restarts with twice as many points, at the lowest point that is distant from all settled islands. The rest
+    of the budget goes to quasi-Newton steps with finite differences from the lowest points.
 
     The same seed gives the same points, unless the time ends the search.
 
-    - `objective`: from points [points dimension] to numbers [points]; one that is not finite is as high as can be.
-    - `dimension`: of the cube.
-    - `evaluations`: how many points at most.
-    - `seed`: of all that is random.
+    - `objective`: function of points [points dimension] to values [points]; nonfinite values count as +∞.
+    - `evaluations`: largest number of points.
     - `seconds`: no batch begins after so many; None: any number.
-    - `enough`: the search ends below this; None: it goes on.
-    - `islands`: how many CMA-ES at once.
-    - `keep`, `distance`: how many of the lowest points are given, and by how much one of their coordinates differs.
-    - `settled`: an island in whose generation all values are so near to each other has settled.
+    - `enough`: the search ends below this value; None: no such value.
+    - `islands`: number of CMA-ES islands.
+    - `keep`, `distance`: number of returned points, and the least difference in one of their coordinates.
+    - `settled`: an island has settled if the values of a generation differ by less than this.
 
-    Raises DefinitionError if there is nothing to search, or `cmaes` is not installed.
+    Raises DefinitionError if the dimension or the budget is less than 1, or `cmaes` is not installed.
     """
     require_budget(dimension, evaluations)
     require_cmaes()
@@ -80,7 +77,7 @@ def lowest(
 def _by_islands(
     known: Seen, dimension: int, seed: int, islands: int, distance: float, settled: float, reserve: int
 ) -> Stop:
-    """Ends as settled when only the reserve is left."""
+    """Search by islands; return "settled" when only the reserve is left."""
     seeds = iter(np.random.SeedSequence(seed).generate_state(10_000))
     size = population(dimension)
     points, values = known.all
@@ -104,7 +101,7 @@ def _by_islands(
 
 
 def _elsewhere(known: Seen, ended: list[np.ndarray], distance: float) -> np.ndarray:
-    """The lowest point that is apart from where others ended; the lowest of all if there is none."""
+    """The lowest point that is distant from all settled islands; the lowest of all if there is none."""
     points, values = known.all
     far = np.ones(len(values), bool)
     for place in ended:

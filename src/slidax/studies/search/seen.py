@@ -1,4 +1,4 @@
-"""All points that a search has asked for, and what is left of its budget."""
+"""Points that a search has evaluated, and its remaining budget."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from slidax._errors import DefinitionError, shown
 from .found import Found, Stop, apart
 
 Objective = Callable[[np.ndarray], np.ndarray]
-"""From points of the unit cube [points dimension] to one number each [points]; what is not finite counts as +∞."""
+"""Function of points in the unit cube [points dimension] to their values [points]; nonfinite values count as +∞."""
 
 
 class Seen:
@@ -51,9 +51,9 @@ class Seen:
         return self._most - self.evaluations
 
     def ask(self, points: np.ndarray) -> np.ndarray:
-        """Their values, all asked for at once; one of +∞ for each beyond the budget.
+        """Evaluate points in one batch; +∞ for each beyond the budget.
 
-        - `points`: of the cube [points dimension]; those outside are asked for at the nearest point inside.
+        - `points`: of the cube [points dimension]; points outside are moved to the nearest point inside.
         """
         wanted = np.clip(points[: self.left], 0.0, 1.0)
         values = np.full(len(points), np.inf)
