@@ -7,15 +7,13 @@ from dataclasses import dataclass
 
 from ..ir import Call, Program, Value
 from ..naming import Names
-from .blocks import BlockWriter
-from .calls import Callees
 from .dialect import Dialect
 from .helpers import Helpers
 from .layout import format_lines, join_declarations
 from .placement import Placement
 from .rerolled import reroll
 from .scopes import add_scopes, stack_bytes
-from .writer import Read, Rows
+from .writer import Callees, Read, Rows, Writer
 
 PLACED = frozenset({"const", "input", "param", "result"})
 """Operations whose value has a place in memory already."""
@@ -70,7 +68,7 @@ def statements(
     precomputed = precomputed or {}
     stores = [value for value in program.walk() if value.op == "store"] if rows is not None else []
     placement = Placement(program, [*(value for _, value in assigned), *stores], precomputed)
-    writer = BlockWriter(placement, dialect or Dialect(), read, precomputed, names or Names(program), set(taken))
+    writer = Writer(placement, dialect or Dialect(), read, precomputed, names or Names(program), set(taken))
     writer.rows = rows
     writer.callees = callees
     writer.loops = loops

@@ -1,17 +1,18 @@
-"""Values as C statements."""
+"""Values, calls, loops and branches as C statements."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
-from ..ir import Branch, Call, Loop, Program, Region, Value
+from ..ir import Branch, Call, Input, Loop, Program, Region, Value
 from ..naming import Names
 from .dialect import Dialect
-from .expressions import CExpression, Expressions, constant
+from .expressions import CHOICE, EITHER, UNARY, CExpression, Expressions, constant
 from .helpers import Helpers
 from .layout import INDENT, WIDTH, CodeLine
-from .placement import Placement, is_counter_increment
+from .placement import Placement, is_counter, is_counter_increment
 
 Read = Callable[[int, int | str], str]
 """From an input's number and an element, as a number or a C expression, to the C text that reads it."""
@@ -26,8 +27,23 @@ HEAVY = 7
 """Largest number of operations in a line."""
 
 
-class Writer(ABC):
-    """Write the values of one function, without blocks.
+class Callee(NamedTuple):
+    """A C function, called as `name(shared..., inputs..., results)`.
+
+    - `shared`: arguments that are the same in all calls.
+    - `passed`: numbers of the inputs that each call passes, as arrays.
+    """
+
+    name: str
+    shared: tuple[str, ...]
+    passed: tuple[int, ...]
+
+
+Callees = Callable[[Program], Callee]
+
+
+class Writer:
+    """Write the values of one function, with its loops and branches.
 
     - `read`: C text that reads an element of an input.
     - `precomputed`: C text that reads a value without computing it.
@@ -55,7 +71,9 @@ class Writer(ABC):
         self.lines: list[CodeLine] = []
         self.texts: dict[Value, CExpression] = {}
         self.reads: set[int] = set()
-        self.places: dict[Value, str] = {}  # of inputs
+        self.input_places: dict[Value, str] = {}
+        self.rows: Rows | None = None
+        self.callees: Callees | None = None
         self.loops = False
         # Values that are elements of an array: the array's number and the index.
         self.array_elements: dict[Value, tuple[int, int]] = {}
@@ -117,22 +135,6 @@ class Writer(ABC):
             elif value.op != "result":
                 self._value(value)
 
-    @abstractmethod
-    def loop(self, loop: Loop) -> None:
-        """Write a loop."""
-
-    @abstractmethod
-    def branch(self, branch: Branch) -> None:
-        """Write a branch."""
-
-    @abstractmethod
-    def store(self, store: Value) -> None:
-        """Write the assignments to a row of a logged output."""
-
-    @abstractmethod
-    def call(self, call: Call) -> None:
-        """Write a call."""
-
     def declare_value(self, value: Value, hint: str | None = None) -> None:
         """Give a value with an expression a variable of its own."""
         written = self.texts[value]
@@ -152,7 +154,7 @@ class Writer(ABC):
             which, element = value.data
             text = self.read(which, element)
             self.reads.add(which)
-            self.places[value] = text
+            self.input_places[value] = text
             self.texts[value] = CExpression(text, reads=frozenset((text,)))
             # A loop over an array reads its elements in place.
             if self.placement.uses[value] > 1 and not text.isidentifier() and not (self.loops and text[-1] == "]"):
@@ -203,3 +205,243 @@ class Writer(ABC):
             return False
         arg = self.texts[value.args[0]]
         return arg.weight == 0 and (self.texts[value].text == arg.text or value.op in ("neg", "not"))
+
+    # ---- assignments ------------------------------------------------------------------------------------------------
+
+    def assign(self, pairs: Sequence[tuple[str, Value]]) -> None:
+        """Write simultaneous assignments: none reads a value that another has overwritten.
+
+        - `pairs`: targets and values.
+        """
+        waiting = [
+            (target, value)
+            for target, value in pairs
+            if target not in (self.texts[value].text, self.input_places.get(value))
+        ]
+        while waiting:
+            for pair in waiting:
+                if not any(pair[0] in self.texts[value].reads for target, value in waiting if target != pair[0]):
+                    break
+            else:
+                # Circular: a copy breaks the circle.
+                pair = waiting[0]
+                self.declare_value(pair[1])
+                continue
+            waiting.remove(pair)
+            self.line(f"{pair[0]} = {self.texts[pair[1]].text};")
+
+    def store(self, store: Value) -> None:
+        """Write the assignments to a row of a logged output."""
+        assert self.rows is not None
+        row, when, *values = store.args
+        if self.texts[row].weight > 1 and len(values) > 1:
+            self.declare_value(row)
+        always = self.texts[when].text == "true"
+        if not always:
+            self.line(f"if ({self.texts[when].text}) {{")
+            self.level += 1
+        for k, value in enumerate(values):
+            self.line(f"{self.rows(store.data, self.texts[row].text, k)} = {self.texts[value].text};")
+        if not always:
+            self.level -= 1
+            self.line("}")
+
+    # ---- calls ------------------------------------------------------------------------------------------------------
+
+    def call(self, call: Call) -> None:
+        """Write an array for the results, and the call that fills it."""
+        assert self.callees is not None
+        self.called.append(call.program)
+        callee = self.callees(call.program)
+        place, arguments = 0, list(callee.shared)
+        for k, entry in enumerate(call.program.inputs):
+            if k in callee.passed:
+                elements = call.args[place : place + entry.size]
+                arguments.append(self._array(entry, elements, callee) if entry.shape else self.texts[elements[0]].text)
+            place += entry.size
+        size = sum(output.size for output in call.program.outputs)
+        name = self.new_name(self._hint_of(call) or f"{callee.name}_result")
+        self.line(f"{self.dialect.type('f64')} {name}[{size}];", call)
+        self.bytes += size * self.dialect.size("f64")
+        self.line(f"{callee.name}({', '.join((*arguments, name))});", call)
+        for k, result in self.placement.results_of(call).items():
+            self.texts[result] = CExpression(f"{name}[{k}]")
+
+    def _hint_of(self, call: Call) -> str | None:
+        """Name of the results in the source, without a number."""
+        for result in self.placement.results_of(call).values():
+            hint = self.hint(result)
+            if hint is not None:
+                return hint.rstrip("0123456789").rstrip("_") or None
+        return None
+
+    def _array(self, entry: Input, elements: Sequence[Value], callee: Callee) -> str:
+        """Array of values: in place if they lie there in order, else a new one."""
+        texts = [self.input_places.get(value, self.texts[value].text) for value in elements]
+        first = re.fullmatch(r"(.*)\[(\d+)\]", texts[0])
+        if first is not None:
+            array, start = first.group(1), int(first.group(2))
+            if all(text == f"{array}[{start + k}]" for k, text in enumerate(texts)):
+                return f"&{array}[{start}]" if start else array
+        name = self.new_name(f"{callee.name}_at")
+        self.bytes += entry.size * self.dialect.size(entry.type)
+        self.line(f"const {self.dialect.type(entry.type)} {name}[{entry.size}] = {{")
+        room = WIDTH - len(INDENT) * (self.level + 1)
+        row = ""
+        for text in [f"{self.texts[value].text}," for value in elements]:
+            if row and len(row) + 1 + len(text) > room:
+                self.line(INDENT + row)
+                row = ""
+            row = f"{row} {text}" if row else text
+        self.line(INDENT + row.rstrip(","))
+        self.line("};")
+        return name
+
+    # ---- branches ---------------------------------------------------------------------------------------------------
+
+    def branch(self, branch: Branch) -> None:
+        """Write an `if`, or a choice between two expressions where both sides are short."""
+        left = self.placement.results_of(branch)
+        hints = {k: self._hint(branch, k) for k in left}
+        into = {k: self.result_names.pop(result, None) for k, result in left.items()}
+        names = {k: into[k] or self.new_name(hints[k]) for k in left}
+        when, sides = branch.args[0], [(branch.then, branch.yes), (branch.otherwise, branch.no)]
+        if when.op == "not":
+            when, sides = when.args[0], sides[::-1]
+        condition = self.texts[when]
+        then, otherwise = [self._side(region, {leaves[k]: names[k] for k in left}) for region, leaves in sides]
+        yes, no = [{k: leaves[k] for k in left} for _, leaves in sides]
+        if len(left) == 1 and not then and not otherwise:
+            ((k, result),) = left.items()
+            choice = self._choice(condition, self.texts[yes[k]], self.texts[no[k]])
+            if choice is not None:
+                self.texts[result] = choice
+                if into[k] is None:
+                    self.taken.discard(names[k])
+                    if not self.is_inline(result):
+                        self.declare_value(result, hints[k])
+                return
+        # A variable that starts with a known number needs no `else`.
+        plain = not otherwise and not any(into.values()) and not any(self.texts[value].weight for value in no.values())
+        for k, result in left.items():
+            if into[k] is None:
+                start = f" = {self.texts[no[k]].text}" if plain else ""
+                self.line(f"{self.dialect.type(result.type)} {names[k]}{start};", result)
+                self.bytes += self.dialect.size(result.type)
+            self.texts[result] = CExpression(names[k])
+        self.line(f"if ({condition.text}) {{")
+        self._leave(then, [(names[k], value) for k, value in yes.items()])
+        if not plain:
+            self.line("} else {")
+            self._leave(otherwise, [(names[k], value) for k, value in no.items()])
+        self.line("}")
+
+    def _choice(self, when: CExpression, yes: CExpression, no: CExpression) -> CExpression | None:
+        """Choice between expressions; None if it is too long to read."""
+        text = f"{when.within(EITHER)} ? {yes.within(EITHER)} : {no.within(CHOICE)}"
+        weight = 1 + when.weight + yes.weight + no.weight
+        if weight > HEAVY or len(text) > self.room():
+            return None
+        return CExpression(text, CHOICE, weight, when.reads | yes.reads | no.reads)
+
+    def _hint(self, branch: Branch, k: int) -> str | None:
+        for value in (self.placement.results_of(branch)[k], branch.yes[k], branch.no[k]):
+            if value.op not in ("const", "input") and value.region.within(branch.region):
+                name = self.hint(value)
+                if name is not None:
+                    return name
+        return None
+
+    def _side(self, region: Region, leaves: Mapping[Value, str]) -> list[CodeLine]:
+        """Lines of one side; inner blocks assign the results of this side directly."""
+        around, self.lines = self.lines, []
+        self.level += 1
+        for value, name in leaves.items():
+            if value.op == "result" and self.placement.has_single_use(value) and value not in self.precomputed:
+                self.result_names[value] = name
+        self.region(region)
+        self.level -= 1
+        side, self.lines = self.lines, around
+        return side
+
+    def _leave(self, lines: list[CodeLine], pairs: list[tuple[str, Value]]) -> None:
+        self.lines += lines
+        self.level += 1
+        self.assign(pairs)
+        self.level -= 1
+
+    # ---- loops ------------------------------------------------------------------------------------------------------
+
+    def loop(self, loop: Loop) -> None:
+        """Write a `for` where the number of iterations is known, else a `while`."""
+        left = self.placement.results_of(loop)
+        names: dict[int, str] = {}
+        counted = self._counter(loop, left) if loop.turns is not None else ""
+        for k in self.placement.carried(loop):
+            param = loop.params[k]
+            if is_counter(param):
+                continue
+            names[k] = self._carried(loop, k, left)
+            self.texts[param] = CExpression(names[k], reads=frozenset((names[k],)))
+        head, condition = self._head(loop)
+        if counted:
+            self.line(counted)
+        elif head:
+            self.line("for (;;) {")
+        else:
+            self.line(f"while ({condition}) {{")
+        self.lines += head
+        self.level += 1
+        if head and not counted:
+            self.line(f"if ({condition}) {{")
+            self.lines.append(CodeLine(self.level + 1, "break;"))
+            self.line("}")
+        self.region(loop.body)
+        self.assign([(names[k], loop.following[k]) for k in names])
+        self.level -= 1
+        self.line("}")
+        for k, result in left.items():
+            self.texts[result] = CExpression(names[k] if k in names else self.texts[loop.params[0]].text)
+
+    def _counter(self, loop: Loop, left: Mapping[int, Value]) -> str:
+        """Head of a `for`."""
+        assert loop.turns is not None
+        if self.texts[loop.turns].weight:
+            self.declare_value(loop.turns)
+        param = loop.params[0]
+        type, name = self.new_variable(param, self._index())
+        self.texts[param] = CExpression(name, reads=frozenset((name,)))
+        start = f"{type} {name} = 0"
+        if 0 in left:
+            self.line(start + ";")
+            start = ""
+        return f"for ({start}; {name} < {self.texts[loop.turns].text}; ++{name}) {{"
+
+    def _index(self) -> str:
+        return next((name for name in "ijkmn" if name not in self.taken), "i")
+
+    def _carried(self, loop: Loop, k: int, left: Mapping[int, Value]) -> str:
+        """Declare a carried variable with its initial value."""
+        result, param = left.get(k), loop.params[k]
+        name = self.result_names.pop(result, None) if result is not None else None
+        start = self.texts[loop.args[k]].text
+        if name is not None:
+            self.line(f"{name} = {start};")
+            return name
+        alike = [param, loop.following[k]] if result is None else [result, param, loop.following[k]]
+        hint = next((self.hint(value) for value in alike if self.hint(value) is not None), None)
+        type, name = self.new_variable(param, hint)
+        self.line(f"{type} {name} = {start};", param)
+        return name
+
+    def _head(self, loop: Loop) -> tuple[list[CodeLine], str]:
+        """Lines at the start of an iteration, and the condition to stop, or to continue if there are no such lines."""
+        around, self.lines = self.lines, []
+        self.level += 1
+        self.region(loop.head)
+        self.level -= 1
+        head, self.lines = self.lines, around
+        if loop.turns is not None:
+            return head, ""
+        condition = self.texts[loop.condition]
+        return head, f"!{condition.within(UNARY)}" if head else condition.text
