@@ -6,15 +6,12 @@ import json
 from collections.abc import Iterator
 from os.path import relpath
 from pathlib import Path
-from textwrap import fill
 from typing import Any
-
-from ruamel.yaml.comments import CommentedMap
 
 from slidax._writing import write_text
 from slidax.certificates import Certificates, Verdict
 from slidax.certificates.loop.jointly import JOINTS
-from slidax.scenarios.written import dumped
+from slidax.scenarios.written import dump_commented
 
 from .design import U_AMPLE, U_OVER, Designed
 from .proof import boundable
@@ -32,16 +29,7 @@ def written(result: Designed, folder: Path) -> str:
     values = result.description.model_dump(mode="json", exclude_unset=True)
     for name in ("robot", "trajectory"):
         values[name] = _relative(values[name], folder)
-    document = _mapping(values)
-    for name in list(document)[1:]:
-        document.yaml_set_comment_before_after_key(name, before="\n")
-    for place, name, text in _comments(result):
-        block, indent = document, 0
-        for key in place:
-            block, indent = block.get(key, CommentedMap()), indent + 2
-        if name in block:
-            block.yaml_set_comment_before_after_key(name, before=_filled(text, indent), indent=indent)
-    return dumped(document)
+    return dump_commented(values, _comments(result))
 
 
 def write_design(result: Designed, out: Path, certificates: Certificates) -> Path:
@@ -86,35 +74,34 @@ def _unproved(result: Designed) -> str:
     )
 
 
-def _comments(result: Designed) -> Iterator[tuple[tuple[str, ...], str, str]]:
-    """Yield each comment with the place and name of the key that it precedes."""
+def _comments(result: Designed) -> Iterator[tuple[str, str]]:
+    """Yield the path of each key with its comment."""
     frame, choice = result.frame, result.choice
-    yield (), "robot", _proof(result)
+    yield "robot", _proof(result)
     yield (
-        ("scheme", "transformation"),
-        "performance",
+        "scheme.transformation.performance",
         f"The error is within `final` from the deadline on. In the worst of {result.worst.cases} common cases the "
         f"steady error is {result.worst.error:.2g}. `initial` has room for all starts.",
     )
-    yield ("scheme",), "surface", "Steeper or flatter surfaces were not better."
+    yield "scheme.surface", "Steeper or flatter surfaces were not better."
     if choice.margin is not None:
         lacks = "" if result.demand is None else f", {result.demand.needed:.3g} N m"
         times = f"{U_AMPLE:g} times" if frame.least_margin is None else f"at least {U_OVER:g} times"
-        yield ("scheme",), "bound", f"u: {times} the largest model error{lacks}, (44), (45)."
+        yield "scheme.bound", f"u: {times} the largest model error{lacks}, (44), (45)."
     else:
-        yield ("scheme",), "bound", "The bound follows from the arm, its drives and the mismatch above."
-    inside = ("scheme", "sampled_data")
+        yield "scheme.bound", "The bound follows from the arm, its drives and the mismatch above."
     yield (
-        inside,
-        "horizon",
+        "scheme.sampled_data.horizon",
         f"{choice.horizon / frame.period:.3g} periods: found on common cases, with surface, `overshoot` and estimator.",
     )
     if choice.drift is not None:
         drift = f"The disturbance drifts by {choice.drift * 0.8:.2g} % of the rated torque in a second"
         even = f"; the joints' drifts are evened by {choice.even:.2g} of the way." if choice.even else "."
-        yield inside, "estimator", drift + even
-    yield inside, "adaptation", f"Learning is off: from {JOINTS} joints on no law that learns the inertia has a bound."
-    yield inside, "monitor", f"Warns before the envelope is left: 1.25 times the share that {MANY} common cases used."
+        yield "scheme.sampled_data.estimator", drift + even
+    learning = f"Learning is off: from {JOINTS} joints on no law that learns the inertia has a bound."
+    yield "scheme.sampled_data.adaptation", learning
+    warning = f"Warns before the envelope is left: 1.25 times the share that {MANY} common cases used."
+    yield "scheme.sampled_data.monitor", warning
 
 
 def _relative(block: dict[str, Any], folder: Path) -> dict[str, Any]:
@@ -124,14 +111,3 @@ def _relative(block: dict[str, Any], folder: Path) -> dict[str, Any]:
     if block.get("packages"):
         block["packages"] = [relpath(package, folder) for package in block["packages"]]
     return block
-
-
-def _mapping(value: Any) -> Any:
-    """Mappings that can carry comments."""
-    if isinstance(value, dict):
-        return CommentedMap({name: _mapping(part) for name, part in value.items()})
-    return [_mapping(part) for part in value] if isinstance(value, list) else value
-
-
-def _filled(text: str, indent: int) -> str:
-    return fill(text, 116 - indent, break_on_hyphens=False)
