@@ -93,6 +93,13 @@ def test_a_hand_is_held_and_the_tool_is_the_tip(tmp_path: Path) -> None:
     assert any("finger_left, finger_right" in note for note in made.notes)
 
 
+def test_names_that_mean_something_in_yaml_are_quoted(tmp_path: Path) -> None:
+    text = arm(more=HAND).replace('name="four"', 'name="four: best # ever"').replace("tool0", "yes: no")
+    _, scenario = new(tmp_path, text, tip="yes: no")
+    assert scenario.description.title == "four: best # ever at 1000 Hz"
+    assert scenario.description.robot.tip == "yes: no"
+
+
 @pytest.mark.full
 def test_joints_without_ends_and_joints_that_slide_have_a_motion_of_their_size(tmp_path: Path) -> None:
     sliding = joint("lift", "base", "column", kind="prismatic", axis="0 0 1", limit=(0.0, 0.4, 0.2, 400.0), mass=2.0)

@@ -7,6 +7,7 @@ import warnings
 from dataclasses import dataclass
 from os.path import relpath
 from pathlib import Path
+from typing import Any
 
 from slidax._errors import DefinitionError, nearest
 from slidax.robots import Articulated, Coupled, built_in_arm, built_in_names, from_mjcf, from_urdf
@@ -55,12 +56,12 @@ def draft(robot: str | Path, rate: float = 1000.0, *, tip: str | None = None, fo
     return Drafted(written(Choices(arm, block, rate, ratings, home, motion, notes)), notes)
 
 
-def _arm(robot: str, tip: str | None, folder: Path) -> tuple[Articulated, tuple[str, ...], tuple[str, ...]]:
-    """The arm, the lines of the scenario's `robot`, and notes about it."""
+def _arm(robot: str, tip: str | None, folder: Path) -> tuple[Articulated, dict[str, Any], tuple[str, ...]]:
+    """The arm, the scenario's `robot`, and notes about it."""
     if robot in built_in_names():
         if tip is not None:
             raise DefinitionError(f"`{robot}` has its tip; `tip` is for robot files")
-        return built_in_arm(robot).robot, (f"kind: {robot}",), ()
+        return built_in_arm(robot).robot, {"kind": robot}, ()
     path = Path(robot)
     kind = FILES.get(path.suffix.lower())
     if kind is None:
@@ -79,14 +80,13 @@ def _arm(robot: str, tip: str | None, folder: Path) -> tuple[Articulated, tuple[
     changed = [message for message in messages if "inertias are changed" in message]
     notes = [message.rpartition("; ")[2] for message in changed]
     notes += [message for message in messages if message.endswith("left out")]
-    lines = [f"kind: {kind}", f"file: {_quoted(relpath(path, folder))}", f"tip: {_quoted(chain.tip)}"]
+    block: dict[str, Any] = {"kind": kind, "file": relpath(path, folder), "tip": chain.tip}
     if chain.locked:
-        held = ", ".join(f"{_quoted(name)}: {value:.6g}" for name, value in chain.locked.items())
-        lines.append(f"locked: {{{held}}}")
+        block["locked"] = {name: float(f"{value:.6g}") for name, value in chain.locked.items()}
         notes.append(_held(chain))
     if changed:
-        lines.append("inertias: nearest")
-    return arm, tuple(lines), tuple(notes)
+        block["inertias"] = "nearest"
+    return arm, block, tuple(notes)
 
 
 def _with_followers(arm: Coupled, kind: str, path: Path, tip: str) -> str:
@@ -104,11 +104,3 @@ def _with_followers(arm: Coupled, kind: str, path: Path, tip: str) -> str:
 def _held(chain: Chain) -> str:
     where = "held where each is" if len(chain.locked) > 1 else "held where it is"
     return f"{', '.join(chain.locked)}: not of the arm, whose tip is `{chain.tip}`; {where} nearest to 0"
-
-
-def _quoted(name: str) -> str:
-    """A name in YAML."""
-    plain = name.replace("_", "").replace("-", "").replace("/", "").replace(".", "")
-    return (
-        name if plain.isalnum() and plain[0].isalpha() else '"' + name.replace("\\", "\\\\").replace('"', '\\"') + '"'
-    )

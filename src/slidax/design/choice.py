@@ -9,14 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slidax._errors import as_array
-from slidax.commissioning.text import DRIFT, RADIUS, WIDTH
+from slidax.commissioning.text import DRIFT, EXPONENT, OVERSHOOT, RADIUS, REACHING, SURFACE, WIDTH
 from slidax.scenarios import ScenarioDescription
 from slidax.scenarios.description import Moving
 from slidax.scenarios.sampled_data import KalmanDescription, MeasuredDescription
 
 Floats = NDArray[np.floating[Any]]
-
-OVERSHOOT, EXPONENT = 0.9, 2.01
 
 HORIZONS = (6.0, 9.0, 14.0, 20.0, 28.0)
 """H that are tried, in periods, or in ms where a period is shorter than that."""
@@ -26,8 +24,6 @@ DRIFTS = (0.25, 1.0, 4.0)
 
 SLOPES = (1.0, 2.0, 4.0)
 """Times k1 and k2 of `slidax new`."""
-
-K1, K2 = 0.5, 1.0
 
 EXACT = {"inverse_inertia_min": 1.0, "inverse_inertia_max": 1.0, "b0": 0.0, "b1": 0.0, "b2": 0.0}
 """Bound (19) that is its margin u alone."""
@@ -52,8 +48,8 @@ def template(deadline: float) -> dict[str, Any]:
         "name": "cftsmppc",
         "performance": performance,
         "overshoot": OVERSHOOT,
-        "surface": {"k1": K1, "k2": K2, "p": 0.5, "q": 1.2, "delta": 0.01},
-        "reaching": {"gain": 0.1, "exponent": 1.2, "layer": 0.0},
+        "surface": SURFACE,
+        "reaching": REACHING,
         "sampled_data": {"monitor": {"share": 1.0, "led": 1.0}},
     }
 
@@ -153,7 +149,7 @@ class Frame:
         performance = scheme.transformation.performance.model_copy(
             update={"initial": rounded(self.initial), "final": rounded(choice.final), "deadline": choice.deadline}
         )
-        surface = {"k1": K1 * choice.slope, "k2": K2 * choice.slope * choice.bend}
+        surface = {"k1": SURFACE["k1"] * choice.slope, "k2": SURFACE["k2"] * choice.slope * choice.bend}
         sampled: dict[str, Any] = {
             "horizon": float(f"{choice.horizon:.6g}"),
             "estimator": self._estimator(choice),
@@ -194,8 +190,8 @@ class Frame:
         performance = "scheme.transformation.performance"
         result: dict[str, Any] = {
             "scheme.sampled_data.horizon": choice.horizon,
-            "scheme.surface.k1": K1 * choice.slope,
-            "scheme.surface.k2": K2 * choice.slope * choice.bend,
+            "scheme.surface.k1": SURFACE["k1"] * choice.slope,
+            "scheme.surface.k2": SURFACE["k2"] * choice.slope * choice.bend,
             "scheme.transformation.overshoot": choice.overshoot,
             f"{performance}.final": np.asarray(rounded(choice.final)),
             f"{performance}.deadline": choice.deadline,
