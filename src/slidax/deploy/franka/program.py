@@ -8,7 +8,6 @@ but no Coriolis term, which the law's own model has.
 
 from __future__ import annotations
 
-import argparse
 import signal
 import sys
 from collections.abc import Sequence
@@ -18,7 +17,7 @@ from typing import Any
 
 from ..onboard.law import FINISH, STOP, Pilot
 from ..onboard.log import Log
-from ..onboard.options import in_time, loaded, options_of_the_path, prepare
+from ..onboard.options import in_time, loaded, prepare, robot_parser
 
 STATUS = {"finished": 0, "stopped": 3, "reflex": 4, "no robot": 5}
 """Exit codes: motion over; stopped by the pilot; stopped by the robot; no robot."""
@@ -85,15 +84,9 @@ def run_franka(
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the program; its exit codes are in `STATUS`."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("address", help="of the robot")
-    parser.add_argument("--law", type=Path, default=Path(__file__).parent / "law", help="the folder of the law")
-    load = ("KG", "X", "Y", "Z")
-    parser.add_argument("--load", type=float, nargs=4, metavar=load, help="told to the robot: mass and place")
+    parser = robot_parser(__doc__, Path(__file__).parent)
     parser.add_argument("--torque-threshold", type=float, default=40.0, help="of the robot's collision reflex, N m")
     parser.add_argument("--force-threshold", type=float, default=60.0, help="of the robot's collision reflex, N")
-    parser.add_argument("--no-realtime", action="store_true", help="go on without a real-time priority")
-    options_of_the_path(parser)
     options = parser.parse_args(arguments)
     try:
         import pylibfranka

@@ -38,9 +38,7 @@ def export_micro(
 ) -> Project:
     """Write a scenario's law as a project for Cortex-M and RISC-V; existing files of the same names are overwritten.
 
-    - `name`: the law's name in C; by default the scenario's.
-    - `single`: floats instead of doubles.
-    - `command`: the command line, quoted in the file headers.
+    - `name`, `single`, `command`: as in `export_c`.
 
     Raises DefinitionError if there is no native code for the law, the name is not valid in C, or the folder cannot be
     written.

@@ -60,6 +60,21 @@ def options_of_the_path(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--log", type=Path, help="write what happened as CSV")
 
 
+def robot_parser(description: str | None, folder: Path) -> argparse.ArgumentParser:
+    """Return a parser with the options of all programs that control a robot.
+
+    - `folder`: of the program, with the law in its folder `law`.
+    """
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("address", help="of the robot")
+    parser.add_argument("--law", type=Path, default=folder / "law", help="the folder of the law")
+    load = ("KG", "X", "Y", "Z")
+    parser.add_argument("--load", type=float, nargs=4, metavar=load, help="told to the robot: mass and place")
+    parser.add_argument("--no-realtime", action="store_true", help="go on without a real-time priority")
+    options_of_the_path(parser)
+    return parser
+
+
 def in_time(enforce: bool) -> None:
     """Request real-time priority.
 

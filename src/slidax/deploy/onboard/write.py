@@ -61,9 +61,7 @@ def export_robot(
 ) -> Project:
     """Write a robot's programs and the law that they run.
 
-    - `name`: the law's name in C; by default the scenario's.
-    - `single`: floats instead of doubles.
-    - `command`: the command line, quoted in the file headers.
+    - `name`, `single`, `command`: as in `export_c`.
     - `golden`: include the tests and golden samples, which take most of the time.
 
     Raises DefinitionError if the scenario has another number of joints or another period, or cannot be exported.

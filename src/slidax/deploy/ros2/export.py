@@ -46,9 +46,7 @@ def export_ros2(
 
     Trajectories arrive by a topic; the scenario's motion is not used.
 
-    - `name`: the law's name in C; by default the scenario's.
-    - `single`: floats instead of doubles.
-    - `command`: the command line, quoted in the file headers.
+    - `name`, `single`, `command`: as in `export_c`.
     - `gravity`: "law" if the law carries the arm's weight, "robot" if the robot adds it to each effort.
     - `golden`: include the tests and golden samples, which take most of the time.
 

@@ -9,7 +9,6 @@ age, whose `direct_torque` takes the shares of friction.
 
 from __future__ import annotations
 
-import argparse
 import datetime
 import signal
 import sys
@@ -20,7 +19,7 @@ from typing import Protocol
 
 from ..onboard.law import FINISH, GO, STOP, Pilot
 from ..onboard.log import Log
-from ..onboard.options import in_time, loaded, options_of_the_path, prepare
+from ..onboard.options import in_time, loaded, prepare, robot_parser
 
 STATUS = {"finished": 0, "stopped": 3, "robot": 4, "no robot": 5}
 """Exit codes: motion over; stopped by the pilot; stopped by the robot; no robot."""
@@ -149,15 +148,9 @@ def run_ur(
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the program; its exit codes are in `STATUS`."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("address", help="of the robot")
-    parser.add_argument("--law", type=Path, default=Path(__file__).parent / "law", help="the folder of the law")
-    load = ("KG", "X", "Y", "Z")
-    parser.add_argument("--load", type=float, nargs=4, metavar=load, help="told to the robot: mass and place")
+    parser = robot_parser(__doc__, Path(__file__).parent)
     parser.add_argument("--viscous", type=float, nargs=6, default=VISCOUS, help="shares that the robot compensates")
     parser.add_argument("--coulomb", type=float, nargs=6, default=COULOMB, help="shares that the robot compensates")
-    parser.add_argument("--no-realtime", action="store_true", help="go on without a real-time priority")
-    options_of_the_path(parser)
     options = parser.parse_args(arguments)
     try:
         import rtde_control
