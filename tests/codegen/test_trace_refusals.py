@@ -57,7 +57,7 @@ def test_a_rule_that_fails_is_named_with_its_place_in_one_line(monkeypatch, fail
 def test_a_program_of_too_many_numbers_is_refused_before_it_fills_the_memory(monkeypatch, operations):
     monkeypatch.setattr(builder, "LARGEST", 2000)
     monkeypatch.setattr(builder, "LARGEST_CODE", 500)
-    with pytest.raises(NoNativeCodeError, match="programs of more than 500 operations or 2000 numbers"):
+    with pytest.raises(NoNativeCodeError, match="programs of more than 500 operations or 2000 values"):
         trace(operations, jnp.ones(1000 if "sum" in str(operations.__code__.co_names) else 3000))
     trace(operations, jnp.ones(100))
 

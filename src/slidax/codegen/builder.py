@@ -206,8 +206,7 @@ class Builder:
             self._operations += 1
         if self._count >= LARGEST or self._operations > LARGEST_CODE:
             raise NotImplementedError(
-                f"programs of more than {LARGEST_CODE} operations or {LARGEST} numbers; arrays are taken apart into "
-                "their numbers, and this has too many"
+                f"programs of more than {LARGEST_CODE} operations or {LARGEST} values; each element of an array counts"
             )
         value = Value(op, type, args, data, region, self._next(), self.origin)
         region.values.append(value)

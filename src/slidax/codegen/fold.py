@@ -59,14 +59,14 @@ def fold_operation(builder: Builder, op: str, type: Type, args: tuple[Value, ...
     if op == "select" and args[0].op == "const":
         return args[1] if args[0].data else args[2]
     if args and all(arg.op == "const" for arg in args):
-        number = _computed(op, type, args)
+        number = _compute(op, type, args)
         if number is not None:
             return builder.constant(number, type)
     rule = _RULES.get(op)
     return rule(builder, type, args) if rule is not None else None
 
 
-def _computed(op: str, type: Type, args: tuple[Value, ...]) -> Number | None:
+def _compute(op: str, type: Type, args: tuple[Value, ...]) -> Number | None:
     numbers = [DTYPES[arg.type](arg.data) for arg in args]
     with np.errstate(all="ignore"):
         if op == "convert":
@@ -76,14 +76,14 @@ def _computed(op: str, type: Type, args: tuple[Value, ...]) -> Number | None:
         if op == "not":
             return (not args[0].data) if type == "b1" else np.invert(numbers[0]).item()
         if op in ("div", "rem"):
-            return _divided(op, type, numbers)
+            return _divide(op, type, numbers)
         if op in ("shl", "shr", "sar"):
-            return _shifted(op, type, *(int(arg.data) for arg in args))
+            return _shift(op, type, *(int(arg.data) for arg in args))
         compute = _COMPUTE.get(op)
         return None if compute is None else np.asarray(compute(*numbers)).item()
 
 
-def _divided(op: str, type: Type, numbers: list[Any]) -> Number | None:
+def _divide(op: str, type: Type, numbers: list[Any]) -> Number | None:
     if type not in FLOATS and numbers[1] == 0:
         return None
     rest = np.fmod(*numbers)
@@ -94,7 +94,7 @@ def _divided(op: str, type: Type, numbers: list[Any]) -> Number | None:
     return int((numbers[0] - rest) // numbers[1])
 
 
-def _shifted(op: str, type: Type, number: int, distance: int) -> Number:
+def _shift(op: str, type: Type, number: int, distance: int) -> Number:
     bits = np.iinfo(DTYPES[type]).bits
     if not 0 <= distance < bits:
         return -1 if op == "sar" and number < 0 else 0
@@ -234,7 +234,7 @@ def _pow(b: Builder, type: Type, args: tuple[Value, ...]) -> Value | None:
     return None
 
 
-def _compared(op: str) -> Callable[[Builder, Type, tuple[Value, ...]], Value | None]:
+def _comparison_rule(op: str) -> Callable[[Builder, Type, tuple[Value, ...]], Value | None]:
     def rule(b: Builder, type: Type, args: tuple[Value, ...]) -> Value | None:
         if args[0] is args[1] and args[0].type not in FLOATS:
             return b.constant(_EQUAL_GIVES[op], "b1")
@@ -264,5 +264,5 @@ _RULES: dict[str, Callable[[Builder, Type, tuple[Value, ...]], Value | None]] = 
     "select": _select,
     "convert": _convert,
     "pow": _pow,
-    **{op: _compared(op) for op in _EQUAL_GIVES},
+    **{op: _comparison_rule(op) for op in _EQUAL_GIVES},
 }

@@ -12,10 +12,10 @@ def prune(program: Program) -> None:
 
     Carried values of loops and results of branches are removed as well.
     """
-    _drop(program.body, _needed(program))
+    _drop(program.body, _needed_values(program))
 
 
-def _needed(program: Program) -> set[Value]:
+def _needed_values(program: Program) -> set[Value]:
     needed: set[Value] = set()
     pending: list[Value] = [value for output in program.outputs for value in output.values or ()]
     pending += [value for value in program.walk() if value.op == "store"]

@@ -72,7 +72,7 @@ class Expressions:
         """
         if self.ordered_operands and op in ("add", "mul") and type in FLOATS:
             args = sorted(args, key=lambda arg: (arg.precedence, re.sub(r"\d+", "", arg.text)))
-        text, precedence = _commuted(op, args) if cannot_overflow else self._text(op, type, of, args)
+        text, precedence = _commute(op, args) if cannot_overflow else self._text(op, type, of, args)
         weight = 1 + sum(arg.weight for arg in args)
         return CExpression(text, precedence, weight, NO_READS.union(*[arg.reads for arg in args]))
 
@@ -90,7 +90,7 @@ class Expressions:
         if op == "copy":
             return args[0].text, args[0].precedence
         if op == "convert":
-            return self._converted(type, of, args[0])
+            return self._convert(type, of, args[0])
         if op == "bitcast":
             return self._bits(type, of, args[0])
         if type == "b1":
@@ -99,13 +99,13 @@ class Expressions:
 
     def _real(self, op: str, type: Type, args: list[CExpression]) -> tuple[str, int]:
         if op in ("add", "mul"):
-            return _commuted(op, args)
+            return _commute(op, args)
         if op == "sub" and _is_negated(args[1]):
             return f"{args[0].within(PLUS)} + {args[1].text[1:]}", PLUS
         if op in SUM:
             return _two(args, *SUM[op])
         if op == "neg":
-            return _negated(args[0])
+            return _negate(args[0])
         if op in ("min", "max"):
             return _call(self.helpers.name_of(op, type), args)
         if op == "erf_inv":
@@ -150,7 +150,7 @@ class Expressions:
             return f" {sign} ".join(sides), precedence
         return _two(args, sign, precedence, each=BOTH if op == "and" else SHIFT)
 
-    def _converted(self, type: Type, of: Type, arg: CExpression) -> tuple[str, int]:
+    def _convert(self, type: Type, of: Type, arg: CExpression) -> tuple[str, int]:
         type, of = self.dialect.effective_type(type), self.dialect.effective_type(of)
         if type == of:
             return arg.text, arg.precedence
@@ -193,7 +193,7 @@ def _two(args: list[CExpression], sign: str, precedence: int, *, each: int | Non
     return f"{first} {sign} {right.within(precedence + 1 if each is None else each)}", precedence
 
 
-def _negated(arg: CExpression) -> tuple[str, int]:
+def _negate(arg: CExpression) -> tuple[str, int]:
     if arg.precedence < TIMES or arg.text.startswith("-"):
         return f"-({arg.text})", UNARY
     # -a b is -(a b), to the last bit.
@@ -204,7 +204,7 @@ def _is_negated(arg: CExpression) -> bool:
     return arg.text.startswith("-") and arg.precedence >= TIMES
 
 
-def _commuted(op: str, args: list[CExpression]) -> tuple[str, int]:
+def _commute(op: str, args: list[CExpression]) -> tuple[str, int]:
     """A sum or a product in the order with the fewest signs and parentheses: every order gives the same bits."""
     left, right = args
     sign, precedence = SUM[op]

@@ -160,11 +160,11 @@ class Writer:
             if self.placement.uses[value] > 1 and not text.isidentifier() and not (self.loops and text[-1] == "]"):
                 self.declare_value(value)
             return
-        self.texts[value] = self._composed(value)
+        self.texts[value] = self._compose(value)
         if not self._is_cheap(value) and not self.is_inline(value):
             self.declare_value(value)
 
-    def _composed(self, value: Value) -> CExpression:
+    def _compose(self, value: Value) -> CExpression:
         """Expression of a value; operands that make it too long or too heavy get variables of their own."""
         args = list(dict.fromkeys(value.args))
         while True:

@@ -84,7 +84,7 @@ def select_element(builder: Builder, values: list[Value], index: Value) -> Value
     if last >= LONG or _progression(values) is not None:
         inside = builder.apply("max", index, builder.constant(0, index.type))
         inside = builder.apply("min", inside, builder.constant(last, index.type))
-        computed = _computed(builder, values, inside)
+        computed = _compute_element(builder, values, inside)
         if computed is not None:
             return computed
     answer = values[-1]
@@ -98,7 +98,7 @@ LONG = 16
 """Arrays with more elements are read from memory if they are inputs; others by a chain of choices."""
 
 
-def _computed(builder: Builder, values: list[Value], index: Value) -> Value | None:
+def _compute_element(builder: Builder, values: list[Value], index: Value) -> Value | None:
     """Element by arithmetic if the elements are a progression, else from memory if they lie there evenly."""
     numbers = _progression(values)
     if numbers is not None:

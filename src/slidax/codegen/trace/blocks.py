@@ -47,7 +47,7 @@ def scan(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> lis
     avals = [var.aval for var in equation.outvars[n_carry:]]
     stacked = sum(int(np.prod(aval.shape, dtype=int)) for aval in avals)
     if length <= 1 or stacked > FEW:
-        return _unrolled(params["jaxpr"], shares, carry, rows, (length, reverse), [a.shape for a in avals], inline)
+        return _unroll(params["jaxpr"], shares, carry, rows, (length, reverse), [a.shape for a in avals], inline)
 
     def turn(index: Value, carried: list[Values]) -> list[Values]:
         last = b.constant(length - 1, "i64")
@@ -77,7 +77,7 @@ def _consts_and_carry(params: dict[str, Any]) -> tuple[int, int]:
     return params["num_consts"], params["num_carry"]
 
 
-def _unrolled(
+def _unroll(
     jaxpr: Any,
     shares: list[Values],
     carry: list[Values],

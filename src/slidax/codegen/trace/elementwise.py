@@ -171,11 +171,11 @@ def _total_order_comparison(op: str) -> Rule:
     """Comparison in which NaN is larger than every number; zeros are equal whatever their sign."""
 
     def rule(b: Builder, equation: Any, arrays: list[Values]) -> Values:
-        def compared(x: Value, y: Value) -> Value:
+        def compare(x: Value, y: Value) -> Value:
             below_nan = b.apply("ne", y, y) if op == "le" else b.apply("and", b.apply("eq", x, x), b.apply("ne", y, y))
             return b.apply("or", b.apply(op, x, y), below_nan)
 
-        return each(compared, *arrays)
+        return each(compare, *arrays)
 
     return rule
 

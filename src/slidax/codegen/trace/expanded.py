@@ -12,7 +12,7 @@ from .arrays import of_numbers
 from .blocks import Inline
 
 
-def expanded(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> list[Values]:
+def expand(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> list[Values]:
     """Inline the expansion of a primitive: `jnp.searchsorted` is a bisection, `custom_root` is its solver."""
     primitive = equation.params["_prim"]
     shapes = [jax.ShapeDtypeStruct(atom.aval.shape, atom.aval.dtype) for atom in equation.invars]

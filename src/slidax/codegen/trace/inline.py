@@ -13,7 +13,7 @@ from slidax.codegen.no_native_code import NoNativeCodeError, in_one_line
 
 from . import blocks, elementwise, indexing, random, reductions, shapes
 from .arrays import of_numbers
-from .expanded import expanded, linear_solve, platform_index
+from .expanded import expand, linear_solve, platform_index
 from .library import Library, place_together
 from .origin import Origin, frames_of
 
@@ -47,7 +47,7 @@ WITH_JAXPRS: dict[str, Callable[[Builder, Any, list[Values], blocks.Inline], lis
     "while": blocks.while_loop,
     "scan": blocks.scan,
     "cond": blocks.cond,
-    "call_hi_primitive": expanded,
+    "call_hi_primitive": expand,
     "custom_linear_solve": linear_solve,
     "linear_solve": linear_solve,
     "random_seed": random.by_implementation("seed"),
@@ -130,7 +130,7 @@ class _Inlining:
                 return [place_together(self.builder, array) for array in arrays]
             if name in CALLS:
                 around, self.call = self.call, self.call or equation
-                results = self.run(_closed(equation.params[CALLS[name]]), arrays)
+                results = self.run(_as_closed(equation.params[CALLS[name]]), arrays)
                 self.call = around
                 return results
             if self.named:
@@ -186,5 +186,5 @@ class _Inlining:
         return ""
 
 
-def _closed(jaxpr: Any) -> Any:
+def _as_closed(jaxpr: Any) -> Any:
     return jaxpr if hasattr(jaxpr, "jaxpr") else ClosedJaxpr(jaxpr, ())
