@@ -64,6 +64,9 @@ ELEMENTARY = [
 BLOCKS = frozenset({"loop", "branch"})
 """Operations that hold regions."""
 
+PLACED = frozenset({"const", "input", "param", "result"})
+"""Operations whose value has a place in memory already."""
+
 Number = float | int | bool
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from ..ir import Call, Program, Value
+from ..ir import PLACED, Call, Program, Value
 from ..naming import Names
 from .dialect import Dialect
 from .helpers import Helpers
@@ -14,9 +14,6 @@ from .placement import Placement
 from .rerolled import reroll
 from .scopes import add_scopes, stack_bytes
 from .writer import Callees, Read, Rows, Writer
-
-PLACED = frozenset({"const", "input", "param", "result"})
-"""Operations whose value has a place in memory already."""
 
 
 @dataclass(frozen=True)

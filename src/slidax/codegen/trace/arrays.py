@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,10 @@ TYPES: dict[str, Type] = {
     "bool": "b1",
 }
 """IR type of each dtype."""
+
+
+Inline = Callable[[Any, Sequence[Values]], list[Values]]
+"""From a closed jaxpr and its arguments to its results."""
 
 
 def type_of(dtype: Any) -> Type:

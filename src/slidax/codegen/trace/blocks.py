@@ -1,8 +1,8 @@
-"""Loops and branches. They stay blocks, unless they run at most once or their condition is known."""
+"""Loops and branches. They stay blocks, unless they run at most once, stack many results, or have a known condition."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,11 +10,8 @@ import numpy as np
 from slidax.codegen.builder import Builder, Values
 from slidax.codegen.ir import Value
 
-from .arrays import filled, select_element, type_of, value_array
+from .arrays import Inline, filled, select_element, type_of, value_array
 from .packed import packed, unpacked
-
-Inline = Callable[[Any, Sequence[Values]], list[Values]]
-"""From a closed jaxpr and its arguments to its results."""
 
 FEW = 64
 """Largest number of stacked results that a scan carries; a scan with more is unrolled."""

@@ -8,8 +8,7 @@ import jax
 
 from slidax.codegen.builder import Builder, Values
 
-from .arrays import of_numbers
-from .blocks import Inline
+from .arrays import Inline, of_numbers
 
 
 def expand(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> list[Values]:

@@ -12,7 +12,7 @@ from slidax.codegen.builder import Builder, Values
 from slidax.codegen.no_native_code import NoNativeCodeError, in_one_line
 
 from . import blocks, elementwise, indexing, random, reductions, shapes
-from .arrays import of_numbers
+from .arrays import Inline, of_numbers
 from .expanded import expand, linear_solve, platform_index
 from .library import Library, place_together
 from .origin import Origin, frames_of
@@ -43,7 +43,7 @@ PLAIN: dict[str, Callable[[Builder, Any, list[Values]], Values | list[Values]]] 
     "random_wrap": random.key_words,
     "random_unwrap": random.key_words,
 }
-WITH_JAXPRS: dict[str, Callable[[Builder, Any, list[Values], blocks.Inline], list[Values]]] = {
+WITH_JAXPRS: dict[str, Callable[[Builder, Any, list[Values], Inline], list[Values]]] = {
     "while": blocks.while_loop,
     "scan": blocks.scan,
     "cond": blocks.cond,

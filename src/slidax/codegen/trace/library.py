@@ -10,7 +10,7 @@ import numpy as np
 
 from slidax.codegen.builder import Builder, Values
 from slidax.codegen.digest import digest
-from slidax.codegen.ir import BLOCKS, Call, Program, Value
+from slidax.codegen.ir import BLOCKS, PLACED, Call, Program, Value
 
 from .arrays import type_of, value_array
 
@@ -19,9 +19,6 @@ Key = tuple[str, Any, int]
 
 ROW = 3
 """Smallest array that is kept together."""
-
-PLACED = frozenset({"const", "input", "param", "result"})
-"""Operations whose value has a place in memory already."""
 
 WORTH = 60
 """Smallest number of operations of a function that is worth its call."""

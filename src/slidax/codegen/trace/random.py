@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -12,12 +12,10 @@ from slidax.codegen.builder import Builder, Values
 from slidax.codegen.fold import DTYPES
 from slidax.codegen.ir import Value
 
-from .arrays import each, of_numbers, value_array
+from .arrays import Inline, each, of_numbers, value_array
 
 PARITY = 0x1BD11BDA
 ROTATIONS = ((13, 15, 26, 6), (17, 29, 16, 24))
-
-Inline = Callable[[Any, Sequence[Values]], list[Values]]
 
 
 def threefry(b: Builder, equation: Any, arrays: list[Values]) -> list[Values]:
