@@ -14,7 +14,7 @@ from slidax.controllers import MeasurementGate, Recovery, SampledData, sampled_d
 from slidax.estimators import AbstractEstimator, FilteredDifference, Kalman, Measured, RobustDifferentiator
 from slidax.estimators.kalman import FASTEST_PACE
 from slidax.reaching import SaturatedReaching
-from slidax.scenarios.schemes import SCHEMES, switched
+from slidax.scenarios.schemes import SCHEMES, switch_scheme
 from tests.paper import START_4_1, TWO_LINK_NOMINAL, law_4_1
 
 NAME = "example-4.1-1khz"
@@ -130,6 +130,6 @@ def test_every_scheme_keeps_the_block_but_for_what_only_plans_have() -> None:
     for name in set(SCHEMES) - {"cftsmppc"}:
         plans = name not in ("anftsmc", "computed_torque", "gravity_pd", "nftsmc", "pid")
         kept = scheme["sampled_data"] if plans else {"estimator": estimator}
-        assert switched(scheme, name) == {"name": name, "sampled_data": kept}
+        assert switch_scheme(scheme, name) == {"name": name, "sampled_data": kept}
     built = scenarios.load("panda-payload", {"scheme.name": "computed_torque"}).controller
     assert isinstance(built, SampledData) and built.horizon is None and isinstance(built.estimator, Kalman)

@@ -14,7 +14,7 @@ import pytest
 from slidax import controllers, scenarios
 from slidax._errors import DefinitionError
 from slidax.controllers import Preset, SlidingMode, SuperTwisting
-from slidax.scenarios.schemes import SCHEMES, switched
+from slidax.scenarios.schemes import SCHEMES, switch_scheme
 from slidax.scenarios.yaml_text import read_yaml
 from slidax.surfaces import Linear, SingularityFree
 from slidax.transformations import PrescribedPerformance
@@ -109,10 +109,10 @@ def test_naming_the_files_own_scheme_changes_nothing() -> None:
 
 def test_the_switch_does_not_touch_the_mapping_it_is_given() -> None:
     scheme = {"name": "cftsmppc", "overshoot": 0.2, "surface": {"k1": 1.0}, "bound": {"b1": 2.2, "margin": 1.0}}
-    assert switched(scheme, "ftsmc") == {"name": "ftsmc", "bound": {"margin": 1.0}}
+    assert switch_scheme(scheme, "ftsmc") == {"name": "ftsmc", "bound": {"margin": 1.0}}
     kept = {"transformation": {"overshoot": 0.2}, "bound": scheme["bound"]}
-    assert switched(scheme, "ftsmppc") == {"name": "ftsmppc", **kept}
-    assert switched(scheme, "computed_torque") == {"name": "computed_torque"}
+    assert switch_scheme(scheme, "ftsmppc") == {"name": "ftsmppc", **kept}
+    assert switch_scheme(scheme, "computed_torque") == {"name": "computed_torque"}
     assert scheme["surface"] == {"k1": 1.0}
     assert scheme["bound"] == {"b1": 2.2, "margin": 1.0}
 

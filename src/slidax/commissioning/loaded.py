@@ -9,7 +9,7 @@ from slidax._errors import as_array
 from slidax.robots import Articulated
 
 
-def loaded(arm: Articulated, share: float) -> Articulated:
+def with_tip_mass(arm: Articulated, share: float) -> Articulated:
     """Return the arm with a share of its moving mass at the tip, in addition to its payload."""
     mass = float(arm.payload.mass) + share * float(np.sum(np.asarray(arm.masses)))
     return eqx.tree_at(lambda arm: arm.payload.mass, arm, as_array(mass))

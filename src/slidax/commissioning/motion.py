@@ -9,7 +9,7 @@ import numpy as np
 from slidax.robots import Articulated
 from slidax.simulation.states import Numbers, states_of
 
-from .loaded import loaded
+from .loaded import with_tip_mass
 from .posture import TIP_SHARE
 from .ratings import Ratings
 
@@ -51,7 +51,7 @@ def motion_about(arm: Articulated, ratings: Ratings, home: Numbers) -> Motion:
     frequency = np.concatenate([frequency[::2], frequency[1::2]])
     slower = np.minimum(1.0, VELOCITY_SHARE * ratings.velocity / (amplitude * frequency))
     frequency = frequency * slower
-    carrying = loaded(arm, TIP_SHARE)
+    carrying = with_tip_mass(arm, TIP_SHARE)
     times = np.linspace(0.0, 12.0, 600)[:, None]
     held = np.abs(states_of(carrying, home[None]).bias[0]) / ratings.torque
     allowed = np.maximum(TORQUE_SHARE, held.max() + 0.1)

@@ -7,7 +7,7 @@ import numpy as np
 from slidax.robots import Articulated
 from slidax.simulation.states import Numbers, States, spread, states_of
 
-from .loaded import loaded
+from .loaded import with_tip_mass
 from .ratings import Ratings
 
 COUNT = 2000
@@ -35,7 +35,7 @@ def home_of(arm: Articulated, ratings: Ratings) -> Numbers:
     near = np.where(np.abs(middle) < half, zero, middle)
     places = np.concatenate([[middle, zero], near + spread(-0.75 * wide, 0.75 * wide, COUNT)])
     places = np.clip(places, ratings.lower + room, ratings.upper - room)
-    states = states_of(loaded(arm, TIP_SHARE), places)
+    states = states_of(with_tip_mass(arm, TIP_SHARE), places)
     assert states.places is not None
     weight, points, tips = states.bias, states.places, states.tip
     burden = (np.abs(weight) / ratings.torque).max(axis=1)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from slidax.robots import Articulated
 from slidax.simulation.states import Numbers, spread, states_of
 
-from .loaded import loaded
+from .loaded import with_tip_mass
 
 POSTURES = 256
 """Number of postures, spread evenly over the joints' ranges."""
@@ -134,7 +134,7 @@ def _placeholder(limits: Numbers, ratio: Numbers, one_for_all: bool) -> str:
 def _needed(arm: Articulated, lower: Numbers, upper: Numbers) -> tuple[Numbers, Numbers]:
     """Required torque of each drive, and the arm's own weight in the worst posture, [n] and [n], N m or N."""
     places = spread(lower, upper, POSTURES)
-    own, carrying = states_of(arm, places), states_of(loaded(arm, SIZING_TIP_SHARE), places)
+    own, carrying = states_of(arm, places), states_of(with_tip_mass(arm, SIZING_TIP_SHARE), places)
     weight, with_load = np.abs(own.bias).max(axis=0), np.abs(carrying.bias).max(axis=0)
     needed = ROOM * (with_load + ACCELERATION * np.diagonal(carrying.mass, axis1=1, axis2=2).max(axis=0))
     for unit in ("rad", "m"):

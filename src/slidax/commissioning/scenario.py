@@ -16,7 +16,7 @@ from slidax.robots.files.chain import Chain, chain_of
 from .motion import motion_about
 from .posture import home_of
 from .ratings import ratings_of
-from .text import Choices, written
+from .text import Choices, draft_text
 
 SLOWEST, FASTEST = 20.0, 20_000.0
 """Hz: allowed loop rates."""
@@ -53,7 +53,7 @@ def draft(robot: str | Path, rate: float = 1000.0, *, tip: str | None = None, fo
     home = home_of(arm, ratings)
     motion = motion_about(arm, ratings, home)
     notes = (*notes, *ratings.notes)
-    return Drafted(written(Choices(arm, block, rate, ratings, home, motion, notes)), notes)
+    return Drafted(draft_text(Choices(arm, block, rate, ratings, home, motion, notes)), notes)
 
 
 def _arm(robot: str, tip: str | None, folder: Path) -> tuple[Articulated, dict[str, Any], tuple[str, ...]]:

@@ -61,7 +61,7 @@ ROTORS = 0.002
 """kg m² for each N m of rated torque: rotor inertia of the simulated arm, since every drive has a rotor."""
 
 
-def written(chosen: Choices) -> str:
+def draft_text(chosen: Choices) -> str:
     """Return the text of the file."""
     units, period = chosen.arm.joint_units, 1.0 / chosen.rate
     ratings, motion = chosen.ratings, chosen.motion

@@ -9,7 +9,7 @@ from typing import Any
 from slidax._errors import DefinitionError, plain
 
 from .indexed import joint_names_in, without_brackets
-from .schemes import PRESETS, owner_of, placed, renamed, switched, with_kinds
+from .schemes import PRESETS, owner_of, place_parameters, present_path, switch_scheme, with_kinds
 
 
 def changed(data: dict[str, Any], changes: dict[str, Any], folder: Path = Path()) -> dict[str, Any]:
@@ -24,16 +24,16 @@ def changed(data: dict[str, Any], changes: dict[str, Any], folder: Path = Path()
     """
     data, changes = _with_lists(data), dict(changes)
     if "scheme.name" in changes:
-        data["scheme"] = switched(data.get("scheme"), changes.pop("scheme.name"))
+        data["scheme"] = switch_scheme(data.get("scheme"), changes.pop("scheme.name"))
     if isinstance(data.get("scheme"), dict):
-        data["scheme"] = with_kinds(placed(data["scheme"]))
+        data["scheme"] = with_kinds(place_parameters(data["scheme"]))
     joints: tuple[str, ...] = ()
     for path, value in sorted(changes.items(), key=lambda change: (not change[0].endswith(".kind"), "[" in change[0])):
         if "[" in path and not joints:
             joints = joint_names_in(data, folder)
         _set(data, path_in(data, path, joints), _from_here(path, value), len(joints))
     if isinstance(data.get("scheme"), dict):
-        data["scheme"] = placed(data["scheme"])
+        data["scheme"] = place_parameters(data["scheme"])
     return data
 
 
@@ -66,7 +66,7 @@ def path_in(data: dict[str, Any], path: str, joints: Sequence[str] = ()) -> str:
     name = scheme.get("name")
     preset = PRESETS.get(name) if isinstance(name, str) else None
     owner = owner_of(preset, parts[1]) if preset is not None else None
-    return ".".join(renamed(["scheme", *([owner] if owner else []), *parts[1:]]))
+    return ".".join(present_path(["scheme", *([owner] if owner else []), *parts[1:]]))
 
 
 def _set(data: dict[str, Any], path: str, value: Any, joints: int) -> None:

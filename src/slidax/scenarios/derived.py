@@ -30,12 +30,12 @@ class PartDescription(AbstractDescription):
         Raises DefinitionError, with the path of the field, if it is invalid.
         """
         values = {
-            name: built(name, value) for name, value in self if name not in ("kind", "name") and value is not None
+            name: build_parts(name, value) for name, value in self if name not in ("kind", "name") and value is not None
         }
         return self.part(**values, **more)
 
 
-def built(where: str, value: Any) -> Any:
+def build_parts(where: str, value: Any) -> Any:
     """Build the parts in a value of a description; other values stay as they are.
 
     - `where`: field name for messages.
@@ -43,7 +43,11 @@ def built(where: str, value: Any) -> Any:
     if isinstance(value, PartDescription):
         with located(where):
             return value.build()
-    return tuple(built(f"{where}.{i}", member) for i, member in enumerate(value)) if isinstance(value, tuple) else value
+    return (
+        tuple(build_parts(f"{where}.{i}", member) for i, member in enumerate(value))
+        if isinstance(value, tuple)
+        else value
+    )
 
 
 @functools.cache

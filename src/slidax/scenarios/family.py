@@ -103,7 +103,7 @@ class Family:
                 try:
                     self._require_buildable(values, space)
                 except DefinitionError as error:
-                    raise self._blamed(where, space, values, error) from None
+                    raise self._with_path(where, space, values, error) from None
 
     def _require_buildable(self, values: Mapping[str, Any], space: Space) -> None:
         case = self.case(values)
@@ -112,7 +112,9 @@ class Family:
         else:
             case.as_it_is().moving()
 
-    def _blamed(self, where: str, space: Space, values: Mapping[str, Any], error: DefinitionError) -> DefinitionError:
+    def _with_path(
+        self, where: str, space: Space, values: Mapping[str, Any], error: DefinitionError
+    ) -> DefinitionError:
         """The error with the path of the set that causes it alone, if there is one."""
         for path, value in values.items():
             try:

@@ -35,7 +35,7 @@ from slidax.reaching import UncertaintyBound
 from slidax.transformations import PrescribedPerformance
 
 from .base import described
-from .derived import PartDescription, built, description_of, hints_of, preset_of, type_of, union_of
+from .derived import PartDescription, build_parts, description_of, hints_of, preset_of, type_of, union_of
 from .sampled_data import SampledDataDescription
 
 PRESETS: dict[str, Preset] = {
@@ -104,11 +104,11 @@ class SchemeDescription(PartDescription):
     def _filled(cls, data: Any) -> Any:
         if not isinstance(data, dict):
             return data
-        data = placed(data)
+        data = place_parameters(data)
         for name, part in _parts(cls.preset).items():
             value = data.setdefault(name, {})
             if isinstance(value, dict):
-                data[name] = filled(part, value)
+                data[name] = with_preset_values(part, value)
         return data
 
     def with_bound(self, find: Callable[[], dict[str, float]]) -> SchemeDescription:
@@ -139,7 +139,7 @@ class SchemeDescription(PartDescription):
         Raises DefinitionError, with the path of the field, if it is invalid.
         """
         skipped = ("name", "sampled_data")
-        values = {name: built(name, value) for name, value in self if name not in skipped and value is not None}
+        values = {name: build_parts(name, value) for name, value in self if name not in skipped and value is not None}
         return self.part(**values, **more)
 
 
@@ -153,13 +153,13 @@ def _preset_of(scheme: Mapping[str, Any]) -> Preset | None:
     return PRESETS.get(name) if isinstance(name, str) else None
 
 
-def filled(part: Given, value: dict[str, Any]) -> dict[str, Any]:
+def with_preset_values(part: Given, value: dict[str, Any]) -> dict[str, Any]:
     """Return a file's part of a scheme with the kind and the parameters of the preset's part, if the kinds agree."""
     kind = kind_of(part.part)
     return {"kind": kind, **part.values, **value} if value.get("kind", kind) == kind else value
 
 
-def placed(scheme: dict[str, Any]) -> dict[str, Any]:
+def place_parameters(scheme: dict[str, Any]) -> dict[str, Any]:
     """Return a file's scheme with each parameter under the part that has it, by its present name."""
     preset = _preset_of(scheme)
     if preset is None:
@@ -183,12 +183,12 @@ def placed(scheme: dict[str, Any]) -> dict[str, Any]:
 
 
 def with_kinds(scheme: dict[str, Any]) -> dict[str, Any]:
-    """Return a scheme, as from `placed`, whose parts all have a kind, by default the preset's."""
+    """Return a scheme, as from `place_parameters`, whose parts all have a kind, by default the preset's."""
     parts = {name: part for name, part in _parts(_preset_of(scheme)).items() if isinstance(scheme.get(name), dict)}
     return {**scheme, **{name: {"kind": kind_of(part.part), **scheme[name]} for name, part in parts.items()}}
 
 
-def renamed(path: list[str]) -> list[str]:
+def present_path(path: list[str]) -> list[str]:
     """Return a path, as its parts, with the present names of a bound's parameters."""
     return [*path[:-1], RENAMED.get(path[-1], path[-1])] if path[:2] == ["scheme", "bound"] else path
 
@@ -208,7 +208,7 @@ OF_PLANS = ("horizon", "slopes", "recovery")
 """Keys of `sampled_data` that only laws with a plan over a horizon have."""
 
 
-def switched(scheme: Any, name: Any) -> Any:
+def switch_scheme(scheme: Any, name: Any) -> Any:
     """Return the scheme of a scenario file with another name.
 
     The envelope stays, and the bound's parameters for which the new scheme has no value of its own. Of `sampled_data`
@@ -223,7 +223,7 @@ def switched(scheme: Any, name: Any) -> Any:
     preset = PRESETS.get(name) if isinstance(name, str) else None
     if preset is None or scheme.get("name") == name:
         return {**scheme, "name": name}
-    old, new = placed(scheme), {"name": name}
+    old, new = place_parameters(scheme), {"name": name}
     for key in ("transformation", "bound"):
         part, target = old.get(key), _parts(preset).get(key)
         if target is None or not isinstance(part, dict):

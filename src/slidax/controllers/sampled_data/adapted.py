@@ -33,7 +33,7 @@ class Adapted(eqx.Module):
         return cls(memory=adaptation.init(state), friction=friction, recovering=jnp.zeros(()))
 
 
-def acted(torques: Float[Array, "m n"], delay: float) -> Vector:
+def mean_past_torque(torques: Float[Array, "m n"], delay: float) -> Vector:
     """Return the mean torque in the period before a measurement, [n], N m or N.
 
     With a whole number D of periods of delay it is the command of D + 1 samples ago. Else the torque changed within the
@@ -47,7 +47,7 @@ def acted(torques: Float[Array, "m n"], delay: float) -> Vector:
     return torque if part == 0 else part * torques[-2 - whole] + (1.0 - part) * torque
 
 
-def experienced(
+def experience_of(
     nominal: AbstractRobot,
     measured: State,
     estimate: Estimate,

@@ -28,11 +28,11 @@ from slidax.robots import AbstractRobot
 
 from ..controller import AbstractController
 from ..steps import AbstractStep, Decision, Moment
-from .adapted import Adapted, acted, experienced
+from .adapted import Adapted, experience_of, mean_past_torque
 from .gate import Admission, MeasurementGate
 from .kept import Kept
 from .monitor import Monitor, Watched
-from .prediction import commands_kept, free_acceleration, moved_on, predicted, reference_ahead
+from .prediction import advance, commands_kept, free_acceleration, predict_state, reference_ahead
 
 PAUSE = 0.3
 """s: longest pause of the learning while a joint is on its way back into its envelope."""
@@ -171,11 +171,11 @@ class SampledData(AbstractController):
         # A rejected sample must not reach the arithmetic: gradients would see it even where its result is discarded.
         time = jnp.where(accepted, t, memory.t + self.period)
         measured = select(accepted, state, memory.prior.state)
-        before = self._restarted(time, measured, admission, memory)
-        command = self._decided(time, measured, reference_now, reference_next, admission.restarts, before)
+        before = self._restart(time, measured, admission, memory)
+        command = self._decide(time, measured, reference_now, reference_next, admission.restarts, before)
         return eqx.tree_at(lambda command: command.memory.gate, command, gate), accepted
 
-    def _restarted(self, t: Scalar, measured: State, admission: Admission, memory: Kept) -> Kept:
+    def _restart(self, t: Scalar, measured: State, admission: Admission, memory: Kept) -> Kept:
         """The memory after a restart by the gate; without one, the memory as it is."""
         state = State(q=measured.q, dq=admission.dq)
         anew = Kept(
@@ -192,7 +192,7 @@ class SampledData(AbstractController):
         )
         return select(admission.restarts, anew, memory)
 
-    def _decided(
+    def _decide(
         self,
         t: Scalar,
         state: State,
@@ -224,8 +224,8 @@ class SampledData(AbstractController):
             recovering = jnp.where(recovers, adapted.recovering + h, 0.0)
             paused = recovers & (recovering <= PAUSE)
             surprised = ~self.gate.learnable(state, prior.state, h, self.estimator.reads_velocity)
-            torque = acted(under_way, self.delay)
-            experience = experienced(self.nominal, state, estimate, torque, h, missed | surprised | paused)
+            torque = mean_past_torque(under_way, self.delay)
+            experience = experience_of(self.nominal, state, estimate, torque, h, missed | surprised | paused)
             friction = jnp.where(missed, adapted.friction[-1], adapted.friction)
             net = under_way[-friction.shape[0] :] - friction
             adapted = Adapted(self.adaptation(experience, adapted.memory), friction, recovering)
@@ -235,7 +235,7 @@ class SampledData(AbstractController):
             estimate = Estimate(estimate.state, solve_symmetric(robot.mass(estimate.state.q), lumped))
 
         # The state when this sample's torque sets in, and the next measurement if pending commands determine it.
-        now, following = predicted(robot, estimate, net, self.delay, h)
+        now, following = predict_state(robot, estimate, net, self.delay, h)
         m0 = once(robot.mass(now.q))
         planned = memory.planned & ~missed
         moment = Moment(
@@ -266,12 +266,12 @@ class SampledData(AbstractController):
         tau, withheld, free = self._within_limits(wanted, memory.torques[-1], m0)
         moved = decision.acceleration - withheld
         if following is None:
-            following = moved_on(now, moved, (1.0 - self.delay % 1.0) * h)
+            following = advance(now, moved, (1.0 - self.delay % 1.0) * h)
         step = decision.memory
         if decision.limited is not None:
             step = jax.tree.map(lambda usual, limited: jnp.where(free, usual, limited), step, decision.limited)
         learnt = None if self.adaptation is None or adapted is None else self.adaptation.learnt(adapted.memory)
-        watched, monitor_signals = self._watched(moment, state.q - estimate.state.q, decision, ~missed, learnt, memory)
+        watched, monitor_signals = self._monitor(moment, state.q - estimate.state.q, decision, ~missed, learnt, memory)
         kept = Kept(
             t=jnp.asarray(t, memory.t.dtype),
             prior=Estimate(state=following, push=push),
@@ -293,7 +293,7 @@ class SampledData(AbstractController):
     def envelope(self, t: Scalar, memory: Kept) -> Envelope | None:
         return self.step.envelope(t, memory.step)
 
-    def _watched(
+    def _monitor(
         self,
         moment: Moment,
         unseen: Vector,
@@ -327,7 +327,7 @@ class SampledData(AbstractController):
         if memory.adapted is not None:
             net = net - memory.adapted.friction[-1]
         acceleration = free_acceleration(robot, prior.state, net) + prior.push
-        return Estimate(state=moved_on(prior.state, acceleration, gap), push=prior.push)
+        return Estimate(state=advance(prior.state, acceleration, gap), push=prior.push)
 
     def _within_reason(self, estimate: Estimate) -> Estimate:
         """The estimate, bounded, so that no gains of an estimator lead to infinite values."""

@@ -10,7 +10,7 @@ from slidax._types import Envelope
 from slidax.adaptation import Learnt
 from slidax.parts import AbstractPart, DefinitionError, PerJoint, Scalar, State, Vector, is_traced, parameter
 
-from .prediction import moved_on
+from .prediction import advance
 
 MISSED = 1.0
 """`assumption_violated`: the estimation error exceeds the bound of the guarantee, or the limits withhold as much."""
@@ -141,7 +141,7 @@ class Monitor(AbstractPart):
         margin = 1.0 - jnp.maximum(of_room, of_way)
         if learnt is not None:
             violated = violated + jnp.where(self._unlike(learnt.rotor), INERTIA, 0.0)
-        planned = moved_on(now, wanted, period), moved_on(followed, wanted, period)
+        planned = advance(now, wanted, period), advance(followed, wanted, period)
         kept = Watched(jnp.ones((), bool), missed, *planned)
         return kept, {"margin": margin, "assumption_violated": violated}
 

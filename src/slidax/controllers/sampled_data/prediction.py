@@ -21,7 +21,7 @@ def commands_kept(delay: float) -> int:
     return max(1, math.ceil(delay))
 
 
-def moved_on(state: State, acceleration: Vector, duration: Scalar) -> State:
+def advance(state: State, acceleration: Vector, duration: Scalar) -> State:
     """Return the state after a duration [s] of constant acceleration [n], rad/s² or m/s²."""
     step = duration * acceleration
     return State(q=state.q + duration * (state.dq + 0.5 * step), dq=state.dq + step)
@@ -32,7 +32,7 @@ def free_acceleration(nominal: AbstractRobot, state: State, tau: Vector) -> Vect
     return solve_symmetric(nominal.mass(state.q), tau - nominal.bias(state.q, state.dq))
 
 
-def predicted(
+def predict_state(
     nominal: AbstractRobot, estimate: Estimate, torques: Float[Array, "m n"], delay: float, period: Scalar
 ) -> tuple[State, State | None]:
     """Return the state when this sample's torque sets in, and the next measured state if that is earlier.
@@ -45,7 +45,7 @@ def predicted(
     """
 
     def move(state: State, tau: Vector, duration: Scalar) -> State:
-        return moved_on(state, free_acceleration(nominal, state, tau) + estimate.push, duration)
+        return advance(state, free_acceleration(nominal, state, tau) + estimate.push, duration)
 
     whole, part = int(delay), delay % 1.0
     now, following = estimate.state, None

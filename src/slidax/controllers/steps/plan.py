@@ -82,7 +82,7 @@ class Plan(eqx.Module):
         value, slope = frame.now * place + horizon * pull, frame.now * place_slope + horizon * pull_slope
         return Plan(barrier, y, v, s, eps, place, place_slope, value, slope)
 
-    def keeping(self) -> Vector:
+    def holding_acceleration(self) -> Vector:
         """Acceleration relative to the reference's that keeps s, by one Newton step: [n], rad/s² or m/s²."""
         horizon = self.barrier.horizon
         place = self.place + self.place_slope * (self.y + horizon * self.s - self.value) / self.slope

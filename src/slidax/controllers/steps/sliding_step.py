@@ -44,7 +44,7 @@ class SlidingStep(AbstractSurfaceStep):
         feedforward = moment.reference.ddq
         # τ0 + τ1 with the slopes that an implicit step sees.
         if self.slopes:
-            feedforward = feedforward + plan.keeping()
+            feedforward = feedforward + plan.holding_acceleration()
         tau_01 = matvec(moment.mass, feedforward) + moment.bias - self.reaching.continuous_term(plan.s)
         u = self.bound(moment.state, tau_01)
         s_next = self.reaching.implicit(moment.mass / moment.horizon, plan.s, u)
