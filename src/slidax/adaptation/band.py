@@ -17,7 +17,7 @@ STAGES = 5
 """Two high-passes and three low-passes of first order."""
 
 
-def through(
+def filter_step(
     stages: Float[Array, "5 k n"], signals: Float[Array, "k n"], low: Scalar, high: Scalar, period: Scalar
 ) -> Float[Array, "5 k n"]:
     """Return the stages of the band-pass after a sample; the last stage is its output.
@@ -39,7 +39,7 @@ def through(
     return jnp.stack([slow, slower, first, second, stages[4] + b * (second - stages[4])])
 
 
-def started(signals: Float[Array, "k n"]) -> Float[Array, "5 k n"]:
+def settled_stages(signals: Float[Array, "k n"]) -> Float[Array, "5 k n"]:
     """Return the stages after a long time with constant signals: the output is 0."""
     nothing = jnp.zeros_like(signals)
     return jnp.stack([signals] + [nothing] * (STAGES - 1))

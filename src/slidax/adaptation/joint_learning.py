@@ -11,8 +11,8 @@ from jaxtyping import Array, Bool, Float
 
 from slidax.parts import PerJoint, Scalar, State, Vector, parameter
 
-from . import band
 from .adaptation import AbstractAdaptation, Experience, Learnt
+from .band import STAGES, filter_step, noise_of, settled_stages
 
 FASTEST = 1e4
 """rad/s² or m/s²: largest credible acceleration; larger ones come from wrong measurements."""
@@ -99,7 +99,7 @@ class JointLearning(AbstractAdaptation):
             tau=nothing,
             elapsed=jnp.zeros((), nothing.dtype),
             begun=jnp.zeros((), bool),
-            stages=jnp.zeros((band.STAGES, 3, *nothing.shape), nothing.dtype),
+            stages=jnp.zeros((STAGES, 3, *nothing.shape), nothing.dtype),
             information=jnp.stack([nothing + self.prior, nothing, nothing + self.coulomb_prior]),
             rotor=nothing + self.rotor,
             coulomb=nothing + self.coulomb,
@@ -128,8 +128,8 @@ class JointLearning(AbstractAdaptation):
         whole = elapsed > 2.5 * h
         # At the first sample the arm is held: it does not accelerate, and its torque has been constant for long.
         held = jnp.stack([jnp.clip(torque, -STRONGEST, STRONGEST), jnp.zeros_like(ddq), direction])
-        stages = jnp.where(memory.begun, memory.stages, band.started(held))
-        stages = jnp.where(whole, band.through(stages, signals, self.low, self.high, h), stages)
+        stages = jnp.where(memory.begun, memory.stages, settled_stages(held))
+        stages = jnp.where(whole, filter_step(stages, signals, self.low, self.high, h), stages)
         return self._regressed(experience, memory, stages, jnp.where(elapsed > settled, h, 0.0), elapsed)
 
     def _regressed(
@@ -195,7 +195,7 @@ class JointLearning(AbstractAdaptation):
         rated = np.where(np.isfinite(rated), rated, USUAL_ACCELERATION * inertia)
         worst = float(np.max(deviation))
         low, high = float(parameters.get("low", 15.0)), 200.0
-        while high > 120.0 and CLEAR * band.noise_of(worst, low, high, period) > GATE:
+        while high > 120.0 and CLEAR * noise_of(worst, low, high, period) > GATE:
             high -= 5.0
         high = float(parameters.get("high", high))
         computed = {
@@ -205,7 +205,7 @@ class JointLearning(AbstractAdaptation):
             "rotor_max": LARGEST * rated,
             "coulomb_max": 0.1 * rated,
             "high": high,
-            "gate": max(GATE, CLEAR * band.noise_of(worst, low, high, period)),
+            "gate": max(GATE, CLEAR * noise_of(worst, low, high, period)),
         }
         return cls(**{**computed, **{name: value for name, value in parameters.items() if value is not None}})
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
-from types import ModuleType
+from importlib import import_module
 from typing import Any
 
 
@@ -22,11 +22,12 @@ def kind_of(part: type) -> str:
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", name).lower()
 
 
-def members_of(room: ModuleType, family: type) -> dict[str, Any]:
-    """Return the parts of an abstract class that a package exports, by their kinds."""
+def members_of(family: type) -> dict[str, Any]:
+    """Return the parts of an abstract class that its package exports, by their kinds."""
+    package = import_module(".".join(family.__module__.split(".")[:2]))
     members = {
         kind_of(thing): thing
-        for thing in vars(room).values()
+        for thing in vars(package).values()
         if inspect.isclass(thing) and issubclass(thing, family) and not inspect.isabstract(thing)
     }
     # Sorted, since the order of the exports says nothing.

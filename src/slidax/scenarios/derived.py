@@ -7,7 +7,6 @@ import inspect
 import math
 import typing
 from collections.abc import Mapping
-from importlib import import_module
 from typing import Annotated, Any, ClassVar, Literal, Union
 
 import equinox as eqx
@@ -87,9 +86,9 @@ def union_of(family: type, *instead: type[AbstractDescription], default: type[Pa
     - `instead`: hand-written descriptions, each in place of the part of the same kind.
     - `default`: the description with a default kind, in place of the derived one.
     """
-    room = import_module(family.__module__.rpartition(".")[0])
-    listed = {kind: part for kind, part in members_of(room, family).items() if nameable(part, family)}
-    models: dict[str, type[AbstractDescription]] = {kind: description_of(part) for kind, part in listed.items()}
+    models: dict[str, type[AbstractDescription]] = {
+        kind: description_of(part) for kind, part in members_of(family).items() if nameable(part, family)
+    }
     for model in (*instead, *([default] if default else [])):
         models[typing.get_args(model.model_fields["kind"].annotation)[0]] = model
     return Annotated[Union[tuple(models.values())], Field(discriminator="kind")]  # noqa: UP007

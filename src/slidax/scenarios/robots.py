@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union
 
 from pydantic import Field, TypeAdapter, ValidationError, create_model
 
-from slidax import robots
 from slidax._errors import DefinitionError, located
 from slidax.parts import members_of
 from slidax.robots import (
@@ -161,9 +160,7 @@ def _ready(name: str) -> type[ReadyDescription]:
     return create_model(f"robot.{name}", __base__=ReadyDescription, __doc__=f"{built_in_title(name)}.", kind=kind)
 
 
-MADE_OF_NUMBERS = {
-    kind: part for kind, part in members_of(robots, AbstractRobot).items() if part not in (Articulated, Coupled)
-}
+MADE_OF_NUMBERS = {kind: part for kind, part in members_of(AbstractRobot).items() if part not in (Articulated, Coupled)}
 if TYPE_CHECKING:
     RobotDescription = AbstractRobotDescription
 else:
