@@ -11,8 +11,11 @@ from typing import Any
 def kind_of(part: type) -> str:
     """Return the name of a part in files: its class's name in small letters, without the word of its family.
 
-    `FixedTimeReaching` is `fixed_time`, `PrescribedPerformance` is `prescribed_performance`.
+    `FixedTimeReaching` is `fixed_time`, `PrescribedPerformance` is `prescribed_performance`. A class variable `kind`
+    takes precedence.
     """
+    if own := vars(part).get("kind"):
+        return str(own)
     families = [base.__name__.removeprefix("Abstract") for base in part.__mro__[1:] if base.__module__ != "equinox"]
     name = part.__name__
     for family in families:

@@ -25,6 +25,9 @@ class AbstractPart(eqx.Module):
     # One line without a formula: `slidax list`, the JSON schema and the tables of parameters show it.
     title: ClassVar[str] = ""
 
+    # Name in files; empty to derive it from the name of the class.
+    kind: ClassVar[str] = ""
+
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
         parameters = _declared_in(cls)

@@ -12,6 +12,7 @@ from .trajectory import AbstractTrajectory
 class Constant(AbstractTrajectory):
     """`q_d(t) = c`."""
 
+    kind = "constant"
     title = "A fixed posture."
 
     value: Vector = parameter("c, the posture", "rad or m")
