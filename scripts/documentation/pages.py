@@ -194,7 +194,7 @@ def check(arguments: list[str], app: Any) -> None:
 
 @dataclass
 class Files:
-    """Which files a reader has at a place of the page.
+    """Files that a reader has at a place of the page.
 
     - `folder`: where a reader stands: the root of a clone.
     - `written`: what the page has written before.

@@ -31,7 +31,7 @@ from .shared import ROOT, table, write_table
 EXAMPLES = ("example-4.1", "example-4.2")
 PAPER_PAGE = "certificates/paper.md"
 GROWTH = 20.0
-"""A loop chatters where its steady torque steps are so many times those at half the period."""
+"""A loop chatters if its steady torque steps are larger than those at half the period by this factor."""
 
 FINENESS = 0.002
 """Of the period that is searched, relative to it."""
@@ -196,7 +196,7 @@ def some(number: float, share: float) -> int:
 
 
 def each(judge: Callable[..., None], cases: float, runs: int, **changes: Any) -> Callable[[Counted, float], None]:
-    """Check so many random cases for each number of joints."""
+    """Check random cases for each number of joints."""
 
     def check(count: Counted, share: float) -> None:
         for joints in JOINTS:

@@ -67,16 +67,16 @@ PUBLIC = {
 
 KEPT = ("title", "robot", "trajectory", "disturbance", "sensor", "actuator", "start")
 CASES, OWN = 1000, 48
-"""Of the set, in which both laws are compared, and of the scenario as it is."""
+"""Number of cases from the set, in which both laws are compared, and of runs of the scenario itself."""
 
 CALMER = 0.97
-"""Of the step that is required anew, where a design had a larger one in the scenario as it is."""
+"""Factor on the required torque step if a design exceeds it in the scenario itself."""
 
 ROUNDING = 1e-6
-"""About a start, where positions are not rounded [rad]."""
+"""Uncertainty of the start where positions are not rounded [rad]."""
 
 NOISE = 1e-3
-"""Of a velocity sensor [rad/s]."""
+"""Noise of a velocity sensor [rad/s]."""
 
 
 def measure_designs() -> None:
@@ -166,7 +166,7 @@ def by_hand() -> Any:
             if after["step"] <= before["step"]:
                 yield {**row, "after": after, "proof": result.proof}
                 break
-            # Calmer in the worst case is not always calmer in the scenario as it is.
+            # A smaller step in the worst case can be larger in the scenario itself.
             required *= CALMER * before["step"] / after["step"]
 
 
@@ -308,7 +308,7 @@ def chosen_arms(options: argparse.Namespace, all_of_them: tuple[str, ...]) -> tu
 
 
 def in_new_cases(result: Any, cases: int) -> dict[str, Any]:
-    """A design in cases that were drawn anew, and in as many of a search for the worst."""
+    """Failures of a design in new random cases, and in as many of a search for the worst one."""
     judged = statistical(result.description.build("design"), cases, seed=3).bound
     return {
         "cases": cases,
@@ -382,7 +382,7 @@ def public(file: str) -> Path:
 
 
 def write(rows: list[dict[str, Any]]) -> None:
-    """Put the tables into the page."""
+    """Write the tables of docs/design.md."""
     for kind, table in (
         ("example", example_table),
         ("hand", hand_table),
@@ -414,7 +414,7 @@ def example_table(rows: list[dict[str, Any]]) -> list[str]:
 
 
 def hand_table(rows: list[dict[str, Any]]) -> list[str]:
-    """Both laws, in the scenario as it is and in the worst of the cases."""
+    """The table of both laws, in the scenario itself and in the worst case."""
     lines = [
         "| scenario | law | error | torque step [N m] | error, worst case | torque step, worst case | left | time |",
         "|---|---|---:|---:|---:|---:|---:|---:|",

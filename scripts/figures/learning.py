@@ -68,7 +68,7 @@ BEYOND = (0.005, 0.5, 1.0)
 
 
 def write_wrong_rotors() -> None:
-    """Simulate all of them, and write the tables of docs/learning.md."""
+    """Simulate wrong rotors with learning, without it, and in harder cases; write the tables of docs/learning.md."""
     _cells()
     rows = []
     for name in ARMS:
@@ -267,7 +267,7 @@ NAMES = (
 
 
 def rounded(values: np.ndarray) -> list[float]:
-    """As a scenario file has them."""
+    """Values as in a scenario file."""
     return [round(float(value), 5) for value in values]
 
 
@@ -291,7 +291,7 @@ def unknown_arm(number: int) -> dict[str, Any]:
 
 
 def truth(arm: dict[str, Any]) -> np.ndarray:
-    """Its numbers in the order of NAMES."""
+    """An arm's parameters in the order of NAMES."""
     load = arm["load"]
     drives = [*arm["armature"], *arm["coulomb"], *arm["viscous"], *7 * (0.0,)]
     return np.array([*drives, load["mass"], *load["center"], *load["inertia"], *3 * (0.0,)])
@@ -320,14 +320,14 @@ def simulated(arm: dict[str, Any], motion: Path) -> Log:
 
 
 def measured(log: Log, seed: int) -> Log:
-    """As encoders and torque sensors with noise have it."""
+    """The log of encoders and of torque sensors with noise."""
     size = TORQUE_NOISE * np.sqrt(np.mean(log.tau**2, axis=0))
     tau = log.tau + size * np.random.default_rng(seed).normal(size=log.tau.shape)
     return Log(log.source, log.joints, log.t, RESOLUTION * np.round(log.q / RESOLUTION), tau)
 
 
 def errors(estimate: Identification, arm: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
-    """Errors of all numbers, and the same in standard errors."""
+    """Errors of all parameters, and errors over their standard errors."""
     off = np.concatenate([estimate.values(name) for name in NAMES]) - truth(arm)
     return off, off / np.concatenate([estimate.standard_errors(name) for name in NAMES])
 

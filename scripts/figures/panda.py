@@ -27,10 +27,10 @@ from .shared import DOCS, save, small, steady_error, steady_step, table, write_t
 
 @dataclass(frozen=True)
 class Rival:
-    """A law, and what of it is tried.
+    """A law, and the gains that are tried.
 
     - `scheme`: its name in a scenario file.
-    - `title`: what it is called in a table.
+    - `title`: its name in a table.
     - `gains`: values by the names of the gains.
     - `chosen`: the leaves of the law that these are, in the same order.
     """
@@ -76,7 +76,7 @@ SUPER_TWISTING = Rival(
 
 
 SEEN = 20
-"""One in so many samples is looked at while gains are sought."""
+"""The search for gains uses every 20th sample."""
 
 
 def tuned(
@@ -126,19 +126,19 @@ def tuned(
 SCENARIO = "panda-payload"
 
 EXACT = {"sensor.resolution": 0.0, "sensor.velocity": "measured"}
-"""Positions and velocities as they are, one period old."""
+"""Exact positions and velocities, one period old."""
 
 AS_PRINTED = {"scheme.sampled_data": None, "scheme.reaching.layer": 0.05, "simulation.outside": "raise"}
 
 RIVALS = (COMPUTED_TORQUE, SLOTINE_LI, SUPER_TWISTING)
 
 SAME = "same estimator, learning, prediction, limits"
-"""The form of a rival that has all that the sampled-data law has but its envelope and its reaching law."""
+"""A rival with everything of the sampled-data law except its envelope and its reaching law."""
 
 COLUMNS = 70
 
 FIRST: dict[str, Any] = {"color": "#C00000", "marker": "o", "linestyle": "none", "markersize": 4}
-"""Where an error leaves the envelope."""
+"""Marker of the first sample outside the envelope."""
 
 
 @dataclass(frozen=True)
@@ -185,7 +185,7 @@ def _listed(gains: dict[str, float]) -> str:
 
 
 def outside(run: Run, drawn: Run) -> np.ndarray:
-    """Which samples have a joint outside the envelope, whether the law knows of it or not.
+    """True for each sample with a joint outside the envelope, also for laws without one.
 
     - `drawn`: of the law that has the envelope.
     """
@@ -260,7 +260,7 @@ def draw_panda_payload(shown: list[Line]) -> Figure:
 
 
 def write_panda_payload() -> None:
-    """Simulate all of them, and write the figure and the table of docs/rivals.md."""
+    """Simulate all laws, and write the figure and the table of docs/rivals.md."""
     shown = lines()
     drawn = {line.measured: line.run for line in shown if line.form == "sampled-data"}
     rows = [_row(line, drawn[line.measured]) for line in shown]
@@ -289,7 +289,7 @@ RUNS = [
 
 
 def write_arms() -> None:
-    """Simulate all of them, and write the table of docs/robots.md."""
+    """Simulate the built-in scenarios of arms from files, and write the table of docs/robots.md."""
     rows = []
     for name, measured, plant, changes in RUNS:
         run = scenarios.load(name, changes).simulate(log_every=None)
@@ -303,7 +303,7 @@ def write_arms() -> None:
 
 
 RIVAL = SUPER_TWISTING
-"""Of the rivals with the same estimator the one with the least steady error, as the table of docs/rivals.md has it."""
+"""The rival with the least steady error of those with the same estimator, by the table of docs/rivals.md."""
 
 PICTURE_WIDTH, PICTURE_HEIGHT = 960, 316
 PANEL = 470
@@ -313,7 +313,7 @@ CHART = (206, 48, 252, 212)
 """Left, top, width and height of the errors in a half."""
 
 ARM = (56, 246, 196)
-"""Where the base stands in a half, and a metre in the picture's units."""
+"""Position of the base in a half, and length of a metre, in the picture's units."""
 
 FRAMES, PAUSE = 40, 0.2
 """Frames of the run, between which points move straight, and its pause at the end as a share of the run."""
@@ -322,13 +322,13 @@ TOLERANCE = 0.25
 """A curve is drawn by as few of its points as keep it within this distance, in the picture's units."""
 
 LOAD = 22
-"""Side of the box that stands for what is carried."""
+"""Side of the box that stands for the payload."""
 
 STRIDE = 5
-"""Every so many samples are looked at for curves."""
+"""Curves use every fifth sample."""
 
 KNEE = 1e-3
-"""The scale of errors is linear about zero as far as this [rad], and logarithmic farther out."""
+"""The scale of errors is linear up to this error [rad], and logarithmic above."""
 
 TICKS = {1.0: "1", 0.1: "0.1", 0.01: "0.01", 0.0: "0", -0.01: "−0.01", -0.1: "−0.1"}
 

@@ -137,8 +137,6 @@ Z1 = "cmeel.prefix/share/example-robot-data/robots/z1_description/urdf/z1.urdf"
 class Step:
     """A command of the path.
 
-    - `title`: what it is for.
-    - `command`: as it is typed.
     - `good`: exit codes that are answers; a certificate that does not hold is one.
     """
 

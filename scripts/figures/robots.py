@@ -39,7 +39,7 @@ from slidax.simulation.states import spread, states_of
 from .shared import ROOT, write_table
 
 STATES, WITHIN, SMALL = 3, 1e-9, 1e-6
-"""States in which an arm is compared; the largest difference, of the norm; norms below this count as this."""
+"""Number of compared states; largest difference relative to the norm; least norm."""
 
 ENTRIES = {(0, 0): "ixx", (0, 1): "ixy", (0, 2): "ixz", (1, 1): "iyy", (1, 2): "iyz", (2, 2): "izz"}
 """Attributes of <inertia> by row and column."""
@@ -53,7 +53,7 @@ REASONS = {
     "a mimic joint": r"mimics",
     "not XML": r"not XML|decoded",
 }
-"""Words in a refusal by its kind; the first that is there counts."""
+"""Patterns in a refusal by its kind; the first match counts."""
 
 
 def arm_of(path: Path, inertias: str) -> tuple[Articulated | Coupled | None, str, str]:
@@ -149,13 +149,13 @@ def repaired(path: Path) -> str:
 
 
 def places(model: pinocchio.Model, name: str) -> slice:
-    """Where Pinocchio has a joint's position."""
+    """Pinocchio's indices of a joint's position."""
     joint = model.joints[model.getJointId(name)]
     return slice(joint.idx_q, joint.idx_q + joint.nq)
 
 
 def turned(model: pinocchio.Model, name: str, position: float) -> list[float]:
-    """A joint's position as Pinocchio has it: cosine and sine if it has no end."""
+    """A joint's position in Pinocchio: cosine and sine for a continuous joint."""
     return [position] if model.joints[model.getJointId(name)].nq == 1 else [np.cos(position), np.sin(position)]
 
 

@@ -113,7 +113,7 @@ def draw_one_kilohertz(printed: Run, sampled: Run) -> Figure:
 
 
 def write_one_kilohertz() -> None:
-    """Simulate both, and write the figure."""
+    """Simulate the printed law and its sampled-data form at 1 kHz, and draw both."""
     as_printed = {"scheme.sampled_data": None, "scheme.reaching.layer": 0.05, "simulation.outside": "raise"}
     printed = scenarios.load(ONE_KILOHERTZ_SCENARIO, as_printed).simulate(log_every=1)
     sampled = scenarios.load(ONE_KILOHERTZ_SCENARIO).simulate(log_every=1)
@@ -265,7 +265,7 @@ def write_convergence() -> None:
 
 
 SIZE = 7.0
-"""Of the type [pt]."""
+"""Font size [pt]."""
 
 
 @dataclass(frozen=True)
