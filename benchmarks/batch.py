@@ -26,7 +26,7 @@ def measure() -> dict[str, Any]:
     import jax.numpy as jnp
 
     from slidax import scenarios, simulate_batch
-    from slidax.numerics import semi_implicit_euler
+    from slidax.core import semi_implicit_euler
 
     scenario = scenarios.load("example-4.1")
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -7,7 +7,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from slidax.robots import AbstractRobot
+from slidax.arms import AbstractRobot
 
 
 class Chain(AbstractRobot):

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import jax
 
-from slidax.deploy.project import project
-from slidax.deploy.text import render
+from slidax.export.c_project import project
+from slidax.export.c_structures import render
 from slidax.scenarios import load
 
 SCENARIOS = ("example-4.1", "example-4.1-1khz", "ur5e-payload", "panda-payload")

@@ -22,13 +22,13 @@ def measure() -> dict[str, Any]:
     import jax
 
     jax.config.update("jax_enable_x64", True)
-    from slidax import deploy, scenarios
+    from slidax import export, scenarios
 
     found = {}
     for name in SCENARIOS:
         with tempfile.TemporaryDirectory() as folder:
             out = Path(folder)
-            made = deploy.export_c(scenarios.load(name), out)
+            made = export.export_c(scenarios.load(name), out)
             sources = [out / f"{made.prefix}.c", out / f"{made.prefix}_scenario.c", out / "latency.c"]
             program = out / "latency"
             subprocess.run(["gcc", *FLAGS, "-o", program, *sources, "-lm"], check=True, cwd=out)

@@ -21,9 +21,9 @@ def describe() -> str:
 
 def well_made_from_the_start() -> None:
     """No code that was only made quickly: a speed that is measured is that of many runs."""
-    from slidax.codegen.llvm import by_demand
+    from slidax.codegen.llvm import kernel
 
-    by_demand.WORTH.update(dict.fromkeys(by_demand.WORTH, 0))
+    kernel.WORTH.update(dict.fromkeys(kernel.WORTH, 0))
 
 
 def _processor() -> str:

@@ -41,9 +41,9 @@ def measure() -> dict[str, Any]:
 
     jax.config.update("jax_enable_x64", True)
     machine.well_made_from_the_start()
-    from slidax import robots
+    from slidax import arms
 
-    arm = robots.panda()
+    arm = arms.panda()
     start = np.full(arm.joints, 0.3), np.full(arm.joints, 0.2), np.full(arm.joints, 1.0)
     contestants = {
         "slidax, native": _native(arm, start),
@@ -69,7 +69,7 @@ def measure() -> dict[str, Any]:
 def _stepped(arm: Any, evaluations: int) -> Any:
     import jax
 
-    from slidax._types import State
+    from slidax.core.types import State
 
     def run(arm: Any, q: Any, dq: Any, tau: Any) -> Any:
         def step(state: Any, _: Any) -> Any:
@@ -85,8 +85,7 @@ def _stepped(arm: Any, evaluations: int) -> Any:
 def _native(arm: Any, start: Any) -> Callable[[], float]:
     import jax
 
-    from slidax.codegen import llvm
-    from slidax.codegen.trace import trace
+    from slidax.codegen import llvm, trace
 
     kernel = llvm.compile(trace(_stepped(arm, EVALUATIONS), arm, *start))
     arrays = [np.asarray(leaf) for leaf in jax.tree.leaves((arm, *start))]
@@ -147,9 +146,9 @@ def _mujoco(arm: Any, start: Any, *, from_python: bool) -> Callable[[], float]:
     """Called for each acceleration, or with its own loop over semi-implicit steps, which ends as near as those may."""
     import mujoco
 
-    from slidax.disturbances import Sum
+    from slidax.plant import Sum
     from slidax.simulation import MujocoPlant
-    from slidax.simulation.mujoco.model import build
+    from slidax.simulation.mujoco_model import build
 
     model = build(MujocoPlant(arm, Sum(()), integrator="euler"), arm, None, free=False, timestep=STEP).model
     data = mujoco.MjData(model)

@@ -49,7 +49,7 @@ def _alone(law: Any, plant: Any, motion: Any, start: Any) -> Callable[[], float]
     from jax.flatten_util import ravel_pytree
 
     from slidax import simulate
-    from slidax.numerics import once, semi_implicit_euler
+    from slidax.core import barrier, semi_implicit_euler
 
     options: dict[str, Any] = {"period": PERIOD, "integrator": semi_implicit_euler, "log_every": 1}
     log = simulate(plant, law, motion, start, t1=STEPS * PERIOD, **options).log
@@ -63,7 +63,7 @@ def _alone(law: Any, plant: Any, motion: Any, start: Any) -> Callable[[], float]
         def step(carry: Any, seen: Any) -> Any:
             memory, k, total = carry
             state, reference, ahead = seen
-            same = eqx.combine(unpack(once(packed)), rest)
+            same = eqx.combine(unpack(barrier(packed)), rest)
             command = same(k.astype(float) * PERIOD, state, reference, ahead, memory)
             return (command.memory, k + 1, total + command.tau), None
 
@@ -83,13 +83,11 @@ def _alone(law: Any, plant: Any, motion: Any, start: Any) -> Callable[[], float]
 def _arms() -> dict[str, dict[str, Callable[[], float]]]:
     from benchmarks.chain import Chain
     from slidax import scenarios
-    from slidax._types import State
-    from slidax.controllers import cftsmppc
-    from slidax.disturbances import Constant
-    from slidax.performance import FixedTime
-    from slidax.reaching import UncertaintyBound
+    from slidax.core.types import State
+    from slidax.law import FixedTime, UncertaintyBound, cftsmppc
+    from slidax.motions import Sinusoid
+    from slidax.plant import Constant
     from slidax.simulation import Plant
-    from slidax.trajectories import Sinusoid
 
     arms = {}
     for name in ("example-4.1", "example-4.2"):
@@ -115,8 +113,8 @@ def _laws(plant: Any, printed: Any, motion: Any, start: Any) -> dict[str, Callab
     import equinox as eqx
     import jax.numpy as jnp
 
-    from slidax.actuators import TorqueLimits
-    from slidax.controllers import Recovery, sampled_data
+    from slidax.law import Recovery, sampled_data
+    from slidax.plant import TorqueLimits
 
     sharp = eqx.tree_at(lambda law: law.reaching.layer, printed, jnp.asarray(0.0))
     limits = TorqueLimits(1e3, 1e9)
@@ -135,7 +133,7 @@ def _laws(plant: Any, printed: Any, motion: Any, start: Any) -> dict[str, Callab
 
 def _contestant(plant: Any, law: Any, motion: Any, start: Any) -> Callable[[], float]:
     from slidax import simulate
-    from slidax.numerics import semi_implicit_euler
+    from slidax.core import semi_implicit_euler
 
     def run() -> float:
         finished = simulate(

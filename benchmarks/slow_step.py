@@ -9,8 +9,8 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from slidax import scenarios, simulate
-from slidax.disturbances import AbstractDisturbance
-from slidax.robots import AbstractRobot
+from slidax.arms import AbstractRobot
+from slidax.plant import AbstractDisturbance
 
 
 class LibraryPlant(eqx.Module):

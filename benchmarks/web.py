@@ -16,12 +16,12 @@ import numpy as np
 jax.config.update("jax_enable_x64", True)
 
 from benchmarks import machine  # noqa: E402
-from slidax.deploy.web.beside import settings_of  # noqa: E402
-from slidax.deploy.web.playground import playground  # noqa: E402
+from slidax.export.web.playground import playground  # noqa: E402
+from slidax.export.web.settings import settings_of  # noqa: E402
 from slidax.scenarios import load  # noqa: E402
 
 ROOT = Path(__file__).parents[1]
-LOOP, DRIVER = ROOT / "src/slidax/deploy/web/page/loop.js", ROOT / "tests/deploy/web/run.mjs"
+LOOP, DRIVER = ROOT / "src/slidax/export/web/page/loop.js", ROOT / "tests/export/web/run.mjs"
 TIMES = 5
 FLAG = "--experimental-wasm-relaxed-simd"
 """Of node 20; newer ones know multiply-adds without it."""

@@ -16,6 +16,8 @@ run = scenario.simulate()
 
 print(scenario.controller)
 print(run)
-print("settled to 1e-5 rad after [s]:", sx.metrics.settling_time(run, 1e-5))
+print("settled to 1e-5 rad after [s]:", sx.analysis.settling_time(run, 1e-5))
 
-sx.figures.save(sx.figures.tracking_error(run), sys.argv[1] if len(sys.argv) > 1 else "tracking_error.svg")
+sx.report.figures.save(
+    sx.report.figures.tracking_error(run), sys.argv[1] if len(sys.argv) > 1 else "tracking_error.svg"
+)

@@ -8,12 +8,10 @@ import jax
 jax.config.update("jax_enable_x64", True)
 
 import slidax as sx
-from slidax.controllers import cftsmppc
-from slidax.disturbances import Friction, Step
-from slidax.performance import FixedTime
-from slidax.reaching import UncertaintyBound
-from slidax.robots import TwoLink
-from slidax.trajectories import MinimumJerk
+from slidax.arms import TwoLink
+from slidax.law import FixedTime, UncertaintyBound, cftsmppc
+from slidax.motions import MinimumJerk
+from slidax.plant import Friction, Step
 
 true = TwoLink(lengths=[1.0, 0.8], masses=[0.5, 1.5], inertias=[5.0, 5.0])
 nominal = TwoLink(lengths=[1.0, 0.8], masses=[0.6, 1.8], inertias=[6.0, 6.0])

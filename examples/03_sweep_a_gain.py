@@ -25,5 +25,5 @@ runs = scenario.simulate_batch(define, gains)
 print(runs)
 print("   k1   error [rad]   peak torque [N m]   outcome")
 for k1, run in list(zip(gains, runs, strict=True))[::9]:
-    error, peak = sx.metrics.steady_error(run).max(), sx.metrics.peak_torque(run).max()
+    error, peak = sx.analysis.steady_error(run).max(), sx.analysis.peak_torque(run).max()
     print(f"{k1:5.3f}   {error:11.2e}   {peak:17.1f}   {run.outcome.kind}")

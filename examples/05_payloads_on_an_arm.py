@@ -11,7 +11,7 @@ import equinox as eqx
 import numpy as np
 
 import slidax as sx
-from slidax.robots import Load, Mismatch, Payload
+from slidax.arms import Mismatch, Payload, TimedPayload
 
 scenario = sx.scenarios.load("panda-payload", {"simulation.t1": 3.0})
 nominal = scenario.controller.nominal
@@ -20,7 +20,7 @@ print(f"{nominal.name}: {', '.join(nominal.joint_names)}")
 
 def define(scenario, mass):
     """The scenario with another payload."""
-    load = Load(Payload(mass=mass, center=[0.0, 0.0, 0.1], inertia=2e-3 * mass))
+    load = TimedPayload(Payload(mass=mass, center=[0.0, 0.0, 0.1], inertia=2e-3 * mass))
     mismatch = Mismatch(mass_factor=0.85, coulomb=0.3, viscous=0.2, load=load)
     true = (mismatch.applied(nominal), mismatch.load)
     return scenario.replace(plant=eqx.tree_at(lambda plant: (plant.robot, plant.load), scenario.plant, true))
@@ -28,6 +28,6 @@ def define(scenario, mass):
 
 masses = np.array([0.0, 1.0, 2.0, 4.0, 6.0])
 for mass, run in zip(masses, scenario.simulate_batch(define, masses), strict=True):
-    outside, margin = sx.metrics.envelope_violations(run), sx.metrics.envelope_margin(run).min()
-    error = sx.metrics.steady_error(run).max()
+    outside, margin = sx.analysis.envelope_violations(run), sx.analysis.envelope_margin(run).min()
+    error = sx.analysis.steady_error(run).max()
     print(f"{mass:.0f} kg: {outside:3} outside, margin {margin:5.2f}, steady error {error:.0e} rad")

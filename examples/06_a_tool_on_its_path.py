@@ -10,10 +10,11 @@ jax.config.update("jax_enable_x64", True)
 import numpy as np
 
 import slidax as sx
-from slidax.kinematics import Circle, Line, Pose, follow, inverse
+from slidax.arms import Pose, inverse
+from slidax.motions import Circle, Line, follow
 
-arm = sx.robots.panda()
-home = np.asarray(sx.robots.built_in_arm("panda").home)
+arm = sx.arms.panda()
+home = np.asarray(sx.arms.built_in_arm("panda").home)
 pose = Pose.of_tip(arm, home)
 
 # One pose, and the posture for it that is nearest to home.
@@ -31,6 +32,6 @@ print(path)
 changes = {"start.q": home.tolist(), "simulation.t1": 4.0, "simulation.log_every": 10}
 scenario = sx.scenarios.load("panda-payload", changes).replace(trajectory=path.trajectory)
 run = scenario.simulate()
-actual, desired = sx.reports.tip_paths(arm, run)
+actual, desired = sx.report.tip_paths(arm, run)
 print(run.outcome.message or run.outcome.kind, f"tool within {np.linalg.norm(actual - desired, axis=1).max():.1e} m")
-sx.figures.tip_path(actual, desired).savefig("tool.svg")
+sx.report.figures.tip_path(actual, desired).savefig("tool.svg")

@@ -10,7 +10,7 @@ jax.config.update("jax_enable_x64", True)
 import numpy as np
 
 import slidax as sx
-from slidax.linear import linearise
+from slidax.analysis import linearise
 
 scenario = sx.scenarios.load("example-4.1-1khz", {"simulation.t1": 5.0})
 loop = linearise(scenario)

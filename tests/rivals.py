@@ -4,23 +4,27 @@ from __future__ import annotations
 
 from typing import Any
 
-from slidax.controllers import (
+from slidax.law import (
+    AbstractSurface,
+    AbstractTransformation,
     AdaptiveNonsingularFastTerminal,
     ComputedTorque,
     GravityCompensatedPD,
     JointPID,
+    Linear,
     NonsingularFastTerminal,
+    PrescribedPerformance,
     SlidingMode,
     SlotineLi,
+    StateBound,
     SuperTwisting,
+    UncertaintyBound,
+    Unconstrained,
     ftsmc,
     ftsmppc,
     sfsmc,
 )
-from slidax.reaching import StateBound, UncertaintyBound
-from slidax.surfaces import AbstractSurface, Linear
-from slidax.transformations import AbstractTransformation, PrescribedPerformance, Unconstrained
-from tests.paper import ENVELOPE_4_1, ENVELOPE_4_2, SCARA, TWO_LINK_NOMINAL
+from tests.paper_examples import ENVELOPE_4_1, ENVELOPE_4_2, SCARA, TWO_LINK_NOMINAL
 
 BOUND_4_1 = UncertaintyBound(inverse_inertia_min=0.09, inverse_inertia_max=0.2, b0=12.0, b1=2.2, b2=2.8, margin=1.0)
 WITHOUT_B1 = UncertaintyBound(inverse_inertia_min=0.09, inverse_inertia_max=0.2, b0=12.0, b1=0.0, b2=2.8, margin=1.0)

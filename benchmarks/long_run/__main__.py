@@ -11,7 +11,7 @@ from pathlib import Path
 import jax
 import numpy as np
 
-from slidax.deploy.project import export_c
+from slidax.export.c_project import export_c
 from slidax.scenarios import load
 
 HERE = Path(__file__).parent

@@ -37,7 +37,7 @@ def rows(folder: Path) -> list[Row]:
 
     jax.config.update("jax_enable_x64", True)
     from benchmarks.targets import importers
-    from slidax.deploy.fmu import export_fmu
+    from slidax.export.fmu import export_fmu
     from slidax.scenarios import load
 
     scenario = load(SCENARIO)
@@ -68,9 +68,9 @@ def rows(folder: Path) -> list[Row]:
 def _elsewhere(scenario: Scenario, file: Path, guard: Any, compiler: str, folder: Path) -> list[Row]:
     """The binaries of other machines, fed with the samples of our run; what nothing here can run is built only."""
     from benchmarks.targets import importers
-    from slidax.deploy.recording import recorded
+    from slidax.export.golden_samples import record_closed_loop
 
-    run = recorded(scenario, guard, 0.2)
+    run = record_closed_loop(scenario, guard, 0.2)
     found = []
     for platform, runner in (("x86_64-windows", "wine"), ("aarch64-linux", "qemu-aarch64")):
         words = f"FMU 3.0, {platform}, two-link arm"

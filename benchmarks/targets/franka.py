@@ -10,10 +10,9 @@ import numpy as np
 
 from benchmarks.targets import Row
 from slidax import scenarios
-from slidax.deploy.franka import export_franka
-from slidax.deploy.onboard.law import Law
-from slidax.deploy.onboard.log import Log
-from slidax.deploy.onboard.rehearsal import Arm, read, rehearse, replay
+from slidax.export.onboard.pilot import CompiledLaw, MotionLog
+from slidax.export.onboard.rehearsal import RehearsalArm, read, rehearse, replay
+from slidax.export.robots import export_franka
 
 from . import franka_chain
 
@@ -35,7 +34,7 @@ def rows(folder: Path) -> list[Row]:
     jax.config.update("jax_enable_x64", True)
     scenario = scenarios.load(SCENARIO)
     export_franka(scenario, folder, name="law")
-    law = Law(folder / "law")
+    law = CompiledLaw(folder / "law")
     with franka_chain.serving(scenario, folder):
         found = {fault: franka_chain.moved_in_time(folder, fault) for fault in franka_chain.FAULTS}
         in_cpp = _in_cpp(folder)
@@ -87,7 +86,7 @@ def _in_cpp(folder: Path) -> str:
     return f"{counted.partition(' periods')[0]} periods, {ending.split()[0]}, {counted.partition('; ')[2]}"
 
 
-def compared(law: Law, log: Path) -> str:
+def compared(law: CompiledLaw, log: Path) -> str:
     """A log beside the rehearsal from the same posture, and through the law again.
 
     - `law`: that made it.
@@ -95,9 +94,9 @@ def compared(law: Law, log: Path) -> str:
     """
     theirs = read(log)
     start = [theirs[0][f"q_wanted_{k}"] for k in range(1, law.joints + 1)]
-    pilot, own = law.pilot(), Log(law)
+    pilot, own = law.pilot(), MotionLog(law)
     _set(pilot)
-    rehearse(pilot, Arm(law, start), own)
+    rehearse(pilot, RehearsalArm(law, start), own)
     again = law.pilot()
     _set(again)
     bits = replay(again, theirs)

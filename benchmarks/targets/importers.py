@@ -16,9 +16,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from slidax._types import Command, Envelope, Memory, Reference, Scalar, State
-from slidax.controllers import AbstractController
-from slidax.deploy.recording import Recording
+from slidax.core.types import Command, Envelope, Memory, Reference, Scalar, State
+from slidax.export.golden_samples import Recording
+from slidax.law import AbstractController
 from slidax.scenarios import Scenario
 from slidax.simulation import Run, simulate
 

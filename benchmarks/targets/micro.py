@@ -11,8 +11,8 @@ from pathlib import Path
 import jax
 
 from benchmarks.targets import Row
-from slidax.deploy.golden import BAD, OF_A_RUN, RANDOM
-from slidax.deploy.micro import export_micro
+from slidax.export.golden_samples import BAD, OF_A_RUN, RANDOM
+from slidax.export.micro import export_micro
 from slidax.scenarios import load
 
 SAMPLES = OF_A_RUN + RANDOM + BAD

@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from slidax.robots import Articulated
+from slidax.arms import Articulated
 
 
 def mjcf(arm: Articulated) -> str:

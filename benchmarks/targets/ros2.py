@@ -12,9 +12,9 @@ from xml.etree import ElementTree
 
 from benchmarks.targets import Row
 from slidax import scenarios
-from slidax.deploy.onboard.law import Law
-from slidax.deploy.ros2 import export_ros2
-from tests.deploy.ros2 import colcon
+from slidax.export.onboard.pilot import CompiledLaw
+from slidax.export.ros2 import export_ros2
+from tests.export.ros2 import colcon
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -41,7 +41,7 @@ def rows(folder: Path) -> list[Row]:
     made = [Row("ROS 2, node in Python", missing="rclpy, in an environment .venv-ros (docs/ros2.md)")]
     if python() is not None:
         export_ros2(scenarios.load(SCENARIO), folder, name="law", golden=False)
-        Law(folder / "law")
+        CompiledLaw(folder / "law")
         said = exchanged(folder, STEPS)
         made = [
             Row(

@@ -237,7 +237,7 @@ def check_yaml(text: str, part_of: str, folder: Path) -> None:
     Raises PageError if it is not whole and no scenario is named, DefinitionError if slidax refuses it.
     """
     from slidax.scenarios import parse
-    from slidax.scenarios.load import read_yaml
+    from slidax.scenarios.yaml_text import read_yaml
 
     if name := re.match(r"# (\S+\.ya?ml)\n", text):
         (folder / name[1]).write_text(text, encoding="utf-8")

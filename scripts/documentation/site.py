@@ -101,7 +101,7 @@ def _defined(package: str, name: str) -> str:
 
 
 def _first(thing: Any) -> str:
-    from slidax.metrics import Metric
+    from slidax.analysis import Metric
 
     doc = inspect.getdoc(thing) or ""
     return f"{thing.title}: {doc.partition(chr(10))[0]}" if isinstance(thing, Metric) else doc.partition("\n")[0]
@@ -112,9 +112,9 @@ def _facts(thing: Any) -> str:
 
     - `thing`: a class, a function, a preset or a metric.
     """
-    from slidax.controllers import Preset
-    from slidax.metrics import Metric
-    from slidax.parts import AbstractPart, parameters_of
+    from slidax.analysis import Metric
+    from slidax.core import AbstractPart, parameters_of
+    from slidax.law import Preset
 
     if isinstance(thing, Preset):
         law = f"Law: `{thing.law.__name__}`."

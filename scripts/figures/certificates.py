@@ -14,17 +14,17 @@ import numpy as np
 import pyarrow.parquet as parquet
 from typer.testing import CliRunner
 
-from slidax import metrics
-from slidax.certificates.arm import uncertainty_bound
-from slidax.certificates.continuous import printed_period, settling_time, ultimate_bound
-from slidax.certificates.continuous.law import PrintedLaw
-from slidax.certificates.loop import loop_rate
+from slidax import analysis
+from slidax.certify.arm import uncertainty_bound
+from slidax.certify.loop import loop_rate
+from slidax.certify.printed import printed_period, settling_time, ultimate_bound
+from slidax.certify.printed.printed_law import PrintedLaw
 from slidax.cli import app
 from slidax.codegen.llvm import machine
-from slidax.papers.cftsmppc.bounds import inverse_inertia
+from slidax.paper.numbers import inverse_inertia
 from slidax.scenarios import Scenario, load
-from tests.certificates.soundness import along_time, continuous, loops, postures, ratios, starts, warned
-from tests.certificates.soundness.counted import Counted
+from tests.soundness import along_time, continuous, loops, postures, ratios, starts, warned
+from tests.soundness.counted import Counted
 
 from .shared import ROOT, table, write_table
 
@@ -72,7 +72,7 @@ def _inertia(name: str) -> list[str]:
 def _step(name: str, period: float) -> float:
     """The largest torque step over the last quarter; infinite for a run that ends badly."""
     run = load(name, {"simulation.mode": "held", "simulation.period": period}).simulate(log_every=None)
-    return float(np.max(metrics.steady_torque_step(run))) if run.outcome.ok else np.inf
+    return float(np.max(analysis.steady_torque_step(run))) if run.outcome.ok else np.inf
 
 
 def _whole(name: str, period: float) -> float:
@@ -100,7 +100,7 @@ def _error(scale: float) -> list[str]:
     scenario = load("example-4.2", {"disturbance.scale": scale})
     verdict = ultimate_bound(scenario)
     run = scenario.simulate(log_every=None)
-    observed = float(np.max(metrics.steady_error(run)))
+    observed = float(np.max(analysis.steady_error(run)))
     bound = float(np.max(verdict.bound["error"])) if verdict.holds else np.nan
     cells = (bound, float(np.max(verdict.bound["estimate"])), observed)
     return [f"{scale:g}", *("-" if np.isnan(cell) else f"{cell:.2g}" for cell in cells)]

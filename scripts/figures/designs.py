@@ -36,19 +36,17 @@ import numpy as np
 import yaml
 
 import slidax as sx
-from slidax.certificates import statistical
-from slidax.certificates.members import family_of
-from slidax.commissioning import draft
-from slidax.design import Refused, design
-from slidax.design.polish import polished
-from slidax.design.requirements import read_problem
-from slidax.design.search import MOST, POLISH, TOP
+from slidax.certify import statistical
+from slidax.certify.uncertainty_set import family_of
+from slidax.design import Refusal, design
+from slidax.design.problem import read_problem
+from slidax.design.search import MOST, POLISH, TOP, cmaes_search
+from slidax.scenarios import draft
 from slidax.scenarios.load import validated
 from slidax.studies import Predicate
-from slidax.studies.points import points
-from slidax.studies.predicate import ENVELOPE
+from slidax.studies.cases import StudyTask, points
+from slidax.studies.predicates import ENVELOPE
 from slidax.studies.runner import Runner
-from slidax.studies.task import Task
 
 from .shared import ROOT, write_table
 
@@ -128,7 +126,7 @@ def of_examples() -> Any:
 
 def told(result: Any) -> dict[str, Any]:
     """A design's numbers, or the reason of its refusal."""
-    if isinstance(result, Refused):
+    if isinstance(result, Refusal):
         return {"refused": result.reason}
     return {
         "proof": result.proof,
@@ -158,7 +156,7 @@ def by_hand() -> Any:
                 {**blocks, "simulation": time_of, "uncertainty": uncertain, "requirements": requirements}
             )
             row = {"kind": "hand", "name": name, "seconds": seconds, "required": required, "before": before}
-            if isinstance(result, Refused):
+            if isinstance(result, Refusal):
                 yield {**row, "refused": result.reason}
                 break
             law = result.description.model_dump(exclude_unset=True)["scheme"]
@@ -195,7 +193,7 @@ def cases_of(data: dict[str, Any], count: int) -> Any:
     scenario = validated(data).build("scenario")
     family, simulation = family_of(scenario), scenario.description.simulation
     drawn = points(5, 0, count, family.space.dimensions)
-    runner = Runner(Task.of(family, "auto"), Runner.rows_of_chunk(round(simulation.t1 / simulation.period)))
+    runner = Runner(StudyTask.of(family, "auto"), Runner.rows_of_chunk(round(simulation.t1 / simulation.period)))
     return runner.rows(0, family.space.values(drawn))
 
 
@@ -237,7 +235,7 @@ def of_a_refusal(minutes: float) -> Any:
     until, seed, tried = time.monotonic() + 60.0 * minutes, 0, 0
     while time.monotonic() < until and not start.holds:
         seed += 1
-        laws = polished(trials, start.choice, cases, aim.cost, free=False, size=0.1 + 0.1 * (seed % 3), seed=seed)
+        laws = cmaes_search(trials, start.choice, cases, aim.cost, free=False, size=0.1 + 0.1 * (seed % 3), seed=seed)
         tried += len(laws)
         top = trials.judged([trial.choice for trial in sorted(laws, key=aim.cost)[:TOP]], many)
         start = aim.best([start, *top])
@@ -272,7 +270,7 @@ def of_arms(options: argparse.Namespace) -> Any:
                     yield {**row, "invalid": str(error)}
                     continue
                 row |= {"seconds": seconds, **told(result)}
-                if isinstance(result, Refused):
+                if isinstance(result, Refusal):
                     yield row
                     continue
                 yield {**row, **in_new_cases(result, options.cases)}
@@ -290,7 +288,7 @@ def with_bounds(options: argparse.Namespace) -> Any:
         blocks |= {key: light[key] for key in ("simulation", "uncertainty", "requirements")}
         result, row = bound_row(blocks, {"name": name}, options.cases)
         yield row
-        if isinstance(result, Refused):
+        if isinstance(result, Refusal):
             blocks["robot"]["nominal"]["load"] = friction_and_load["load"]
             yield bound_row(blocks, {"name": f"{name}, whose law is told of the load"}, options.cases)[1]
 
@@ -299,7 +297,7 @@ def bound_row(requirements: dict[str, Any], row: dict[str, Any], cases: int) -> 
     """A design with a bound, and its row."""
     result, seconds = designed(requirements)
     row = {"kind": "bound", **row, "seconds": seconds, **told(result)}
-    return result, row if isinstance(result, Refused) else {**row, **in_new_cases(result, cases)}
+    return result, row if isinstance(result, Refusal) else {**row, **in_new_cases(result, cases)}
 
 
 def chosen_arms(options: argparse.Namespace, all_of_them: tuple[str, ...]) -> tuple[str, ...]:

@@ -13,12 +13,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import slidax as sx
-from slidax import metrics, scenarios
-from slidax.diagnosis.linear_loop import LinearLoop
-from slidax.estimators.steady_gains import steady_gains
-from slidax.figures.style import LINES, NARROW, WIDTH, styled
-from slidax.identification import Identification, Log, excite, identify, write_arm
-from slidax.robots import Payload
+from slidax import analysis, scenarios
+from slidax.arms import Payload
+from slidax.identify import Identification, JointLog, excite, identify, write_arm
+from slidax.law.joint_loop import LinearLoop
+from slidax.law.kalman import steady_gains
+from slidax.report.figures.style import LINES, NARROW, WIDTH, styled
 from slidax.simulation import Run
 
 from .shared import plain_numbers, save, small, steady_error, steady_step, table, write_table
@@ -43,7 +43,7 @@ def run(name: str, nominal: float, true: float, changes: dict[str, Any] | None =
 
 def outside(of: Run) -> int:
     """Samples outside the envelope."""
-    count = metrics.envelope_violations(of)
+    count = analysis.envelope_violations(of)
     assert isinstance(count, int)
     return count
 
@@ -297,7 +297,7 @@ def truth(arm: dict[str, Any]) -> np.ndarray:
     return np.array([*drives, load["mass"], *load["center"], *load["inertia"], *3 * (0.0,)])
 
 
-def simulated(arm: dict[str, Any], motion: Path) -> Log:
+def simulated(arm: dict[str, Any], motion: Path) -> JointLog:
     """Positions and torques of the arm in MuJoCo with dry friction, moved by a PD law that knows its links alone."""
     start = [float(cell) for cell in motion.read_text().splitlines()[1].split(",")[1:8]]
     run = scenarios.load(
@@ -315,15 +315,15 @@ def simulated(arm: dict[str, Any], motion: Path) -> Log:
         },
     ).simulate(log_every=1, progress=False)
     assert run.outcome.ok, run.outcome.message
-    names = sx.robots.panda().joint_names
-    return Log("a run", names, np.asarray(run.log.t), np.asarray(run.log.state.q), np.asarray(run.log.tau))
+    names = sx.arms.panda().joint_names
+    return JointLog("a run", names, np.asarray(run.log.t), np.asarray(run.log.state.q), np.asarray(run.log.tau))
 
 
-def measured(log: Log, seed: int) -> Log:
+def measured(log: JointLog, seed: int) -> JointLog:
     """The log of encoders and of torque sensors with noise."""
     size = TORQUE_NOISE * np.sqrt(np.mean(log.tau**2, axis=0))
     tau = log.tau + size * np.random.default_rng(seed).normal(size=log.tau.shape)
-    return Log(log.source, log.joints, log.t, RESOLUTION * np.round(log.q / RESOLUTION), tau)
+    return JointLog(log.source, log.joints, log.t, RESOLUTION * np.round(log.q / RESOLUTION), tau)
 
 
 def errors(estimate: Identification, arm: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
@@ -339,7 +339,7 @@ def measure_errors(arms: int, noises: int, motion: Path) -> None:
         arm = unknown_arm(number)
         log, true = simulated(arm, motion), truth(arm)
         for seed in range(noises):
-            estimate = identify(measured(log, seed), sx.robots.panda())
+            estimate = identify(measured(log, seed), sx.arms.panda())
             took.append(estimate.seconds)
             off, in_errors = errors(estimate, arm)
             drives = [100 * np.abs(off[i : i + 7] / true[i : i + 7]).max() for i in (0, 7)]
@@ -359,7 +359,7 @@ def measure_errors(arms: int, noises: int, motion: Path) -> None:
 def close_loop(motion: Path, folder: Path) -> None:
     """Print the error of laws that know the arm, that know what was identified, and that know its links alone."""
     arm = unknown_arm(0)
-    estimate = identify(measured(simulated(arm, motion), 0), sx.robots.panda())
+    estimate = identify(measured(simulated(arm, motion), 0), sx.arms.panda())
     write_arm(estimate, {"kind": "panda"}, folder / "arm.yaml")
     unknown = scenarios.load("panda-payload", {"robot.nominal": {}, "robot.plant": arm})
     known = {"robot.nominal": {"armature": arm["armature"], "load": arm["load"]}}
@@ -372,7 +372,7 @@ def close_loop(motion: Path, folder: Path) -> None:
     for name, changes in laws.items():
         law = scenarios.load("panda-payload", {"robot.plant": {}, **changes}).controller
         run = unknown.replace(controller=law).simulate(log_every=None, progress=False)
-        print(f"| {name} | {metrics.envelope_violations(run)} | {np.max(metrics.steady_error(run)):.2e} |")
+        print(f"| {name} | {analysis.envelope_violations(run)} | {np.max(analysis.steady_error(run)):.2e} |")
 
 
 def measure_identification() -> None:
@@ -383,6 +383,6 @@ def measure_identification() -> None:
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         motion = Path(folder) / "motion.csv"
-        excite(sx.robots.panda(), seed=1, payload=Payload(mass=3.0)).write(motion)
+        excite(sx.arms.panda(), seed=1, payload=Payload(mass=3.0)).write(motion)
         close_loop(motion, Path(folder))
         measure_errors(arguments.arms, arguments.noises, motion)

@@ -14,15 +14,15 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from scipy.optimize import brentq
 
-from slidax import metrics, scenarios
-from slidax.controllers import SampledData
-from slidax.disturbances import Step
-from slidax.figures.style import LINES, WIDTH, legend_above, styled
-from slidax.parts import Scalar, State, Vector
-from slidax.robots import Articulated, Load, Mismatch, Payload
+from slidax import analysis, scenarios
+from slidax.arms import Articulated, Mismatch, Payload, TimedPayload
+from slidax.core import Scalar, State, Vector
+from slidax.law import SampledData
+from slidax.law.error_transformations import Sides, psi
+from slidax.plant import Step
+from slidax.report.figures.style import LINES, WIDTH, legend_above, styled
 from slidax.scenarios.scenario import Scenario
 from slidax.simulation import Parts, Plant, Run, simulate_batch
-from slidax.transformations.psi import Sides, psi
 
 from .shared import (
     BARE,
@@ -247,15 +247,15 @@ SAME = 2e-6
 
 def _row(name: str, period: float, delay: int) -> list[str]:
     run = loop(name, period, {"sensor.delay": delay}, t1=ENDS[name]).simulate(log_every=None)
-    settled = float(np.max(metrics.settling_time(run, 1e-3)))
+    settled = float(np.max(analysis.settling_time(run, 1e-3)))
     return [
         f"`{name}`",
         milliseconds(period),
         str(delay),
-        str(metrics.envelope_violations(run)),
+        str(analysis.envelope_violations(run)),
         f"{settled:.2f}",
         small(steady_error(run)),
-        f"{np.max(metrics.peak_torque(run)):.0f}",
+        f"{np.max(analysis.peak_torque(run)):.0f}",
         f"{steady_step(run):.2g}",
     ]
 
@@ -273,7 +273,7 @@ def _outage(name: str, start: float, horizon: float | None) -> list[str]:
         f"`{name}`",
         f"{start:g}",
         milliseconds(float(run_horizon(name, horizon))),
-        str(metrics.envelope_violations(run)),
+        str(analysis.envelope_violations(run)),
         small(float(np.max(apart))),
         small(float(np.max(np.abs(np.asarray(run.log.e)[t >= 7.9])))),
         f"{1e3 * (t[far[-1]] - end):.0f}" if len(far) else "0",
@@ -468,7 +468,7 @@ def _plant(scenario: Scenario, row: dict[str, Any]) -> Weakened:
     carrying = eqx.tree_at(
         lambda arm: arm.payload, mismatch.applied(nominal), Payload(row["payload"], center, 0.002 * row["payload"])
     )
-    grasped = Load(Payload(row["grasped"], center, 0.002 * row["grasped"]), attached=CHANGE)
+    grasped = TimedPayload(Payload(row["grasped"], center, 0.002 * row["grasped"]), attached=CHANGE)
     push = Step(row["push"], CHANGE, CHANGE + 0.1)
     since = jnp.asarray(CHANGE)
     return Weakened(carrying, push, own.sensor, own.actuator, grasped, share=jnp.asarray(row["share"]), since=since)

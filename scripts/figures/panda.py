@@ -13,14 +13,23 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from slidax import metrics, scenarios, simulate_batch
-from slidax.controllers import SampledData, sampled_data
-from slidax.figures.axes import use_time_axis
-from slidax.figures.overlay import crest
-from slidax.figures.style import BAND, BOUND, LINES, NARROW, WIDTH, envelope_patch, legend_above, styled
-from slidax.figures.thinning import every_nth
+from slidax import analysis, scenarios, simulate_batch
+from slidax.law import SampledData, sampled_data
+from slidax.report.figures.compared import crest
+from slidax.report.figures.style import (
+    BAND,
+    BOUND,
+    LINES,
+    NARROW,
+    WIDTH,
+    envelope_patch,
+    every_nth,
+    legend_above,
+    styled,
+    use_time_axis,
+)
+from slidax.report.replay import Skeleton, skeleton_of
 from slidax.simulation import Run
-from slidax.views import Skeleton, skeleton_of
 
 from .shared import DOCS, save, small, steady_error, steady_step, table, write_table
 
@@ -119,7 +128,7 @@ def tuned(
     order = np.lexsort((np.where(ended, errors, np.inf), np.where(ended, counts, np.inf)))
     best = dict(zip(rival.gains, np.asarray(grid[int(order[0])]).tolist(), strict=True))
     run = scenarios.load(name, {**plain, **{f"scheme.{gain}": value for gain, value in best.items()}}).simulate()
-    assert metrics.steady_error(run) is not None
+    assert analysis.steady_error(run) is not None
     return run, best
 
 
@@ -293,7 +302,7 @@ def write_arms() -> None:
     rows = []
     for name, measured, plant, changes in RUNS:
         run = scenarios.load(name, changes).simulate(log_every=None)
-        margin = float(np.min(metrics.envelope_margin(run)))
+        margin = float(np.min(analysis.envelope_margin(run)))
         count = f"{int(run.tally.violations)}"
         rows.append(
             [name, measured, plant, count, f"{margin:.2f}", small(steady_error(run)), f"{steady_step(run):.2g}"]

@@ -27,8 +27,8 @@ import pinocchio
 from .shared import DOCS, ROOT, write_table
 
 if TYPE_CHECKING:
-    from tests.deploy.web.browser import Visit
-    from tests.robots.bad_file import BadFile
+    from tests.arms.bad_file import BadFile
+    from tests.export.web.browser import Visit
 
 FIRST = "performance.getEntriesByName('first picture')[0].startTime"
 
@@ -52,7 +52,7 @@ def measure_page() -> None:
     Prints its size, its requests, the time to the first picture from a server on loopback, the time from a slider's
     event to the picture (median and worst of 15), and the findings of axe-core.
     """
-    from tests.deploy.web.browser import Visit, browser, served
+    from tests.export.web.browser import Visit, browser, served
 
     parser = argparse.ArgumentParser(description=measure_page.__doc__)
     parser.add_argument("folder", type=Path)
@@ -421,8 +421,8 @@ def _read_and_tell(read: Callable[[str], object], path: str, there: int, printed
 def by_slidax(name: str, case: BadFile, folder: Path) -> str:
     """The message of slidax."""
     # Not before: JAX has threads, and a process with threads must not fork.
-    from slidax._errors import DefinitionError
-    from slidax.robots import files
+    from slidax.arms import files
+    from slidax.core.errors import DefinitionError
 
     read = getattr(files, name)
     try:
@@ -459,7 +459,7 @@ def bad_files_counts(by_format: dict[str, Sequence[Sequence[str]]]) -> str:
 
 def write_bad_files() -> None:
     """Write the tables of docs/robot-files.md: the answers of three readers to bad robot files."""
-    from tests.robots import bad_mjcf, bad_urdf
+    from tests.arms import bad_mjcf, bad_urdf
 
     signal.alarm(600)
     formats = {

@@ -25,15 +25,15 @@ import pinocchio
 import yaml
 
 import slidax as sx
-from slidax._errors import DefinitionError
-from slidax.commissioning import draft
-from slidax.diagnosis import Record, explained
-from slidax.robots import Articulated, Coupled, Load, Mismatch, Payload, from_urdf
-from slidax.robots.files.notes import Notes
-from slidax.robots.files.source import read
-from slidax.robots.files.urdf_mimic import hold_massless, mimicry_of
-from slidax.robots.files.urdf_tree import tree_of
-from slidax.robots.inertia import is_rigid, nearest_rigid
+from slidax.analysis import RunRecord, explain
+from slidax.arms import Articulated, Coupled, Mismatch, Payload, TimedPayload, from_urdf
+from slidax.arms.files.reading import Notes
+from slidax.arms.files.source import read_robot_file
+from slidax.arms.files.urdf import hold_massless, mimicry_of
+from slidax.arms.files.urdf_tree import urdf_tree
+from slidax.arms.joint import is_rigid, nearest_rigid
+from slidax.core.errors import DefinitionError
+from slidax.scenarios import draft
 from slidax.simulation.states import spread, states_of
 
 from .shared import ROOT, write_table
@@ -97,7 +97,7 @@ def pinocchio_difference(path: Path, tip: str, arm: Articulated | Coupled) -> fl
             model = pinocchio.buildModelFromXML(text) if text else pinocchio.buildModelFromUrdf(str(path))
     except ValueError:
         return None
-    tree = tree_of(read(path, "robot", "").root)
+    tree = urdf_tree(read_robot_file(path, "robot", "").root)
     end = tip or next(link for link in tree.leaves if link not in tree.standing)
     mimicry = mimicry_of(tree, end, {}, "held", Notes())
     hold_massless(tree, end, mimicry, (), Notes())
@@ -133,7 +133,7 @@ def pinocchio_difference(path: Path, tip: str, arm: Articulated | Coupled) -> fl
 
 def repaired(path: Path) -> str:
     """The file with the nearest inertias that a body can have; empty if it needs no other."""
-    root = read(path, "robot", "").root
+    root = read_robot_file(path, "robot", "").root
     changed = False
     for element in root.iterfind("link/inertial/inertia"):
         matrix = np.zeros((3, 3))
@@ -350,13 +350,13 @@ def run(scenario, name, rate, case, rated, carried, explain):
     ball = Payload(jnp.asarray(carried), jnp.asarray([0.0, 0.0, 0.05]), jnp.asarray(0.0025 * carried) * jnp.eye(3))
     true = Mismatch(mass_factor=factor, coulomb=0.01 * rated, armature=rotors).applied(scenario.controller.nominal)
     old = scenario.plant
-    plant = sx.Plant(true, old.disturbance, old.sensor, old.actuator, Load(ball))
+    plant = sx.Plant(true, old.disturbance, old.sensor, old.actuator, TimedPayload(ball))
     true_scenario = scenario.replace(plant=plant)
     done = true_scenario.simulate(log_every=max(1, round(rate / 250)))
     late = np.asarray(done.log.t) > SETTLED
     error = np.abs(np.asarray(done.log.e)[late])
     worst = error.max(axis=0) if len(error) else np.full(len(rated), np.inf)
-    outside = int(sx.metrics.summary(done)["envelope_violations"] or 0)
+    outside = int(sx.analysis.summary(done)["envelope_violations"] or 0)
     torque = np.abs(np.asarray(done.log.tau)) > 0.999 * rated
     held = bool(worst.max() < 5.0 / rate)
     return {
@@ -367,8 +367,8 @@ def run(scenario, name, rate, case, rated, carried, explain):
         "outside": outside,
         "worst": float(worst.max()),
         "joint": int(worst.argmax()) + 1,
-        "steady": float(max(sx.metrics.steady_error(done))),
-        "step": float(max(np.asarray(sx.metrics.steady_torque_step(done)) / rated)),
+        "steady": float(max(sx.analysis.steady_error(done))),
+        "step": float(max(np.asarray(sx.analysis.steady_torque_step(done)) / rated)),
         "at_limit": float(torque.mean(axis=0).max()),
         "payload": carried,
         "mass_factor": factor,
@@ -380,8 +380,8 @@ def run(scenario, name, rate, case, rated, carried, explain):
 def why(scenario):
     """Causes in the log, likeliest first, as `slidax explain` prints them, without tried remedies."""
     try:
-        record = Record.of(scenario, scenario.simulate(log_every=1, progress=False))
-        return [f"{answer.finding.evidence}." for answer in explained(scenario, record, tries=False)]
+        record = RunRecord.of(scenario, scenario.simulate(log_every=1, progress=False))
+        return [f"{answer.finding.evidence}." for answer in explain(scenario, record, tries=False)]
     except sx.DefinitionError as error:
         return [str(error)]
 
@@ -393,7 +393,7 @@ def allowed(scenario, rated):
     lower, upper = (np.clip(np.asarray(end), -reach, reach) for end in (arm.limits.lower, arm.limits.upper))
     q = spread(lower, upper, 256)
     ball = Payload(jnp.asarray(1.0), jnp.asarray([0.0, 0.0, 0.05]), jnp.zeros((3, 3)))
-    own, loaded = states_of(arm, q).bias, states_of(Load(ball).on(arm, jnp.asarray(1.0)), q).bias
+    own, loaded = states_of(arm, q).bias, states_of(TimedPayload(ball).on(arm, jnp.asarray(1.0)), q).bias
     room = np.maximum(0.5 * rated - np.abs(own), 0.0) / np.maximum(np.abs(loaded - own), 1e-9)
     return SHARE * float(room.min())
 

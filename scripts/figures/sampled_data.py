@@ -15,11 +15,22 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullLocator
 
-from slidax import metrics, scenarios
-from slidax.figures.axes import use_size_axis, use_time_axis
-from slidax.figures.overlay import crest
-from slidax.figures.style import BAND, BOUND, LINES, NARROW, WIDTH, envelope_patch, legend_above, styled
-from slidax.figures.thinning import every_nth, thinned
+from slidax import analysis, scenarios
+from slidax.report.figures.compared import crest
+from slidax.report.figures.style import (
+    BAND,
+    BOUND,
+    LINES,
+    NARROW,
+    WIDTH,
+    envelope_patch,
+    every_nth,
+    legend_above,
+    styled,
+    thinned,
+    use_size_axis,
+    use_time_axis,
+)
 from slidax.scenarios.schemes import PRESETS
 from slidax.simulation import Run
 
@@ -363,7 +374,7 @@ class Point:
 
 def _point(changes: dict[str, Any], period: float = 1e-3) -> Point:
     run = loop(NOISE_SCENARIO, period, ENCODERS | changes).simulate(log_every=None)
-    return Point(steady_error(run), steady_step_rms(run), steady_step(run), metrics.envelope_violations(run) or 0)
+    return Point(steady_error(run), steady_step_rms(run), steady_step(run), analysis.envelope_violations(run) or 0)
 
 
 def _estimator(kind: str, value: float, horizon: float, radius: float) -> Point:
@@ -483,14 +494,14 @@ def choosing_row(scheme: str, period: float) -> str:
     """
     changes = {"scheme.name": scheme, "simulation.mode": "held", "simulation.period": period}
     run = scenarios.load("example-4.1", changes).simulate(log_every=None)
-    peak = f"{np.max(metrics.peak_torque(run)):.0f}"
+    peak = f"{np.max(analysis.peak_torque(run)):.0f}"
     if not run.outcome.ok:
         return f"| `{scheme}` | leaves its envelope at {run.outcome.t:.1f} s | | | {peak} | | left |"
-    settled = np.max(metrics.settling_time(run, 1e-3))
+    settled = np.max(analysis.settling_time(run, 1e-3))
     shown = f"{settled:.2f}" if settled < 10.0 else "not within 10"
-    violations = metrics.envelope_violations(run)
+    violations = analysis.envelope_violations(run)
     kept = "none promised" if violations is None else "kept" if violations == 0 else "left"
-    error, step = np.max(metrics.steady_error(run)), np.max(metrics.steady_torque_step(run))
+    error, step = np.max(analysis.steady_error(run)), np.max(analysis.steady_torque_step(run))
     return f"| `{scheme}` | ok | {shown} | {error:.1e} | {peak} | {step:.2g} | {kept} |"
 
 

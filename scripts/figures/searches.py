@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from slidax.figures import aims_front, parameter_map
-from slidax.figures.style import LINES, WIDTH, styled
-from slidax.studies import How, read_study, study_of
+from slidax.report.figures import parameter_map, pareto_front
+from slidax.report.figures.style import LINES, WIDTH, styled
+from slidax.studies import RunOptions, read_study, study_of
 from slidax.studies.cases import Cases
 from slidax.studies.falsify import Falsify, FalsifyResult
 from slidax.studies.sweep import Sweep, one_number
@@ -47,7 +47,7 @@ def write_sweeps() -> None:
     for name, (file, changes) in MAPS.items():
         study = read_study(STUDIES / f"{file}.yaml")
         assert isinstance(study, Sweep)
-        result = study.model_copy(update={"changes": {**study.changes, **changes}}).run(How())
+        result = study.model_copy(update={"changes": {**study.changes, **changes}}).run(RunOptions())
         axes = {LABELS[path]: one_number(axis) for path, axis in result.axes.items()}
         # A map without a bound in it shows nothing that the sentence does not say.
         if not result.good:
@@ -106,11 +106,11 @@ def seeded_row(seeded: Seeded) -> list[str]:
     study = read_study(STUDIES / f"falsify-{seeded.name}.yaml")
     assert isinstance(study, Falsify)
     settings = study.model_dump(include={"scenario", "changes", "uncertainty"}, exclude_unset=True)
-    random = study_of({**settings, "study": "monte_carlo", "runs": RANDOM}).run(How())
+    random = study_of({**settings, "study": "monte_carlo", "runs": RANDOM}).run(RunOptions())
     begun = time.perf_counter()
-    searched = study.run(How())
+    searched = study.run(RunOptions())
     took = time.perf_counter() - begun
-    mended = study.model_copy(update={"changes": {**study.changes, **seeded.mended}}).run(How())
+    mended = study.model_copy(update={"changes": {**study.changes, **seeded.mended}}).run(RunOptions())
     failed = searched.table["outcome"] > 0
     return [
         seeded.flaw,
@@ -201,7 +201,7 @@ def write_worst_cases() -> None:
     """Search each for its worst case, and write the table of docs/searches.md."""
     rows = []
     for name, words, sets, runs in BUILT_IN:
-        result = study_of({"study": "falsify", "scenario": name, "uncertainty": sets, "runs": runs}).run(How())
+        result = study_of({"study": "falsify", "scenario": name, "uncertainty": sets, "runs": runs}).run(RunOptions())
         rows.append(
             [
                 f"`{name}`",
@@ -229,7 +229,7 @@ def write_tune_fronts() -> None:
     for name in FRONT_TICKS:
         study = read_study(STUDIES / f"tune-{name}.yaml")
         assert isinstance(study, Tune)
-        result = study.run(How())
+        result = study.run(RunOptions())
         rows = []
         for place in (None, *range(len(result.gains))):
             judged = result.judged(place)
@@ -255,7 +255,7 @@ def draw_front(name: str) -> None:
     today = np.array(numbers.pop("today"))
     best = next((k for k, gains in enumerate(numbers) if (gains, ", best") in [row[:2] for row in rows]), None)
     labels = ["steady error  [µrad]", "steady torque step  [N m]"]
-    figure = aims_front(labels, np.array(list(numbers.values())), today, best)
+    figure = pareto_front(labels, np.array(list(numbers.values())), today, best)
     plain_numbers(figure.axes[0], *FRONT_TICKS[name])
     save(figure, f"tune-{name}")
 
@@ -280,7 +280,7 @@ def time_over_engine(name: str, chunks: int) -> float:
     """Time of a study's rows over that of the bare engine's batches of the same values; the median of all chunks."""
     study = read_study(STUDIES / f"{name}.yaml")
     family = study.family()
-    runner = study.runner(family, How())
+    runner = study.runner(family, RunOptions())
     cases = Cases(family)
     (loop,) = [cases._loop((), study.values(family, 0, 2)) for _ in [cases._groups(study.values(family, 0, 2), 2)]]
     ratios = []

@@ -74,9 +74,9 @@ def steady_step_rms(run: Run) -> float:
 
 
 def _worst(metric: str, run: Run) -> float:
-    from slidax import metrics
+    from slidax import analysis
 
-    values = getattr(metrics, metric)(run)
+    values = getattr(analysis, metric)(run)
     return math.nan if values is None else float(np.max(values))
 
 
@@ -124,7 +124,7 @@ def save(figure: Figure, name: str) -> None:
 
     - `name`: of the file in docs/figures, without its ending.
     """
-    from slidax.figures import svg
+    from slidax.report.figures import style as svg
 
     text = svg.to_svg(figure, "".join(word[0] for word in name.split("-")))
     text = re.sub(r"<!--.*?-->|(?<=\n)[ ]+", "", text)

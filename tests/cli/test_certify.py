@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from slidax.certificates import admissibility
-from slidax.certificates.continuous import settling_time, ultimate_bound
+from slidax.certify import admissibility
+from slidax.certify.printed import settling_time, ultimate_bound
 
 from .commands import in_process
 
@@ -19,7 +19,7 @@ KEYS = {"name", "holds", "grade", "since", "margin", "bound", "assumptions", "st
 
 def only(monkeypatch: pytest.MonkeyPatch, *certificates: Any) -> None:
     """The others have tests of their own, and take longer."""
-    monkeypatch.setattr(importlib.import_module("slidax.certificates.certify"), "CERTIFICATES", certificates)
+    monkeypatch.setattr(importlib.import_module("slidax.certify.certify"), "CERTIFICATES", certificates)
 
 
 def test_json_and_page_agree_and_exit_code_is_4_if_a_certificate_fails(

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from slidax import scenarios
-from slidax.reports import Rival
-from slidax.reports.parameters import as_yaml
+from slidax.report import Rival
+from slidax.scenarios.yaml_text import as_yaml
 
 from .commands import in_process
 

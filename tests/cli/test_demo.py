@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from slidax.cli.funnel import funnel
+from slidax.cli.terminal_plot import funnel
 from slidax.scenarios import load
 
 from .commands import in_process

@@ -11,13 +11,12 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from slidax.certificates import admissibility
+from slidax.certify import admissibility
 from slidax.design import search
 from slidax.scenarios import load
 from slidax.scenarios.family import Family
-from slidax.studies.points import points
+from slidax.studies.cases import StudyTask, points
 from slidax.studies.runner import Runner
-from slidax.studies.task import Task
 
 from .commands import in_process
 
@@ -48,7 +47,7 @@ def test_what_it_writes_runs_as_it_is_and_holds_in_cases_that_it_has_not_seen(
 ) -> None:
     # Fewer of everything; the certificates have tests of their own.
     monkeypatch.setattr(search, "SLOPES", (1.0, 2.0))
-    monkeypatch.setattr(importlib.import_module("slidax.certificates.certify"), "CERTIFICATES", (admissibility,))
+    monkeypatch.setattr(importlib.import_module("slidax.certify.certify"), "CERTIFICATES", (admissibility,))
     monkeypatch.setattr(importlib.import_module("slidax.design.design"), "of_the_rate", lambda *_: None)
     out = tmp_path / "law.yaml"
     done = in_process("design", str(requirements), "--out", str(out), "--json", "--runs", "16")
@@ -63,7 +62,9 @@ def test_what_it_writes_runs_as_it_is_and_holds_in_cases_that_it_has_not_seen(
     scenario = load(out)
     assert scenario.period == 2e-3 and scenario.controller.monitor is not None
     family = Family.of(scenario.description)
-    rows = Runner(Task.of(family, "auto"), 64).rows(0, family.space.values(points(9, 0, 64, family.space.dimensions)))
+    rows = Runner(StudyTask.of(family, "auto"), 64).rows(
+        0, family.space.values(points(9, 0, 64, family.space.dimensions))
+    )
     assert np.all(rows["margin"] > 0) and np.all(rows["steady_torque_step"] < 6)
 
 

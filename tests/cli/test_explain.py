@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from tests.diagnosis.seeded import UNLEARNT
+from tests.analysis.diagnosis.seeded import UNLEARNT
 
 from .commands import in_process
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import jax
 import pytest
 
-from slidax._writing import is_temporary
-from slidax.cli.session import errors_as_lines
+from slidax.cli.common import errors_as_lines
+from slidax.core.writing import is_temporary
 from slidax.studies import read_rows
 
 from .commands import in_process

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import slidax as sx
-from slidax._types import State
-from slidax.metrics import rms_tool_error, rms_tool_turn, steady_tool_error, steady_tool_turn, tool_error, tool_turn
+from slidax.analysis import rms_tool_error, rms_tool_turn, steady_tool_error, steady_tool_turn, tool_error, tool_turn
+from slidax.core.types import State
 
 from .commands import in_process
 
@@ -44,7 +44,7 @@ def file(tmp_path: Path) -> Path:
 def test_the_tools_error_is_that_of_all_samples(file: Path) -> None:
     scenario = sx.scenarios.load(file)
     run = scenario.simulate(log_every=1)
-    actual, desired = sx.reports.tip_paths(scenario.plant.robot, run)
+    actual, desired = sx.report.tip_paths(scenario.plant.robot, run)
     away = np.linalg.norm(actual - desired, axis=1)
     assert away.max() > 1e-6
     late = np.asarray(run.log.t) >= 0.75 * scenario.t1 - 1e-9
@@ -64,7 +64,7 @@ def test_the_tools_error_is_that_of_all_samples(file: Path) -> None:
 def test_a_run_without_a_tool_has_no_such_metric_and_no_such_cost() -> None:
     run = sx.scenarios.load("example-4.1-1khz", {"simulation.t1": 0.01}).simulate(log_every=None)
     assert run.tally.tool is None and tool_error(run) is None and tool_turn(run) is None
-    assert "tool_error" not in sx.metrics.summary(run)
+    assert "tool_error" not in sx.analysis.summary(run)
 
 
 @pytest.mark.full

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from slidax.codegen import cuda
-from slidax.codegen.cuda.arrays import dtype_on_card, pack_inputs, unpack_outputs
+from slidax.codegen.cuda.launch import dtype_on_card, pack_inputs, unpack_outputs
 
 THREADS = 4
 """Of a block, so that some of the last one have no run."""
@@ -36,12 +36,12 @@ extern "C" void choose(long long block, long long threads, long long thread)
 needs_gxx = pytest.mark.skipif(not shutil.which("g++"), reason="g++ is not installed")
 
 
-class CardOnTheProcessor(cuda.Kernel):
+class CardOnTheProcessor(cuda.CudaKernel):
     """A kernel without CuPy."""
 
     def __init__(self, program, folder: Path, real="double"):
         source, library = folder / "kernel.cpp", folder / "kernel.so"
-        source.write_text(ON_THE_PROCESSOR + cuda.kernel(program, real=real))
+        source.write_text(ON_THE_PROCESSOR + cuda.cuda_code(program, real=real))
         options = ["-std=c++17", "-O0", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror", "-fPIC", "-shared"]
         subprocess.run(["g++", *options, str(source), "-o", str(library)], check=True)
         self.program, self.real = program, real

@@ -9,7 +9,9 @@ from slidax import State, scenarios
 from slidax.codegen import llvm
 from slidax.codegen.builder import Builder
 from slidax.codegen.ir import ELEMENTARY
-from slidax.codegen.llvm import by_demand, cache, kernel, machine
+from slidax.codegen.llvm import kernel, machine
+from slidax.codegen.llvm import kernel as by_demand
+from slidax.codegen.llvm import machine as cache
 from slidax.simulation import native_engine
 
 from .test_llvm import scaled

@@ -8,10 +8,9 @@ import scipy.special
 from jax import lax
 
 from slidax import scenarios
-from slidax._types import Reference
-from slidax.codegen import c_code
+from slidax.codegen import c_code, trace
 from slidax.codegen.builder import Builder
-from slidax.codegen.trace import trace
+from slidax.core.types import Reference
 
 from .compiled_c import COMPILERS, GUARDS, compiled, needs_a_compiler
 from .random_programs import random_arrays, random_program
@@ -142,16 +141,14 @@ def test_the_inverse_error_function_is_exact_to_both_ends(tmp_path):
 def test_random_programs_give_the_same_bits_as_machine_code(tmp_path):
     llvm = pytest.importorskip("slidax.codegen.llvm")
     pytest.importorskip("llvmlite")
-    from slidax.codegen.llvm.prepare import lowered_and_fused
+    from slidax.codegen.llvm.vectorise import lower_and_fuse
 
     for seed in (5, 7, 10, 12, 19, 22):
         program = random_program(seed)
         folder = tmp_path / str(seed)
         folder.mkdir()
         guards = GUARDS if seed % 2 == 0 else []
-        ours = compiled(
-            lowered_and_fused(program), folder, compiler=COMPILERS[(seed % 2) % len(COMPILERS)], flags=guards
-        )
+        ours = compiled(lower_and_fuse(program), folder, compiler=COMPILERS[(seed % 2) % len(COMPILERS)], flags=guards)
         theirs = llvm.compile(program)
         for arrays in map(random_arrays, range(4)):
             for one, other in zip(ours(arrays), theirs(arrays), strict=True):

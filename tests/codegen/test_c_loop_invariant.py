@@ -4,9 +4,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from slidax.codegen import trace
 from slidax.codegen.builder import Builder
 from slidax.codegen.c import loop_invariant, statements
-from slidax.codegen.trace import trace
 
 
 def split(function, *args):

@@ -8,7 +8,7 @@ import pytest
 
 from slidax.codegen.builder import Builder
 from slidax.codegen.c import Dialect, statements
-from slidax.codegen.c.dialect import shortest
+from slidax.codegen.c.expressions import shortest
 
 
 def lines_of(builder, *outputs, **options):

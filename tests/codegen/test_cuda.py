@@ -10,7 +10,7 @@ import pytest
 from slidax import DefinitionError
 from slidax.codegen import cuda
 from slidax.codegen.builder import Builder
-from slidax.codegen.cuda.arrays import pack_inputs
+from slidax.codegen.cuda.launch import pack_inputs
 
 from .card_on_the_processor import CardOnTheProcessor, needs_gxx
 from .random_programs import RandomProgram, random_arrays
@@ -66,7 +66,7 @@ needs_nvcc = pytest.mark.skipif(not shutil.which("nvcc"), reason="nvcc is not in
 
 
 def test_the_text_is_the_one_that_was_read_by_people():
-    assert cuda.kernel(pendulum()) == GOLDEN.read_text()
+    assert cuda.cuda_code(pendulum()) == GOLDEN.read_text()
 
 
 @needs_gxx
@@ -91,14 +91,14 @@ def test_floats_come_back_as_the_doubles_that_were_asked_for(tmp_path):
 def test_random_programs_give_the_same_bits_as_machine_code(tmp_path):
     llvm = pytest.importorskip("slidax.codegen.llvm")
     pytest.importorskip("llvmlite")
-    from slidax.codegen.llvm.prepare import lowered_and_fused
+    from slidax.codegen.llvm.vectorise import lower_and_fuse
 
     arrays = [np.stack(parts) for parts in zip(*[random_arrays(k) for k in range(RUNS)], strict=True)]
     for seed in (7, 12):
         program = RandomProgram(seed, varying=True).finish()
         folder = tmp_path / str(seed)
         folder.mkdir()
-        ours = batch(lowered_and_fused(program), arrays, RUNS, 0, folder)
+        ours = batch(lower_and_fuse(program), arrays, RUNS, 0, folder)
         for one, other in zip(ours, llvm.compile(program).batch(arrays, RUNS), strict=True):
             np.testing.assert_array_equal(one, other, err_msg=f"seed {seed}")
 
@@ -107,7 +107,10 @@ def test_random_programs_give_the_same_bits_as_machine_code(tmp_path):
 @pytest.mark.parametrize("real", ["double", "float"])
 def test_nvcc_takes_it(real, tmp_path):
     program = RandomProgram(12, varying=True).finish()
-    for name, text in (("pendulum", cuda.kernel(pendulum(), real=real)), ("random", cuda.kernel(program, real=real))):
+    for name, text in (
+        ("pendulum", cuda.cuda_code(pendulum(), real=real)),
+        ("random", cuda.cuda_code(program, real=real)),
+    ):
         source = tmp_path / f"{name}.cu"
         source.write_text(text)
         command = ["nvcc", "-cubin", "-arch=sm_80", "-Werror", "all-warnings", "-o", str(tmp_path / "out"), str(source)]

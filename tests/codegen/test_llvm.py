@@ -6,15 +6,16 @@ import math
 import numpy as np
 import pytest
 
-from slidax._errors import DefinitionError
 from slidax.codegen import llvm
 from slidax.codegen.builder import Builder
 from slidax.codegen.fold import DTYPES
 from slidax.codegen.ir import Branch
-from slidax.codegen.llvm import cache, machine
+from slidax.codegen.llvm import machine
+from slidax.codegen.llvm import machine as cache
+from slidax.codegen.llvm.blocks import varying_values
 from slidax.codegen.llvm.machine import host
-from slidax.codegen.llvm.prepare import lowered_and_fused
-from slidax.codegen.llvm.uniformity import varying
+from slidax.codegen.llvm.vectorise import lower_and_fuse
+from slidax.core.errors import DefinitionError
 
 from .interpreter import interpreted
 from .random_programs import RandomProgram, random_arrays
@@ -57,7 +58,7 @@ def test_random_programs_give_the_interpreters_bits_whatever_the_lanes(seed):
     runs = [random_arrays(100 * seed + k) for k in range(RUNS)]
     arrays = [np.stack(column) if v else column[0] for column, v in zip(zip(*runs, strict=True), varies, strict=True)]
     spread = [x if v else np.stack([x] * RUNS) for x, v in zip(arrays, varies, strict=True)]
-    expected = bits(interpreted(lowered_and_fused(program), *spread))
+    expected = bits(interpreted(lower_and_fuse(program), *spread))
     for lanes in LANES:
         assert bits(llvm.compile(program, lanes).batch(arrays, RUNS)) == expected
 
@@ -70,7 +71,7 @@ def test_they_are_the_same_bits_at_every_level_of_llvm(monkeypatch, level):
     for seed in (0, 1):
         program = RandomProgram(seed, size=16).finish()
         arrays = random_arrays(100 * seed)
-        expected = bits(interpreted(lowered_and_fused(program), *(x[None] for x in arrays)))
+        expected = bits(interpreted(lower_and_fuse(program), *(x[None] for x in arrays)))
         for lanes in LANES:
             assert bits(array[None] for array in llvm.compile(program, lanes)(arrays)) == expected
 
@@ -165,7 +166,7 @@ def test_what_depends_on_time_alone_is_computed_once_for_all_runs():
     y, phase = loop_over_time(b, 5, turn, gain, b.constant(0.0, "f64"))
     b.output("y", "f64", np.array([y, phase], object))
     program = b.finish()
-    differing = varying(program)
+    differing = varying_values(program)
     assert y in differing and gain in differing
     assert not differing & {phase, speed, wave[0]}
     text = llvm.compile(program, 8).text
@@ -184,7 +185,7 @@ def test_runs_that_leave_a_loop_at_different_times_hold_what_they_had():
     )
     b.output("y", "f64", np.array([total, power], object))
     program = b.finish()
-    assert power in varying(program)
+    assert power in varying_values(program)
     limits = np.array([3.0, 0.0, -1.0, NAN, 7.0, 1.0, 2.5, 9.0, 4.0, 5.0, 6.0])
     turns = np.ceil(np.where(limits > 0, limits, 0.0))
     for lanes in LANES:

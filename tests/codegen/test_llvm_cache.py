@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from slidax.codegen import NoNativeCodeError, llvm
-from slidax.codegen.llvm import cache, machine
+from slidax.codegen.llvm import machine
+from slidax.codegen.llvm import machine as cache
 
 from .test_llvm import scaled
 

@@ -8,7 +8,7 @@ import pytest
 from slidax.codegen import trace
 from slidax.codegen.builder import Builder
 from slidax.codegen.ir import Loop
-from slidax.codegen.longest import FREE, longest, turns
+from slidax.codegen.passes import FREE, count_iterations, count_operations
 
 from . import interpreter
 
@@ -37,18 +37,18 @@ def only_loop(program):
 
 def test_a_loop_that_counts_itself_has_a_bound():
     program = halving(20)
-    assert turns(only_loop(program)) == 20
-    assert turns(only_loop(halving(20, start=5))) == 15
+    assert count_iterations(only_loop(program)) == 20
+    assert count_iterations(only_loop(halving(20, start=5))) == 15
     # Three of the condition, asked once more than there are turns, and two in the body.
-    assert longest(program).operations == 21 * 3 + 20 * 2
-    assert longest(program).elementary == 0
+    assert count_operations(program).operations == 21 * 3 + 20 * 2
+    assert count_operations(program).elementary == 0
 
 
 @pytest.mark.parametrize("other", [{"step": 2}, {"step": 0}, {"step": -1}, {"compared": "gt"}])
 def test_a_loop_that_counts_otherwise_has_none(other):
     program = halving(20, **other)
-    assert turns(only_loop(program)) is None
-    assert longest(program) is None
+    assert count_iterations(only_loop(program)) is None
+    assert count_operations(program) is None
 
 
 @pytest.mark.parametrize(("x", "turns_taken"), [(1e30, 20), (4.0, 2), (0.5, 0)])
@@ -58,7 +58,7 @@ def test_it_is_what_a_run_that_goes_on_to_the_end_takes(monkeypatch, x, turns_ta
     program = halving(20)
     (y,) = interpreter.interpreted(program, np.array([x]))
     assert y.item() == x * 0.5**turns_taken
-    taken, most = sum(value.op not in FREE for value in computed), longest(program).operations
+    taken, most = sum(value.op not in FREE for value in computed), count_operations(program).operations
     assert (taken == most) if turns_taken == 20 else (taken == most - (20 - turns_taken) * 5)
 
 
@@ -72,11 +72,11 @@ def test_a_branch_is_its_longer_side_and_a_function_is_all_that_it_does():
     )
     b.output("y", "f64", np.array(left, object))
     # The comparison, the choice, and two operations or one elementary function.
-    assert longest(b.finish()) == (4, 1)
+    assert count_operations(b.finish()) == (4, 1)
 
     @jax.jit
     def within(x):
         return jnp.sin(x) + x
 
     program = trace(lambda x: within(within(x)), jnp.ones(()))
-    assert longest(program) == (4, 2)
+    assert count_operations(program) == (4, 2)

@@ -5,14 +5,14 @@ from __future__ import annotations
 import jax
 import jax.numpy as jnp
 
+from slidax.codegen import trace
 from slidax.codegen.builder import Builder
 from slidax.codegen.c import statements
-from slidax.codegen.c.layout import CodeLine
-from slidax.codegen.c.scopes import add_scopes, stack_bytes
+from slidax.codegen.c.layout import CodeLine, add_scopes, stack_bytes
 from slidax.codegen.ir import Call, functions
-from slidax.codegen.rebuild import rebuild
-from slidax.codegen.trace import Library, trace
-from slidax.numerics import once
+from slidax.codegen.passes import rebuild
+from slidax.codegen.trace import Library
+from slidax.core import barrier
 
 N = 7
 
@@ -57,7 +57,7 @@ def test_a_sum_over_those_before_is_a_loop_once_it_lies_in_an_array():
         found = [jnp.sin(x[0])]
         for k in range(1, N):
             found.append(jnp.sin(x[k]) + found[-1])
-        return once(jnp.stack(found)) * 2.0
+        return barrier(jnp.stack(found)) * 2.0
 
     program = trace(sums, jnp.ones(N), library=Library())
     outputs = [(f"out[{k}]", value) for k, value in enumerate(program.outputs[0].values)]

@@ -5,11 +5,11 @@ import jax.numpy as jnp
 import pytest
 
 from slidax import scenarios
-from slidax._types import Reference
+from slidax.codegen import trace
 from slidax.codegen.naming import Names, identifier, plain
-from slidax.codegen.naming.names import suffix
-from slidax.codegen.trace import trace
-from slidax.numerics import once, power
+from slidax.codegen.naming.names import index_suffix
+from slidax.core import barrier, power
+from slidax.core.types import Reference
 
 X = jnp.array([0.3, 0.7])
 
@@ -70,7 +70,7 @@ def test_a_tuple_names_each_of_its_values():
 
 def test_what_only_passes_through_is_named_behind_it():
     def law(x):
-        cosine, sine = once((jnp.cos(x), jnp.sin(x)))
+        cosine, sine = barrier((jnp.cos(x), jnp.sin(x)))
         return cosine * sine
 
     firm, _ = names_in(law, X[0])
@@ -193,4 +193,4 @@ def test_a_name_means_nothing_to_a_compiler_yet(name, expected):
     [(0, (), ""), (1, (2,), "_2"), (0, (1,), "_1"), (5, (2, 3), "_23"), (1, (3, 1), "_2"), (11, (12,), "_12")],
 )
 def test_joints_are_counted_from_one(element, shape, expected):
-    assert suffix(element, shape) == expected
+    assert index_suffix(element, shape) == expected

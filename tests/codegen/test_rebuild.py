@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from slidax.codegen.builder import Builder
-from slidax.codegen.fuse import fuse
-from slidax.codegen.rebuild import rebuild
+from slidax.codegen.passes import fuse, rebuild
 
 from .interpreter import interpreted
 from .random_programs import RandomProgram, random_arrays

@@ -5,12 +5,10 @@ import pytest
 
 from slidax.codegen import llvm
 from slidax.codegen.builder import Builder
-from slidax.codegen.llvm import cache
-from slidax.codegen.llvm.cost_model import keep_profitable
+from slidax.codegen.llvm import machine
 from slidax.codegen.llvm.order import put_in_order
-from slidax.codegen.llvm.prepare import lowered_and_fused
-from slidax.codegen.llvm.slp import Bundles
-from slidax.codegen.llvm.vectorise import Vector, vectorise
+from slidax.codegen.llvm.slp import Bundles, keep_profitable
+from slidax.codegen.llvm.vectorise import Vector, lower_and_fuse, vectorise
 
 from .interpreter import interpreted
 
@@ -18,7 +16,7 @@ from .interpreter import interpreted
 @pytest.fixture(autouse=True)
 def folder(monkeypatch, tmp_path):
     """Object code that is kept goes into a folder of the test's own."""
-    monkeypatch.setattr(cache, "folder", lambda: tmp_path)
+    monkeypatch.setattr(machine, "folder", lambda: tmp_path)
 
 
 class Joints:
@@ -111,7 +109,7 @@ def test_joints_computed_side_by_side_keep_every_bit(seed):
     program = made.finish()
     numbers = np.random.default_rng(seed).normal(size=(3, made.joints))
     arrays = [*numbers, np.array(1.5)]
-    expected = interpreted(lowered_and_fused(program), *(array[None] for array in arrays))
+    expected = interpreted(lower_and_fuse(program), *(array[None] for array in arrays))
     done = llvm.compile(program)(arrays)
     assert [array.tobytes() for array in done] == [array[0].tobytes() for array in expected]
 

@@ -35,7 +35,7 @@ def test_a_linear_system_that_jax_solves_by_a_library_is_refused_with_the_remedy
 
 def rules():
     # Of the module, which the package shadows by its function.
-    return importlib.import_module("slidax.codegen.trace.inline").PLAIN
+    return importlib.import_module("slidax.codegen.trace.tracing").PLAIN
 
 
 @pytest.mark.parametrize("failure", [AssertionError(), KeyError("jaxpr"), MemoryError("many\nlines"), RecursionError()])

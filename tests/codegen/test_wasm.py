@@ -7,11 +7,17 @@ import numpy as np
 import pytest
 
 from slidax import codegen
-from slidax._errors import DefinitionError
 from slidax.codegen.wasm import wasm_module
-from slidax.codegen.wasm.instructions import MADD, madds
-from slidax.codegen.wasm.leb128 import decode_leb128, encode_leb128
-from slidax.codegen.wasm.object_file import MAGIC, bodies, with_export
+from slidax.codegen.wasm.binary import (
+    MADD,
+    MAGIC,
+    bodies,
+    decode_leb128,
+    encode_leb128,
+    find_multiply_adds,
+    with_export,
+)
+from slidax.core.errors import DefinitionError
 
 
 def example(x, y):
@@ -36,14 +42,14 @@ def test_a_module_has_its_one_function_and_says_what_that_takes():
 
 def test_each_multiply_add_is_found_and_no_constant_is_taken_for_one():
     module = wasm_module(PROGRAM)
-    found = {start + at for start, body in bodies(module.bytes) for at in madds(body)}
+    found = {start + at for start, body in bodies(module.bytes) for at in find_multiply_adds(body)}
     first, last = module.code
     seen = {at for at in range(first, last) if module.bytes[at : at + 3] == MADD}
     assert len(found) > 20
     assert found == seen - set(module.others)
     # a constant that has their bytes is none
     body = bytes([0, 0x44, 0, *MADD, 0, 0, 0, 0, 0x1A, 0x0B])
-    assert madds(body) == []
+    assert find_multiply_adds(body) == []
 
 
 def test_the_same_program_gives_the_same_bytes():

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slidax.certificates import Verdict
-from slidax.design import Refused
-from slidax.design.aim import CALM, Aim
-from slidax.design.choice import Choice
+from slidax.certify import Verdict
+from slidax.design import Refusal
+from slidax.design.candidates import DesignPoint
 from slidax.design.proof import WIDER
+from slidax.design.trials import CALM, Objective
 
 design = sys.modules["slidax.design.design"]
 
@@ -50,10 +50,10 @@ def checked(monkeypatch: pytest.MonkeyPatch) -> Any:
         aims.clear()
         monkeypatch.setattr(design, "tried", tried)
         monkeypatch.setattr(design, "fine", lambda _, __, aim: aims.append(aim))
-        monkeypatch.setattr(design, "_aim", lambda *_: Aim(1.0, required is not None, None))
+        monkeypatch.setattr(design, "_aim", lambda *_: Objective(1.0, required is not None, None))
         monkeypatch.setattr(design, "_sized", lambda *_: next(laws))
         monkeypatch.setattr(design, "_described", lambda *_: SimpleNamespace(build=lambda _: None))
-        monkeypatch.setattr(design, "of_accuracy", lambda *_: Refused("no", [], None))
+        monkeypatch.setattr(design, "of_accuracy", lambda *_: Refusal("no", [], None))
         requirements = SimpleNamespace(accuracy=accuracy, proof="tested", torque_step=required)
         first = SimpleNamespace(choice=Law(np.full(1, 1.0), 0))
         built = design._checked(SimpleNamespace(requirements=requirements), trials, first, None, 10, lambda _: None)
@@ -90,7 +90,7 @@ def test_each_time_the_envelope_ends_wider_where_no_accuracy_is_required(checked
 
 
 def test_what_is_left_four_times_is_refused(checked: Any) -> None:
-    assert isinstance(checked(-0.1, -0.2, -0.1, -0.1)[0], Refused)
+    assert isinstance(checked(-0.1, -0.2, -0.1, -0.1)[0], Refusal)
 
 
 def test_a_design_that_is_wilder_in_its_check_than_is_required_gives_way_to_a_calmer_one(checked: Any) -> None:
@@ -104,7 +104,7 @@ def test_a_design_that_is_wilder_in_its_check_than_is_required_gives_way_to_a_ca
 
 def test_a_torque_step_that_no_law_has_in_its_check_is_refused_with_what_it_has(checked: Any) -> None:
     built = checked(0.2, 0.2, 0.2, 0.2, steps=(0.7, 0.7, 0.7, 0.65), required=0.6)[0]
-    assert isinstance(built, Refused)
+    assert isinstance(built, Refusal)
     assert "0.65 N m in the worst of 10 cases" in built.reason
     assert built.would_do[0].changes == {"requirements.torque_step": 0.75}
 
@@ -132,7 +132,7 @@ def certified(monkeypatch: pytest.MonkeyPatch) -> Any:
         law, result = design._certified(
             SimpleNamespace(requirements=SimpleNamespace(accuracy=accuracy)),
             SimpleNamespace(frame=frame),
-            Choice(0.01, 1.0, 1.0, np.array([0.5]), 1.0),
+            DesignPoint(0.01, 1.0, 1.0, np.array([0.5]), 1.0),
         )
         return float(law.final[0]), bool(result.holds), len(request)
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from slidax.deploy import export_c
-from slidax.design import polish
+from slidax.design import search
+from slidax.export import export_c
 from slidax.scenarios import load
 from tests.cli.commands import in_process
-from tests.deploy.exported import COMPILERS, compiled, needs_a_compiler, run
+from tests.export.exported import COMPILERS, compiled, needs_a_compiler, run
 
 from .test_requirements import EXAMPLES
 
@@ -21,7 +21,7 @@ def test_requirements_become_a_certified_law_whose_c_answers_the_golden_samples(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # A short search and short runs; the design is only less exact.
-    monkeypatch.setattr(polish, "GENERATIONS", 2)
+    monkeypatch.setattr(search, "GENERATIONS", 2)
     requirements = tmp_path / "requirements.yaml"
     text = (EXAMPLES / "two-link.yaml").read_text(encoding="utf-8")
     text = text.replace("accuracy: best}", "accuracy: best, proof: bound}")

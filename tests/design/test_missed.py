@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from slidax.design import read_problem
-from slidax.design.missed import missed_in_cases
+from slidax.design.proof import error_in_cases
 from slidax.design.trials import Trials
 
 REQUIREMENTS = """
@@ -33,9 +33,9 @@ def test_a_joint_that_misses_more_than_the_rule_allows_is_named_with_both_number
     problem = read_problem(path)
     frame, first = import_module("slidax.design.design")._begin(problem)
     trials = Trials(problem, frame, first)
-    wide = missed_in_cases(trials, replace(first, final=np.full(2, 0.05)))
+    wide = error_in_cases(trials, replace(first, final=np.full(2, 0.05)))
     assert not wide.beyond and wide.in_words() == "" and (wide.missed > 0.0).all()
-    narrow = missed_in_cases(trials, replace(first, final=np.array([1e-7, 0.05])))
+    narrow = error_in_cases(trials, replace(first, final=np.array([1e-7, 0.05])))
     np.testing.assert_allclose(narrow.allowed[0], 0.9e-7 / first.horizon**2)
     assert narrow.beyond[0] == 0 and "`joint 1` misses" in narrow.in_words() and "(rule: " in narrow.in_words()
     assert set(narrow.as_json()) == {"joint 1", "joint 2"}

@@ -8,18 +8,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from slidax.design.aim import CALM, Aim
-from slidax.design.choice import Choice, Frame
-from slidax.design.search import fine
-from slidax.design.trials import Worst
+from slidax.design.candidates import DesignPoint, DesignSpace
+from slidax.design.search import fine_search
+from slidax.design.trials import CALM, Objective, WorstCase
 
-CHOICE = Choice(0.01, 1.0, 1.0, np.array([0.01]), 1.0)
+CHOICE = DesignPoint(0.01, 1.0, 1.0, np.array([0.01]), 1.0)
 
-ANY = Aim(np.inf, False, None)
+ANY = Objective(np.inf, False, None)
 
 
-def worst(error: float, step: float, outside: int = 0) -> Worst:
-    return Worst(CHOICE, -0.1 if outside else 0.1, error, step, 0, 0.5, outside, 8)
+def worst(error: float, step: float, outside: int = 0) -> WorstCase:
+    return WorstCase(CHOICE, -0.1 if outside else 0.1, error, step, 0, 0.5, outside, 8)
 
 
 def test_of_those_that_hold_half_the_error_is_worth_four_times_the_step() -> None:
@@ -28,12 +27,12 @@ def test_of_those_that_hold_half_the_error_is_worth_four_times_the_step() -> Non
     assert ANY.best([worst(1.0, 3.9), worst(2.0, 1.0)]).error == 1.0
     assert ANY.best([worst(1.0, 4.1), worst(2.0, 1.0)]).error == 2.0
     # A drive at its limit is no law, however small its error.
-    assert Aim(10.0, False, None).best([worst(1e-3, 10.0), calm]) is calm
+    assert Objective(10.0, False, None).best([worst(1e-3, 10.0), calm]) is calm
 
 
 def test_a_law_that_comes_near_is_no_better_than_a_wild_one_that_does_not() -> None:
     near, far, outside = worst(0.1, 1.0), replace(worst(9.0, 9.0), margin=0.2), worst(0.1, 0.1, outside=1)
-    roomy = Aim(np.inf, False, None, room=0.15)
+    roomy = Objective(np.inf, False, None, room=0.15)
     assert roomy.best([near, far, outside]) is far
     assert roomy.best([near, outside]) is near
     assert replace(roomy, step=5.0).best([near, far]) is far
@@ -41,21 +40,21 @@ def test_a_law_that_comes_near_is_no_better_than_a_wild_one_that_does_not() -> N
 
 def test_below_a_step_that_is_required_the_most_exact_is_taken() -> None:
     exact, calm, wild = worst(1.0, 8.0), worst(2.0, 1.0), worst(0.1, 12.0)
-    assert Aim(10.0, False, None).best([exact, calm, wild]) is calm
-    assert Aim(10.0, True, None).best([exact, calm, wild]) is exact
-    assert Aim(10.0, True, None).stricter(0.7).best([exact, calm, wild]) is calm
-    assert Aim(8.0 / CALM * 1.001, True, None).best([exact, calm]) is exact
+    assert Objective(10.0, False, None).best([exact, calm, wild]) is calm
+    assert Objective(10.0, True, None).best([exact, calm, wild]) is exact
+    assert Objective(10.0, True, None).stricter(0.7).best([exact, calm, wild]) is calm
+    assert Objective(8.0 / CALM * 1.001, True, None).best([exact, calm]) is exact
 
 
 def test_with_an_accuracy_that_is_enough_the_calmest_is_taken() -> None:
     exact, calm = worst(1.0, 2.0), worst(9.0, 1.9)
-    assert Aim(np.inf, False, 10.0).best([exact, calm]) is calm
-    assert Aim(np.inf, False, 5.0).best([exact, calm]) is exact
+    assert Objective(np.inf, False, 10.0).best([exact, calm]) is calm
+    assert Objective(np.inf, False, 5.0).best([exact, calm]) is exact
 
 
 def test_where_a_certificate_is_required_no_drive_of_its_own_comes_to_its_limit() -> None:
     driven, free, wild = replace(worst(1.0, 1.0), driven=0.95), replace(worst(9.0, 9.0), driven=0.8), worst(0.1, 20.0)
-    own = Aim(10.0, False, None, own=0.9)
+    own = Objective(10.0, False, None, own=0.9)
     assert ANY.best([driven, free]) is driven
     assert own.best([driven, free]) is free
     # Of those that are no law, a small drive at its limit is as bad as a large one.
@@ -74,7 +73,7 @@ def test_of_two_that_are_alike_the_narrower_is_taken_and_a_much_better_one_befor
 
 def test_where_none_holds_the_one_with_the_fewest_outside_is_the_best() -> None:
     assert ANY.best([worst(1, 1, 5), worst(9, 9, 2)]).outside == 2
-    lost = Worst(CHOICE, -np.inf, np.inf, np.inf, 0, -1.0, 2, 8)
+    lost = WorstCase(CHOICE, -np.inf, np.inf, np.inf, 0, -1.0, 2, 8)
     assert np.isfinite(ANY.cost(lost))
     assert ANY.best([lost, worst(9, 9, 2)]).margin == -0.1
 
@@ -82,7 +81,7 @@ def test_where_none_holds_the_one_with_the_fewest_outside_is_the_best() -> None:
 def test_horizons_go_with_the_period_and_leave_room_for_the_delay() -> None:
     def horizons(period: float, delay: float) -> tuple[float, ...]:
         item = np.ones(1)
-        return Frame(None, item, item, item, item, period, delay, False, np.inf).horizons
+        return DesignSpace(None, item, item, item, item, period, delay, False, np.inf).horizons
 
     assert np.allclose(horizons(4e-3, 1.0), 4.0 * np.array(horizons(1e-3, 1.0)))
     assert min(horizons(1e-3, 9.0)) == pytest.approx(20e-3)
@@ -91,7 +90,7 @@ def test_horizons_go_with_the_period_and_leave_room_for_the_delay() -> None:
 
 def test_densities_can_be_made_alike_without_more_or_less_of_all() -> None:
     item, torque = np.ones(2), np.array([80.0, 20.0])
-    frame = Frame(None, item, item, torque, 40.0 * item, 1e-3, 1.0, False, np.inf)
+    frame = DesignSpace(None, item, item, torque, 40.0 * item, 1e-3, 1.0, False, np.inf)
     shares = [frame.density(0.5, even) for even in (0.0, 0.5, 1.0)]
     assert shares[0][0] / shares[0][1] == pytest.approx(16.0)
     assert shares[1][0] / shares[1][1] == pytest.approx(4.0)
@@ -111,14 +110,14 @@ def test_a_law_that_is_left_where_less_is_unknown_gives_way_to_one_that_is_not(m
 
         cases = staticmethod(lambda count: "real")
 
-        def judged(self, choices: list[Choice], cases: str) -> list[Worst]:
+        def judged(self, choices: list[DesignPoint], cases: str) -> list[WorstCase]:
             # The smallest slope is the most exact, and is left by an arm of the set itself.
             return [
                 replace(worst(1.0 + item.slope, 1.0, outside=int(cases == "real" and item.slope < 1.0)), choice=item)
                 for item in choices
             ]
 
-    monkeypatch.setattr("slidax.design.search.polished", lambda trials, *_, **__: trials.judged(laws, ""))
-    result = fine(Some(), replace(worst(9.0, 1.0), choice=replace(CHOICE, slope=8.0)), ANY)
+    monkeypatch.setattr("slidax.design.search.cmaes_search", lambda trials, *_, **__: trials.judged(laws, ""))
+    result = fine_search(Some(), replace(worst(9.0, 1.0), choice=replace(CHOICE, slope=8.0)), ANY)
     assert result.holds
     assert result.choice.slope == 1.0

@@ -9,26 +9,26 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slidax.certificates import Assumption, Verdict
-from slidax.design import Designed, read_problem
-from slidax.design.choice import Choice, Frame, template
-from slidax.design.text import written
+from slidax.certify import Assumption, Verdict
+from slidax.design import DesignResult, read_problem
+from slidax.design.candidates import DesignPoint, DesignSpace, template
+from slidax.design.design import written
 from slidax.scenarios import load, parse
 
 from .test_requirements import changed
 from .test_search import worst
 
 
-def made(folder: Path, learns: bool = True, **other: Any) -> Designed:
+def made(folder: Path, learns: bool = True, **other: Any) -> DesignResult:
     problem = read_problem(changed(folder))
     two = np.ones(2)
     base = problem.scenario(template(2.0))
-    frame = Frame(base, two, two, 60.0 * two, 60.0 * two, 1e-3, 1.0, False, 4.0 * two, learns=learns)
-    choice = replace(Choice(0.009, 1.0, 2.0, np.array([2e-3, 3e-3]), 2.0, margin=12.5), **other)
+    frame = DesignSpace(base, two, two, 60.0 * two, 60.0 * two, 1e-3, 1.0, False, 4.0 * two, learns=learns)
+    choice = replace(DesignPoint(0.009, 1.0, 2.0, np.array([2e-3, 3e-3]), 2.0, margin=12.5), **other)
     described = frame.described(choice)
     check = {"runs": 128, "failures": 0, "searched": 128, "worst_margin": 0.2}
     verdict = Verdict("statistical", "", True, 0.2, check, (), "")
-    return Designed(described, "tested", frame, choice, worst(1e-4, 0.1), None, None, verdict, 0)
+    return DesignResult(described, "tested", frame, choice, worst(1e-4, 0.1), None, None, verdict, 0)
 
 
 def test_it_runs_as_it_is_with_the_numbers_of_the_choice(tmp_path: Path) -> None:

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import yaml
 
-from slidax.design.choice import Choice
+from slidax.design.candidates import DesignPoint
 from slidax.design.design import _begin
-from slidax.design.requirements import read_problem
+from slidax.design.problem import read_problem
 from slidax.design.trials import BEYOND, Trials
 
 ARMATURE, LOAD = "robot.plant.armature", "robot.plant.load.mass"
@@ -72,7 +72,7 @@ def test_a_part_of_the_set_is_as_small_as_asked(trials: Trials) -> None:
 
 
 def test_what_a_joint_asks_of_its_drive_is_counted_by_its_own_limit(trials: Trials) -> None:
-    choice = Choice(0.01, 1.0, 1.0, np.full(6, 0.05), 1.0)
+    choice = DesignPoint(0.01, 1.0, 1.0, np.full(6, 0.05), 1.0)
 
     def driven(*changes: float) -> float:
         frame = replace(trials.frame, changes=np.array(changes))

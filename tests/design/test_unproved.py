@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 import yaml
 
-from slidax.certificates import Verdict
+from slidax.certify import Verdict
 from slidax.design import refusal
-from slidax.design.choice import Choice
+from slidax.design.candidates import DesignPoint
 from slidax.design.design import _begin
-from slidax.design.requirements import read_problem
+from slidax.design.problem import read_problem
 from slidax.design.trials import Trials
 
 NONE = Verdict("loop_rate", "", False, None, {}, (), "It grows")
@@ -56,12 +56,12 @@ def certified(monkeypatch: pytest.MonkeyPatch) -> Any:
     return with_radius
 
 
-CHOICE = Choice(0.01, 1.0, 0.5, np.full(6, 1e-3), 1.0)
+CHOICE = DesignPoint(0.01, 1.0, 0.5, np.full(6, 1e-3), 1.0)
 
 
 def test_a_law_that_does_not_know_its_payload_is_told_of_the_middle_of_its_set(tmp_path: Path, certified: Any) -> None:
     request = certified(3e-3)
-    first, last = refusal.unproved(trials(tmp_path), CHOICE, NONE).would_do
+    first, last = refusal.proof_refusal(trials(tmp_path), CHOICE, NONE).would_do
     assert first.words == "a law that is told of 1 kg at its tip"
     assert first.changes == {"robot.nominal.load": {"mass": 1.0, "center": [0.0, 0.0, 0.1]}}
     assert last.changes == {"requirements.proof": "tested"}
@@ -71,13 +71,13 @@ def test_a_law_that_does_not_know_its_payload_is_told_of_the_middle_of_its_set(t
 @pytest.mark.parametrize("radius", [None, 1e3], ids=["no radius", "one beyond the envelope"])
 def test_nothing_is_promised_of_a_payload_that_would_not_do(tmp_path: Path, certified: Any, radius: Any) -> None:
     certified(radius)
-    (only,) = refusal.unproved(trials(tmp_path), CHOICE, NONE).would_do
+    (only,) = refusal.proof_refusal(trials(tmp_path), CHOICE, NONE).would_do
     assert only.changes == {"requirements.proof": "tested"}
 
 
 def test_a_law_that_knows_of_a_payload_is_not_told_again(tmp_path: Path, certified: Any) -> None:
     request = certified(1e-4)
-    assert len(refusal.unproved(trials(tmp_path, told=True), CHOICE, NONE).would_do) == 1
+    assert len(refusal.proof_refusal(trials(tmp_path, told=True), CHOICE, NONE).would_do) == 1
     assert not request
 
 
@@ -88,7 +88,7 @@ def refused_at(radius: float) -> Verdict:
 def test_an_accuracy_is_named_that_is_certified(tmp_path: Path, certified: Any) -> None:
     # Of the wider one more is asked for.
     request = certified(1.08e-3)
-    result = refusal.unproved(trials(tmp_path, told=True, accuracy=1e-3), CHOICE, refused_at(1.05e-3)).would_do
+    result = refusal.proof_refusal(trials(tmp_path, told=True, accuracy=1e-3), CHOICE, refused_at(1.05e-3)).would_do
     assert [item.words for item in result] == ["an accuracy of 0.00113", "what is tested in simulation alone"]
     assert result[0].changes == {"requirements.accuracy": [1.134e-3] * 6}
     assert len(request) == 2
@@ -99,8 +99,8 @@ def test_no_accuracy_is_named_where_none_is_certified_or_the_best_was_looked_for
 ) -> None:
     request = certified(None)
     laws = trials(tmp_path, told=True, accuracy=1e-3)
-    assert len(refusal.unproved(laws, CHOICE, refused_at(1.05e-3)).would_do) == 1
+    assert len(refusal.proof_refusal(laws, CHOICE, refused_at(1.05e-3)).would_do) == 1
     assert len(request) == 1
     laws = trials(tmp_path, told=True)
-    assert len(refusal.unproved(laws, CHOICE, refused_at(1.05e-3)).would_do) == 1
+    assert len(refusal.proof_refusal(laws, CHOICE, refused_at(1.05e-3)).would_do) == 1
     assert len(request) == 1

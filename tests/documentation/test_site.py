@@ -35,20 +35,20 @@ def test_the_page_of_a_room_has_all_that_it_exports(
 
 
 def test_a_preset_is_not_taken_for_the_module_that_defines_it(reference: tuple[dict[str, str], dict[str, str]]) -> None:
-    assert "\n::: slidax.controllers.cftsmppc.cftsmppc\n" in reference[0]["api/controllers.md"]
-    assert "\n::: slidax.controllers.SlidingMode\n" in reference[0]["api/controllers.md"]
+    assert "\n::: slidax.law.presets.cftsmppc\n" in reference[0]["api/controllers.md"]
+    assert "\n::: slidax.law.SlidingMode\n" in reference[0]["api/controllers.md"]
 
 
 def test_facts_are_those_of_the_declarations(reference: tuple[dict[str, str], dict[str, str]]) -> None:
     _, facts = reference
-    linear = facts["slidax.surfaces.linear.Linear"]
+    linear = facts["slidax.law.surfaces.Linear"]
     assert (
         "| `rate` | diagonal of Λ, how fast the error decays on the surface (one number or [n]) | 1/s | > 0, so "
         in linear
     )
-    assert "Numbers: Table 1." in facts["slidax.controllers.cftsmppc.cftsmppc"]
-    assert "SmoothFixedTime(k1=0.2" in facts["slidax.controllers.cftsmppc.cftsmppc"]
-    assert "Unit: rad or m" in facts["slidax.metrics.error.steady_error"]
+    assert "Numbers: Table 1." in facts["slidax.law.presets.cftsmppc"]
+    assert "SmoothFixedTime(k1=0.2" in facts["slidax.law.presets.cftsmppc"]
+    assert "Unit: rad or m" in facts["slidax.analysis.metrics.steady_error"]
     assert not [text for text in facts.values() if " at 0x" in text]
 
 

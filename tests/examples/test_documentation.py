@@ -18,7 +18,7 @@ from typer.main import get_command
 
 from slidax.cli import app
 from slidax.scenarios import parse
-from slidax.scenarios.load import read_yaml
+from slidax.scenarios.yaml_text import read_yaml
 from tests.cli.commands import in_process
 
 ROOT = Path(__file__).parents[2]

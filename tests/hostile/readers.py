@@ -58,14 +58,14 @@ class Reader:
 
 
 def read_mesh(path: Path) -> Any:
-    from slidax.robots.files import Shape
-    from slidax.views import meshes
+    from slidax.arms.files import Shape
+    from slidax.report.replay import shapes
 
     shape = Shape("a", "mesh", np.eye(4), np.ones(3), None, path.name, path)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", DeprecationWarning)
-            return meshes._meshes(shape)
+            return shapes._meshes(shape)
     except sx.DefinitionError:
         raise
     except Exception:
@@ -74,21 +74,21 @@ def read_mesh(path: Path) -> Any:
 
 
 def log_of(path: Path) -> Any:
-    from slidax.identification import read_log
+    from slidax.identify import read_log
 
     return read_log(path, JOINTS)
 
 
 def replayed(path: Path) -> Any:
-    from slidax.logs import read_mcap
-    from slidax.scenarios import brought_back
+    from slidax.runtime.logs import read_mcap
+    from slidax.scenarios import restore
 
     log = read_mcap(path)
-    return brought_back(log.scenario, log.files, log.name)
+    return restore(log.scenario, log.files, log.name)
 
 
 def explained(path: Path) -> Any:
-    from slidax.diagnosis import read_saved
+    from slidax.analysis import read_saved
 
     return read_saved(path.parent)
 
@@ -111,15 +111,13 @@ def example(name: str) -> Callable[[], bytes]:
 
 def all_readers() -> Iterator[Reader]:
     """Every reader; what a machine lacks is left out by those that ask."""
-    from slidax.commissioning import draft
     from slidax.design import read_problem
-    from slidax.kinematics import Through
-    from slidax.scenarios import named_robot
-    from slidax.scenarios.load import described
+    from slidax.motions import Through
+    from slidax.motions.table_files import csv_table, joint_trajectory_table
+    from slidax.scenarios import draft, named_robot
+    from slidax.scenarios.load import read_description
     from slidax.studies import read_rows, read_study
-    from slidax.studies.stored import read_identity
-    from slidax.trajectories.csv_table import csv_table
-    from slidax.trajectories.joint_trajectory_table import joint_trajectory_table
+    from slidax.studies.store import read_identity
 
     def folder(path: Path) -> Any:
         return log_of(path.parent)
@@ -127,16 +125,16 @@ def all_readers() -> Iterator[Reader]:
     def rows(path: Path) -> Any:
         return read_rows(path.parent)
 
-    yield Reader("scenario", "a.yaml", (BUILT_IN / "example-4.1-1khz.yaml").read_bytes, described)
-    yield Reader("tool path scenario", "a.yaml", (BUILT_IN / "panda-pick.yaml").read_bytes, described)
+    yield Reader("scenario", "a.yaml", (BUILT_IN / "example-4.1-1khz.yaml").read_bytes, read_description)
+    yield Reader("tool path scenario", "a.yaml", (BUILT_IN / "panda-pick.yaml").read_bytes, read_description)
     yield Reader("study", "a.yaml", example("studies/example-4.1-1khz.yaml"), read_study)
     yield Reader("requirements", "a.yaml", example("design/two-link.yaml"), read_problem)
     yield Reader("motion", "a.csv", motion_csv, lambda path: csv_table(path, JOINTS))
     yield Reader("semicolon motion", "a.csv", semicolon_motion, lambda path: csv_table(path, JOINTS))
     yield Reader("joint trajectory", "a.json", joint_trajectory, lambda path: joint_trajectory_table(path, JOINTS))
     yield Reader("tool path", "a.csv", path_csv, Through.from_csv)
-    yield Reader("urdf", "a.urdf", example("robots/two_link.urdf"), sx.robots.from_urdf)
-    yield Reader("mjcf", "a.xml", example("robots/two_link.xml"), sx.robots.from_mjcf)
+    yield Reader("urdf", "a.urdf", example("robots/two_link.urdf"), sx.arms.from_urdf)
+    yield Reader("mjcf", "a.xml", example("robots/two_link.xml"), sx.arms.from_mjcf)
     yield Reader("drawn urdf", "a.urdf", example("robots/two_link.urdf"), draft)
     yield Reader("robot", "a.yaml", lambda: b"robot: {kind: panda}\n", lambda path: named_robot(str(path)))
     yield Reader("stl mesh", "a.stl", mesh_stl, read_mesh, text=False)

@@ -10,8 +10,8 @@ import pytest
 
 import slidax as sx
 from slidax import DefinitionError
-from slidax.identification import read_log
-from slidax.logs import read_mcap
+from slidax.identify import read_log
+from slidax.runtime.logs import read_mcap
 from slidax.simulation import parquet
 
 from .whole_files import JOINTS, bag_mcap, cdr, messages
@@ -163,14 +163,14 @@ def test_joint_trajectory_with_a_number_of_many_digits_is_refused(number, place)
     last = '{"positions": [1], "time_from_start": 2}'
     message = f'{{"joint_names": ["a"], "points": [{point}, {last}]}}'
     with pytest.raises(DefinitionError):
-        sx.trajectories.Tabulated.from_joint_trajectory(message)
+        sx.motions.Tabulated.from_joint_trajectory(message)
 
 
 def test_joint_trajectory_of_brackets_is_refused():
     with pytest.raises(DefinitionError, match="nested too deeply"):
-        sx.trajectories.Tabulated.from_joint_trajectory('{"points": ' + "[" * 200_000)
+        sx.motions.Tabulated.from_joint_trajectory('{"points": ' + "[" * 200_000)
 
 
 def test_table_whose_title_has_an_open_quotation_mark_is_refused():
     with pytest.raises(DefinitionError, match="quotation mark is not closed"):
-        sx.trajectories.Tabulated.from_csv('time,"a\n0,0\n1,1\n')
+        sx.motions.Tabulated.from_csv('time,"a\n0,0\n1,1\n')

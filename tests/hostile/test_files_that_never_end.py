@@ -75,12 +75,12 @@ def test_mjcf_does_not_wait_for_a_pipe_that_it_names(tmp_path, part):
     path = tmp_path / "a.xml"
     path.write_text(text.replace("<worldbody>", f"{part}<worldbody>", 1), encoding="utf-8")
     with pytest.raises(DefinitionError, match="only regular files are read"):
-        sx.robots.from_mjcf(path)
+        sx.arms.from_mjcf(path)
 
 
 def test_mesh_that_is_a_pipe_is_not_opened(tmp_path):
-    meshes = pytest.importorskip("slidax.views.meshes")
-    from slidax.robots.files import Shape
+    meshes = pytest.importorskip("slidax.report.replay.shapes")
+    from slidax.arms.files import Shape
 
     os.mkfifo(tmp_path / "m.stl")
     shape = Shape("a", "mesh", None, None, None, "m.stl", tmp_path / "m.stl")

@@ -158,7 +158,7 @@ def own_log() -> bytes:
     """A log as `slidax run` writes it, without chunks, so that damage reaches what is in it."""
     import tempfile
 
-    from slidax.logs import Channels, LogWriter
+    from slidax.runtime.logs import Channels, LogWriter
 
     rng, rows = np.random.default_rng(1), 20
     channels = Channels(JOINTS, ("rad", "rad"), {"s": 2, "u": 2}, True, ("HELD", "LIMITED"))

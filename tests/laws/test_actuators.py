@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from slidax.actuators import Actuator, TorqueLimits
+from slidax.plant import Actuator, TorqueLimits
 from tests.enrolled import every
 
 PERIOD = jnp.asarray(1e-2)

@@ -6,14 +6,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from slidax._types import Reference, State
-from slidax.adaptation import Experience
-from slidax.adaptation.believed import with_rotors
-from slidax.controllers import ComputedTorque, sampled_data
-from tests.adaptation.members import ADAPTATIONS
-from tests.adaptation.moved import LINKS, motion, swept, taught
+from slidax.core.types import Reference, State
+from slidax.law import ComputedTorque, Experience, sampled_data
+from slidax.law.adaptation import with_rotors
 from tests.enrolled import every
-from tests.paper import TWO_LINK, law_4_1
+from tests.law.adaptation.members import ADAPTATIONS
+from tests.law.adaptation.moved import LINKS, motion, swept, taught
+from tests.paper_examples import TWO_LINK, law_4_1
 
 FIRST = State(q=jnp.array([0.1, -0.2]), dq=jnp.zeros(2))
 

@@ -11,11 +11,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from slidax._types import Reference, State
-from slidax.controllers import GravityCompensatedPD, JointPID
-from slidax.estimators import Kalman
-from tests.controllers.members import CONTROLLERS, LIKE_OTHERS
+from slidax.core.types import Reference, State
+from slidax.law import GravityCompensatedPD, JointPID, Kalman
 from tests.enrolled import every
+from tests.law.controllers.members import CONTROLLERS, LIKE_OTHERS
 
 
 class Point(NamedTuple):

@@ -4,10 +4,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from slidax._types import State
-from slidax.disturbances import Constant, Samples, Scaled, Step, Sum
-from tests.disturbances.members import DISTURBANCES
+from slidax.core.types import State
+from slidax.plant import Constant, Samples, Scaled, Step, Sum
 from tests.enrolled import every
+from tests.plant.disturbances.members import DISTURBANCES
 
 rng = np.random.default_rng(0)
 TIMES = jnp.asarray(rng.uniform(0.0, 3.0, 40))

@@ -6,11 +6,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from slidax._types import State
-from slidax.estimators import Estimate, FilteredDifference, Measured
+from slidax.core.types import State
+from slidax.law import Estimate, FilteredDifference, Measured
 from tests.enrolled import every
-from tests.estimators.followed import accelerated, followed, predicted, swinging
-from tests.estimators.members import ESTIMATORS, LIKE_OTHERS
+from tests.law.estimators.followed import accelerated, followed, predicted, swinging
+from tests.law.estimators.members import ESTIMATORS, LIKE_OTHERS
 
 PERIOD = jnp.asarray(1e-3)
 PUSH = jnp.array([4.0, -0.5])

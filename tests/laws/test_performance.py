@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from tests.enrolled import every
-from tests.performance.members import LIKE_OTHERS, PERFORMANCES
+from tests.law.envelopes.members import LIKE_OTHERS, PERFORMANCES
 
 TIMES = np.linspace(0.0, 30.0, 3001)
 

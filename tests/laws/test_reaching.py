@@ -6,12 +6,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from slidax._errors import DefinitionError
-from slidax._types import State
-from slidax.numerics import matvec
-from slidax.reaching import FixedTimeReaching, SaturatedReaching
+from slidax.core import matvec
+from slidax.core.errors import DefinitionError
+from slidax.core.types import State
+from slidax.law import FixedTimeReaching, SaturatedReaching
 from tests.enrolled import every
-from tests.reaching.members import BOUNDS, LIKE_OTHERS, REACHING
+from tests.law.reaching_laws.members import BOUNDS, LIKE_OTHERS, REACHING
 
 S = jnp.asarray(np.random.default_rng(0).normal(size=(200, 2)) * np.logspace(-6, 2, 200)[:, None])
 EVERY = every("reaching", REACHING, full=LIKE_OTHERS)

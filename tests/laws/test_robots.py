@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from slidax._types import State
+from slidax.core.types import State
+from tests.arms.members import LIKE_OTHERS, ROBOTS
 from tests.enrolled import every
-from tests.robots.members import LIKE_OTHERS, ROBOTS
 
 SAMPLES = 200
 EVERY = every("robot", ROBOTS, full=LIKE_OTHERS, scope="module")

@@ -8,8 +8,8 @@ import equinox as eqx
 import numpy as np
 import pytest
 
-from slidax.actuators import TorqueLimits
-from slidax.controllers import SampledData
+from slidax.law import SampledData
+from slidax.plant import TorqueLimits
 from slidax.scenarios import catalogue, load
 from slidax.simulation import Run
 

@@ -6,10 +6,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from slidax._types import State
+from slidax.core.types import State
 from tests.enrolled import every
-from tests.sensors.members import LIKE_OTHERS, SENSORS
-from tests.sensors.sampled import moving, sampled
+from tests.plant.sensors.members import LIKE_OTHERS, SENSORS
+from tests.plant.sensors.sampled import moving, sampled
 
 PERIOD = jnp.asarray(1e-2)
 RANDOM = ("noisy", "unevenly", "by_chance", "all_at_once")

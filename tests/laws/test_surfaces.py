@@ -4,9 +4,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from slidax.surfaces import LinearCoreFixedTime
+from slidax.law import LinearCoreFixedTime
 from tests.enrolled import every
-from tests.surfaces.members import LIKE_OTHERS, SURFACES
+from tests.law.surfaces.members import LIKE_OTHERS, SURFACES
 
 # The older surface has a kink: what holds only without one is asked of the others.
 SMOOTH = [(name, member) for name, member in SURFACES if not isinstance(member, LinearCoreFixedTime)]

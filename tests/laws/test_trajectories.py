@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from tests.enrolled import every
-from tests.trajectories.members import LIKE_OTHERS, TRAJECTORIES
+from tests.motions.members import LIKE_OTHERS, TRAJECTORIES
 
 TIMES = jnp.asarray(np.random.default_rng(0).uniform(0.01, 4.0, 60))
 EVERY = every("trajectory", TRAJECTORIES, full=LIKE_OTHERS)

@@ -6,9 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from slidax.transformations import Unconstrained
+from slidax.law import Unconstrained
 from tests.enrolled import every
-from tests.transformations.members import LIKE_OTHERS, TRANSFORMATIONS
+from tests.law.error_transformations.members import LIKE_OTHERS, TRANSFORMATIONS
 
 ENVELOPED = [(name, member) for name, member in TRANSFORMATIONS if not isinstance(member, Unconstrained)]
 EVERY = every("transformation", TRANSFORMATIONS, full=LIKE_OTHERS)

@@ -8,8 +8,7 @@ from typing import Any
 
 import pytest
 
-from slidax.robots import Articulated
-from slidax.robots.files import from_urdf
+from slidax.arms import Articulated, from_urdf
 
 cmeel = pytest.importorskip("cmeel", reason="the robot files come with example-robot-data")
 FOLDER = Path(cmeel.__path__[0]).parent / "cmeel.prefix" / "share" / "example-robot-data" / "robots"

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from slidax.robots import Joint
+from slidax.arms import Joint
 from tests.peers.by_pinocchio import held, pinocchio
 
 KINDS = {

@@ -17,16 +17,23 @@ from opensmc.reaching import SuperTwisting as SuperTwistingReaching
 from opensmc.simulator import Simulator
 
 from slidax import simulate
-from slidax._errors import as_array
-from slidax._types import Scalar, State
-from slidax.controllers import AbstractController, SlidingMode, SlotineLi, SuperTwisting
-from slidax.disturbances import Constant as ConstantForce
-from slidax.reaching import TwoPowerReaching, UncertaintyBound
-from slidax.robots import AbstractRobot
+from slidax.arms import AbstractRobot
+from slidax.core.errors import as_array
+from slidax.core.types import Scalar, State
+from slidax.law import (
+    AbstractController,
+    Linear,
+    LinearCoreFixedTime,
+    SlidingMode,
+    SlotineLi,
+    SuperTwisting,
+    TwoPowerReaching,
+    UncertaintyBound,
+    Unconstrained,
+)
+from slidax.motions import ConstantPosture
+from slidax.plant import Constant as ConstantForce
 from slidax.simulation import Plant
-from slidax.surfaces import Linear, LinearCoreFixedTime
-from slidax.trajectories import Constant
-from slidax.transformations import Unconstrained
 
 NEXT_TO_ONE = float(np.nextafter(1.0, 2.0))
 NEXT_TO_NOTHING = 1e-300
@@ -165,7 +172,7 @@ def by_slidax(pair: Pair, period: float, steps: int, disturbance: Any = None, **
     return simulate(
         Plant(OneJoint(pair.inertia), disturbance or ConstantForce([PUSH])),
         pair.ours,
-        Constant([GOAL]),
+        ConstantPosture([GOAL]),
         State(q=jnp.array(START[:1]), dq=jnp.array(START[1:])),
         t1=steps * period,
         period=period,

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from slidax._types import State
-from slidax.robots import Articulated
+from slidax.arms import Articulated
+from slidax.core.types import State
 
 WITHIN = 1e-10
 """Of the norm, in each state."""

@@ -9,11 +9,11 @@ import numpy as np
 from ruamel.yaml import YAML
 from scipy.spatial.transform import Rotation
 
-from slidax import robots
+from slidax import arms
 from tests.peers.by_mujoco import mujoco
 from tests.peers.by_pinocchio import pinocchio
 
-FOLDER = Path(robots.__file__).parent / "ready"
+FOLDER = Path(arms.__file__).parent / "ready"
 DESCRIPTIONS: dict[str, Any] = {path.stem: YAML(typ="safe", pure=True).load(path) for path in FOLDER.glob("*.yaml")}
 
 

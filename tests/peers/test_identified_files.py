@@ -4,10 +4,10 @@ import equinox as eqx
 import numpy as np
 import pytest
 
-from slidax.identification import excite, identify, search
-from slidax.parts import as_array
-from slidax.robots import Payload
-from tests.identification.recorded import recorded
+from slidax.arms import Payload
+from slidax.core import as_array
+from slidax.identify import excitation, excite, identify
+from tests.identify.recorded import recorded
 from tests.peers.arms import ARMS
 
 SOME = [arm for arm in ARMS if arm.name in ("z1.urdf", "kinova.urdf", "xarm7.urdf", "ur10_robot.urdf", "TwoDofs.urdf")]
@@ -15,8 +15,8 @@ SOME = [arm for arm in ARMS if arm.name in ("z1.urdf", "kinova.urdf", "xarm7.urd
 
 @pytest.mark.parametrize("file", SOME, ids=lambda file: file.name)
 def test_an_arm_from_a_file_is_excited_and_identified(file, monkeypatch):
-    monkeypatch.setattr(search, "STARTS", 5)
-    monkeypatch.setattr(search, "STEPS", 30)
+    monkeypatch.setattr(excitation, "STARTS", 5)
+    monkeypatch.setattr(excitation, "STEPS", 30)
     arm = file.read()
     n = arm.joints
     rng = np.random.default_rng(2)

@@ -6,10 +6,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from slidax import robots
-from slidax.kinematics import Line, Pose, follow, inverse
-from slidax.kinematics.chain import chain_of
-from tests.kinematics.postures import drawn, home
+from slidax import arms
+from slidax.arms import Pose, inverse
+from slidax.arms.chain import kinematic_chain
+from slidax.motions import Line, follow
+from tests.arms.kinematics.postures import drawn, home
 from tests.peers.arms import ARMS
 from tests.peers.by_pinocchio import held, pinocchio
 from tests.peers.ready_arms import for_pinocchio
@@ -29,7 +30,7 @@ def test_the_tool_is_where_pinocchio_has_it_and_is_found_again(arm):
                 position if joint.nq == 1 else [np.cos(position), np.sin(position)]
             )
         pinocchio.framesForwardKinematics(model, data, place)
-        rotation, tip = chain_of(ours).frame(q)
+        rotation, tip = kinematic_chain(ours).frame(q)
         np.testing.assert_allclose(tip, data.oMf[body].translation, atol=1e-10)
         np.testing.assert_allclose(rotation, data.oMf[body].rotation, atol=1e-10)
         wanted = Pose(tip, rotation)
@@ -40,7 +41,7 @@ def test_the_tool_is_where_pinocchio_has_it_and_is_found_again(arm):
 
 @pytest.mark.parametrize("name", ["ur5e", "panda", "gen3"])
 def test_along_a_path_pinocchio_has_the_tool_on_it(name):
-    arm, model = getattr(robots, name)(), for_pinocchio(name)
+    arm, model = getattr(arms, name)(), for_pinocchio(name)
     start = home(name)
     pose = Pose.of_tip(arm, start)
     found = follow(arm, [Line(by=[0.05, 0.05, 0.0], duration=1.0)], start=start)
@@ -60,7 +61,7 @@ def test_pink_ends_at_the_same_posture_of_an_arm_that_is_not_redundant():
     """pink steps along velocities by quadratic programs; of six joints near one posture there is one answer."""
     pink = pytest.importorskip("pink", reason="pip install pin-pink daqp")
     pytest.importorskip("daqp")
-    arm, model = robots.ur5e(), for_pinocchio("ur5e")
+    arm, model = arms.ur5e(), for_pinocchio("ur5e")
     start = home("ur5e")
     pose = Pose.of_tip(arm, start + 0.1)
     ours = inverse(arm, pose, start=start)
@@ -79,7 +80,7 @@ def test_mink_ends_at_the_same_posture_of_an_arm_that_is_not_redundant():
     pytest.importorskip("daqp")
     from tests.peers.ready_arms import DESCRIPTIONS, for_mujoco
 
-    arm, model = robots.ur5e(), for_mujoco("ur5e")
+    arm, model = arms.ur5e(), for_mujoco("ur5e")
     start = home("ur5e")
     pose = Pose.of_tip(arm, start + 0.1)
     ours = inverse(arm, pose, start=start)

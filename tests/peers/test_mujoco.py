@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from slidax.robots.files.loader import reading
+from slidax.arms.files.reading import reading
 from tests.peers.arms import ARMS, Arm, cases
 from tests.peers.by_mujoco import by_mujoco, mujoco
 from tests.peers.motion import assert_same, by_slidax, random_states

@@ -7,11 +7,17 @@ import pytest
 from opensmc import reaching as peer_reaching
 from opensmc import surfaces as peer_surfaces
 
-from slidax._types import Reference, State
-from slidax.disturbances import Harmonic
-from slidax.numerics import saturation, semi_implicit_euler, sig
-from slidax.reaching import FixedTimeReaching, TwoPowerReaching
-from slidax.surfaces import Linear, LinearCoreFixedTime, SingularityFree, SmoothFixedTime
+from slidax.core import saturation, semi_implicit_euler, sig
+from slidax.core.types import Reference, State
+from slidax.law import (
+    FixedTimeReaching,
+    Linear,
+    LinearCoreFixedTime,
+    SingularityFree,
+    SmoothFixedTime,
+    TwoPowerReaching,
+)
+from slidax.plant import Harmonic
 from tests.peers.double_integrator import (
     FIXED_TIME,
     GOAL,

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from slidax._types import State
-from slidax.disturbances import Constant
-from slidax.numerics import runge_kutta_4, semi_implicit_euler
+from slidax.core import runge_kutta_4, semi_implicit_euler
+from slidax.core.types import State
+from slidax.plant import Constant
 from slidax.simulation import simulate
-from tests.paper import MOTION_4_1, MOTION_4_2, START_4_1, START_4_2, law_4_1, law_4_2, plant_4_1, plant_4_2
+from tests.paper_examples import MOTION_4_1, MOTION_4_2, START_4_1, START_4_2, law_4_1, law_4_2, plant_4_1, plant_4_2
 from tests.simulation.simple import SMOOTH_PLANT, SPRING
 
 END = 1.2

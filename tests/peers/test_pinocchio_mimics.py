@@ -6,10 +6,10 @@ import jax
 import numpy as np
 import pytest
 
-from slidax.robots.files import from_urdf
+from slidax.arms import from_urdf
+from tests.arms.bad_file import changed
+from tests.arms.bad_urdf import ANY_LIMIT, END, GOOD, LIMIT, SPARE, joint
 from tests.peers.by_pinocchio import pinocchio
-from tests.robots.bad_file import changed
-from tests.robots.bad_urdf import ANY_LIMIT, END, GOOD, LIMIT, SPARE, joint
 
 WRIST = SPARE + joint(
     "revolute", "wrist", "tool", "spare", '<axis xyz="1 2 0"/>' + ANY_LIMIT + '<origin xyz="0.1 0 0.2" rpy="0.3 0 1"/>'

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from slidax.robots import Articulated, built_in_arm, built_in_names, from_urdf
+from slidax.arms import Articulated, built_in_arm, built_in_names, from_urdf
 from tests.peers.arms import ARMS
 from tests.peers.by_mujoco import by_mujoco
 from tests.peers.by_pinocchio import by_pinocchio

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slidax.robots.files import from_mjcf, from_urdf
+from slidax.arms import from_mjcf, from_urdf
 from slidax.simulation.states import states_of
 from tests.peers.by_pinocchio import pinocchio
 

@@ -48,7 +48,7 @@ def test_the_wheel_has_every_file_of_the_package_and_none_else(wheel: Path) -> N
     expected = {f"slidax/{name}" for name in own(ROOT / "src" / "slidax")}
     with zipfile.ZipFile(wheel) as archive:
         found = {name for name in archive.namelist() if ".dist-info/" not in name}
-    assert {"slidax/py.typed", "slidax/robots/ready/panda.yaml", "slidax/reports/templates/page.css"} <= found
+    assert {"slidax/py.typed", "slidax/arms/built_in_arms/panda.yaml", "slidax/report/templates/page.css"} <= found
     assert found == expected
 
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from slidax.scenarios import names
-from slidax.scenarios.load import described
+from slidax.scenarios.load import read_description
 
 CSV = "time,shoulder,elbow\n0,-0.4,2.5\n1,0,1.5\n2,1.25,1.25\n"
 ROS = (
@@ -86,7 +86,7 @@ def loaded() -> dict[str, dict[str, Any]]:
 
 @functools.cache
 def _written_out(name: str) -> dict[str, Any]:
-    data = described(name).model_dump(exclude_none=True)
+    data = read_description(name).model_dump(exclude_none=True)
     simulation = data["simulation"]
     # Short runs; a motion of joints needs one that is not longer either.
     simulation["t1"] = 20 * simulation["period"]

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from slidax import metrics, scenarios
+from slidax import analysis, scenarios
 from slidax.scenarios import Scenario
 from slidax.simulation import Run
 
@@ -40,7 +40,7 @@ def simulated(name: str, **changes: Any) -> tuple[Scenario, Run]:
 
 def assert_never_outside(run: Run) -> None:
     assert run.outcome.ok, run.outcome.message
-    assert metrics.envelope_violations(run) == 0
+    assert analysis.envelope_violations(run) == 0
     assert np.all(np.asarray(run.tally.margin) > 0)
 
 
@@ -53,8 +53,8 @@ def test_at_1_khz_the_envelope_is_kept_with_a_small_error_and_a_smooth_torque(na
     scenario, run = simulated(name)
     assert scenario.period == 1e-3
     assert_never_outside(run)
-    assert largest(metrics.steady_error(run)) <= ACCURACY[name]
-    assert largest(metrics.steady_torque_step(run)) <= SMOOTHNESS[name]
+    assert largest(analysis.steady_error(run)) <= ACCURACY[name]
+    assert largest(analysis.steady_torque_step(run)) <= SMOOTHNESS[name]
     limits = scenario.plant.actuator.limits
     assert largest(run.tally.peak_torque) <= float(limits.torque)
     assert largest(run.tally.max_step) <= float(limits.rate) * 1e-3 * (1 + 1e-9)
@@ -88,8 +88,8 @@ def test_with_encoders_alone_the_envelope_is_kept_and_the_torque_is_smooth(final
     changes = {"sensor__resolution": 1e-5, "sensor__velocity": "differenced", "sensor__delay": delay}
     run = simulated(TWO_LINK, scheme__performance__final=final, **changes)[1]
     assert_never_outside(run)
-    assert largest(metrics.steady_torque_step(run)) <= 0.5
-    assert largest(metrics.steady_torque_step_rms(run)) <= 0.1
+    assert largest(analysis.steady_torque_step(run)) <= 0.5
+    assert largest(analysis.steady_torque_step_rms(run)) <= 0.1
 
 
 @TWO_LINK_DAILY
@@ -103,7 +103,7 @@ def test_with_encoders_alone_and_every_twentieth_sample_lost_the_envelope_is_kep
     changes = {"sensor__resolution": 1e-5, "sensor__velocity": "differenced", "sensor__loss__probability": 0.05}
     run = simulated(name, **changes)[1]
     assert_never_outside(run)
-    assert largest(metrics.steady_torque_step(run)) <= 0.5
+    assert largest(analysis.steady_torque_step(run)) <= 0.5
 
 
 @cache
@@ -151,9 +151,9 @@ EVERY_OTHER = [
 def test_the_other_schemes_in_this_form_settle_too(name: str, scheme: str) -> None:
     run = simulated(name, scheme__name=scheme)[1]
     assert run.outcome.ok, run.outcome.message
-    assert largest(metrics.settling_time(run, 1e-3)) <= 2.5
-    assert largest(metrics.steady_error(run)) <= 5e-5
-    assert largest(metrics.steady_torque_step(run)) <= SMOOTHNESS[name]
+    assert largest(analysis.settling_time(run, 1e-3)) <= 2.5
+    assert largest(analysis.steady_error(run)) <= 5e-5
+    assert largest(analysis.steady_torque_step(run)) <= SMOOTHNESS[name]
     if run.has_envelope:
         assert_never_outside(run)
 

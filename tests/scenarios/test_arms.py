@@ -11,14 +11,15 @@ import jax
 import numpy as np
 import pytest
 
-from slidax import robots, scenarios
-from slidax._errors import DefinitionError, DefinitionWarning
-from slidax.actuators import TorqueLimits
-from slidax.robots import Articulated, Load, Payload
+from slidax import arms as robots
+from slidax import scenarios
+from slidax.arms import Articulated, Payload, TimedPayload
+from slidax.core.errors import DefinitionError, DefinitionWarning
+from slidax.plant import TorqueLimits
 from slidax.scenarios import Scenario
-from slidax.scenarios.true_and_nominal import Arms
+from slidax.scenarios.robots import Arms
 from slidax.simulation import MujocoPlant, Plant, Table
-from tests.robots import bad_mjcf, bad_urdf
+from tests.arms import bad_mjcf, bad_urdf
 
 PAYLOAD = "panda-payload"
 BUILT_IN = Path(scenarios.__file__).parent / "built_in"
@@ -96,7 +97,7 @@ def test_the_true_arm_differs_by_what_plant_says_and_both_by_what_nominal_says()
     mismatch = robots.Mismatch(mass_factor=0.85, inertia_factor=0.8, viscous=0.2, coulomb=[0.1] * 7)
     assert same_numbers(true, mismatch.applied(known))
     assert not same_numbers(true, known)
-    assert eqx.tree_equal(carried, Load(Payload(1.5, (0.0, 0.1, 0.2), np.diag([0.01, 0.02, 0.025])), 0.5, 2.0))
+    assert eqx.tree_equal(carried, TimedPayload(Payload(1.5, (0.0, 0.1, 0.2), np.diag([0.01, 0.02, 0.025])), 0.5, 2.0))
 
 
 def same_numbers(one: Articulated, other: Articulated) -> bool:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slidax import metrics, scenarios
+from slidax import analysis, scenarios
 from slidax.scenarios import Scenario
 from slidax.simulation import Run
 
@@ -35,14 +35,14 @@ def simulated(name: str, **changes: Any) -> tuple[Scenario, Run]:
 def assert_kept(name: str, measured: str, plant: str) -> None:
     scenario, run = simulated(name, **MEASURED[measured], **{"simulation.plant": plant})
     assert run.outcome.ok, run.outcome.message
-    assert metrics.envelope_violations(run) == 0
-    assert np.min(metrics.envelope_margin(run)) > 0.1
+    assert analysis.envelope_violations(run) == 0
+    assert np.min(analysis.envelope_margin(run)) > 0.1
     error, step = PROMISED[name, measured]
-    assert np.max(metrics.steady_error(run)) <= error
-    assert np.max(metrics.steady_torque_step(run)) <= step
+    assert np.max(analysis.steady_error(run)) <= error
+    assert np.max(analysis.steady_torque_step(run)) <= step
     limits, drive = scenario.plant.robot.limits, scenario.plant.actuator
-    assert np.all(metrics.peak_torque(run) <= limits.torque)
-    assert np.all(metrics.max_torque_step(run) <= np.asarray(drive.limits.rate) * scenario.period * (1 + 1e-9))
+    assert np.all(analysis.peak_torque(run) <= limits.torque)
+    assert np.all(analysis.max_torque_step(run) <= np.asarray(drive.limits.rate) * scenario.period * (1 + 1e-9))
 
 
 # A load that is picked up on the way is the payload from then on, and no load before.
@@ -70,10 +70,10 @@ def test_joints_that_stick_do_not_lead_outside(measured: str) -> None:
     assert run.outcome.ok, run.outcome.message
     if measured == "exact":
         # Where nothing blurs it, the torque follows friction that jumps as fast as its drive lets it.
-        assert np.max(metrics.steady_error(run)) <= 1e-4
+        assert np.max(analysis.steady_error(run)) <= 1e-4
     else:
-        assert np.max(metrics.steady_error(run)) <= 5e-4
-        assert np.max(metrics.steady_torque_step(run)) <= 0.6
+        assert np.max(analysis.steady_error(run)) <= 5e-4
+        assert np.max(analysis.steady_torque_step(run)) <= 0.6
 
 
 @pytest.mark.full
@@ -83,9 +83,9 @@ def test_a_touch_of_a_table_or_a_load_that_is_let_go_does_not_lead_outside(name:
     scenario, run = simulated(name)
     assert scenario.description.simulation.plant == "mujoco"
     assert run.outcome.ok, run.outcome.message
-    assert metrics.envelope_violations(run) == 0
-    assert np.max(metrics.steady_error(run)) <= 5e-4
-    assert np.max(metrics.steady_torque_step(run)) <= 0.4
+    assert analysis.envelope_violations(run) == 0
+    assert np.max(analysis.steady_error(run)) <= 5e-4
+    assert np.max(analysis.steady_torque_step(run)) <= 0.4
 
 
 @pytest.mark.full
@@ -93,4 +93,4 @@ def test_a_table_five_millimetres_in_the_way_leads_outside_and_the_arm_comes_bac
     pytest.importorskip("mujoco")
     run = simulated("panda-table", **{"surroundings.table.height": 0.5353})[1]
     assert run.outcome.kind == "recovered", run.outcome.message
-    assert np.max(metrics.steady_error(run)) <= 5e-4
+    assert np.max(analysis.steady_error(run)) <= 5e-4

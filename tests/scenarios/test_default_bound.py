@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from slidax import metrics, scenarios
-from slidax._errors import DefinitionError, DefinitionWarning
-from slidax.actuators import TorqueLimits
+from slidax import analysis, scenarios
+from slidax.core.errors import DefinitionError, DefinitionWarning
+from slidax.plant import TorqueLimits
 from slidax.scenarios.default_bound import default_bound
 
 NONE = {"scheme.bound": {}, "simulation.log_every": 100}
@@ -20,7 +20,7 @@ def bound_of(name: str, changes: dict) -> object:
 @pytest.mark.parametrize("name", ["panda-payload", "example-4.1-1khz", "example-4.2-1khz"])
 def test_a_scenario_holds_without_a_bound_of_its_own(name: str) -> None:
     run = scenarios.load(name, {**NONE, "simulation.t1": 4.0}).simulate()
-    assert metrics.envelope_violations(run) == 0
+    assert analysis.envelope_violations(run) == 0
 
 
 def test_the_printed_law_has_the_gamma_of_its_stated_mismatch() -> None:

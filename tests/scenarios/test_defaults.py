@@ -17,8 +17,8 @@ from scripts.figures.loop_rate import (
     simulated,
 )
 from slidax import scenarios
-from slidax.diagnosis.linear_loop import LinearLoop
-from slidax.estimators import Measured
+from slidax.law import Measured
+from slidax.law.joint_loop import LinearLoop
 
 HALF = ("half the torque",)
 WORST: list[tuple[str, int, str, float, tuple[str, ...], int]] = [

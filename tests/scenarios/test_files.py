@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from slidax import scenarios
-from slidax._errors import DefinitionError
-from slidax.controllers import Recovery
+from slidax.core.errors import DefinitionError
+from slidax.law import Recovery
 from slidax.scenarios.instruments import ActuatorDescription, LossDescription, OutageDescription, SensorDescription
 from slidax.scenarios.sampled_data import SampledDataDescription
 from slidax.scenarios.yaml_text import read_yaml

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from slidax import scenarios
-from slidax._errors import DefinitionError
+from slidax.core.errors import DefinitionError
 
 URDF = """<robot name="one">
 <link name="base"/>

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from slidax._errors import DefinitionError
+from slidax.core.errors import DefinitionError
 from slidax.scenarios import load
 from slidax.scenarios.family import Family
-from slidax.scenarios.load import altered_description, described
-from slidax.scenarios.uncertainty.mapping import Uncertainty
+from slidax.scenarios.load import altered_description, read_description
+from slidax.scenarios.uncertainty import Uncertainty
 from tests.cli.commands import in_process
 
-PANDA = described("panda-payload")
+PANDA = read_description("panda-payload")
 
 
 @pytest.mark.parametrize("path", ["start.q[3]", "start.q[panda_joint4]", "start.q[Panda-Joint4]", "start.q.3"])

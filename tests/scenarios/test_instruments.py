@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from slidax import scenarios
-from slidax._errors import DefinitionError
-from slidax.actuators import Actuator, TorqueLimits
+from slidax.core.errors import DefinitionError
+from slidax.plant import AbstractSensor, Actuator, Delayed, DifferencedEncoders, Encoders, Exact, Lossy, TorqueLimits
 from slidax.scenarios import Scenario
-from slidax.sensors import AbstractSensor, Delayed, DifferencedEncoders, Encoders, Exact, Lossy
 
 NAME = "example-4.1-1khz"
 

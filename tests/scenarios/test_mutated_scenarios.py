@@ -10,11 +10,11 @@ from typing import Any
 
 import pytest
 
-from slidax._errors import DefinitionError
-from slidax.scenarios.load import described, validated
+from slidax.cli.tables import run_as_json
+from slidax.core.errors import DefinitionError
+from slidax.scenarios.load import read_description, validated
 from slidax.scenarios.yaml_text import MOST_VALUES, read_yaml
-from slidax.simulation.log_room import MOST_BYTES
-from slidax.terminal import run_as_json
+from slidax.simulation.define import MOST_BYTES
 
 from .mutations import ANY, SUBTLE, loaded, mutated
 
@@ -72,7 +72,7 @@ def test_mutated_scenarios_that_are_built_run_to_an_outcome() -> None:
 
 def changed(**values: Any) -> Any:
     changes = {path.replace("__", "."): value for path, value in values.items()}
-    return validated(described("example-4.1-1khz").model_dump(exclude_none=True), changes).build("changed")
+    return validated(read_description("example-4.1-1khz").model_dump(exclude_none=True), changes).build("changed")
 
 
 MANY = [0.5] * 200_000

@@ -12,11 +12,10 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from slidax._errors import DefinitionError, DefinitionWarning
-from slidax.commissioning import draft
-from slidax.scenarios import Scenario, load
+from slidax.core.errors import DefinitionError, DefinitionWarning
+from slidax.motions import Tabulated
+from slidax.scenarios import Scenario, draft, load
 from slidax.scenarios.trajectories import TrajectoryDescription, warn_of_units
-from slidax.trajectories import Tabulated
 
 INERTIA = 'ixx="0.03" ixy="0" ixz="0" iyy="0.03" iyz="0" izz="0.005"'
 LINK = f'<link name="{{}}"><inertial><origin xyz="0 0 0.15"/><mass value="2"/><inertia {INERTIA}/></inertial></link>'

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from slidax import scenarios
-from slidax._errors import DefinitionError
-from slidax._types import State
+from slidax.core.errors import DefinitionError
+from slidax.core.types import State
+from slidax.motions import ConstantPosture
 from slidax.simulation import native_engine
-from slidax.trajectories import Constant
 
 BASE = scenarios.load("example-4.1").replace(t1=0.05, mode="held", period=1e-3)
 GAINS = jnp.array([0.1, 0.3])
@@ -34,7 +34,7 @@ def test_parts_times_and_stepping_are_replaced_and_the_rest_stays():
     ("change", "message"),
     [
         (
-            {"trajectory": Constant([0.0, 0.0, 0.0])},
+            {"trajectory": ConstantPosture([0.0, 0.0, 0.0])},
             r"the trajectory gives \[3\] positions",
         ),
         ({"state0": State([0.0])}, "`state0.q` must have one entry for each of the 2 joints"),

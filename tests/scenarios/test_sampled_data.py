@@ -9,13 +9,22 @@ import jax.numpy as jnp
 import pytest
 
 from slidax import scenarios
-from slidax.actuators import TorqueLimits
-from slidax.controllers import MeasurementGate, Recovery, SampledData, sampled_data
-from slidax.estimators import AbstractEstimator, FilteredDifference, Kalman, Measured, RobustDifferentiator
-from slidax.estimators.kalman import FASTEST_PACE
-from slidax.reaching import SaturatedReaching
+from slidax.law import (
+    AbstractEstimator,
+    FilteredDifference,
+    Kalman,
+    Measured,
+    MeasurementGate,
+    Recovery,
+    RobustDifferentiator,
+    SampledData,
+    SaturatedReaching,
+    sampled_data,
+)
+from slidax.law.kalman import FASTEST_PACE
+from slidax.plant import TorqueLimits
 from slidax.scenarios.schemes import SCHEMES, switch_scheme
-from tests.paper import START_4_1, TWO_LINK_NOMINAL, law_4_1
+from tests.paper_examples import START_4_1, TWO_LINK_NOMINAL, law_4_1
 
 NAME = "example-4.1-1khz"
 PRINTED = law_4_1(layer=0.0)

@@ -11,13 +11,12 @@ import jax
 import numpy as np
 import pytest
 
-from slidax import controllers, scenarios
-from slidax._errors import DefinitionError
-from slidax.controllers import Preset, SlidingMode, SuperTwisting
+from slidax import law as controllers
+from slidax import scenarios
+from slidax.core.errors import DefinitionError
+from slidax.law import Linear, PrescribedPerformance, Preset, SingularityFree, SlidingMode, SuperTwisting
 from slidax.scenarios.schemes import SCHEMES, switch_scheme
 from slidax.scenarios.yaml_text import read_yaml
-from slidax.surfaces import Linear, SingularityFree
-from slidax.transformations import PrescribedPerformance
 from tests.rivals import (
     AROUND_4_1,
     anftsmc_4_2,

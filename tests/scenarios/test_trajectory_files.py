@@ -12,11 +12,11 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from slidax import scenarios
-from slidax._errors import DefinitionError
-from slidax.robots import JointLimits
+from slidax.arms import JointLimits
+from slidax.core.errors import DefinitionError
+from slidax.motions import AbstractMotion, MinimumJerk, Tabulated, Trapezoidal
 from slidax.scenarios.trajectories import TrajectoryDescription
 from slidax.scenarios.yaml_text import read_yaml
-from slidax.trajectories import AbstractTrajectory, MinimumJerk, Tabulated, Trapezoidal
 
 PATH = [[-0.4, 2.5], [0.2, 2.0], [0.1, 2.2]]
 CSV = "time,elbow,shoulder\n0,2.5,-0.4\n1,2.0,0.2\n2.5,2.2,0.1\n"
@@ -42,7 +42,7 @@ def loaded(trajectory: dict[str, Any], **changes: Any) -> Any:
     return scenarios.load("example-4.1", {"trajectory": trajectory, "simulation.t1": 0.1} | changes)
 
 
-CASES: list[tuple[dict[str, Any], AbstractTrajectory]] = [
+CASES: list[tuple[dict[str, Any], AbstractMotion]] = [
     (
         {"kind": "quintic", "waypoints": PATH, "velocity": 1.0, "acceleration": [3.0, 4.0]},
         MinimumJerk.within(PATH, velocity=1.0, acceleration=[3.0, 4.0]),
@@ -65,9 +65,7 @@ CASES: list[tuple[dict[str, Any], AbstractTrajectory]] = [
 
 
 @pytest.mark.parametrize(("trajectory", "expected"), CASES, ids=[str(number) for number in range(len(CASES))])
-def test_a_scenario_names_the_motion_that_python_makes(
-    trajectory: dict[str, Any], expected: AbstractTrajectory
-) -> None:
+def test_a_scenario_names_the_motion_that_python_makes(trajectory: dict[str, Any], expected: AbstractMotion) -> None:
     scenario = loaded(trajectory)
     assert eqx.tree_equal(scenario.trajectory, expected, rtol=1e-12, atol=1e-12)
     assert scenario.simulate(log_every=None).outcome.kind in ("ok", "left_envelope")

@@ -11,7 +11,7 @@ import pytest
 from scipy import stats
 
 from slidax import scenarios
-from slidax._errors import DefinitionError
+from slidax.core.errors import DefinitionError
 from slidax.scenarios.family import Family
 
 NAME = "example-4.1-1khz"

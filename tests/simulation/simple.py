@@ -6,12 +6,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from slidax._types import Command, Envelope
-from slidax.controllers import AbstractController
-from slidax.disturbances import Harmonic
-from slidax.robots import AbstractRobot
+from slidax.arms import AbstractRobot
+from slidax.core.types import Command, Envelope
+from slidax.law import AbstractController
+from slidax.plant import Harmonic
 from slidax.simulation import Plant
-from tests.paper import TWO_LINK
+from tests.paper_examples import TWO_LINK
 
 
 class Spring(AbstractController):

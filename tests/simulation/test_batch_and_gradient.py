@@ -6,11 +6,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from slidax._types import State
-from slidax.sensors import DifferencedEncoders, Encoders
+from slidax.core.types import State
+from slidax.motions import ConstantPosture
+from slidax.plant import DifferencedEncoders, Encoders
 from slidax.simulation import Plant, simulate
-from slidax.trajectories import Constant
-from tests.paper import MOTION_4_1, START_4_1, TWO_LINK, law_4_1, plant_4_1
+from tests.paper_examples import MOTION_4_1, START_4_1, TWO_LINK, law_4_1, plant_4_1
 from tests.simulation.simple import SMOOTH_PLANT, SPRING, BoundedLaw, Spring
 
 GAINS = jnp.array([0.4, 0.6, 0.8])
@@ -47,7 +47,7 @@ def test_a_batch_tells_which_runs_went_wrong_where_and_when():
     def many(radius):
         law = BoundedLaw(Spring(jnp.zeros(2), jnp.zeros(2)), radius)
         start = State(q=jnp.array([np.pi / 2, 0.0]), dq=jnp.array([1.0, 0.0]))
-        return simulate(SMOOTH_PLANT, law, Constant([np.pi / 2, 0.0]), start, t1=0.4, period=0.04)
+        return simulate(SMOOTH_PLANT, law, ConstantPosture([np.pi / 2, 0.0]), start, t1=0.4, period=0.04)
 
     done = many(jnp.array([0.095, 10.0, 0.135]))
     assert done.fault.kind.tolist() == [1, 0, 1]

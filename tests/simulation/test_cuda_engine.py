@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from slidax import scenarios
-from slidax._errors import DefinitionError
-from slidax._types import State
 from slidax.codegen import cuda
+from slidax.core.errors import DefinitionError
+from slidax.core.types import State
+from slidax.motions import ConstantPosture
 from slidax.simulation import native_engine, simulate, simulate_batch
-from slidax.trajectories import Constant
 from tests.codegen.card_on_the_processor import CardOnTheProcessor, needs_gxx
-from tests.paper import MOTION_4_1, START_4_1, plant_4_1
+from tests.paper_examples import MOTION_4_1, START_4_1, plant_4_1
 from tests.simulation.simple import SMOOTH_PLANT, SPRING, BoundedLaw, Spring
 from tests.simulation.test_simulate_batch import VARIED, shifted
 
@@ -52,7 +52,7 @@ def test_runs_that_end_early_end_alike(card):
     def bounded(radius):
         law = BoundedLaw(Spring(jnp.zeros(2), jnp.zeros(2)), radius)
         start = State(q=jnp.array([np.pi / 2, 0.0]), dq=jnp.array([1.0, 0.0]))
-        return SMOOTH_PLANT, law, Constant([np.pi / 2, 0.0]), start
+        return SMOOTH_PLANT, law, ConstantPosture([np.pi / 2, 0.0]), start
 
     done = simulate_batch(bounded, jnp.array([0.095, 10.0, 0.135]), t1=0.4, period=0.04, engine="cuda")
     assert done.fault.kind.tolist() == [1, 0, 1]

@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 
 from slidax import scenarios
-from slidax._errors import DefinitionError, OutcomeError
-from slidax._types import Command, State
 from slidax.codegen import NoNativeCodeError, llvm
 from slidax.codegen.builder import Builder
 from slidax.codegen.llvm import machine
-from slidax.codegen.trace.inline import PLAIN
-from slidax.controllers import AbstractController
+from slidax.codegen.trace.tracing import PLAIN
+from slidax.core.errors import DefinitionError, OutcomeError
+from slidax.core.types import Command, State
+from slidax.law import AbstractController
+from slidax.motions import MinimumJerk
 from slidax.simulation import native_engine, simulate, simulate_batch
 from slidax.simulation.engine import engine_for
-from slidax.trajectories import MinimumJerk
-from tests.paper import MOTION_4_1, START_4_1, law_4_1, plant_4_1
+from tests.paper_examples import MOTION_4_1, START_4_1, law_4_1, plant_4_1
 from tests.simulation.simple import SMOOTH_PLANT, SPRING
 
 # Every kind of plant and law: stages, substeps, sensors with noise, delay and losses, limits with dead time,

@@ -5,9 +5,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from slidax.numerics import semi_implicit_euler
+from slidax.core import semi_implicit_euler
 from slidax.simulation import BANDS, simulate
-from tests.paper import MOTION_4_1, START_4_1, law_4_1, plant_4_1
+from tests.paper_examples import MOTION_4_1, START_4_1, law_4_1, plant_4_1
 
 
 @cache

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from slidax.simulation import BANDS, simulate
-from tests.paper import DISTURBANCE_4_2, MOTION_4_2, START_4_2, law_4_2, plant_4_2
+from tests.paper_examples import DISTURBANCE_4_2, MOTION_4_2, START_4_2, law_4_2, plant_4_2
 
 
 @cache

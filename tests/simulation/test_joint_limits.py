@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from slidax import scenarios
-from slidax._errors import DefinitionError
-from slidax._types import State
-from slidax.simulation import motion_limits
-from slidax.trajectories import MinimumJerk, Sinusoid
+from slidax.core.errors import DefinitionError
+from slidax.core.types import State
+from slidax.motions import MinimumJerk, Sinusoid
+from slidax.simulation import states
 from tests.simulation.simple import Spring
 
 PANDA = scenarios.load("panda-payload").replace(t1=2.0, log_every=None)
@@ -53,9 +53,9 @@ def test_a_motion_beyond_a_limit_is_refused_with_joint_time_and_value(natively, 
 def test_what_comes_after_the_end_of_the_run_does_not_matter():
     there = moved(0, 3.0)
     late = PANDA.replace(trajectory=MinimumJerk.through([0.0, 4.0, 9.0], [HOME, HOME, there]), state0=State(HOME))
-    motion_limits.require_within_limits(late.plant.robot, late.trajectory, late.state0, 2000, late.stepping)
+    states.require_within_limits(late.plant.robot, late.trajectory, late.state0, 2000, late.stepping)
     with pytest.raises(DefinitionError, match=r"`panda_joint1` is at 2\.(89|90)"):
-        motion_limits.require_within_limits(late.plant.robot, late.trajectory, late.state0, 9000, late.stepping)
+        states.require_within_limits(late.plant.robot, late.trajectory, late.state0, 9000, late.stepping)
 
 
 @pytest.mark.parametrize(
@@ -74,7 +74,7 @@ def test_a_limit_that_is_reached_exactly_is_kept():
     robot = PANDA.plant.robot
     upper = State(jnp.where(jnp.arange(7) == 3, robot.limits.upper, HOME))
     still = MinimumJerk.through([0.0, 1.0], [upper.q, upper.q])
-    motion_limits.require_within_limits(robot, still, upper, 1000, PANDA.stepping)
+    states.require_within_limits(robot, still, upper, 1000, PANDA.stepping)
 
 
 def test_who_means_it_may_go_beyond():
@@ -99,13 +99,13 @@ NAMES = [pytest.param(name, marks=[] if name in DAILY else [pytest.mark.full]) f
 def test_the_built_in_scenarios_keep_their_robots_limits(name):
     made = scenarios.load(name)
     steps = round(made.t1 / made.period)
-    motion_limits.require_within_limits(made.plant.robot, made.trajectory, made.state0, steps, made.stepping)
+    states.require_within_limits(made.plant.robot, made.trajectory, made.state0, steps, made.stepping)
 
 
 def test_inside_a_transformation_nothing_is_checked():
     def end(amplitude):
         moved = dataclasses.replace(PANDA.trajectory, amplitude=amplitude)
-        motion_limits.require_within_limits(PANDA.plant.robot, moved, PANDA.state0, 2000, PANDA.stepping)
+        states.require_within_limits(PANDA.plant.robot, moved, PANDA.state0, 2000, PANDA.stepping)
         return moved.position(jnp.asarray(1.0))
 
     jax.jit(end)(jnp.full(7, 50.0))
@@ -114,7 +114,7 @@ def test_inside_a_transformation_nothing_is_checked():
 def test_the_check_is_quick():
     motion = Sinusoid(offset=HOME, amplitude=0.05, frequency=1.0)
     started = time.process_time()
-    motion_limits.require_within_limits(PANDA.plant.robot, motion, PANDA.state0, 8000, PANDA.stepping)
+    states.require_within_limits(PANDA.plant.robot, motion, PANDA.state0, 8000, PANDA.stepping)
     assert time.process_time() - started < 0.25
 
 
@@ -125,7 +125,7 @@ def test_a_motion_that_a_batch_shares_is_checked_while_the_batch_is_traced(to):
 
     def one(start):
         robot, state = PANDA.plant.robot, State(q=start)
-        motion_limits.require_within_limits(robot, motion, state, 2000, PANDA.stepping)
+        states.require_within_limits(robot, motion, state, 2000, PANDA.stepping)
         return start
 
     if to < 1.0:

@@ -5,10 +5,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from slidax._errors import DefinitionError
-from slidax._types import State
+from slidax.core.errors import DefinitionError
+from slidax.core.types import State
+from slidax.motions import ConstantPosture
 from slidax.simulation import simulate, simulate_batch
-from slidax.trajectories import Constant
 from tests.simulation.simple import SMOOTH_PLANT, BoundedLaw, Spring
 
 HOW = {"t1": 0.4, "period": 0.04, "log_every": 1}
@@ -17,7 +17,7 @@ RADII = jnp.array([0.095, 10.0, 0.135])
 
 def falling(radius):
     law = BoundedLaw(Spring(jnp.zeros(2), jnp.zeros(2)), radius)
-    return SMOOTH_PLANT, law, Constant([np.pi / 2, 0.0]), State([np.pi / 2, 0.0], [1.0, 0.0])
+    return SMOOTH_PLANT, law, ConstantPosture([np.pi / 2, 0.0]), State([np.pi / 2, 0.0], [1.0, 0.0])
 
 
 @pytest.fixture(scope="module", params=["native", "xla"])

@@ -8,22 +8,19 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from slidax import robots
-from slidax._types import State
-from slidax.actuators import Actuator, TorqueLimits
-from slidax.controllers import Recovery, cftsmppc, sampled_data
-from slidax.disturbances import Constant
-from slidax.performance import FixedTime
-from slidax.reaching import UncertaintyBound
-from slidax.robots import Joint, Load, Mismatch, Payload, assemble
+from slidax import arms
+from slidax.arms import Joint, Mismatch, Payload, TimedPayload, assemble
+from slidax.core.types import State
+from slidax.law import FixedTime, Recovery, UncertaintyBound, cftsmppc, sampled_data
+from slidax.motions import MinimumJerk
+from slidax.plant import Actuator, Constant, TorqueLimits
 from slidax.simulation import MujocoPlant, Plant, Table, simulate
-from slidax.simulation.mujoco.world import World
-from slidax.trajectories import MinimumJerk
+from slidax.simulation.mujoco_model import World
 
 pytest.importorskip("mujoco")
 
 PERIOD = 1e-3
-NOMINAL = eqx.tree_at(lambda arm: arm.armature, robots.panda(), jnp.full(7, 0.1))
+NOMINAL = eqx.tree_at(lambda arm: arm.armature, arms.panda(), jnp.full(7, 0.1))
 LIMITS = TorqueLimits(NOMINAL.limits.torque, NOMINAL.limits.torque_rate)
 RADIUS, OVERSHOOT = 0.005, 0.3
 LAW = sampled_data(
@@ -50,7 +47,7 @@ RADIUS_OF_TIP = 0.01
 
 def run(load=None, surroundings=None, t1=1.0):
     """The arm is 15 % lighter than its law believes, and its joints have friction."""
-    load = Load(Payload()) if load is None else load
+    load = TimedPayload(Payload()) if load is None else load
     mismatch = Mismatch(mass_factor=0.85, coulomb=0.3, viscous=0.2, load=load)
     plant = Plant.of_nominal(NOMINAL, mismatch, Constant(jnp.zeros(7)), actuator=Actuator(LIMITS))
     stand_in = MujocoPlant.of(plant, surroundings=surroundings)
@@ -95,7 +92,7 @@ def test_pressing_five_millimetres_deep_leaves_the_envelope_and_comes_back():
 
 def test_a_load_that_is_let_go_falls_onto_the_table_and_comes_to_rest():
     center, half = np.array([0.0, 0.0, 0.1]), 0.5 * np.sqrt(6.0 * 0.004 / 2.0)
-    load = Load(Payload(2.0, center, 0.004), released=0.4)
+    load = TimedPayload(Payload(2.0, center, 0.004), released=0.4)
     dropped = run(load, Table(0.25), t1=1.5)
     assert dropped.outcome.ok
     way = dropped.load
@@ -123,7 +120,7 @@ def test_a_load_that_is_let_go_falls_onto_the_table_and_comes_to_rest():
 
 @pytest.mark.parametrize("inertia", [0.0, [0.0, 0.006, 0.006], [0.004, 0.009, 0.006]])
 def test_a_point_a_rod_and_a_brick_fall_and_come_to_rest(inertia):
-    load = Load(Payload(0.5, (0.0, 0.02, 0.1), np.diag(np.broadcast_to(inertia, 3))), released=0.3)
+    load = TimedPayload(Payload(0.5, (0.0, 0.02, 0.1), np.diag(np.broadcast_to(inertia, 3))), released=0.3)
     plant = MujocoPlant(NOMINAL, Constant(jnp.zeros(7)), load=load, surroundings=Table(0.2))
     state = State(q=jnp.asarray(HOME), dq=jnp.linspace(-0.5, 0.5, 7))
     world = World(plant, 1e-3, state)
@@ -141,7 +138,7 @@ def test_friction_brakes_what_slides_on_the_table(friction):
     body = {"mass": 1.0, "inertia": 0.01 * np.eye(3)}
     rail = Joint("rail", "prismatic", None, "cart", axis=np.array([1.0, 0.0, 0.0]), **body)
     arm = assemble([rail], tip="cart")
-    load = Load(Payload(2.0, inertia=0.002), released=1e-9)
+    load = TimedPayload(Payload(2.0, inertia=0.002), released=1e-9)
     half = 0.5 * np.sqrt(6.0 * 0.002 / 2.0)
     plant = MujocoPlant(arm, Constant(jnp.zeros(1)), load=load, surroundings=Table(-half, friction), tip_radius=0.001)
     world = World(plant, 1e-4, State(q=jnp.zeros(1), dq=jnp.ones(1)))
@@ -153,7 +150,7 @@ def test_friction_brakes_what_slides_on_the_table(friction):
 
 def test_a_load_that_is_carried_meets_the_table_too():
     center, half = np.array([0.0, 0.0, 0.05]), 0.5 * np.sqrt(6.0 * 0.0002 / 0.5)
-    load = Load(Payload(0.5, center, 0.0002))
+    load = TimedPayload(Payload(0.5, center, 0.0002))
     corners = center + half * np.array(list(itertools.product((-1, 1), repeat=3)))
 
     def lowest(q):

@@ -8,19 +8,17 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from slidax import robots
-from slidax._errors import DefinitionError, OutcomeError
-from slidax._types import State
-from slidax.actuators import Actuator, TorqueLimits
-from slidax.disturbances import Constant, Harmonic
-from slidax.numerics import runge_kutta_4, semi_implicit_euler
-from slidax.robots import Joint, Load, Payload, assemble
-from slidax.sensors import Delayed, Encoders, Lossy
+from slidax import arms
+from slidax.arms import Joint, Payload, TimedPayload, assemble
+from slidax.core import runge_kutta_4, semi_implicit_euler
+from slidax.core.errors import DefinitionError, OutcomeError
+from slidax.core.types import State
+from slidax.motions import ConstantPosture as Still
+from slidax.motions import Sinusoid
+from slidax.plant import Actuator, Constant, Delayed, Encoders, Harmonic, Lossy, TorqueLimits
 from slidax.simulation import MujocoPlant, Plant, Table, simulate, simulate_batch
-from slidax.simulation.mujoco.world import World
-from slidax.trajectories import Constant as Still
-from slidax.trajectories import Sinusoid
-from tests.paper import MOTION_4_1, START_4_1, TWO_LINK
+from slidax.simulation.mujoco_model import World
+from tests.paper_examples import MOTION_4_1, START_4_1, TWO_LINK
 from tests.simulation.simple import SMOOTH_PLANT, SPRING, BoundedLaw, Breaks, Spring, Witness
 
 mujoco = pytest.importorskip("mujoco")
@@ -53,11 +51,11 @@ TREE = assemble(
     gravity=(0.5, -1.0, -9.0),
     name="tree",
 )
-PANDA = eqx.tree_at(lambda arm: arm.armature, robots.panda(), jnp.full(7, 0.1))
+PANDA = eqx.tree_at(lambda arm: arm.armature, arms.panda(), jnp.full(7, 0.1))
 ARMS = {"panda": PANDA, "tree": TREE}
 BY_TURNS = pytest.mark.parametrize("name", [pytest.param("panda", marks=pytest.mark.full), "tree"])
 """Every day the arm of ours that is built otherwise than MuJoCo's; a Panda is a simpler one."""
-LOAD = Load(Payload(2.0, (0.01, -0.02, 0.1), np.diag([0.004, 0.005, 0.006])), attached=0.02, released=0.08)
+LOAD = TimedPayload(Payload(2.0, (0.01, -0.02, 0.1), np.diag([0.004, 0.005, 0.006])), attached=0.02, released=0.08)
 
 
 def plant_of(robot, **more):
@@ -109,7 +107,7 @@ def test_inertia_bias_accelerations_and_tip_are_ours_before_with_and_after_a_loa
 
 def test_what_is_let_go_goes_on_as_the_tip_moved_and_turned():
     h, state = 1e-5, State(q=jnp.linspace(-1.0, 1.0, 6), dq=jnp.linspace(3.0, -4.0, 6))
-    load = Load(Payload(2.0, (0.01, -0.02, 0.1), 0.004), released=h / 2)
+    load = TimedPayload(Payload(2.0, (0.01, -0.02, 0.1), 0.004), released=h / 2)
     world = World(MujocoPlant.of(plant_of(TREE, load=load)), h, state)
     world.advance_to(h)
     world.step(h)
@@ -252,7 +250,7 @@ def test_what_mujoco_cannot_do_is_refused():
         MujocoPlant.of(plant, integrator="rk45")
     flat = Payload(1.0, inertia=np.diag([0.01, 0.01, 0.03]))
     with pytest.raises(DefinitionError, match="no rigid body has this `Payload"):
-        MujocoPlant.of(plant_of(TREE, load=Load(flat)))
+        MujocoPlant.of(plant_of(TREE, load=TimedPayload(flat)))
     with pytest.raises(DefinitionError, match=r"`Table.friction` must be > 0; got 0"):
         Table(0.0, 0.0)
 

@@ -7,12 +7,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from slidax._errors import OutcomeError
-from slidax._types import State
+from slidax.core.errors import OutcomeError
+from slidax.core.types import State
+from slidax.motions import ConstantPosture
 from slidax.simulation import simulate
-from slidax.simulation.outcome import Fault, describe
-from slidax.trajectories import Constant
-from tests.paper import MOTION_4_1, START_4_1, law_4_1, plant_4_1
+from slidax.simulation.outcome import Fault, describe_outcome
+from tests.paper_examples import MOTION_4_1, START_4_1, law_4_1, plant_4_1
 from tests.simulation.simple import SMOOTH_PLANT, SPRING, BoundedLaw, Breaks, Spring
 
 AT_1_KHZ = {"t1": 10.0, "period": 1e-3}
@@ -75,7 +75,7 @@ def test_an_unlogged_run_ends_the_same_way(mode):
 
 
 FALLING = {
-    "trajectory": Constant([np.pi / 2, 0.0]),
+    "trajectory": ConstantPosture([np.pi / 2, 0.0]),
     "state0": State(q=jnp.array([np.pi / 2, 0.0]), dq=jnp.array([1.0, 0.0])),
     "t1": 1.0,
     "period": 0.04,
@@ -153,7 +153,7 @@ def test_an_error_on_its_bound_is_outside_on_either_side(target):
     """The arm falls under gravity or is pushed; whichever bound it meets is the one that is named."""
     law = BoundedLaw(Spring(jnp.zeros(2), jnp.zeros(2)), jnp.asarray(0.1))
     start = State(q=jnp.array([np.pi / 2, 0.0]), dq=jnp.array([target, 0.0]))
-    run = simulate(SMOOTH_PLANT, law, Constant([np.pi / 2, 0.0]), start, t1=2.0, period=0.01)
+    run = simulate(SMOOTH_PLANT, law, ConstantPosture([np.pi / 2, 0.0]), start, t1=2.0, period=0.01)
     assert run.outcome.kind == "left_envelope"
     assert run.outcome.joint == 1
     assert run.outcome.bound == pytest.approx(np.sign(target) * 0.1)
@@ -170,7 +170,7 @@ def test_a_good_run_says_that_it_reached_its_end():
 def test_messages_name_joints_that_have_names() -> None:
     numbers = {"t": 0.5, "joint": 1, "error": 0.2, "bound": 0.1}
     fault = Fault(kind=jnp.asarray(1), **{name: jnp.asarray(value) for name, value in numbers.items()})
-    outcome = describe(fault, None, 0, 1e-3, ("rad", "m"), ("base yaw", "lift"))
+    outcome = describe_outcome(fault, None, 0, 1e-3, ("rad", "m"), ("base yaw", "lift"))
     assert outcome.message.startswith("Joint `lift` left its envelope at t = 0.5 s (e = 0.2 m") and outcome.joint == 2
-    outcome = describe(fault, None, 0, 1e-3, ("rad", "m"), ("joint 1", "joint 2"))
+    outcome = describe_outcome(fault, None, 0, 1e-3, ("rad", "m"), ("joint 1", "joint 2"))
     assert outcome.message.startswith("Joint 2 left its envelope")

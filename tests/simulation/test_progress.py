@@ -4,8 +4,8 @@ import jax
 import numpy as np
 
 from slidax.simulation import simulate
-from slidax.simulation.progress import Progress
-from tests.paper import MOTION_4_1, START_4_1
+from slidax.simulation.engine import Progress
+from tests.paper_examples import MOTION_4_1, START_4_1
 from tests.simulation.simple import SMOOTH_PLANT, SPRING
 
 
@@ -35,7 +35,7 @@ def test_no_bar_shows_when_it_is_not_wanted_or_nobody_looks_on(capfd):
 
 
 def test_a_long_piece_of_work_shows_its_bar_to_a_person(capfd, monkeypatch):
-    import slidax.simulation.progress as module
+    import slidax.simulation.engine as module
 
     monkeypatch.setattr(module.sys.stderr, "isatty", lambda: True)
     monkeypatch.setattr(module, "PATIENCE", -1.0)
@@ -46,7 +46,7 @@ def test_a_long_piece_of_work_shows_its_bar_to_a_person(capfd, monkeypatch):
 
 
 def test_a_short_piece_of_work_shows_none_even_to_a_person(monkeypatch):
-    import slidax.simulation.progress as module
+    import slidax.simulation.engine as module
 
     monkeypatch.setattr(module.sys.stderr, "isatty", lambda: True)
     with Progress(2, shown=None) as bar:

@@ -7,16 +7,16 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from slidax._errors import DefinitionError, OutcomeError
-from slidax._types import State
+from slidax.core.errors import DefinitionError, OutcomeError
+from slidax.core.types import State
+from slidax.motions import ConstantPosture
 from slidax.simulation import simulate
-from slidax.trajectories import Constant
-from tests.paper import MOTION_4_1, START_4_1, law_4_1, plant_4_1
+from tests.paper_examples import MOTION_4_1, START_4_1, law_4_1, plant_4_1
 from tests.simulation.simple import SMOOTH_PLANT, SPRING, BoundedLaw, Breaks, Spring
 
 PERIOD = 0.02
 RINGING = Spring(jnp.array([300.0, 150.0]), jnp.array([25.0, 3.0]))
-STILL = Constant([np.pi / 2, 0.0])
+STILL = ConstantPosture([np.pi / 2, 0.0])
 PUSHED = State(q=jnp.array([np.pi / 2, 0.0]), dq=jnp.array([1.0, -2.0]))
 
 

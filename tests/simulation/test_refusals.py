@@ -3,14 +3,12 @@
 import jax.numpy as jnp
 import pytest
 
-from slidax._errors import DefinitionError
-from slidax._types import State
-from slidax.actuators import Actuator, TorqueLimits
-from slidax.controllers import sampled_data
-from slidax.disturbances import Constant
-from slidax.sensors import Exact
+from slidax.core.errors import DefinitionError
+from slidax.core.types import State
+from slidax.law import sampled_data
+from slidax.plant import Actuator, Constant, Exact, TorqueLimits
 from slidax.simulation import Plant, simulate
-from tests.paper import (
+from tests.paper_examples import (
     MOTION_4_1,
     MOTION_4_2,
     SCARA,

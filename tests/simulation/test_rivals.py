@@ -5,9 +5,9 @@ from functools import cache
 import numpy as np
 import pytest
 
+from slidax.law import Linear
 from slidax.simulation import BANDS, simulate
-from slidax.surfaces import Linear
-from tests.paper import (
+from tests.paper_examples import (
     DISTURBANCE_4_2,
     MOTION_4_1,
     MOTION_4_2,

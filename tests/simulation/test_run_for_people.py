@@ -9,10 +9,10 @@ import jax
 import numpy as np
 import pytest
 
-from slidax import metrics
-from slidax._errors import DefinitionError
+from slidax import analysis
+from slidax.core.errors import DefinitionError
 from slidax.simulation import simulate, simulate_batch
-from tests.paper import MOTION_4_1, MOTION_4_2, START_4_1, START_4_2, law_4_2, plant_4_2
+from tests.paper_examples import MOTION_4_1, MOTION_4_2, START_4_1, START_4_2, law_4_2, plant_4_2
 from tests.simulation.simple import SMOOTH_PLANT, SPRING
 from tests.simulation.test_many_runs import HOW, RADII, falling
 
@@ -29,11 +29,11 @@ def test_it_prints_its_end_and_each_joints_numbers_with_units(scara):
     assert max(map(len, lines[:5])) < 110
     for joint, (name, unit) in enumerate(zip(scara.joint_names, scara.joint_units, strict=True)):
         (line,) = [line for line in lines if line.startswith(name)]
-        assert f"{metrics.steady_error(scara)[joint]:.4g} {unit}" in line
+        assert f"{analysis.steady_error(scara)[joint]:.4g} {unit}" in line
         torque_unit = "N m" if unit == "rad" else "N"
-        assert re.search(rf" {metrics.peak_torque(scara)[joint]:.4g} {torque_unit}( |$)", line)
-        assert f"{metrics.steady_torque_step(scara)[joint]:.4g} {torque_unit}" in line
-        assert f"{metrics.envelope_margin(scara)[joint]:.4g} of its width" in line
+        assert re.search(rf" {analysis.peak_torque(scara)[joint]:.4g} {torque_unit}( |$)", line)
+        assert f"{analysis.steady_torque_step(scara)[joint]:.4g} {torque_unit}" in line
+        assert f"{analysis.envelope_margin(scara)[joint]:.4g} of its width" in line
 
 
 def test_a_run_that_ended_early_says_why_and_shows_no_number_that_it_has_not():

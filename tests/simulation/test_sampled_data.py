@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from slidax import scenarios
-from slidax._types import State
-from slidax.sensors import Encoders, Lossy
+from slidax.core.types import State
+from slidax.plant import Encoders, Lossy
 from slidax.simulation import Plant, simulate, simulate_batch, value_and_gradient
-from tests.paper import MOTION_4_1
+from tests.paper_examples import MOTION_4_1
 
 SCENARIO = scenarios.load("example-4.1-1khz")
 

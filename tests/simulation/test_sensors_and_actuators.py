@@ -7,15 +7,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from slidax._types import State
-from slidax.actuators import Actuator, TorqueLimits
-from slidax.disturbances import Constant
-from slidax.sensors import Delayed, Encoders, Exact, Lossy
+from slidax.core.types import State
+from slidax.motions import ConstantPosture as Still
+from slidax.plant import Actuator, Constant, Delayed, Encoders, Exact, Lossy, TorqueLimits
 from slidax.simulation import Plant, simulate
-from slidax.trajectories import Constant as Still
 from tests.enrolled import every
-from tests.paper import MOTION_4_1, START_4_1, TWO_LINK
-from tests.sensors.members import LIKE_OTHERS, SENSORS
+from tests.paper_examples import MOTION_4_1, START_4_1, TWO_LINK
+from tests.plant.sensors.members import LIKE_OTHERS, SENSORS
 from tests.simulation.simple import SMOOTH_PLANT, SPRING, BoundedLaw, Pendulum, Spring, Witness
 
 PERIOD = 1e-2

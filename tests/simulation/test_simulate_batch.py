@@ -6,12 +6,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from slidax._errors import DefinitionError
-from slidax._types import State
-from slidax.sensors import DifferencedEncoders
+from slidax.core.errors import DefinitionError
+from slidax.core.types import State
+from slidax.motions import ConstantPosture
+from slidax.plant import DifferencedEncoders
 from slidax.simulation import Plant, simulate, simulate_batch
-from slidax.trajectories import Constant
-from tests.paper import DISTURBANCE_4_1, MOTION_4_1, START_4_1, TWO_LINK, law_4_1, plant_4_1
+from tests.paper_examples import DISTURBANCE_4_1, MOTION_4_1, START_4_1, TWO_LINK, law_4_1, plant_4_1
 from tests.simulation.simple import SMOOTH_PLANT, SPRING, BoundedLaw, Spring
 
 HOW = {"t1": 0.4, "period": 1e-3}
@@ -55,7 +55,7 @@ def test_a_batch_tells_which_runs_went_wrong_where_and_when(engine):
     def bounded(radius):
         law = BoundedLaw(Spring(jnp.zeros(2), jnp.zeros(2)), radius)
         start = State(q=jnp.array([np.pi / 2, 0.0]), dq=jnp.array([1.0, 0.0]))
-        return SMOOTH_PLANT, law, Constant([np.pi / 2, 0.0]), start
+        return SMOOTH_PLANT, law, ConstantPosture([np.pi / 2, 0.0]), start
 
     done = simulate_batch(bounded, jnp.array([0.095, 10.0, 0.135]), t1=0.4, period=0.04, log_every=1, engine=engine)
     assert done.fault.kind.tolist() == [1, 0, 1]
@@ -93,4 +93,6 @@ def test_arrays_without_one_first_axis_are_refused(varied):
 
 def test_parts_that_do_not_fit_are_refused():
     with pytest.raises(DefinitionError, match="the trajectory gives"):
-        simulate_batch(lambda x: (SMOOTH_PLANT, SPRING, Constant([0.0]), START_4_1), jnp.zeros(2), t1=0.1, period=0.01)
+        simulate_batch(
+            lambda x: (SMOOTH_PLANT, SPRING, ConstantPosture([0.0]), START_4_1), jnp.zeros(2), t1=0.1, period=0.01
+        )

@@ -4,11 +4,11 @@ import jax
 import numpy as np
 import pytest
 
-from slidax._errors import DefinitionError
-from slidax.numerics import semi_implicit_euler
+from slidax.core import semi_implicit_euler
+from slidax.core.errors import DefinitionError
 from slidax.simulation import Stepping, simulate, simulate_batch
 from tests.architecture.test_architecture import in_a_fresh_interpreter
-from tests.paper import MOTION_4_1, START_4_1
+from tests.paper_examples import MOTION_4_1, START_4_1
 from tests.simulation.simple import SMOOTH_PLANT, SPRING
 
 LOOP = (SMOOTH_PLANT, SPRING, MOTION_4_1, START_4_1)

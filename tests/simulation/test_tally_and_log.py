@@ -10,7 +10,7 @@ import pytest
 
 from slidax.simulation import BANDS, Tally, simulate
 from slidax.simulation.tally import Windows
-from tests.paper import MOTION_4_1, START_4_1, law_4_1, plant_4_1
+from tests.paper_examples import MOTION_4_1, START_4_1, law_4_1, plant_4_1
 from tests.simulation.simple import SMOOTH_PLANT, SPRING
 
 PERIOD, END = 2e-3, 3.0

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from slidax import metrics, scenarios
-from slidax._errors import DefinitionError
+from slidax import analysis, scenarios
+from slidax.core.errors import DefinitionError
 from slidax.simulation import Run
 
 FIXED_TIME = {"kind": "fixed_time", "initial": [0.8, 0.6], "final": 0.002, "deadline": [5.0, 6.0], "exponent": 2.01}
@@ -27,8 +27,8 @@ def run(tolerance, engine="auto", **changes) -> Run:
 @pytest.mark.parametrize("engine", ["native", "xla"])
 def test_a_tolerance_like_the_schemes_envelope_has_its_margin_to_the_bit(engine):
     watched = run(OWN, engine, **{"scheme.sampled_data": None})
-    np.testing.assert_array_equal(metrics.tolerance_margin(watched), metrics.envelope_margin(watched))
-    assert metrics.tolerance_violations(watched) == metrics.envelope_violations(watched) == 0
+    np.testing.assert_array_equal(analysis.tolerance_margin(watched), analysis.envelope_margin(watched))
+    assert analysis.tolerance_violations(watched) == analysis.envelope_violations(watched) == 0
 
 
 def test_a_tolerance_changes_no_bit_of_a_run_and_a_run_without_one_has_nothing_of_it():
@@ -37,10 +37,10 @@ def test_a_tolerance_changes_no_bit_of_a_run_and_a_run_without_one_has_nothing_o
     np.testing.assert_array_equal(plain.log.state.q, watched.log.state.q)
     assert (
         plain.tally.tolerance is None
-        and metrics.tolerance_margin(plain) is None
-        and metrics.tolerance_violations(plain) is None
+        and analysis.tolerance_margin(plain) is None
+        and analysis.tolerance_violations(plain) is None
     )
-    assert "tolerance_margin" not in metrics.summary(plain) and "tolerance_margin" in metrics.summary(watched)
+    assert "tolerance_margin" not in analysis.summary(plain) and "tolerance_margin" in analysis.summary(watched)
 
 
 @pytest.mark.parametrize("scheme", ["gravity_pd", "cftsmppc"])
@@ -50,9 +50,9 @@ def test_every_scheme_is_counted_against_the_tolerance_by_the_log_of_all_samples
     sides = np.where(found.log.e[0] >= 0, [[-0.5], [1.0]], [[-1.0], [0.5]])
     lower, upper = sides[0] * rho, sides[1] * rho
     outside = ((found.log.e <= lower) | (found.log.e >= upper)).any(axis=1)
-    assert metrics.tolerance_violations(found) == outside.sum() > 0
+    assert analysis.tolerance_violations(found) == outside.sum() > 0
     nearer = np.minimum(found.log.e - lower, upper - found.log.e) / (upper - lower)
-    np.testing.assert_allclose(metrics.tolerance_margin(found), nearer.min(axis=0), rtol=1e-9)
+    np.testing.assert_allclose(analysis.tolerance_margin(found), nearer.min(axis=0), rtol=1e-9)
     assert f"Samples outside the tolerance band: {outside.sum()} of 401." in repr(found)
 
 
@@ -66,9 +66,9 @@ def test_a_batch_has_the_tolerance_of_its_scenario_and_may_vary_it():
         lambda one, share: one.replace(tolerance=type(tolerance)(tolerance.performance, share)), np.array([0.5, 0.25])
     )
     single = scenario.simulate(log_every=None)
-    violations, margins = metrics.tolerance_violations(many), metrics.tolerance_margin(many)
-    assert violations[0] == metrics.tolerance_violations(single)
-    np.testing.assert_array_equal(margins[0], metrics.tolerance_margin(single))
+    violations, margins = analysis.tolerance_violations(many), analysis.tolerance_margin(many)
+    assert violations[0] == analysis.tolerance_violations(single)
+    np.testing.assert_array_equal(margins[0], analysis.tolerance_margin(single))
     # On the far side the error is as near to the bound as before, and the tolerance band is slimmer.
     assert np.all(margins[1] != margins[0])
 

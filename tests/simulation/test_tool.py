@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from slidax import robots
-from slidax.simulation.tool import Off, Tool, turned
+from slidax import arms
+from slidax.simulation.tally import ErrorTally, ToolTally, rotation_angle
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-12, 1e-6, 0.3, 1.5, 3.0, np.pi - 1e-7, np.pi])
@@ -19,28 +19,28 @@ def test_the_angle_of_the_rotation_between_is_found_however_small_or_large(angle
         axis = rng.standard_normal(3)
         first = Rotation.random(rng=rng)
         second = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis)) * first
-        found = turned(jnp.asarray(second.as_matrix()), jnp.asarray(first.as_matrix()))
+        found = rotation_angle(jnp.asarray(second.as_matrix()), jnp.asarray(first.as_matrix()))
         np.testing.assert_allclose(found, angle, rtol=1e-9, atol=1e-15)
 
 
 def test_at_no_error_it_has_a_finite_slope():
-    arm = robots.panda()
-    q = jnp.asarray(robots.built_in_arm("panda").home)
-    slope = jax.grad(lambda x: turned(arm.tip_frame(x)[0], arm.tip_frame(q)[0]))(q)
+    arm = arms.panda()
+    q = jnp.asarray(arms.built_in_arm("panda").home)
+    slope = jax.grad(lambda x: rotation_angle(arm.tip_frame(x)[0], arm.tip_frame(q)[0]))(q)
     assert np.isfinite(slope).all()
 
 
 def test_of_an_arm_from_a_file_it_is_that_of_its_own_frames():
-    arm = robots.panda()
+    arm = arms.panda()
     rng = np.random.default_rng(4)
-    seen, yes = Tool.begin(arm), jnp.asarray(True)
+    seen, yes = ToolTally.begin(arm), jnp.asarray(True)
     angles = []
     for _ in range(5):
-        wanted = jnp.asarray(robots.built_in_arm("panda").home + 0.2 * rng.standard_normal(7))
+        wanted = jnp.asarray(arms.built_in_arm("panda").home + 0.2 * rng.standard_normal(7))
         q = wanted + 0.1 * rng.standard_normal(7)
         between = Rotation.from_matrix(arm.tip_frame(q)[0]) * Rotation.from_matrix(arm.tip_frame(wanted)[0]).inv()
         angles.append(between.magnitude())
         seen = seen.add(arm, q, wanted, yes, yes)
-    assert isinstance(seen.turn, Off)
+    assert isinstance(seen.turn, ErrorTally)
     np.testing.assert_allclose(seen.turn.error, max(angles), rtol=1e-9)
     np.testing.assert_allclose(seen.turn.square, np.sum(np.square(angles)), rtol=1e-9)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from slidax import scenarios
-from slidax._errors import DefinitionError
+from slidax.core.errors import DefinitionError
 from slidax.simulation import simulate, value_and_gradient
-from tests.paper import MOTION_4_1, START_4_1, law_4_1, plant_4_1
+from tests.paper_examples import MOTION_4_1, START_4_1, law_4_1, plant_4_1
 from tests.simulation.simple import SMOOTH_PLANT, SPRING
 
 HOW = {"t1": 0.1, "period": 1e-3}

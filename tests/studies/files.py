@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from slidax.studies import AbstractStudy, How, MonteCarlo, study_of
+from slidax.studies import AbstractStudy, MonteCarlo, RunOptions, study_of
 
 UNCERTAIN: dict[str, Any] = {
     "robot.plant.masses": {"around": "20 %"},
@@ -36,4 +36,4 @@ def ran(out: Path | None = None, *, resume: bool = False, **changes: Any) -> Any
     """What it finds."""
     request = study(**changes)
     assert isinstance(request, MonteCarlo)
-    return request.run(How(out, resume))
+    return request.run(RunOptions(out, resume))

@@ -1,6 +1,6 @@
 """Small studies of one family, so that its loop is compiled once for all of them."""
 
-from slidax.studies import How, study_of
+from slidax.studies import RunOptions, study_of
 
 UNCERTAIN = {
     "robot.plant.masses": {"around": "20 %"},
@@ -23,7 +23,7 @@ WEAK = {
 
 
 def found(kind, **text):
-    return asked(kind, **text).run(How())
+    return asked(kind, **text).run(RunOptions())
 
 
 def asked(kind, **text):

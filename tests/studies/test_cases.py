@@ -7,12 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slidax._errors import DefinitionError
+from slidax.core.errors import DefinitionError
 from slidax.scenarios.family import Family
-from slidax.scenarios.load import altered_description, described
-from slidax.studies.cases import Cases
-from slidax.studies.points import points
-from slidax.studies.table import columns_of
+from slidax.scenarios.load import altered_description, read_description
+from slidax.studies.cases import Cases, columns_of, points
 
 from .files import UNCERTAIN
 
@@ -20,7 +18,7 @@ SHORT = {"simulation.t1": 0.1}
 
 
 def cases(scenario: str, sets: dict[str, Any], changes: dict[str, Any], engine: str | None = None) -> Cases:
-    base = altered_description(described(scenario), {**changes, "uncertainty": sets})
+    base = altered_description(read_description(scenario), {**changes, "uncertainty": sets})
     return Cases(Family.of(base), engine)
 
 
@@ -96,7 +94,7 @@ def test_both_engines_have_the_same_rows_up_to_rounding() -> None:
 
 
 def test_a_period_makes_a_loop_of_its_own_and_too_many_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    base = altered_description(described("example-4.1-1khz"), SHORT)
+    base = altered_description(read_description("example-4.1-1khz"), SHORT)
     sets = {"simulation.period": {"choice": [0.001, 0.002]}, "disturbance.scale": {"between": [0, 1]}}
     family = Family.of(base, {}, type(base).model_validate({**base.model_dump(), "uncertainty": sets}).uncertainty)
     of = Cases(family)

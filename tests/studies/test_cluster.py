@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slidax._errors import DefinitionError
-from slidax.studies import How
+from slidax.core.errors import DefinitionError
+from slidax.studies import RunOptions
 from slidax.studies.cluster import Cluster
 
 from .files import ran, study
@@ -113,7 +113,7 @@ def test_the_rows_are_those_of_one_process_whichever_worker_dies(
             # One study may be over before all have been killed: then the next one goes on.
             while True:
                 out = tmp_path / f"there{again}"
-                study(**changes).run(How(out, pool=pool))
+                study(**changes).run(RunOptions(out, pool=pool))
                 assert_same_rows(out, tmp_path / "here", changes["runs"])
                 again += 1
                 if not killer.is_alive():

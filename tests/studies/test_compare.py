@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from slidax._errors import DefinitionError
+from slidax.core.errors import DefinitionError
 
 from .kinds import UNCERTAIN, found
 

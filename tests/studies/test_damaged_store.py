@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slidax._errors import DefinitionError, DefinitionWarning
-from slidax._writing import is_temporary
+from slidax.core.errors import DefinitionError, DefinitionWarning
+from slidax.core.writing import is_temporary
 from slidax.studies import read_rows, scenario_of_row
 from slidax.studies.store import Store, rows_kept
 
@@ -175,7 +175,7 @@ def test_a_table_with_other_columns_is_a_clear_line(
 
 
 def test_a_table_that_announces_too_many_numbers_is_not_read(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("slidax.studies.stored.MOST_NUMBERS", 799)
+    monkeypatch.setattr("slidax.studies.store.MOST_NUMBERS", 799)
     with pytest.raises(DefinitionError, match=r"it has 200 rows, and 4 columns .* at most 8e\+02 numbers are read"):
         read_rows(out)
 

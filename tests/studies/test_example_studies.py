@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from slidax._errors import DefinitionWarning
+from slidax.core.errors import DefinitionWarning
 from slidax.studies import read_study
 
 FILES = sorted((Path(__file__).parents[2] / "examples" / "studies").glob("*.yaml"))

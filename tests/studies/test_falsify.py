@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from slidax import scenarios
-from slidax._errors import DefinitionError
-from slidax.reports import write_scenario
-from slidax.studies import How, read_study, study_of
-from slidax.studies.table import columns_of
+from slidax.core.errors import DefinitionError
+from slidax.report import write_scenario
+from slidax.studies import RunOptions, read_study, study_of
+from slidax.studies.cases import columns_of
 
 from .kinds import SHORT, asked, found, weak
 
@@ -69,8 +69,8 @@ def test_a_search_that_was_stopped_goes_on_where_it_was(tmp_path):
 
     study = asked("falsify", runs=160)
     with pytest.raises(KeyboardInterrupt):
-        study.run(How(tmp_path / "study", progress=stopped))
-    resumed = study.run(How(tmp_path / "study", resume=True))
+        study.run(RunOptions(tmp_path / "study", progress=stopped))
+    resumed = study.run(RunOptions(tmp_path / "study", resume=True))
     assert 0 < resumed.computed < whole.runs
     for name, column in whole.table.items():
         np.testing.assert_array_equal(resumed.table[name], column)
@@ -114,9 +114,9 @@ def test_what_cannot_be_searched_is_said_in_a_line(said, message):
 def test_it_finds_what_ten_thousand_random_runs_miss_and_nothing_in_the_mended_arm(name, mended):
     study = read_study(EXAMPLES / f"falsify-{name}.yaml")
     text = study.model_dump(include={"scenario", "changes", "uncertainty"}, exclude_unset=True)
-    random = study_of({**text, "study": "monte_carlo", "runs": 10_000}).run(How())
+    random = study_of({**text, "study": "monte_carlo", "runs": 10_000}).run(RunOptions())
     assert random.rates[0].failures == 0
-    worst = study.run(How())
+    worst = study.run(RunOptions())
     assert worst.failures > 0 and worst.table["margin"].min() < -0.02
-    held = study.model_copy(update={"changes": {**study.changes, **mended}}).run(How())
+    held = study.model_copy(update={"changes": {**study.changes, **mended}}).run(RunOptions())
     assert held.good and held.table["margin"].min() > 0.02

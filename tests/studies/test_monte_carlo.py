@@ -10,10 +10,10 @@ import pytest
 from scipy.stats import binomtest
 
 from slidax import scenarios
-from slidax._errors import DefinitionError
-from slidax.reports import write_scenario, write_study_report
+from slidax.core.errors import DefinitionError
+from slidax.report import write_scenario, write_study_report
 from slidax.studies import Predicate, read_rows, scenario_of_row
-from slidax.studies.table import columns_of
+from slidax.studies.cases import columns_of
 
 from .files import FAILING, ran, study
 

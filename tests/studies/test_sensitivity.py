@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from slidax._errors import DefinitionError
-from slidax.studies.search import sobol_indices
+from slidax.core.errors import DefinitionError
+from slidax.studies.sensitivity import sobol_indices
 
 from .kinds import found
 

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slidax._errors import DefinitionError
-from slidax._writing import is_temporary
-from slidax.studies import How, Part, PartDone
+from slidax.core.errors import DefinitionError
+from slidax.core.writing import is_temporary
+from slidax.studies import Part, PartDone, RunOptions
 
 from .files import STUDY, ran, study
 from .test_store import assert_same_rows
@@ -25,7 +25,7 @@ PROCESS = """
 import sys, json, jax
 jax.config.update("jax_enable_x64", True)
 from pathlib import Path
-from slidax.studies import How, Part, PartDone, study_of
+from slidax.studies import Part, PartDone, RunOptions, study_of
 from slidax.studies import runner
 runner.LEAST = runner.MOST = 64
 text, out, part = sys.argv[1:]
@@ -83,16 +83,16 @@ def test_parts_of_a_study_are_put_together_by_whoever_is_last(tmp_path: Path) ->
     ran(tmp_path / "alone")
     out = tmp_path / "out"
     with pytest.raises(PartDone) as done:
-        study().run(How(out, part=Part(2, 3)))
+        study().run(RunOptions(out, part=Part(2, 3)))
     assert (done.value.missing, done.value.total) == (136, 200) and not (out / "rows.parquet").exists()
     with pytest.raises(PartDone) as done:
-        study().run(How(out, part=Part(1, 3)))
+        study().run(RunOptions(out, part=Part(1, 3)))
     assert done.value.missing == 64
-    last = study().run(How(out, part=Part(3, 3)))
+    last = study().run(RunOptions(out, part=Part(3, 3)))
     assert (last.computed, last.runs) == (64, 200)
     assert_same_rows(out, tmp_path / "alone", 200)
     with pytest.raises(DefinitionError, match="another study"):
-        study(seed=6).run(How(out, part=Part(3, 3)))
+        study(seed=6).run(RunOptions(out, part=Part(3, 3)))
 
 
 COMPARE = {"study": "compare", "schemes": {"ours": {}, "wider": {"scheme.performance.final": 0.006}}, "runs": 128}
@@ -102,11 +102,11 @@ COMPARE = {"study": "compare", "schemes": {"ours": {}, "wider": {"scheme.perform
 @pytest.mark.usefixtures("small_chunks")
 def test_a_comparison_is_computed_in_parts(tmp_path: Path) -> None:
     request = study(**COMPARE)
-    request.run(How(tmp_path / "alone"))
+    request.run(RunOptions(tmp_path / "alone"))
     with pytest.raises(PartDone) as done:
-        request.run(How(tmp_path / "out", part=Part(1, 2)))
+        request.run(RunOptions(tmp_path / "out", part=Part(1, 2)))
     assert (done.value.missing, done.value.total) == (128, 256)
-    request.run(How(tmp_path / "out", part=Part(2, 2)))
+    request.run(RunOptions(tmp_path / "out", part=Part(2, 2)))
     for name in ("ours", "wider"):
         assert_same_rows(tmp_path / "out" / name, tmp_path / "alone" / name, 128)
 
@@ -119,11 +119,11 @@ def test_a_part_that_is_none_is_refused(text: str) -> None:
 
 def test_a_part_is_refused_where_rows_depend_on_the_ones_before(tmp_path: Path) -> None:
     with pytest.raises(DefinitionError, match="monte_carlo with `until` chooses each row by the ones before"):
-        study(until={"probability": 0.9}).run(How(tmp_path / "out", part=Part(1, 2)))
+        study(until={"probability": 0.9}).run(RunOptions(tmp_path / "out", part=Part(1, 2)))
     with pytest.raises(DefinitionError, match="falsify chooses each row by the ones before"):
-        study(study="falsify", runs=64).run(How(tmp_path / "out", part=Part(1, 2)))
+        study(study="falsify", runs=64).run(RunOptions(tmp_path / "out", part=Part(1, 2)))
     with pytest.raises(DefinitionError, match="--out"):
-        study().run(How(part=Part(1, 2)))
+        study().run(RunOptions(part=Part(1, 2)))
     assert not (tmp_path / "out").exists()
 
 

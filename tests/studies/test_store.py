@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slidax._errors import DefinitionError, DefinitionWarning
-from slidax.studies import How, read_rows
+from slidax.core.errors import DefinitionError, DefinitionWarning
+from slidax.studies import RunOptions, read_rows
 from slidax.studies.runner import Runner
 
 from .files import STUDY, ran, study
@@ -23,7 +23,7 @@ RUNNER = """
 import sys, json, jax
 jax.config.update("jax_enable_x64", True)
 from pathlib import Path
-from slidax.studies import How, study_of
+from slidax.studies import RunOptions, study_of
 from slidax.studies import runner
 runner.LEAST = runner.MOST = 64
 print("begin", flush=True)
@@ -87,7 +87,7 @@ def test_a_study_that_was_killed_goes_on_and_ends_with_the_same_file(tmp_path: P
             raise Stopped
 
     with pytest.raises(Stopped):
-        study().run(How(out, progress=stop))
+        study().run(RunOptions(out, progress=stop))
     assert not (out / "rows.parquet").exists() and len(list((out / "parts").iterdir())) == 2
     # A part that was being written is no part, and a damaged one is computed again.
     (out / "parts" / "000000000128-64.tmp77").write_bytes(b"half of a file")

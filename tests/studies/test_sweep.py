@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from slidax import scenarios
-from slidax._errors import DefinitionError
+from slidax.core.errors import DefinitionError
+from slidax.studies.cases import columns_of
 from slidax.studies.sweep import one_number
-from slidax.studies.table import columns_of
 
 from .kinds import SHORT, found
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from slidax import scenarios
-from slidax._errors import DefinitionError
-from slidax.reports import write_scenario
-from slidax.studies.gains import judged, point_of_own
-from slidax.studies.predicate import Predicate
+from slidax.core.errors import DefinitionError
+from slidax.report import write_scenario
+from slidax.studies.predicates import Predicate
+from slidax.studies.tune import evaluate_aims, point_of_own
 
 from .kinds import found
 
@@ -73,7 +73,7 @@ def test_a_candidate_is_out_if_one_of_its_cases_fails_or_has_too_little_margin()
         "margin": np.array([0.3, 0.2, 0.4, -0.5, 0.3, 0.04]),
         "steady_error": np.array([1.0, 3.0, 5.0, 5.0, 2.0, 4.0]),
     }
-    result = judged(rows, 2, ["steady_error"], [Predicate("envelope")], 0.05)
+    result = evaluate_aims(rows, 2, ["steady_error"], [Predicate("envelope")], 0.05)
     assert result.aims[:, 0].tolist() == [2.0, 5.0, 3.0]
     np.testing.assert_allclose(result.broken, [-0.15, 1.55, 0.01])
 

@@ -21,7 +21,7 @@ def client(shared_root: Path) -> Iterator[Any]:
     from starlette.testclient import TestClient
 
     from slidax.studio.app import Studio
-    from slidax.studio.folder import Folder
+    from slidax.studio.files import Folder
 
     port = 8577
     app = Studio(Folder(shared_root), module="slidax.cli", opened="").app(port=port, token="right")

@@ -15,9 +15,9 @@ pytest.importorskip("uvicorn", reason="the extra `studio` is not installed")
 
 import uvicorn
 
-from slidax.studio import connection
-from slidax.studio.connection import connections
+from slidax.studio import server as connection
 from slidax.studio.guard import Guard
+from slidax.studio.server import connections
 
 TOKEN = "right"
 

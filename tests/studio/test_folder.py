@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from slidax._errors import DefinitionError
-from slidax.studio.folder import Folder, mark_of
-from slidax.studio.names import OutsideError, parts_of
+from slidax.core.errors import DefinitionError
+from slidax.studio.files import Folder, OutsideError, mark_of, parts_of
 
 from .tricks import SECRET, planted, state_of, tricks
 

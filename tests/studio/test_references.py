@@ -5,10 +5,9 @@ from typing import Any
 
 import pytest
 
-from slidax._errors import DefinitionError
+from slidax.core.errors import DefinitionError
 from slidax.scenarios.yaml_text import read_yaml
-from slidax.studio.folder import Folder
-from slidax.studio.names import OutsideError
+from slidax.studio.files import Folder, OutsideError
 from slidax.studio.references import require_beneath, require_file_beneath
 
 from .tricks import planted, tricks

@@ -16,7 +16,7 @@ pytest.importorskip("httpx2", reason="Starlette's test client needs httpx2")
 from starlette.testclient import TestClient
 
 from slidax.studio.bench import OWN_FAULT
-from slidax.studio.commands import COMMANDS
+from slidax.studio.jobs import COMMANDS
 from slidax.studio.requests import QUESTIONS, JobRequest, RequestError, ScenarioRequest, read_request
 
 JSON = {"content-type": "application/json"}
@@ -224,7 +224,7 @@ def test_odd_addresses_are_refused(client: TestClient, address: str) -> None:
 
 def test_the_page_without_the_token_has_nothing_of_the_users_scenario(tmp_path: Path) -> None:
     from slidax.studio.app import DEFAULT, Studio
-    from slidax.studio.folder import Folder
+    from slidax.studio.files import Folder
 
     (tmp_path / "mine.yaml").write_text("title: a secret arm\n")
     studio = Studio(Folder(tmp_path), module="slidax.cli", opened="mine.yaml")

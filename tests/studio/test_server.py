@@ -15,7 +15,7 @@ pytest.importorskip("uvicorn", reason="the extra `studio` is not installed")
 if not sys.platform.startswith("linux"):
     pytest.skip("processes are looked at by /proc", allow_module_level=True)
 
-from slidax._errors import DefinitionError
+from slidax.core.errors import DefinitionError
 from slidax.studio.server import serve
 
 from .running import Running, gone

@@ -10,24 +10,13 @@ from typing import Annotated
 
 import typer
 
-from .certify import certify
-from .compare import compare
-from .demo import demo
-from .design import design
-from .excite import excite
-from .explain import explain
+from .arm import excite, identify, new
+from .catalogue import list_, schema, studio
+from .demo import demo, reproduce
 from .export import export_c, export_fmu, export_franka, export_micro, export_ros2, export_ur, export_web
-from .identify import identify
-from .league import benchmark
-from .linear import linear
-from .listing import list_, schema
-from .loop import loop
-from .new import new
-from .replay import replay
-from .reproduce import reproduce
-from .run import run
-from .studio import studio
-from .study import study
+from .law import certify, design, linear
+from .run import compare, explain, loop, replay, run
+from .study import benchmark, study
 
 app = typer.Typer(
     name="slidax",

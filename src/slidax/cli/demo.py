@@ -1,19 +1,20 @@
-"""`slidax demo`."""
+"""`slidax demo` and `slidax reproduce`."""
 
 from __future__ import annotations
 
 import time
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .session import errors_as_lines, prepare, say_where
+from .common import errors_as_lines, prepare, say_where
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from slidax.reports import Rival
+    from slidax.report.comparison import Rival
 
 SCENARIO = "example-4.1-1khz"
 
@@ -63,7 +64,7 @@ def demo(
         _print_verdicts(console, rivals)
         console.print(REMARK)
         with console.status("writing the page"):
-            from slidax.reports import write_comparison
+            from slidax.report.comparison import write_comparison
 
             page = write_comparison(rivals, out, command="slidax demo")
         say_where(out)
@@ -79,10 +80,10 @@ def _play(console: Console, still: bool) -> dict[str, Rival]:
     from rich.live import Live
 
     with console.status("starting JAX"):
-        from slidax.reports import Rival
-        from slidax.scenarios import load
+        from slidax.report.comparison import Rival
+        from slidax.scenarios.load import load
 
-        from .funnel import funnel
+        from .terminal_plot import funnel
 
     judge = load(SCENARIO)
     rivals: dict[str, Rival] = {}
@@ -107,7 +108,7 @@ def _print_verdicts(console: Console, rivals: dict[str, Rival]) -> None:
     import numpy as np
     from rich.table import Table
 
-    from slidax.metrics import steady_error, steady_torque_step
+    from slidax.analysis.metrics import steady_error, steady_torque_step
 
     table = Table(box=None, pad_edge=False)
     table.add_column("")
@@ -122,3 +123,31 @@ def _print_verdicts(console: Console, rivals: dict[str, Rival]) -> None:
         else:
             table.add_row(title, f"{run.outcome.kind.replace('_', ' ')} at {run.outcome.t:.2f} s", "-", "-")
     console.print(table)
+
+
+Disturbance = StrEnum("Disturbance", ["stated", "off", "both"])
+"""Readings of the paper's disturbance."""
+
+
+def reproduce(
+    out: Annotated[Path, typer.Option(help="Folder for the report and results.json.")] = Path("reproduction"),
+    disturbance: Annotated[Disturbance, typer.Option(help="As stated, off, or both.")] = Disturbance.both,
+) -> None:
+    """Compute the paper's figures and tables, and compare them with the printed ones in a report."""
+    with errors_as_lines():
+        prepare()
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+        from slidax import paper
+
+        console = Console(stderr=True)
+        columns = (TextColumn("{task.description:<44}"), BarColumn(), TimeElapsedColumn())
+        with Progress(*columns, console=console, transient=True) as bar:
+            task = bar.add_task("starting", total=1.0)
+            paper.reproduce(
+                out,
+                disturbance=disturbance.value,
+                progress=lambda stage, done: bar.update(task, description=stage, completed=done),
+            )
+        say_where(out)

@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .options import Changes, Named
-from .session import command_line, errors_as_lines, parsed, prepare
+from .common import Changes, Named, command_line, errors_as_lines, parsed, prepare
 
 if TYPE_CHECKING:
-    from slidax.scenarios import Scenario
+    from slidax.scenarios.scenario import Scenario
 
 Folder = Annotated[Path, typer.Option(help="Folder of the project.")]
 
@@ -33,15 +32,15 @@ def export_c(
     """Export the law as a C99 project: library, tests against Python, latency benchmark, example, C++ wrapper."""
 
     def summary(project: Any) -> str:
-        from slidax import deploy
+        from slidax.export import measure_step
 
-        size = deploy.measured(project, out)
+        size = measure_step(project, out)
         operations = "" if project.longest is None else f" and {project.longest.operations} operations"
         return f"at most {project.stack} bytes of stack{operations} per step, {size}"
 
     with errors_as_lines():
         out.mkdir(parents=True, exist_ok=True)
-    _export("c", "slidax.deploy", scenario, changes, out, summary, name=name, single=single)
+    _export("c", "slidax.export", scenario, changes, out, summary, name=name, single=single)
 
 
 def export_micro(
@@ -52,14 +51,14 @@ def export_micro(
     def summary(project: Any) -> str:
         return f"at most {project.stack} bytes of stack; test it with `make test` in this folder"
 
-    _export("micro", "slidax.deploy.micro", scenario, changes, out, summary, name=name, single=single)
+    _export("micro", "slidax.export", scenario, changes, out, summary, name=name, single=single)
 
 
 def export_franka(
     scenario: Named, out: Folder, name: LawName = None, single: Floats = False, changes: Changes = None
 ) -> None:
     """Export the law as a program for a Franka arm: C++ for libfranka, Python for pylibfranka, and a rehearsal."""
-    _export("franka", "slidax.deploy.franka", scenario, changes, out, "for a Franka arm", name=name, single=single)
+    _export("franka", "slidax.export", scenario, changes, out, "for a Franka arm", name=name, single=single)
 
 
 def export_ur(
@@ -67,7 +66,7 @@ def export_ur(
 ) -> None:
     """Export the law as a program for a Universal Robots arm: Python for ur_rtde's directTorque, and a rehearsal."""
     arm = "for a Universal Robots arm"
-    _export("ur", "slidax.deploy.ur", scenario, changes, out, arm, name=name, single=single)
+    _export("ur", "slidax.export", scenario, changes, out, arm, name=name, single=single)
 
 
 def export_ros2(
@@ -82,7 +81,7 @@ def export_ros2(
 ) -> None:
     """Export the law as a ROS 2 package: a ros2_control controller with its parameters, and a node in Python."""
     options = {"name": name, "single": single, "gravity": gravity.value}
-    _export("ros2", "slidax.deploy.ros2", scenario, changes, out, "for ros2_control", **options)
+    _export("ros2", "slidax.export", scenario, changes, out, "for ros2_control", **options)
 
 
 def export_fmu(
@@ -97,7 +96,7 @@ def export_fmu(
 ) -> None:
     """Export the law as a Functional Mock-up Unit for co-simulation, with binaries and sources."""
     with _exporting(scenario, changes) as parts:
-        from slidax.deploy import fmu
+        from slidax.export import fmu
 
         chosen = None if platforms is None else [each.strip() for each in platforms.split(",")]
         unit = fmu.export_fmu(parts, out, name=name, fmi=fmi, platforms=chosen, command=command_line())
@@ -127,9 +126,9 @@ def export_web(
     """
     with errors_as_lines():
         prepare()
-        from slidax._errors import DefinitionError, counted
-        from slidax.deploy import web
-        from slidax.scenarios import load
+        from slidax.core.errors import DefinitionError, count_noun
+        from slidax.export import web
+        from slidax.scenarios.load import load
 
         if scenario is None:
             if beside or changes or certify_rate:
@@ -141,8 +140,8 @@ def export_web(
         page = web.write_page(manifest, out)
         sliders = sum(len(setting["tunables"]) for setting in manifest["settings"])
         typer.echo(
-            f"{counted(len(manifest['settings']), 'law')}, {counted(len(manifest['programs']), 'program')}, "
-            f"{counted(sliders, 'slider')}, {page.stat().st_size / 1e6:.2f} MB: {page.resolve()}"
+            f"{count_noun(len(manifest['settings']), 'law')}, {count_noun(len(manifest['programs']), 'program')}, "
+            f"{count_noun(sliders, 'slider')}, {page.stat().st_size / 1e6:.2f} MB: {page.resolve()}"
         )
 
 
@@ -167,6 +166,6 @@ def _export(
 def _exporting(scenario: str, changes: list[str] | None) -> Iterator[Scenario]:
     with errors_as_lines():
         prepare()
-        from slidax.scenarios import load
+        from slidax.scenarios.load import load
 
         yield load(scenario, parsed(changes or []))

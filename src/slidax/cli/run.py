@@ -1,19 +1,33 @@
-"""`slidax run`."""
+"""Commands about runs: `run`, `explain`, `compare`, `loop`, `replay`."""
 
 from __future__ import annotations
 
+import os
 import time
+from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .options import AsJson, Changes, Engine, Named
-from .session import OUTCOME, command_line, errors_as_lines, parsed, prepare, print_json, say_warning, say_where
+from .common import (
+    OUTCOME,
+    AsJson,
+    Changes,
+    Engine,
+    Named,
+    command_line,
+    errors_as_lines,
+    parsed,
+    prepare,
+    print_json,
+    say_warning,
+    say_where,
+)
 
 if TYPE_CHECKING:
-    from slidax.scenarios import Scenario
-    from slidax.simulation import Run
+    from slidax.scenarios.scenario import Scenario
+    from slidax.simulation.run import Run
 
 SECONDS = 20.0
 """Time for testing remedies after a run that left its envelope [s]."""
@@ -46,8 +60,9 @@ def run(
     """
     with errors_as_lines():
         prepare()
-        from slidax.scenarios import load
-        from slidax.terminal import print_run, run_as_json
+        from slidax.scenarios.load import load
+
+        from .tables import print_run, run_as_json
 
         chosen = {} if engine is None else {"simulation.engine": engine.value}
         parts = load(scenario, parsed(changes or []) | chosen)
@@ -55,9 +70,11 @@ def run(
         if log is not None:
             _require_log(parts, log)
         if folder is not None:
-            from slidax.papers.indices import INDICES
-            from slidax.reports import parquet, write_run_report, write_scenario
-            from slidax.simulation import require_pyarrow
+            from slidax.paper.printed import INDICES
+            from slidax.report import files
+            from slidax.report.files import write_scenario
+            from slidax.report.pages import write_run_report
+            from slidax.simulation.parquet import require_pyarrow
 
             require_pyarrow("writing the log")
             # Fails before the run if the folder cannot be written.
@@ -69,7 +86,7 @@ def run(
         finished = parts.simulate(log_every=0 if folder is not None or view or recording is not None else None)
         summary = run_as_json(parts, finished, import_s)
         if folder is not None:
-            parquet.write_log(finished, folder / "log.parquet")
+            files.write_log(finished, folder / "log.parquet")
             write_scenario(parts.description, folder / "scenario.yaml")
             command = command_line()
             write_run_report(parts, finished, folder, also=INDICES, command=command)
@@ -95,8 +112,8 @@ def run(
 
 def _require_log(parts: Scenario, log: Path) -> None:
     """Fail before the run if it cannot be logged."""
-    from slidax.deploy.robot_loop import require_samples
-    from slidax.logs import require_writer
+    from slidax.export.loop_plans import require_samples
+    from slidax.runtime.logs.mcap_files import require_writer
 
     require_samples(parts)
     require_writer()
@@ -105,28 +122,28 @@ def _require_log(parts: Scenario, log: Path) -> None:
 
 def _write_log(parts: Scenario, finished: Run, log: Path) -> None:
     """Repeat the run with the law called sample by sample, as a robot calls it, until it ended."""
-    from slidax.deploy.robot_loop import lockstep, write_stepped
+    from slidax.export.lockstep import lockstep, write_lockstep_log
 
-    write_stepped(parts, lockstep(parts, int(finished.tally.samples)), log)
+    write_lockstep_log(parts, lockstep(parts, int(finished.tally.samples)), log)
 
 
 def _warn_beforehand(parts: Scenario) -> None:
     """Print likely problems, one line each."""
-    from slidax.diagnosis import beforehand
+    from slidax.analysis.forecast import forecast
 
-    for problem in beforehand(parts):
+    for problem in forecast(parts):
         say_warning(problem)
 
 
 def _warn_of_rejections(finished: Run) -> None:
     """Print the number of measurements that the law's gate rejected, if any."""
-    from slidax._errors import counted
+    from slidax.core.errors import count_noun
 
     rejected = finished.tally.rejected
     if rejected is None or not int(rejected):
         return
     say_warning(
-        f"the law's gate rejected {int(rejected)} of {counted(int(finished.tally.samples), 'measurement')} as "
+        f"the law's gate rejected {int(rejected)} of {count_noun(int(finished.tally.samples), 'measurement')} as "
         "implausible for this arm and kept the last torque; the signal `rejected` of a log (`--out FOLDER`) has "
         "their times; if the measurements are correct, raise a limit of `scheme.sampled_data.gate`"
     )
@@ -134,16 +151,16 @@ def _warn_of_rejections(finished: Run) -> None:
 
 def _print_cause(parts: Scenario) -> None:
     """Print the likeliest cause."""
-    from slidax.diagnosis import first_line
+    from slidax.analysis.explain import likeliest_cause
 
-    cause = first_line(parts, seconds=SECONDS)
+    cause = likeliest_cause(parts, seconds=SECONDS)
     if cause:
         typer.echo(f"Most likely: {cause}", err=True)
 
 
 def _require_views(view: bool, recording: Path | None) -> None:
     """Fail before the run if a package is missing."""
-    from slidax import views
+    from slidax.report import replay as views
 
     if view:
         views.require_show()
@@ -152,7 +169,7 @@ def _require_views(view: bool, recording: Path | None) -> None:
 
 
 def _replay(parts: Scenario, finished: Run, view: bool, recording: Path | None) -> None:
-    from slidax import views
+    from slidax.report import replay as views
 
     title = parts.description.title
     if recording is not None:
@@ -162,3 +179,230 @@ def _replay(parts: Scenario, finished: Run, view: bool, recording: Path | None) 
         replay = views.show(finished, parts.plant, title=title)
         typer.echo(f"The replay is at {replay.url} until Ctrl-C", err=True)
         replay.wait()
+
+
+def explain(
+    run: Annotated[Path, typer.Argument(help="Folder or .mcap file that `slidax run` wrote with --out.")],
+    json: AsJson = False,
+    tries: Annotated[bool, typer.Option(help="Test the remedies in simulation.")] = True,
+) -> None:
+    """Explain why a run left its envelope: possible causes from its log, the likeliest first, each with a remedy.
+
+    The likeliest remedies are tested in simulation until one keeps the run inside; its cause then comes first. If the
+    log lacks samples, the scenario is simulated again.
+
+    Exit code 0: diagnosed; 2: there is no such run, or its scheme cannot be diagnosed.
+    """
+    with errors_as_lines():
+        prepare()
+        from slidax.analysis.explain import explain, read_saved
+        from slidax.analysis.run_record import RunRecord, require_explainable
+
+        scenario, columns, full = read_saved(run)
+        require_explainable(scenario)
+        record = (
+            RunRecord.of_columns(scenario, columns) if full else RunRecord.of(scenario, scenario.simulate(log_every=1))
+        )
+        answers = explain(scenario, record, tries=tries)
+        if json:
+            print_json({"causes": [answer.as_json() for answer in answers]})
+            return
+        if not answers:
+            reason = "the run stayed inside its envelope" if record.kept else "the log shows none of the known causes"
+            typer.echo(f"Nothing to explain: {reason}.")
+        for number, answer in enumerate(answers, 1):
+            typer.echo(f"{number}. {answer.sentence()}")
+
+
+if TYPE_CHECKING:
+    from slidax.scenarios.scenario import Scenario
+
+
+def compare(
+    scenario: Named,
+    schemes: Annotated[str, typer.Option(metavar="A,B,C", help="Schemes to compare; default: all.")] = "",
+    changes: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="PATH=VALUE", help="Set a field of all schemes; repeatable."),
+    ] = None,
+    json: AsJson = False,
+    out: Annotated[Path | None, typer.Option(help="Folder for a report with figures and results.json.")] = None,
+) -> None:
+    """Compare several schemes on the same task, metric by metric; the best value is bold.
+
+    Each scheme replaces the scenario's own as with `slidax run --set scheme.name=NAME`; then each `--set` applies to
+    all. Samples of a scheme without an envelope are counted against the scenario's envelope.
+
+    Exit code 0: at least one run reached its end; 2: the request is invalid; 3: none reached its end.
+    """
+    with errors_as_lines():
+        prepare()
+        from slidax.paper.printed import INDICES
+        from slidax.report.comparison import Rival, results, write_comparison
+
+        from .tables import print_comparison
+
+        values = parsed(changes or [])
+        parts = _switched(scenario, schemes, values)
+        judge = _judge(scenario, values)
+        rivals = {name: Rival.simulated(each, judge, logged=out is not None) for name, each in parts.items()}
+        if out is not None:
+            write_comparison(rivals, out, also=INDICES, command=command_line())
+        if json:
+            print_json(results(rivals, INDICES))
+        else:
+            print_comparison(rivals)
+            if out is not None:
+                say_where(out)
+        if not any(rival.run.outcome.ok for rival in rivals.values()):
+            typer.echo("none of the runs reached its end", err=True)
+            raise typer.Exit(OUTCOME)
+
+
+def _switched(scenario: str, schemes: str, changes: dict[str, Any]) -> dict[str, Scenario]:
+    """The scenario with each scheme; an error names the scheme."""
+    from slidax.core.errors import DefinitionError
+    from slidax.scenarios.catalogue import catalogue
+    from slidax.scenarios.load import load
+    from slidax.scenarios.schemes import PRESETS
+
+    if "scheme.name" in changes:
+        raise DefinitionError("`--set scheme.name` does not work here: name the schemes with `--schemes`")
+    every = [name for name, preset in PRESETS.items() if preset.complete]
+    names = [name.strip() for name in schemes.split(",") if name.strip()] if schemes else every
+    if not names:
+        raise DefinitionError("`--schemes` is empty: give some, such as `--schemes cftsmppc,ftsmc`")
+    scenarios = {}
+    for name in dict.fromkeys(names):
+        try:
+            scenarios[name] = load(scenario, {"scheme.name": name, **changes})
+        except DefinitionError as error:
+            if name not in catalogue()["schemes"] or not changes:
+                raise
+            raise DefinitionError(f"with the scheme `{name}`: {error}") from None
+    return scenarios
+
+
+def _judge(scenario: str, changes: dict[str, Any]) -> Scenario:
+    """The scenario with its own scheme, whose envelope judges schemes without one."""
+    from slidax.core.errors import DefinitionError
+    from slidax.scenarios.load import load
+
+    try:
+        return load(scenario, changes)
+    except DefinitionError:
+        # A field of the other schemes that its own scheme lacks.
+        return load(scenario)
+
+
+if TYPE_CHECKING:
+    from slidax.scenarios.scenario import Scenario
+
+Simulator = StrEnum("Simulator", ["auto", "mujoco", "own"])
+"""Simulator of the arm."""
+
+PORT = 8765
+"""Foxglove's default port."""
+
+
+def loop(
+    scenario: Named,
+    changes: Changes = None,
+    seconds: Annotated[float | None, typer.Option("--time", help="Duration [s]; default: the scenario's.")] = None,
+    out: Annotated[Path | None, typer.Option(metavar="FILE.mcap", help="Write a log.")] = None,
+    arm: Annotated[Simulator, typer.Option(help="Arm simulator; `auto`: MuJoCo, if possible.")] = Simulator.auto,
+    hog: Annotated[bool, typer.Option("--cpu-hog", help="Load all processors in the meantime.")] = False,
+    patience: Annotated[int, typer.Option(help="Ticks without a command until the arm brakes.", min=1)] = 20,
+    foxglove: Annotated[bool, typer.Option("--foxglove", help="Serve live data to Foxglove on this machine.")] = False,
+    port: Annotated[int, typer.Option(help="Port of the Foxglove server.", min=1, max=65535)] = PORT,
+    histogram: Annotated[Path | None, typer.Option(metavar="FILE.svg", help="Draw the latencies.")] = None,
+    json: AsJson = False,
+) -> None:
+    """Run the exported step in real time: law and arm in two processes on the same clock, and a third for the log.
+
+    The arm does not wait. It ignores a delayed command and keeps the last torque; the next measurement reports this to
+    the law. After several ticks without a command the arm brakes; without measurements the law stops.
+
+    Real-time priority and locked memory are requested from the system; a warning names those that it refuses.
+
+    Exit code 0: the run ended inside its envelope, also with missed ticks; 2: the scenario is invalid; 3: the run left
+    its envelope, or a process stopped.
+    """
+    with errors_as_lines():
+        prepare()
+        from slidax.export.real_time_loop import run_loop
+        from slidax.scenarios.load import load
+
+        from .tables import print_loop
+
+        values = parsed(changes or [])
+        if seconds is not None:
+            values["simulation.t1"] = seconds
+        parts = _with_simulator(load(scenario, values), arm)
+        if foxglove:
+            typer.echo(f"Live data: Foxglove, open connection, ws://127.0.0.1:{port}", err=True)
+        result = run_loop(
+            parts, log=out, port=port if foxglove else None, patience=patience, hogs=(os.cpu_count() or 1) if hog else 0
+        )
+        if histogram is not None:
+            from slidax.report.figures.loops import latencies
+            from slidax.report.figures.style import save
+
+            save(latencies(result.times, result.period), histogram)
+        for refusal in result.not_granted():
+            say_warning(refusal)
+        if json:
+            print_json({"scenario": parts.name, "arm": parts.description.simulation.plant, **result.as_json()})
+        else:
+            print_loop(parts, result)
+            if out is not None:
+                typer.echo(f"The log is in {out.resolve()}")
+        if not result.good:
+            raise typer.Exit(OUTCOME)
+
+
+def _with_simulator(parts: Scenario, by: Any) -> Scenario:
+    """The scenario with its arm simulated by MuJoCo or by slidax."""
+    from importlib.util import find_spec
+
+    from slidax.arms.articulated import Articulated
+    from slidax.core.errors import DefinitionError
+    from slidax.scenarios.load import altered
+
+    if by == Simulator.own:
+        return altered(parts, {"simulation.plant": "own"})
+    possible = isinstance(parts.plant.robot, Articulated) and find_spec("mujoco") is not None
+    if by == Simulator.mujoco and not possible:
+        raise DefinitionError(
+            "MuJoCo needs an articulated arm and its package (pip install 'slidax[robots]'): use `--arm own`"
+        )
+    load = parts.plant.load
+    steady = load is None or (float(load.attached) <= 0 and float(load.released) >= parts.t1)
+    return altered(parts, {"simulation.plant": "mujoco"}) if possible and (steady or by == Simulator.mujoco) else parts
+
+
+def replay(
+    log: Annotated[Path, typer.Argument(help="MCAP file from `slidax run` or `slidax loop`.")],
+    json: AsJson = False,
+) -> None:
+    """Replay a log through its law: the same measurements must give the same torques, bit for bit.
+
+    The log contains the scenario.
+
+    Exit code 0: all torques are identical; 2: the file is not such a log; 3: the torques differ; the first is printed.
+    """
+    with errors_as_lines():
+        prepare()
+        from slidax.export.lockstep import replay as replayed
+        from slidax.runtime.logs.mcap_files import read_mcap
+
+        content = read_mcap(log)
+        if not content.whole:
+            say_warning(f"`{log}` is incomplete because its writer was stopped; the complete part is read")
+        comparison = replayed(content)
+        if json:
+            print_json({**comparison.as_json(), "whole": content.whole})
+        else:
+            typer.echo(comparison.sentence())
+        if comparison.first is not None:
+            raise typer.Exit(OUTCOME)

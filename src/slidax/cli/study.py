@@ -1,4 +1,4 @@
-"""`slidax study`."""
+"""Commands about many runs: `study`, `benchmark`."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from slidax._writing import NO_ROOM
+from slidax.core.writing import NO_ROOM
 
-from .options import AsJson, Engine
-from .session import command_line, errors_as_lines, prepare, print_json, say_where
+from .common import AsJson, Engine, command_line, errors_as_lines, prepare, print_json, say_where
 
 if TYPE_CHECKING:
-    from slidax.studies import AbstractResult, AbstractStudy, How, PartDone
+    from slidax.studies.runner import PartDone
+    from slidax.studies.study import AbstractResult, AbstractStudy, RunOptions
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as in a shell."""
@@ -60,12 +60,14 @@ def study(
     """
     with errors_as_lines():
         prepare()
-        from slidax.studies import How, Part, PartDone, read_study
+        from slidax.studies.files import read_study
+        from slidax.studies.runner import Part, PartDone
+        from slidax.studies.study import RunOptions
 
         changes = {"runs": runs, "seed": seed, "engine": None if engine is None else engine.value}
         study_ = read_study(file, {key: value for key, value in changes.items() if value is not None})
         if resume and out is None:
-            from slidax._errors import DefinitionError
+            from slidax.core.errors import DefinitionError
 
             raise DefinitionError("`--resume` needs the folder to continue: --out DIR")
         if case is not None:
@@ -74,7 +76,7 @@ def study(
         started = time.perf_counter()
         with _with_saved_rows(out), Lines() if progress else Bar() as bar, suppress(KeyboardInterrupt):
             share = None if part is None else Part.parsed(part)
-            how = How(out, resume, begin=bar.begin, progress=bar.advance, made_by=_made_by(), part=share)
+            how = RunOptions(out, resume, begin=bar.begin, progress=bar.advance, made_by=_made_by(), part=share)
             try:
                 result = _run(study_, how, cluster)
             except PartDone as done:
@@ -90,9 +92,9 @@ def study(
 
 
 def _write_case(out: Path | None, row: int) -> None:
-    from slidax._errors import DefinitionError
-    from slidax.reports import write_scenario
-    from slidax.studies import scenario_of_row
+    from slidax.core.errors import DefinitionError
+    from slidax.report.files import write_scenario
+    from slidax.studies.files import scenario_of_row
 
     if out is None:
         raise DefinitionError("`--case` needs the folder with the row: --out DIR")
@@ -101,7 +103,7 @@ def _write_case(out: Path | None, row: int) -> None:
     typer.echo(f"The scenario is in {path.resolve()}")
 
 
-def _run(study_: AbstractStudy, how: How, cluster: str | None) -> AbstractResult:
+def _run(study_: AbstractStudy, how: RunOptions, cluster: str | None) -> AbstractResult:
     if cluster is None:
         return study_.run(how)
     from slidax.studies.cluster import Cluster
@@ -112,10 +114,10 @@ def _run(study_: AbstractStudy, how: How, cluster: str | None) -> AbstractResult
 
 
 def _print(study_: AbstractStudy, result: AbstractResult, out: Path | None, seconds: float, json: bool) -> None:
-    from slidax.terminal import print_study
+    from .tables import print_study
 
     if out is not None:
-        from slidax.reports import write_study_report
+        from slidax.report.pages import write_study_report
 
         write_study_report(study_, result, out, seconds=seconds, command=command_line())
     answer = result.as_json()
@@ -135,7 +137,7 @@ def _with_saved_rows(out: Path | None) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        from slidax._errors import DefinitionError
+        from slidax.core.errors import DefinitionError
         from slidax.studies.store import rows_kept
 
         if out is None or error.filename is None or not out.is_dir():
@@ -170,7 +172,7 @@ def _again(without: str | None = None) -> list[str]:
 
 
 def _made_by() -> dict[str, str]:
-    from slidax.reports import machine, versions
+    from slidax.report.page import machine, versions
 
     return {**versions(), **machine()}
 
@@ -248,3 +250,69 @@ class Bar:
     def close(self) -> None:
         """Remove the bar from the terminal."""
         self._bar.stop()
+
+
+OUT = Path("benchmark")
+
+
+def benchmark(
+    out: Annotated[Path, typer.Option(help="Folder of the results, the page, benchmark.md and results.json.")] = OUT,
+    tasks: Annotated[str, typer.Option(metavar="A,B,C", help="The tasks; by default all.")] = "",
+    schemes: Annotated[str, typer.Option(metavar="A,B,C", help="The schemes; by default all.")] = "",
+    scheme: Annotated[
+        list[str] | None,
+        typer.Option(metavar="MODULE:NAME", help="A further scheme, by the name of its class or preset; repeatable."),
+    ] = None,
+    form: Annotated[str, typer.Option(help="`sampled-data`, `printed` or `both`.")] = "both",
+    budget: Annotated[int | None, typer.Option(help="Number of gain sets that the tuner tries.", min=1)] = None,
+    processes: Annotated[int | None, typer.Option(help="Parallel processes; by default one per core.", min=1)] = None,
+    small: Annotated[bool, typer.Option("--small", help="A trial: few cases, short runs, hardly any tuning.")] = False,
+    json: AsJson = False,
+) -> None:
+    """Benchmark all schemes on common tasks: tuned alike on some cases, judged on others by the same tolerance band.
+
+    The folder keeps each result as soon as it is there; the same command resumes an interrupted benchmark.
+
+    Exit code 0: done; 2: the request is invalid; 130: interrupted.
+    """
+    with errors_as_lines():
+        prepare()
+        sys.path.insert(0, "")
+        from slidax.report.benchmark_page import as_json, verdicts, write_benchmark
+        from slidax.studies.benchmark.entries import entries, forms_of, names, task
+        from slidax.studies.benchmark.ranking import overall, ranking
+        from slidax.studies.benchmark.rounds import BUDGET, BenchmarkRound
+
+        listed = _words(schemes) if schemes else None
+        schemes_in_forms = entries(listed, scheme or [], forms_of(form))
+        tasks_by_name = {name: task(name) for name in _words(tasks) or names()}
+        round_ = BenchmarkRound(tasks_by_name, schemes_in_forms, budget or BUDGET)
+        round_ = round_.small() if small else round_
+        started = time.perf_counter()
+        total, done = len(round_.tasks) * len(round_.entries), 0
+
+        def on_result(name: str, entry: object, seconds: float) -> None:
+            nonlocal done
+            done += 1
+            if sys.stderr.isatty():
+                passed = time.perf_counter() - started
+                typer.echo(f"{done} of {total} after {passed:.0f} s: {name}, {entry}, {seconds:.0f} s", err=True)
+
+        try:
+            results = round_.run(out, processes, on_result)
+        except KeyboardInterrupt:
+            typer.echo("Interrupted; the same command resumes", err=True)
+            raise typer.Exit(130) from None
+        command = command_line()
+        write_benchmark(results, out, seconds=time.perf_counter() - started, command=command)
+        tables = [ranking(name, results.on(name)) for name in round_.tasks]
+        if json:
+            print_json(as_json(results, tables, overall(tables, round_.entries)))
+            return
+        for table, line in zip(tables, verdicts(tables), strict=True):
+            typer.echo(f"{table.task}: {line.replace('**', '')}")
+        say_where(out)
+
+
+def _words(text: str) -> list[str]:
+    return [word.strip() for word in text.split(",") if word.strip()]

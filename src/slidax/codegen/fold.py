@@ -1,7 +1,4 @@
-"""Simplify single operations: constants are folded, and operations without effect are removed.
-
-The rules hold for every number, including NaN and infinities; only `x + 0` may lose the sign of a zero.
-"""
+"""Constant folding and algebraic simplification of single operations."""
 
 from __future__ import annotations
 

@@ -1,37 +1,17 @@
-"""Intermediate representation (IR): scalar operations in static single assignment, loops and branches as blocks.
-
-A program is a tree of regions. A region is a list of values in an order of computation: the arguments of a value stand
-earlier in its own region or in one around it. All operations are pure, except `store`.
-
-| op | args | data | meaning |
-|---|---|---|---|
-| `const` | | number | a Python float, int or bool |
-| `input` | | (input, element) | one element of an input, counted in C order |
-| `param` | | k | k-th value that a loop carries, at the start of an iteration; lives in the loop's head |
-| `result` | block | k | k-th value that a loop, a branch or a call leaves |
-| `call` | values | | results of another program; the args are its inputs' elements, one input after the other |
-| `load` | index i64 | input | element of an input by a computed index, known to be in range |
-| `store` | row i64, when b1, values | output | writes one row of a logged output, where `when` is true |
-| `add sub mul div neg abs min max` | | | of one type; floats: NaN if an argument is; integers: `div` towards zero |
-| `rem` | | | remainder of a division towards zero: integers, and floats as `fmod` |
-| `and or xor not shl shr sar` | | | integers; `and or xor not` also b1; `shr` shifts in zeros, `sar` the sign |
-| `fma` | a, b, c | | a b + c, rounded once |
-| `sqrt floor ceil rint` | | | `rint`: halves to even |
-| `exp expm1 log log1p pow sin cos tan asin acos atan atan2 sinh cosh tanh erf erf_inv cbrt` | | | as in `math.h` |
-| `eq ne lt le gt ge` | of one type | | b1 |
-| `select` | when b1, yes, no | | |
-| `isfinite` | float | | b1 |
-| `copy` | value | k | the same number, in the k-th of the program's arrays |
-| `convert` | value | | floats to integers towards zero, clipped to the range, NaN to 0; b1 to 0 or 1 |
-| `bitcast` | value | | the same bits as another type of the same size |
-"""
+"""Intermediate representation: scalar operations in static single assignment, loops and branches as blocks."""
 
 from __future__ import annotations
 
+import functools
+import hashlib
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Literal
+
+from slidax.core.errors import DefinitionError
 
 Type = Literal["f64", "f32", "i64", "i32", "u64", "u32", "b1", "none"]
 """Type of a value; `none` for blocks and stores."""
@@ -262,3 +242,73 @@ def uses(value: Value) -> tuple[Value, ...]:
     if isinstance(value, Branch):
         return (*value.args, *value.yes, *value.no)
     return value.args
+
+
+def digest(program: Program) -> str:
+    """Return a SHA-256 digest of a program and of this package's sources."""
+    lines = [program.name] if program.name else []
+    lines += [f"{entry.name} {entry.type} {entry.shape} {entry.varying}" for entry in program.inputs]
+    numbers: dict[Value, int] = {}
+    _describe(program.body, numbers, lines)
+    for output in program.outputs:
+        values = None if output.values is None else [numbers[value] for value in output.values]
+        lines.append(f"{output.name} {output.type} {output.shape} {values}")
+    whole = hashlib.sha256("\n".join(lines).encode())
+    whole.update(_sources())
+    return whole.hexdigest()
+
+
+def _describe(region: Region, numbers: dict[Value, int], lines: list[str]) -> None:
+    for value in region.values:
+        args = [numbers[arg] for arg in value.args]
+        numbers[value] = len(numbers)
+        if isinstance(value, Loop):
+            for param in value.params:
+                numbers[param] = len(numbers)
+            lines.append(f"loop {args}")
+            _describe(value.head, numbers, lines)
+            lines.append(f"while {numbers[value.condition]} {None if value.turns is None else numbers[value.turns]}")
+            _describe(value.body, numbers, lines)
+            lines.append(f"again {[numbers[carried] for carried in value.following]}")
+        elif isinstance(value, Branch):
+            lines.append(f"if {args}")
+            for side, left in ((value.then, value.yes), (value.otherwise, value.no)):
+                _describe(side, numbers, lines)
+                lines.append(f"give {[numbers[result] for result in left]}")
+        elif isinstance(value, Call):
+            lines.append(f"call {args} {digest(value.program)}")
+        else:
+            data = value.data.hex() if value.op == "const" and value.type in FLOATS else value.data
+            lines.append(f"{value.op} {value.type} {args} {data}")
+
+
+@functools.cache
+def _sources() -> bytes:
+    """Digest of this package's sources: cached code is invalid once its printer changes."""
+    whole = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
+        whole.update(path.read_bytes())
+    return whole.digest()
+
+
+class NoNativeCodeError(DefinitionError):
+    """A function uses an operation without native code; JAX itself may well run it."""
+
+
+@contextmanager
+def as_native_code_error(what: Callable[[], str]) -> Iterator[None]:
+    """Turn every failure inside into a NoNativeCodeError; a DefinitionError passes.
+
+    - `what`: name of the object, for the message.
+
+    Raises NoNativeCodeError.
+    """
+    try:
+        yield
+    except DefinitionError:
+        raise
+    except Exception as error:
+        reason = str(error).strip().partition("\n")[0]
+        if not isinstance(error, NotImplementedError):
+            reason = f"{type(error).__name__}{reason and ': '}{reason}"
+        raise NoNativeCodeError(f"no native code for {what()}: {reason}") from error

@@ -1,9 +1,14 @@
-"""From requirements to a law: what the arm, its motion and its uncertainty ask for, or why it cannot be had."""
+"""Design: from requirements to a controller with a certificate, or to the reason why none exists.
+
+Begin with `problem.py`, the requirements file, and `design.py`, the steps from requirements to a scenario.
+`candidates.py` has the searched values and the scenario for them, `trials.py` runs candidates on common cases,
+`search.py` chooses among them, `proof.py` asks the certificates, and `refusal.py` explains a failure and its remedies.
+"""
 
 from .design import Design as Design
-from .design import Designed as Designed
+from .design import DesignResult as DesignResult
 from .design import design as design
-from .refusal import Refused as Refused
-from .requirements import DesignProblem as DesignProblem
-from .requirements import Requirements as Requirements
-from .requirements import read_problem as read_problem
+from .problem import DesignProblem as DesignProblem
+from .problem import Requirements as Requirements
+from .problem import read_problem as read_problem
+from .refusal import Refusal as Refusal

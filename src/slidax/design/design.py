@@ -1,30 +1,36 @@
-"""From requirements to a law, or to the reason why there is none."""
+"""From requirements to a certified scenario, or to a refusal; and the scenario file with its comments."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from os.path import relpath
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from slidax._errors import DefinitionError
-from slidax._timing import Timing
-from slidax.certificates import Verdict
-from slidax.certificates.extent import starts_of
-from slidax.certificates.statistical import tried
-from slidax.commissioning.text import WIDTH
-from slidax.numerics import require_64_bits
-from slidax.scenarios import ScenarioDescription
-from slidax.studies.search.island import require_cmaes
+from slidax.certify.certificate import Verdict
+from slidax.certify.certify import Certificates
+from slidax.certify.loop.fixed_point import JOINTS
+from slidax.certify.statistical import statistical_with_cases
+from slidax.certify.uncertainty_set import start_box
+from slidax.core.errors import DefinitionError
+from slidax.core.tracing import require_64_bits
+from slidax.core.types import Timing
+from slidax.core.writing import write_text
+from slidax.scenarios.draft import WIDTH
+from slidax.scenarios.scenario import ScenarioDescription
+from slidax.scenarios.yaml_text import dump_commented
+from slidax.studies.search import require_cmaes
 
-from .aim import CALM, DRIVEN, OWN, Aim
-from .choice import LARGEST, Choice, Frame, frame_of, template
-from .proof import Asked, asked_of, boundable, of_the_rate, widened
-from .refusal import Refused, of_accuracy, of_deadline, of_torque, of_torque_step, unproved
-from .requirements import DesignProblem
-from .search import LEAST_MARGIN, MANY, MOST, SPARE, coarse, fine, narrowest
-from .trials import Trials, Worst
+from .candidates import LARGEST, DesignPoint, DesignSpace, design_space, template
+from .problem import DesignProblem
+from .proof import DriveDemand, boundable, drive_demand, loop_rate_verdict, widened
+from .refusal import Refusal, accuracy_refusal, deadline_refusal, proof_refusal, torque_refusal, torque_step_refusal
+from .search import LEAST_MARGIN, MANY, MOST, SPARE, coarse_search, fine_search, narrowest_envelope
+from .trials import CALM, DRIVEN, OWN, Objective, Trials, WorstCase
 
 RUNS = 1000
 """Random cases of the check at the end, and as many of a search for the worst."""
@@ -50,7 +56,7 @@ Proof = Literal["bound", "tested"]
 
 
 @dataclass(frozen=True)
-class Designed:
+class DesignResult:
     """A law that meets the requirements.
 
     - `description`: the scenario with it.
@@ -64,10 +70,10 @@ class Designed:
 
     description: ScenarioDescription
     proof: Proof
-    frame: Frame
-    choice: Choice
-    worst: Worst
-    demand: Asked | None
+    frame: DesignSpace
+    choice: DesignPoint
+    worst: WorstCase
+    demand: DriveDemand | None
     rate: Verdict | None
     check: Verdict
     runs: int
@@ -78,7 +84,7 @@ class Designed:
         return float(self.check.bound.get("worst_margin", np.inf))
 
 
-Design = Designed | Refused
+Design = DesignResult | Refusal
 Say = Callable[[str], None]
 
 
@@ -110,7 +116,7 @@ def design(problem: DesignProblem, *, runs: int = RUNS, say: Say = _unheard) -> 
     request = _demand(frame, first)
     if request is not None:
         if (request.torque >= request.limit).any():
-            return of_torque(problem, request)
+            return torque_refusal(problem, request)
         least, ample = (float(f"{request.needed * times:.4g}") for times in (U_OVER, U_AMPLE))
         if problem.requirements.torque_step is not None:
             # The search decides how much more: on the two-link arm three times as much is calmer, and more exact.
@@ -121,17 +127,17 @@ def design(problem: DesignProblem, *, runs: int = RUNS, say: Say = _unheard) -> 
     trials, best = _best(problem, frame, first)
     requirements = problem.requirements
     if not best.holds:
-        return of_deadline(trials, best)
+        return deadline_refusal(trials, best)
     if requirements.torque_step is not None and best.step > requirements.torque_step:
-        return of_torque_step(trials, best, requirements.torque_step)
+        return torque_step_refusal(trials, best, requirements.torque_step)
     say("the final radius")
     sized = _sized(problem, trials, best, _aim(problem, frame))
-    if isinstance(sized, Refused):
+    if isinstance(sized, Refusal):
         return sized
     return _checked(problem, trials, sized, request, runs, say)
 
 
-def _begin(problem: DesignProblem) -> tuple[Frame, Choice]:
+def _begin(problem: DesignProblem) -> tuple[DesignSpace, DesignPoint]:
     """Return the frame of all choices, and the first choice."""
     requirements, h = problem.requirements, problem.simulation.period
     base = problem.scenario(template(requirements.deadline))
@@ -143,8 +149,8 @@ def _begin(problem: DesignProblem) -> tuple[Frame, Choice]:
         if requirements.accuracy == "best"
         else np.broadcast_to(np.asarray(requirements.accuracy, float), wide.shape)
     )
-    starts = starts_of(base.build("start"))
-    frame = frame_of(
+    starts = start_box(base.build("start"))
+    frame = design_space(
         base,
         moving,
         (np.asarray(starts.lower), np.asarray(starts.upper)),
@@ -157,60 +163,60 @@ def _begin(problem: DesignProblem) -> tuple[Frame, Choice]:
         frame = replace(frame, initial=np.maximum(frame.initial, frame.shape / LARGEST))
     frame = replace(frame, learns=requirements.proof != "bound" or boundable(len(units), learns=True))
     horizon, drift = frame.horizons[2 if len(frame.horizons) > 2 else -1], 1.0
-    return frame, Choice(horizon, drift, 1.0, _provisional(frame), requirements.deadline)
+    return frame, DesignPoint(horizon, drift, 1.0, _provisional(frame), requirements.deadline)
 
 
-def _provisional(frame: Frame) -> Any:
+def _provisional(frame: DesignSpace) -> Any:
     """Final radii of the search, in which the steady error hardly depends on them."""
     wide = frame.radius * np.where(frame.initial > 0, frame.initial / frame.initial.max(), 1.0)
     return np.minimum(np.maximum(4.0 * wide, frame.shape if frame.shape.max() < 0.1 else 0.0), LARGEST * frame.initial)
 
 
-def _demand(frame: Frame, first: Choice) -> Asked | None:
+def _demand(frame: DesignSpace, first: DesignPoint) -> DriveDemand | None:
     try:
-        return asked_of(frame.described(first).build("demand"))
+        return drive_demand(frame.described(first).build("demand"))
     except DefinitionError:
         return None
 
 
-def _aim(problem: DesignProblem, frame: Frame) -> Aim:
+def _aim(problem: DesignProblem, frame: DesignSpace) -> Objective:
     """Return the objective of the search."""
     requirements = problem.requirements
     small = None if requirements.accuracy == "best" else float(np.min(frame.shape)) / (2.0 * SPARE)
     step = requirements.torque_step
     room = ROOM_LEFT if requirements.accuracy == "best" else LEAST_MARGIN
     most = min(DRIVEN * float(np.max(frame.changes)), np.inf if step is None else UNSEEN * step)
-    return Aim(most, step is not None, small, room, OWN if requirements.proof == "bound" else np.inf)
+    return Objective(most, step is not None, small, room, OWN if requirements.proof == "bound" else np.inf)
 
 
-def _best(problem: DesignProblem, frame: Frame, first: Choice) -> tuple[Trials, Worst]:
+def _best(problem: DesignProblem, frame: DesignSpace, first: DesignPoint) -> tuple[Trials, WorstCase]:
     """The best law with the better estimator, where velocities are measured."""
     aim, result = _aim(problem, frame), []
     for kalman in (True, False) if frame.has_velocity else (True,):
         trials = Trials(problem, frame, first if kalman else replace(first, drift=None))
-        result.append((trials, coarse(trials, aim, kalman=kalman)))
+        result.append((trials, coarse_search(trials, aim, kalman=kalman)))
     trials, best = min(result, key=lambda item: aim.cost(item[1]))
-    return trials, fine(trials, best, aim)
+    return trials, fine_search(trials, best, aim)
 
 
-def _sized(problem: DesignProblem, trials: Trials, best: Worst, aim: Aim) -> Worst | Refused:
+def _sized(problem: DesignProblem, trials: Trials, best: WorstCase, aim: Objective) -> WorstCase | Refusal:
     """The law with its final radius."""
     frame, requirements = trials.frame, problem.requirements
     if requirements.accuracy == "best":
-        held = narrowest(trials, best, CALM * aim.step if aim.required else np.inf)
+        held = narrowest_envelope(trials, best, CALM * aim.step if aim.required else np.inf)
         result = [best] if best.holds and best.margin >= ROOM_LEFT else []
         if held is not None:
             wider = np.minimum(SPARE * held.choice.final, trials.most * frame.shape)
             result += trials.judged([replace(held.choice, final=wider)], trials.cases(MOST))
-        return aim.best(result) if result else of_accuracy(trials, best, None)
+        return aim.best(result) if result else accuracy_refusal(trials, best, None)
     (required,) = trials.judged([replace(best.choice, final=frame.shape)], trials.cases(MANY))
     if required.holds and required.margin >= LEAST_MARGIN:
         return required
-    return of_accuracy(trials, required, narrowest(trials, best))
+    return accuracy_refusal(trials, required, narrowest_envelope(trials, best))
 
 
 def _checked(
-    problem: DesignProblem, trials: Trials, worst: Worst, request: Asked | None, runs: int, say: Say
+    problem: DesignProblem, trials: Trials, worst: WorstCase, request: DriveDemand | None, runs: int, say: Say
 ) -> Design:
     """The same after its certificate and its check; where a case left or came near, another law that bears it, too.
 
@@ -219,7 +225,7 @@ def _checked(
     best, required = problem.requirements.accuracy == "best", problem.requirements.torque_step
     aim = _aim(problem, trials.frame)
     proved = boundable(trials.frame.initial.size, trials.frame.learns)
-    kept: Designed | None = None
+    kept: DesignResult | None = None
     for turn in range(TIMES):
         choice, rate = worst.choice, None
         if best and turn:
@@ -231,14 +237,14 @@ def _checked(
             choice, rate = _certified(problem, trials, choice)
         proved = rate is not None and bool(rate.holds)
         if problem.requirements.proof == "bound" and not proved:
-            return unproved(trials, choice, rate)
+            return proof_refusal(trials, choice, rate)
         say(f"{2 * runs} cases that were not seen before")
         description = _described(trials.frame, choice, worst)
-        check, hard = tried(description.build("design"), runs, seed=1 + turn)
+        check, hard = statistical_with_cases(description.build("design"), runs, seed=1 + turn)
         wild = 1.0 if required is None else check.bound.get("steady_torque_step", 0.0) / required
         if check.holds is not False and wild <= 1.0:
             result: Proof = "bound" if proved else "tested"
-            built = Designed(description, result, trials.frame, choice, worst, request, rate, check, trials.runs)
+            built = DesignResult(description, result, trials.frame, choice, worst, request, rate, check, trials.runs)
             kept = built if kept is None or built.spared > kept.spared else kept
             if not best or check.holds is None or built.spared >= ENOUGH:
                 return built
@@ -247,20 +253,20 @@ def _checked(
         say("a law for the hardest of them, too")
         # The largest of many cases is a rare one, which a law that is half as much calmer may not show.
         trials, aim = trials.with_harder(hard), aim.stricter(float(np.sqrt(CALM / wild)) if wild > 1.0 else 1.0)
-        sized = _sized(problem, trials, fine(trials, worst, aim), aim)
-        if isinstance(sized, Refused):
+        sized = _sized(problem, trials, fine_search(trials, worst, aim), aim)
+        if isinstance(sized, Refusal):
             return kept or sized
         worst = sized
     if kept is None and required is not None and wild > 1.0:
-        return of_torque_step(trials, worst, required, check)
-    return kept or of_accuracy(trials, worst, None, check)
+        return torque_step_refusal(trials, worst, required, check)
+    return kept or accuracy_refusal(trials, worst, None, check)
 
 
-def _certified(problem: DesignProblem, trials: Trials, choice: Choice) -> tuple[Choice, Verdict | None]:
+def _certified(problem: DesignProblem, trials: Trials, choice: DesignPoint) -> tuple[DesignPoint, Verdict | None]:
     """A law and what `loop_rate` says of it, with the final radius that this asks for, where any may be had."""
 
-    def rate_of(choice: Choice) -> Verdict | None:
-        return of_the_rate(trials.frame.described(choice).build("design"))
+    def rate_of(choice: DesignPoint) -> Verdict | None:
+        return loop_rate_verdict(trials.frame.described(choice).build("design"))
 
     rate = rate_of(choice)
     if problem.requirements.accuracy != "best":
@@ -269,7 +275,103 @@ def _certified(problem: DesignProblem, trials: Trials, choice: Choice) -> tuple[
     return widened(choice, rate, rate_of, LARGEST * trials.frame.initial) or (choice, rate)
 
 
-def _described(frame: Frame, choice: Choice, worst: Worst) -> ScenarioDescription:
+def _described(frame: DesignSpace, choice: DesignPoint, worst: WorstCase) -> ScenarioDescription:
     """The scenario of a choice; its monitor is as strict as the common cases allow."""
     used = float(np.clip(1.25 * (1.0 - worst.promise), 0.3, 1.0))
     return frame.described(choice, float(f"{used:.2g}"))
+
+
+CERTIFICATE = ".certificate.json"
+"""Follows the scenario's own name."""
+
+
+def written(result: DesignResult, folder: Path) -> str:
+    """Return the scenario as YAML with comments, ready for `slidax run`.
+
+    - `folder`: of the file, from which it names other files.
+    """
+    values = result.description.model_dump(mode="json", exclude_unset=True)
+    for name in ("robot", "trajectory"):
+        values[name] = _relative(values[name], folder)
+    return dump_commented(values, _comments(result))
+
+
+def write_design(result: DesignResult, out: Path, certificates: Certificates) -> Path:
+    """Write the scenario to `out` and its certificates next to it; return the path of the certificates."""
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_text(out, written(result, out.parent))
+    path = out.with_name(out.stem + CERTIFICATE)
+    text = json.dumps(certificates.as_json(), indent=2, allow_nan=False, ensure_ascii=False)
+    write_text(path, text + "\n")
+    return path
+
+
+def called(rate: Verdict | None) -> str:
+    """Name the proof of a design for a `loop_rate` verdict that holds: certified if all lines are proved."""
+    if rate is None or rate.grade is None:
+        return "tested"
+    if rate.grade == "A":
+        return "certified by `loop_rate`, grade A: all of its lines are proved"
+    return f"tested, with a bound of `loop_rate`, grade {rate.grade}: its lines: {rate.stands_on}"
+
+
+def _proof(result: DesignResult) -> str:
+    check = result.check.bound
+    text = f"Tested in simulation, not proved: {_unproved(result)}."
+    if result.proof == "bound":
+        name = called(result.rate)
+        text = f"{name[0].upper()}{name[1:]}; the certificate file next to this one lists its lines."
+    if not check:
+        return f"{text} Nothing is uncertain, so that one run shows all."
+    return (
+        f"{text} {check['runs']} random cases of the set and {check['searched']} of a search for the worst stay "
+        f"inside, the worst with {check['worst_margin']:.2g} of the envelope's width to spare."
+    )
+
+
+def _unproved(result: DesignResult) -> str:
+    if boundable(result.frame.initial.size, result.frame.learns):
+        return "`loop_rate` has no bound within such an envelope for this set"
+    return (
+        f"from {JOINTS} joints on `loop_rate` has no bound for a law that learns the inertia; `proof: bound` looks for "
+        "a law that does not"
+    )
+
+
+def _comments(result: DesignResult) -> Iterator[tuple[str, str]]:
+    """Yield the path of each key with its comment."""
+    frame, choice = result.frame, result.choice
+    yield "robot", _proof(result)
+    yield (
+        "scheme.transformation.performance",
+        f"The error is within `final` from the deadline on. In the worst of {result.worst.cases} common cases the "
+        f"steady error is {result.worst.error:.2g}. `initial` has room for all starts.",
+    )
+    yield "scheme.surface", "Steeper or flatter surfaces were not better."
+    if choice.margin is not None:
+        lacks = "" if result.demand is None else f", {result.demand.needed:.3g} N m"
+        times = f"{U_AMPLE:g} times" if frame.least_margin is None else f"at least {U_OVER:g} times"
+        yield "scheme.bound", f"u: {times} the largest model error{lacks}, (44), (45)."
+    else:
+        yield "scheme.bound", "The bound follows from the arm, its drives and the mismatch above."
+    yield (
+        "scheme.sampled_data.horizon",
+        f"{choice.horizon / frame.period:.3g} periods: found on common cases, with surface, `overshoot` and estimator.",
+    )
+    if choice.drift is not None:
+        drift = f"The disturbance drifts by {choice.drift * 0.8:.2g} % of the rated torque in a second"
+        even = f"; the joints' drifts are evened by {choice.even:.2g} of the way." if choice.even else "."
+        yield "scheme.sampled_data.estimator", drift + even
+    learning = f"Learning is off: from {JOINTS} joints on no law that learns the inertia has a bound."
+    yield "scheme.sampled_data.adaptation", learning
+    warning = f"Warns before the envelope is left: 1.25 times the share that {MANY} common cases used."
+    yield "scheme.sampled_data.monitor", warning
+
+
+def _relative(block: dict[str, Any], folder: Path) -> dict[str, Any]:
+    block = dict(block)
+    if isinstance(block.get("file"), str):
+        block["file"] = relpath(block["file"], folder)
+    if block.get("packages"):
+        block["packages"] = [relpath(package, folder) for package in block["packages"]]
+    return block

@@ -1,23 +1,27 @@
-"""Certificates of a law, and their demands on it."""
+"""Certificates of a design: demand on the drives, loop-rate bound, and estimation error against its rule."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from slidax._errors import DefinitionError
-from slidax.certificates.arm import compute_demand, robust_torque
-from slidax.certificates.arm.members import Members
-from slidax.certificates.arm.torque_budget import along_the_motion, limits_of
-from slidax.certificates.demand import Demand
-from slidax.certificates.loop import BEGINNINGS, loop_rate
-from slidax.certificates.loop.jointly import JOINTS, Fineness
-from slidax.certificates.verdict import Verdict
-from slidax.scenarios import Scenario
+from slidax.certify.arm.demand import Demand, compute_demand
+from slidax.certify.arm.members import Members
+from slidax.certify.arm.robust_torque import robust_torque
+from slidax.certify.arm.torque_budget import motion_torques, torque_limits
+from slidax.certify.certificate import Verdict
+from slidax.certify.loop.fixed_point import JOINTS, Fineness
+from slidax.certify.loop.loop_rate import loop_rate
+from slidax.certify.loop.set_bound import BEGINNINGS
+from slidax.core.errors import DefinitionError
+from slidax.scenarios.scenario import Scenario
+from slidax.studies.cases import Cases, Values
 
-from .choice import Choice, Floats
+from .candidates import DesignPoint, Floats
+from .trials import Trials
 
 COARSE = Fineness(halvings=2, width=32)
 """Of many joints' bounds: a radius is found in less than half the time of `certify`, and is a tenth larger."""
@@ -31,7 +35,7 @@ too small.
 
 
 @dataclass(frozen=True)
-class Asked:
+class DriveDemand:
     """Demand of the motion and the uncertainty set on the drives and on u.
 
     - `demand`: of the loops.
@@ -46,7 +50,7 @@ class Asked:
     needed: float
 
 
-def asked_of(scenario: Scenario) -> Asked:
+def drive_demand(scenario: Scenario) -> DriveDemand:
     """Return the demand of a scenario on its drives and on u, for all of its set.
 
     - `scenario`: with some law.
@@ -55,10 +59,10 @@ def asked_of(scenario: Scenario) -> Asked:
     """
     demand = compute_demand(scenario)
     members = Members.of(scenario, None)
-    torque, _ = along_the_motion(scenario, demand, members)
-    limit, _ = limits_of(scenario, members.plant.robot.joints)
+    torque, _ = motion_torques(scenario, demand, members)
+    limit, _ = torque_limits(scenario, members.plant.robot.joints)
     enough = robust_torque(scenario, demand).bound
-    return Asked(demand, torque, limit, float(enough["u"]), float(enough["needed"]))
+    return DriveDemand(demand, torque, limit, float(enough["u"]), float(enough["needed"]))
 
 
 def boundable(joints: int, learns: bool) -> bool:
@@ -70,7 +74,7 @@ def boundable(joints: int, learns: bool) -> bool:
     return joints < JOINTS or not learns
 
 
-def of_the_rate(scenario: Scenario) -> Verdict | None:
+def loop_rate_verdict(scenario: Scenario) -> Verdict | None:
     """The certificate `loop_rate` from when the envelope is narrow; None where it has no answer.
 
     From there the radius that it asks for is the smallest, and soonest found.
@@ -95,8 +99,8 @@ def radius_of(verdict: Verdict | None) -> Floats | None:
 
 
 def widened(
-    choice: Choice, rate: Verdict | None, rate_of: Callable[[Choice], Verdict | None], largest: Floats
-) -> tuple[Choice, Verdict] | None:
+    choice: DesignPoint, rate: Verdict | None, rate_of: Callable[[DesignPoint], Verdict | None], largest: Floats
+) -> tuple[DesignPoint, Verdict] | None:
     """A law with final radii within which `loop_rate` holds, and its verdict; None where none was found.
 
     - `choice`: the law, which stays as it is if `loop_rate` holds.
@@ -113,3 +117,88 @@ def widened(
             return None
         rate = rate_of(choice)
     return (choice, rate) if rate is not None and rate.holds else None
+
+
+FEW = 8
+"""Cases that are looked at."""
+
+MOST = 3
+"""Joints that a sentence names."""
+
+NARROW = 1.05
+"""An envelope has reached its final width where it is at most so many times as wide as at the end."""
+
+
+@dataclass(frozen=True)
+class EstimationError:
+    """Estimation error of each joint's plan, and its bound by the rule, `(H + D h)² w̄ < ϑ ρ∞` (docs/loop-rate.md).
+
+    - `names`, `units`: of the joints, and of their positions.
+    - `missed`: w̄ [n], `allowed`: by the rule [n], rad/s² or m/s².
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    missed: Floats
+    allowed: Floats
+
+    @property
+    def beyond(self) -> list[int]:
+        """The joints that miss more than the rule allows, the worst first."""
+        ratio = np.nan_to_num(self.missed / self.allowed, nan=np.inf)
+        return [int(k) for k in np.argsort(-ratio) if ratio[k] >= 1.0]
+
+    def in_words(self) -> str:
+        """`joint 6` misses 41 rad/s² (rule: 28), for some of the joints that are beyond it; empty if none is."""
+        text = [
+            f"`{self.names[k]}` misses {self.missed[k]:.3g} {self.units[k]}/s² (rule: {self.allowed[k]:.3g})"
+            for k in self.beyond[:MOST]
+        ]
+        return ", ".join(text)
+
+    def as_json(self) -> dict[str, Any]:
+        """By the names of the joints."""
+        each = zip(self.names, self.missed, self.allowed, strict=True)
+        return {name: {"misses": float(missed), "rule": float(allowed)} for name, missed, allowed in each}
+
+
+def error_in_cases(trials: Trials, choice: DesignPoint) -> EstimationError:
+    """Return the estimation errors in the first common cases while the envelope is narrow.
+
+    - `trials`: on what.
+    - `choice`: the law.
+    """
+    told, cases = trials.frame.values(choice), trials.cases(FEW)
+    rows = len(next(iter(cases.values()))) if cases else 1
+    values: Values = {
+        **cases,
+        **{path: np.repeat(np.asarray([item], float), rows, axis=0) for path, item in told.items()},
+    }
+    delay, h = trials.frame.delay, trials.frame.period
+    worst = []
+    for run in Cases(trials.family).logged(values):
+        log = run.log
+        assert log is not None
+        assert log.envelope is not None
+        width = np.asarray(log.envelope.upper) - np.asarray(log.envelope.lower)
+        narrow = np.all(width <= NARROW * width[-1], axis=1)[1:]
+        residual, push = (np.asarray(log.signals[name]) for name in ("residual", "push"))
+        each = np.abs(residual[1:]) + delay * np.abs(np.diff(push, axis=0))
+        worst.append(np.max(each[narrow] if narrow.any() else each, axis=0))
+    arm = trials.problem.robot.build().nominal
+    allowed = choice.overshoot * np.asarray(choice.final) / (choice.horizon + delay * h) ** 2
+    return EstimationError(arm.joint_names, arm.joint_units, np.max(worst, axis=0), allowed)
+
+
+def error_bound(rate: Verdict, trials: Trials, choice: DesignPoint) -> EstimationError | None:
+    """Return the bound of `loop_rate` on the estimation errors; None without one.
+
+    - `rate`: the certificate's answer.
+    - `trials`: of which arm.
+    - `choice`: the law.
+    """
+    if "w_bar" not in rate.bound:
+        return None
+    arm = trials.problem.robot.build().nominal
+    allowed = choice.overshoot * np.asarray(choice.final) / choice.horizon**2
+    return EstimationError(arm.joint_names, arm.joint_units, np.asarray(rate.bound["w_bar"], float), allowed)

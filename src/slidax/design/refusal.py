@@ -1,4 +1,4 @@
-"""Refusals: the reason, and changes of the requirements that were tried and work."""
+"""Refusals: the reason why no design exists, and changes of the requirements that were tried and work."""
 
 from __future__ import annotations
 
@@ -8,17 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from slidax._errors import DefinitionError
-from slidax.certificates.verdict import Verdict
-from slidax.diagnosis import Remedy
+from slidax.analysis.cause import Remedy
+from slidax.certify.certificate import Verdict
+from slidax.core.errors import DefinitionError
 from slidax.scenarios.load import altered_description
 
-from .choice import LARGEST, Choice, rounded
-from .missed import Missed, missed_by, missed_in_cases
-from .proof import Asked, of_the_rate, widened
-from .requirements import DesignProblem
+from .candidates import LARGEST, DesignPoint, rounded
+from .problem import DesignProblem
+from .proof import DriveDemand, EstimationError, error_bound, error_in_cases, loop_rate_verdict, widened
 from .search import LEAST_MARGIN, MANY, SPARE
-from .trials import LOAD, Trials, Worst
+from .trials import LOAD, Trials, WorstCase
 
 FASTER = (0.7, 0.5, 0.35)
 """Times the period."""
@@ -31,7 +30,7 @@ LATER = (1.25, 1.5, 2.0, 3.0)
 
 
 @dataclass(frozen=True)
-class Refused:
+class Refusal:
     """Reason why no law exists.
 
     - `reason`: one sentence with the joint, and the number against its limit.
@@ -41,7 +40,7 @@ class Refused:
 
     reason: str
     would_do: Sequence[Remedy]
-    missed: Missed | None = None
+    missed: EstimationError | None = None
 
     def as_json(self) -> dict[str, Any]:
         """As `slidax design --json` prints it."""
@@ -50,7 +49,7 @@ class Refused:
         return {"designed": False, "reason": self.reason, "would_do": changes, **missed}
 
 
-def refused(reason: str, would_do: list[Remedy], missed: Missed | None = None) -> Refused:
+def refused(reason: str, would_do: list[Remedy], missed: EstimationError | None = None) -> Refusal:
     """A refusal.
 
     - `reason`: a sentence without its full stop.
@@ -58,10 +57,10 @@ def refused(reason: str, would_do: list[Remedy], missed: Missed | None = None) -
     - `missed`: what each joint misses, if that is why.
     """
     words = ", or ".join(item.words for item in would_do)
-    return Refused(f"{reason}.{f' {words[:1].upper()}{words[1:]} would do.' if words else ''}", would_do, missed)
+    return Refusal(f"{reason}.{f' {words[:1].upper()}{words[1:]} would do.' if words else ''}", would_do, missed)
 
 
-def of_torque(problem: DesignProblem, demand: Asked) -> Refused:
+def torque_refusal(problem: DesignProblem, demand: DriveDemand) -> Refusal:
     """The motion needs more than the drives have.
 
     - `requirements`: which ask for it.
@@ -79,7 +78,7 @@ def of_torque(problem: DesignProblem, demand: Asked) -> Refused:
     return refused(reason, [Remedy(words, {"actuator.torque": enough})])
 
 
-def of_deadline(trials: Trials, best: Worst) -> Refused:
+def deadline_refusal(trials: Trials, best: WorstCase) -> Refusal:
     """No law keeps the envelope until its deadline.
 
     - `trials`: on what.
@@ -100,7 +99,7 @@ def of_deadline(trials: Trials, best: Worst) -> Refused:
     return refused(reason, [*would, *_payload(trials, best, cases)])
 
 
-def of_torque_step(trials: Trials, best: Worst, required: float, check: Verdict | None = None) -> Refused:
+def torque_step_refusal(trials: Trials, best: WorstCase, required: float, check: Verdict | None = None) -> Refusal:
     """The calmest law is not calm enough.
 
     - `trials`: on what.
@@ -117,7 +116,7 @@ def of_torque_step(trials: Trials, best: Worst, required: float, check: Verdict 
     return refused(reason, [Remedy(f"{smallest:g} N m", {"requirements.torque_step": smallest})])
 
 
-def of_accuracy(trials: Trials, best: Worst, held: Worst | None, check: Verdict | None = None) -> Refused:
+def accuracy_refusal(trials: Trials, best: WorstCase, held: WorstCase | None, check: Verdict | None = None) -> Refusal:
     """The final radius is too small.
 
     - `trials`: on what.
@@ -128,7 +127,7 @@ def of_accuracy(trials: Trials, best: Worst, held: Worst | None, check: Verdict 
     final = float(np.min(best.choice.final))
     unit = trials.problem.robot.build().nominal.joint_units[best.joint]
     where = f"accuracy {final:.2g} {unit} at {1.0 / trials.frame.period:g} Hz"
-    missed = missed_in_cases(trials, best.choice)
+    missed = error_in_cases(trials, best.choice)
     if check is not None:
         text = f"of {check.bound['runs']} random cases {check.bound['failures']} leave it"
         if not check.bound["failures"]:
@@ -146,7 +145,7 @@ def of_accuracy(trials: Trials, best: Worst, held: Worst | None, check: Verdict 
     return refused(f"{where} cannot be had: {text}", would, missed)
 
 
-def unproved(trials: Trials, choice: Choice, rate: Verdict | None) -> Refused:
+def proof_refusal(trials: Trials, choice: DesignPoint, rate: Verdict | None) -> Refusal:
     """A bound of the error is required, and there is none.
 
     - `trials`: of which arm.
@@ -156,13 +155,13 @@ def unproved(trials: Trials, choice: Choice, rate: Verdict | None) -> Refused:
     unproved = Remedy("what is tested in simulation alone", {"requirements.proof": "tested"})
     if rate is None:
         return refused("a bound is required, and `loop_rate` has no answer for this arm", [unproved])
-    missed = missed_by(rate, trials, choice)
+    missed = error_bound(rate, trials, choice)
     why = [item for item in ("" if missed is None else missed.in_words(), rate.statement) if item]
     reason = f"a bound is required, and `loop_rate` gives none: {'; '.join(why)}"
     return refused(reason, [*_wider(trials, choice, rate), *_told(trials, choice), unproved], missed)
 
 
-def _wider(trials: Trials, choice: Choice, rate: Verdict) -> Iterator[Remedy]:
+def _wider(trials: Trials, choice: DesignPoint, rate: Verdict) -> Iterator[Remedy]:
     """Final radii within which there is a bound; where the best are required, such were looked for before."""
     if trials.problem.requirements.accuracy == "best":
         return
@@ -172,7 +171,7 @@ def _wider(trials: Trials, choice: Choice, rate: Verdict) -> Iterator[Remedy]:
         yield Remedy(f"an accuracy of {max(radius):.3g}", {"requirements.accuracy": radius})
 
 
-def _told(trials: Trials, choice: Choice) -> Iterator[Remedy]:
+def _told(trials: Trials, choice: DesignPoint) -> Iterator[Remedy]:
     """A law that knows what is at its tip in the middle of the set, where it knew of nothing there."""
     path, robot = trials.payload, trials.problem.robot.model_dump(exclude_unset=True)
     if path != f"robot.plant.{LOAD}" or (robot.get("nominal") or {}).get("load") is not None:
@@ -189,11 +188,11 @@ def _told(trials: Trials, choice: Choice) -> Iterator[Remedy]:
         yield Remedy(f"a law that is told of {mass:g} kg at its tip", told)
 
 
-def _rate_of(trials: Trials, choice: Choice, changes: dict[str, Any]) -> Verdict | None:
-    return of_the_rate(altered_description(trials.frame.described(choice), changes).build("design"))
+def _rate_of(trials: Trials, choice: DesignPoint, changes: dict[str, Any]) -> Verdict | None:
+    return loop_rate_verdict(altered_description(trials.frame.described(choice), changes).build("design"))
 
 
-def _rates(trials: Trials, best: Worst) -> Iterator[Remedy]:
+def _rates(trials: Trials, best: WorstCase) -> Iterator[Remedy]:
     """The slowest faster loop with which it holds."""
     for factor in FASTER:
         period = float(f"{factor * trials.frame.period:.3g}")
@@ -209,7 +208,7 @@ def _rates(trials: Trials, best: Worst) -> Iterator[Remedy]:
             return
 
 
-def _payload(trials: Trials, best: Worst, cases: Any) -> Iterator[Remedy]:
+def _payload(trials: Trials, best: WorstCase, cases: Any) -> Iterator[Remedy]:
     """The largest payload with which it holds."""
     path = trials.payload
     if path is None:
@@ -232,5 +231,5 @@ def _scaled(trials: Trials, factor: float) -> Any:
     return [float(f"{item:.2g}") for item in numbers] if numbers.ndim else float(f"{float(numbers):.2g}")
 
 
-def _joint(trials: Trials, worst: Worst) -> str:
+def _joint(trials: Trials, worst: WorstCase) -> str:
     return f"`{trials.problem.robot.build().nominal.joint_names[worst.joint]}`"

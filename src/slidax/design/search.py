@@ -1,17 +1,87 @@
-"""The best law on common cases: horizon and estimator first, then all numbers at once, then the final radius."""
+"""The search for a design: horizon and estimator first, then all values by CMA-ES, then the final radius."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slidax.studies.cases import Values
+from slidax.studies.search import Island, population
 
-from .aim import Aim
-from .choice import DRIFTS, SLOPES
-from .polish import polished
-from .trials import Trials, Worst
+from .candidates import DRIFTS, LARGEST, SLOPES, DesignPoint, DesignSpace
+from .trials import Objective, Trials, WorstCase
+
+GENERATIONS = 10
+"""Of CMA-ES."""
+
+TIMES = {"horizon": 2.5, "slope": 8.0, "bend": 6.0, "overshoot": 4.0, "drift": 6.0, "gain": 4.0, "margin": 4.0}
+"""Largest factor of each value, and its reciprocal."""
+
+FINAL = 10.0
+"""The same of the final radius."""
+
+OVERSHOOTS = (0.1, 0.95)
+"""θ that are tried."""
+
+EVENS = (-0.5, 1.5)
+"""From more to less than in proportion to the torques."""
+
+
+def cmaes_search(
+    trials: Trials,
+    start: DesignPoint,
+    cases: Values,
+    cost: Callable[[WorstCase], float],
+    *,
+    free: bool,
+    size: float,
+    seed: int,
+) -> list[WorstCase]:
+    """Laws about a good one, by CMA-ES with each generation at once; all that were tried.
+
+    - `trials`: on what.
+    - `start`: where it begins.
+    - `cases`: the common ones.
+    - `cost`: what is to be small.
+    - `free`: whether the final radius may be another.
+    - `size`: first standard deviation, of the cube.
+    - `seed`: of the random numbers.
+    """
+    left_out = {"gain" if start.drift is not None else "drift"}
+    if trials.frame.least_margin is None:
+        left_out.add("margin")
+    names = [name for name in TIMES if name not in left_out]
+    dimension = len(names) + free + (start.drift is not None)
+    island = Island(np.full(dimension, 0.5), size, population(dimension), seed)
+    result: list[WorstCase] = []
+    for _ in range(GENERATIONS):
+        request = np.clip(island.ask(), 0.0, 1.0)
+        tried = trials.judged([_moved(trials.frame, start, names, free, point) for point in request], cases)
+        island.tell(np.array([cost(item) for item in tried]))
+        result += tried
+    return result
+
+
+def _moved(
+    frame: DesignSpace, start: DesignPoint, names: list[str], free: bool, point: NDArray[np.floating[Any]]
+) -> DesignPoint:
+    """The law at a point of the cube, in the middle of which is the first one."""
+    turns = iter((2.0 * point - 1.0).tolist())
+    changes: dict[str, Any] = {name: getattr(start, name) * TIMES[name] ** next(turns) for name in names}
+    changes["horizon"] = max(changes["horizon"], frame.least)
+    changes["overshoot"] = float(np.clip(changes["overshoot"], *OVERSHOOTS))
+    if frame.least_margin is not None:
+        changes["margin"] = max(changes["margin"], frame.least_margin)
+    if start.drift is not None:
+        changes["even"] = float(np.clip(start.even + next(turns), *EVENS))
+    if free:
+        changes["final"] = np.minimum(start.final * FINAL ** next(turns), LARGEST * frame.initial)
+    return replace(start, **changes)
+
 
 FEW, MANY, MOST = 8, 48, 96
 """Cases in the search, for the final radius, and to choose of what was found: a largest step is known by many alone."""
@@ -44,7 +114,7 @@ LEAST_MARGIN = 0.01
 """Of an envelope's width, that must be left in every common case."""
 
 
-def coarse(trials: Trials, aim: Aim, *, kalman: bool) -> Worst:
+def coarse_search(trials: Trials, aim: Objective, *, kalman: bool) -> WorstCase:
     """The best horizon, density and surface, with envelopes as wide as `slidax new` draws them.
 
     - `trials`: on what.
@@ -61,7 +131,7 @@ def coarse(trials: Trials, aim: Aim, *, kalman: bool) -> Worst:
     return aim.best([*result, *trials.judged(steeper, cases)])
 
 
-def fine(trials: Trials, best: Worst, aim: Aim) -> Worst:
+def fine_search(trials: Trials, best: WorstCase, aim: Objective) -> WorstCase:
     """The best law about one, judged in many cases.
 
     In few cases the largest torque step is smaller than in many, by a share that a turn finds for the next, and some of
@@ -76,7 +146,7 @@ def fine(trials: Trials, best: Worst, aim: Aim) -> Worst:
     start = _near(trials, best, aim) if free else replace(best, choice=replace(best.choice, final=trials.frame.shape))
     result, share = trials.judged([start.choice, best.choice], many), 1.0
     for turn, size in enumerate(REQUIRED if aim.required else SIZES):
-        tried = polished(trials, start.choice, cases, aim.stricter(share).cost, free=free, size=size, seed=turn)
+        tried = cmaes_search(trials, start.choice, cases, aim.stricter(share).cost, free=free, size=size, seed=turn)
         top = sorted(tried, key=aim.stricter(share).cost)[:TOP]
         judged = trials.judged([item.choice for item in top], many)
         result += judged
@@ -97,7 +167,7 @@ def fine(trials: Trials, best: Worst, aim: Aim) -> Worst:
     return aim.best([last, *trials.judged([item.choice for item in others], trials.cases(MOST))])
 
 
-def _near(trials: Trials, best: Worst, aim: Aim) -> Worst:
+def _near(trials: Trials, best: WorstCase, aim: Objective) -> WorstCase:
     """The same with the narrowest final radius that few cases hold, so that the search begins near its end."""
     if not best.holds:
         return best
@@ -109,7 +179,7 @@ def _near(trials: Trials, best: Worst, aim: Aim) -> Worst:
     return next((item for item in tried if item.holds and item.margin >= LEAST_MARGIN), best)
 
 
-def narrowest(trials: Trials, best: Worst, step: float = np.inf) -> Worst | None:
+def narrowest_envelope(trials: Trials, best: WorstCase, step: float = np.inf) -> WorstCase | None:
     """The smallest final radius that no common case leaves, with some room; None if none up to the largest.
 
     - `trials`: on what.
@@ -125,7 +195,7 @@ def narrowest(trials: Trials, best: Worst, step: float = np.inf) -> Worst | None
     return held
 
 
-def _climbed(trials: Trials, best: Worst, most_step: float, cases: Values) -> Worst | None:
+def _climbed(trials: Trials, best: WorstCase, most_step: float, cases: Values) -> WorstCase | None:
     """The smallest radius of the ladder above the error of a law."""
     most, shape = trials.most, trials.frame.shape
     base = max(best.error / float(np.min(shape)), 1e-9)

@@ -1,4 +1,4 @@
-"""Candidates on common cases of the uncertainty set: the worst case of each."""
+"""Candidates on common cases of the uncertainty set: the worst case of each, and its cost."""
 
 from __future__ import annotations
 
@@ -10,21 +10,17 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter
 
-from slidax.metrics import steady_torque_step
-from slidax.scenarios import ScenarioDescription
-from slidax.scenarios.family import Family
-from slidax.scenarios.uncertainty import Space
-from slidax.scenarios.uncertainty.mapping import Uncertainty
-from slidax.simulation import Run
-from slidax.studies.cases import Cases, Values
-from slidax.studies.points import points
-from slidax.studies.predicate import ENVELOPE, Predicate
+from slidax.analysis.metrics import steady_torque_step
+from slidax.scenarios.family import Family, Space
+from slidax.scenarios.scenario import ScenarioDescription
+from slidax.scenarios.uncertainty import Uncertainty
+from slidax.simulation.run import Run
+from slidax.studies.cases import Cases, Columns, StudyTask, Values, columns_of, points
+from slidax.studies.predicates import ENVELOPE, Predicate
 from slidax.studies.runner import AbstractPool, Runner
-from slidax.studies.table import Columns, columns_of
-from slidax.studies.task import Task
 
-from .choice import LARGEST, Choice, Floats, Frame
-from .requirements import DesignProblem
+from .candidates import LARGEST, DesignPoint, DesignSpace, Floats
+from .problem import DesignProblem
 
 SEED = 0
 """Of the common cases."""
@@ -38,7 +34,7 @@ LOAD = "load.mass"
 
 
 @dataclass(frozen=True)
-class Worst:
+class WorstCase:
     """Worst of the common cases for a choice.
 
     - `choice`: its numbers.
@@ -50,7 +46,7 @@ class Worst:
     - `outside`: how many cases left; `cases`: of how many; `case`: which has the least margin, from 0.
     """
 
-    choice: Choice
+    choice: DesignPoint
     margin: float
     error: float
     step: float
@@ -78,8 +74,8 @@ class Trials:
     """
 
     problem: DesignProblem
-    frame: Frame
-    first: Choice
+    frame: DesignSpace
+    first: DesignPoint
     smaller: dict[str, float] = field(default_factory=dict)
     harder: Values = field(default_factory=dict)
 
@@ -110,7 +106,7 @@ class Trials:
         simulation = self.base.simulation
         samples = round(simulation.t1 / simulation.period)
         return Runner(
-            Task.of(self.family, "auto"),
+            StudyTask.of(self.family, "auto"),
             Runner.rows_of_chunk(samples),
             pool=_Driven(Cases(self.family, "auto", columns=self._columns)),
         )
@@ -160,7 +156,7 @@ class Trials:
         share = {path: self.smaller.get(path, 1.0) for path in values}
         return {path: low[path] + share[path] * (array - low[path]) for path, array in values.items()}
 
-    def judged(self, choices: Sequence[Choice], cases: Values) -> list[Worst]:
+    def judged(self, choices: Sequence[DesignPoint], cases: Values) -> list[WorstCase]:
         """Return the worst case of each choice.
 
         - `choices`: all with the estimator of the first.
@@ -211,7 +207,7 @@ class _Driven(AbstractPool):
 
     cases: Cases
 
-    def each(self, task: Task, chunks: Iterator[tuple[int, Values]]) -> Iterator[tuple[int, Values, Columns]]:
+    def each(self, task: StudyTask, chunks: Iterator[tuple[int, Values]]) -> Iterator[tuple[int, Values, Columns]]:
         for first, values in chunks:
             yield first, values, self.cases.run(values)
 
@@ -237,7 +233,7 @@ def _set(value: Any) -> dict[str, Any]:
     return {"between": [float(value) / 1.5, float(value)]}
 
 
-def _worst(choice: Choice, table: Columns, rows: slice) -> Worst:
+def _worst(choice: DesignPoint, table: Columns, rows: slice) -> WorstCase:
     part = {name: column[rows] for name, column in table.items()}
     held = Predicate(ENVELOPE).holds(part)
     margin = np.where(np.isnan(part["margin"]), -1.0, part["margin"])
@@ -246,7 +242,7 @@ def _worst(choice: Choice, table: Columns, rows: slice) -> Worst:
     driven = np.where(np.isnan(part["driven"]), np.inf, part["driven"])
     promise = part.get("guarantee_margin")
     k = int(np.argmin(margin))
-    return Worst(
+    return WorstCase(
         choice,
         float(margin[k]),
         float(error.max()),
@@ -258,3 +254,76 @@ def _worst(choice: Choice, table: Columns, rows: slice) -> Worst:
         k,
         float(driven.max()),
     )
+
+
+CALM = 0.97
+"""Of the torque step that is allowed, since other cases show some more."""
+
+DRIVEN = 0.97
+"""Of what the drives can do in a period, that is allowed: at their limit a plan is not carried out."""
+
+OWN = 0.9
+"""Of what its own drive can do in a period, that a joint may use where a certificate is required: that begins after the
+last limit, and its cases are not the common ones."""
+
+CALMNESS = 0.5
+"""The weight of the torque step beside the error, where neither is required: half the error is worth four times the
+step."""
+
+NARROW, HARDLY = 0.1, 0.001
+"""The weight of a narrow envelope: half the final radius is worth 7 % of the error, below a required step hardly."""
+
+OUTSIDE, NEAR, WILD, COARSE = 400.0, 300.0, 200.0, 100.0
+"""Costs of a law that leaves, or comes too near, or is too wild, or not exact enough: more than any of a law that is
+better in that."""
+
+
+@dataclass(frozen=True)
+class Objective:
+    """Laws that all cases keep with some room; of those the calm ones; of those the exact ones; of those the best.
+
+    - `step`: largest change of torque that is allowed [N m].
+    - `required`: whether it is a requirement, so that below it nothing is gained by less.
+    - `error`: the steady error that is small enough, so that below it the calmest is best [rad]; None for none.
+    - `room`: of an envelope's width, that the worst case must leave.
+    - `own`: of what its own drive can do in a period, that the torque step of each joint may be.
+    """
+
+    step: float
+    required: bool
+    error: float | None
+    room: float = 0.0
+    own: float = np.inf
+
+    def cost(self, worst: WorstCase) -> float:
+        """The smaller, the better; finite, so that a search finds its way.
+
+        - `worst`: of a candidate law.
+        """
+        if not worst.holds:
+            return OUTSIDE + worst.outside - float(np.clip(worst.margin, -1.0, 1.0))
+        if worst.margin < self.room:
+            return NEAR - worst.margin
+        error, step = np.log(max(worst.error, 1e-300)), np.log(max(worst.step, 1e-12))
+        if worst.step > CALM * self.step:
+            return WILD + float(step)
+        if worst.driven > self.own:
+            return WILD + float(np.log(worst.driven))
+        if self.error is not None:
+            return float(step) if worst.error <= self.error else COARSE + float(error)
+        narrow = np.log(float(np.min(worst.choice.final)))
+        return float(error + HARDLY * narrow if self.required else error + CALMNESS * step + NARROW * narrow)
+
+    def best(self, candidates: Sequence[WorstCase]) -> WorstCase:
+        """The one that costs least.
+
+        - `candidates`: judged laws.
+        """
+        return min(candidates, key=self.cost)
+
+    def stricter(self, share: float) -> Objective:
+        """The same with a smaller step: few cases show less of it than many.
+
+        - `share`: of the step.
+        """
+        return replace(self, step=share * self.step, own=share * self.own)

@@ -1,14 +1,22 @@
-"""Scenarios: a closed loop as a YAML file, validated, and built from parts."""
+"""Scenarios: a closed loop as a YAML file, validated, and built from parts.
+
+Start with `scenario.py`: `ScenarioDescription` is the file, `Scenario` the objects that run. `load.py` reads files,
+`changes.py` sets values by path, `yaml_text.py` reads and writes YAML. The other files describe one block each:
+`robots.py`, `trajectories.py`, `instruments.py`, `schemes.py`, `sampled_data.py`. `uncertainty.py` and `family.py` have
+the sets that studies draw from; `draft.py` is `slidax new`.
+"""
 
 from .catalogue import catalogue as catalogue
 from .catalogue import explained as explained
-from .description import ScenarioDescription as ScenarioDescription
+from .catalogue import schema as schema
+from .draft import Draft as Draft
+from .draft import draft as draft
 from .load import altered as altered
 from .load import load as load
 from .load import names as names
 from .load import parse as parse
+from .load import portable as portable
+from .load import restore as restore
 from .named_robot import named_robot as named_robot
-from .portable import brought_back as brought_back
-from .portable import portable as portable
 from .scenario import Scenario as Scenario
-from .schema import schema as schema
+from .scenario import ScenarioDescription as ScenarioDescription

@@ -1,4 +1,4 @@
-"""Catalogue of the parts that a scenario file can name, with their parameters."""
+"""Catalogue of the parts that a scenario file can name, and its JSON schema."""
 
 from __future__ import annotations
 
@@ -7,20 +7,19 @@ from typing import Any
 
 from pydantic.fields import FieldInfo
 
-from slidax._errors import DefinitionError, nearest, plain
-from slidax.performance import AbstractPerformance
-from slidax.reaching import AbstractBound, AbstractReaching
-from slidax.surfaces import AbstractSurface
-from slidax.transformations import AbstractTransformation
+from slidax.core.errors import DefinitionError, nearest_word, plain
+from slidax.law.envelopes import AbstractPerformance
+from slidax.law.error_transformations import AbstractTransformation
+from slidax.law.reaching_laws import AbstractReaching
+from slidax.law.surfaces import AbstractSurface
+from slidax.law.torque_bounds import AbstractBound
 
-from .base import AbstractDescription
-from .derived import union_of
-from .description import ScenarioDescription, SimulationDescription
-from .disturbances import Term
-from .instruments import ActuatorDescription, InstrumentDescription, SensorDescription
-from .load import described, names
+from .descriptions import AbstractDescription, union_of
+from .instruments import ActuatorDescription, InstrumentDescription, SensorDescription, Term
+from .load import names, read_description
 from .robots import RobotDescription
 from .sampled_data import AdaptationDescription, EstimatorDescription, RecoveryDescription, SampledDataDescription
+from .scenario import ScenarioDescription, SimulationDescription
 from .schemes import AnyScheme
 from .trajectories import TrajectoryDescription
 
@@ -54,7 +53,7 @@ BLOCKS: dict[str, type[AbstractDescription]] = {
 def catalogue() -> dict[str, dict[str, str]]:
     """Return all parts by kind and name, each with one line."""
     parts = {kind: {name: _first_line(model) for name, model in members(kind).items()} for kind in KINDS}
-    return {**parts, "scenarios": {name: described(name).title for name in names()}}
+    return {**parts, "scenarios": {name: read_description(name).title for name in names()}}
 
 
 def members(kind: str) -> dict[str, type[AbstractDescription]]:
@@ -79,7 +78,7 @@ def explained(name: str) -> dict[str, Any]:
     } | {label: model for label, model in BLOCKS.items() if label == name}
     if not matches:
         known = [*KINDS, "scenarios", *BLOCKS, *(label for kind in KINDS for label in members(kind))]
-        raise DefinitionError(f"there is nothing called `{plain(name)}`; {nearest(name, known)}")
+        raise DefinitionError(f"there is nothing called `{plain(name)}`; {nearest_word(name, known)}")
     if len(matches) > 1:
         raise DefinitionError(f"`{name}` is the name of several: say {' or '.join(f'`{match}`' for match in matches)}")
     (model,) = matches.values()
@@ -154,3 +153,12 @@ def _by_name(union: Any) -> dict[str, type[AbstractDescription]]:
 
 def _first_line(model: type[AbstractDescription]) -> str:
     return (model.__doc__ or "").strip().partition("\n")[0]
+
+
+def schema() -> dict[str, Any]:
+    """Return the JSON schema of scenario files, for editors and other programs."""
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **ScenarioDescription.model_json_schema(),
+        "title": "slidax scenario",
+    }

@@ -2,17 +2,74 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-from slidax._errors import DefinitionError, plain
+from pydantic import TypeAdapter, ValidationError
 
-from .indexed import joint_names_in, without_brackets
+from slidax.core.errors import DefinitionError, locate_errors, nearest_word, plain
+from slidax.core.joint_names import match_names
+
 from .schemes import PRESETS, owner_of, place_parameters, present_path, switch_scheme, with_kinds
+from .yaml_text import validation_error
+
+BRACKETS = re.compile(r"\[([^\[\]]*)\]")
 
 
-def changed(data: dict[str, Any], changes: dict[str, Any], folder: Path = Path()) -> dict[str, Any]:
+def without_brackets(path: str, joints: Sequence[str] = ()) -> str:
+    """Return a path with its indices after dots: `start.q[2]` is `start.q.2`, `cost[0,1]` is `cost.0.1`.
+
+    - `joints`: names of the robot's joints, which may be indices.
+
+    Raises DefinitionError if an index is no joint's name.
+    """
+    whole = BRACKETS.sub("", path)
+    if "[" in whole or "]" in whole or path.startswith("["):
+        raise DefinitionError(f"`{plain(path)}` is no path: a place in a list has the form NAME[0] or NAME[JOINT]")
+
+    def dotted(match: re.Match[str]) -> str:
+        words = match[1].strip()
+        if re.fullmatch(r"\d+(\s*,\s*\d+)*", words):
+            return "".join(f".{place.strip()}" for place in words.split(","))
+        place = match_names(joints, [words]).get(words)
+        if place is None:
+            raise DefinitionError(
+                f"`{plain(path)}`: `{plain(words)}` is no joint of the robot, and no number from 0 "
+                f"to {len(joints) - 1}; {nearest_word(words, joints)}"
+            )
+        return f".{place}"
+
+    return BRACKETS.sub(dotted, path)
+
+
+def joint_names_in(data: Mapping[str, Any], folder: Path) -> tuple[str, ...]:
+    """Return the joint names of a scenario's robot.
+
+    - `data`: mapping of the file.
+    - `folder`: folder of the files that it names.
+
+    Raises DefinitionError if the robot is invalid.
+    """
+    with locate_errors("robot"):
+        try:
+            described = _robots().validate_python(data.get("robot"), context={"folder": folder})
+        except ValidationError as error:
+            raise validation_error(error, data.get("robot")) from None
+        names: tuple[str, ...] = described.build().true.joint_names
+    return names
+
+
+@cache
+def _robots() -> TypeAdapter[Any]:
+    from .robots import RobotDescription
+
+    return TypeAdapter(RobotDescription)
+
+
+def with_changes(data: dict[str, Any], changes: dict[str, Any], folder: Path = Path()) -> dict[str, Any]:
     """Return a scenario with other values, each parameter of its scheme under the part that has it.
 
     - `data`: mapping of the file, which does not change.

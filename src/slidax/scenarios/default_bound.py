@@ -9,12 +9,15 @@ from typing import Any
 import equinox as eqx
 import numpy as np
 
-from slidax._errors import DefinitionWarning, is_traced
-from slidax._types import State
-from slidax.actuators import TorqueLimits
-from slidax.parts import kind_of
-from slidax.reaching import UncertaintyBound
-from slidax.robots import AbstractRobot, Articulated, Coupled, JointLimits, Load
+from slidax.arms.arm import AbstractRobot, JointLimits
+from slidax.arms.articulated import Articulated
+from slidax.arms.coupled import Coupled
+from slidax.arms.mismatch import TimedPayload
+from slidax.core.errors import DefinitionWarning, is_traced
+from slidax.core.part import kind_of
+from slidax.core.types import State
+from slidax.law.torque_bounds import UncertaintyBound
+from slidax.plant.actuators import TorqueLimits
 from slidax.simulation.states import Numbers, spread, states_of
 
 POSTURES = 256
@@ -37,7 +40,7 @@ RANGE = {"rad": np.pi, "m": 0.5}
 
 
 def default_bound(
-    true: AbstractRobot, nominal: AbstractRobot, load: Load | None, drives: TorqueLimits, *, sampled: bool
+    true: AbstractRobot, nominal: AbstractRobot, load: TimedPayload | None, drives: TorqueLimits, *, sampled: bool
 ) -> dict[str, float]:
     """Return the parameters of an `UncertaintyBound`, eqs. (19), (45)-(47), from 256 postures over the joints' ranges.
 
@@ -117,7 +120,7 @@ def warn_of_another_arms(
     warnings.warn(f"scheme.bound gives {value}; is it another arm's? {remedy}", DefinitionWarning, stacklevel=2)
 
 
-def _carrying(true: AbstractRobot, load: Load | None) -> AbstractRobot:
+def _carrying(true: AbstractRobot, load: TimedPayload | None) -> AbstractRobot:
     if isinstance(true, Coupled) and load is not None:
         return eqx.tree_at(lambda coupled: coupled.arm.payload, true, load.payload)
     if load is None or not isinstance(true, Articulated):

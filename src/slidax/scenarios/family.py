@@ -10,19 +10,75 @@ from typing import Any
 import jax
 import numpy as np
 
-from slidax._errors import DefinitionError, located
-from slidax._types import Envelope, State
-from slidax.controllers import AbstractController
-from slidax.simulation import MujocoPlant, Parts
+from slidax.core.errors import DefinitionError, locate_errors
+from slidax.core.types import Envelope, State
+from slidax.law.controllers import AbstractController
+from slidax.simulation.plant import MujocoPlant
+from slidax.simulation.simulate import Parts
 
 from .changes import path_in
-from .description import OF_THE_LAW, TOLD, Moving, ScenarioDescription
 from .load import validated
-from .scenario import Scenario
-from .uncertainty import AbstractSet, Leaf, Space, leaf_of, with_values
-from .uncertainty.leaf import Array
-from .uncertainty.sets import Inside
-from .uncertainty.space import as_changes
+from .scenario import KNOWN_TO_LAW_REMEDY, OF_THE_LAW, OpenLoop, Scenario, ScenarioDescription
+from .uncertain_values import Array, Leaf, leaf_of, with_values
+from .uncertainty import AbstractSet, InsideEnvelope
+
+
+@dataclass(frozen=True)
+class Space:
+    """Sets of values by path; each takes some coordinates of the unit cube, in the order of the paths.
+
+    - `leaves`: the uncertain numbers by path.
+    - `sets`: their sets by path.
+    """
+
+    leaves: Mapping[str, Leaf]
+    sets: Mapping[str, AbstractSet]
+
+    @cached_property
+    def widths(self) -> dict[str, int]:
+        """Number of coordinates of each path."""
+        return {path: values.coordinates(self.leaves[path]) for path, values in self.sets.items()}
+
+    @property
+    def dimensions(self) -> int:
+        """Dimensions of the unit cube."""
+        return sum(self.widths.values())
+
+    @property
+    def coordinates(self) -> list[str]:
+        """Names of the coordinates of the unit cube."""
+        return [path if width == 1 else f"{path}[{k}]" for path, width in self.widths.items() for k in range(width)]
+
+    def values(self, cube: Array) -> dict[str, Array]:
+        """Return the values at points of the unit cube, by path, with the point as their first axis.
+
+        - `cube`: [rows, dimensions], in [0, 1).
+
+        Raises DefinitionError, with the path, if a set does not fit its number, or is empty.
+        """
+        if cube.shape[1:] != (self.dimensions,):
+            raise DefinitionError(f"points of the cube have {self.dimensions} coordinates; got {list(cube.shape)}")
+        values, first = {}, 0
+        for path, choices in self.sets.items():
+            width = self.widths[path]
+            with locate_errors(path):
+                values[path] = choices.values(cube[:, first : first + width], self.leaves[path])
+            first += width
+        return values
+
+    def ends(self) -> list[dict[str, Any]]:
+        """Return values at ends of the sets, to check them: all lowest, all highest, and alternating."""
+        low, high = 0.0, np.nextafter(1.0, 0.0)
+        turns = np.repeat(np.arange(len(self.widths)) % 2 == 0, list(self.widths.values()))
+        points = np.array([np.full(len(turns), low), np.full(len(turns), high), *np.where([turns, ~turns], low, high)])
+        drawn = self.values(points)
+        return [{path: values[k] for path, values in drawn.items()} for k in range(len(points))]
+
+
+def as_changes(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return one case's arrays by path as plain values of a scenario file."""
+    return {path: np.asarray(value).tolist() for path, value in values.items()}
+
 
 UNTRACEABLE = (TypeError, ValueError, AttributeError, DefinitionError)
 """Errors from the use of a traced array."""
@@ -61,7 +117,7 @@ class Family:
             ("uncertainty", base.uncertainty if uncertain is None else uncertain),
             ("varied", varied),
         ):
-            with located(where):
+            with locate_errors(where):
                 spaces[where] = _space(resolved, sets, law=where == "varied")
         both = [path for path in spaces["uncertainty"].sets if path in spaces["varied"].sets]
         if both:
@@ -97,7 +153,7 @@ class Family:
     def require_valid(self) -> None:
         """Raise DefinitionError, with the path, if a scenario at an end of the sets is invalid."""
         for where, space in (("uncertainty", self.uncertain), ("varied", self.varied)):
-            with located(where):
+            with locate_errors(where):
                 ends = space.ends() if space.sets else []
             for values in ends:
                 try:
@@ -149,7 +205,7 @@ class Family:
         if known:
             nominal = with_values(template.believed, known)
             controller = nominal.law(nominal.moving())
-        actual: Moving = with_values(template.actual, values).moving()
+        actual: OpenLoop = with_values(template.actual, values).moving()
         if isinstance(actual.plant, MujocoPlant):
             raise DefinitionError("MuJoCo moves one arm at a time")
         parts = actual.plant, controller, actual.trajectory, actual.state0
@@ -214,18 +270,20 @@ def _space(base: ScenarioDescription, sets: Mapping[str, AbstractSet], *, law: b
     placed: dict[str, AbstractSet] = {}
     joints = _joints(own)
     for path, values in sets.items():
-        with located(path):
-            full = "start.q" if path == "start" and isinstance(values, Inside) else path_in(data, path, joints)
-        if isinstance(values, Inside) and full != "start.q":
+        with locate_errors(path):
+            full = "start.q" if path == "start" and isinstance(values, InsideEnvelope) else path_in(data, path, joints)
+        if isinstance(values, InsideEnvelope) and full != "start.q":
             raise DefinitionError("`inside` is for `start`", where=path)
         if not law and full.split(".")[0] in OF_THE_LAW:
-            raise DefinitionError(f"is what the law is told, or how time passes, not what is true: {TOLD}", where=path)
+            raise DefinitionError(
+                f"is what the law is told, or how time passes, not what is true: {KNOWN_TO_LAW_REMEDY}", where=path
+            )
         if full in placed:
             raise DefinitionError("is given twice", where=path)
         placed[full] = values
     leaves: dict[str, Leaf] = {}
     for path, values in placed.items():
-        with located(path):
+        with locate_errors(path):
             leaves[path] = _leaf(own, path, values, len(joints))
     return Space(leaves, placed)
 
@@ -247,7 +305,7 @@ def _leaf(own: ScenarioDescription, path: str, values: AbstractSet, joints: int)
     if leaf.per_joint and leaf.shape == () and np.ndim(example):
         # The file has one number, the set one for each joint.
         leaf = replace(leaf, own=np.asarray(example, float))
-    return replace(leaf, envelope=lambda: _start_of(own)) if isinstance(values, Inside) else leaf
+    return replace(leaf, envelope=lambda: _start_of(own)) if isinstance(values, InsideEnvelope) else leaf
 
 
 def _written(own: ScenarioDescription, path: str, example: Any, joints: int) -> Leaf | None:
@@ -261,7 +319,7 @@ def _written(own: ScenarioDescription, path: str, example: Any, joints: int) -> 
 
 
 def _joints(base: ScenarioDescription) -> tuple[str, ...]:
-    with located("robot"):
+    with locate_errors("robot"):
         names: tuple[str, ...] = base.robot.build().true.joint_names
     return names
 

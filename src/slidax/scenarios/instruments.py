@@ -1,4 +1,4 @@
-"""Sensors and actuators in a scenario file."""
+"""Sensors, actuators, disturbances and the tolerance band in a scenario file."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ import numpy as np
 from jaxtyping import Array
 from pydantic import Field
 
-from slidax._errors import DefinitionError, as_array, is_traced, known, located
-from slidax.actuators import Actuator, TorqueLimits
-from slidax.robots import JointLimits
-from slidax.sensors import AbstractSensor, Delayed, DifferencedEncoders, Encoders, Exact, Lossy
+from slidax.arms.arm import AbstractRobot, JointLimits
+from slidax.core.errors import DefinitionError, as_array, is_traced, locate_errors, require_joints, static_value
+from slidax.law.error_transformations import PrescribedPerformance
+from slidax.plant.actuators import Actuator, TorqueLimits
+from slidax.plant.disturbances import AbstractDisturbance, Sum
+from slidax.plant.sensors import AbstractSensor, Delayed, DifferencedEncoders, Encoders, Exact, Lossy
 
-from .base import AbstractDescription, Numbers, said, same
-from .derived import PartDescription, union_of
+from .descriptions import AbstractDescription, Numbers, PartDescription, input_field, plain_of, same_field, union_of
 
 if TYPE_CHECKING:
     InstrumentDescription = PartDescription
@@ -30,14 +31,14 @@ OF_ENCODERS = ("resolution", "position_noise", "velocity", "velocity_noise", "cu
 class OutageDescription(AbstractDescription):
     """Consecutive lost samples."""
 
-    start: float = said("time of the first", "s", ">= 0")
-    samples: int = said("how many", "", "[0, 1e9]")
+    start: float = input_field("time of the first", "s", ">= 0")
+    samples: int = input_field("how many", "", "[0, 1e9]")
 
 
 class LossDescription(AbstractDescription):
     """Lost samples, during which the last torque is held."""
 
-    probability: float = same(Lossy, "probability")
+    probability: float = same_field(Lossy, "probability")
     outages: tuple[OutageDescription, ...] = ()
     """Outages, in which all samples are lost."""
 
@@ -45,16 +46,16 @@ class LossDescription(AbstractDescription):
 class SensorDescription(AbstractDescription):
     """Measurement of the state."""
 
-    resolution: Numbers = same(Encoders, "resolution", default=0.0)
-    position_noise: Numbers = same(Encoders, "position_noise")
+    resolution: Numbers = same_field(Encoders, "resolution", default=0.0)
+    position_noise: Numbers = same_field(Encoders, "position_noise")
     velocity: Literal["measured", "differenced"] = "measured"
     """`measured` by a sensor of its own, or `differenced` from the encoders."""
-    velocity_noise: Numbers = same(Encoders, "velocity_noise")
-    cutoff: Numbers = same(DifferencedEncoders, "cutoff", default=600.0)
+    velocity_noise: Numbers = same_field(Encoders, "velocity_noise")
+    cutoff: Numbers = same_field(DifferencedEncoders, "cutoff", default=600.0)
     instrument: InstrumentDescription | None = None
     """Another sensor by its kind, in place of the encoders that the fields above describe."""
-    delay: float = said("age of a measurement when it arrives, whole or not", "periods", "[0, 100]", default=0.0)
-    jitter: float = said("width of the spread of that age", "periods", "[0, 100]", default=0.0)
+    delay: float = input_field("age of a measurement when it arrives, whole or not", "periods", "[0, 100]", default=0.0)
+    jitter: float = input_field("width of the spread of that age", "periods", "[0, 100]", default=0.0)
     loss: LossDescription = LossDescription()
     """Lost samples."""
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
@@ -79,20 +80,20 @@ class SensorDescription(AbstractDescription):
                 raise DefinitionError(
                     "describes encoders, and `instrument` another sensor; leave one out", where=both[0]
                 )
-            with located("instrument"):
+            with locate_errors("instrument"):
                 self.instrument.require_joints(joints)
                 sensor = self.instrument.build()
         elif self.velocity == "differenced":
-            if known(velocity_noise).any():
+            if static_value(velocity_noise).any():
                 message = "is that of a velocity sensor, which `velocity: differenced` has not; leave it out"
                 raise DefinitionError(f"{message}; got {self.velocity_noise}", where="velocity_noise")
             sensor = DifferencedEncoders(resolution, position_noise, as_array(self.cutoff), seed)
-        elif any(is_traced(x) or known(x).any() for x in (resolution, position_noise, velocity_noise)):
+        elif any(is_traced(x) or static_value(x).any() for x in (resolution, position_noise, velocity_noise)):
             sensor = Encoders(resolution, position_noise, velocity_noise, seed)
         if self.delay or self.jitter:
             sensor = Delayed(sensor, self.delay, self.jitter, seed)
         if self.loss.probability or self.loss.outages:
-            with located("loss"):
+            with locate_errors("loss"):
                 # Bounded, since an outage may start after the end of any run.
                 starts = [round(min(outage.start / period, 2.0**53)) for outage in self.loss.outages]
                 counts = [outage.samples for outage in self.loss.outages]
@@ -116,14 +117,14 @@ class SensorDescription(AbstractDescription):
 class ActuatorDescription(AbstractDescription):
     """Drives, which deliver a commanded torque."""
 
-    torque: Numbers | Literal["robot"] | None = said(
+    torque: Numbers | Literal["robot"] | None = input_field(
         "largest torque; `robot`: as its data sheet says", "N m or N", default=None, source="no limit"
     )
-    rate: Numbers | Literal["robot"] | None = said(
+    rate: Numbers | Literal["robot"] | None = input_field(
         "fastest change of torque; `robot`: as its data sheet says", "N m/s or N/s", default=None, source="no limit"
     )
-    time_constant: Numbers = same(Actuator, "time_constant")
-    dead_time: float = said("between a command and its torque, whole or not", "periods", "[0, 100]", default=0.0)
+    time_constant: Numbers = same_field(Actuator, "time_constant")
+    dead_time: float = input_field("between a command and its torque, whole or not", "periods", "[0, 100]", default=0.0)
 
     def of_robot(self, limits: JointLimits | None) -> ActuatorDescription:
         """Return the description with the robot's numbers in place of `robot`.
@@ -134,7 +135,7 @@ class ActuatorDescription(AbstractDescription):
         for field, name in (("torque", "torque"), ("rate", "torque_rate")):
             if getattr(self, field) != "robot":
                 continue
-            numbers = None if limits is None else known(getattr(limits, name))
+            numbers = None if limits is None else static_value(getattr(limits, name))
             if numbers is None or not np.isfinite(numbers).all():
                 write = {"torque": "`torque: 50`", "rate": "`rate: 1000` [N m/s]"}[field]
                 raise DefinitionError(
@@ -165,3 +166,46 @@ class ActuatorDescription(AbstractDescription):
 def _variance(rounding: Array, noise: Array) -> Array:
     # A filter needs some noise to weigh the model against.
     return jnp.maximum(rounding * rounding / 12.0 + noise * noise, 1e-18)
+
+
+if TYPE_CHECKING:
+    Term = PartDescription
+else:
+    Term = union_of(AbstractDisturbance)
+
+
+class DisturbanceDescription(AbstractDescription):
+    """The disturbance from outside: the sum of the terms, times the scale."""
+
+    scale: float = input_field("factor on all terms; 0 switches the disturbance off", default=1.0)
+    terms: tuple[Term, ...] = ()
+    """Terms of the sum."""
+
+    def build(self) -> AbstractDisturbance:
+        """Build the disturbance."""
+        built = []
+        for number, term in enumerate(self.terms):
+            with locate_errors(f"terms.{number}"):
+                built.append(term.build())
+        return self.scale * Sum(tuple(built))
+
+
+if TYPE_CHECKING:
+    ToleranceDescription = PartDescription
+else:
+    ToleranceDescription = plain_of(
+        PrescribedPerformance, "ToleranceDescription", doc="Bounds of the error, drawn as an envelope is."
+    )
+
+
+def tolerance_of(description: ToleranceDescription | None, robot: AbstractRobot) -> PrescribedPerformance | None:
+    """Build the tolerance band for the errors of a robot, if there is one.
+
+    Raises DefinitionError, with the path of the field, if it is invalid or does not fit the joints.
+    """
+    if description is None:
+        return None
+    with locate_errors("tolerance"):
+        tolerance: PrescribedPerformance = description.build()
+        require_joints(tolerance, robot.joints, type(robot).__name__)
+    return tolerance

@@ -1,20 +1,22 @@
-"""Read scenarios from files."""
+"""Read scenarios from files, and carry them elsewhere with the files that they name."""
 
 from __future__ import annotations
 
+import tempfile
+from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
-from slidax._errors import DefinitionError, nearest, plain
+from slidax.core.errors import DefinitionError, nearest_word, plain
+from slidax.core.files import read_bytes
 
-from .changes import changed
-from .description import ScenarioDescription
-from .mistakes import translated
-from .scenario import Scenario
-from .yaml_text import read_yaml, require_readable, text_of
+from .changes import with_changes
+from .robots import IdentifiedDescription
+from .scenario import Scenario, ScenarioDescription
+from .yaml_text import as_yaml, read_yaml, require_readable, text_of, validation_error
 
 BUILT_IN = resources.files("slidax.scenarios") / "built_in"
 
@@ -57,7 +59,7 @@ def altered_description(description: ScenarioDescription, changes: dict[str, Any
     return validated(description.model_dump(exclude_unset=True), changes)
 
 
-def described(scenario: str | Path) -> ScenarioDescription:
+def read_description(scenario: str | Path) -> ScenarioDescription:
     """Read the validated description of a scenario without building it.
 
     - `scenario`: name of a built-in scenario, or path of a YAML file.
@@ -95,11 +97,11 @@ def validated(
     if not isinstance(data, dict):
         raise DefinitionError("a scenario is a mapping with the keys " + ", ".join(ScenarioDescription.model_fields))
     require_readable(data)
-    data = changed(data, changes or {}, folder)
+    data = with_changes(data, changes or {}, folder)
     try:
         description = form.model_validate(data, context={"folder": folder})
     except ValidationError as error:
-        raise translated(error, data) from None
+        raise validation_error(error, data) from None
     description.as_it_is()
     return description
 
@@ -114,6 +116,47 @@ def _read(scenario: str | Path) -> tuple[str, str]:
         return path.stem, text_of(path, "the scenario file")
     if str(scenario) not in names():
         raise DefinitionError(
-            f"unknown scenario `{plain(scenario)}`; {nearest(str(scenario), names())} (a file needs the ending .yaml)"
+            f"unknown scenario `{plain(scenario)}`; {nearest_word(str(scenario), names())} "
+            "(a file needs the ending .yaml)"
         )
     return str(scenario), (BUILT_IN / f"{scenario}.yaml").read_text(encoding="utf-8")
+
+
+PARTS = ("robot", "trajectory")
+"""Blocks that may name a file."""
+
+
+def portable(description: ScenarioDescription) -> tuple[str, dict[str, bytes]]:
+    """Return a validated scenario as YAML with file names without folders, and the contents of these files.
+
+    Meshes and included files of a URDF or MJCF file are left out; no run needs meshes.
+
+    Raises DefinitionError if a file does not exist.
+    """
+    files: dict[str, bytes] = {}
+    parts = {}
+    for name in PARTS:
+        part: Any = getattr(description, name)
+        if isinstance(part, IdentifiedDescription):
+            part = part.resolved()
+        if isinstance(getattr(part, "file", None), str):
+            path = Path(part.file)
+            files[f"{name}-{path.name}"] = read_bytes(path)
+            part = part.model_copy(update={"file": f"{name}-{path.name}"})
+        parts[name] = part
+    return as_yaml(description.model_copy(update=parts)), files
+
+
+def restore(text: str, files: Mapping[str, bytes], name: str) -> Scenario:
+    """Build a scenario that `portable` wrote, such as that of a log.
+
+    - `text`, `files`: of `portable`.
+    - `name`: of the scenario.
+
+    Raises DefinitionError if the scenario is invalid.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        for file, content in files.items():
+            # The name alone, so that a hostile log writes nowhere else.
+            (Path(folder) / Path(file).name).write_bytes(content)
+        return parse(text, folder=Path(folder)).build(name)

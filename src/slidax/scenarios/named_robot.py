@@ -1,4 +1,4 @@
-"""A robot from one word: the name of a built-in arm, or a file."""
+"""A robot from one word: the name of a ready arm, or a file."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from slidax._errors import DefinitionError, nearest, plain
-from slidax.robots import Articulated, Coupled, built_in_names
+from slidax.arms.articulated import Articulated
+from slidax.arms.built_in import built_in_names
+from slidax.arms.coupled import Coupled
+from slidax.core.errors import DefinitionError, nearest_word, plain
 
-from .mistakes import translated
-from .robot_file import read_robot
-from .robots import RobotDescription
-from .true_and_nominal import AbstractArticulated
+from .robots import AbstractArticulated, RobotDescription, read_robot
+from .yaml_text import validation_error
 
 FILES = {
     ".urdf": "urdf",
@@ -51,7 +51,7 @@ def named_robot(
     kind = FILES.get(Path(word).suffix.lower())
     if kind is None and word not in built_in_names():
         raise DefinitionError(
-            f"unknown robot `{plain(word)}`; {nearest(word, built_in_names())} (a file ends in {', '.join(FILES)})"
+            f"unknown robot `{plain(word)}`; {nearest_word(word, built_in_names())} (a file ends in {', '.join(FILES)})"
         )
     if tip is not None and kind not in ("urdf", "mjcf"):
         raise DefinitionError("a tip is chosen for URDF and MJCF files alone; write it into the description otherwise")
@@ -102,7 +102,7 @@ def _built(word: str, description: Mapping[str, Any]) -> Articulated:
     try:
         validated = TypeAdapter(RobotDescription).validate_python(description)
     except ValidationError as error:
-        raise translated(error, dict(description)) from None
+        raise validation_error(error, dict(description)) from None
     if not isinstance(validated, AbstractArticulated):
         raise DefinitionError(f"`{plain(word)}` must be an arm of rigid links; got {validated.kind}")
     robot = validated.build().nominal

@@ -2,28 +2,265 @@
 
 from __future__ import annotations
 
+import re
+import warnings
 from abc import abstractmethod
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple, Union
 
-from pydantic import Field, TypeAdapter, ValidationError, create_model
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+from pydantic import Field, TypeAdapter, ValidationError, create_model, model_validator
 
-from slidax._errors import DefinitionError, located
-from slidax.parts import members_of
-from slidax.robots import (
-    AbstractRobot,
-    Articulated,
-    Coupled,
-    built_in_arm,
-    built_in_names,
-    built_in_title,
-    from_mjcf,
-    from_urdf,
+from slidax.arms.arm import AbstractRobot, JointLimits, Payload
+from slidax.arms.articulated import Articulated
+from slidax.arms.built_in import built_in_arm, built_in_names, built_in_title
+from slidax.arms.coupled import Coupled
+from slidax.arms.files.mjcf import from_mjcf
+from slidax.arms.files.urdf import from_urdf
+from slidax.arms.joint import require_rigid
+from slidax.arms.mismatch import Mismatch, TimedPayload
+from slidax.core.errors import DefinitionError, as_array, each_of, locate_errors, static_value
+from slidax.core.part import members_of
+
+from .descriptions import (
+    AbstractDescription,
+    FileName,
+    Numbers,
+    PartDescription,
+    input_field,
+    plain_of,
+    same_field,
+    title_of,
 )
+from .yaml_text import read_yaml_file
 
-from .base import FileName
-from .derived import PartDescription, plain_of, title_of
-from .robot_file import messages_with_keys, read_robot
-from .true_and_nominal import AbstractArticulated, AbstractRobotDescription, Arms, TrueArm
+Three = Annotated[list[float], Field(min_length=3, max_length=3)]
+Six = Annotated[list[float], Field(min_length=6, max_length=6)]
+
+
+def inertia_of(entries: list[float]) -> np.ndarray:
+    """Return the inertia matrix [3 3], kg m², from xx, yy, zz, and optionally xy, xz, yz.
+
+    Raises DefinitionError for another number of entries.
+    """
+    if len(entries) not in (3, 6):
+        raise DefinitionError(f"must be 3 moments, or 6 entries; got {len(entries)}", where="inertia")
+    xx, yy, zz, xy, xz, yz = [*entries, 0.0, 0.0, 0.0][:6]
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+class LinksDescription(AbstractDescription):
+    """Inertial parameters of all links, one entry for each joint, in its frame."""
+
+    mass: list[float] = input_field("masses", "kg")
+    center: list[Three] = input_field("centres of mass", "m")
+    inertia: list[Six] = input_field("inertias about the centres of mass, xx, yy, zz, xy, xz, yz", "kg m²")
+
+    def applied(self, robot: Articulated) -> Articulated:
+        """Return the arm with these links.
+
+        Raises DefinitionError if their number differs from the arm's, or no rigid body has such parameters.
+        """
+        self.require_joints(robot.joints)
+        if min(self.mass) < 0:
+            raise DefinitionError(f"must be >= 0 kg; got {min(self.mass):g}", where="mass")
+        inertias = [inertia_of(entries) for entries in self.inertia]
+        for name, inertia in zip(robot.link_names, inertias, strict=True):
+            require_rigid(inertia, f"the inertia of `{name}`", moves=False)
+        return eqx.tree_at(
+            lambda arm: (arm.masses, arm.centers, arm.inertias),
+            robot,
+            (as_array(self.mass), as_array(self.center), as_array(inertias)),
+        )
+
+
+RENAMED = {"mass": "mass_factor", "inertia": "inertia_factor"}
+"""Former names of differences of the true arm, which old files have."""
+
+
+class Arms(NamedTuple):
+    """The arms of a scenario.
+
+    - `true`, `nominal`: the true arm, and the arm that the law knows.
+    - `load`: payload of the true arm.
+    """
+
+    true: AbstractRobot
+    nominal: AbstractRobot
+    load: TimedPayload | None = None
+
+    @property
+    def limits(self) -> JointLimits | None:
+        """Joint limits from the data sheet; None without a data sheet."""
+        return self.nominal.limits if isinstance(self.nominal, Articulated | Coupled) else None
+
+
+class AbstractRobotDescription(AbstractDescription):
+    """Base class of descriptions of a robot."""
+
+    kind: Any
+
+    @abstractmethod
+    def build(self) -> Arms:
+        """Build the true robot, the nominal one, and the payload of the true one."""
+
+    def resolved(self) -> AbstractRobotDescription:
+        """Return the description with the content of its file, so that each number has a path."""
+        return self
+
+
+class LoadDescription(AbstractDescription):
+    """Payload at the tip."""
+
+    mass: float = same_field(Payload, "mass", required=True)
+    center: Annotated[list[float], Field(min_length=3, max_length=3)] = same_field(Payload, "center")
+    inertia: float | Annotated[list[float], Field(min_length=3, max_length=6)] = 0.0
+    """About the centre of mass [kg m²]: one number for a ball, the moments xx, yy, zz, or these with xy, xz, yz."""
+    attached: float = same_field(TimedPayload, "attached")
+    released: float | None = same_field(TimedPayload, "released", default=None, source="never let go")
+
+    def build(self) -> TimedPayload:
+        """Build the payload."""
+        inertia = as_array(inertia_of(self.inertia) if isinstance(self.inertia, list) else self.inertia)
+        payload = Payload(mass=as_array(self.mass), center=as_array(self.center), inertia=inertia)
+        if self.released is None:
+            return TimedPayload(payload, as_array(self.attached))
+        return TimedPayload(payload, as_array(self.attached), as_array(self.released))
+
+
+class TrueArm(plain_of(Mismatch, "Mismatch")):  # type: ignore[misc]  # made of the part's declarations
+    """Differences of the true arm from the nominal one."""
+
+    load: LoadDescription | None = None
+    """Payload at the tip, and its times."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _by_present_names(cls, data: Any) -> Any:
+        return {RENAMED.get(key, key): value for key, value in data.items()} if isinstance(data, dict) else data
+
+    def build(self, **more: Any) -> Mismatch:
+        """Build the mismatch; `more` is empty."""
+        with locate_errors("load"):
+            load = None if self.load is None else self.load.build()
+        return Mismatch(**{name: value for name, value in self.parameters().items() if name != "load"}, load=load)
+
+
+class NominalArm(AbstractDescription):
+    """Knowledge of the law in addition to the arm's own description."""
+
+    armature: Numbers | None = same_field(Articulated, "armature", default=None, source="the arm's description")
+    load: LoadDescription | None = None
+    """Payload that the law knows, at the tip for the whole run, such as a gripper."""
+    links: LinksDescription | None = None
+    """Inertial parameters of the links, in place of the arm's description, as from an identification."""
+    gravity: Annotated[list[float], Field(min_length=3, max_length=3)] | None = same_field(
+        Articulated, "gravity_vector", default=None, source="the arm's description"
+    )
+
+    def applied(self, robot: Articulated | Coupled) -> Articulated | Coupled:
+        """Return the nominal arm for a described arm.
+
+        With followers, each joint of the arm has its own numbers.
+
+        Raises DefinitionError if a list does not have one entry per joint.
+        """
+        if isinstance(robot, Coupled):
+            return eqx.tree_at(lambda coupled: coupled.arm, robot, self._known(robot.arm))
+        return self._known(robot)
+
+    def _known(self, robot: Articulated) -> Articulated:
+        if self.armature is not None:
+            robot = eqx.tree_at(lambda arm: arm.armature, robot, self._armature(robot.joints))
+        if self.links is not None:
+            with locate_errors("links"):
+                robot = self.links.applied(robot)
+        if self.gravity is not None:
+            robot = eqx.tree_at(lambda arm: arm.gravity_vector, robot, as_array(self.gravity))
+        if self.load is not None:
+            with locate_errors("load"):
+                load = self.load.build()
+                if self.load.attached or self.load.released is not None:
+                    raise DefinitionError("a load that comes and goes cannot be known; write it under `plant`")
+            robot = eqx.tree_at(lambda arm: arm.payload, robot, load.payload)
+        return robot
+
+    def _armature(self, joints: int) -> Array:
+        armature = as_array(self.armature)
+        if armature.shape not in ((), (joints,)):
+            message = f"must be one number or one for {each_of(joints, 'joint')}; got {armature.shape[0]}"
+            raise DefinitionError(message, where="armature")
+        if (static_value(armature) < 0).any():
+            raise DefinitionError(f"must be >= 0; got {self.armature}", where="armature")
+        return jnp.broadcast_to(armature, (joints,))
+
+
+class AbstractArticulated(AbstractRobotDescription):
+    """Base class of descriptions of an arm with rigid links."""
+
+    plant: TrueArm = TrueArm()
+    """Differences of the true arm from the nominal one."""
+    nominal: NominalArm = NominalArm()
+    """Knowledge of the law in addition to the arm's own description."""
+
+    @abstractmethod
+    def described(self) -> Articulated | Coupled:
+        """Return the described arm."""
+
+    def build(self) -> Arms:
+        described = self.described()
+        with locate_errors("nominal"):
+            nominal = self.nominal.applied(described)
+        with locate_errors("plant"):
+            mismatch = self.plant.build()
+            return Arms(mismatch.applied(nominal), nominal, mismatch.load)
+
+
+ARGUMENT = re.compile(r"\b(tip|locked|limits|meshes|inertias|mimics)=(\"\w+\"|\{[^{}]*\}|\w+)")
+"""Arguments of the readers of robot files that messages name as remedies."""
+
+
+def read_robot(path: str | Path) -> tuple[dict[str, Any], Path]:
+    """Return the mapping `robot` in a YAML file, and the folder of the files that it names.
+
+    Raises DefinitionError if it cannot be read or has no such mapping.
+    """
+    path = Path(path)
+    data = read_yaml_file(path)
+    robot = data.get("robot") if isinstance(data, dict) else None
+    if not isinstance(robot, dict) or not isinstance(robot.get("kind"), str):
+        raise DefinitionError(f"the file `{path}` has no mapping `robot` with a `kind`")
+    if robot["kind"] == "identified":
+        raise DefinitionError(f"the robot of the file `{path}` must be described there, and not in one more file")
+    return robot, path.parent
+
+
+@contextmanager
+def messages_with_keys() -> Iterator[None]:
+    """Reword errors and warnings of a reader of robot files for scenario files.
+
+    Arguments in remedies become keys: `mimics="followed"` is `mimics: followed`.
+    """
+    with warnings.catch_warnings(record=True) as assumed:
+        warnings.simplefilter("always")
+        try:
+            yield
+        except DefinitionError as error:
+            # A path inside the robot file is no path in the scenario.
+            where = "file" if error.where else ""
+            raise DefinitionError(_as_keys(str(error)), where=where).offering(error.setting) from error
+    for warning in assumed:
+        warnings.warn(_as_keys(str(warning.message)), warning.category, stacklevel=4)
+
+
+def _as_keys(text: str) -> str:
+    text = re.sub(r"\bpackages=\{[^{}]*\}", "packages: [FOLDER]", text)
+    return ARGUMENT.sub(lambda match: f"{match[1]}: {match[2].strip(chr(34))}", text)
 
 
 class NumbersDescription(AbstractRobotDescription):
@@ -35,9 +272,9 @@ class NumbersDescription(AbstractRobotDescription):
 
     def build(self) -> Arms:
         """Build the true and the nominal robot, which differs from the true one only in its own parameters."""
-        with located("plant"):
+        with locate_errors("plant"):
             true = self.plant.build()
-        with located("nominal"):
+        with locate_errors("nominal"):
             return Arms(true, self.part(**self.plant.parameters() | self.nominal.parameters()))
 
 
@@ -112,7 +349,7 @@ class IdentifiedDescription(AbstractRobotDescription):
 
     def build(self) -> Arms:
         """Build the true robot, the nominal one, and the payload of the true one."""
-        with located(f"file `{self.file}`"):
+        with locate_errors(f"file `{self.file}`"):
             return self.resolved().build()
 
     def resolved(self) -> AbstractRobotDescription:

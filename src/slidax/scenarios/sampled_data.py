@@ -10,16 +10,20 @@ import numpy as np
 from jaxtyping import Array
 from pydantic import field_validator
 
-from slidax._errors import DefinitionError, as_array, located
-from slidax.actuators import TorqueLimits
-from slidax.adaptation import AbstractAdaptation, JointLearning
-from slidax.controllers import AbstractController, MeasurementGate, Monitor, Recovery, sampled_data
-from slidax.estimators import AbstractEstimator, Kalman, Measured
-from slidax.estimators.kalman import FASTEST_PACE, TORQUE_DENSITY
-from slidax.robots import AbstractRobot
+from slidax.arms.arm import AbstractRobot
+from slidax.core.errors import DefinitionError, as_array, locate_errors
+from slidax.law.adaptation import AbstractAdaptation
+from slidax.law.controllers import AbstractController
+from slidax.law.estimators import AbstractEstimator, Measured
+from slidax.law.joint_learning import JointLearning
+from slidax.law.kalman import FASTEST_PACE, TORQUE_DENSITY, Kalman
+from slidax.law.sampled.gate import MeasurementGate
+from slidax.law.sampled.monitor import Monitor
+from slidax.law.sampled.recipe import sampled_data
+from slidax.law.steps import Recovery
+from slidax.plant.actuators import TorqueLimits
 
-from .base import AbstractDescription, Numbers, said, same
-from .derived import PartDescription, plain_of, union_of
+from .descriptions import AbstractDescription, Numbers, PartDescription, input_field, plain_of, same_field, union_of
 
 FINEST = 2e-6
 """rad: finest encoder resolution that a Kalman filter with an adaptation assumes; a faster filter tolerates smaller
@@ -60,10 +64,10 @@ class MeasuredDescription(AbstractDescription):
     """Trusts positions and velocities as measured, and learns the disturbance from the velocities."""
 
     kind: Literal["measured"]
-    gain: Numbers | None = same(
+    gain: Numbers | None = same_field(
         Measured, "gain", default=None, source="1/6, or .3 with a delay of more than one period"
     )
-    trend: Numbers | None = same(
+    trend: Numbers | None = same_field(
         Measured, "trend", default=None, source="critically damped, or 0 with a delay of more than one period"
     )
 
@@ -80,13 +84,13 @@ class KalmanDescription(AbstractDescription):
     """Velocities and disturbance from positions alone, by a steady Kalman filter."""
 
     kind: Literal["kalman"]
-    torque_density: Numbers = said(
+    torque_density: Numbers = input_field(
         "of the white noise that drives the disturbance",
         "(N m/s)² s",
         default=TORQUE_DENSITY,
         source="docs/loop-rate.md",
     )
-    variance: Numbers | None = said(
+    variance: Numbers | None = input_field(
         "of a measured position", "rad² or m²", default=None, source="the sensor's resolution and noise"
     )
 
@@ -105,15 +109,15 @@ class KalmanDescription(AbstractDescription):
 class GateDescription(AbstractDescription):
     """Rejects measurements that the arm cannot have produced."""
 
-    q_max: Numbers | None = same(MeasurementGate, "q_max", default=None, source="1.5 times the arm's limits")
-    speed: Numbers | None = same(MeasurementGate, "speed", default=None, source="4 times the arm's limits")
-    acceleration: Numbers | None = same(
+    q_max: Numbers | None = same_field(MeasurementGate, "q_max", default=None, source="1.5 times the arm's limits")
+    speed: Numbers | None = same_field(MeasurementGate, "speed", default=None, source="4 times the arm's limits")
+    acceleration: Numbers | None = same_field(
         MeasurementGate, "acceleration", default=None, source="4 times the torque over the inertia"
     )
-    spread: Numbers | None = same(
+    spread: Numbers | None = same_field(
         MeasurementGate, "spread", default=None, source="10 standard deviations of the sensor, and its jitter"
     )
-    patience: float = same(MeasurementGate, "patience")
+    patience: float = same_field(MeasurementGate, "patience")
 
     def build(self, arm: AbstractRobot, sampling: Sampling) -> MeasurementGate:
         """Build the gate for the nominal arm."""
@@ -130,22 +134,28 @@ class JointLearningDescription(AbstractDescription):
     """Learns each joint's rotor inertia and Coulomb friction while the arm moves."""
 
     kind: Literal["joint_learning"] = "joint_learning"
-    rotor: Numbers | None = same(
+    rotor: Numbers | None = same_field(
         JointLearning, "rotor", default=None, source="the nominal arm's, or .002 kg m² per N m of rated torque"
     )
-    rotor_min: Numbers | None = same(JointLearning, "rotor_min", default=None, source=".0005 kg m² per N m")
-    rotor_max: Numbers | None = same(JointLearning, "rotor_max", default=None, source=".1 kg m² per N m")
-    coulomb: Numbers = same(JointLearning, "coulomb")
-    coulomb_max: Numbers | None = same(JointLearning, "coulomb_max", default=None, source=".1 of the rated torque")
-    low: float = same(JointLearning, "low")
-    high: float | None = same(JointLearning, "high", default=None, source="200, or as low as 120 with coarse encoders")
-    gate: Numbers | None = same(JointLearning, "gate", default=None, source=".2, or three times the encoders' noise")
-    coherence: float = same(JointLearning, "coherence")
-    recent: float = same(JointLearning, "recent")
-    prior: Numbers = same(JointLearning, "prior")
-    window: Numbers = same(JointLearning, "window")
-    coulomb_prior: Numbers = same(JointLearning, "coulomb_prior")
-    coulomb_window: Numbers = same(JointLearning, "coulomb_window")
+    rotor_min: Numbers | None = same_field(JointLearning, "rotor_min", default=None, source=".0005 kg m² per N m")
+    rotor_max: Numbers | None = same_field(JointLearning, "rotor_max", default=None, source=".1 kg m² per N m")
+    coulomb: Numbers = same_field(JointLearning, "coulomb")
+    coulomb_max: Numbers | None = same_field(
+        JointLearning, "coulomb_max", default=None, source=".1 of the rated torque"
+    )
+    low: float = same_field(JointLearning, "low")
+    high: float | None = same_field(
+        JointLearning, "high", default=None, source="200, or as low as 120 with coarse encoders"
+    )
+    gate: Numbers | None = same_field(
+        JointLearning, "gate", default=None, source=".2, or three times the encoders' noise"
+    )
+    coherence: float = same_field(JointLearning, "coherence")
+    recent: float = same_field(JointLearning, "recent")
+    prior: Numbers = same_field(JointLearning, "prior")
+    window: Numbers = same_field(JointLearning, "window")
+    coulomb_prior: Numbers = same_field(JointLearning, "coulomb_prior")
+    coulomb_window: Numbers = same_field(JointLearning, "coulomb_window")
 
     def build(self, sampling: Sampling) -> AbstractAdaptation:
         """Build the adaptation."""
@@ -174,7 +184,7 @@ else:
 class SampledDataDescription(AbstractDescription):
     """The sampled-data form of a scheme; its defaults fit the sensor and the actuator."""
 
-    horizon: float | None = said(
+    horizon: float | None = input_field(
         "H, how far a step plans, at least a period",
         "s",
         "> 0",
@@ -186,7 +196,7 @@ class SampledDataDescription(AbstractDescription):
     encoders without a velocity sensor."""
     adaptation: AdaptationDescription | None = JointLearningDescription()
     """Adaptation of the arm's parameters during the motion; null for none."""
-    delay: float | None = said(
+    delay: float | None = input_field(
         "age of a measurement when its torque sets in, as the law believes it",
         "periods",
         "[0, 100]",
@@ -215,7 +225,7 @@ class SampledDataDescription(AbstractDescription):
         """
         adaptation: AbstractAdaptation | None = None
         if self.adaptation is not None:
-            with located("adaptation"):
+            with locate_errors("adaptation"):
                 self.adaptation.require_joints(sampling.mass.shape[0])
                 if isinstance(self.adaptation, JointLearningDescription):
                     adaptation = self.adaptation.build(sampling)
@@ -227,7 +237,7 @@ class SampledDataDescription(AbstractDescription):
         if self.delay is not None:
             sampling = replace(sampling, delay=self.delay, dead_time=min(sampling.dead_time, self.delay))
         estimator: AbstractEstimator | None = None
-        with located("estimator"):
+        with locate_errors("estimator"):
             if self.estimator is not None:
                 self.estimator.require_joints(sampling.mass.shape[0])
                 how = (sampling,) if isinstance(self.estimator, MeasuredDescription | KalmanDescription) else ()
@@ -236,13 +246,13 @@ class SampledDataDescription(AbstractDescription):
                 estimator = KalmanDescription(kind="kalman").build(sampling)
         recovery = None
         if self.recovery is not None:
-            with located("recovery"):
+            with locate_errors("recovery"):
                 recovery = self.recovery.build()
         monitor = None
         if self.monitor is not None:
-            with located("monitor"):
+            with locate_errors("monitor"):
                 monitor = self.monitor.build()
-        with located("gate"):
+        with locate_errors("gate"):
             self.gate.require_joints(sampling.mass.shape[0])
             gate = self.gate.build(_nominal(law), sampling)
         return sampled_data(

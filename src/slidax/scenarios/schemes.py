@@ -10,11 +10,14 @@ import numpy as np
 from jaxtyping import Array
 from pydantic import ConfigDict, Field, create_model, model_validator
 
-from slidax.controllers import (
-    AbstractController,
-    Given,
-    JointPID,
+from slidax.core.parameter import parameters_of
+from slidax.core.part import kind_of
+from slidax.law.controllers import AbstractController
+from slidax.law.error_transformations import PrescribedPerformance
+from slidax.law.linear_controllers import JointPID
+from slidax.law.presets import (
     Preset,
+    PresetPart,
     anftsmc,
     cftsmppc,
     computed_torque,
@@ -30,12 +33,18 @@ from slidax.controllers import (
     slotine_li_ppc,
     super_twisting,
 )
-from slidax.parts import kind_of, parameters_of
-from slidax.reaching import UncertaintyBound
-from slidax.transformations import PrescribedPerformance
+from slidax.law.torque_bounds import UncertaintyBound
 
-from .base import described
-from .derived import PartDescription, build_parts, description_of, hints_of, preset_of, type_of, union_of
+from .descriptions import (
+    PartDescription,
+    build_parts,
+    described_field,
+    description_of,
+    hints_of,
+    preset_of,
+    type_of,
+    union_of,
+)
 from .sampled_data import SampledDataDescription
 
 PRESETS: dict[str, Preset] = {
@@ -143,9 +152,9 @@ class SchemeDescription(PartDescription):
         return self.part(**values, **more)
 
 
-def _parts(preset: Preset | None) -> dict[str, Given]:
+def _parts(preset: Preset | None) -> dict[str, PresetPart]:
     values = preset.values if preset is not None else {}
-    return {name: part for name, part in values.items() if isinstance(part, Given)}
+    return {name: part for name, part in values.items() if isinstance(part, PresetPart)}
 
 
 def _preset_of(scheme: Mapping[str, Any]) -> Preset | None:
@@ -153,7 +162,7 @@ def _preset_of(scheme: Mapping[str, Any]) -> Preset | None:
     return PRESETS.get(name) if isinstance(name, str) else None
 
 
-def with_preset_values(part: Given, value: dict[str, Any]) -> dict[str, Any]:
+def with_preset_values(part: PresetPart, value: dict[str, Any]) -> dict[str, Any]:
     """Return a file's part of a scheme with the kind and the parameters of the preset's part, if the kinds agree."""
     kind = kind_of(part.part)
     return {"kind": kind, **part.values, **value} if value.get("kind", kind) == kind else value
@@ -251,7 +260,7 @@ def described_scheme(name: str, preset: Preset) -> type[SchemeDescription]:
         changes = {}
         if isinstance(hint, type) and issubclass(hint, eqx.Module):
             default = None
-            if isinstance(value, Given):
+            if isinstance(value, PresetPart):
                 default = preset_of(value.part, name, value.values, preset.source, COMPUTED.get(value.part, {}))
             annotation = union_of(hint, default=default)
         else:
@@ -260,7 +269,7 @@ def described_scheme(name: str, preset: Preset) -> type[SchemeDescription]:
                 changes = {"default": value, "source": preset.source}
             if parameter.default is None:
                 annotation = annotation | None
-        fields[parameter.name] = (annotation, described(parameter, **changes))
+        fields[parameter.name] = (annotation, described_field(parameter, **changes))
     title = preset.title.strip().partition("\n")[0]
     model: type[SchemeDescription] = create_model(f"scheme.{name}", __base__=SchemeDescription, __doc__=title, **fields)
     model.part, model.preset = preset.law, preset

@@ -1,4 +1,4 @@
-"""Trajectories in a scenario file."""
+"""Trajectories and tool paths in a scenario file."""
 
 from __future__ import annotations
 
@@ -6,21 +6,193 @@ import re
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from slidax._errors import DefinitionError, DefinitionWarning, counted, each_of, located
-from slidax._names import matched, quoted
-from slidax.robots import AbstractRobot
-from slidax.robots.joint_limits import JointLimits
-from slidax.trajectories import AbstractTrajectory, MinimumJerk, Tabulated, Trapezoidal
-from slidax.trajectories.piecewise_polynomial import AbstractPiecewisePolynomial
-from slidax.trajectories.tabulated import TimeUnit
+import numpy as np
+from pydantic import Field
 
-from .base import AbstractDescription, FileName, Numbers, said
-from .derived import union_of
-from .limits import Limit, TrajectoryPart, robot_limits
-from .tool_path import ToolPathTrajectory
+from slidax.arms.arm import AbstractRobot, JointLimits
+from slidax.arms.chain import Pose
+from slidax.core.errors import DefinitionError, DefinitionWarning, count_noun, each_of, locate_errors
+from slidax.core.joint_names import match_names, quote_names
+from slidax.motions.follow import follow
+from slidax.motions.moves import AbstractMove, Circle, Line, Pause, Screw, Through
+from slidax.motions.tabulated import Tabulated, TimeUnit
+from slidax.motions.trajectory import AbstractMotion, AbstractPiecewisePolynomial
+from slidax.motions.waypoints import MinimumJerk, Trapezoidal
+
+from .descriptions import AbstractDescription, FileName, Numbers, input_field, union_of
 from .yaml_text import read_yaml, text_of
+
+Limit = Annotated[float | list[float] | Literal["robot"], Field(union_mode="left_to_right")]
+"""One number for all joints, one per joint, or `robot` for the robot's own limits."""
+
+
+class TrajectoryPart(AbstractDescription):
+    """Desired motion of the joints."""
+
+    def build(self, limits: JointLimits | None = None) -> AbstractMotion:
+        """Build the trajectory.
+
+        - `limits`: limits of the robot for fields with the value `robot`; None if it has none.
+
+        Raises DefinitionError if the description is invalid.
+        """
+        raise NotImplementedError
+
+
+def robot_limits(described: TrajectoryPart, limits: JointLimits | None, *fields: str) -> dict[str, Any]:
+    """Return the robot's numbers for each of the fields with the value `robot`.
+
+    Raises DefinitionError if the robot has no limits.
+    """
+    numbers: dict[str, Any] = {}
+    for field in fields:
+        if getattr(described, field) == "robot":
+            with locate_errors(field):
+                if limits is None:
+                    raise DefinitionError("says `robot`, but this robot has no limits of its own: give numbers")
+                numbers[field] = np.asarray(getattr(limits, field))
+    return numbers
+
+
+Three = Annotated[list[float], Field(min_length=3, max_length=3)]
+Four = Annotated[list[float], Field(min_length=4, max_length=4)]
+Seven = Annotated[list[float], Field(min_length=7, max_length=7)]
+
+
+class MoveDescription(AbstractDescription):
+    """A move of the tool from rest to rest, starting at the end of the move before it."""
+
+    move: ClassVar[type[AbstractMove]]
+    duration: float | None = input_field(
+        "how long it takes", "s", "> 0", default=None, source="`speed`, or the shortest that the joints allow"
+    )
+    speed: float | None = input_field("largest speed of the tip", "m/s", "> 0", default=None, source="no limit")
+    acceleration: float | None = input_field(
+        "largest acceleration of the tip", "m/s²", "> 0", default=None, source="no limit"
+    )
+
+    def build(self) -> AbstractMove:
+        """Build the move."""
+        return self.move(**self.parameters())
+
+
+class LineDescription(MoveDescription):
+    """A straight line of the tip, while the tool turns evenly about one axis."""
+
+    move = Line
+    kind: Literal["line"]
+    to: Three | None = input_field("where the tip goes, in the base frame", "m", default=None, source="`by`")
+    by: Three | None = input_field("how far it goes, in the base frame", "m", default=None, source="`to`")
+    quaternion: Four | None = input_field(
+        "how the tool is turned at the end, w, x, y, z", "", default=None, source="as at the start"
+    )
+
+
+class CircleDescription(MoveDescription):
+    """An arc of the tip about an axis."""
+
+    move = Circle
+    kind: Literal["circle"]
+    center: Three = input_field("a point of the axis, in the base frame", "m")
+    axis: Three = input_field("direction of the axis, of any length")
+    angle: float = input_field("how far it goes about the axis", "rad", default=2 * np.pi)
+    tool: Literal["fixed", "turns"] = "fixed"
+    """`fixed` keeps the orientation of the tool, `turns` turns it with the arc."""
+
+
+class ScrewDescription(MoveDescription):
+    """A turn of the tool about an axis while it moves along it."""
+
+    move = Screw
+    kind: Literal["screw"]
+    axis: Three = input_field("direction of the axis, of any length")
+    angle: float = input_field("how far the tool turns", "rad")
+    pitch: float = input_field("how far a whole turn goes along the axis", "m", default=0.0)
+    center: Three | None = input_field("a point of the axis, in the base frame", "m", default=None, source="the tip")
+
+
+class ThroughDescription(MoveDescription):
+    """A smooth curve through poses, without a stop."""
+
+    move = Through
+    kind: Literal["through"]
+    poses: list[list[float]] = input_field("rows of x, y, z, or of x, y, z, qw, qx, qy, qz", "m")
+    times: list[float] | None = input_field(
+        "of each pose; the first is when the move begins", "s", default=None, source="`duration`, or the joints' limits"
+    )
+
+
+class PauseDescription(MoveDescription):
+    """The tool stands still."""
+
+    move = Pause
+    kind: Literal["pause"]
+
+
+AnyMove = Annotated[
+    LineDescription | CircleDescription | ScrewDescription | ThroughDescription | PauseDescription,
+    Field(discriminator="kind"),
+]
+
+
+class ToolPathTrajectory(TrajectoryPart):
+    """A path of the tool, by inverse kinematics of the arm that the law knows."""
+
+    kind: Literal["tool_path"]
+    start: list[float] = input_field("a posture from which the tool starts, one position per joint", "rad or m")
+    pose: Seven | None = input_field(
+        "where the path begins, x, y, z, qw, qx, qy, qz; searched from `start`",
+        "m",
+        default=None,
+        source="where the tool is at `start`",
+    )
+    moves: list[AnyMove] = Field(default=[])
+    """Moves of the tool, each from the end of the move before it."""
+    file: FileName | None = None
+    """A CSV file with columns time, x, y, z and optionally qw, qx, qy, qz, relative to the folder of the scenario; in
+    place of `moves`."""
+    text: str | None = None
+    """Content of such a file, in place of `file`."""
+    hold: Literal["place", "axis", "pose"] = "pose"
+    """Requirement on the tool: the `place` of its tip, also its `axis` z, or the whole `pose`."""
+    posture: list[float] | None = input_field(
+        "what is liked of an arm that has more joints than it needs", "rad or m", default=None, source="as it starts"
+    )
+    velocity: Limit | None = input_field(
+        "largest speed of the joints, or `robot`", "rad/s or m/s", default=None, source="none"
+    )
+    acceleration: Numbers | None = input_field(
+        "largest acceleration", "rad/s² or m/s²", default=None, source="no limit"
+    )
+    damping: float = input_field(
+        "how much of the pose is given up near a singularity, per unit of force", "m or rad", "[0, 1]", default=0.0
+    )
+    tolerance: float = input_field("largest error of the tool between knots", "m and rad", "[1e-9, 1e-2]", default=1e-6)
+    begin: float = input_field("when it begins", "s", ">= 0", default=0.0)
+
+    def build(self, limits: JointLimits | None = None, robot: AbstractRobot | None = None) -> AbstractMotion:
+        """Build the joint trajectory of the nominal `robot`."""
+        assert robot is not None
+        pose = None
+        if self.pose is not None:
+            with locate_errors("pose"):
+                pose = Pose.of(self.pose[:3], self.pose[3:])
+        named = ("hold", "start", "posture", "velocity", "acceleration", "damping", "tolerance", "begin")
+        arguments: dict[str, Any] = {name: value for name, value in self.parameters().items() if name in named}
+        arguments |= robot_limits(self, limits, "velocity")
+        return follow(robot, self._moves(), pose=pose, **arguments).trajectory
+
+    def _moves(self) -> list[AbstractMove]:
+        sources = [name for name in ("moves", "file", "text") if getattr(self, name)]
+        if len(sources) != 1:
+            raise DefinitionError("needs one of `moves`, `file` and `text`")
+        if self.moves:
+            return [move.build() for move in self.moves]
+        with locate_errors(sources[0]):
+            return [Through.from_csv(self.file if self.file is not None else f"{self.text}\n")]
+
 
 LONGER = 100.0
 """Duration of a motion over that of the run above which its unit of time is probably wrong."""
@@ -43,10 +215,10 @@ class MinimumJerkTrajectory(WaypointTrajectory):
     """The smoothest motion through waypoints, at rest at both ends."""
 
     kind: Literal["minimum_jerk"]
-    times: list[float] = said("when each waypoint is passed, increasing", "s")
-    waypoints: list[list[float]] = said("one row of joint positions per time", "rad or m")
+    times: list[float] = input_field("when each waypoint is passed, increasing", "s")
+    waypoints: list[list[float]] = input_field("one row of joint positions per time", "rad or m")
 
-    def build(self, limits: JointLimits | None = None) -> AbstractTrajectory:
+    def build(self, limits: JointLimits | None = None) -> AbstractMotion:
         """Build the trajectory; `limits` is not used."""
         return MinimumJerk.through(self.times, self.waypoints)
 
@@ -54,11 +226,11 @@ class MinimumJerkTrajectory(WaypointTrajectory):
 class LimitedTrajectory(WaypointTrajectory):
     """A motion through waypoints, as fast as limits allow."""
 
-    waypoints: list[list[float]] = said("rows of joint positions, no two in a row the same", "rad or m")
-    velocity: Limit = said("largest speed, or `robot`", "rad/s or m/s")
-    acceleration: Numbers = said("largest acceleration", "rad/s² or m/s²")
-    jerk: Numbers | None = said("largest jerk", "rad/s³ or m/s³", default=None, source="no limit")
-    start: float = said("when it begins", "s", default=0.0)
+    waypoints: list[list[float]] = input_field("rows of joint positions, no two in a row the same", "rad or m")
+    velocity: Limit = input_field("largest speed, or `robot`", "rad/s or m/s")
+    acceleration: Numbers = input_field("largest acceleration", "rad/s² or m/s²")
+    jerk: Numbers | None = input_field("largest jerk", "rad/s³ or m/s³", default=None, source="no limit")
+    start: float = input_field("when it begins", "s", default=0.0)
 
     def _arguments(self, limits: JointLimits | None) -> dict[str, Any]:
         return self.parameters() | robot_limits(self, limits, "velocity")
@@ -69,7 +241,7 @@ class QuinticTrajectory(LimitedTrajectory):
 
     kind: Literal["quintic"]
 
-    def build(self, limits: JointLimits | None = None) -> AbstractTrajectory:
+    def build(self, limits: JointLimits | None = None) -> AbstractMotion:
         return MinimumJerk.within(**self._arguments(limits))
 
 
@@ -78,7 +250,7 @@ class TrapezoidalTrajectory(LimitedTrajectory):
 
     kind: Literal["trapezoidal"]
 
-    def build(self, limits: JointLimits | None = None) -> AbstractTrajectory:
+    def build(self, limits: JointLimits | None = None) -> AbstractMotion:
         return Trapezoidal.through(**self._arguments(limits))
 
 
@@ -93,11 +265,13 @@ class TableTrajectory(TrajectoryPart):
     """The file's names of the robot's joints, in the robot's order; by default the robot's own names."""
     time_unit: TimeUnit | None = None
     """Unit of the times: s, ms, us or ns; by default the file's own, or s."""
-    start: float | None = said("when the first row is to be", "s", default=None, source="the file")
-    lower: Limit | None = said("least positions, or `robot`", "rad or m", default=None, source="not checked")
-    upper: Limit | None = said("largest positions, or `robot`", "rad or m", default=None, source="not checked")
-    velocity: Limit | None = said("largest speed, or `robot`", "rad/s or m/s", default=None, source="not checked")
-    acceleration: Numbers | None = said(
+    start: float | None = input_field("when the first row is to be", "s", default=None, source="the file")
+    lower: Limit | None = input_field("least positions, or `robot`", "rad or m", default=None, source="not checked")
+    upper: Limit | None = input_field("largest positions, or `robot`", "rad or m", default=None, source="not checked")
+    velocity: Limit | None = input_field(
+        "largest speed, or `robot`", "rad/s or m/s", default=None, source="not checked"
+    )
+    acceleration: Numbers | None = input_field(
         "largest acceleration", "rad/s² or m/s²", default=None, source="docs/trajectories.md"
     )
 
@@ -111,17 +285,17 @@ class TableTrajectory(TrajectoryPart):
         """The file's names of the robot's joints, in the robot's order."""
         if self.joints is None:
             return own
-        with located("joints"):
+        with locate_errors("joints"):
             if len(self.joints) != len(own):
                 raise DefinitionError(
-                    f"must have one name for each of the robot's {counted(len(own), 'joint')}, {quoted(own)}; got "
-                    f"{len(self.joints)}"
+                    f"must have one name for each of the robot's {count_noun(len(own), 'joint')}, {quote_names(own)}; "
+                    f"got {len(self.joints)}"
                 )
-            for name, place in matched(self.joints, own).items():
+            for name, place in match_names(self.joints, own).items():
                 if own[place] != name:
                     raise DefinitionError(
                         f"`{name}` stands in the place of the robot's joint `{own[place]}`; the robot's order is "
-                        f"{quoted(own)}. Leave `joints` out, and each column is found by its name"
+                        f"{quote_names(own)}. Leave `joints` out, and each column is found by its name"
                     )
         return self.joints
 
@@ -139,7 +313,7 @@ class CsvTrajectory(TableTrajectory):
 
     kind: Literal["csv"]
 
-    def build(self, limits: JointLimits | None = None, robot: AbstractRobot | None = None) -> AbstractTrajectory:
+    def build(self, limits: JointLimits | None = None, robot: AbstractRobot | None = None) -> AbstractMotion:
         units = () if robot is None else robot.joint_units
         return Tabulated.from_csv(self._source(), units=units, **self._arguments(limits, robot))
 
@@ -149,7 +323,7 @@ class JointTrajectory(TableTrajectory):
 
     kind: Literal["joint_trajectory"]
 
-    def build(self, limits: JointLimits | None = None, robot: AbstractRobot | None = None) -> AbstractTrajectory:
+    def build(self, limits: JointLimits | None = None, robot: AbstractRobot | None = None) -> AbstractMotion:
         if self.text is not None and not self.text.lstrip().startswith("{"):
             raise DefinitionError("must be a JSON object, in braces", where="text")
         source = self._source()
@@ -177,7 +351,7 @@ if TYPE_CHECKING:
     TrajectoryDescription = AbstractDescription
 else:
     TrajectoryDescription = union_of(
-        AbstractTrajectory,
+        AbstractMotion,
         MinimumJerkTrajectory,
         QuinticTrajectory,
         TrapezoidalTrajectory,
@@ -187,7 +361,7 @@ else:
     )
 
 
-def trajectory_of(described: Any, limits: JointLimits | None, robot: AbstractRobot) -> AbstractTrajectory:
+def trajectory_of(described: Any, limits: JointLimits | None, robot: AbstractRobot) -> AbstractMotion:
     """Build the trajectory of a `TrajectoryDescription`.
 
     - `limits`: limits of the robot for fields with the value `robot`; None if it has none.
@@ -202,7 +376,7 @@ def trajectory_of(described: Any, limits: JointLimits | None, robot: AbstractRob
     return described.build(*([limits] if isinstance(described, TrajectoryPart) else []))
 
 
-def warn_of_units(described: Any, trajectory: AbstractTrajectory, t1: float) -> None:
+def warn_of_units(described: Any, trajectory: AbstractMotion, t1: float) -> None:
     """Warn if a motion from a file is so much longer than the run that its times may not be in seconds.
 
     - `described`: a `TrajectoryDescription`; with a unit of time there is no warning.

@@ -1,16 +1,22 @@
-"""Read YAML text within limits that no real scenario reaches."""
+"""YAML text to values and back, and validation errors in plain English."""
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterable
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
+from pydantic import ValidationError
 from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap
 from ruamel.yaml.error import YAMLError
 
-from slidax._errors import DefinitionError, shown
-from slidax._files import read_text
+from slidax.core.errors import DefinitionError, count_noun, nearest_word, plain, short_repr
+from slidax.core.files import read_text
+
+from .descriptions import AbstractDescription
 
 MOST_CHARACTERS = 250_000
 """Longest text: the reader takes ten seconds for the densest YAML of this length."""
@@ -83,7 +89,7 @@ def _size(value: Any, known: dict[int, int], inside: set[int], left: int) -> int
         raise _too_deep()
     for key in value if isinstance(value, dict) else ():
         if not isinstance(key, str):
-            raise DefinitionError(f"a key must be text; got `{shown(key)}`: write it in quotation marks")
+            raise DefinitionError(f"a key must be text; got `{short_repr(key)}`: write it in quotation marks")
     inside.add(id(value))
     parts: Iterable[Any] = value.values() if isinstance(value, dict) else value
     size = 1 + sum(_size(part, known, inside, left - 1) for part in parts)
@@ -96,3 +102,125 @@ def _size(value: Any, known: dict[int, int], inside: set[int], left: int) -> int
 
 def _too_deep() -> DefinitionError:
     return DefinitionError(f"the YAML has more than {DEEPEST} levels of lists and mappings")
+
+
+def as_yaml(description: AbstractDescription) -> str:
+    """Return a scenario or a study with all its values as YAML that can be run again."""
+    return dump_yaml(_shown(description))
+
+
+def dump_yaml(values: Any, width: int = 100) -> str:
+    """Return mappings, lists and single values as YAML, in lines of about `width` characters."""
+    yaml = YAML()
+    yaml.default_flow_style = None
+    yaml.width = width
+    text = io.StringIO()
+    yaml.dump(values, text)
+    return text.getvalue()
+
+
+def dump_commented(values: Any, comments: Iterable[tuple[str, str]]) -> str:
+    """Return a mapping as YAML with comments, and an empty line before each of its keys.
+
+    - `comments`: the path of a key, such as `scheme.bound`, and the comment before it; skipped if the key is missing.
+      Lines that start with `- ` are items of a list.
+    """
+    document = _commentable(values)
+    for name in list(document)[1:]:
+        document.yaml_set_comment_before_after_key(name, before="\n")
+    for path, text in comments:
+        *place, name = path.split(".")
+        block, indent = document, 2 * len(place)
+        for key in place:
+            block = block.get(key, {})
+        if name in block:
+            block.yaml_set_comment_before_after_key(name, before=_filled(text, 116 - indent), indent=indent)
+    return dump_yaml(document, 116)
+
+
+def _commentable(value: Any) -> Any:
+    if isinstance(value, dict):
+        return CommentedMap({name: _commentable(part) for name, part in value.items()})
+    return [_commentable(part) for part in value] if isinstance(value, list | tuple) else value
+
+
+def _filled(text: str, width: int) -> str:
+    """Wrap each line, with a hanging indent for items of a list."""
+    return "\n".join(
+        fill(line, width, subsequent_indent="  " if line.startswith("- ") else "", break_on_hyphens=False)
+        for line in text.splitlines()
+    )
+
+
+def _shown(value: Any) -> Any:
+    """Plain values without null, except where null differs from the default."""
+    if isinstance(value, AbstractDescription):
+        defaults = {name: field.default for name, field in type(value).model_fields.items()}
+        return {name: _shown(part) for name, part in value if part is not None or defaults[name] is not None}
+    if isinstance(value, dict):
+        return {name: _shown(part) for name, part in value.items()}
+    return [_shown(part) for part in value] if isinstance(value, list | tuple) else value
+
+
+LIMITS = {
+    "greater_than": (">", "gt"),
+    "greater_than_equal": (">=", "ge"),
+    "less_than": ("<", "lt"),
+    "less_than_equal": ("<=", "le"),
+}
+"""Pydantic's errors about a range: sign, and key of the limit."""
+
+
+def validation_error(error: ValidationError, data: Any) -> DefinitionError:
+    """Return the first of pydantic's errors about the data as one plain sentence."""
+    mistakes = error.errors(include_url=False)
+    first = mistakes[0]
+    where = _path(first, data)
+    together = [mistake for mistake in mistakes if _path(mistake, data) == where]
+    kinds = {mistake["type"] for mistake in together}
+    context = first.get("ctx", {})
+    value = first.get("input")
+    if first["type"] == "missing":
+        message = "is missing"
+    elif first["type"] == "union_tag_not_found":
+        message = f"needs a {context['discriminator']}, one of the known kinds"
+    elif first["type"] == "union_tag_invalid":
+        known = [word.strip().strip("'") for word in context["expected_tags"].split(",")]
+        where = f"{where}.{context['discriminator'].strip(chr(39))}"
+        message = f"unknown `{plain(context['tag'])}`; {nearest_word(str(context['tag']), known)}"
+    elif first["type"] == "literal_error":
+        known = [word.strip().strip("'") for word in context["expected"].replace(" or ", ",").split(",")]
+        message = f"unknown `{plain(value)}`; {nearest_word(str(value), known)}"
+    elif "list_type" in kinds and kinds & {"float_type", "float_parsing"}:
+        message = f"must be a number or a list of numbers; got {short_repr(value)}"
+    elif first["type"] in ("float_type", "float_parsing"):
+        message = f"must be a number; got {short_repr(value)}"
+    elif first["type"] == "list_type":
+        message = f"must be a list; got {short_repr(value)}"
+    elif first["type"] in LIMITS:
+        sign, limit = LIMITS[first["type"]]
+        message = f"must be {sign} {context[limit]:g}; got {short_repr(value)}"
+    elif first["type"] in ("too_short", "too_long"):
+        sign, limit = (">=", "min_length") if first["type"] == "too_short" else ("<=", "max_length")
+        message = f"must have {sign} {count_noun(context[limit], 'entry', 'entries')}; got {short_repr(value)}"
+    elif first["type"] == "unknown_key":
+        message = first["msg"]
+    else:
+        message = f"{first['msg'][0].lower()}{first['msg'][1:]}; got {short_repr(value)}"
+    return DefinitionError(message, where=where)
+
+
+def _path(mistake: Any, data: Any) -> str:
+    """The path of the file's keys, without the names of union members that pydantic adds."""
+    loc: tuple[int | str, ...] = mistake["loc"]
+    absent = len(loc) - 1 if mistake["type"] == "missing" else -1
+    parts: list[str] = []
+    place = data
+    for depth, part in enumerate(loc):
+        if isinstance(place, dict) and (part in place or depth == absent):
+            place = place.get(part)
+            parts.append(str(part))
+        elif isinstance(place, list) and isinstance(part, int) and part < len(place):
+            place = place[part]
+            parts.append(str(part))
+    return ".".join(parts)

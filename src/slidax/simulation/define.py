@@ -1,7 +1,8 @@
-"""A closed loop from its parts, checked against each other."""
+"""A closed loop from its parts, checked against each other before time passes."""
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import equinox as eqx
@@ -9,18 +10,18 @@ import jax
 import numpy as np
 from jaxtyping import Array
 
-from slidax._errors import DefinitionError, counted, each_of, is_traced, require_joints
-from slidax._names import joint_called, quoted
-from slidax._types import Envelope, Reference, State
-from slidax.controllers import AbstractController, SampledData
-from slidax.numerics import require_64_bits
-from slidax.trajectories import AbstractTrajectory
-from slidax.transformations import PrescribedPerformance
+from slidax.core.errors import DefinitionError, count_noun, each_of, is_traced, require_joints
+from slidax.core.joint_names import joint_label, quote_names
+from slidax.core.tracing import require_64_bits
+from slidax.core.types import Envelope, Reference, State
+from slidax.law.controllers import AbstractController
+from slidax.law.error_transformations import PrescribedPerformance
+from slidax.law.sampled.controller import SampledData
+from slidax.motions.trajectory import AbstractMotion
 
-from .loop import Loop
-from .motion_limits import require_within_limits
-from .mujoco_plant import MujocoPlant
-from .plant import Plant
+from .loop import ClosedLoop, begin, sample
+from .plant import MujocoPlant, Plant
+from .states import require_within_limits
 from .stepping import Stepping
 from .tally import Windows
 
@@ -31,14 +32,14 @@ MOST_SAMPLES = 10**9
 def define_loop(
     plant: Plant,
     controller: AbstractController,
-    trajectory: AbstractTrajectory,
+    trajectory: AbstractMotion,
     state0: State,
     t1: float,
     stepping: Stepping,
     log_every: int | None,
     bands: tuple[float, ...],
     tolerance: PrescribedPerformance | None = None,
-) -> tuple[Loop, int]:
+) -> tuple[ClosedLoop, int]:
     """Return the closed loop and the number of its samples. Arguments as in `simulate`.
 
     Traced values are not checked, except for their shapes.
@@ -51,7 +52,7 @@ def define_loop(
     require_fitting(plant, controller, trajectory, state0, tolerance, stepping=stepping)
     steps = _steps(float(t1), stepping.period)
     require_within_limits(plant.robot, trajectory, state0, steps, stepping)
-    loop = Loop(
+    loop = ClosedLoop(
         plant=plant,
         controller=controller,
         trajectory=trajectory,
@@ -70,7 +71,7 @@ def define_loop(
 def require_fitting(
     plant: Plant | MujocoPlant,
     controller: AbstractController,
-    trajectory: AbstractTrajectory,
+    trajectory: AbstractMotion,
     state0: State,
     tolerance: PrescribedPerformance | None = None,
     *,
@@ -79,30 +80,36 @@ def require_fitting(
     """Raise a DefinitionError if the parts of a closed loop do not fit each other. Arguments as in `simulate`."""
     n = plant.robot.joints
     if controller.joints != n:
-        raise DefinitionError(f"the controller commands {counted(controller.joints, 'joint')}, but the plant has {n}")
+        raise DefinitionError(
+            f"the controller commands {count_noun(controller.joints, 'joint')}, but the plant has {n}"
+        )
     for name, value in (("q", state0.q), ("dq", state0.dq)):
         if value.shape != (n,):
             raise DefinitionError(f"`state0.{name}` must have one entry for {each_of(n, 'joint')}; got {value.shape}")
         if not is_traced(value) and not np.isfinite(value).all():
-            joint = joint_called(plant.robot.joint_names[int(np.argmin(np.isfinite(value)))])
+            joint = joint_label(plant.robot.joint_names[int(np.argmin(np.isfinite(value)))])
             raise DefinitionError(f"`state0.{name}` must be finite; it is not for {joint}")
     shape = eqx.filter_eval_shape(trajectory.position, jax.ShapeDtypeStruct((), float)).shape
     if shape != (n,):
-        raise DefinitionError(f"the trajectory gives {list(shape)} positions, but the plant has {counted(n, 'joint')}")
+        raise DefinitionError(
+            f"the trajectory gives {list(shape)} positions, but the plant has {count_noun(n, 'joint')}"
+        )
     names = getattr(trajectory, "joint_names", ())
     if names != plant.robot.joint_names and set(names) == set(plant.robot.joint_names):
         raise DefinitionError(
-            f"the trajectory's joints are {quoted(names)}, but the robot's order is {quoted(plant.robot.joint_names)}: "
-            "read the motion with `joints=robot.joint_names`"
+            f"the trajectory's joints are {quote_names(names)}, but the robot's order is "
+            f"{quote_names(plant.robot.joint_names)}: read the motion with `joints=robot.joint_names`"
         )
     if tolerance is not None:
         require_joints(tolerance, n, "the plant")
     try:
         forces = eqx.filter_eval_shape(plant.disturbance, jax.ShapeDtypeStruct((), float), state0).shape
     except (TypeError, ValueError) as error:
-        raise DefinitionError(f"the disturbance does not fit the plant's {counted(n, 'joint')}: {error}") from error
+        raise DefinitionError(f"the disturbance does not fit the plant's {count_noun(n, 'joint')}: {error}") from error
     if forces != (n,):
-        raise DefinitionError(f"the disturbance gives {list(forces)} forces, but the plant has {counted(n, 'joint')}")
+        raise DefinitionError(
+            f"the disturbance gives {list(forces)} forces, but the plant has {count_noun(n, 'joint')}"
+        )
     if stepping.mode == "continuous":
         if isinstance(controller, SampledData):
             raise DefinitionError("a sampled-data law needs samples: simulate in held mode, not in continuous mode")
@@ -146,12 +153,12 @@ def _steps(t1: float, period: float) -> int:
     return steps
 
 
-def require_start(loop: Loop, state0: State, envelope: Envelope | None, reference: Reference, held: Any) -> None:
+def require_start(loop: ClosedLoop, state0: State, envelope: Envelope | None, reference: Reference, held: Any) -> None:
     """Raise a DefinitionError if the first error is at or outside its bounds, or the actuator cannot hold the arm.
 
     - `held`: torque that holds the arm at `state0` [n], N m or N; None without an actuator.
     """
-    names = [joint_called(name) for name in loop.plant.robot.joint_names]
+    names = [joint_label(name) for name in loop.plant.robot.joint_names]
     if loop.plant.actuator is not None and held is not None:
         robot = loop.plant.robot
         needed, limit = np.asarray(held), np.broadcast_to(loop.plant.actuator.limits.torque, held.shape)
@@ -184,4 +191,24 @@ def require_start(loop: Loop, state0: State, envelope: Envelope | None, referenc
             f"`state0.q` must start inside the envelope, lower < e(0) < upper (eq. 12), so |e(0)| < rho0 (eq. 20); "
             f"got e(0) = {e[joint]:.4g} for {names[joint]}, whose bounds are {lower[joint]:.4g} and "
             f"{upper[joint]:.4g}; enlarge the initial radius or start nearer"
+        )
+
+
+MOST_BYTES = 10**9
+"""Largest log; twice as much is needed while the log is made."""
+
+SMALL = 200_000
+"""Rows that always fit: only longer logs are checked."""
+
+
+def require_room(loop: ClosedLoop, state0: State, rows: int) -> None:
+    """Raise a DefinitionError if a log with so many rows would be too large."""
+    if rows <= SMALL:
+        return
+    line = eqx.filter_eval_shape(lambda: sample(loop, begin(loop, state0)[0])[1])
+    size = rows * sum(math.prod(leaf.shape) * leaf.dtype.itemsize for leaf in jax.tree.leaves(line))
+    if size > MOST_BYTES:
+        raise DefinitionError(
+            f"the log of {rows} samples would take {size / 1e9:.3g} GB; the limit is {MOST_BYTES / 1e9:g} GB: "
+            f"log one in {math.ceil(size / MOST_BYTES)} times as many (`log_every`), or none"
         )

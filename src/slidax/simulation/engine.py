@@ -1,19 +1,22 @@
-"""Engines of a closed loop: their protocol, the request that they take, and the choice among them."""
+"""Engines: their protocol, the request that they take, the choice among them, and the progress bar."""
 
 from __future__ import annotations
 
+import sys
 import time
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple, Protocol, TypeVar, get_args
+from types import TracebackType
+from typing import Any, Literal, NamedTuple, Protocol, TypeVar, get_args
 
-from slidax._errors import DefinitionError, shown
-from slidax._types import State
-from slidax.codegen import NoNativeCodeError, cuda, llvm
+from slidax.codegen import cuda, llvm
+from slidax.codegen.ir import NoNativeCodeError
+from slidax.core.errors import DefinitionError, short_repr
+from slidax.core.types import State
 
-from .free_body import FreeBody
-from .loop import Loop, LoopStart
+from .loop import ClosedLoop, LoopStart
+from .plant import FreeBody
 from .run import Log, Timing
 
 EngineName = Literal["auto", "native", "xla", "cuda"]
@@ -35,7 +38,7 @@ class RunRequest:
     - `started`: start of the compilation, from `time.perf_counter`.
     """
 
-    loop: Loop
+    loop: ClosedLoop
     state0: State
     samples: int
     log_every: int | None
@@ -80,7 +83,7 @@ def engine_for(name: str) -> Literal["native", "xla"]:
     """
     if name not in get_args(EngineName):
         names = ", ".join(f"`{known}`" for known in get_args(EngineName))
-        raise DefinitionError(f"`engine` must be one of {names}; got {shown(name)}")
+        raise DefinitionError(f"`engine` must be one of {names}; got {short_repr(name)}")
     if name == "xla":
         return "xla"
     available: Literal["native", "xla"] = "native" if llvm.available() else "xla"
@@ -123,3 +126,54 @@ def native_or_xla(
 
 def _warn(engine: str, reason: str, stacklevel: int) -> None:
     warnings.warn(f"simulating with the engine `{engine}`, as {reason}", stacklevel=stacklevel + 1)
+
+
+PATIENCE = 2.0
+"""Expected duration [s] from which a run shows its bar."""
+
+
+class Progress:
+    """Count finished pieces of work, and draw a bar once they are expected to take long.
+
+    - `shown`: True draws from the start, False never, None for long work if standard error is a terminal.
+    """
+
+    def __init__(self, total: int, shown: bool | None) -> None:
+        self._total = total
+        self._shown = shown
+        self._done = 0
+        self._bar: Any = None
+        self._started = time.perf_counter()
+
+    def __enter__(self) -> Progress:
+        if self._shown:
+            self._draw()
+        return self
+
+    def advance(self) -> None:
+        """Count one more finished piece."""
+        self._done += 1
+        if self._bar is None and self._shown is None and sys.stderr.isatty():
+            expected = (time.perf_counter() - self._started) * self._total / self._done
+            if expected > PATIENCE:
+                self._draw()
+        if self._bar is not None:
+            self._bar.update(self._task, completed=self._done)
+
+    def _draw(self) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
+        from rich.progress import Progress as Bar
+
+        columns = (TextColumn("simulating"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+        console = Console(stderr=True)
+        # Without a terminal, rich draws only what remains at the end.
+        self._bar = Bar(*columns, console=console, transient=console.is_terminal)
+        self._bar.start()
+        self._task = self._bar.add_task("", total=self._total, completed=self._done)
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._bar is not None:
+            self._bar.stop()

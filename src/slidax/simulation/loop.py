@@ -1,4 +1,4 @@
-"""A closed loop: its constant parts, and its carry, which changes from sample to sample."""
+"""One sample of the closed loop as pure functions, for all engines."""
 
 from __future__ import annotations
 
@@ -6,23 +6,27 @@ from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from slidax._types import Envelope, Memory, Reference, Scalar, State, Vector
-from slidax.controllers import AbstractController
-from slidax.trajectories import AbstractTrajectory
-from slidax.transformations import PrescribedPerformance
+from slidax.core.tracing import barrier, select
+from slidax.core.types import Command, Envelope, Memory, Reference, Scalar, State, Vector
+from slidax.law.controllers import AbstractController
+from slidax.law.error_transformations import PrescribedPerformance
+from slidax.law.sampled.controller import SampledData
+from slidax.motions.trajectory import AbstractMotion, ToolMotion
 
-from .excursion import Excursion
-from .outcome import Fault
+from .outcome import Excursion, Fault, earlier, find_fault, no_fault
 from .plant import Plant
-from .tally import Tally, Windows
+from .run import Log
+from .tally import MonitorTally, Tally, ToleranceTally, ToolTally, Windows
 
 Integrator = Callable[..., tuple[Any, tuple[Any, ...]]]
 
 
-class Loop(eqx.Module):
+class ClosedLoop(eqx.Module):
     """The constant parts of a closed loop.
 
     - `period`: time between samples [s].
@@ -37,7 +41,7 @@ class Loop(eqx.Module):
 
     plant: Plant
     controller: AbstractController
-    trajectory: AbstractTrajectory
+    trajectory: AbstractMotion
     period: Scalar
     last: Int[Array, ""]
     windows: Windows
@@ -84,3 +88,254 @@ class Memories(eqx.Module):
 LoopStart = tuple[Carry, Envelope | None, Reference, Float[Array, "*runs n"] | Float[np.ndarray, "*runs n"] | None]
 """A carry, with the envelope and the reference at t = 0, and the torque that holds the arm there [n], N m or N (None
 without an actuator)."""
+
+
+class Evaluation(eqx.Module):
+    """The law at one time: its reference, its command, its envelope, and a fault."""
+
+    reference: Reference
+    command: Command
+    envelope: Envelope | None
+    fault: Fault
+
+
+def evaluate(loop: ClosedLoop, t: Scalar, state: State, measured: State, memory: Memory, ahead: Scalar) -> Evaluation:
+    """Evaluate the law on the measured state, and check the true state.
+
+    - `ahead`: time of the next sample [s].
+    """
+    reference = loop.trajectory.reference(t)
+    command = loop.controller(t, measured, reference, loop.trajectory.reference(ahead), memory)
+    # Plant, tally and log read the same bits.
+    command = eqx.tree_at(lambda c: c.tau, command, barrier(command.tau))
+    return checked_evaluation(loop, t, state, memory, reference, command)
+
+
+def checked_evaluation(
+    loop: ClosedLoop, t: Scalar, state: State, memory: Memory, reference: Reference, command: Command
+) -> Evaluation:
+    """Return a command of the law with the envelope and the fault at the true state.
+
+    - `memory`: the controller's, before the command.
+    """
+    envelope = loop.controller.envelope(t, memory)
+    finite = jnp.isfinite(command.tau) & jnp.isfinite(state.dq)
+    fault = find_fault(t, state.q - reference.q, finite, None if loop.recover else envelope)
+    return Evaluation(reference, command, envelope, fault)
+
+
+class HeldTorque(eqx.Module):
+    """Torque command [n], N m or N, of a sample until the next one, with the actuator's memory (None without one)."""
+
+    tau: Vector
+    delivery: Memory
+
+
+def evaluate_sample(loop: ClosedLoop, carry: Carry, t: Scalar) -> tuple[Evaluation, Memories, HeldTorque]:
+    """Evaluate the law once on the measurement; a memory with a rate advances by Euler's rule."""
+    plant, period = loop.plant, loop.period
+    measured, sensor, torque, delivery, fresh = carry.state, None, None, None, None
+    if plant.sensor is not None:
+        measurement, sensor = plant.sensor(carry.k, carry.state, period, carry.sensor)
+        measured, fresh = measurement.state, measurement.fresh
+    now = evaluate(loop, t, carry.state, measured, carry.memory, t + period)
+    memory = now.command.memory_after(period)
+    tau = now.command.tau
+    if fresh is not None and carry.torque is not None:
+        # Without a measurement, the last command and the law's memory stay.
+        tau = torque = jnp.where(fresh, tau, carry.torque)
+        memory = select(fresh, memory, carry.memory)
+    if plant.actuator is not None:
+        tau, delivery = plant.actuator.set(tau, period, carry.actuator)
+    if plant.sensor is not None or plant.actuator is not None:
+        command = eqx.tree_at(lambda c: c.tau, now.command, barrier(tau))
+        if fresh is not None and "rejected" in command.signals:
+            # A lost measurement cannot be rejected.
+            rejected = jnp.where(fresh, command.signals["rejected"], 0.0)
+            command = eqx.tree_at(lambda c: c.signals["rejected"], command, rejected)
+        now = checked_evaluation(loop, t, carry.state, carry.memory, now.reference, command)
+    memories = Memories(memory=memory, sensor=sensor, actuator=delivery, torque=torque)
+    return now, memories, HeldTorque(tau=now.command.tau, delivery=delivery)
+
+
+def delivered(loop: ClosedLoop, held: HeldTorque, t: Scalar, time: Scalar) -> Vector:
+    """Torque on the joints, [n], N m or N, at a time [s] at most a period after the sample at t [s]."""
+    if loop.plant.actuator is None or held.delivery is None:
+        return held.tau
+    return loop.plant.actuator.delivered(held.delivery, time - t, loop.period)
+
+
+def moved(loop: ClosedLoop, state: State, t: Scalar, held: HeldTorque) -> State:
+    """State of slidax's own plant one period after the sample at t [s]."""
+    h = loop.period / loop.substeps
+
+    def rate(time: Scalar, state: State) -> tuple[State, None]:
+        tau = delivered(loop, held, t, time)
+        return State(q=state.dq, dq=loop.plant.acceleration(time, state, tau)), None
+
+    def substep(state: State, i: Int[Array, ""]) -> tuple[State, None]:
+        return loop.integrator(rate, t + i.astype(float) * h, state, h)[0], None
+
+    if loop.substeps == 1:
+        return loop.integrator(rate, t, state, h)[0]
+    return jax.lax.scan(substep, state, jnp.arange(loop.substeps))[0]
+
+
+def force(loop: ClosedLoop, held: HeldTorque, k: Int[Array, ""], i: Int[Array, ""], state: State) -> Vector:
+    """Force on the joints at the start of a substep: delivered torque and disturbance, [n], N m or N.
+
+    For another simulator of the robot, at the exact times of slidax's own plant.
+
+    - `k`: number of the sample.
+    - `i`: number of the substep after it, from 0.
+    """
+    t = k.astype(float) * loop.period
+    time = t + i.astype(float) * (loop.period / loop.substeps)
+    return delivered(loop, held, t, time) + loop.plant.disturbance(time, state)
+
+
+class PlantState(eqx.Module):
+    """State of the integrator: the arm's, and the controller's memory if that has a rate, else None."""
+
+    q: Vector
+    dq: Vector
+    memory: Memory
+
+
+def begin(loop: ClosedLoop, state: State) -> LoopStart:
+    """Return the carry before the first sample, with the envelope, the reference and the holding torque at t = 0."""
+    t = jnp.zeros(())
+    reference = loop.trajectory.reference(t)
+    plant, period = loop.plant, loop.period
+    sensor, torque = None, None
+    # Until the run begins, the arm is held at rest or in uniform motion, with its payload at t = 0.
+    held = plant.at(t).bias(state.q, state.dq)
+    measured = state
+    if plant.sensor is not None:
+        sensor = plant.sensor.init(state)
+        measured = plant.sensor(jnp.zeros((), int), state, period, sensor)[0].state
+        torque = held
+    memory = loop.controller.init(t, measured, reference)
+    joints = state.q.shape[0]
+    tolerance = None if loop.tolerance is None else ToleranceTally.begin(loop.tolerance, state.q - reference.q)
+    carry = Carry(
+        k=jnp.zeros((), int),
+        state=state,
+        good=state,
+        memory=memory,
+        tally=Tally.empty(
+            joints,
+            loop.windows.bands.shape[0],
+            tolerance,
+            MonitorTally.begin() if _has_monitor(loop.controller) else None,
+            ToolTally.begin(loop.plant.robot) if isinstance(loop.trajectory, ToolMotion) else None,
+            gated=isinstance(loop.controller, SampledData),
+        ),
+        fault=no_fault(),
+        excursion=Excursion.none(joints) if loop.recover else None,
+        sensor=sensor,
+        actuator=None if plant.actuator is None else plant.actuator.init(held),
+        torque=torque,
+    )
+    return carry, loop.controller.envelope(t, memory), reference, None if plant.actuator is None else held
+
+
+def sample(loop: ClosedLoop, carry: Carry) -> tuple[Carry, Log]:
+    """Evaluate the law, count the sample, and move the plant by one period, unless the run is over."""
+    t = carry.k.astype(float) * loop.period
+    if loop.continuous:
+        return _counted(loop, carry, t, *_continuous_step(loop, carry, t))
+    now, memories, held = evaluate_sample(loop, carry, t)
+    return _counted(loop, carry, t, moved(loop, carry.state, t, held), memories, (now,))
+
+
+def decide(loop: ClosedLoop, carry: Carry) -> tuple[Carry, Log, HeldTorque]:
+    """Evaluate the law in held mode and count the sample; another simulator moves the carry's state."""
+    t = carry.k.astype(float) * loop.period
+    now, memories, held = evaluate_sample(loop, carry, t)
+    after, log = _counted(loop, carry, t, carry.state, memories, (now,))
+    return after, log, held
+
+
+def _counted(
+    loop: ClosedLoop, carry: Carry, t: Scalar, moved: State, memories: Memories, stages: tuple[Evaluation, ...]
+) -> tuple[Carry, Log]:
+    """The carry after a sample, and its log."""
+    now = stages[0]
+    e = carry.state.q - now.reference.q
+
+    running = carry.fault.absent & (carry.k <= loop.last)
+    good = running & now.fault.absent
+    moves = carry.k < loop.last
+    fault = now.fault
+    for stage in stages[1:]:
+        fault = earlier(fault, jax.tree.map(lambda x: jnp.where(moves, x, jnp.zeros_like(x)), stage.fault))
+    onward = good & fault.absent & moves
+
+    counted = carry.tally.add(carry.k, e, now.command.tau, now.envelope, loop.windows)
+    tally = select(good, counted, carry.tally.with_violation(running & (now.fault.kind == 1)))
+    excursion = carry.excursion
+    if excursion is not None and now.envelope is not None:
+        # Also where the law is undefined, which is the case outside.
+        known = running & jnp.all(jnp.isfinite(e))
+        extended = excursion.add(carry.k, e, now.envelope)
+        tally = tally.with_violation(known & extended.outside)
+        excursion = select(known, extended, excursion)
+    if loop.tolerance is not None:
+        tally = tally.with_tolerance(loop.tolerance, t, e, running)
+    tally = tally.with_margin(carry.k, now.command.signals, good)
+    tally = tally.with_rejection(now.command.signals, good)
+    if tally.tool is not None:
+        steady = good & (carry.k >= loop.windows.steady)
+        tool = tally.tool.add(loop.plant.robot, carry.state.q, now.reference.q, good, steady)
+        tally = eqx.tree_at(lambda tally: tally.tool, tally, tool)
+    after = Carry(
+        # k also grows in ended runs, so that a batch has one time and shares all that depends on time alone.
+        k=carry.k + 1,
+        state=select(onward, moved, carry.state),
+        good=select(good, carry.state, carry.good),
+        memory=select(onward, memories.memory, carry.memory),
+        tally=tally,
+        fault=select(running, fault, carry.fault),
+        excursion=excursion,
+        sensor=memories.sensor,
+        actuator=memories.actuator,
+        torque=memories.torque,
+    )
+    log = Log(
+        k=carry.k,
+        t=t,
+        state=carry.state,
+        reference=now.reference,
+        tau=now.command.tau,
+        signals=now.command.signals,
+        envelope=now.envelope,
+        valid=good,
+    )
+    return after, log
+
+
+def _has_monitor(controller: AbstractController) -> bool:
+    return getattr(controller, "monitor", None) is not None
+
+
+def _continuous_step(loop: ClosedLoop, carry: Carry, t: Scalar) -> tuple[State, Memories, tuple[Evaluation, ...]]:
+    """The law at every stage of the integrator, as in a fixed-step solver of block diagrams."""
+
+    def at(t: Scalar, state: State, memory: Memory) -> Evaluation:
+        return evaluate(loop, t, state, state, memory, ahead)
+
+    ahead = t + loop.period
+    has_rate = eqx.filter_eval_shape(at, t, carry.state, carry.memory).command.rate is not None
+
+    def rate(t: Scalar, now: PlantState) -> tuple[PlantState, Evaluation]:
+        state = State(q=now.q, dq=now.dq)
+        stage = at(t, state, now.memory if has_rate else carry.memory)
+        acceleration = loop.plant.acceleration(t, state, stage.command.tau)
+        return PlantState(q=now.dq, dq=acceleration, memory=stage.command.rate), stage
+
+    start = PlantState(q=carry.state.q, dq=carry.state.dq, memory=carry.memory if has_rate else None)
+    moved, stages = loop.integrator(rate, t, start, loop.period)
+    memory = moved.memory if has_rate else stages[0].command.memory
+    memories = Memories(memory=memory, sensor=None, actuator=None, torque=None)
+    return State(q=moved.q, dq=moved.dq), memories, stages

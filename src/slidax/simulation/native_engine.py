@@ -1,4 +1,4 @@
-"""Native engine: a closed loop as machine code, single runs on the processor, batches there or on a card."""
+"""Native engine: the closed loop as machine code, single runs or batches, on the processor or a card."""
 
 from __future__ import annotations
 
@@ -13,16 +13,13 @@ import jax
 import numpy as np
 
 from slidax.codegen import cuda, llvm
-from slidax.codegen.llvm.prepare import lowered_and_fused
+from slidax.codegen.llvm.vectorise import lower_and_fuse
 
 from .define import require_start
-from .duals import duals
-from .engine import EngineResult, RunRequest
+from .engine import EngineResult, Progress, RunRequest
 from .loop import LoopStart
-from .native_loop import Define, NativeLoop, batch_loop, lowered, single_loop
-from .progress import Progress
+from .native_loop import Define, LoopSignature, NativeLoop, batch_loop, duals, lower_loop, single_loop
 from .run import Log, Timing
-from .signature import LoopSignature
 
 CHUNK = 1_000_000
 """Samples between two looks at the run, about."""
@@ -105,7 +102,7 @@ def drive_duals(key: Hashable, define: Define, at: Any, directions: Any, samples
     logged = every is not None
     source = _LoopSource(
         (key, "duals", logged, *_form(shapes)),
-        lambda: lowered(*duals(define), shapes, logged=logged, batch=True, shared=shapes),
+        lambda: lower_loop(*duals(define), shapes, logged=logged, batch=True, shared=shapes),
     )
     return _run_on_processor(source, _numbers(at), _numbers(directions), samples, every, None)
 
@@ -162,10 +159,10 @@ def _compiled_batch(source: _LoopSource) -> tuple[NativeLoop, llvm.ByDemand]:
 
 
 @functools.lru_cache(maxsize=64)
-def _compiled_for_card(source: _LoopSource) -> tuple[NativeLoop, cuda.Kernel]:
+def _compiled_for_card(source: _LoopSource) -> tuple[NativeLoop, cuda.CudaKernel]:
     """The program in the processor's own operations, all exactly rounded, which give the same bits."""
     native = source.make()
-    return native, cuda.compile(lowered_and_fused(native.program))
+    return native, cuda.compile(lower_and_fuse(native.program))
 
 
 @functools.lru_cache(maxsize=64)

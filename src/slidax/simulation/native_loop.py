@@ -1,4 +1,4 @@
-"""A closed loop in the intermediate representation: start, time loop, log."""
+"""The closed loop and its derivatives as a program of the intermediate representation."""
 
 from __future__ import annotations
 
@@ -10,19 +10,16 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from slidax._types import State
 from slidax.codegen.builder import Builder, Values
-from slidax.codegen.ir import Program, Value
-from slidax.codegen.no_native_code import in_one_line
-from slidax.codegen.trace import inline
-from slidax.codegen.trace.arrays import filled, of_numbers
-from slidax.codegen.trace.packed import packed, unpacked
-from slidax.codegen.trace.trace import ir_type, leaves
+from slidax.codegen.ir import Program, Value, as_native_code_error
+from slidax.codegen.trace.arrays import constant_array, full_array, pack, unpack
+from slidax.codegen.trace.tracing import inline, ir_type, named_leaves
+from slidax.core.types import State
 
-from .loop import Loop
-from .rollout import begin, sample
+from .loop import Carry, ClosedLoop, begin, sample
+from .outcome import Fault
 
-Define = Callable[[Any], tuple[Loop, State]]
+Define = Callable[[Any], tuple[ClosedLoop, State]]
 """Map arrays to a loop and the state at t = 0."""
 
 
@@ -47,19 +44,19 @@ class NativeLoop:
 
 def single_loop(define: Define, arrays: Any, *, logged: bool) -> NativeLoop:
     """Return the loop of one run: `steps` samples from the start if `fresh`, else from a carry; ends at a fault."""
-    return lowered(*_parts(define), arrays, logged=logged, batch=False)
+    return lower_loop(*_parts(define), arrays, logged=logged, batch=False)
 
 
 def batch_loop(define: Define, arrays: Any, *, logged: bool) -> NativeLoop:
     """Return the loop of each run of a batch; ended runs stand still until all have ended."""
-    return lowered(*_parts(define), arrays, logged=logged, batch=True)
+    return lower_loop(*_parts(define), arrays, logged=logged, batch=True)
 
 
 def _parts(define: Define) -> tuple[Callable[..., Any], Callable[..., Any]]:
     return (lambda arrays: begin(*define(arrays))), (lambda arrays, carry: sample(define(arrays)[0], carry))
 
 
-def lowered(
+def lower_loop(
     start: Callable[..., Any],
     step: Callable[..., Any],
     arrays: Any,
@@ -85,7 +82,7 @@ def lowered(
     traced_start = _Traced(start, values)
     traced_step = _Traced(step, values, traced_start.result[0])
     # An error above occurs with XLA too, and explains itself.
-    with in_one_line(lambda: "the loop"):
+    with as_native_code_error(lambda: "the loop"):
         return _program(before, traced_start, traced_step, inputs, logged, batch, len(jax.tree.leaves(shared)))
 
 
@@ -104,7 +101,7 @@ def _program(
     of_start, of_step = outside.inputs(start.jaxpr.consts), outside.inputs(step.jaxpr.consts)
     values = [
         b.input(name, ir_type(leaf.dtype, name), leaf.shape, varying=batch and place >= shared)
-        for place, (name, leaf) in enumerate(leaves((jax.tree.map(_shape, arrays),), ("",)))
+        for place, (name, leaf) in enumerate(named_leaves((jax.tree.map(_shape, arrays),), ("",)))
     ]
     if before is not None:
         b.origin = BEFOREHAND
@@ -116,7 +113,7 @@ def _program(
     every = b.input("every", "i64", ()).item() if logged else None
     rows = [
         (b.logged(name, ir_type(leaf.dtype, name), leaf.shape) if logged else 0)
-        for name, leaf in leaves((step.result[1],), ("log",))
+        for name, leaf in named_leaves((step.result[1],), ("log",))
     ]
     carried = len(jax.tree.leaves(start.result[0]))
     first = _start(b, start, lambda: inline(b, start.jaxpr, values, constants=of_start), carried, batch)
@@ -128,23 +125,23 @@ def _program(
         more = b.apply("lt", numbers[0], steps)
         if batch:
             return more
-        kind = unpacked(numbers[3:], shapes)[fault].item()
+        kind = unpack(numbers[3:], shapes)[fault].item()
         return b.apply("and", more, b.apply("eq", kind, b.constant(0, kind.type)))
 
     def following(numbers: Sequence[Value]) -> list[Value]:
         count, left, row = numbers[:3]
-        results = inline(b, step.jaxpr, [*values, *unpacked(numbers[3:], shapes)], constants=of_step)
+        results = inline(b, step.jaxpr, [*values, *unpack(numbers[3:], shapes)], constants=of_step)
         if every is not None:
             due = b.apply("eq", left, zero)
             for output, line in zip(rows, results[carried:], strict=True):
                 b.store(output, row, due, line)
             left = b.apply("sub", b.apply("select", due, every, left), unit)
             row = b.apply("add", row, b.apply("convert", due, type="i64"))
-        return [b.apply("add", count, unit), left, row, *packed(results[:carried])]
+        return [b.apply("add", count, unit), left, row, *pack(results[:carried])]
 
-    ended = b.loop([zero, zero, zero, *packed(first[:carried])], unfinished, following, steps if batch else None)
-    results = [*unpacked(ended[3:], shapes), *first[carried:]]
-    for (name, leaf), array in zip(leaves((start.result,), ("",)), results, strict=True):
+    ended = b.loop([zero, zero, zero, *pack(first[:carried])], unfinished, following, steps if batch else None)
+    results = [*unpack(ended[3:], shapes), *first[carried:]]
+    for (name, leaf), array in zip(named_leaves((start.result,), ("",)), results, strict=True):
         b.output(name, ir_type(leaf.dtype, name), array)
     return NativeLoop(b.finish(), tuple(outside.arrays), start.result, step.result[1] if logged else None)
 
@@ -154,11 +151,11 @@ def _start(b: Builder, start: _Traced, compute: Callable[[], list[Values]], carr
     if batch:
         return compute()
     fresh = b.input("fresh", "b1", ()).item()
-    named = leaves((start.result,), ("",))
+    named = named_leaves((start.result,), ("",))
     carry = [b.input(name, ir_type(leaf.dtype, name), leaf.shape) for name, leaf in named[:carried]]
-    zeros = [filled(b.constant(0, ir_type(leaf.dtype, name)), leaf.shape) for name, leaf in named[carried:]]
-    values = b.branch(fresh, lambda: packed(compute()), lambda: packed([*carry, *zeros]))
-    return unpacked(values, [array.shape for array in (*carry, *zeros)])
+    zeros = [full_array(b.constant(0, ir_type(leaf.dtype, name)), leaf.shape) for name, leaf in named[carried:]]
+    values = b.branch(fresh, lambda: pack(compute()), lambda: pack([*carry, *zeros]))
+    return unpack(values, [array.shape for array in (*carry, *zeros)])
 
 
 BEFOREHAND = "beforehand"
@@ -202,7 +199,7 @@ class _Outside:
         for const in consts:
             # Masks and indices stay constants, so that values which they switch off are not computed.
             if not isinstance(const, jax.Array) and np.asarray(const).dtype.kind in "bi":
-                values.append(of_numbers(self.builder, np.asarray(const)))
+                values.append(constant_array(self.builder, np.asarray(const)))
                 continue
             if id(const) not in self._known:
                 name = f"const{len(self.arrays)}"
@@ -215,10 +212,94 @@ class _Outside:
 def _index_of_fault(carry: Any) -> int:
     """Index of the fault's kind among the carry's arrays."""
     marked = eqx.tree_at(lambda c: c.fault.kind, carry, None, is_leaf=lambda x: x is None)
-    before = [name for name, _ in leaves((carry,), ("",))]
-    (missing,) = set(before) - {name for name, _ in leaves((marked,), ("",))}
+    before = [name for name, _ in named_leaves((carry,), ("",))]
+    (missing,) = set(before) - {name for name, _ in named_leaves((marked,), ("",))}
     return before.index(missing)
 
 
 def _shape(x: Any) -> jax.ShapeDtypeStruct:
     return jax.ShapeDtypeStruct(np.shape(x), x.dtype)
+
+
+class Dual(eqx.Module):
+    """A tree, and the derivatives of its floating-point arrays (None elsewhere)."""
+
+    value: Any
+    tangent: Any
+
+    @property
+    def fault(self) -> Fault:
+        return self.value.fault
+
+
+def duals(define: Callable[[Any], tuple[ClosedLoop, State]]) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """Return the start of a loop and one sample of it, with derivatives, as functions of `(at, direction)`.
+
+    - `define`: maps arrays to a loop and the state at t = 0.
+    """
+
+    def begin_dual(point: tuple[Any, Any]) -> tuple[Dual, Any, Any, Any]:
+        (carry, *rest), (tangent, *_) = jvp(lambda at: begin(*define(at)), *point)
+        return Dual(carry, tangent), *rest
+
+    def sample_dual(point: tuple[Any, Any], carry: Dual) -> tuple[Dual, Dual]:
+        def step(at_and_carry: tuple[Any, Carry]) -> Any:
+            at, before = at_and_carry
+            return sample(define(at)[0], before)
+
+        at, direction = point
+        values, tangents = jvp(step, (at, carry.value), (direction, carry.tangent))
+        after, log = (Dual(value, tangent) for value, tangent in zip(values, tangents, strict=True))
+        return after, log
+
+    return begin_dual, sample_dual
+
+
+def jvp(function: Callable[[Any], Any], at: Any, direction: Any) -> tuple[Any, Any]:
+    """Return `f(x)` and `f'(x) v` of a function of one tree, in which only floating-point arrays have derivatives.
+
+    - `direction`: v, None where x has no derivative.
+    """
+    floats, rest = eqx.partition(at, eqx.is_inexact_array)
+    leaves, tree = jax.tree.flatten(floats)
+    static: list[Any] = []
+
+    def of_floats(*leaves: Any) -> Any:
+        result = function(eqx.combine(jax.tree.unflatten(tree, leaves), rest))
+        smooth, others = eqx.partition(result, eqx.is_inexact_array)
+        arrays, left = eqx.partition(others, eqx.is_array)
+        static[:] = [left]
+        return smooth, arrays
+
+    values, tangents, arrays = jax.jvp(of_floats, leaves, jax.tree.leaves(direction), has_aux=True)
+    return eqx.combine(values, arrays, static[0]), tangents
+
+
+@dataclass(frozen=True)
+class LoopSignature:
+    """Key of compiled code: loops with equal signatures share it."""
+
+    tree: Any
+    shapes: tuple[tuple[tuple[int, ...], str], ...]
+    static_tree: Any
+    static: tuple[Any, ...]
+    logged: bool
+
+    @staticmethod
+    def of(arrays: Any, static: Any, logged: bool) -> LoopSignature:
+        """Return the signature of a tree from its two halves, as `equinox.partition` gives them."""
+        leaves, tree = jax.tree.flatten(arrays)
+        others, static_tree = jax.tree.flatten(static)
+        return LoopSignature(tree, tuple((x.shape, x.dtype.name) for x in leaves), static_tree, tuple(others), logged)
+
+    @property
+    def arrays(self) -> Any:
+        """Shapes in place of the arrays."""
+        shapes = [jax.ShapeDtypeStruct(shape, np.dtype(name)) for shape, name in self.shapes]
+        return jax.tree.unflatten(self.tree, shapes)
+
+    @property
+    def join(self) -> Callable[[Any], Any]:
+        """Function that joins arrays with the static parts."""
+        static = jax.tree.unflatten(self.static_tree, self.static)
+        return lambda arrays: eqx.combine(arrays, static)

@@ -1,4 +1,4 @@
-"""Outcome of a run."""
+"""Outcome of a run: its first fault, and its samples outside the envelope."""
 
 from __future__ import annotations
 
@@ -11,10 +11,58 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Int
 
-from slidax._names import joint_called
-from slidax._types import Envelope, Scalar, Vector
+from slidax.core.joint_names import joint_label
+from slidax.core.types import Envelope, Scalar, Vector
 
-from .excursion import Excursion
+
+class Excursion(eqx.Module):
+    """The samples at or outside the bounds, as arrays.
+
+    - `first`, `last`: numbers of the first and the last such sample; -1 without one.
+    - `joint`, `error`, `bound`: of the joint farthest outside at the first such sample; `joint` counts from 0.
+    - `beyond`: each joint's largest distance outside [n], rad or m; 0 if always inside.
+    - `outside`: True if the latest sample was outside.
+    """
+
+    first: Int[Array, ""]
+    last: Int[Array, ""]
+    joint: Int[Array, ""]
+    error: Scalar
+    bound: Scalar
+    beyond: Vector
+    outside: Bool[Array, ""]
+
+    @staticmethod
+    def none(joints: int) -> Excursion:
+        """Return the excursion of a run that never left its envelope."""
+        never, zero = jnp.full((), -1), jnp.zeros(())
+        return Excursion(
+            first=never,
+            last=never,
+            joint=jnp.zeros((), int),
+            error=zero,
+            bound=zero,
+            beyond=jnp.zeros(joints),
+            outside=jnp.zeros((), bool),
+        )
+
+    def add(self, k: Int[Array, ""], e: Vector, envelope: Envelope) -> Excursion:
+        """Add sample k with error e [n], rad or m."""
+        over = jnp.maximum(e - envelope.upper, envelope.lower - e)
+        outside = jnp.any(over >= 0)
+        joint = jnp.argmax(over)
+        first = outside & (self.first < 0)
+        bound = jnp.where(e >= envelope.upper, envelope.upper, envelope.lower)
+        return Excursion(
+            first=jnp.where(first, k, self.first),
+            last=jnp.where(outside, k, self.last),
+            joint=jnp.where(first, joint, self.joint),
+            error=jnp.where(first, e[joint], self.error),
+            bound=jnp.where(first, bound[joint], self.bound),
+            beyond=jnp.maximum(self.beyond, over),
+            outside=outside,
+        )
+
 
 OutcomeKind = Literal["ok", "left_envelope", "not_finite", "recovered"]
 FAULTS: tuple[OutcomeKind, ...] = ("ok", "left_envelope", "not_finite")
@@ -101,7 +149,7 @@ def find_fault(t: Scalar, e: Vector, finite: Bool[Array, " n"], envelope: Envelo
     return Fault(kind=kind, t=t, joint=joint, error=error, bound=bound)
 
 
-def describe(
+def describe_outcome(
     fault: Fault,
     excursion: Excursion | None,
     violations: int,
@@ -141,7 +189,7 @@ def _left(t: float) -> str:
 
 def _joint(name: str) -> str:
     """A joint's name at the beginning of a sentence."""
-    words = joint_called(name)
+    words = joint_label(name)
     return words[0].upper() + words[1:]
 
 
@@ -159,7 +207,7 @@ def _described_excursion(
     event = "was outside its envelope from the start" if int(excursion.first) == 0 else _left(t)
     first = _met(names[joint], event, error, bound, units[joint])
     outside = "1 sample was outside" if violations == 1 else f"{violations} samples were outside"
-    extent = f"{outside}, by at most {beyond:.3g} {units[worst]} ({joint_called(names[worst])})"
+    extent = f"{outside}, by at most {beyond:.3g} {units[worst]} ({joint_label(names[worst])})"
     if bool(excursion.outside):
         message = f"{first} and is outside at the end: {extent}. Allow more torque, or shorten the period."
         return Outcome("left_envelope", message, t, joint + 1, error, bound, beyond=beyond)

@@ -1,4 +1,4 @@
-"""Columns of numbers in a Parquet file, by pyarrow."""
+"""Columns of numbers in a Parquet file, with pyarrow."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from slidax._errors import DefinitionError, plain
-from slidax._files import MEGABYTE, require_file
+from slidax.core.errors import DefinitionError, plain
+from slidax.core.files import MEGABYTE, require_file
 
 MOST_BYTES = 4000 * MEGABYTE
 """Largest file that is read."""

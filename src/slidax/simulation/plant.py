@@ -1,12 +1,24 @@
-"""Plant: the true robot with its disturbance, sensor and actuator."""
+"""Plants: the true robot with disturbance, sensor and actuator; also one that MuJoCo moves."""
 
 from __future__ import annotations
 
-from slidax.actuators import Actuator
-from slidax.disturbances import AbstractDisturbance
-from slidax.parts import AbstractPart, Scalar, State, Vector, piece
-from slidax.robots import AbstractRobot, Articulated, Coupled, Load, Mismatch
-from slidax.sensors import AbstractSensor
+from typing import Literal, NamedTuple, get_args
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Float
+
+from slidax.arms.arm import AbstractRobot, Payload
+from slidax.arms.articulated import Articulated
+from slidax.arms.coupled import Coupled
+from slidax.arms.mismatch import Mismatch, TimedPayload
+from slidax.core.errors import DefinitionError, as_array, is_traced, short_repr
+from slidax.core.parameter import parameter, piece
+from slidax.core.part import AbstractPart
+from slidax.core.types import Scalar, State, Vector
+from slidax.plant.actuators import Actuator
+from slidax.plant.disturbances import AbstractDisturbance, Friction
+from slidax.plant.sensors import AbstractSensor
 
 
 class Plant(AbstractPart):
@@ -18,7 +30,7 @@ class Plant(AbstractPart):
         "what a controller measures of the state; None: all of it, at once", default=None
     )
     actuator: Actuator | None = piece("how the drives deliver a torque; None: unchanged and at once", default=None)
-    load: Load | None = piece(
+    load: TimedPayload | None = piece(
         "what the tip carries for some time; None for nothing, or for what is part of the robot", default=None
     )
 
@@ -44,3 +56,158 @@ class Plant(AbstractPart):
     def at(self, t: Scalar) -> AbstractRobot:
         """The robot with its payload at time t [s]."""
         return self.robot if self.load is None else self.load.on(self.robot, t)
+
+
+MujocoIntegrator = Literal["implicitfast", "implicit", "euler", "rk4"]
+"""MuJoCo's names of its integrators."""
+
+
+class Table(AbstractPart):
+    """A level, rigid, unbounded surface. The arm's tip and its payload meet it; the links pass through."""
+
+    height: Scalar = parameter("above the base frame's origin, against gravity", "m")
+    friction: Scalar = parameter("coefficient of what touches it", "", "> 0", default=0.5)
+
+
+class MujocoPlant(AbstractPart):
+    """A plant with a robot that MuJoCo moves, for `simulate` in held mode. The controller sees only its sensors.
+
+    Masses, rotors and friction are those of `Plant`. With `dry`, Coulomb friction is MuJoCo's own: a joint sticks, and
+    its friction jumps at a reversal, where `Plant` smooths it. A carried payload is part of the last link. A released
+    one becomes a body of its own, the homogeneous box of equal mass and moments, which falls and meets the table.
+    MuJoCo takes `substeps` steps per period, and holds torque and disturbance over each.
+    """
+
+    robot: AbstractRobot = piece("an `Articulated` arm")
+    disturbance: AbstractDisturbance = piece("as in `Plant`")
+    sensor: AbstractSensor | None = piece("as in `Plant`", default=None)
+    actuator: Actuator | None = piece("as in `Plant`", default=None)
+    load: TimedPayload | None = piece("as in `Plant`", default=None)
+    surroundings: Table | None = piece("what stands around the arm; None for nothing", default=None)
+    integrator: str = piece(
+        'MuJoCo\'s, in place of that of `simulate`: "implicitfast", "implicit", "euler" or "rk4"',
+        default="implicitfast",
+        static=True,
+    )
+    dry: bool = piece("whether Coulomb friction is not smoothed", default=False, static=True)
+    stops: bool = piece(
+        "whether the joints have hard stops at the limits of their positions", default=False, static=True
+    )
+    tip_radius: Scalar = parameter("of the ball about the tip that meets the table", "m", "> 0", default=0.01)
+
+    def __check_init__(self) -> None:
+        if not isinstance(self.robot, Articulated):
+            raise DefinitionError(
+                f"MuJoCo takes an articulated arm, as from `slidax.arms.panda()`; got a {type(self.robot).__name__}"
+            )
+        if self.integrator not in get_args(MujocoIntegrator):
+            names = ", ".join(f"`{name}`" for name in get_args(MujocoIntegrator))
+            raise DefinitionError(f"`MujocoPlant.integrator` must be one of {names}; got {short_repr(self.integrator)}")
+        if self.load is not None and not is_traced(self.load):
+            pass
+
+            require_rigid(self.load.payload)
+
+    @classmethod
+    def of(
+        cls,
+        plant: Plant,
+        *,
+        surroundings: Table | None = None,
+        integrator: str = "implicitfast",
+        dry: bool = False,
+        stops: bool = False,
+    ) -> MujocoPlant:
+        """Return the plant with its robot moved by MuJoCo.
+
+        Raises DefinitionError if the robot is not an `Articulated` arm.
+        """
+        parts = (plant.robot, plant.disturbance, plant.sensor, plant.actuator, plant.load)
+        return cls(*parts, surroundings=surroundings, integrator=integrator, dry=dry, stops=stops)
+
+    @property
+    def own(self) -> Plant:
+        """The plant with slidax's own equations of motion, without surroundings."""
+        return Plant(self.robot, self.disturbance, self.sensor, self.actuator, self.load)
+
+    @property
+    def with_friction(self) -> Plant:
+        """`own` with smoothed Coulomb friction as a disturbance, unless MuJoCo has it (`dry`)."""
+        own = self.own
+        if self.dry or not isinstance(self.robot, Articulated):
+            return own
+        friction = Friction(self.robot.coulomb, as_array(0.0), self.robot.smoothing)
+        return Plant(own.robot, own.disturbance + friction, own.sensor, own.actuator, own.load)
+
+
+ROUNDING = 1e-6
+"""Relative excess of the largest moment over the sum of the others, for rounded data."""
+
+DENSITY = 2700.0
+"""Density of a released point mass, which becomes a cube of aluminium, kg/m³."""
+
+THIN = 1e-3
+"""Smallest half thickness of a box [m]."""
+
+
+class Principal(NamedTuple):
+    """Principal moments [3], kg m², and axes as columns [3 3], right-handed."""
+
+    moments: np.ndarray
+    axes: np.ndarray
+
+
+def principal(inertia: np.ndarray) -> Principal:
+    """Return the principal moments and axes of an inertia about the centre of mass [3 3], kg m²."""
+    moments, axes = np.linalg.eigh(0.5 * (inertia + inertia.T))
+    axes[:, 2] *= np.sign(np.linalg.det(axes))
+    moments = np.maximum(moments, 0.0)
+    # MuJoCo rejects the smallest excess over a rigid body's moments. The moments are in increasing order.
+    moments[2] = min(moments[2], moments[0] + moments[1])
+    return Principal(moments, axes)
+
+
+class Box(NamedTuple):
+    """A homogeneous box along its principal axes: half sides [3], m, and moments [3], kg m²."""
+
+    sides: np.ndarray
+    moments: np.ndarray
+
+
+def box_like(mass: float, moments: np.ndarray) -> Box:
+    """Return the homogeneous box with these moments, with a minimum thickness so that it can fall and roll.
+
+    - `moments`: [3], kg m²; all 0 for a point mass, which becomes a cube.
+    """
+    if moments.any():
+        squares = 1.5 / mass * (moments.sum() - 2.0 * moments)
+        sides = np.maximum(np.sqrt(np.maximum(squares, 0.0)), THIN)
+    else:
+        sides = np.full(3, 0.5 * (mass / DENSITY) ** (1.0 / 3.0))
+    return Box(sides, mass / 3.0 * ((sides**2).sum() - sides**2))
+
+
+def require_rigid(payload: Payload) -> None:
+    """Raise a DefinitionError if no rigid body has the payload's moments."""
+    moments = np.linalg.eigvalsh(np.asarray(payload.inertia))
+    if moments[2] > (moments[0] + moments[1]) * (1.0 + ROUNDING):
+        listed = ", ".join(f"{moment:.3g}" for moment in moments)
+        raise DefinitionError(
+            f"no rigid body has this `Payload.inertia`: the largest of its principal moments {listed} kg m² is more "
+            "than the sum of the others"
+        )
+
+
+class FreeBody(eqx.Module):
+    """Pose of a released payload at the m samples that were logged since its release.
+
+    Its frame is the tip's at the release; the payload's centre and inertia are relative to that frame.
+
+    - `t`: time [m], s.
+    - `rotation`: axes as columns, in the base frame [m 3 3].
+    - `place`: origin, in the base frame [m 3], m.
+    """
+
+    t: Float[np.ndarray, " m"]
+    rotation: Float[np.ndarray, "m 3 3"]
+    place: Float[np.ndarray, "m 3"]

@@ -1,24 +1,106 @@
-"""Run: the result of a simulation."""
+"""Run: the result of a simulation, its log as columns or a data frame, and its overview as text and HTML."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any, Literal, NamedTuple, TypeAlias
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from html import escape
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from slidax._errors import DefinitionError, is_traced
-from slidax._types import Envelope, Reference, Scalar, State
+from slidax.core.errors import DefinitionError, count_noun, is_traced
+from slidax.core.types import Envelope, Reference, Scalar, State
 
-from .columns import columns_of
-from .excursion import Excursion
-from .frames import Kind, data_frame
-from .free_body import FreeBody
-from .outcome import Fault, Outcome, describe
+from .outcome import Excursion, Fault, Outcome, describe_outcome
+from .plant import FreeBody
 from .tally import Tally, Windows
+
+if TYPE_CHECKING:
+    pass
+
+PER = {"q": "", "dq": "/s", "q_d": "", "dq_d": "/s", "ddq_d": "/s²", "e": "", "lower": "", "upper": ""}
+"""Suffixes to the unit of a joint's position."""
+
+
+def columns_of(run: Run, labels: Sequence[str]) -> dict[str, tuple[np.ndarray, str]]:
+    """Columns of a single run's log by name, each with its unit: sample, time, state, reference, error, torque, ...
+
+    - `labels`: suffix of a quantity's name for each joint.
+
+    Raises DefinitionError for a run without a log, and for many runs.
+    """
+    log = run.log
+    if log is None:
+        raise DefinitionError("this run has no log: simulate with `log_every=1`")
+    if run.period.ndim:
+        raise DefinitionError(f"these are {len(run)} runs: take the log of each, as `runs[0]`")
+    groups: dict[str, Any] = {
+        "q": log.state.q,
+        "dq": log.state.dq,
+        "q_d": log.reference.q,
+        "dq_d": log.reference.dq,
+        "ddq_d": log.reference.ddq,
+        "e": log.e,
+        "tau": log.tau,
+    }
+    if log.envelope is not None:
+        groups |= {"lower": log.envelope.lower, "upper": log.envelope.upper}
+    groups |= log.signals
+    columns = {"k": (np.asarray(log.k), ""), "t": (np.asarray(log.t), "s")}
+    for name, array in groups.items():
+        values = np.asarray(array)
+        if values.ndim == 1:
+            columns[name] = values, ""
+            continue
+        flat = values.reshape(len(values), -1)
+        wide = labels if flat.shape[1] == len(labels) else [f"_{k + 1}" for k in range(flat.shape[1])]
+        for k, label in enumerate(wide):
+            columns[f"{name}{label}"] = flat[:, k], _unit(name, run, k)
+    return columns
+
+
+def _unit(name: str, run: Run, joint: int) -> str:
+    if name == "tau":
+        return run.torque_units[joint]
+    return run.joint_units[joint] + PER[name] if name in PER else ""
+
+
+Kind = Literal["pandas", "polars"]
+"""Library of the data frame."""
+
+KINDS = ("pandas", "polars")
+
+
+def data_frame(columns: Mapping[str, Any], kind: Kind = "pandas", units: Mapping[str, str] | None = None) -> Any:
+    """Return a data frame from columns of equal length. pandas keeps the units in `attrs`; polars drops them.
+
+    Raises DefinitionError if the library is another, or is not installed.
+    """
+    if kind not in KINDS:
+        raise DefinitionError(f'a data frame is of "pandas" or of "polars"; got "{kind}"')
+    try:
+        if kind == "polars":
+            import polars
+
+            return polars.DataFrame({name: _flat(values) for name, values in columns.items()})
+        import pandas
+    except ImportError:
+        raise DefinitionError(
+            f"a data frame of {kind} needs {kind}, which is not installed: pip install 'slidax[frame]'"
+        ) from None
+    frame = pandas.DataFrame(dict(columns))
+    if units is not None:
+        frame.attrs["units"] = dict(units)
+    return frame
+
+
+def _flat(values: Any) -> Any:
+    return np.ascontiguousarray(values) if isinstance(values, np.ndarray) else list(values)
+
 
 Anyhow: TypeAlias = Array | np.ndarray
 """An array of JAX inside a transformation, of NumPy in a finished run."""
@@ -123,7 +205,7 @@ class Run(eqx.Module):
             raise DefinitionError(f"these are {len(self)} runs: see `outcomes`, or the `outcome` of each, as `runs[0]`")
         if is_traced(self.fault):
             raise DefinitionError("inside `jit`, `vmap` and `grad` there is no outcome yet: look at `fault`")
-        return describe(
+        return describe_outcome(
             self.fault,
             self.excursion,
             int(self.tally.violations),
@@ -140,7 +222,7 @@ class Run(eqx.Module):
         ends = jax.tree.map(np.asarray, (self.fault, self.excursion, self.tally.violations, self.period))
         each = (jax.tree.map(lambda x, k=k: x[k], ends) for k in range(len(self)))
         return [
-            describe(fault, excursion, int(outside), float(period), self.joint_units, self.joint_names)
+            describe_outcome(fault, excursion, int(outside), float(period), self.joint_units, self.joint_names)
             for fault, excursion, outside, period in each
         ]
 
@@ -171,13 +253,13 @@ class Run(eqx.Module):
 
     def __repr__(self) -> str:
         # Imported late: `overview` needs `Run`.
-        from .overview import as_text
+        pass
 
         return as_text(self) if self._is_known else eqx.tree_pformat(self)
 
     def _repr_html_(self) -> str | None:
         """HTML for a notebook."""
-        from .overview import as_html
+        pass
 
         return as_html(self) if self._is_known else None
 
@@ -211,3 +293,123 @@ class Run(eqx.Module):
 def _picked(run: Run, which: int | slice) -> Run:
     # By NumPy: JAX would compile a slice for each shape.
     return jax.tree.map(lambda x: x[which] if is_traced(x) else np.asarray(x)[which, ...], run)
+
+
+WIDTH, HEIGHT, POINTS = 640, 70, 640
+"""Size of one joint's panel in pixels, and the largest number of drawn samples."""
+
+
+def sketch(run: Run) -> str:
+    """Each joint's error and envelope over time in a panel, as SVG; empty for a run without a log."""
+    log = run.log
+    if log is None or not len(log.t):
+        return ""
+    thin = slice(None, None, -(-len(log.t) // POINTS))
+    t, e = np.asarray(log.t)[thin], np.asarray(log.e)[thin]
+    bounds = None
+    if log.envelope is not None:
+        bounds = np.stack([np.asarray(log.envelope.lower)[thin], np.asarray(log.envelope.upper)[thin]])
+    x = WIDTH * t / max(float(run.t1), 1e-300)
+    panels = []
+    for joint, (name, unit) in enumerate(zip(run.joint_names, run.joint_units, strict=True)):
+        extremes = e[:, joint] if bounds is None else np.concatenate([e[:, joint], *bounds[..., joint]])
+        size = max(float(np.abs(extremes).max()), 1e-300)
+
+        def points(x: np.ndarray, y: np.ndarray, size: float = size) -> str:
+            return " ".join(f"{a:.1f},{HEIGHT / 2 * (1 - b / size):.1f}" for a, b in zip(x, y, strict=True))
+
+        band = ""
+        if bounds is not None:
+            around = points(np.append(x, x[::-1]), np.append(bounds[0, :, joint], bounds[1, ::-1, joint]))
+            band = f'<polygon points="{around}" fill="#E9EEF4" stroke="#6B7785" stroke-width=".6"/>'
+        line = f'<polyline points="{points(x, e[:, joint])}" fill="none" stroke="#0072B2"/>'
+        label = f'<text x="{WIDTH - 4}" y="12" text-anchor="end">{escape(name)}: error up to {size:.3g} {unit}</text>'
+        panels.append(f'<g transform="translate(0 {joint * (HEIGHT + 8)})">{band}{line}{label}</g>')
+    height = len(panels) * (HEIGHT + 8)
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" width="{WIDTH}" '
+        f'font-size="11" font-family="sans-serif">{"".join(panels)}</svg>'
+    )
+
+
+SETTLED = 1e-3
+"""Error band of the column of settling times, rad or m, if it is one of the run's bands."""
+
+Rows = list[list[str]]
+"""A table with heads in its first row and joints in its first column."""
+
+
+def heading(run: Run) -> str:
+    """One line with the joints, the duration, the period and the outcome of one or many runs."""
+    many = run.period.ndim > 0
+    period, t1 = float(np.ravel(run.period)[0]), float(np.ravel(run.t1)[0])
+    kinds = Counter(outcome.kind for outcome in run.outcomes)
+    ends = ", ".join(f"{count} {kind}" for kind, count in kinds.items()) if many else next(iter(kinds))
+    what = count_noun(len(run), "run") if many else "Run"
+    return f"{what} of {count_noun(run.joints, 'joint')} to {t1:g} s, sampled every {period:g} s: {ends}"
+
+
+def remarks(run: Run) -> list[str]:
+    """Sentences on bad outcomes, violations and computing time."""
+    remarks = [outcome.message for outcome in run.outcomes if not outcome.ok][:3]
+    if run.has_envelope:
+        outside, samples = int(np.sum(run.tally.violations)), int(np.sum(run.tally.samples))
+        remarks.append(f"Samples outside the envelope: {outside} of {samples}.")
+    if run.tally.tolerance is not None:
+        outside, samples = int(np.sum(run.tally.tolerance.outside)), int(np.sum(run.tally.samples))
+        remarks.append(f"Samples outside the tolerance band: {outside} of {samples}.")
+    if run.timing is not None:
+        remarks.append(f"Simulated in {run.timing.run_s:.3g} s, after {run.timing.compile_s:.3g} s to compile.")
+    return remarks
+
+
+def table(run: Run) -> Rows:
+    """Each joint's main results with units; the worst of many runs."""
+    tally, windows = run.tally, run.windows
+    many = tuple(range(np.ndim(run.period)))
+    samples = np.expand_dims(np.asarray(tally.samples), -1)
+    steady = np.expand_dims(np.asarray(windows.steady), -1)
+    period = np.expand_dims(np.asarray(run.period), -1)
+    columns = [
+        ("steady error", np.where(samples > steady, tally.steady_error, np.nan), ""),
+        ("peak torque", np.where(samples > 0, tally.peak_torque, np.nan), "torque"),
+        ("torque step, steady", np.where(samples > steady + 1, tally.steady_step, np.nan), "torque"),
+    ]
+    band = np.flatnonzero(np.isclose(np.reshape(windows.bands, (-1, np.shape(windows.bands)[-1]))[0], SETTLED))
+    if band.size:
+        last = np.asarray(tally.last_above)[..., band[0], :]
+        settled = np.where(last < samples - 1, np.maximum(last, 0) * period, np.nan)
+        columns.insert(0, (f"settled to {SETTLED:g}", settled, "s"))
+    worst = [(name, np.max(values, axis=many), unit) for name, values, unit in columns]
+    if run.has_envelope:
+        worst.append(("envelope margin", np.min(np.asarray(tally.margin), axis=many), "of its width"))
+    rows = [["worst" if many else "", *(name for name, *_ in worst)]]
+    for joint, (name, unit, torque) in enumerate(zip(run.joint_names, run.joint_units, run.torque_units, strict=True)):
+        units = {"": unit, "torque": torque}
+        rows.append([name, *(_cell(values[joint], units.get(of, of)) for _, values, of in worst)])
+    return rows
+
+
+def _cell(value: float, unit: str) -> str:
+    return f"{value:.4g} {unit}" if np.isfinite(value) else "-"
+
+
+def as_text(run: Run) -> str:
+    """The overview for a terminal."""
+    rows = table(run)
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = []
+    for first, *cells in rows:
+        numbers = [cell.rjust(width) for cell, width in zip(cells, widths[1:], strict=True)]
+        lines.append("  ".join([first.ljust(widths[0]), *numbers]))
+    return "\n".join([heading(run), *lines, *remarks(run)])
+
+
+def as_html(run: Run) -> str:
+    """The overview for a notebook, with a picture of a single run's errors."""
+    head, *body = [[escape(cell) for cell in row] for row in table(run)]
+    rows = ["<tr>" + "".join(f"<th>{cell}</th>" for cell in head) + "</tr>"]
+    rows += [f"<tr><th>{row[0]}</th>" + "".join(f"<td>{cell}</td>" for cell in row[1:]) + "</tr>" for row in body]
+    sentences = "<br>".join(escape(line) for line in remarks(run))
+    picture = "" if run.period.ndim else sketch(run)
+    return f"<p><b>{escape(heading(run))}</b></p><table>{''.join(rows)}</table><p>{sentences}</p>{picture}"

@@ -1,4 +1,4 @@
-"""Inertia, forces and joint frames of a robot at many states at once."""
+"""Robots and motions at many states at once: inertia, forces, joint frames, joint limits."""
 
 from __future__ import annotations
 
@@ -13,11 +13,19 @@ import numpy as np
 from jaxtyping import Array
 from numpy.typing import NDArray
 
-from slidax.codegen import NoNativeCodeError, llvm, trace
-from slidax.numerics import require_64_bits
-from slidax.robots import AbstractRobot, Articulated
+from slidax.arms.arm import AbstractRobot
+from slidax.arms.articulated import Articulated
+from slidax.arms.coupled import Coupled
+from slidax.codegen import llvm
+from slidax.codegen.ir import NoNativeCodeError
+from slidax.codegen.trace.tracing import trace
+from slidax.core.errors import DefinitionError, is_traced
+from slidax.core.tracing import require_64_bits
+from slidax.core.types import State
+from slidax.motions.trajectory import AbstractMotion
 
-from .signature import LoopSignature
+from .native_loop import LoopSignature
+from .stepping import Stepping
 
 Numbers = NDArray[np.float64]
 
@@ -88,3 +96,83 @@ def spread(lower: Numbers, upper: Numbers, count: int) -> Numbers:
     steps = root ** -np.arange(1.0, n + 1.0)
     share = np.modf(0.5 + np.arange(1, count + 1)[:, None] * steps)[0]
     return lower + share * (upper - lower)
+
+
+ROUNDING = 1e-9
+"""Relative excess over a limit that is allowed for rounding."""
+
+CHUNK = 1_000_000
+"""Samples that are checked together, to limit memory."""
+
+REMEDY = 'stay within the limit, or set `limits="ignore"` (`simulation.limits: ignore`)'
+
+
+def require_within_limits(
+    robot: AbstractRobot, trajectory: AbstractMotion, state0: State, steps: int, stepping: Stepping
+) -> None:
+    """Raise a DefinitionError if the start, or the motion at a sample of the run, exceeds a joint limit.
+
+    Velocities are means between two samples: if a mean exceeds the limit, so does the motion at some time.
+
+    - `steps`: number of periods.
+    """
+    if (
+        stepping.limits == "ignore"
+        or not isinstance(robot, Articulated | Coupled)
+        or is_traced((robot.limits, trajectory))
+    ):
+        return
+    if not is_traced(state0):
+        excess = _beyond(robot, np.asarray(state0.q)[None], np.asarray(state0.dq)[None])
+        if excess is not None:
+            raise DefinitionError(f"`state0` is beyond the robot's limits: {excess[1]}; {REMEDY}")
+    # Later samples stand still. The motion is known, also inside a traced batch.
+    with jax.ensure_compile_time_eval():
+        until = float(trajectory.until)
+    last = int(min(steps, np.ceil(until / stepping.period) + 1))
+    for first in range(0, last, CHUNK):
+        times = np.arange(first, min(first + CHUNK, last) + 1) * stepping.period
+        q = _positions(trajectory, times)
+        excess = _beyond(robot, q, np.diff(q, axis=0) / stepping.period)
+        if excess is not None:
+            raise DefinitionError(
+                f"the motion is beyond the robot's limits: at t = {times[excess[0]]:.6g} s {excess[1]}; {REMEDY}"
+            )
+
+
+def _beyond(robot: Articulated | Coupled, q: np.ndarray, dq: np.ndarray) -> tuple[int, str] | None:
+    """The first sample beyond a limit, and a description: positions first, then velocities."""
+    limits = robot.limits
+    lower, upper, fastest = (np.asarray(bound) for bound in (limits.lower, limits.upper, limits.velocity))
+    for values, low, high, verb, per in ((q, lower, upper, "is at", ""), (dq, -fastest, fastest, "moves at", "/s")):
+        margin = ROUNDING * np.maximum(1.0, np.abs(values).max(axis=0))
+        over = (values < low - margin) | (values > high + margin)
+        if over.any():
+            k = int(np.argmax(over.any(axis=1)))
+            joint = int(np.argmax(over[k]))
+            value, unit = values[k, joint], robot.joint_units[joint] + per
+            side, limit = ("below", low[joint]) if value < low[joint] else ("above", high[joint])
+            return k, (
+                f"joint `{robot.joint_names[joint]}` {verb} {value:.6g} {unit}, {side} its limit of {limit:.6g} {unit}"
+            )
+    return None
+
+
+def _positions(trajectory: AbstractMotion, times: np.ndarray) -> np.ndarray:
+    """The motion at these times, [times n], by machine code if possible: XLA compiles ten times longer."""
+    arrays, static = eqx.partition(trajectory, eqx.is_array)
+    signature = LoopSignature.of(arrays, static, False)
+    if llvm.available():
+        with suppress(NoNativeCodeError):
+            numbers = [np.asarray(leaf) for leaf in jax.tree.leaves(arrays)]
+            return _motion_kernel(signature).batch([*numbers, times], runs=len(times), threads=1)[0]
+    return np.asarray(jax.jit(jax.vmap(trajectory.position))(times))
+
+
+@functools.lru_cache(maxsize=16)
+def _motion_kernel(signature: LoopSignature) -> llvm.Kernel:
+    join = signature.join
+    time = jax.ShapeDtypeStruct((), float)
+    program = trace(lambda arrays, t: join(arrays).position(t), signature.arrays, time, named=False)
+    program.inputs[-1] = replace(program.inputs[-1], varying=True)
+    return llvm.compile(program)

@@ -7,9 +7,10 @@ from dataclasses import fields, replace
 from operator import index
 from typing import Any, Literal, get_args, get_type_hints
 
-from slidax._errors import nearest
-from slidax.numerics import runge_kutta_4
-from slidax.parts import AbstractPart, DefinitionError, is_traced, parameter, piece, shown
+from slidax.core.errors import DefinitionError, is_traced, nearest_word, short_repr
+from slidax.core.integrators import runge_kutta_4
+from slidax.core.parameter import parameter, piece
+from slidax.core.part import AbstractPart
 
 from .engine import EngineName
 from .loop import Integrator
@@ -35,7 +36,7 @@ class Stepping(AbstractPart):
         "integrator steps per period in held mode", "", "[1, 10000]", default=1, static=True, converter=index
     )
     integrator: Integrator = piece(
-        "`slidax.numerics.runge_kutta_4` or `semi_implicit_euler`; a `MujocoPlant` has its own",
+        "`slidax.core.runge_kutta_4` or `semi_implicit_euler`; a `MujocoPlant` has its own",
         default=runge_kutta_4,
         static=True,
     )
@@ -62,7 +63,7 @@ class Stepping(AbstractPart):
             choices, value = get_args(kind), getattr(self, name)
             if name in CHOICES and value not in choices:
                 listed = ", ".join(f"`{choice}`" for choice in choices)
-                raise DefinitionError(f"`Stepping.{name}` must be one of {listed}; got {shown(value)}")
+                raise DefinitionError(f"`Stepping.{name}` must be one of {listed}; got {short_repr(value)}")
         if self.mode == "continuous" and self.substeps != 1:
             raise DefinitionError(
                 f"`Stepping.substeps` must be 1 in continuous mode, where `period` is the step; got {self.substeps}"
@@ -80,7 +81,7 @@ class Stepping(AbstractPart):
         unknown = set(changes) - set(names)
         if unknown:
             name = min(unknown)
-            raise DefinitionError(f"there is no argument `{name}`; {nearest(name, names)}")
+            raise DefinitionError(f"there is no argument `{name}`; {nearest_word(name, names)}")
         if stepping is not None:
             return replace(stepping, **changes) if changes else stepping
         if "period" not in changes:

@@ -6,12 +6,131 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from slidax._types import Envelope, Scalar, Vector
-from slidax.transformations import PrescribedPerformance
+from slidax.arms.arm import AbstractRobot
+from slidax.arms.articulated import Articulated
+from slidax.arms.coupled import Coupled
+from slidax.arms.paper_arms import Scara, TwoLink
+from slidax.core.powers import vector_norm
+from slidax.core.types import Envelope, Scalar, Vector
+from slidax.law.error_transformations import PrescribedPerformance, Sides
 
-from .promise import Promise
-from .tool import Tool
-from .tube import Watched
+
+class ErrorTally(eqx.Module):
+    """An error over all samples; each [], in its unit.
+
+    - `error`: maximum.
+    - `steady`: maximum in the last quarter of the run.
+    - `square`: sum of squares.
+    """
+
+    error: Scalar
+    steady: Scalar
+    square: Scalar
+
+    @staticmethod
+    def begin() -> ErrorTally:
+        """Before the first sample."""
+        nothing = jnp.zeros(())
+        return ErrorTally(error=nothing, steady=nothing, square=nothing)
+
+    def add(self, size: Scalar, running: Bool[Array, ""], steady: Bool[Array, ""]) -> ErrorTally:
+        """Add a sample if `running`, and to the last quarter if `steady`."""
+        return ErrorTally(
+            error=jnp.where(running, jnp.maximum(self.error, size), self.error),
+            steady=jnp.where(steady, jnp.maximum(self.steady, size), self.steady),
+            square=jnp.where(running, self.square + size * size, self.square),
+        )
+
+
+class ToolTally(eqx.Module):
+    """Error of the tool relative to the reference.
+
+    - `place`: distance of the tip, m.
+    - `turn`: rotation angle, rad; None for a robot without an orientation of its tip.
+    """
+
+    place: ErrorTally
+    turn: ErrorTally | None
+
+    @staticmethod
+    def begin(robot: AbstractRobot) -> ToolTally:
+        """Before the first sample."""
+        turns = isinstance(robot, Articulated | Coupled | Scara | TwoLink)
+        return ToolTally(place=ErrorTally.begin(), turn=ErrorTally.begin() if turns else None)
+
+    def add(
+        self, robot: AbstractRobot, q: Vector, wanted: Vector, running: Bool[Array, ""], steady: Bool[Array, ""]
+    ) -> ToolTally:
+        """Add a sample with the actual and the wanted joint positions [n], rad or m."""
+        away = vector_norm(robot.tip(q) - robot.tip(wanted))
+        turn = self.turn
+        if turn is not None:
+            assert isinstance(robot, Articulated | Coupled | Scara | TwoLink)
+            angle = rotation_angle(robot.tip_frame(q)[0], robot.tip_frame(wanted)[0])
+            turn = turn.add(angle, running, steady)
+        return ToolTally(place=self.place.add(away, running, steady), turn=turn)
+
+
+def rotation_angle(axes: Float[Array, "3 3"], others: Float[Array, "3 3"]) -> Scalar:
+    """Rotation angle between two frames with axes as columns, in [0, π], rad; accurate for small angles."""
+    x, y, z = (jnp.cross(others[:, k], axes[:, k]) for k in range(3))
+    # Half the sum of these is the axis times the sine; the trace is 1 + 2 cos.
+    return jnp.arctan2(vector_norm(0.5 * (x + y + z)), 0.5 * (jnp.sum(axes * others) - 1.0))
+
+
+class ToleranceTally(eqx.Module):
+    """Margin to a tolerance band `b ρ(t) < e < b̄ ρ(t)`, eq. (12), with the sides of (13) from the true first error.
+
+    - `sides`: b and b̄ [n].
+    - `outside`: number of samples with a joint at or outside its bounds, [].
+    - `margin`: min over time of the distance to the nearer bound, divided by the band's width [n]; below 0 outside.
+    """
+
+    sides: Sides
+    outside: Int[Array, ""]
+    margin: Vector
+
+    @staticmethod
+    def begin(tolerance: PrescribedPerformance, e: Vector) -> ToleranceTally:
+        """Before the first sample, for an error e at t = 0 [n], rad or m."""
+        sides = tolerance.init(jnp.zeros(()), e)
+        return ToleranceTally(sides=sides, outside=jnp.zeros((), int), margin=jnp.full(e.shape, jnp.inf))
+
+    def add(self, tolerance: PrescribedPerformance, t: Scalar, e: Vector, running: Bool[Array, ""]) -> ToleranceTally:
+        """Add a sample with error e [n], rad or m, at t [s]."""
+        bounds = tolerance.envelope(t, self.sides)
+        known = running & jnp.all(jnp.isfinite(e))
+        inside = jnp.all((bounds.lower < e) & (e < bounds.upper))
+        nearer = jnp.minimum(e - bounds.lower, bounds.upper - e) / (bounds.upper - bounds.lower)
+        return ToleranceTally(
+            sides=self.sides,
+            outside=self.outside + (known & ~inside).astype(int),
+            margin=jnp.where(known, jnp.minimum(self.margin, nearer), self.margin),
+        )
+
+
+class MonitorTally(eqx.Module):
+    """The monitor's margin over all samples.
+
+    - `margin`: minimum, []; inf before the first sample.
+    - `warned`: number of the first sample with a negative margin, []; -1 without one.
+    """
+
+    margin: Scalar
+    warned: Int[Array, ""]
+
+    @staticmethod
+    def begin() -> MonitorTally:
+        """Before the first sample."""
+        return MonitorTally(margin=jnp.full((), jnp.inf), warned=jnp.full((), -1))
+
+    def add(self, k: Int[Array, ""], margin: Scalar, running: Bool[Array, ""]) -> MonitorTally:
+        """Add the monitor's margin at sample k."""
+        first = running & (margin < 0.0) & (self.warned < 0)
+        return MonitorTally(
+            margin=jnp.where(running, jnp.minimum(self.margin, margin), self.margin),
+            warned=jnp.where(first, k, self.warned),
+        )
 
 
 class Windows(eqx.Module):
@@ -67,18 +186,18 @@ class Tally(eqx.Module):
     torque_square: Vector
     torque_travel: Vector
     margin: Vector
-    tolerance: Watched | None = None
-    promise: Promise | None = None
-    tool: Tool | None = None
+    tolerance: ToleranceTally | None = None
+    promise: MonitorTally | None = None
+    tool: ToolTally | None = None
     rejected: Int[Array, ""] | None = None
 
     @staticmethod
     def empty(
         joints: int,
         bands: int,
-        tolerance: Watched | None = None,
-        promise: Promise | None = None,
-        tool: Tool | None = None,
+        tolerance: ToleranceTally | None = None,
+        promise: MonitorTally | None = None,
+        tool: ToolTally | None = None,
         gated: bool = False,
     ) -> Tally:
         """Return the tally before the first sample, for so many joints and settling bands."""

@@ -10,13 +10,11 @@ import jax
 import numpy as np
 from jax.flatten_util import ravel_pytree
 
-from slidax.numerics import once
+from slidax.core.tracing import barrier
 
 from .define import require_start
-from .engine import EngineResult, RunRequest
-from .loop import Carry, Loop, LoopStart
-from .progress import Progress
-from .rollout import begin, sample
+from .engine import EngineResult, Progress, RunRequest
+from .loop import Carry, ClosedLoop, LoopStart, begin, sample
 from .run import Log, Timing
 
 CHUNK = 50_000
@@ -25,7 +23,7 @@ CHUNK = 50_000
 _begin = eqx.filter_jit(begin)
 
 
-def advance(loop: Loop, carry: Carry, points: int, every: int | None, *, pack: bool) -> tuple[Carry, Log | None]:
+def advance(loop: ClosedLoop, carry: Carry, points: int, every: int | None, *, pack: bool) -> tuple[Carry, Log | None]:
     """Return the carry after `points * (every or 1)` samples, with every `every`-th sample logged.
 
     - `pack`: pass the loop's arrays as one. Faster for a single run; a batch then shares nothing.
@@ -35,7 +33,7 @@ def advance(loop: Loop, carry: Carry, points: int, every: int | None, *, pack: b
 
     def turn(carry: Carry, _: None) -> tuple[Carry, Log]:
         # One array instead of dozens: XLA looks up the address of each in every step.
-        unpacked = eqx.combine(unpack(once(packed)), rest) if pack else loop
+        unpacked = eqx.combine(unpack(barrier(packed)), rest) if pack else loop
         # Tied together, so that a run rounds alike whether it is logged or not.
         return jax.lax.optimization_barrier(sample(unpacked, carry))
 

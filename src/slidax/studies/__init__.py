@@ -1,20 +1,26 @@
-"""Studies: many runs of a scenario whose values are uncertain, or are still to be chosen."""
+"""Studies: many runs of a scenario whose values are uncertain, or are still to be chosen.
+
+A study is a YAML file (`files.py`) with one of six kinds: `monte_carlo`, `sweep`, `falsify`, `sensitivity`, `tune`,
+`compare`. Each kind has a file of its own. Begin with `study.py`, the base of all kinds, then read `cases.py`
+(from values to rows) and `runner.py` (where and when rows are computed). `search.py`, `pareto.py` and `statistics.py`
+know nothing of robots. `benchmark/` ranks control schemes on common tasks. Results are data, drawn by `slidax.report`.
+"""
 
 from .cases import Cases as Cases
-from .file import AnyStudy as AnyStudy
-from .file import read_study as read_study
-from .file import study_of as study_of
-from .frames import frame as frame
+from .files import AnyStudy as AnyStudy
+from .files import frame as frame
+from .files import read_study as read_study
+from .files import scenario_of_row as scenario_of_row
+from .files import study_of as study_of
 from .monte_carlo import MonteCarlo as MonteCarlo
 from .monte_carlo import MonteCarloResult as MonteCarloResult
-from .predicate import Predicate as Predicate
-from .replay import scenario_of_row as scenario_of_row
-from .result import AbstractResult as AbstractResult
-from .result import Drawn as Drawn
-from .result import Section as Section
-from .runner import Here as Here
+from .predicates import Predicate as Predicate
+from .runner import LocalPool as LocalPool
 from .runner import Part as Part
 from .runner import PartDone as PartDone
 from .store import read_rows as read_rows
+from .study import AbstractResult as AbstractResult
 from .study import AbstractStudy as AbstractStudy
-from .study import How as How
+from .study import Chart as Chart
+from .study import RunOptions as RunOptions
+from .study import Section as Section

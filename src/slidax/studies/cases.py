@@ -1,23 +1,133 @@
-"""Many cases of a family of scenarios, run several at a time."""
+"""Cases of a family of scenarios: random points, simulation in batches, and a row for each case."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import functools
+import hashlib
+import json
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeAlias
 
 import equinox as eqx
 import jax
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import TypeAdapter
 
-from slidax._errors import DefinitionError, is_traced
-from slidax.controllers import AbstractController
-from slidax.scenarios import Scenario
+from slidax.analysis.metrics import METRICS, MONITOR_METRICS, TOLERANCE_METRICS, TOOL_METRICS, metrics_of
+from slidax.core.errors import DefinitionError, is_traced
+from slidax.law.controllers import AbstractController
 from slidax.scenarios.family import Family, Templates
-from slidax.simulation import MujocoPlant, Parts, Run, simulate_batch
+from slidax.scenarios.load import validated
+from slidax.scenarios.scenario import Scenario
+from slidax.scenarios.uncertainty import Uncertainty
+from slidax.simulation.plant import MujocoPlant
+from slidax.simulation.run import Run
+from slidax.simulation.simulate import Parts, simulate_batch
 
-from .table import Columns, columns_of, joined
+Columns: TypeAlias = dict[str, NDArray[Any]]
+"""Columns by name, each with one entry per case."""
+
+OUTCOMES = ("ok", "left_envelope", "not_finite", "recovered")
+"""Meanings of the numbers in the column `outcome`."""
+
+COLUMNS = {
+    "row": "number of the case",
+    "outcome": f"place in {', '.join(OUTCOMES)}",
+    "t": "when it ended badly or left its envelope [s]",
+    "joint": "which joint did, from 1; that with the least margin in a run that is ok",
+    "margin": "least distance to the nearer bound over the envelope's width; negative if it was outside",
+    **{
+        metric.key: f"{metric.title}, of the worst joint [{metric.unit.format(position='rad or m', torque='N m or N')}]"
+        for metric in (*METRICS, *TOOL_METRICS, *TOLERANCE_METRICS, *MONITOR_METRICS)
+    },
+}
+"""Meanings of the columns of a table."""
+
+
+def columns_of(run: Run) -> Columns:
+    """Outcome and metrics of each run.
+
+    - column `outcome`: its place in `OUTCOMES`; `t`: when that was [s]; `joint`: which, counted from 1, or that with
+      the least margin in a run that is ok.
+    - column `margin`: least distance to the nearer bound over the envelope's width, in any joint; negative for every
+      run that was outside, the lower the earlier it ended.
+    - all metrics of `slidax.analysis` by their keys, of the worst joint.
+
+    Missing values are NaN.
+
+    - `run`: many runs, or one.
+    """
+    single = not np.ndim(run.period)
+    tally, fault = run.tally, run.fault
+    kind = np.atleast_1d(np.asarray(fault.kind))
+    rows = len(kind)
+    outside = np.atleast_1d(np.asarray(tally.violations)) > 0
+    outcome = np.where((kind == 0) & outside, OUTCOMES.index("recovered"), kind)
+    margins = np.asarray(tally.margin).reshape(rows, -1)
+    # A joint that is not finite has no margin, and one without an envelope an infinite one.
+    least = np.where(np.isnan(margins), -np.inf, margins)
+    margin = least.min(axis=1)
+    ended = np.atleast_1d(np.asarray(fault.t)) / np.atleast_1d(np.asarray(run.t1))
+    margin = np.where(kind > 0, np.minimum(margin, 0.0) - 1.0 + ended, margin)
+    margin = np.where((outcome > 0) & (margin >= 0), -1e-12, margin)
+    when = np.where(kind > 0, np.atleast_1d(np.asarray(fault.t)), np.nan)
+    joint = np.where(kind > 0, np.atleast_1d(np.asarray(fault.joint)), least.argmin(axis=1)) + 1
+    if run.excursion is not None:
+        first = np.atleast_1d(np.asarray(run.excursion.first)) * np.atleast_1d(np.asarray(run.period))
+        back = outcome == OUTCOMES.index("recovered")
+        when = np.where(back, first, when)
+        joint = np.where(back, np.atleast_1d(np.asarray(run.excursion.joint)) + 1, joint)
+    columns: Columns = {
+        "outcome": outcome.astype(np.int8),
+        "t": when,
+        "joint": joint.astype(np.int16),
+        "margin": np.where(np.isfinite(margin), margin, np.nan),
+    }
+    for item in metrics_of(run):
+        value: Any = item(run)
+        if value is None:
+            columns[item.key] = np.full(rows, np.nan)
+            continue
+        filled = np.ma.filled(np.ma.asarray(value, float), np.nan)
+        numbers = filled.reshape(rows, -1) if not single or item.per_joint else filled.reshape(1, -1)
+        worst = _worst(numbers, item.least_is_best)
+        columns[item.key] = np.where(np.isfinite(worst), worst, np.nan)
+    return columns
+
+
+def _worst(numbers: NDArray[Any], least_is_best: bool) -> NDArray[Any]:
+    return numbers.max(axis=1) if least_is_best else numbers.min(axis=1)
+
+
+def joined(parts: Sequence[tuple[NDArray[Any], Columns]], rows: int) -> Columns:
+    """Columns of groups of rows as one table in the order of the rows.
+
+    - `parts`: each with the numbers of its rows.
+    - `rows`: how many there are.
+    """
+    names = list(dict.fromkeys(name for _, columns in parts for name in columns))
+    whole: Columns = {}
+    for name in names:
+        kinds = [columns[name].dtype for _, columns in parts if name in columns]
+        kind = np.result_type(*kinds)
+        array = np.full(rows, np.nan, kind) if kind.kind == "f" else np.zeros(rows, kind)
+        for where, columns in parts:
+            if name in columns:
+                array[where] = columns[name]
+        whole[name] = array
+    return whole
+
+
+def concatenated(parts: Mapping[int, Columns]) -> Columns:
+    """Chunks of rows as one table in the order of the rows.
+
+    - `parts`: by the number of their first row.
+    """
+    ordered = [parts[first] for first in sorted(parts)]
+    return {name: np.concatenate([columns[name] for columns in ordered]) for name in ordered[0]} if ordered else {}
+
 
 MOST_LOOPS = 64
 """That are compiled for one study, each for other values of what cannot vary within a compiled loop."""
@@ -236,3 +346,97 @@ class _Loop:
 def _repeated(run: Run, rows: int) -> Run:
     """One run as many that are alike."""
     return jax.tree.map(lambda x: np.broadcast_to(np.asarray(x), (rows, *np.shape(x))), run)
+
+
+WORDS = 4
+"""64-bit numbers that one step of the generator's counter gives."""
+
+
+def points(seed: int, first: int, rows: int, dimensions: int) -> NDArray[np.float64]:
+    """Uniform points [rows, dimensions], independent of how many others are drawn with them.
+
+    They are read off one stream (Philox, Salmon et al. 2011), in which each row has its own place.
+
+    - `seed`: of the stream.
+    - `first`: number of the first row.
+    - `rows`: how many.
+    - `dimensions`: of the cube.
+    """
+    steps = -(-max(dimensions, 1) // WORDS)
+    stream = np.random.Philox(key=seed)
+    stream.advance(first * steps)
+    drawn = np.random.Generator(stream).random((rows, steps * WORDS))
+    return drawn[:, :dimensions]
+
+
+@dataclass(frozen=True)
+class StudyTask:
+    """A family of scenarios as text.
+
+    - `text`: JSON with the scenario's description, its sets, and the engine.
+    """
+
+    text: str
+
+    @classmethod
+    def of(cls, family: Family, engine: str | None = None) -> StudyTask:
+        """The task of a family; `engine` as in `simulate`, the scenario's own if None."""
+        base = family.base.model_dump(mode="json", exclude_unset=True, exclude={"uncertainty"})
+        sets = [
+            {path: item.model_dump(mode="json", exclude_unset=True) for path, item in space.sets.items()}
+            for space in (family.uncertain, family.varied)
+        ]
+        text = {"scenario": base, "uncertain": sets[0], "varied": sets[1], "engine": engine}
+        return cls(json.dumps(text, sort_keys=False, ensure_ascii=False))
+
+    @property
+    def content(self) -> dict[str, Any]:
+        """Values in the text."""
+        return json.loads(self.text)
+
+    @property
+    def digest(self) -> str:
+        """Hash of all that the rows depend on, except their values."""
+        return hashlib.sha256(self.text.encode()).hexdigest()[:16]
+
+    def cases(self, threads: int | None = None) -> Cases:
+        """Return the cases; the same object for the same text, so that a process compiles once.
+
+        - `threads`: of the native engine.
+        """
+        return _cases(self.text, threads)
+
+    def run(self, values: Values, threads: int | None = None) -> Columns:
+        """Outcome and metrics of cases, wherever this is called.
+
+        - `values`: by path, with the case first.
+        - `threads`: of the native engine.
+        """
+        jax.config.update("jax_enable_x64", True)
+        return self.cases(threads).run(values)
+
+
+@functools.lru_cache(maxsize=8)
+def _cases(text: str, threads: int | None) -> Cases:
+    parts = json.loads(text)
+    sets = TypeAdapter(Uncertainty)
+    family = Family.of(
+        validated(parts["scenario"]), sets.validate_python(parts["uncertain"]), sets.validate_python(parts["varied"])
+    )
+    return Cases(family, parts["engine"], threads)
+
+
+def flat(values: Mapping[str, Any]) -> Columns:
+    """Values as columns, one for each number: `robot.plant.coulomb[0]`.
+
+    - `values`: by path, with the case first.
+    """
+    columns: Columns = {}
+    for path, array in values.items():
+        inputs = np.asarray(array)
+        if inputs.ndim == 1:
+            columns[path] = inputs
+            continue
+        for place in np.ndindex(inputs.shape[1:]):
+            columns[f"{path}[{','.join(map(str, place))}]"] = inputs[(slice(None), *place)]
+    return columns

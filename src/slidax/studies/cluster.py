@@ -1,4 +1,4 @@
-"""Chunks on a cluster of Dask, whose workers may come and go."""
+"""Chunks on a Dask cluster, whose workers may come and go."""
 
 from __future__ import annotations
 
@@ -9,12 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from slidax._errors import DefinitionError, plain
+from slidax.core.errors import DefinitionError, plain
 
-from .cases import Values
+from .cases import Columns, StudyTask, Values
 from .runner import AbstractPool
-from .table import Columns
-from .task import Task
 
 AHEAD = 2
 """Chunks for each worker that are handed out at once, so that none waits for the next."""
@@ -103,7 +101,7 @@ class Cluster(AbstractPool):
             dead = set(points)
             self._cluster.scale(self._local)
 
-    def each(self, task: Task, chunks: Iterator[tuple[int, Values]]) -> Iterator[tuple[int, Values, Columns]]:
+    def each(self, task: StudyTask, chunks: Iterator[tuple[int, Values]]) -> Iterator[tuple[int, Values, Columns]]:
         """The rows of each chunk, as they become ready.
 
         - `task`: what they are of.
@@ -149,4 +147,4 @@ def computed(text: str, values: Values) -> Columns:
     """
     from distributed import get_worker
 
-    return Task(text).run({path: np.asarray(array) for path, array in values.items()}, get_worker().state.nthreads)
+    return StudyTask(text).run({path: np.asarray(array) for path, array in values.items()}, get_worker().state.nthreads)

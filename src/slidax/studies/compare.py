@@ -1,26 +1,228 @@
-"""Schemes, or gains, on the same cases."""
+"""Comparison of schemes or gains on the same cases."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, field_validator
 
-from slidax._errors import DefinitionError, located, nearest, plain
-from slidax.scenarios.base import said
+from slidax.core.errors import DefinitionError, count_noun, locate_errors, nearest_word, plain
+from slidax.scenarios.descriptions import input_field
 from slidax.scenarios.family import Family
 from slidax.scenarios.load import altered_description
-from slidax.scenarios.uncertainty import AbstractSet
-from slidax.scenarios.uncertainty.sets import Between, Inside
+from slidax.scenarios.uncertainty import AbstractSet, Between, InsideEnvelope
 
-from .compared import Compared, can_be_asked
-from .points import points
-from .predicate import ENVELOPE, Predicate
+from .cases import Columns, points
+from .overview import share
+from .predicates import ENVELOPE, Predicate
 from .runner import PartDone
-from .study import AbstractStudy, How
-from .table import Columns
+from .statistics import Interval, PairedDifference, PairedShares, clopper_pearson, paired_difference, paired_shares
+from .study import AbstractResult, AbstractStudy, Cell, Chart, RunOptions, Section, all_done, interval_of, worst_of
+
+
+@dataclass(frozen=True)
+class CompareResult(AbstractResult):
+    """Schemes on the same cases.
+
+    - `of`, `holds`, `confidence`, `seed`: the request; `family` is that of the first scheme.
+    - `tables`: the rows of each scheme, by its name; the same row is the same case.
+    """
+
+    of: tuple[str, ...]
+    holds: tuple[str, ...]
+    confidence: float
+    seed: int
+    tables: dict[str, Columns]
+
+    @property
+    def runs(self) -> int:
+        """Number of runs of all schemes."""
+        return sum(len(table["row"]) for table in self.tables.values())
+
+    @property
+    def ended(self) -> str:
+        """State of the rows."""
+        return all_done(self.runs)
+
+    @property
+    def reference(self) -> str:
+        """The scheme that the others are compared with."""
+        return next(iter(self.tables))
+
+    def difference(self, name: str, of: str) -> PairedDifference:
+        """By how much a metric is above that of the reference, over the cases that both ran to the end.
+
+        - `name`: of the scheme.
+        - `of`: key of the metric.
+        """
+        item, other = self.tables[name], self.tables[self.reference]
+        whole = _to_the_end(item) & _to_the_end(other)
+        return paired_difference(np.where(whole, item[of], np.nan), other[of], self.confidence, seed=self.seed)
+
+    def shares(self, name: str, holds: str) -> PairedShares | None:
+        """In what share of the cases something holds, less the share in which it does for the reference.
+
+        None where one of them draws no envelope that could hold.
+
+        - `name`: of the scheme.
+        - `holds`: what holds.
+        """
+        if not all(can_be_asked(holds, self.tables[each]) for each in (name, self.reference)):
+            return None
+        predicate = Predicate(holds)
+        item, other = (predicate.holds(self.tables[each]) for each in (name, self.reference))
+        return paired_shares(item, other, self.confidence)
+
+    def rate(self, name: str, holds: str) -> tuple[int | None, Interval | None]:
+        """In how many cases something fails, and an interval of the probability that it holds.
+
+        None and None for the envelope of a scheme that draws none.
+
+        - `name`: of the scheme.
+        - `holds`: what.
+        """
+        if not can_be_asked(holds, self.tables[name]):
+            return None, None
+        failures = int(np.sum(~Predicate(holds).holds(self.tables[name])))
+        failing = clopper_pearson(failures, len(self.tables[name]["row"]), self.confidence)
+        return failures, Interval(1.0 - failing.upper, 1.0 - failing.lower, failing.confidence)
+
+    @property
+    def good(self) -> bool:
+        """True if no run of any scheme failed."""
+        return not any(np.any(table["outcome"] > 0) for table in self.tables.values())
+
+    @property
+    def lead(self) -> str:
+        """The answer in a sentence."""
+        text = []
+        for name in list(self.tables)[1:]:
+            better = [of for of in self.of if _is_below(self.difference(name, of))]
+            worse = [of for of in self.of if _is_below(self.difference(name, of), -1.0)]
+            words = [f"{word} in {', '.join(ofs)}" for word, ofs in (("better", better), ("worse", worse)) if ofs]
+            text.append(f"{name} is {' and '.join(words) or 'not told apart'}")
+        cases = count_noun(len(self._cases), "case")
+        return f"{cases} for each scheme; compared with {self.reference}, {'; '.join(text)}."
+
+    @property
+    def _cases(self) -> np.ndarray:
+        return self.tables[self.reference]["row"]
+
+    def sections(self) -> list[Section]:
+        """Shares, means, and differences with their intervals."""
+        rates: list[list[Cell]] = []
+        for name in self.tables:
+            for holds in self.holds:
+                failures, holding = self.rate(name, holds)
+                bounds = (None, None) if holding is None else (share(holding.lower), share(holding.upper))
+                both = None if name == self.reference else self.shares(name, holds)
+                rates.append([name, holds, failures, *bounds, None if both is None else both.p_value])
+        note = (
+            f"Of {count_noun(len(self._cases), 'case')}; intervals at {self.confidence:.0%}; p by McNemar's exact test."
+        )
+        head = ("Scheme", "asked", "failed", "holds at least", "holds at most", "p, against the first")
+        result = [Section("Rates", note, head, rates)]
+        others = list(self.tables)[1:]
+        rows: list[list[Cell]] = []
+        drawn = {}
+        for of in self.of:
+            ends = []
+            for name in others:
+                item = self.difference(name, of)
+                low, high = (item.of_mean.lower, item.of_mean.upper) if item.of_mean else (None, None)
+                rows.append(
+                    [name, of, item.pairs, self._mean(name, of), item.mean, low, high, item.median, item.p_value]
+                )
+                ends.append([np.nan if x is None else x for x in (low, item.mean, high)])
+            drawn[of.replace("_", " ")] = np.array(ends)
+        pictures = [
+            Chart("differences", "Differences", "Of the means, with intervals.", "intervals", (others, drawn)),
+        ]
+        columns = ("Scheme", "metric", "pairs", "mean", "difference", "at least", "at most", "median", "p, Wilcoxon")
+        first = ", ".join(f"{of} {_shown(self._mean(self.reference, of))}" for of in self.of)
+        note = f"Case by case, less that of {self.reference}, whose means are {first}; < 0 is better."
+        return [*result, Section("Differences", note, columns, rows, pictures)]
+
+    def _mean(self, name: str, of: str) -> float | None:
+        numbers = self.tables[name][of][_to_the_end(self.tables[name])]
+        known = numbers[np.isfinite(numbers)]
+        return float(known.mean()) if known.size else None
+
+    def as_json(self) -> dict[str, Any]:
+        """The result for a program."""
+        failures, holding = self.rate(self.reference, self.holds[0])
+        return {
+            "kind": "compare",
+            "runs": self.runs,
+            "failures": failures,
+            "probability": interval_of(holding),
+            "ended": self.ended,
+            "worst": worst_of(self.tables[self.reference]),
+            "reference": self.reference,
+            "schemes": {name: self._scheme_as_json(name) for name in self.tables},
+        }
+
+    def _scheme_as_json(self, name: str) -> dict[str, Any]:
+        table = self.tables[name]
+        whole = _to_the_end(table)
+        result: dict[str, Any] = {
+            "ended_early": int(np.sum(~whole)),
+            "means": {of: self._mean(name, of) for of in self.of},
+            "holds": {},
+        }
+        for holds in self.holds:
+            failures, holding = self.rate(name, holds)
+            result["holds"][holds] = {"failures": failures, "probability": interval_of(holding)}
+        if name != self.reference:
+            result["differences"] = {of: self._compared(name, of) for of in self.of}
+            for holds in self.holds:
+                shares = self.shares(name, holds)
+                if shares is not None:
+                    result["holds"][holds] |= {
+                        "difference": shares.difference,
+                        "interval": interval_of(shares.interval),
+                        "p_value": shares.p_value,
+                    }
+        return result
+
+    def _compared(self, name: str, of: str) -> dict[str, Any]:
+        item = self.difference(name, of)
+        return {
+            "pairs": item.pairs,
+            "mean": item.mean,
+            "interval": interval_of(item.of_mean),
+            "median": item.median,
+            "median_interval": interval_of(item.of_median),
+            "p_value": item.p_value,
+        }
+
+
+def can_be_asked(holds: str, table: Columns) -> bool:
+    """True if runs can have the property: an envelope can only hold where one is drawn.
+
+    - `holds`: the property.
+    - `table`: the rows.
+    """
+    return holds != ENVELOPE or bool(np.isfinite(table["margin"]).any())
+
+
+def _to_the_end(table: Columns) -> np.ndarray:
+    """Runs that reached their end, inside the envelope or not."""
+    return np.asarray((table["outcome"] == 0) | (table["outcome"] == 3))
+
+
+def _is_below(item: PairedDifference, sign: float = 1.0) -> bool:
+    """True if the interval of the mean is below 0, or with sign -1 above."""
+    if item.of_mean is None:
+        return False
+    return max(sign * item.of_mean.lower, sign * item.of_mean.upper) < 0.0
+
+
+def _shown(value: float | None) -> str:
+    return "unknown" if value is None else f"{value:.4g}"
+
 
 OF = ("steady_error", "max_torque_step", "peak_torque")
 
@@ -32,12 +234,12 @@ class Compare(AbstractStudy):
     study: Literal["compare"]
     schemes: Annotated[dict[str, dict[str, Any]], Field(min_length=2, max_length=50)]
     """Values of the scenario by path, as `--set` has them, by a name for each; `{}` is the scenario as it is."""
-    runs: int = said("cases for each scheme", "", "[1, 1e9]", default=500)
+    runs: int = input_field("cases for each scheme", "", "[1, 1e9]", default=500)
     of: Annotated[tuple[str, ...], Field(min_length=1)] = OF
     """Metrics that are compared."""
     holds: Annotated[tuple[str, ...], Field(min_length=1)] = (ENVELOPE,)
     """Properties whose shares are compared: `envelope`, or a metric, a sign and a number."""
-    confidence: float = said("of the intervals", "", "(0, 1)", default=0.95)
+    confidence: float = input_field("of the intervals", "", "(0, 1)", default=0.95)
 
     @field_validator("schemes")
     @classmethod
@@ -47,7 +249,7 @@ class Compare(AbstractStudy):
                 raise ValueError(f"`{plain(name)}` must be letters, digits, `-`, `_` and `.`")
         return value
 
-    def run(self, how: How) -> Compared:
+    def run(self, how: RunOptions) -> CompareResult:
         """The differences.
 
         - `how`: where, and what is told on the way.
@@ -76,13 +278,13 @@ class Compare(AbstractStudy):
         for item in self.of:
             if item not in tables[next(iter(tables))]:
                 raise DefinitionError(
-                    f"there is no metric `{plain(item)}`; {nearest(item, tables[next(iter(tables))])}", where="of"
+                    f"there is no metric `{plain(item)}`; {nearest_word(item, tables[next(iter(tables))])}", where="of"
                 )
         for predicate in holds:
             for table in tables.values():
                 if can_be_asked(predicate.text, table):
                     predicate.holds(table)
-        return Compared(
+        return CompareResult(
             of=self.of,
             holds=self.holds,
             confidence=self.confidence,
@@ -100,7 +302,7 @@ class Compare(AbstractStudy):
         sets = self.sets(base)
         result: dict[str, Family] = {}
         for name, changes in self.schemes.items():
-            with located(f"schemes.{name}"):
+            with locate_errors(f"schemes.{name}"):
                 own = altered_description(base, changes) if changes else base
                 result[name] = Family.of(own, sets)
             if len(result) == 1:
@@ -110,7 +312,7 @@ class Compare(AbstractStudy):
 
 def _box(path: str, item: AbstractSet, family: Family) -> tuple[str, AbstractSet]:
     """The set, in numbers where it depends on the scheme."""
-    if not isinstance(item, Inside):
+    if not isinstance(item, InsideEnvelope):
         return path, item
     path = path if path in family.space.leaves else "start.q"
     leaf = family.space.leaves[path]

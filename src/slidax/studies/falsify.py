@@ -8,16 +8,15 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from slidax._errors import DefinitionError, counted, nearest, plain
-from slidax.scenarios.base import said
-from slidax.scenarios.description import ScenarioDescription
+from slidax.core.errors import DefinitionError, count_noun, nearest_word, plain
+from slidax.scenarios.descriptions import input_field
+from slidax.scenarios.scenario import ScenarioDescription
 
-from .asked import Asked
+from .cases import OUTCOMES, Columns
 from .overview import overview
-from .result import NOTHING, AbstractTableResult, Cell, Drawn, Section, all_done
-from .search import Found, lowest
-from .study import AbstractStudy, How
-from .table import OUTCOMES, Columns
+from .runner import BatchEvaluator
+from .search import SearchResult, lowest
+from .study import NO_WORST_CASE, AbstractStudy, AbstractTableResult, Cell, Chart, RunOptions, Section, all_done
 
 MARGIN = "margin"
 
@@ -29,8 +28,8 @@ class Falsify(AbstractStudy):
     """Searches the uncertainty set for the least margin, or for the worst value of a metric."""
 
     study: Literal["falsify"]
-    runs: int = said("largest number of runs", "", "[1, 1e9]", default=3000)
-    seconds: float | None = said(
+    runs: int = input_field("largest number of runs", "", "[1, 1e9]", default=3000)
+    seconds: float | None = input_field(
         "time after which no batch begins; the rows then depend on the machine", "s", "> 0", default=None
     )
     worst: str = MARGIN
@@ -39,9 +38,11 @@ class Falsify(AbstractStudy):
     """`violation` stops at the first run outside its envelope; else all runs are used to find the worst."""
     keep: Annotated[int, Field(ge=1, le=100)] = 3
     """Number of worst cases that are written as scenarios, each different from the others."""
-    apart: float = said("share of its set by which at least one value of theirs differs", "", "(0, 1]", default=0.25)
+    apart: float = input_field(
+        "share of its set by which at least one value of theirs differs", "", "(0, 1]", default=0.25
+    )
 
-    def run(self, how: How) -> FalsifyResult:
+    def run(self, how: RunOptions) -> FalsifyResult:
         family = self.family()
         self.require(
             bool(family.space.sets),
@@ -53,7 +54,7 @@ class Falsify(AbstractStudy):
             "until",
             f"is for `worst: {MARGIN}`, where 0 is the envelope's bound",
         )
-        evaluated = Asked(self.runner(family, how), family)
+        evaluated = BatchEvaluator(self.runner(family, how), family)
         how.begin(self.runs)
         search = lowest(
             lambda cube: badness(evaluated.points(cube), self.worst),
@@ -84,7 +85,7 @@ def badness(columns: Columns, of: str) -> np.ndarray:
     Raises DefinitionError if there is no such metric, or no row has it.
     """
     if of not in columns:
-        raise DefinitionError(f"there is no metric `{plain(of)}`; {nearest(of, columns)}", where="worst")
+        raise DefinitionError(f"there is no metric `{plain(of)}`; {nearest_word(of, columns)}", where="worst")
     value, bad = np.asarray(columns[of], float), np.asarray(columns["outcome"]) > 0
     if not np.isfinite(value).any() and not bad.any():
         remedy = "search for `worst: steady_error`" if of == MARGIN else "search for another"
@@ -106,7 +107,7 @@ class FalsifyResult(AbstractTableResult):
     """
 
     study: Falsify
-    search: Found
+    search: SearchResult
     rows: tuple[int, ...]
     cases: tuple[dict[str, Any], ...]
 
@@ -115,7 +116,7 @@ class FalsifyResult(AbstractTableResult):
         """The reason why the search ended."""
         return {
             "enough": f"a violation was found in run {self.runs}",
-            "seconds": f"the time was over after {counted(self.runs, 'run')}",
+            "seconds": f"the time was over after {count_noun(self.runs, 'run')}",
         }.get(self.search.stop, all_done(self.runs))
 
     @property
@@ -125,9 +126,9 @@ class FalsifyResult(AbstractTableResult):
         outcome = OUTCOMES[int(self.table["outcome"][self.rows[0]])].replace("_", " ")
         value = float(self.table[self.study.worst][self.rows[0]])
         number = "without a number" if not np.isfinite(value) else f"{value:.4g}"
-        failed = "no run failed" if self.good else f"{counted(self.failures, 'run')} failed"
+        failed = "no run failed" if self.good else f"{count_noun(self.failures, 'run')} failed"
         worst = f"the worst {self.study.worst} is {number}, {outcome}"
-        return f"{counted(self.runs, 'run')}, {failed}: {worst} ({self.ended})."
+        return f"{count_noun(self.runs, 'run')}, {failed}: {worst} ({self.ended})."
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -155,7 +156,7 @@ class FalsifyResult(AbstractTableResult):
         history = history[np.abs(history[:, 1]) < 0.5 * WORSE]
         label = f"worst {self.study.worst.replace('_', ' ')}"
         bound = 0.0 if self.study.worst == MARGIN else None
-        chart = Drawn("search", "The search", "The worst so far.", "search_history", (history, label, bound))
+        chart = Chart("search", "The search", "The worst so far.", "search_history", (history, label, bound))
         note = f"Each differs from the others by {self.study.apart:.0%} of its set in at least one value."
         worst = Section("The worst cases", note, head, rows, [chart])
         if not self.rows:
@@ -178,7 +179,7 @@ class FalsifyResult(AbstractTableResult):
             "failures": self.failures,
             "probability": None,
             "ended": self.ended,
-            "worst": {**cases[0], "scenario": None} if cases else NOTHING,
+            "worst": {**cases[0], "scenario": None} if cases else NO_WORST_CASE,
             "found": cases,
             "history": self.search.history.tolist(),
         }

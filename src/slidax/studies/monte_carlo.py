@@ -8,20 +8,16 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from slidax._errors import counted
-from slidax.scenarios.base import said
-from slidax.scenarios.description import ScenarioDescription
+from slidax.core.errors import count_noun
+from slidax.scenarios.descriptions import input_field
 from slidax.scenarios.family import Family
+from slidax.scenarios.scenario import ScenarioDescription
 
-from .cases import Values
+from .cases import OUTCOMES, Columns, Values, concatenated, points
 from .overview import overview, share, why_it_failed
-from .points import points
-from .predicate import ENVELOPE, Predicate
-from .result import AbstractTableResult, Section
-from .sequential_stop import Counted, UntilDescription
+from .predicates import ENVELOPE, Predicate, SequentialStop, UntilDescription
 from .statistics import Interval, clopper_pearson, confidence_sequence
-from .study import AbstractStudy, How
-from .table import OUTCOMES, Columns, concatenated
+from .study import AbstractStudy, AbstractTableResult, RunOptions, Section
 
 
 class MonteCarlo(AbstractStudy):
@@ -32,15 +28,15 @@ class MonteCarlo(AbstractStudy):
 
     in_parts: ClassVar[bool] = True
     study: Literal["monte_carlo"]
-    runs: int = said("how many; at most, with `until`", "", "[1, 1e9]")
+    runs: int = input_field("how many; at most, with `until`", "", "[1, 1e9]")
     holds: tuple[str, ...] = (ENVELOPE,)
     """Counted properties: `envelope`, or a metric, a sign and a number, such as `steady_error < 1e-3`. The first one is
     what `until` is about."""
-    confidence: float = said("of the intervals", "", "(0, 1)", default=0.99)
+    confidence: float = input_field("of the intervals", "", "(0, 1)", default=0.99)
     until: UntilDescription | None = None
     """Stops as soon as the first of `holds` is shown, or fails too often, by an interval that holds at any time."""
 
-    def run(self, how: How) -> MonteCarloResult:
+    def run(self, how: RunOptions) -> MonteCarloResult:
         """The rates with their intervals.
 
         - `how`: where, and what is told on the way.
@@ -57,7 +53,7 @@ class MonteCarlo(AbstractStudy):
         runner = self.runner(family, how)
         how.begin(self.runs)
         parts: dict[int, Columns] = {}
-        stop = Counted(self.until, self.confidence)
+        stop = SequentialStop(self.until, self.confidence)
         for first, columns in runner.stream(self._chunks(family, runner.chunk)):
             parts[first] = columns
             if stop.enough(parts, predicates[0]):
@@ -163,7 +159,7 @@ class MonteCarloResult(AbstractTableResult):
         what = "the envelope holds" if first.holds == ENVELOPE else f"`{first.holds}` holds"
         failed = "none failed" if not first.failures else f"{first.failures} failed"
         return (
-            f"{counted(first.runs, 'run')}, {failed}: with {100 * holding.confidence:g} % confidence {what} with a "
+            f"{count_noun(first.runs, 'run')}, {failed}: with {100 * holding.confidence:g} % confidence {what} with a "
             f"probability between {share(holding.lower)} and {share(holding.upper)} ({self.ended})."
         )
 

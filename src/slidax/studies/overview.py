@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 from scipy.stats import spearmanr
 
-from slidax.diagnosis import first_line
-from slidax.metrics import METRICS
+from slidax.analysis.explain import likeliest_cause
+from slidax.analysis.metrics import METRICS
 from slidax.scenarios.family import Family
 
-from .result import Drawn, Section
-from .table import Columns
-from .task import flat
+from .cases import Columns, flat
+from .study import Chart, Section
 
 SHOWN = ("steady_error", "peak_torque", "max_torque_step", "rms_error")
 """Metrics whose distribution is drawn in addition to the margin's."""
@@ -35,7 +34,7 @@ def overview(family: Family, table: Columns, worst: Mapping[str, Any], row: int)
 
 def why_it_failed(family: Family, worst: Mapping[str, Any]) -> str:
     """Return the likeliest reason for a failed case, and its remedy, in a line; may be empty."""
-    return first_line(family.scenario(worst, "worst"), seconds=SECONDS)
+    return likeliest_cause(family.scenario(worst, "worst"), seconds=SECONDS)
 
 
 def share(value: float) -> str:
@@ -63,7 +62,7 @@ def _metrics(table: Columns) -> Section:
         for metric in METRICS
         if metric.key in SHOWN
     }
-    picture = Drawn(
+    picture = Chart(
         "distributions",
         "Distributions",
         "Numbers of runs over the value of the worst joint.",
@@ -96,7 +95,7 @@ def _margins(family: Family, table: Columns) -> list[Section]:
         return []
     shown = {_label(family, name): table[name] for name in columns if name in strongest}
     note = f" The {len(strongest)} that it follows most, of {len(strength)}." if len(strength) > len(strongest) else ""
-    picture = Drawn("margin", "Margin", f"Over the uncertain values.{note}", "margin_over", (margin, shown))
+    picture = Chart("margin", "Margin", f"Over the uncertain values.{note}", "margin_over", (margin, shown))
     return [Section("Dependence of the margin", "", figures=[picture])]
 
 

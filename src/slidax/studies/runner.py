@@ -1,20 +1,20 @@
-"""Runs the rows of a study chunk by chunk: from what is stored, here, or on a cluster."""
+"""The rows of a study, chunk by chunk: from the store, from this process, or from a cluster."""
 
 from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
-from slidax._errors import DefinitionError, plain
+from slidax.core.errors import DefinitionError, plain
+from slidax.scenarios.family import Family
 
-from .cases import Values
+from .cases import Columns, StudyTask, Values, flat
 from .store import Store
-from .table import Columns
-from .task import Task, flat
 
 SAMPLES = 4_000_000
 """Approximate number of samples per chunk: some seconds of computation, so that an interruption loses little."""
@@ -31,7 +31,7 @@ class AbstractPool(ABC):
     """Where chunks are computed."""
 
     @abstractmethod
-    def each(self, task: Task, chunks: Iterator[tuple[int, Values]]) -> Iterator[tuple[int, Values, Columns]]:
+    def each(self, task: StudyTask, chunks: Iterator[tuple[int, Values]]) -> Iterator[tuple[int, Values, Columns]]:
         """The rows of each chunk, as they become ready.
 
         - `task`: what they are of.
@@ -39,7 +39,7 @@ class AbstractPool(ABC):
         """
 
 
-class Here(AbstractPool):
+class LocalPool(AbstractPool):
     """In this process.
 
     - `threads`: of the native engine; None: as many as there are cores.
@@ -48,7 +48,7 @@ class Here(AbstractPool):
     def __init__(self, threads: int | None = None) -> None:
         self.threads = threads
 
-    def each(self, task: Task, chunks: Iterator[tuple[int, Values]]) -> Iterator[tuple[int, Values, Columns]]:
+    def each(self, task: StudyTask, chunks: Iterator[tuple[int, Values]]) -> Iterator[tuple[int, Values, Columns]]:
         """The rows of each chunk, in order.
 
         - `task`: what they are of.
@@ -116,10 +116,10 @@ class Runner:
     - `part`: the chunks that are computed here; None for all.
     """
 
-    task: Task
+    task: StudyTask
     chunk: int
     store: Store | None = None
-    pool: AbstractPool = field(default_factory=Here)
+    pool: AbstractPool = field(default_factory=LocalPool)
     progress: Callable[[int], None] = _unheard
     part: Part | None = None
     computed: int = 0
@@ -216,3 +216,59 @@ def _require_same(first: int, values: Columns, stored: Columns) -> None:
             raise DefinitionError(
                 f"row {first} is stored with another `{name}`: the rows are of another study; write to another folder"
             )
+
+
+BELOW_ONE = np.nextafter(1.0, 0.0)
+"""Largest coordinate of a point of the cube, whose upper faces do not belong to it."""
+
+
+class BatchEvaluator:
+    """Evaluates points of the unit cube and keeps their rows, numbered in the order of evaluation.
+
+    - `runner`: turns values into rows.
+    - `family`: of the rows; its space turns points into values.
+    """
+
+    def __init__(self, runner: Runner, family: Family) -> None:
+        self.runner = runner
+        self.family = family
+        self.rows = 0
+        self._parts: list[Columns] = []
+        self._values: list[Values] = []
+
+    def points(self, cube: np.ndarray) -> Columns:
+        """Return the rows of points [rows, dimensions] in [0, 1]."""
+        return self.values(self.family.space.values(np.clip(cube, 0.0, BELOW_ONE)))
+
+    def values(self, values: Mapping[str, Any]) -> Columns:
+        """Return the rows of values by path, with the row first."""
+        columns = self.runner.rows(self.rows, values)
+        self.rows += len(columns["row"])
+        self._parts.append(columns)
+        self._values.append(values)
+        return columns
+
+    @property
+    def table(self) -> Columns:
+        """All rows, in the order of evaluation."""
+        return {name: np.concatenate([part[name] for part in self._parts]) for name in self._parts[0]}
+
+    def values_of(self, row: int) -> dict[str, Any]:
+        """Return the values of a row, by path."""
+        for values in self._values:
+            rows = len(next(iter(values.values())))
+            if row < rows:
+                return {path: array[row] for path, array in values.items()}
+            row -= rows
+        raise IndexError(row)
+
+    def collected(self) -> dict[str, Any]:
+        """Write all rows as one table, if they are kept, and return the fields of `AbstractTableResult`."""
+        store = self.runner.store
+        return {
+            "family": self.family,
+            "table": self.table,
+            "path": None if store is None else store.finish(self.rows),
+            "computed": self.runner.computed,
+            "seconds": self.runner.seconds,
+        }

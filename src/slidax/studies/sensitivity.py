@@ -1,20 +1,107 @@
-"""Sobol indices of uncertain values."""
+"""Sobol indices: the share of a result's variance due to each uncertain value."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
-from slidax._errors import DefinitionError, counted, nearest, plain
-from slidax.scenarios.base import said
+from slidax.core.errors import DefinitionError, count_noun, nearest_word, plain, short_repr
+from slidax.scenarios.descriptions import input_field
 
-from .asked import Asked
-from .result import AbstractTableResult, Cell, Drawn, Section, all_done, worst_of
-from .search.sobol_indices import SobolIndices, points_for_indices, sobol_indices
-from .study import AbstractStudy, How
+from .runner import BatchEvaluator
+from .study import AbstractStudy, AbstractTableResult, Cell, Chart, RunOptions, Section, all_done, worst_of
+
+
+@dataclass(frozen=True)
+class SobolIndices:
+    """Shares of the variance of one result (I. M. Sobol', Math. Comput. Simul. 55, 2001).
+
+    - `first`: what each group of numbers does by itself [groups].
+    - `total`: what it does by itself and together with others [groups].
+    - `first_half`, `total_half`: half the widths of their intervals [groups].
+    - `confidence`: of the intervals.
+    - `variance`: of the result; where it is 0 all shares are 0, too.
+    """
+
+    first: np.ndarray
+    total: np.ndarray
+    first_half: np.ndarray
+    total_half: np.ndarray
+    confidence: float
+    variance: float
+
+
+def points_for_indices(groups: Sequence[int], base: int, *, seed: int = 0) -> np.ndarray:
+    """Points at which a result must be known, by Saltelli's rule [base (groups + 2), dimension].
+
+    - `groups`: how many coordinates of the cube belong together, for each thing whose share is asked for.
+    - `base`: a power of two, from some hundreds on.
+    - `seed`: of the scrambling.
+
+    Raises DefinitionError if the base is no power of two, or SALib is not installed.
+    """
+    if base < 2 or base & (base - 1):
+        raise DefinitionError(f"`base` must be a power of two, as 512; got {short_repr(base)}")
+    salib = _salib()
+    return salib[0].sample(_problem(groups), base, calc_second_order=False, scramble=True, seed=seed)
+
+
+def sobol_indices(
+    results: np.ndarray, groups: Sequence[int], *, confidence: float = 0.95, seed: int = 0
+) -> SobolIndices:
+    """The indices of one result, by SALib, with intervals from 100 resamples.
+
+    - `results`: at all `points_for_indices`, in their order [base (groups + 2)].
+    - `groups`: as there.
+    - `confidence`: of the intervals.
+    - `seed`: of the resamples.
+
+    Raises DefinitionError if a result is missing or not finite, or SALib is not installed.
+    """
+    results = np.asarray(results, float)
+    if results.ndim != 1 or len(results) % (len(groups) + 2):
+        raise DefinitionError(f"`results` must be at all points of the design; got {short_repr(results.shape)}")
+    wrong = int(np.sum(~np.isfinite(results)))
+    if wrong:
+        raise DefinitionError(f"{wrong} of {len(results)} results are not finite: indices need them all")
+    if np.ptp(results) == 0.0:
+        nothing = np.zeros(len(groups))
+        return SobolIndices(nothing, nothing, nothing, nothing, confidence, 0.0)
+    # SALib takes NumPy's global random numbers where its seed is 0.
+    result = _salib()[1].analyze(
+        _problem(groups), results, calc_second_order=False, conf_level=confidence, seed=seed + 1
+    )
+    first, total, first_half, total_half = (np.asarray(result[key]) for key in ("S1", "ST", "S1_conf", "ST_conf"))
+    return SobolIndices(first, total, first_half, total_half, confidence, float(results.var()))
+
+
+def _problem(groups: Sequence[int]) -> dict[str, Any]:
+    """The problem definition of SALib; the coordinates of a group are drawn anew together."""
+    dimension = sum(groups)
+    result: dict[str, Any] = {
+        "num_vars": dimension,
+        "names": [f"x{k}" for k in range(dimension)],
+        "bounds": [[0.0, 1.0]] * dimension,
+    }
+    if dimension > len(groups):
+        result["groups"] = [f"group {k}" for k, width in enumerate(groups) for _ in range(width)]
+    return result
+
+
+def _salib() -> tuple[Any, Any]:
+    try:
+        from SALib.analyze import sobol as analyze
+        from SALib.sample import sobol as sample
+    except ImportError:
+        raise DefinitionError(
+            "Sobol indices need SALib, which is not installed: pip install 'slidax[studies]'"
+        ) from None
+    return sample, analyze
+
 
 OF = ("margin", "steady_error", "max_torque_step")
 
@@ -33,9 +120,9 @@ class Sensitivity(AbstractStudy):
     """Results: `margin`, or metrics such as `steady_error`."""
     each: Literal["path", "number"] = "path"
     """`path`: all values of a path, such as the friction of all joints, have one share; `number`: each has its own."""
-    confidence: float = said("of the intervals", "", "(0, 1)", default=0.95)
+    confidence: float = input_field("of the intervals", "", "(0, 1)", default=0.95)
 
-    def run(self, how: How) -> SensitivityResult:
+    def run(self, how: RunOptions) -> SensitivityResult:
         family = self.family()
         space = family.space
         self.require(
@@ -47,13 +134,13 @@ class Sensitivity(AbstractStudy):
         names = list(space.widths) if self.each == "path" else space.coordinates
         groups = list(space.widths.values()) if self.each == "path" else [1] * space.dimensions
         cube = points_for_indices(groups, self.base, seed=self.seed)
-        evaluated = Asked(self.runner(family, how), family)
+        evaluated = BatchEvaluator(self.runner(family, how), family)
         how.begin(len(cube))
         table = evaluated.points(cube)
         indices, missing = {}, {}
         for key in self.of:
             if key not in table:
-                raise DefinitionError(f"there is no metric `{plain(key)}`; {nearest(key, table)}", where="of")
+                raise DefinitionError(f"there is no metric `{plain(key)}`; {nearest_word(key, table)}", where="of")
             wrong = int(np.sum(~np.isfinite(table[key])))
             if wrong:
                 missing[key] = wrong
@@ -86,7 +173,8 @@ class SensitivityResult(AbstractTableResult):
     def ended(self) -> str:
         """State of the rows."""
         without = [
-            f"`{key}` is missing in {counted(count, 'run')} and has no indices" for key, count in self.missing.items()
+            f"`{key}` is missing in {count_noun(count, 'run')} and has no indices"
+            for key, count in self.missing.items()
         ]
         return "; ".join([all_done(self.runs), *without])
 
@@ -97,7 +185,7 @@ class SensitivityResult(AbstractTableResult):
             for of, own in self.indices.items()
             if own.variance > 0
         ]
-        return f"{counted(self.runs, 'run')}: {'; '.join(shares) or 'no result varies'} ({self.ended})."
+        return f"{count_noun(self.runs, 'run')}: {'; '.join(shares) or 'no result varies'} ({self.ended})."
 
     def sections(self) -> list[Section]:
         parts = []
@@ -108,7 +196,7 @@ class SensitivityResult(AbstractTableResult):
             ]
             values = (self.labels, own.first, own.total, (own.first_half, own.total_half))
             note = f"Shares of the variance, with half the widths of their {self.study.confidence:.0%} intervals."
-            chart = Drawn(
+            chart = Chart(
                 f"shares-{of}", f"Shares of {of}", "By itself, and together with others.", "variance_shares", values
             )
             head = ("Uncertain", "by itself", "±", "in all", "±")

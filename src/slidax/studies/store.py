@@ -1,9 +1,11 @@
-"""The rows of a study on disk: parts that are written whole or not at all, and at the end one table."""
+"""The rows of a study on disk: checked parts, and at the end one table."""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
+import stat
 import warnings
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -11,25 +13,184 @@ from typing import Any
 
 import numpy as np
 
-from slidax._errors import DefinitionError, DefinitionWarning
-from slidax._writing import create_text, is_temporary, remove_leftovers, replacing, write_bytes, write_text
+from slidax.core.errors import DefinitionError, DefinitionWarning, plain
+from slidax.core.writing import create_text, is_temporary, remove_leftovers, replace_file, write_bytes, write_text
 from slidax.simulation import parquet
 
-from .stored import (
-    CONTENT,
-    IDENTITY,
-    LARGEST_ROWS,
-    STUDY,
-    DamagedError,
-    as_table,
-    checksum,
-    columns_in,
-    digest_of,
-    identity_in,
-    read_table,
-    study_of_rows,
-)
-from .table import Columns
+from .cases import Columns
+
+IDENTITY = "study.json"
+
+STUDY, CONTENT = b"study", b"content"
+"""Keys of a part's metadata: which study its rows belong to, and a checksum of their values."""
+
+LARGEST_IDENTITY, LARGEST_PART, LARGEST_ROWS = 64_000_000, 1_000_000_000, 8_000_000_000
+"""Sizes up to which files of a store are read [bytes]."""
+
+MOST_NUMBERS = 10**9
+"""Numbers in a table that is read; a small file may stand for more."""
+
+
+class DamagedError(Exception):
+    """A file of a store is not whole, or belongs to another study; the text says which of these."""
+
+
+def read_identity(folder: Path) -> dict[str, Any]:
+    """The contents of `study.json`.
+
+    - `folder`: of the study.
+
+    Raises DefinitionError if there is none, or it is damaged.
+    """
+    path = folder / IDENTITY
+    try:
+        return identity_in(path)
+    except DamagedError as error:
+        raise DefinitionError(
+            f"`{path}` {error}: `slidax study FILE --out {folder} --resume` writes it again"
+        ) from None
+
+
+def study_of_rows(path: Path) -> str | None:
+    """The digest of the study that a file's rows belong to; None if it does not say so, or cannot be read.
+
+    - `path`: of a part or of `rows.parquet`.
+    """
+    import pyarrow.parquet as pq
+
+    try:
+        _require_regular(path, None)
+        mark = (pq.read_schema(path).metadata or {}).get(STUDY)
+    except Exception:
+        return None
+    return None if mark is None else str(mark.decode("ascii", "replace"))
+
+
+def read_part(path: Path, rows: int | None = None, *, largest: int = LARGEST_PART) -> Any:
+    """A Parquet file as a table.
+
+    - `path`: the file.
+    - `rows`: how many there must be; None for any number.
+    - `largest`: size up to which it is read [bytes].
+
+    Raises FileNotFoundError if there is none, and DamagedError if it is something else or not whole.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        _require_regular(path, largest)
+        with pq.ParquetFile(pa.BufferReader(path.read_bytes())) as file:
+            if rows is not None and file.metadata.num_rows != rows:
+                raise DamagedError("has other rows than its name says")
+            parquet.require_names(file, "is damaged:")
+            parquet.require_numbers(file, "is damaged:", file.schema_arrow.names, {}, most=MOST_NUMBERS)
+            return file.read()
+    except FileNotFoundError:
+        raise
+    except DefinitionError as error:
+        raise DamagedError(error.message) from None
+    except OSError as error:
+        if error.errno is not None:
+            raise DamagedError(f"cannot be read ({error.strerror})") from None
+        raise DamagedError(_unreadable(error)) from None
+    except DamagedError:
+        raise
+    except Exception as error:
+        # Also a lack of memory: a damaged file may name any size.
+        raise DamagedError(_unreadable(error)) from None
+
+
+def _unreadable(error: Exception) -> str:
+    reason = str(error).partition("\n")[0].rstrip(".")
+    return f"is damaged or no Parquet file ({plain(reason) or type(error).__name__})"
+
+
+def _require_regular(path: Path, largest: int | None) -> None:
+    about = path.stat()
+    if not stat.S_ISREG(about.st_mode):
+        raise DamagedError("is no regular file")
+    if largest is not None and about.st_size > largest:
+        raise DamagedError(f"has {about.st_size} bytes, and at most {largest} are read")
+
+
+def columns_in(table: Any) -> Columns:
+    """The columns of a table as arrays.
+
+    - `table`: of pyarrow.
+    """
+    columns: Columns = {}
+    for name in table.column_names:
+        column = table.column(name)
+        values = column.to_numpy()
+        # A missing number is null in the file, and NaN here.
+        columns[name] = values.astype(float) if column.null_count else values
+    return columns
+
+
+def as_table(columns: Columns, notes: Mapping[str, str]) -> Any:
+    """Columns as a table of pyarrow.
+
+    - `columns`: by name.
+    - `notes`: what the table says of its columns, by name.
+    """
+    import pyarrow as pa
+
+    arrays, fields = [], []
+    for name, values in columns.items():
+        missing = np.isnan(values) if values.dtype.kind == "f" else None
+        array = pa.array(values, mask=missing)
+        arrays.append(array)
+        fields.append(pa.field(name, array.type, metadata={"meaning": notes[name]} if name in notes else None))
+    return pa.table(arrays, schema=pa.schema(fields))
+
+
+def checksum(columns: Columns) -> str:
+    """A checksum of names, types and values.
+
+    - `columns`: by name.
+    """
+    total = hashlib.sha256()
+    for name, values in columns.items():
+        kind = values.dtype.kind
+        total.update(f"{name}\0{kind}\0{len(values)}\0".encode("utf-8", "surrogatepass"))
+        if kind == "f":
+            # Every NaN is the same null in a file.
+            total.update(np.where(np.isnan(values), np.nan, values).astype("<f8").tobytes())
+        else:
+            total.update(str(values.tolist()).encode("utf-8", "surrogatepass"))
+    return total.hexdigest()
+
+
+def digest_of(identity: Mapping[str, Any]) -> str:
+    """A short name of a study, from all that its rows depend on.
+
+    - `identity`: the contents of `study.json`; who made it is left out.
+    """
+    content = {key: value for key, value in identity.items() if key != "made_by"}
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]
+
+
+def identity_in(path: Path) -> dict[str, Any]:
+    """The contents of a `study.json`.
+
+    - `path`: the file.
+
+    Raises DamagedError if it is missing or cannot be read.
+    """
+    try:
+        _require_regular(path, LARGEST_IDENTITY)
+        identity = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise DamagedError("is missing") from None
+    except OSError as error:
+        raise DamagedError(f"cannot be read ({error.strerror})") from None
+    except (ValueError, RecursionError):
+        raise DamagedError("is damaged: it is no JSON text") from None
+    if not isinstance(identity, dict) or not isinstance(identity.get("scenario"), dict):
+        raise DamagedError("is damaged: it has no scenario")
+    return identity
+
 
 PARTS = "parts"
 ROWS = "rows.parquet"
@@ -41,7 +202,7 @@ class Store:
     """A folder with the rows of one study, which several processes may write at once.
 
     `study.json` says which study it is; `parts/` has the rows that are done, a Parquet file for each chunk of them;
-    `rows.parquet` has all of them in order, once they are. Each file is replaced as a whole (`slidax._writing`), so
+    `rows.parquet` has all of them in order, once they are. Each file is replaced as a whole (`slidax.core.writing`), so
     that processes that compute the same rows write the same file, one after the other. Each part carries a checksum
     and the study that it belongs to: one that is damaged or foreign is computed again.
 
@@ -149,7 +310,7 @@ class Store:
         import pyarrow.parquet as pq
 
         path = self.folder / ROWS
-        with replacing(path, follow=False) as file:
+        with replace_file(path, follow=False) as file:
             expected, writer = 0, None
             try:
                 for table in self._tables(rows):
@@ -182,7 +343,7 @@ class Store:
 
     def _table(self, path: Path, first: int, rows: int) -> Any:
         """A part that is whole and has these rows of this study. Raises DamagedError otherwise."""
-        table = read_table(path, rows)
+        table = read_part(path, rows)
         marks = table.schema.metadata or {}
         if marks.get(STUDY) != self.digest.encode():
             raise DamagedError("belongs to another study, or to an older version of slidax")
@@ -228,7 +389,7 @@ def read_rows(path: str | Path) -> Columns:
         raise DefinitionError(f"cannot read the rows of a study: there is no folder `{path.parent}`")
     remedy = f"`slidax study FILE --out {path.parent} --resume` writes it again from the parts"
     try:
-        return columns_in(read_table(path, largest=LARGEST_ROWS))
+        return columns_in(read_part(path, largest=LARGEST_ROWS))
     except OSError as error:
         raise DefinitionError(f"cannot read the rows `{path}`: {error.strerror or error}; {remedy}") from None
     except DamagedError as error:

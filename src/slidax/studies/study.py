@@ -1,28 +1,162 @@
-"""Base of all studies: a scenario, its uncertainty, and a seed."""
+"""The base of all studies and results: a scenario, its uncertainty, a seed, and the options of a run."""
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from collections.abc import Callable
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
+import numpy as np
 from pydantic import Field
 
-from slidax._errors import DefinitionError, located
-from slidax.scenarios.base import AbstractDescription
-from slidax.scenarios.description import ScenarioDescription
+from slidax.core.errors import DefinitionError, locate_errors
+from slidax.scenarios.descriptions import AbstractDescription
 from slidax.scenarios.family import Family
-from slidax.scenarios.load import altered_description, described
-from slidax.scenarios.uncertainty import AbstractSet
-from slidax.scenarios.uncertainty.mapping import Uncertainty
+from slidax.scenarios.load import altered_description, read_description
+from slidax.scenarios.scenario import ScenarioDescription
+from slidax.scenarios.uncertainty import AbstractSet, Uncertainty
 
-from .result import AbstractResult
-from .runner import AbstractPool, Here, Part, Runner
+from .cases import COLUMNS, Columns, StudyTask
+from .runner import AbstractPool, LocalPool, Part, Runner
+from .statistics import Interval
 from .store import Store
-from .table import COLUMNS
-from .task import Task
+
+NO_WORST_CASE: dict[str, Any] = {"row": None, "margin": None, "scenario": None}
+"""The worst case of a study without one."""
+
+Cell: TypeAlias = str | float | int | None
+"""Text or a number of a table; None is shown as a dash."""
+
+ChartKind = Literal[
+    "aims_front",
+    "histograms",
+    "intervals",
+    "margin_over",
+    "parameter_map",
+    "search_history",
+    "variance_shares",
+]
+"""Names of functions in `slidax.report.figures`."""
+
+
+@dataclass(frozen=True)
+class Chart:
+    """A figure as data, for `slidax.report` to draw.
+
+    - `name`: of its file, without ending.
+    - `title`, `caption`: texts next to it.
+    - `kind`: the function of `slidax.report.figures` that draws it; `values`: its arguments.
+    """
+
+    name: str
+    title: str
+    caption: str
+    kind: ChartKind
+    values: tuple[Any, ...]
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of a study's page, and of its output in a terminal, which leaves out the figures.
+
+    - `title`, `note`: a few words, and a sentence or two.
+    - `head`, `rows`: of the table; no head for no table.
+    - `figures`: below the table.
+    """
+
+    title: str
+    note: str = ""
+    head: Sequence[str] = ()
+    rows: Sequence[Sequence[Cell]] = ()
+    figures: Sequence[Chart] = field(default=())
+
+
+@dataclass(frozen=True, kw_only=True)
+class AbstractResult(ABC):
+    """Result of a study.
+
+    - `family`: the scenarios of its runs.
+    - `path`: of the rows' file or folder; None if they were not kept.
+    - `computed`, `seconds`: number of rows that were not stored before, and the time that they took.
+    """
+
+    family: Family
+    path: Any
+    computed: int
+    seconds: float
+
+    @property
+    @abstractmethod
+    def lead(self) -> str:
+        """The answer in a sentence."""
+
+    @property
+    @abstractmethod
+    def good(self) -> bool:
+        """True if nothing failed."""
+
+    @abstractmethod
+    def sections(self) -> list[Section]:
+        """Return the parts of its page."""
+
+    @abstractmethod
+    def as_json(self) -> dict[str, Any]:
+        """Return the result for a program."""
+
+    def scenarios(self) -> dict[str, ScenarioDescription]:
+        """Return scenarios that `slidax run` replays, by the names of their files without ending."""
+        return {}
+
+
+@dataclass(frozen=True, kw_only=True)
+class AbstractTableResult(AbstractResult):
+    """Result of a study with one table of rows.
+
+    - `study`: the request.
+    - `table`: the rows.
+    """
+
+    study: Any
+    table: Columns
+
+    @property
+    def runs(self) -> int:
+        """Number of runs."""
+        return len(self.table["row"])
+
+    @property
+    def failures(self) -> int:
+        """Number of runs that failed; no estimate of a probability where a search chose the runs."""
+        return int(np.sum(self.table["outcome"] > 0))
+
+    @property
+    def good(self) -> bool:
+        """True if no run failed."""
+        return not self.failures
+
+
+def all_done(runs: int) -> str:
+    """Return the sentence that no run is missing."""
+    return "the run is done" if runs == 1 else f"all {runs} runs are done"
+
+
+def worst_of(table: Columns) -> dict[str, Any]:
+    """Return the row with the least margin, for a program."""
+    margin = table["margin"]
+    if not np.isfinite(margin).any():
+        return NO_WORST_CASE
+    row = int(np.nanargmin(margin))
+    return {"row": row, "margin": float(margin[row]), "scenario": None}
+
+
+def interval_of(interval: Interval | None) -> dict[str, float] | None:
+    """Return an interval for a program."""
+    if interval is None:
+        return None
+    return {"lower": interval.lower, "upper": interval.upper, "confidence": interval.confidence}
+
 
 Progress = Callable[[int], None]
 
@@ -32,7 +166,7 @@ def _unheard(rows: int) -> None:
 
 
 @dataclass
-class How:
+class RunOptions:
     """Options for running a study.
 
     - `out`: folder of its rows; None keeps them in memory.
@@ -46,7 +180,7 @@ class How:
 
     out: Path | None = None
     resume: bool = False
-    pool: AbstractPool = field(default_factory=Here)
+    pool: AbstractPool = field(default_factory=LocalPool)
     begin: Progress = _unheard
     progress: Progress = _unheard
     made_by: dict[str, Any] = field(default_factory=dict)
@@ -75,7 +209,7 @@ class AbstractStudy(AbstractDescription):
     """Engine; by default the scenario's own."""
 
     @abstractmethod
-    def run(self, how: How) -> AbstractResult:
+    def run(self, how: RunOptions) -> AbstractResult:
         """Run the study.
 
         - `how`: options.
@@ -83,11 +217,11 @@ class AbstractStudy(AbstractDescription):
 
     def described(self) -> ScenarioDescription:
         """The scenario with its changes."""
-        with located("scenario"):
-            base = described(self.scenario)
+        with locate_errors("scenario"):
+            base = read_description(self.scenario)
         if not self.changes:
             return base
-        with located("changes"):
+        with locate_errors("changes"):
             return altered_description(base, self.changes)
 
     def sets(self, base: ScenarioDescription) -> dict[str, AbstractSet]:
@@ -107,14 +241,14 @@ class AbstractStudy(AbstractDescription):
         base = self.described()
         return Family.of(base, self.sets(base), varied or {})
 
-    def runner(self, family: Family, how: How) -> Runner:
+    def runner(self, family: Family, how: RunOptions) -> Runner:
         """Return the runner of the rows.
 
         - `family`: of scenarios.
         - `how`: as in `run`.
         """
         self.require_parts(how)
-        task = Task.of(family, self.engine)
+        task = StudyTask.of(family, self.engine)
         simulation = family.base.simulation
         chunk = Runner.rows_of_chunk(round(simulation.t1 / simulation.period))
         store = None
@@ -125,7 +259,7 @@ class AbstractStudy(AbstractDescription):
             store = Store(how.out, identity, resume=how.resume or how.part is not None, notes=COLUMNS)
         return Runner(task, chunk, store, how.pool, how.progress, how.part)
 
-    def require_parts(self, how: How) -> None:
+    def require_parts(self, how: RunOptions) -> None:
         """Raise DefinitionError if a part is to be computed of a study that cannot be shared, or without a folder.
 
         - `how`: as in `run`.

@@ -1,4 +1,4 @@
-"""Maps of the margin over one or two parameters."""
+"""Maps of a margin or a metric over one or two parameters."""
 
 from __future__ import annotations
 
@@ -8,17 +8,14 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from slidax._errors import DefinitionError, counted, nearest, plain
-from slidax.scenarios.description import OF_THE_LAW
+from slidax.core.errors import DefinitionError, count_noun, nearest_word, plain
 from slidax.scenarios.family import Family
-from slidax.scenarios.uncertainty import AbstractSet
-from slidax.scenarios.uncertainty.mapping import Uncertainty
-from slidax.scenarios.uncertainty.sets import Choice
+from slidax.scenarios.scenario import OF_THE_LAW
+from slidax.scenarios.uncertainty import AbstractSet, Discrete, Uncertainty
 
-from .asked import BELOW_ONE, Asked
-from .points import points
-from .result import AbstractTableResult, Drawn, Section, all_done, worst_of
-from .study import AbstractStudy, How
+from .cases import points
+from .runner import BELOW_ONE, BatchEvaluator
+from .study import AbstractStudy, AbstractTableResult, Chart, RunOptions, Section, all_done, worst_of
 
 MOST_AXES = 2
 
@@ -42,7 +39,7 @@ class Sweep(AbstractStudy):
     cases: Annotated[int, Field(ge=1, le=1_000_000)] = 1
     """Random cases, the same at each point; 1: the scenario's own values, and nothing is uncertain."""
 
-    def run(self, how: How) -> SweepResult:
+    def run(self, how: RunOptions) -> SweepResult:
         family = self._family()
         over = {path: _axis(family, path, own, self.points) for path, own in self.over.items()}
         cases = family.uncertain.sets if self.cases > 1 else {}
@@ -60,11 +57,11 @@ class Sweep(AbstractStudy):
             for (path, axis), places in zip(over.items(), grid, strict=True)
         }
         values |= {path: np.concatenate([drawn[path]] * grid[0].size) for path in others}
-        evaluated = Asked(self.runner(family, how), family)
+        evaluated = BatchEvaluator(self.runner(family, how), family)
         how.begin(grid[0].size * self.cases)
         table = evaluated.values(values)
         if self.of not in table:
-            raise DefinitionError(f"there is no metric `{plain(self.of)}`; {nearest(self.of, table)}", where="of")
+            raise DefinitionError(f"there is no metric `{plain(self.of)}`; {nearest_word(self.of, table)}", where="of")
         return SweepResult(study=self, **evaluated.collected(), axes=over, shape=shape)
 
     def _family(self) -> Family:
@@ -89,8 +86,8 @@ def _axis(family: Family, path: str, values: AbstractSet, count: int) -> np.ndar
             "takes several numbers: sweep a single value for all joints, without `each`", where=f"over.{path}"
         )
     places = list(space.widths)
-    count = len(values.choice) if isinstance(values, Choice) and values.choice != "any" else count
-    shares = (np.arange(count) + 0.5) / count if isinstance(values, Choice) else np.linspace(0.0, BELOW_ONE, count)
+    count = len(values.choice) if isinstance(values, Discrete) and values.choice != "any" else count
+    shares = (np.arange(count) + 0.5) / count if isinstance(values, Discrete) else np.linspace(0.0, BELOW_ONE, count)
     cube = np.full((count, space.dimensions), 0.5)
     first = sum(space.widths[name] for name in places[: places.index(full)])
     cube[:, first] = shares
@@ -135,18 +132,18 @@ class SweepResult(AbstractTableResult):
         known = self.worst[np.isfinite(self.worst)]
         ends = f"{self.study.of} from {known.min():.4g} to {known.max():.4g}" if known.size else f"no {self.study.of}"
         points = "1 point" if size == "1" else f"{size} points"
-        return f"{points}, {counted(self.runs, 'run')}: no run fails at {held} of {self.failing.size}; {ends}."
+        return f"{points}, {count_noun(self.runs, 'run')}: no run fails at {held} of {self.failing.size}; {ends}."
 
     def sections(self) -> list[Section]:
         axes = {self._label(path): one_number(axis) for path, axis in self.axes.items()}
         is_margin = self.study.of == "margin"
         which = "Of the worst of all cases." if self.study.cases > 1 else "Of one case."
         label = ("least " if is_margin else "largest ") + self.study.of.replace("_", " ")
-        maps = [Drawn("map", label, which, "parameter_map", (axes, self.worst, label, 0.0 if is_margin else None))]
+        maps = [Chart("map", label, which, "parameter_map", (axes, self.worst, label, 0.0 if is_margin else None))]
         if self.study.cases > 1:
             share = "share of cases that fail"
             maps.append(
-                Drawn("failing", share, f"Of {self.study.cases}.", "parameter_map", (axes, self.failing, share))
+                Chart("failing", share, f"Of {self.study.cases}.", "parameter_map", (axes, self.failing, share))
             )
         places = np.stack([axis.ravel() for axis in np.meshgrid(*axes.values(), indexing="ij")], axis=1)
         rows = [

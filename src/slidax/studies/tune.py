@@ -1,27 +1,356 @@
-"""The gains that are best for all that may be."""
+"""Tuning: gains for several aims, searched on some cases and judged on others."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
-from slidax.scenarios.base import said
-from slidax.scenarios.family import Family
-from slidax.scenarios.uncertainty.mapping import Uncertainty
-from slidax.scenarios.uncertainty.space import as_changes
+from slidax.analysis.metrics import METRICS
+from slidax.core.errors import DefinitionError, count_noun, nearest_word, plain
+from slidax.scenarios.descriptions import input_field
+from slidax.scenarios.family import Family, Space, as_changes
+from slidax.scenarios.load import altered_description
+from slidax.scenarios.scenario import ScenarioDescription
+from slidax.scenarios.uncertainty import Uncertainty
 
-from .asked import BELOW_ONE, Asked
-from .cases import Values
-from .gains import OnCases, judged, point_of_own
-from .points import points
-from .predicate import ENVELOPE, Predicate
-from .search import Front, several_aims
-from .study import AbstractStudy, How
-from .table import Columns
-from .tuned import Tuned, rows_of
+from .cases import Columns, Values, points
+from .overview import share
+from .pareto import Evaluation, Front, pareto_search
+from .predicates import ENVELOPE, Predicate
+from .runner import BELOW_ONE, BatchEvaluator
+from .statistics import Interval, PairedDifference, clopper_pearson, paired_difference
+from .study import NO_WORST_CASE, AbstractResult, AbstractStudy, Cell, Chart, RunOptions, Section, interval_of
+
+
+class CaseEvaluator:
+    """Evaluates points of the gains' cube on the same cases.
+
+    - `request`: runs rows.
+    - `gains`: turns points into gains.
+    - `cases`: values by path of each case.
+    - `aims`: keys of metrics, the lower the better; of a candidate their mean over the cases counts.
+    - `holds`: what must hold in every case.
+    - `margin`: the least margin that every case must have.
+    """
+
+    def __init__(
+        self,
+        request: BatchEvaluator,
+        gains: Space,
+        cases: Values,
+        aims: Sequence[str],
+        holds: Sequence[Predicate],
+        margin: float,
+    ) -> None:
+        self.evaluator = request
+        self.gains = gains
+        self.cases = cases
+        self.aims = tuple(aims)
+        self.holds = tuple(holds)
+        self.margin = margin
+
+    @property
+    def each(self) -> int:
+        """Number of cases."""
+        return len(next(iter(self.cases.values()))) if self.cases else 1
+
+    def judge(self, cube: np.ndarray) -> Evaluation:
+        """The aims, and by how much the worst case misses what must hold.
+
+        - `cube`: candidates [candidates gains], in [0, 1].
+        """
+        return evaluate_aims(self.rows(cube, self.cases), self.each, self.aims, self.holds, self.margin)
+
+    def rows(self, cube: np.ndarray, cases: Values) -> Columns:
+        """The rows of each candidate on each case, the candidates one after the other.
+
+        - `cube`: candidates [candidates gains], in [0, 1].
+        - `cases`: values by path of each case.
+        """
+        gains = self.gains.values(np.clip(cube, 0.0, BELOW_ONE))
+        each = len(next(iter(cases.values()))) if cases else 1
+        wide = {path: np.repeat(array, each, axis=0) for path, array in gains.items()}
+        same = {path: np.concatenate([array] * len(cube)) for path, array in cases.items()}
+        return self.evaluator.values({**same, **wide})
+
+
+def evaluate_aims(
+    columns: Columns, each: int, aims: Sequence[str], holds: Sequence[Predicate], margin: float
+) -> Evaluation:
+    """Return the aims of candidates, and the violation of their conditions, from their rows.
+
+    - `columns`: of all candidates, one after the other.
+    - `each`: how many rows each has.
+    - `aims`, `holds`, `margin`: as in `OnCases`.
+
+    Raises DefinitionError if there is no such metric.
+    """
+    for aim in aims:
+        if aim not in columns:
+            raise DefinitionError(f"there is no metric `{plain(aim)}`; {nearest_word(aim, columns)}", where="aims")
+    means = np.stack([columns[aim].reshape(-1, each).mean(axis=1) for aim in aims], axis=1)
+    failing = np.zeros(len(columns["outcome"]))
+    for item in holds:
+        failing += ~item.holds(columns)
+    # So many that fail, and by how much: both lead the search to where none does.
+    short = np.where(np.isfinite(columns["margin"]), margin - columns["margin"], -np.inf)
+    count = failing.reshape(-1, each).sum(axis=1)
+    return Evaluation(means, np.where(count > 0, count + np.maximum(0.0, _most(short, each)), _most(short, each)))
+
+
+def point_of_own(space: Space) -> np.ndarray:
+    """The point of the cube that is the scenario's own values, or nearest to them; the middle where it has none.
+
+    - `space`: of numbers, whose values rise with their coordinates.
+    """
+    low, high = np.zeros(space.dimensions), np.ones(space.dimensions)
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        rises = _below_own(space, middle)
+        low, high = np.where(rises, middle, low), np.where(rises, high, middle)
+    known = np.concatenate([np.full(width, space.leaves[path].own is not None) for path, width in space.widths.items()])
+    return np.where(known, 0.5 * (low + high), 0.5)
+
+
+def _below_own(space: Space, point: np.ndarray) -> np.ndarray:
+    values, result = space.values(np.clip(point, 0.0, BELOW_ONE)[None]), []
+    for path, width in space.widths.items():
+        own = space.leaves[path].own
+        if own is None:
+            result.append(np.zeros(width, bool))
+            continue
+        value = values[path][0]
+        wide = np.broadcast_shapes(np.shape(value), np.shape(own))
+        below = np.broadcast_to(value, wide) - np.broadcast_to(own, wide)
+        result.append(below.reshape(-1) < 0 if below.size == width else np.full(width, below.mean() < 0))
+    return np.concatenate(result)
+
+
+def _most(numbers: np.ndarray, each: int) -> np.ndarray:
+    most: np.ndarray = numbers.reshape(-1, each).max(axis=1)
+    # Without an envelope there is no margin that could be missed.
+    return np.where(np.isfinite(most), most, -1.0)
+
+
+def rows_of(columns: Columns, first: int, last: int | None) -> Columns:
+    """Some rows of a table.
+
+    - `columns`: the table.
+    - `first`: number of the first one.
+    - `last`: number of the one after the last; None: all that follow.
+    """
+    return {name: array[first:last] for name, array in columns.items()}
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """Score of gains on held-out cases.
+
+    - `aims`: the mean of each metric, by its key.
+    - `failures`, `runs`: in how many of the cases something did not hold.
+    - `holding`: interval of the probability that all holds.
+    """
+
+    aims: dict[str, float]
+    failures: int
+    runs: int
+    holding: Interval
+
+
+@dataclass(frozen=True)
+class TuneResult(AbstractResult):
+    """Result of a search for gains.
+
+    - `aims`, `holds`, `confidence`, `seed`, `base`: the request.
+    - `front`: the candidates that no other beats, with their aims on the cases of the search.
+    - `gains`: of each of them, by path.
+    - `before`: the aims of today's gains on the cases of the search.
+    - `today`: the rows of today's gains on the held-out cases.
+    - `held_out`: those of the front, one candidate after the other; None if there is none.
+    - `table`: all rows but today's.
+    """
+
+    aims: tuple[str, ...]
+    holds: tuple[str, ...]
+    confidence: float
+    seed: int
+    base: ScenarioDescription
+    front: Front
+    gains: list[dict[str, Any]]
+    before: np.ndarray
+    today: Columns
+    held_out: Columns | None
+    table: Columns
+
+    @property
+    def runs(self) -> int:
+        """Number of runs."""
+        return len(self.table["row"]) + len(self.today["row"])
+
+    @property
+    def best(self) -> int | None:
+        """The candidate whose worst aim, on the cases of the search, is best in proportion to today's."""
+        if not len(self.gains):
+            return None
+        reference = np.where(np.isfinite(self.before), self.before, self.front.aims.min(axis=0))
+        return int(np.argmin(np.max(self.front.aims / reference, axis=1)))
+
+    @property
+    def ended(self) -> str:
+        """State of the rows."""
+        if not len(self.gains):
+            return f"none of {self.front.evaluations} candidates holds in all cases"
+        return f"{self.front.holding} of {self.front.evaluations} candidates hold in all cases"
+
+    def rows(self, place: int | None) -> Columns:
+        """The rows on the held-out cases.
+
+        - `place`: of a candidate on the front; None for today's gains.
+        """
+        if place is None or self.held_out is None:
+            return self.today
+        each = len(self.today["row"])
+        return rows_of(self.held_out, place * each, (place + 1) * each)
+
+    def judged(self, place: int | None) -> Candidate:
+        """Return the score of gains on the held-out cases.
+
+        - `place`: of a candidate on the front; None for today's gains.
+        """
+        rows = self.rows(place)
+        held = np.ones(len(rows["row"]), bool)
+        for text in self.holds:
+            held &= Predicate(text).holds(rows)
+        failures = int((~held).sum())
+        failing = clopper_pearson(failures, held.size, self.confidence)
+        return Candidate(
+            {aim: float(rows[aim].mean()) for aim in self.aims},
+            failures,
+            held.size,
+            Interval(1.0 - failing.upper, 1.0 - failing.lower, failing.confidence),
+        )
+
+    def difference(self, place: int, aim: str) -> PairedDifference:
+        """By how much an aim of a candidate is above that of today's gains, case by case.
+
+        - `place`: of the candidate on the front.
+        - `aim`: key of a metric.
+        """
+        return paired_difference(self.rows(place)[aim], self.today[aim], self.confidence, seed=self.seed)
+
+    @property
+    def good(self) -> bool:
+        """True if the best gains held in all held-out cases."""
+        return self.best is not None and not self.judged(self.best).failures
+
+    @property
+    def lead(self) -> str:
+        """The answer in a sentence."""
+        if self.best is None:
+            return f"No gains were found: {self.ended}."
+        now, then = self.judged(self.best), self.judged(None)
+        text = [f"{aim} {now.aims[aim] / then.aims[aim]:.3g} times" for aim in self.aims if then.aims[aim] > 0]
+        failed = f"{now.failures} of {now.runs} held-out cases fail, with today's gains {then.failures}"
+        return f"The best gains have {', '.join(text)} today's on held-out cases; {failed} ({self.ended})."
+
+    @property
+    def _names(self) -> list[str]:
+        return [f"front-{place + 1}" for place in range(len(self.gains))]
+
+    def scenarios(self) -> dict[str, ScenarioDescription]:
+        """The scenario with the best gains, and with those of the front."""
+        built = [altered_description(self.base, gains) for gains in self.gains]
+        best = {} if self.best is None else {"best": built[self.best]}
+        return {**best, **dict(zip(self._names, built, strict=True))}
+
+    def sections(self) -> list[Section]:
+        """The front on held-out cases, its gains, and by how much the best differ from today's."""
+        places: list[int | None] = [None, *range(len(self.gains))]
+        judged = {place: self.judged(place) for place in places}
+        names = {place: "today" if place is None else self._names[place] for place in places}
+        rows: list[list[Cell]] = [
+            [
+                names[place] + (", best" if place is not None and place == self.best else ""),
+                *item.aims.values(),
+                item.failures,
+                share(item.holding.lower),
+            ]
+            for place, item in judged.items()
+        ]
+        note = f"Means over {count_noun(judged[None].runs, 'case')} that the search has not seen; {self.ended}."
+        head = ("Gains", *self.aims, "failed", "holds at least")
+        figures = []
+        if self.gains:
+            front = np.array([list(judged[place].aims.values()) for place in range(len(self.gains))])
+            today = np.array(list(judged[None].aims.values()))
+            drawing = ([_label(aim) for aim in self.aims], front, today, self.best)
+            figures = [Chart("front", "The front", "Means over held-out cases.", "aims_front", drawing)]
+        result = [Section("The front", note, head, rows, figures)]
+        if self.best is None:
+            return result
+        paths = list(self.gains[0])
+        values = [
+            [names[place], *(_short(self.gains[place][path]) for path in paths)] for place in range(len(self.gains))
+        ]
+        result.append(Section("Its gains", "", ("Gains", *paths), values))
+        differences = []
+        for aim in self.aims:
+            item = self.difference(self.best, aim)
+            low, high = (item.of_mean.lower, item.of_mean.upper) if item.of_mean else (None, None)
+            differences.append([aim, item.mean, low, high, item.p_value])
+        note = f"Case by case on held-out cases, with {self.confidence:.0%} intervals; < 0 is better than today."
+        head = ("Aim", "difference", "at least", "at most", "p, Wilcoxon")
+        return [*result, Section("The best compared with today", note, head, differences)]
+
+    def as_json(self) -> dict[str, Any]:
+        """The result for a program."""
+        front = [self._place_as_json(place) for place in range(len(self.gains))]
+        best = self.best
+        shown = self.judged(best) if best is not None else None
+        differences = {aim: self.difference(best, aim) for aim in self.aims} if best is not None else {}
+        return {
+            "kind": "tune",
+            "runs": self.runs,
+            "failures": None if shown is None else shown.failures,
+            "probability": None if shown is None else interval_of(shown.holding),
+            "ended": self.ended,
+            "worst": NO_WORST_CASE,
+            "today": self._place_as_json(None),
+            "front": front,
+            "best": best,
+            "difference": {
+                aim: {"mean": item.mean, "interval": None if item.of_mean is None else interval_of(item.of_mean)}
+                for aim, item in differences.items()
+            },
+        }
+
+    def _place_as_json(self, place: int | None) -> dict[str, Any]:
+        judged = self.judged(place)
+        points = self.before if place is None else self.front.aims[place]
+        return {
+            "gains": None if place is None else self.gains[place],
+            "search": {aim: float(value) for aim, value in zip(self.aims, points, strict=True)},
+            "held_out": {**judged.aims, "failures": judged.failures, "runs": judged.runs},
+            "holding": interval_of(judged.holding),
+            "scenario": None if place is None else f"{self._names[place]}.yaml",
+        }
+
+
+def _label(aim: str) -> str:
+    for item in METRICS:
+        if item.key == aim:
+            return f"{item.title}  [{item.unit.format(position='rad or m', torque='N m or N')}]"
+    return aim
+
+
+def _short(value: Any) -> str:
+    numbers = np.atleast_1d(np.asarray(value, float)).ravel()
+    return ", ".join(f"{number:.4g}" for number in numbers)
+
 
 AIMS = ("steady_error", "steady_torque_step", "peak_torque")
 
@@ -41,23 +370,23 @@ class Tune(AbstractStudy):
     """Metrics that are to be small, in the mean over the cases."""
     holds: tuple[str, ...] = (ENVELOPE,)
     """Properties that must hold in every case: `envelope`, or a metric, a sign and a number."""
-    margin: float = said(
+    margin: float = input_field(
         "the least margin that every case must have, so that others hold, too", "", "[0, 1)", default=0.0
     )
     cases: Annotated[int, Field(ge=1, le=100_000)] = 16
     """On how many each candidate is judged; one if nothing is uncertain."""
     candidates: Annotated[int, Field(ge=1, le=10_000_000)] = 600
     """Largest number of candidates."""
-    seconds: float | None = said(
+    seconds: float | None = input_field(
         "after so many no batch begins; the rows then depend on the machine", "s", "> 0", default=None
     )
     held_out: Annotated[int, Field(ge=1, le=10_000_000)] = 200
     """Cases that the front is judged on afterwards."""
     keep: Annotated[int, Field(ge=1, le=1000)] = 12
     """Number of candidates of the front that are kept, spread along it."""
-    confidence: float = said("of the intervals", "", "(0, 1)", default=0.95)
+    confidence: float = input_field("of the intervals", "", "(0, 1)", default=0.95)
 
-    def run(self, how: How) -> Tuned:
+    def run(self, how: RunOptions) -> TuneResult:
         """The front.
 
         - `how`: where, and what is told on the way.
@@ -66,12 +395,12 @@ class Tune(AbstractStudy):
         family = self.family(self.gains)
         known, unseen = self._cases(family)
         runner = self.runner(family, how)
-        evaluated = Asked(runner, family)
-        on = OnCases(evaluated, family.varied, known, self.aims, holds, self.margin)
+        evaluated = BatchEvaluator(runner, family)
+        on = CaseEvaluator(evaluated, family.varied, known, self.aims, holds, self.margin)
         how.begin((self.candidates + 1) * on.each + (self.keep + 1) * self._each(unseen))
         today = self._today(how, known, unseen)
-        before = judged(rows_of(today, 0, on.each), on.each, self.aims, holds, self.margin)
-        front = several_aims(
+        before = evaluate_aims(rows_of(today, 0, on.each), on.each, self.aims, holds, self.margin)
+        front = pareto_search(
             on.judge,
             family.varied.dimensions,
             evaluations=self.candidates,
@@ -81,7 +410,7 @@ class Tune(AbstractStudy):
             most=self.keep,
         )
         table = on.rows(front.points, unseen) if len(front.points) else None
-        return Tuned(
+        return TuneResult(
             aims=self.aims,
             holds=self.holds,
             confidence=self.confidence,
@@ -110,7 +439,7 @@ class Tune(AbstractStudy):
     def _each(cases: Values) -> int:
         return len(next(iter(cases.values()))) if cases else 1
 
-    def _today(self, how: How, known: Values, unseen: Values) -> Columns:
+    def _today(self, how: RunOptions, known: Values, unseen: Values) -> Columns:
         """The scenario as it is, on all cases."""
         family = self.family()
         runner = self.runner(family, replace(how, out=None if how.out is None else how.out / "today"))

@@ -1,4 +1,6 @@
-"""The studio: the playground's page on this machine, with Python behind it.
+"""The studio: a browser workbench on this machine, with Python behind it.
 
-`server.serve` serves it. Nothing is imported here: its processes give up all other files before they import anything.
+`server.serve` starts it; `app.py` has its routes. Simulations run in the workbench process (`bench.py`), commands as
+jobs (`jobs.py`); both are confined to one folder (`confined.py`). Nothing is imported here, because these processes
+give up access to all other files before they import anything.
 """

@@ -5,10 +5,14 @@ from __future__ import annotations
 import asyncio
 import json
 import math
+import re
+import secrets
 import shutil
 import struct
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import asynccontextmanager
+from html.parser import HTMLParser
+from importlib import resources
 from typing import Any
 
 from starlette.applications import Starlette
@@ -17,16 +21,68 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
-from slidax._errors import DefinitionError
+from slidax.core.errors import DefinitionError
+from slidax.export.web.playground import PAGE, page_text
 
-from .ask import OvertakenError, Workbench
-from .folder import Folder, mark_of
+from .files import Folder, OutsideError, mark_of
 from .guard import LARGEST_FILE, Guard, TooLargeError
 from .jobs import Jobs, TooManyError
-from .names import OutsideError
-from .page import page
-from .process import scratch
+from .processes import OvertakenError, Workbench, scratch
 from .requests import QUESTIONS, JobRequest, RequestError, read_request
+
+FOLDER = resources.files("slidax.studio") / "page"
+
+SCRIPTS = ("api.js", "scenario.js", "job-card.js", "jobs.js", "files.js", "studio.js")
+"""In this order: each uses the previous ones."""
+
+POLICY = (
+    "default-src 'none'; script-src 'nonce-{nonce}' 'wasm-unsafe-eval'; style-src 'unsafe-inline'; connect-src 'self'; "
+    "worker-src blob:; img-src data: blob:; font-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+
+
+def page(manifest: Mapping[str, Any]) -> tuple[str, str]:
+    """The page for a `manifest`, and its security policy: only our scripts, and requests only to the studio."""
+    nonce = secrets.token_urlsafe(18)
+    text = page_text(
+        manifest,
+        scripts=[_source(name) for name in SCRIPTS],
+        styles=[_source("studio.css")],
+        policy=None,
+        loop=None if _has_loop() else "export async function openProgram() { throw new Error('none'); }",
+    )
+    return _with_nonce(text, nonce), POLICY.format(nonce=nonce)
+
+
+def _has_loop() -> bool:
+    return (PAGE / "loop.js").is_file()
+
+
+def _source(name: str) -> str:
+    return (FOLDER / name).read_text(encoding="utf-8")
+
+
+class _Scripts(HTMLParser):
+    """Finds the positions of script elements; text within scripts does not count."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.places: list[tuple[int, int]] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag == "script":
+            self.places.append(self.getpos())
+
+
+def _with_nonce(text: str, nonce: str) -> str:
+    scripts = _Scripts()
+    scripts.feed(text)
+    lines = text.split("\n")
+    for line, column in reversed(scripts.places):
+        whole = lines[line - 1]
+        lines[line - 1] = whole[:column] + re.sub("^<script", f'<script nonce="{nonce}"', whole[column:])
+    return "\n".join(lines)
+
 
 DEFAULT = "example-4.1-1khz"
 """Scenario of the page before it has sent the token."""
@@ -55,7 +111,7 @@ SANDBOX += "font-src data:; base-uri 'none'; form-action 'none'; frame-ancestors
 """Reports run without an origin, so that they cannot send requests to the studio."""
 
 
-class Answer(JSONResponse):
+class JsonAnswer(JSONResponse):
     """Values as JSON; non-finite numbers become null, and incomplete surrogate pairs are escaped."""
 
     def render(self, content: Any) -> bytes:
@@ -143,11 +199,11 @@ class Studio:
             except DefinitionError as error:
                 return _error(422, error)
             except FileExistsError as error:
-                return Answer({"error": {"where": "", "message": str(error)}, "exists": True}, 409)
+                return JsonAnswer({"error": {"where": "", "message": str(error)}, "exists": True}, 409)
             except LookupError:
-                return Answer({"error": {"where": "", "message": "not found"}}, 404)
+                return JsonAnswer({"error": {"where": "", "message": "not found"}}, 404)
             except (TooLargeError, ClientDisconnect):
-                return Answer({"error": {"where": "", "message": "the request is too large"}}, 413)
+                return JsonAnswer({"error": {"where": "", "message": "the request is too large"}}, 413)
 
         return checked
 
@@ -167,9 +223,9 @@ class Studio:
     async def _about(self, request: Request) -> Response:
         import slidax
 
-        from .commands import COMMANDS
+        from .jobs import COMMANDS
 
-        return Answer(
+        return JsonAnswer(
             {
                 "version": slidax.__version__,
                 "folder": self.folder.root.name,
@@ -184,19 +240,19 @@ class Studio:
         entries = [
             {"name": entry.name, "size": entry.size, "changed": entry.changed} for entry in self.folder.listing()
         ]
-        return Answer({"files": entries})
+        return JsonAnswer({"files": entries})
 
     async def _file(self, request: Request) -> Response:
         name = request.query_params.get("path", "")
         content = self.folder.read(name, SHOWN)
         text = content.decode("utf-8", "replace")
-        return Answer({"path": name, "text": text, "mark": mark_of(content)})
+        return JsonAnswer({"path": name, "text": text, "mark": mark_of(content)})
 
     async def _save(self, request: Request) -> Response:
         name = request.query_params.get("path", "")
         before = request.headers.get("if-match")
         mark = self.folder.write(name, await _body(request), before or None)
-        return Answer({"path": name, "mark": mark})
+        return JsonAnswer({"path": name, "mark": mark})
 
     async def _ask(self, request: Request) -> Response:
         do = request.path_params["do"]
@@ -208,28 +264,28 @@ class Studio:
         answer, content = await bench.ask({**question, "do": do}, only_newest=who)
         if "error" in answer:
             outside = "outside the studio's folder" in answer["error"]["message"]
-            return Answer(answer, 403 if outside else 422)
+            return JsonAnswer(answer, 403 if outside else 422)
         if not content:
-            return Answer(answer)
-        head = bytes(Answer(answer).body)
+            return JsonAnswer(answer)
+        head = bytes(JsonAnswer(answer).body)
         head += b" " * (-len(head) % 8)
         return Response(struct.pack("<Q", len(head)) + head + content, media_type="application/octet-stream")
 
     async def _all_jobs(self, request: Request) -> Response:
-        return Answer({"jobs": self.jobs.all()})
+        return JsonAnswer({"jobs": self.jobs.all()})
 
     async def _new_job(self, request: Request) -> Response:
         new = read_request(await _body(request), JobRequest)
         job = self.jobs.add(new.kind, new.options)
-        return Answer(self.jobs.shown(job), 201)
+        return JsonAnswer(self.jobs.shown(job), 201)
 
     async def _job(self, request: Request) -> Response:
-        return Answer(self.jobs.shown(self.jobs.find(request.path_params["name"])))
+        return JsonAnswer(self.jobs.shown(self.jobs.find(request.path_params["name"])))
 
     async def _end_job(self, request: Request) -> Response:
         job = self.jobs.find(request.path_params["name"])
         await self.jobs.cancel(job)
-        return Answer(self.jobs.shown(job))
+        return JsonAnswer(self.jobs.shown(job))
 
     async def _results(self, request: Request) -> Response:
         """A file of a job, for whoever has the job's key; as a page without an origin."""
@@ -250,4 +306,4 @@ async def _body(request: Request) -> bytes:
 
 
 def _error(status: int, error: DefinitionError) -> Response:
-    return Answer({"error": {"where": error.where, "message": error.message}}, status)
+    return JsonAnswer({"error": {"where": error.where, "message": error.message}}, status)

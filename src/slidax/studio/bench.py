@@ -1,12 +1,9 @@
-"""The workbench process: reads, checks and simulates scenarios for the page, and stays warm.
-
-A request is a line of JSON on standard input. An answer is a line of JSON on standard output, followed by as many
-bytes as its field `bytes` says.
-"""
+"""The workbench process: reads, checks and simulates scenarios for the page."""
 
 from __future__ import annotations
 
 import json
+import math
 import os
 import sys
 import threading
@@ -16,14 +13,15 @@ import warnings
 from collections.abc import Callable
 from pathlib import Path
 from queue import SimpleQueue
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from slidax._errors import DefinitionError, DefinitionWarning
+from slidax.analysis.metrics import summary
+from slidax.core.errors import DefinitionError, DefinitionWarning
+from slidax.paper.printed import INDICES
 
-from .folder import Folder
-from .names import require_ending
+from .files import Folder, require_ending
 from .references import YAML, require_beneath, require_file_beneath
 
 MOST_SAMPLES = 2_000_000
@@ -106,13 +104,13 @@ class Bench:
         return answer | {"warnings": _messages(recorded)}, content
 
     def _check(self, request: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
-        from slidax.diagnosis import beforehand
+        from slidax.analysis.forecast import forecast
 
         scenario = self._scenario(request)
-        return _about(scenario) | {"beforehand": list(beforehand(scenario))}, b""
+        return _about(scenario) | {"beforehand": list(forecast(scenario))}, b""
 
     def _run(self, request: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
-        from .result import result_of
+        pass
 
         scenario = self._scenario(request)
         samples = scenario.t1 / scenario.period
@@ -135,7 +133,7 @@ class Bench:
         return {"manifest": compiled_manifest_of(self._scenario(request))}, b""
 
     def _new(self, request: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
-        from slidax.commissioning import draft
+        from slidax.scenarios.draft import draft
 
         robot = str(request["robot"])
         if "/" in robot or "." in robot:
@@ -146,20 +144,19 @@ class Bench:
         return {"text": scenario.text, "notes": list(scenario.notes)}, b""
 
     def _catalogue(self, request: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
-        from slidax.scenarios import catalogue
+        from slidax.scenarios.catalogue import catalogue
 
         return {"catalogue": catalogue()}, b""
 
     def _part(self, request: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
-        from slidax.scenarios import explained
+        from slidax.scenarios.catalogue import explained
 
         part = explained(str(request["name"]))
         return {"part": json.loads(json.dumps(part, default=str))}, b""
 
     def _scenario(self, request: dict[str, Any]) -> Any:
         """A built-in scenario by `name`, a file by `path`, or a `text` in its place; with `changes` by path."""
-        from slidax.scenarios import load
-        from slidax.scenarios.load import parse
+        from slidax.scenarios.load import load, parse
         from slidax.scenarios.yaml_text import read_yaml
 
         changes = dict(request.get("changes") or {})
@@ -187,7 +184,7 @@ def _messages(recorded: list[warnings.WarningMessage]) -> list[str]:
 
 
 def _about(scenario: Any) -> dict[str, Any]:
-    from slidax.scenarios.written import as_yaml
+    from slidax.scenarios.yaml_text import as_yaml
 
     return {
         "scenario": scenario.name,
@@ -198,4 +195,77 @@ def _about(scenario: Any) -> dict[str, Any]:
         "period": scenario.period,
         "t1": scenario.t1,
         "text": as_yaml(scenario.description),
+    }
+
+
+if TYPE_CHECKING:
+    from slidax.scenarios.scenario import Scenario
+    from slidax.simulation.run import Run
+
+
+def result_of(run: Run, scenario: Scenario, milliseconds: float) -> tuple[dict[str, Any], bytes]:
+    """The head and the bytes of a result: for each signal as many rows as samples, 64-bit numbers.
+
+    - `run`, `scenario`: a run with a log, and its scenario.
+    - `milliseconds`: computing time.
+    """
+    log, outcome = run.log, run.outcome
+    assert log is not None
+    signals: dict[str, Any] = {
+        "q": log.state.q,
+        "dq": log.state.dq,
+        "q_d": log.reference.q,
+        "e": log.e,
+        "tau": log.tau,
+    }
+    bounds = _bounds(run, scenario)
+    if bounds is not None:
+        lower, upper = bounds
+        inside = np.minimum(log.e - lower, upper - log.e) / (upper - lower)
+        signals |= {"lower": lower, "upper": upper, "rho": np.maximum(upper, -lower), "margin": inside.min(axis=1)}
+    if run.tally.promise is not None:
+        signals["assumption_violated"] = np.asarray(log.signals["margin"]) < 0.0
+    arrays = {"t": np.asarray(log.t, float)} | {name: np.asarray(values, float) for name, values in signals.items()}
+    rows = len(arrays["t"])
+    head = {
+        "outcome": {"kind": outcome.kind, "message": outcome.message, "time": outcome.t, "joint": outcome.joint},
+        "rows": rows,
+        "signals": [{"name": name, "width": values.size // max(rows, 1)} for name, values in arrays.items()],
+        "metrics": _finite(_dotted(summary(run, INDICES))),
+        "milliseconds": milliseconds,
+    }
+    return head, b"".join(np.ascontiguousarray(values, "<f8").tobytes() for values in arrays.values())
+
+
+def _bounds(run: Run, scenario: Scenario) -> tuple[np.ndarray, np.ndarray] | None:
+    """The envelope of the error: the scheme's own, or what every scheme is judged by here."""
+    log = run.log
+    assert log is not None
+    if log.envelope is not None:
+        return np.asarray(log.envelope.lower), np.asarray(log.envelope.upper)
+    if scenario.tolerance is None:
+        return None
+    import jax
+    import jax.numpy as jnp
+
+    tolerance = scenario.tolerance
+    sides = tolerance.init(jnp.zeros(()), jnp.asarray(log.e[0]))
+    bounds = jax.vmap(lambda t: tolerance.envelope(t, sides))(jnp.asarray(log.t))
+    return np.asarray(bounds.lower), np.asarray(bounds.upper)
+
+
+def _dotted(values: dict[str, Any], before: str = "") -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for name, value in values.items():
+        if isinstance(value, dict):
+            flat |= _dotted(value, f"{before}{name}.")
+        elif value is not None:
+            flat[f"{before}{name}"] = value if isinstance(value, list) else [value]
+    return flat
+
+
+def _finite(values: dict[str, list[Any]]) -> dict[str, list[float | None]]:
+    return {
+        name: [None if number is None or not math.isfinite(number) else float(number) for number in entries]
+        for name, entries in values.items()
     }

@@ -1,4 +1,4 @@
-"""Access checks: sender, token and size of a request."""
+"""Access checks of the studio: host, token, size of a request."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The process of one job: a command of slidax, confined before this module is imported."""
+"""The process of one job."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ def main() -> None:
     """
     end_with_the_server()
     request = json.loads(sys.argv[1])
-    from slidax._errors import DefinitionError
+    from slidax.core.errors import DefinitionError
 
-    from .folder import Folder
+    from .files import Folder
     from .references import require_beneath, require_file_beneath
 
     folder = Folder(Path.cwd())

@@ -1,4 +1,4 @@
-"""Jobs: commands in processes of their own, with their state, log and results."""
+"""Jobs: commands of slidax in processes of their own."""
 
 from __future__ import annotations
 
@@ -10,17 +10,234 @@ import shlex
 import shutil
 import time
 from asyncio.subprocess import Process
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from slidax._errors import DefinitionError
+from slidax.core.errors import DefinitionError, nearest_word, plain
 
-from .commands import JobCommand, command_of
-from .folder import Folder
-from .process import ended, started
+from .files import Folder, require_ending
+from .processes import ended, started
+
+YAML = (".yaml", ".yml")
+LOGS = (".csv", ".parquet", ".mcap", ".json", ".jsonl")
+ROBOTS = (".urdf", ".xml", ".mjcf", *YAML)
+
+WORD = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.\-]{0,63}")
+PATH = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.\-]{0,199}")
+
+
+@dataclass
+class JobCommand:
+    """The command of a job.
+
+    - `words`: arguments after `slidax`.
+    - `files`: that it reads, below the folder.
+    - `changes`: values by path.
+    - `out`: the file or folder that it writes, or empty.
+    - `replaces`: True if `out` exists.
+    - `json`: True if it prints JSON.
+    """
+
+    words: list[str]
+    files: list[str]
+    changes: dict[str, Any]
+    out: str = ""
+    replaces: bool = False
+    json: bool = False
+
+
+Reader = Callable[[JobCommand, Folder, Any, str], None]
+"""Adds an option of the page to a command: `(command, folder, value, name)`."""
+
+
+def _scenario(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
+    text = _text(value, name)
+    if text.lower().endswith(YAML):
+        _file(YAML)(command, folder, value, name)
+    else:
+        command.words.append(_word(text, name))
+
+
+def _file(endings: tuple[str, ...], option: bool = False) -> Reader:
+    def read(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
+        text = _text(value, name)
+        require_ending(text, endings)
+        if not folder.place(text).is_file():
+            raise DefinitionError(f"file `{plain(text)}` does not exist", where=name)
+        command.files.append(text)
+        command.words.append(f"--{name}={text}" if option else text)
+
+    return read
+
+
+def _robot(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
+    text = _text(value, name)
+    if text.lower().endswith(".xacro"):
+        raise DefinitionError("the studio does not expand xacro: run `xacro FILE > robot.urdf` first", where=name)
+    if text.lower().endswith(ROBOTS):
+        _file(ROBOTS, option=True)(command, folder, value, name)
+    else:
+        command.words.append(f"--{name}={_word(text, name)}")
+
+
+def _finished(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
+    """The folder of a run, or its .mcap file."""
+    text = _text(value, name)
+    place = folder.place(text)
+    if not (place.is_dir() or (place.is_file() and text.endswith(".mcap"))):
+        raise DefinitionError(f"run `{plain(text)}` does not exist", where=name)
+    if place.is_dir():
+        command.files += [entry.name for entry in folder.listing(text) if entry.name.endswith(YAML)]
+    command.words.append(text)
+
+
+def _folder_out(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
+    text = _text(value, name)
+    command.replaces = not folder.is_free(text)
+    command.out = text
+    command.words.append(f"--out={text}")
+
+
+def _file_out(endings: tuple[str, ...], option: str = "out") -> Reader:
+    def write(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
+        text = _text(value, name)
+        require_ending(text, endings)
+        command.replaces = folder.place(text).exists()
+        command.out = text
+        command.words.append(f"--{option}={text}")
+
+    return write
+
+
+def _report(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
+    before = command.out, command.replaces
+    _folder_out(command, folder, value, name)
+    command.words[-1] = f"--report={command.out}"
+    command.replaces = command.replaces or before[1]
+
+
+def _number(low: float, high: float, kind: type[int] | type[float] = int) -> Reader:
+    def read(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
+        if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+            raise DefinitionError(f"must be a number from {low:g} to {high:g}; got {plain(value)}", where=name)
+        if kind is int and value != int(value):
+            raise DefinitionError(f"must be an integer; got {plain(value)}", where=name)
+        command.words.append(f"--{name}={kind(value)}")
+
+    return read
+
+
+def _flag(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
+    if not isinstance(value, bool):
+        raise DefinitionError(f"must be true or false; got {plain(value)}", where=name)
+    if value:
+        command.words.append(f"--{name}")
+
+
+def _named(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
+    words = [_word(word, name) for word in _text(value, name).split(",")]
+    command.words.append(f"--{name}={','.join(words)}")
+
+
+def _changes(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
+    if not isinstance(value, dict):
+        raise DefinitionError("must be a mapping from paths to values", where=name)
+    for path, content in value.items():
+        if not PATH.fullmatch(path):
+            raise DefinitionError(f"`{plain(path)}` is not the path of a field", where=name)
+        command.changes[path] = content
+        command.words.append(f"--set={path}={json.dumps(content, allow_nan=False)}")
+
+
+def _text(value: Any, name: str) -> str:
+    if not isinstance(value, str) or not value:
+        raise DefinitionError(f"must be text; got {plain(value)}", where=name)
+    return value
+
+
+def _word(value: str, name: str) -> str:
+    if not WORD.fullmatch(value):
+        raise DefinitionError(f"`{plain(value)}` is not a valid name", where=name)
+    return value
+
+
+SCENARIO: dict[str, Reader] = {"scenario": _scenario, "set": _changes}
+
+COMMANDS: dict[str, tuple[tuple[str, ...], dict[str, Reader], bool]] = {
+    "run": (("run",), SCENARIO | {"out": _folder_out}, True),
+    "certify": (
+        ("certify",),
+        SCENARIO | {"out": _folder_out, "runs": _number(0, 100_000), "seed": _number(0, 2**31)},
+        True,
+    ),
+    "compare": (("compare",), SCENARIO | {"out": _folder_out, "schemes": _named}, False),
+    "explain": (("explain",), {"run": _finished}, True),
+    "design": (
+        ("design",),
+        {"requirements": _file(YAML), "out": _file_out(YAML), "runs": _number(10, 100_000)},
+        True,
+    ),
+    "excite": (
+        ("excite",),
+        {"robot": lambda command, folder, value, name: _positional(command, folder, value, name)}
+        | {"out": _file_out((".csv",)), "seed": _number(0, 2**31)},
+        False,
+    ),
+    "identify": (
+        ("identify",),
+        {"log": _file(LOGS), "robot": _robot, "out": _file_out(YAML), "report": _report, "links": _flag}
+        | {"tip": _named, "held-out": _number(0.0, 0.9, float)},
+        True,
+    ),
+    "study": (
+        ("study", "--progress"),
+        {"file": _file(YAML), "out": _folder_out, "runs": _number(1, 10_000_000), "seed": _number(0, 2**31)}
+        | {"resume": _flag},
+        True,
+    ),
+    "export-c": (("export", "c"), SCENARIO | {"out": _folder_out, "name": _named, "float": _flag}, False),
+    "export-web": (("export", "web"), SCENARIO | {"with": _named, "out": _folder_out}, False),
+}
+"""For each job: the command's words, its options in this order, and True if it prints JSON."""
+
+REQUIRED = ("scenario", "requirements", "robot", "log", "file", "run")
+"""Options that are required where a command has them."""
+
+WRITING = ("design", "excite", "export-c", "export-web")
+"""Commands that require `out`."""
+
+
+def _positional(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
+    _robot(command, folder, value, name)
+    command.words[-1] = command.words[-1].removeprefix(f"--{name}=")
+
+
+def command_of(folder: Folder, job: str, options: Mapping[str, Any]) -> JobCommand:
+    """The command of a `job` with `options` from the page; the option `replace` allows overwriting results.
+
+    Raises DefinitionError for unknown or invalid options, and OutsideError for a file outside the `folder`.
+    """
+    if job not in COMMANDS:
+        raise DefinitionError(f"unknown job `{plain(job)}`; {nearest_word(str(job), COMMANDS)}")
+    words, readers, answers = COMMANDS[job]
+    command = JobCommand([*words, *(["--json"] if answers else [])], [], {}, json=answers)
+    for name in options:
+        if name not in readers and name != "replace":
+            raise DefinitionError(f"unknown `{plain(name)}`; {nearest_word(str(name), readers)}", where=job)
+    for name, reader in readers.items():
+        if options.get(name) not in (None, ""):
+            reader(command, folder, options[name], name)
+        elif name in REQUIRED:
+            raise DefinitionError("is required", where=name)
+    if job in WRITING and not command.out:
+        raise DefinitionError("is required: the file or folder to write", where="out")
+    if command.replaces and options.get("replace") is not True and options.get("resume") is not True:
+        raise FileExistsError(f"`{command.out}` exists already")
+    return command
+
 
 AT_ONCE, WAITING, KEPT = 2, 20, 100
 """Jobs that run, that wait, and that are remembered at most."""
@@ -44,7 +261,7 @@ class TooManyError(DefinitionError):
 
 
 @dataclass(eq=False)
-class Job:
+class StudioJob:
     """A command that waits, runs or has ended.
 
     - `name`: identifier for the page.
@@ -83,11 +300,11 @@ class Jobs:
 
     def __init__(self, folder: Folder, private: Path, module: str) -> None:
         self._folder, self._private, self._module = folder, private, module
-        self._jobs: dict[str, Job] = {}
+        self._jobs: dict[str, StudioJob] = {}
         self._turn = asyncio.Semaphore(AT_ONCE)
         self._closed = False
 
-    def add(self, kind: str, options: Mapping[str, Any]) -> Job:
+    def add(self, kind: str, options: Mapping[str, Any]) -> StudioJob:
         """Queue a new job of a `kind` with `options` from the page.
 
         Raises DefinitionError for invalid options, FileExistsError if results would be overwritten, TooManyError if too
@@ -101,17 +318,17 @@ class Jobs:
         if any(not job.over and command.out and job.command.out == command.out for job in self._jobs.values()):
             raise FileExistsError(f"another job writes `{command.out}` already")
         name = secrets.token_hex(6)
-        job = Job(name, kind, command, self._private / f"job-{name}")
+        job = StudioJob(name, kind, command, self._private / f"job-{name}")
         self._jobs[name] = job
         self._forget()
         job.task = asyncio.get_running_loop().create_task(self._run(job))
         return job
 
-    def find(self, name: str) -> Job:
+    def find(self, name: str) -> StudioJob:
         """The job called `name`; raise LookupError if there is none."""
         return self._jobs[name]
 
-    def of_key(self, key: str) -> Job:
+    def of_key(self, key: str) -> StudioJob:
         """The job whose results have the key `key`; raise LookupError if there is none."""
         for job in self._jobs.values():
             if secrets.compare_digest(job.key.encode(), key.encode("utf-8", "replace")):
@@ -122,7 +339,7 @@ class Jobs:
         """All jobs, the newest first, without logs and answers."""
         return [self.shown(job, whole=False) for job in reversed(self._jobs.values())]
 
-    def shown(self, job: Job, *, whole: bool = True) -> dict[str, Any]:
+    def shown(self, job: StudioJob, *, whole: bool = True) -> dict[str, Any]:
         """A `job` as the page shows it; `whole` includes its log and answer."""
         log = _tail(job.private / "log", LOG)
         rows = ROWS.findall(log)
@@ -142,7 +359,7 @@ class Jobs:
             summary |= {"log": log, "answer": self._answer(job), "links": self._links(job) if job.over else []}
         return summary
 
-    async def cancel(self, job: Job) -> None:
+    async def cancel(self, job: StudioJob) -> None:
         """End a `job` and its process, or forget a job that has ended."""
         if job.over:
             self._jobs.pop(job.name, None)
@@ -163,7 +380,7 @@ class Jobs:
         unfinished = [job for job in self._jobs.values() if not job.over]
         await asyncio.gather(*(self.cancel(job) for job in unfinished), return_exceptions=True)
 
-    async def _run(self, job: Job) -> None:
+    async def _run(self, job: StudioJob) -> None:
         async with self._turn:
             if job.over:
                 return
@@ -199,7 +416,7 @@ class Jobs:
             if not job.over:
                 job.state = "done" if job.code in (0, 3, 4) else "failed"
 
-    def _answer(self, job: Job) -> Any:
+    def _answer(self, job: StudioJob) -> Any:
         text = _tail(job.private / "out", ANSWER)
         if not job.command.json or not job.over:
             return text[-LOG:]
@@ -208,7 +425,7 @@ class Jobs:
         except ValueError:
             return text[-LOG:]
 
-    def _links(self, job: Job) -> list[dict[str, str]]:
+    def _links(self, job: StudioJob) -> list[dict[str, str]]:
         """Files that a job has written, with their addresses."""
         out = job.command.out
         if not out:

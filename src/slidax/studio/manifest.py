@@ -1,4 +1,4 @@
-"""A scenario as a playground for the page, simulated by the studio or, once compiled, by the page."""
+"""A scenario as a playground for the page."""
 
 from __future__ import annotations
 
@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 
 import slidax
-from slidax._errors import DefinitionError
-from slidax.deploy.web.arm import arm_entry
-from slidax.deploy.web.knob import tunables_of
-from slidax.deploy.web.playground import playground
-from slidax.deploy.web.setting import Setting
-from slidax.scenarios import Scenario, ScenarioDescription
+from slidax.core.errors import DefinitionError
+from slidax.export.web.playground import arm_entry, playground
+from slidax.export.web.settings import PageSetting
+from slidax.export.web.tunables import tunables_of
 from slidax.scenarios.load import altered_description
+from slidax.scenarios.scenario import Scenario, ScenarioDescription
 
 RIVALS = {
     "computed_torque": "computed torque + PD",
@@ -65,7 +64,7 @@ def compiled_manifest_of(scenario: Scenario) -> dict[str, Any]:
     """
     manifest = manifest_of(scenario)
     first, arm = manifest["settings"][0], manifest["arms"][0]
-    setting = Setting(scenario.description, first["arm"], first["scheme"], first["title"])
+    setting = PageSetting(scenario.description, first["arm"], first["scheme"], first["title"])
     compiled = playground(manifest["title"], [setting], {arm["id"]: arm["title"]})
     own, at = compiled["settings"][0], [choice["default"] for choice in first["choices"]]
     (variant,) = own["variants"]

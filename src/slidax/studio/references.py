@@ -1,4 +1,4 @@
-"""Files that a file refers to, directly or indirectly: each must be below the studio's folder."""
+"""Files that a file names: each must be below the studio's folder."""
 
 from __future__ import annotations
 
@@ -7,12 +7,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from slidax._errors import DefinitionError, plain
-from slidax.robots.files.source import elements, read
+from slidax.arms.files.source import elements, read_robot_file
+from slidax.core.errors import DefinitionError, plain
 from slidax.scenarios.yaml_text import read_yaml
 
-from .folder import Folder
-from .names import OutsideError
+from .files import Folder, OutsideError
 
 YAML, ROBOTS = (".yaml", ".yml"), (".urdf", ".xml", ".mjcf")
 
@@ -122,7 +121,7 @@ class _Walk:
         if "<mujoco" not in text or "<robot" in text:
             return
         try:
-            root = read(text, "mujoco", "from_urdf reads <robot>").root
+            root = read_robot_file(text, "mujoco", "from_urdf reads <robot>").root
         except DefinitionError as error:
             raise DefinitionError(f"`{plain(place.name)}`: {error}") from None
         bases = [place.parent, *self._asset_folders(root, place.parent)]
@@ -141,7 +140,7 @@ class _Walk:
     def _meshes(self, place: Path) -> None:
         try:
             content = self._folder.content(self._folder.beneath(place, place.name), place.name, MOST)
-            root = read(content.decode("utf-8", "replace").lstrip("\ufeff"), "robot", "").root
+            root = read_robot_file(content.decode("utf-8", "replace").lstrip("\ufeff"), "robot", "").root
         except OutsideError:
             raise
         except DefinitionError:

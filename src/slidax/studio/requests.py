@@ -1,8 +1,4 @@
-"""Requests of the page as validated values, before anything else uses them.
-
-An invalid request gets the status 400 and a sentence. The content of scenarios is checked by the workbench, with the
-status 422.
-"""
+"""Requests of the page as validated values."""
 
 from __future__ import annotations
 
@@ -12,7 +8,7 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
-from slidax._errors import DefinitionError, plain
+from slidax.core.errors import DefinitionError, plain
 
 DEEPEST = 50
 """Nesting depth of a request."""

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.optimize import rosen
 
-from slidax._errors import DefinitionError
-from slidax.studies.search import apart, lowest, spread
-from slidax.studies.search import island as island_file
+from slidax.core.errors import DefinitionError
+from slidax.studies import search as island_file
+from slidax.studies.search import distinct_minima, lowest, spread
 
 pytest.importorskip("cmaes")
 
@@ -118,5 +118,5 @@ def test_first_points_are_the_middle_corners_and_an_even_spread():
 
 def test_the_lowest_of_each_neighbourhood_is_chosen():
     points, values = np.array([[0.0], [0.1], [0.5], [0.55], [1.0]]), np.array([3.0, 1.0, 2.0, 1.5, 9.0])
-    assert apart(points, values, 3, 0.2).tolist() == [1, 3, 4]
-    assert apart(points, values, 2, 0.2).tolist() == [1, 3]
+    assert distinct_minima(points, values, 3, 0.2).tolist() == [1, 3, 4]
+    assert distinct_minima(points, values, 2, 0.2).tolist() == [1, 3]

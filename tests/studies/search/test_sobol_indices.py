@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from slidax._errors import DefinitionError
-from slidax.studies.search import points_for_indices, sobol_indices
+from slidax.core.errors import DefinitionError
+from slidax.studies.sensitivity import points_for_indices, sobol_indices
 
 pytest.importorskip("SALib")
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from slidax._errors import DefinitionError
+from slidax.core.errors import DefinitionError
 from slidax.studies.statistics import paired_difference, paired_shares
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from slidax._errors import DefinitionError
+from slidax.core.errors import DefinitionError
 from slidax.studies.statistics import clopper_pearson, confidence_sequence, log_evidence, runs_without_failure
 
 

@@ -1,8 +1,11 @@
-"""Programs as readable C99."""
+"""Programs as readable C99.
 
-from .dialect import Dialect as Dialect
-from .helpers import Helpers as Helpers
-from .loop_invariant import loop_invariant as loop_invariant
-from .statements import Statements as Statements
-from .statements import statements as statements
+`functions.py` prints a whole function, `writer.py` its statements; `rerolling.py` writes similar statements as loops.
+"""
+
+from .expressions import Dialect as Dialect
+from .expressions import Helpers as Helpers
+from .functions import Statements as Statements
+from .functions import statements as statements
+from .placement import loop_invariant as loop_invariant
 from .writer import Callee as Callee

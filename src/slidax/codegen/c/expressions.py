@@ -1,13 +1,266 @@
-"""Operations as C expressions, with no more parentheses than C and its readers need."""
+"""C expressions, with C's types and numbers and the helper functions that C lacks."""
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
+from typing import Literal
 
-from ..ir import FLOATS, Type
-from .dialect import Dialect
-from .helpers import BITS, Helpers
+import numpy as np
+
+from ..ir import FLOATS, Number, Type
+
+Real = Literal["double", "float"]
+
+FLOAT_MAX = float(np.finfo(np.float32).max)
+FLOAT_MIN = float(np.finfo(np.float32).tiny)
+
+SIZES: dict[Type, int] = {"f64": 8, "f32": 4, "i64": 8, "i32": 4, "u64": 8, "u32": 4, "b1": 1, "none": 0}
+"""Bytes of each type."""
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """C99, or the C++ of CUDA kernels.
+
+    - `real`: C type of f64; "float" makes the whole program single precision.
+    - `kernel`: true for a CUDA kernel: no headers, and helpers run on the device.
+    """
+
+    real: Real = "double"
+    kernel: bool = False
+
+    def effective_type(self, type: Type) -> Type:
+        """Return the type of a value in C, in terms of the IR: f32 for f64 in a program of floats."""
+        return "f32" if type == "f64" and self.real == "float" else type
+
+    def type(self, type: Type) -> str:
+        """Return the C name of a type."""
+        return (_KERNEL_TYPES if self.kernel else _C_TYPES)[self.effective_type(type)]
+
+    def size(self, type: Type) -> int:
+        """Return the bytes of a value."""
+        return SIZES[self.effective_type(type)]
+
+    def function(self, name: str, type: Type) -> str:
+        """Return the name of a function of `math.h`, from its name for doubles."""
+        return name + "f" if self.effective_type(type) == "f32" else name
+
+    def number(self, number: Number, type: Type) -> str:
+        """Return a constant that reads back to the same bits; in a program of floats, the nearest float.
+
+        A number beyond the range of floats becomes the largest or the smallest normal float, not infinity and not zero:
+        such numbers mean "no limit", or keep a divisor from zero.
+        """
+        if type == "b1":
+            return "true" if number else "false"
+        if type not in FLOATS:
+            return _integer(int(number), type)
+        number = float(number)
+        single = self.effective_type(type) == "f32"
+        if math.isnan(number):
+            return self._special("NAN", single)
+        if math.isinf(number):
+            return ("-" if number < 0 else "") + self._special("INFINITY", single)
+        if not single:
+            return shortest(repr(number))
+        if number != 0.0 and type == "f64":
+            number = math.copysign(min(max(abs(number), FLOAT_MIN), FLOAT_MAX), number)
+        return shortest(str(np.float32(number))) + "f"
+
+    def _special(self, macro: str, single: bool) -> str:
+        if self.kernel:
+            bits = {"NAN": ("0x7fc00000", "0x7ff8000000000000"), "INFINITY": ("0x7f800000", "0x7ff0000000000000")}[
+                macro
+            ]
+            return f"__int_as_float({bits[0]})" if single else f"__longlong_as_double({bits[1]}ll)"
+        return macro if single else f"(double){macro}"
+
+
+def shortest(number: str) -> str:
+    """Return the shortest readable form of a decimal number in Python's notation: 0.5, 1e-3, 1000.0, 1e6."""
+    sign, number = ("-", number[1:]) if number.startswith("-") else ("", number)
+    mantissa, _, power = number.partition("e")
+    whole, _, part = mantissa.partition(".")
+    digits = (whole + part).lstrip("0")
+    if not digits:
+        return sign + "0.0"
+    exponent = int(power or 0) + len(whole) - (len(whole + part) - len(digits)) - 1
+    digits = digits.rstrip("0")
+    scientific = digits[0] + ("." + digits[1:] if len(digits) > 1 else "") + f"e{exponent}"
+    if 0 <= exponent < 6:
+        padded = digits.ljust(exponent + 1, "0")
+        return f"{sign}{padded[: exponent + 1]}.{padded[exponent + 1 :] or '0'}"
+    plain = "0." + "0" * (-exponent - 1) + digits if exponent < 0 else scientific
+    return sign + (plain if len(plain) <= len(scientific) else scientific)
+
+
+def _integer(number: int, type: Type) -> str:
+    if type in ("u32", "u64"):
+        return f"{number}u" if number < 2**16 else f"{number:#x}u"
+    # C has no literal for the most negative number.
+    if number in (-(2**31), -(2**63)):
+        return f"(-{-(number + 1)} - 1)"
+    return str(number)
+
+
+_C_TYPES: dict[Type, str] = {
+    "f64": "double",
+    "f32": "float",
+    "i64": "int64_t",
+    "i32": "int32_t",
+    "u64": "uint64_t",
+    "u32": "uint32_t",
+    "b1": "bool",
+}
+_KERNEL_TYPES: dict[Type, str] = {
+    **_C_TYPES,
+    "i64": "long long",
+    "i32": "int",
+    "u64": "unsigned long long",
+    "u32": "unsigned int",
+}
+
+
+BITS: dict[Type, int] = {"i64": 64, "i32": 32, "u64": 64, "u32": 32}
+
+
+class Helpers:
+    """Helper functions of a piece of C."""
+
+    def __init__(self, dialect: Dialect) -> None:
+        self.dialect = dialect
+        self._texts: dict[str, str] = {}
+
+    @property
+    def names(self) -> list[str]:
+        return sorted(self._texts)
+
+    @property
+    def lines(self) -> list[str]:
+        """Definitions as lines of C, an empty line after each."""
+        return [line for name in self.names for line in [*self._texts[name].splitlines(), ""]]
+
+    def extend(self, other: Helpers) -> None:
+        """Add the helpers of another piece in the same file and dialect."""
+        self._texts.update(other._texts)
+
+    def name_of(self, op: str, type: Type) -> str:
+        """Return the name of an operation's helper.
+
+        - `op`: of the IR; `to_...` for a conversion from `type`, `bits_...` for the bits of a `type`, `all_finite`.
+        - `type`: of its arguments.
+        """
+        real = self.dialect.effective_type("f64")
+        type = self.dialect.effective_type(type)
+        word = {"max": "larger", "min": "smaller"}.get(op, op)
+        name = word if type == real else f"{word}_{type}"
+        if name not in self._texts:
+            self._texts[name] = self._text(op, name, type)
+        return name
+
+    def _text(self, op: str, name: str, type: Type) -> str:
+        own = self.dialect.type(type)
+        before = "static __device__ inline" if self.dialect.kernel else "static inline"
+        if op == "erf_inv":
+            return f"/* The y with erf(y) = x. */\n{before} double {name}(double x)\n{_ERF_INV}"
+        if op == "all_finite":
+            return _ALL_FINITE.format(before=before, own=own)
+        if op.startswith("to_"):
+            to: Type = op[3:]  # type: ignore[assignment]
+            head = f"{before} {self.dialect.type(to)} {name}({own} x)"
+            return f"/* Towards zero, held at the ends; 0 for NaN. */\n{head}\n{self._held(type, to)}"
+        if op.startswith("bits_"):
+            other = self.dialect.type(op[5:])  # type: ignore[arg-type]
+            return f"{before} {other} {name}({own} x)\n{_BITS.format(own=own, other=other)}"
+        comment, arguments, body = self._arithmetic(op, type, own)
+        return f"{comment}{before} {own} {name}({arguments})\n{{\n    return {body};\n}}"
+
+    def _arithmetic(self, op: str, type: Type, own: str) -> tuple[str, str, str]:
+        two = f"{own} a, {own} b"
+        if op in ("min", "max"):
+            sign = ">" if op == "max" else "<"
+            if type in FLOATS:
+                return "/* NaN if one of them is. */\n", two, f"a {sign} b || isnan(a) ? a : b"
+            return "", two, f"a {sign} b ? a : b"
+        bare = self.dialect.type("u64" if type in ("i64", "u64") else "u32")
+        signed = type in ("i32", "i64")
+        wraps = "/* Wraps around. */\n"
+        if op in ("add", "sub", "mul"):
+            sign = {"add": "+", "sub": "-", "mul": "*"}[op]
+            return wraps, two, f"({own})(({bare})a {sign} ({bare})b)"
+        if op == "neg":
+            return wraps, f"{own} a", f"({own})(0u - ({bare})a)"
+        if op == "abs":
+            return wraps, f"{own} a", f"a < 0 ? ({own})(0u - ({bare})a) : a"
+        if op == "div":
+            text = f"b == 0 ? ({own})-1 : " + (f"b == -1 ? ({own})(0u - ({bare})a) : " if signed else "") + "a / b"
+            return "/* Division by zero gives -1. */\n", two, text
+        if op == "rem":
+            return "", two, ("b == 0 ? a : b == -1 ? 0 : a % b" if signed else "b == 0 ? a : a % b")
+        count = f"({bare})b < {BITS[type]}u"
+        if op == "shl":
+            return "", two, f"{count} ? ({own})(({bare})a << b) : 0"
+        if op == "shr":
+            return "", two, f"{count} ? ({own})(({bare})a >> b) : 0"
+        if op == "sar":
+            # C leaves the shift of a negative number to the compiler.
+            return "", two, f"a < 0 ? ~({count} ? ~a >> b : 0) : ({count} ? a >> b : 0)"
+        raise NotImplementedError(f"no helper for {op} of {type}")
+
+    def _held(self, source: Type, to: Type) -> str:
+        number = self.dialect.number
+        if to in ("i32", "i64"):
+            least: int = -(2 ** (BITS[to] - 1))
+            most = 2 ** (BITS[to] - 1) - 1
+        else:
+            least, most = 0, 2 ** BITS[to] - 1
+        return "\n".join(
+            [
+                "{",
+                f"    return isnan(x) ? 0 : x <= {number(least, source)} ? {number(least, to)}"
+                f" : x >= {number(most + 1, source)} ? {number(most, to)} : ({self.dialect.type(to)})x;",
+                "}",
+            ]
+        )
+
+
+_ALL_FINITE = """/* Whether all of n numbers are finite. */
+{before} bool all_finite(const {own} *x, size_t n)
+{{
+    bool finite = true;
+    for (size_t i = 0; i < n; ++i) {{
+        finite = isfinite(x[i]) && finite;
+    }}
+    return finite;
+}}"""
+_BITS = """{{
+    union {{
+        {own} number;
+        {other} bits;
+    }} both;
+    both.number = x;
+    return both.bits;
+}}"""
+
+_ERF_INV = """{
+    /* Winitzki's closed form, to 2e-3; two steps of Halley's rule, with the complement where x is near one. */
+    const double size = fabs(x);
+    if (!(size < 1.0)) {
+        return size > 1.0 || isnan(x) ? (double)NAN : copysign((double)INFINITY, x);
+    }
+    const double l = log1p(-size * size);
+    const double c = 4.330746750799873 + 0.5 * l;
+    double y = sqrt(fmax(sqrt(fmax(c * c - l / 0.147, 0.0)) - c, 0.0));
+    for (int i = 0; i < 2; ++i) {
+        const double off = size < 0.5 ? erf(y) - size : (1.0 - size) - erfc(y);
+        const double step = off / (1.1283791670955126 * exp(-y * y));
+        y -= step / (1.0 + y * step);
+    }
+    return copysign(y, x);
+}"""
+
 
 PRIMARY, UNARY, TIMES, PLUS, SHIFT, ORDER, EQUAL, AND, XOR, OR, BOTH, EITHER, CHOICE = range(15, 2, -1)
 """Precedences; a higher one binds tighter."""

@@ -1,11 +1,13 @@
-"""Lines of C: indentation, line breaks, and a comment on the values that they compute."""
+"""Lines of C: indentation, comments, line breaks, and blocks that limit the stack."""
 
 from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Iterator
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 INDENT = "    "
 WIDTH = 100
@@ -115,3 +117,190 @@ def _runs(lines: list[CodeLine]) -> Iterator[list[CodeLine]]:
         run.append(line)
     if run:
         yield run
+
+
+SIZES = {"double": 8, "float": 4, "int64_t": 8, "uint64_t": 8, "int32_t": 4, "uint32_t": 4, "int": 4, "bool": 1}
+VARIABLE = re.compile(rf"(const )?({'|'.join(SIZES)}) (\w+)(?:\[(\d+)\])?(?: = (.*)|;)?;?")
+IDENTIFIER = re.compile(r"[A-Za-z_]\w*")
+ARGUMENT = re.compile(r"\w+->\w+;?")
+"""Members of a function's arguments, known from its start."""
+
+LEAST = 128
+"""Smallest number of bytes that another block must save."""
+
+
+@dataclass
+class _Item:
+    """A line, or a block from its head to its last brace.
+
+    - `names`: number of occurrences of each identifier.
+    """
+
+    lines: list[CodeLine]
+    names: Counter[str]
+
+
+@dataclass
+class _Variable:
+    """A variable of a sequence of items.
+
+    - `first`, `last`: the items that declare it, and that use it last.
+    - `fixed`: true if its declaration cannot be separated from its values.
+    """
+
+    first: int
+    last: int
+    bytes: int
+    fixed: bool
+
+
+def add_scopes(lines: Sequence[CodeLine]) -> list[CodeLine]:
+    """Return the lines of a function's body with blocks around parts of them."""
+    items = _items(lines)
+    if len(items) < 2:
+        return list(lines)
+    variables = _variables(items)
+    cuts = _cuts(items, variables)
+    out: list[CodeLine] = []
+    if len(cuts) == 2:
+        return [line for item in items for line in _with_inner_scopes(item)]
+    for start, end in pairwise(cuts):
+        inside = [
+            name
+            for name, variable in variables.items()
+            if start <= variable.first < end and variable.last < end and variable.bytes > 8
+        ]
+        if sum(variables[name].bytes for name in inside) < LEAST:
+            out += [line for item in items[start:end] for line in _with_inner_scopes(item)]
+            continue
+        part = [line for item in items[start:end] for line in item.lines]
+        out += _block(
+            part, {name for name, variable in variables.items() if start <= variable.first < end <= variable.last}
+        )
+    return out
+
+
+def stack_bytes(lines: Sequence[CodeLine]) -> int:
+    """Return a function's stack in bytes: arrays take it while their block lasts, numbers while they are needed."""
+    items = _items(lines)
+    variables = _variables(items).values()
+    arrays = sum(variable.bytes for variable in variables if variable.bytes > 8)
+    most = 0
+    for k, item in enumerate(items):
+        alive = sum(
+            variable.bytes for variable in variables if variable.bytes <= 8 and variable.first <= k <= variable.last
+        )
+        most = max(most, alive + _inner_bytes(item))
+    return arrays + most
+
+
+def _inner_bytes(item: _Item) -> int:
+    """Bytes of the blocks in an item: only one of them at a time."""
+    if len(item.lines) < 3 or VARIABLE.match(item.lines[0].text):
+        return 0
+    level, most = item.lines[0].level, 0
+    part: list[CodeLine] = []
+    for line in item.lines:
+        if line.level != level:
+            part.append(line)
+        elif part:
+            most = max(most, stack_bytes(part))
+            part = []
+    return most + (8 if item.lines[0].text.startswith("for (") else 0)
+
+
+def _with_inner_scopes(item: _Item) -> list[CodeLine]:
+    """Lines of an item, with blocks inside it."""
+    if len(item.lines) < 4 or VARIABLE.match(item.lines[0].text):
+        return item.lines
+    out: list[CodeLine] = []
+    level = item.lines[0].level
+    part: list[CodeLine] = []
+    for line in item.lines:
+        if line.level == level:
+            out += add_scopes(part)
+            part = []
+            out.append(line)
+        else:
+            part.append(line)
+    return out + part
+
+
+def _items(lines: Sequence[CodeLine]) -> list[_Item]:
+    items: list[_Item] = []
+    depth = 0
+    for line in lines:
+        closes, opens = line.text.startswith("}"), line.text.endswith("{")
+        if depth == 0 and not closes:
+            items.append(_Item([], Counter()))
+        items[-1].lines.append(line)
+        items[-1].names.update(IDENTIFIER.findall(line.text))
+        depth += opens - closes
+    return items
+
+
+def _variables(items: Sequence[_Item]) -> dict[str, _Variable]:
+    variables: dict[str, _Variable] = {}
+    for k, item in enumerate(items):
+        for name in item.names:
+            if name in variables:
+                variables[name].last = k
+        match = VARIABLE.match(item.lines[0].text)
+        if match is not None:
+            size = SIZES[match.group(2)] * int(match.group(4) or 1)
+            fixed = match.group(4) is not None and match.group(5) is not None
+            variables[match.group(3)] = _Variable(k, k, size, fixed)
+    return variables
+
+
+def _cuts(items: Sequence[_Item], variables: Mapping[str, _Variable]) -> list[int]:
+    """Best places to cut the sequence into blocks."""
+    arrays = [variable for variable in variables.values() if variable.bytes > 8]
+    ends = {0, len(items)}
+    candidates = {k for k in range(1, len(items)) if items[k].lines[0].about != items[k - 1].lines[0].about}
+    candidates |= {array.first for array in arrays} | {array.last + 1 for array in arrays}
+    candidates -= {k for array in arrays if array.fixed for k in range(array.first + 1, array.last + 1)}
+    saved = 0
+    while True:
+        best, most = None, saved + LEAST
+        for candidate in sorted(candidates - ends):
+            gain = _saved_bytes(arrays, sorted(ends | {candidate}))
+            if gain >= most:
+                best, most = candidate, gain + 1
+        if best is None:
+            return sorted(ends)
+        ends.add(best)
+        saved = most - 1
+
+
+def _saved_bytes(arrays: Sequence[_Variable], cuts: Sequence[int]) -> int:
+    """Bytes that blocks save: all local variables but those of the largest block."""
+    local: defaultdict[int, int] = defaultdict(int)
+    block = {}
+    for number, (start, end) in enumerate(pairwise(cuts)):
+        for k in range(start, end):
+            block[k] = number
+    for array in arrays:
+        if block[array.first] == block.get(array.last):
+            local[block[array.first]] += array.bytes
+    return sum(local.values()) - max(local.values(), default=0)
+
+
+def _block(lines: Sequence[CodeLine], leaving: set[str]) -> list[CodeLine]:
+    """A block; variables that are needed after it are declared before it."""
+    before: list[CodeLine] = []
+    inside: list[CodeLine] = []
+    level = lines[0].level
+    for line in lines:
+        match = VARIABLE.match(line.text)
+        if match is None or match.group(3) not in leaving or line.level != level:
+            inside.append(CodeLine(line.level + 1, line.text, line.about))
+            continue
+        _, type, name, size, value = match.groups()
+        if value is not None and ARGUMENT.fullmatch(value):
+            before.append(line)
+            continue
+        before.append(CodeLine(level, f"{type} {name}{f'[{size}]' if size else ''};"))
+        if value is not None and size is None:
+            inside.append(CodeLine(line.level + 1, f"{name} = {value.rstrip(';')};", line.about))
+    return [*before, CodeLine(level, "{"), *add_scopes(inside), CodeLine(level, "}")]

@@ -7,10 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 from ..ir import Branch, Call, Input, Loop, Program, Region, Value
-from ..naming import Names
-from .dialect import Dialect
-from .expressions import CHOICE, EITHER, UNARY, CExpression, Expressions, constant
-from .helpers import Helpers
+from ..naming.names import Names
+from .expressions import CHOICE, EITHER, UNARY, CExpression, Dialect, Expressions, Helpers, constant
 from .layout import INDENT, WIDTH, CodeLine
 from .placement import Placement, is_counter, is_counter_increment
 

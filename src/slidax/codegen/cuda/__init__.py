@@ -1,7 +1,7 @@
-"""Compile programs to CUDA kernels that compute one run of a batch in each thread."""
+"""Programs as CUDA kernels: one run of a batch in each thread."""
 
-from .kernel import kernel as kernel
-from .launch import Kernel as Kernel
+from .launch import CudaKernel as CudaKernel
 from .launch import available as available
 from .launch import compile as compile
 from .launch import require_card as require_card
+from .source import cuda_code as cuda_code

@@ -1,3 +1,3 @@
-"""Elementary functions in correctly rounded operations, which give the same bits on every machine."""
+"""Elementary functions written out in exactly rounded operations, which give the same bits everywhere."""
 
 from .lowering import lower as lower

@@ -1,11 +1,11 @@
-"""Expressions: Python operators that build a program's values."""
+"""Formulas: operators that build a program's values."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-from slidax.codegen.builder import Builder
-from slidax.codegen.ir import Number, Type, Value
+from ..builder import Builder
+from ..ir import Number, Type, Value
 
 SIGN = 1 << 63
 """The sign bit."""

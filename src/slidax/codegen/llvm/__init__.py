@@ -1,9 +1,10 @@
-"""Compile programs to machine code with LLVM."""
+"""Machine code from programs, by LLVM.
 
-from .by_demand import ByDemand as ByDemand
+`vectorise.py` prepares a program, `blocks.py` prints it, and `kernel.py` compiles and calls it.
+"""
+
 from .kernel import LANES as LANES
+from .kernel import ByDemand as ByDemand
 from .kernel import Kernel as Kernel
 from .kernel import compile as compile
 from .machine import available as available
-
-__all__ = ["LANES", "ByDemand", "Kernel", "available", "compile"]

@@ -1,23 +1,128 @@
-"""Generate the body of one LLVM function: values, loops and branches.
-
-A uniform value, the same in all runs of a group, is computed once as a scalar, and broadcast over the lanes where it
-meets a varying value. A loop that the runs leave at different times continues until the last run has left, and holds
-the values of the others. For a branch that the runs take differently, both sides are computed, each only if a run takes
-it.
-"""
+"""Loops, branches and their values as the body of one LLVM function."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
-from slidax.codegen.ir import ELEMENTARY, Branch, Loop, Program, Region, Value
+import numpy as np
 
-from . import memory, rearranged
-from .called import ElementaryFunction
-from .operations import operation
-from .uniformity import varying
-from .vectorise import Vector
-from .words import literal, typed
+from ..builder import Builder
+from ..ir import ELEMENTARY, Branch, Loop, Program, Region, Type, Value
+from . import memory
+from .operations import TYPES, literal, operation, typed
+from .vectorise import Vector, lower_and_fuse
+
+
+@dataclass(frozen=True)
+class ElementaryFunction:
+    """An elementary function of scalars or vectors.
+
+    - `op`: its operation.
+    - `type`: of the arguments and the result.
+    - `arguments`: number of arguments.
+    - `width`: number of lanes.
+    """
+
+    op: str
+    type: Type
+    arguments: int
+    width: int
+
+    @classmethod
+    def of(cls, value: Value, width: int) -> ElementaryFunction:
+        """Return the function that computes a value."""
+        return cls(value.op, value.type, len(value.args), width)
+
+    @property
+    def head(self) -> str:
+        """Result type and name in LLVM IR."""
+        return f"{typed(self.type, self.width)} @own_{self.op}_{self.type}_{self.width}"
+
+    @property
+    def program(self) -> Program:
+        """The function in correctly rounded operations."""
+        builder = Builder()
+        arguments = [builder.input(f"x{k}", self.type, (), varying=True).item() for k in range(self.arguments)]
+        builder.output("y", self.type, np.array(builder.apply(self.op, *arguments, type=self.type), object))
+        return lower_and_fuse(builder.finish())
+
+    def call(self, words: list[str]) -> str:
+        """Return a call with these arguments in LLVM IR."""
+        whole = typed(self.type, self.width)
+        return f"call {self.head}({', '.join(f'{whole} {word}' for word in words)})"
+
+
+Write = Callable[[str], None]
+
+
+def spread(name: str, type: Type, word: str, lanes: int, write: Write) -> None:
+    """Write a vector with the number `word` in all lanes."""
+    whole = typed(type, lanes)
+    write(f"{name}i = insertelement {whole} poison, {TYPES[type]} {word}, i32 0")
+    write(f"{name} = shufflevector {whole} {name}i, {whole} poison, <{lanes} x i32> zeroinitializer")
+
+
+def gather(name: str, type: Type, words: Sequence[str], write: Write) -> None:
+    """Write a vector of the numbers `words`."""
+    whole, before = typed(type, len(words)), "poison"
+    for k, word in enumerate(words):
+        after = name if k == len(words) - 1 else f"{name}g{k}"
+        write(f"{after} = insertelement {whole} {before}, {TYPES[type]} {word}, i32 {k}")
+        before = after
+
+
+def pick(name: str, type: Type, word: str, lanes: int, k: int, write: Write) -> None:
+    """Write the extraction of lane `k` from the vector `word`."""
+    write(f"{name} = extractelement {typed(type, lanes)} {word}, i32 {k}")
+
+
+def varying_values(program: Program) -> set[Value]:
+    """Return all values that depend on a varying input, directly or by the number of loop turns.
+
+    Values that a loop carries need a fixed-point iteration: they count as uniform until a pass shows the contrary.
+    """
+    differing: set[Value] = set()
+    count = -1
+    while len(differing) > count:
+        count = len(differing)
+        _visit(program, program.body, differing)
+    return differing
+
+
+def _visit(program: Program, region: Region, differing: set[Value]) -> None:
+    for value in region.values:
+        if isinstance(value, Loop):
+            _visit_loop(program, value, differing)
+        elif isinstance(value, Branch):
+            _visit(program, value.then, differing)
+            _visit(program, value.otherwise, differing)
+        elif value not in differing and _differs(program, value, differing):
+            differing.add(value)
+
+
+def _visit_loop(program: Program, loop: Loop, differing: set[Value]) -> None:
+    for param, first, next in zip(loop.params, loop.args, loop.following, strict=True):
+        # Runs that take different numbers of turns hold what others still change.
+        if first in differing or next in differing or (loop.condition in differing and next is not param):
+            differing.add(param)
+    _visit(program, loop.head, differing)
+    _visit(program, loop.body, differing)
+
+
+def _differs(program: Program, value: Value, differing: set[Value]) -> bool:
+    if value.op == "input":
+        return bool(program.inputs[value.data[0]].varying)
+    if value.op == "result":
+        block = value.args[0]
+        if isinstance(block, Loop):
+            return block.params[value.data] in differing
+        assert isinstance(block, Branch)
+        return any(leaf in differing for leaf in (block.args[0], block.yes[value.data], block.no[value.data]))
+    if value.op == "load" and program.inputs[value.data].varying:
+        return True
+    return any(arg in differing for arg in value.args)
+
 
 EXPENSIVE = frozenset({*ELEMENTARY, "load", "store", "loop", "branch", "div", "rem", "sqrt"})
 SELECT_LIMIT = 12
@@ -39,7 +144,7 @@ class Blocks:
         self.declarations: set[str] = set()
         self.called: set[ElementaryFunction] = set()
         self._write = self.lines.append
-        self._differs = varying(program) if lanes > 1 else set()
+        self._differs = varying_values(program) if lanes > 1 else set()
         self._names: dict[Value, str] = {}
         self._spread: list[dict[Value, str]] = [{}]  # vectors of uniform values, by open region
         self._label, self._mask = "entry", ""  # the mask: the active lanes; "" for all
@@ -87,7 +192,7 @@ class Blocks:
         if name := next((words[value] for words in reversed(self._spread) if value in words), ""):
             return name
         name = f"%s{value.number}x{len(self.lines)}"
-        rearranged.spread(name, value.type, self._own(value), width, self._write)
+        spread(name, value.type, self._own(value), width, self._write)
         self._spread[-1][value] = name
         return name
 
@@ -147,11 +252,11 @@ class Blocks:
     def _rearrange(self, value: Value) -> None:
         name, words = f"%v{value.number}", [self._own(arg) for arg in value.args]
         if not isinstance(value, Vector):
-            rearranged.pick(name, value.type, words[0], self._width(value.args[0]), value.data, self._write)
+            pick(name, value.type, words[0], self._width(value.args[0]), value.data, self._write)
         elif value.op == "spread":
-            rearranged.spread(name, value.type, words[0], value.lanes, self._write)
+            spread(name, value.type, words[0], value.lanes, self._write)
         else:
-            rearranged.gather(name, value.type, words, self._write)
+            gather(name, value.type, words, self._write)
 
     def _read(self, value: Value) -> None:
         if isinstance(value, Vector):

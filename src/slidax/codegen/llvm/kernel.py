@@ -1,4 +1,4 @@
-"""Compile a program to a function of NumPy arrays."""
+"""A program as a compiled function of NumPy arrays; code whose optimisation grows with its use."""
 
 from __future__ import annotations
 
@@ -6,21 +6,87 @@ import ctypes
 import hashlib
 import itertools
 import os
+import os.path
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 
-from slidax._errors import DefinitionError
-from slidax.codegen.digest import digest
-from slidax.codegen.fold import DTYPES
-from slidax.codegen.ir import Program
-from slidax.codegen.no_native_code import in_one_line
+from slidax.core.errors import DefinitionError
 
+from ..fold import DTYPES
+from ..ir import Program, as_native_code_error, digest
 from . import machine
-from .module import module
-from .prepare import prepared
+from . import machine as cache
+from .blocks import Blocks, ElementaryFunction
+from .operations import typed
+from .vectorise import prepare
+
+
+def module(program: Program, lanes: int = 1, entry: str = "runs", *, own: bool = False) -> str:
+    """Generate the LLVM IR of a program.
+
+    Its function is `void runs(ptr tables, i64 groups, i64 rows)`: `tables` contains the addresses of the inputs and
+    outputs, group after group; `rows` is the number of rows of each log.
+
+    - `lanes`: number of runs that are computed in parallel, a power of two.
+    - `entry`: name of the function.
+    - `own`: True if elementary functions are defined in the module; False for libm's.
+
+    Raises DefinitionError for another number of lanes.
+    """
+    if lanes < 1 or lanes & (lanes - 1):
+        raise DefinitionError(f"`lanes` must be a power of two; got {lanes}")
+    blocks = Blocks(program, lanes, own=own)
+    blocks.print()
+    functions = [
+        line for function in sorted(blocks.called, key=str) for line in _defined(function, blocks.declarations)
+    ]
+    addresses = len(program.inputs) + len(program.outputs)
+    return "\n".join(
+        [
+            *sorted(blocks.declarations),
+            *functions,
+            "define internal void @group(ptr noalias readonly %table, i64 %rows) #0 {",
+            "entry:",
+            *blocks.lines,
+            "}",
+            f"define void @{entry}(ptr %tables, i64 %groups, i64 %rows) #0 {{",
+            "entry:",
+            "  br label %head",
+            "head:",
+            "  %k = phi i64 [ 0, %entry ], [ %next, %body ]",
+            "  %more = icmp slt i64 %k, %groups",
+            "  br i1 %more, label %body, label %after",
+            "body:",
+            f"  %at = mul i64 %k, {addresses}",
+            "  %table = getelementptr ptr, ptr %tables, i64 %at",
+            "  call void @group(ptr %table, i64 %rows)",
+            "  %next = add i64 %k, 1",
+            "  br label %head",
+            "after:",
+            "  ret void",
+            "}",
+            # The processor's widest vectors, although some processors reduce their clock rate for them.
+            'attributes #0 = { nounwind noinline "prefer-vector-width"="512" "min-legal-vector-width"="512" }',
+            # libm's functions, not LLVM's builtins, which round differently in vectors.
+            "attributes #1 = { nounwind willreturn nobuiltin memory(none) }",
+            "!0 = !{}",
+            "",
+        ]
+    )
+
+
+def _defined(function: ElementaryFunction, declarations: set[str]) -> list[str]:
+    """LLVM IR of an elementary function; the functions that it calls are added to the declarations."""
+    blocks = Blocks(function.program, function.width)
+    whole = typed(function.type, function.width)
+    blocks.print_function(whole)
+    declarations |= blocks.declarations
+    arguments = ", ".join(f"{whole} %x{k}" for k in range(function.arguments))
+    return [f"define internal {function.head}({arguments}) #0 {{", "entry:", *blocks.lines, "}"]
+
 
 Arrays = list[np.ndarray]
 
@@ -43,7 +109,7 @@ class Kernel:
         self.lanes, self.quick = lanes, quick
         self.inputs, self.outputs = program.inputs, program.outputs
         self.program = program
-        with in_one_line(lambda: "the program"):
+        with as_native_code_error(lambda: "the program"):
             source = (known or identity(program, lanes)) + " quick" * quick
             # A unique name, which the code of another program does not have.
             self._entry = f"runs_{hashlib.sha256(source.encode()).hexdigest()[:32]}"
@@ -73,7 +139,7 @@ class Kernel:
     @property
     def text(self) -> str:
         """LLVM IR of the program."""
-        ready = prepared(self.program, self.lanes, quick=self.quick)
+        ready = prepare(self.program, self.lanes, quick=self.quick)
         return module(ready, self.lanes, self._entry, own=self.quick)
 
     def __call__(self, inputs: Sequence[Any], rows: int = 0) -> Arrays:
@@ -193,3 +259,60 @@ def compile(program: Program, lanes: int = 1) -> Kernel:
     Raises DefinitionError if llvmlite is missing, or an operation of the program has no code.
     """
     return Kernel(program, lanes)
+
+
+WORTHWHILE_TURNS = {1: 200_000, 8: 100_000}
+"""Loop turns, by lanes, from which on optimised code saves time.
+
+For a loop with seven joints, optimised code takes 7 s longer to compile, and then saves 14 µs per turn; with eight
+lanes, 9 s and 70 µs. Both grow with the program, so the number of turns does not depend on its size. The total time is
+at most about twice that of the better choice.
+"""
+
+STACK_LIMIT = 2_500_000
+"""Largest size of the values in quick code, in bytes. The values take about half of that on the stack. A thread's stack
+has 8 MB, on Windows 2 MB."""
+
+VALUE_SIZE = 8
+"""Bytes of one value in one lane."""
+
+
+class ByDemand:
+    """Quick and optimised code of a program; both give the same bits.
+
+    - `program`: a program whose time is spent in a loop.
+    - `lanes`: number of runs that are computed in parallel.
+    """
+
+    def __init__(self, program: Program, lanes: int = 1) -> None:
+        self.program, self.lanes = program, lanes
+        self._turns = 0
+        self._identity: str | None = None
+        self._kernel: Kernel | None = None
+
+    def kernel(self, turns: int) -> Kernel:
+        """Return the code that fits the number of turns so far.
+
+        - `turns`: next turns of the loop; the runs in one vector count once.
+
+        Raises DefinitionError if llvmlite is missing, or an operation of the program has no code.
+        """
+        first = self._kernel is None
+        self._turns += turns
+        worth = self._turns >= WORTHWHILE_TURNS.get(self.lanes, 0)
+        if self._kernel is None or (worth and self._kernel.quick):
+            with as_native_code_error(lambda: "the program"):
+                self._identity = self._identity or identity(self.program, self.lanes)
+            optimised = worth or (first and (self._is_cached(self._identity) or self._is_large()))
+            self._kernel = Kernel(self.program, self.lanes, quick=not optimised, known=self._identity)
+        return self._kernel
+
+    def _is_cached(self, identity: str) -> bool:
+        """True if the cache has optimised code."""
+        key = machine.host().key_of(identity, machine.OPTIMISED)
+        # Not `Path.is_file`, which raises where the folder is closed to this user.
+        return os.path.isfile(cache.path_of(key))
+
+    def _is_large(self) -> bool:
+        """True if quick code might overflow the stack."""
+        return sum(1 for _ in self.program.walk()) * VALUE_SIZE * self.lanes > STACK_LIMIT

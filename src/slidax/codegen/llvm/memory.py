@@ -1,19 +1,11 @@
-"""Generate memory access: inputs, outputs and the rows of logs.
-
-A run's table contains the addresses of its inputs and then of its outputs. A run's arrays are in C order, and the
-arrays of the runs in one group follow each other: lane k of element j is at `k size + j`.
-
-In all functions, `write` takes a line, and `lanes` is the number of runs in a group. Functions that write calls return
-the declarations of the functions that they call.
-"""
+"""Inputs, outputs and log rows in memory."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from slidax.codegen.ir import Program, Type, Value
-
-from .words import BYTES, STORED, literal, suffix, typed
+from ..ir import Program, Type, Value
+from .operations import BYTES, STORED, literal, suffix, typed
 
 Write = Callable[[str], None]
 

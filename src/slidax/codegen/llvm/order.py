@@ -1,17 +1,11 @@
-"""Schedule operations: long dependency chains first, with other work in their latencies (list scheduling).
-
-A processor looks a few hundred operations ahead, and one turn of a control loop has thousands. In the order of the
-formulas, it would compute one function after the other, and wait for almost every operation. Here the operations of a
-region are issued to a model processor by the length of the chain that depends on each. For values that a loop carries,
-that chain includes the next turn, so that the state comes before the logs.
-"""
+"""Order of operations: list scheduling along the longest chains."""
 
 from __future__ import annotations
 
 import heapq
 from collections.abc import Mapping, Sequence
 
-from slidax.codegen.ir import BLOCKS, Branch, Loop, Program, Region, Value, regions, uses, walk
+from ..ir import BLOCKS, Branch, Loop, Program, Region, Value, regions, uses, walk
 
 LATENCIES = {
     **dict.fromkeys(("const", "input", "param", "result"), 0),

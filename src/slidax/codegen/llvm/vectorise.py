@@ -1,14 +1,16 @@
-"""Replace bundles of values in a program by vectors."""
+"""Vectorise a program, and prepare it for the processor: lowered, fused, ordered."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from itertools import count
 
-from slidax.codegen.ir import Branch, Loop, Program, Region, Type, Value, regions
-
-from .cost_model import keep_profitable
-from .slp import Bundles, Members
+from ..builder import Builder
+from ..elementary.lowering import lower
+from ..ir import ELEMENTARY, Branch, Loop, Program, Region, Type, Value, regions
+from ..passes import fuse_products, rebuild
+from .order import put_in_order
+from .slp import Bundles, Members, keep_profitable
 
 
 class Vector(Value):
@@ -199,3 +201,41 @@ def _depth(region: Region) -> int:
         depth += 1
         around = around.parent
     return depth
+
+
+FUNCTIONS = frozenset(ELEMENTARY)
+
+CALLED = FUNCTIONS - {"exp", "erf_inv"}
+"""Functions that quick code calls. The others end with a product, which may be fused with a sum around it."""
+
+
+def prepare(program: Program, lanes: int = 1, *, quick: bool = False) -> Program:
+    """Return a copy of a program that is ready to be printed.
+
+    - `lanes`: number of runs that are computed in parallel. With 1, operations that are alike for all joints become
+      vectors.
+    - `quick`: True to keep the program's order, and to call elementary functions, which takes less time.
+    """
+    if quick:
+        return lower_and_fuse(program, FUNCTIONS - CALLED)
+    ready = lower_and_fuse(program)
+    if lanes == 1:
+        vectorise(ready)
+    put_in_order(ready)
+    return ready
+
+
+def lower_and_fuse(program: Program, lowered: Set[str] = FUNCTIONS) -> Program:
+    """Return a copy of a program in correctly rounded operations.
+
+    - `lowered`: the functions that are expanded; those of constants always are.
+    """
+    fuse = fuse_products()
+
+    def replace(builder: Builder, value: Value, args: tuple[Value, ...]) -> Value | None:
+        if value.op in FUNCTIONS:
+            known = all(arg.op == "const" for arg in args)
+            return lower(builder, value.op, args) if known or value.op in lowered else None
+        return fuse(builder, value, args)
+
+    return rebuild(program, replace)

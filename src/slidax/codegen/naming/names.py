@@ -1,15 +1,49 @@
-"""Name values by the Python statements that computed them."""
+"""Names of values in generated code, which C, C++ and CUDA accept."""
 
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from ..ir import Program, Value
-from .comments import about
-from .identifiers import identifier
-from .sources import Named, Returned, function_called, operand, source
+from .source_text import Named, Returned, about, function_called, operand, plain, read_source
+
+KEYWORDS = """
+auto break case char const continue default do double else enum extern float for goto if inline int long register
+restrict return short signed sizeof static struct switch typedef union unsigned void volatile while
+alignas alignof and and_eq asm bitand bitor bool catch class co_await co_return co_yield compl concept const_cast
+consteval constexpr constinit decltype delete dynamic_cast explicit export false friend mutable namespace new noexcept
+not not_eq nullptr operator or or_eq private protected public reinterpret_cast requires static_assert static_cast
+template this thread_local throw true try typeid typename using virtual wchar_t xor xor_eq
+"""
+
+LIBRARY = """
+abs acos acosh asin asinh atan atan2 atanh cbrt ceil copysign cos cosh div drem erf erfc erfinv exp exp10 exp2 expm1
+fabs fdim finite floor fma fmax fmin fmod frexp gamma hypot ilogb isfinite isgreater isinf isless isnan isnormal j0 j1
+jn labs ldexp lgamma llrint llround log log10 log1p log2 logb lrint lround main math modf nan nearbyint nextafter norm
+pow printf rand remainder remquo rint round rsqrt scalb scalbln scalbn signbit signgam significand sin sincos sinh sqrt
+tan tanh tgamma time trunc y0 y1 yn
+abort alloca calloc exit free malloc memcmp memcpy memmove memset qsort realloc
+all_finite larger smaller erf_inv
+int8_t int16_t int32_t int64_t uint8_t uint16_t uint32_t uint64_t size_t
+linux unix
+blockDim blockIdx gridDim threadIdx warpSize
+"""
+"""Functions of the C library, helpers of the generated code, and names that some compilers define."""
+
+RESERVED = frozenset(f"{KEYWORDS} {LIBRARY}".split())
+
+
+def identifier(name: str) -> str:
+    """Turn a name, not empty, into an identifier that is not reserved in C, C++ or CUDA."""
+    name = re.sub(r"\W+", "_", plain(name)).strip("_") or "v"
+    if name[0].isdigit():
+        name = f"v{name}"
+    # Functions of `math.h` also exist for floats, as `sinf`.
+    return f"{name}_" if name in RESERVED or (name.endswith("f") and name[:-1] in RESERVED) else name
+
 
 DERIVATIVES = frozenset({"jvp", "vjp", "grad", "value_and_grad", "jacfwd", "jacrev", "linearize", "hessian"})
 OPERATORS: dict[type[ast.AST], str] = {ast.Sub: "sub", ast.Div: "div", ast.Add: "add", ast.Mult: "mul"}
@@ -71,7 +105,7 @@ class Names:
         for value in program.body.values:
             if value.op == "input":
                 which, element = value.data
-                text = identifier(short[which] + suffix(element, program.inputs[which].shape))
+                text = identifier(short[which] + index_suffix(element, program.inputs[which].shape))
                 self._names.setdefault(value, Name(text, True))
 
     def _name_results(self, values: list[Value], frames: tuple[Any, ...]) -> None:
@@ -92,13 +126,13 @@ class Names:
     def _name(self, value: Value, named: Named, firm: bool) -> None:
         if value not in self._names:
             index = "".join(str(k + 1) for k in named.path)
-            number = suffix(value.origin.element, value.origin.shape).removeprefix("_")
+            number = index_suffix(value.origin.element, value.origin.shape).removeprefix("_")
             tail = f"_{index}{number}" if index or number else ""
             self._names[value] = Name(identifier(named.name + tail), firm)
 
     def _name_operands(self, value: Value, frame: Any) -> None:
         """Name the operands of an operation as the source does, if their order is known."""
-        text = source(frame.file)
+        text = read_source(frame.file)
         node = None if text is None else text.at(frame)
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub) and value.op == "neg":
             self._suggest(value.args[0], node.operand)
@@ -121,11 +155,11 @@ class Names:
         text = operand(node)
         if text is None or value in self._names or value.op in ("const", "input") or value.origin is None:
             return
-        number = suffix(value.origin.element, value.origin.shape) if value.origin.element is not None else ""
+        number = index_suffix(value.origin.element, value.origin.shape) if value.origin.element is not None else ""
         self._names[value] = Name(identifier(text + number), False)
 
 
-def suffix(element: int, shape: tuple[int, ...]) -> str:
+def index_suffix(element: int, shape: tuple[int, ...]) -> str:
     """Number of an array's element in a name: `_2`, or `_12` in a matrix; empty for a scalar.
 
     - `element`: counted in C order from 0.
@@ -144,7 +178,7 @@ def _result_name(frames: tuple[Any, ...]) -> tuple[Named, bool] | None:
     differentiated = _is_differentiated(frames)
     function: Named | None = None
     for frame in frames:
-        text = source(frame.file)
+        text = read_source(frame.file)
         node = None if text is None else text.at(frame)
         fate = None if text is None or node is None else text.fate(node, value)
         function_name = frame.function.rpartition(".")[2]
@@ -164,7 +198,7 @@ def _result_name(frames: tuple[Any, ...]) -> tuple[Named, bool] | None:
 
 def _is_differentiated(frames: tuple[Any, ...]) -> bool:
     for frame in frames:
-        text = source(frame.file)
+        text = read_source(frame.file)
         node = None if text is None else text.at(frame)
         if isinstance(node, ast.Call) and function_called(node) in DERIVATIVES:
             return True

@@ -1,4 +1,4 @@
-"""Arrays of values: operands and results of the rules of primitives."""
+"""Arrays of values: operands and results of every primitive."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from slidax.codegen.builder import Builder, Values
-from slidax.codegen.ir import Type, Value
+from ..builder import Builder, Values
+from ..ir import Type, Value
 
 TYPES: dict[str, Type] = {
     "float64": "f64",
@@ -46,14 +46,14 @@ def value_array(values: Iterable[Value], shape: tuple[int, ...]) -> Values:
     return array.reshape(shape)
 
 
-def of_numbers(builder: Builder, numbers: Any) -> Values:
+def constant_array(builder: Builder, numbers: Any) -> Values:
     """Return an array of constants, of a dtype in `TYPES`."""
     array = np.asarray(numbers)
     kind = type_of(array.dtype)
     return value_array((builder.constant(number, kind) for number in array.ravel().tolist()), array.shape)
 
 
-def filled(value: Value, shape: tuple[int, ...]) -> Values:
+def full_array(value: Value, shape: tuple[int, ...]) -> Values:
     """Return an array with one value everywhere."""
     array = np.empty(shape, object)
     array[...] = value
@@ -128,3 +128,18 @@ def _progression(values: list[Value]) -> tuple[int, int] | None:
     step = numbers[1] - numbers[0]
     even = all(after - before == step for before, after in itertools.pairwise(numbers))
     return (numbers[0], step) if even else None
+
+
+def pack(arrays: Sequence[Values]) -> list[Value]:
+    """Return the elements of arrays, one array after the other, each in C order."""
+    return [value for array in arrays for value in array.ravel()]
+
+
+def unpack(values: Sequence[Value], shapes: Sequence[tuple[int, ...]]) -> list[Values]:
+    """Return the arrays with these shapes, from values as `packed` gives them."""
+    arrays, place = [], 0
+    for shape in shapes:
+        size = int(np.prod(shape, dtype=int))
+        arrays.append(value_array(values[place : place + size], shape))
+        place += size
+    return arrays

@@ -8,10 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from slidax.codegen.builder import Builder, Values
-from slidax.codegen.digest import digest
-from slidax.codegen.ir import BLOCKS, PLACED, Call, Program, Value
-
+from ..builder import Builder, Values
+from ..ir import BLOCKS, PLACED, Call, Program, Value, digest
 from .arrays import type_of, value_array
 
 Key = tuple[str, Any, int]

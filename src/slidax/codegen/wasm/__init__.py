@@ -1,6 +1,4 @@
-"""Compile programs to WebAssembly with LLVM."""
+"""WebAssembly from programs, by LLVM, for a page in a browser and other hosts."""
 
 from .module import Module as Module
 from .module import wasm_module as wasm_module
-
-__all__ = ["Module", "wasm_module"]

@@ -1,4 +1,4 @@
-"""Compile a program to a WebAssembly module."""
+"""A program as a WebAssembly module, by LLVM."""
 
 from __future__ import annotations
 
@@ -6,21 +6,173 @@ import functools
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
-from slidax._errors import DefinitionError
-from slidax.codegen.digest import digest
-from slidax.codegen.ir import ELEMENTARY, Program, Type
-from slidax.codegen.llvm import available, cache
-from slidax.codegen.llvm.order import put_in_order
-from slidax.codegen.no_native_code import in_one_line
+from slidax.core.errors import DefinitionError
 
-from .body import FUSED, Body, helpers
-from .fused import function, with_known
-from .instructions import MADD, madds
-from .object_file import bodies, functions_of, with_export
+from ..builder import Builder
+from ..elementary.lowering import lower
+from ..ir import ELEMENTARY, Program, Type, Value, as_native_code_error, digest
+from ..llvm import machine as cache
+from ..llvm.blocks import Blocks
+from ..llvm.machine import available
+from ..llvm.order import put_in_order
+from ..passes import Rebuilding, fuse_products, rebuild
+from ..trace.arrays import constant_array
+from .binary import MADD, bodies, find_multiply_adds, functions_of, with_export
+
+PAIR = "<2 x double>"
+FUSED = f"declare {PAIR} @llvm.wasm.relaxed.madd.v2f64({PAIR}, {PAIR}, {PAIR})"
+
+
+class Body(Blocks):
+    """LLVM IR of a function body."""
+
+    def _value(self, value: Value) -> None:
+        if value.op != "fma":
+            super()._value(value)
+            return
+        name, pairs = f"%v{value.number}", []
+        for k, arg in enumerate(value.args):
+            # The number fills both lanes: a splat costs less than a vector with a zero.
+            self._write(f"{name}h{k} = insertelement {PAIR} poison, double {self._word(arg, 1)}, i32 0")
+            self._write(f"{name}w{k} = shufflevector {PAIR} {name}h{k}, {PAIR} poison, <2 x i32> zeroinitializer")
+            pairs.append(f"{PAIR} {name}w{k}")
+        self._write(f"{name}p = call {PAIR} @llvm.wasm.relaxed.madd.v2f64({', '.join(pairs)})")
+        self._write(f"{name} = extractelement {PAIR} {name}p, i32 0")
+
+
+def helpers(once: str, twice: str) -> list[str]:
+    """LLVM IR of two functions that replace a multiply-add.
+
+    - `once`: name of the function that rounds once, except for the last bit: exact product and sum (Dekker, Knuth).
+    - `twice`: name of the function that rounds twice.
+    """
+    halves = f"splat (double {2.0**27 + 1.0})"
+    steps = [
+        ("product", "fmul", "%a", "%b"),
+        *_halves("a", halves),
+        *_halves("b", halves),
+        ("hh", "fmul", "%ah", "%bh"),
+        ("left1", "fsub", "%product", "%hh"),
+        ("lh", "fmul", "%al", "%bh"),
+        ("left2", "fsub", "%left1", "%lh"),
+        ("hl", "fmul", "%ah", "%bl"),
+        ("left3", "fsub", "%left2", "%hl"),
+        ("ll", "fmul", "%al", "%bl"),
+        ("rest", "fsub", "%ll", "%left3"),
+        ("total", "fadd", "%product", "%c"),
+        ("ofc", "fsub", "%total", "%product"),
+        ("ofp", "fsub", "%total", "%ofc"),
+        ("missp", "fsub", "%product", "%ofp"),
+        ("missc", "fsub", "%c", "%ofc"),
+        ("miss", "fadd", "%missp", "%missc"),
+        ("more", "fadd", "%miss", "%rest"),
+        ("exact", "fadd", "%total", "%more"),
+    ]
+    arguments = f"({PAIR} %a, {PAIR} %b, {PAIR} %c)"
+    return [
+        f"define {PAIR} @{once}{arguments} #0 {{",
+        "entry:",
+        *(f"%{name} = {op} {PAIR} {x}, {y}" for name, op, x, y in steps),
+        # NaN where a number or its halves overflow: then the rounded sum is the result.
+        f"%known = fcmp oeq {PAIR} %exact, %exact",
+        f"%found = select <2 x i1> %known, {PAIR} %exact, {PAIR} %total",
+        f"ret {PAIR} %found",
+        "}",
+        f"define {PAIR} @{twice}{arguments} #0 {{",
+        "entry:",
+        f"%product = fmul {PAIR} %a, %b",
+        f"%sum = fadd {PAIR} %product, %c",
+        f"ret {PAIR} %sum",
+        "}",
+    ]
+
+
+def _halves(name: str, scale: str) -> list[tuple[str, str, str, str]]:
+    """Split a number into two halves of its bits (Veltkamp)."""
+    return [
+        (f"{name}s", "fmul", f"%{name}", scale),
+        (f"{name}d", "fsub", f"%{name}s", f"%{name}"),
+        (f"{name}h", "fsub", f"%{name}s", f"%{name}d"),
+        (f"{name}l", "fsub", f"%{name}", f"%{name}h"),
+    ]
+
+
+INLINE = frozenset({"erf", "erf_inv"})
+"""Elementary functions that are expanded where they are used; the others are functions of the module."""
+
+
+def substitute_inputs(program: Program, known: Mapping[int, np.ndarray]) -> Program:
+    """Return a copy of a program, fused as native code is, with some inputs replaced by constants.
+
+    Products with a constant zero are dropped, because an arm's frames have many of them. The results then differ from
+    native code only for factors that are not finite, as products and sums are fused before the replacement.
+
+    - `known`: constants by the input's position.
+    """
+    fuse = fuse_products()
+    ready = rebuild(program, lambda builder, value, args: None if value.origin else fuse(builder, value, args))
+    return _Substitution(ready, known).finish()
+
+
+def elementary_program(name: str) -> Program:
+    """Return the program of one elementary function, with the inputs `x0` and, for two arguments, `x1`."""
+    builder = Builder()
+    args = [builder.input(f"x{k}", "f64", ()).item() for k in range(2 if name in ("pow", "atan2") else 1)]
+    builder.output("y", "f64", np.array(builder.apply(name, *args), object))
+    return rebuild(builder.finish(), lambda b, value, args: lower(b, value.op, args))
+
+
+class _Substitution(Rebuilding):
+    """Replaces inputs by constants."""
+
+    def __init__(self, program: Program, known: Mapping[int, np.ndarray]) -> None:
+        super().__init__(program, _simpler, {})
+        self.builder.program.inputs.clear()
+        self.inputs = [
+            constant_array(self.builder, known[k]).ravel()
+            if k in known
+            else self.builder.input(entry.name, entry.type, entry.shape, varying=entry.varying).ravel()
+            for k, entry in enumerate(program.inputs)
+        ]
+
+
+def _simpler(builder: Builder, value: Value, args: tuple[Value, ...]) -> Value | None:
+    op = value.op
+    if op == "copy":
+        return args[0]
+    if op in INLINE:
+        return lower(builder, op, args)
+    if value.type != "f64":
+        return None
+    if op == "mul" and any(_is(arg, 0.0) for arg in args):
+        return builder.constant(0.0, "f64")
+    if op != "fma":
+        return None
+    a, b, c = args
+    if _is(a, 0.0) or _is(b, 0.0):
+        return c
+    for factor, other in ((a, b), (b, a)):
+        if _is(factor, 1.0):
+            return builder.apply("add", other, c)
+        if _is(factor, -1.0):
+            return builder.apply("sub", c, other)
+    if _is(c, 0.0):
+        return builder.apply("mul", a, b)
+    if all(arg.op == "const" and np.isfinite(arg.data) for arg in args):
+        x, y, z = (Fraction(arg.data) for arg in args)
+        return builder.constant(float(x * y + z), "f64")
+    return None
+
+
+def _is(value: Value, number: float) -> bool:
+    known: Any = value.data
+    return value.op == "const" and bool(known == number)
+
 
 TRIPLE = "wasm32-unknown-unknown"
 FEATURES = "+nontrapping-fptoint,+sign-ext,+bulk-memory,+simd128,+relaxed-simd"
@@ -70,7 +222,7 @@ def wasm_module(program: Program, known: Mapping[int, np.ndarray] | None = None)
     Raises DefinitionError if llvmlite is missing, or an operation of the program has no code.
     """
     known = known or {}
-    with in_one_line(lambda: "the program"):
+    with as_native_code_error(lambda: "the program"):
         version, compile = _compiler()
         identity = hashlib.sha256(digest(program).encode())
         for position, array in sorted(known.items()):
@@ -78,11 +230,11 @@ def wasm_module(program: Program, known: Mapping[int, np.ndarray] | None = None)
         key = "\n".join([version, TRIPLE, FEATURES, str(OPTIMISED), identity.hexdigest()])
         object = cache.load_code(key)
         if object is None:
-            object = compile(_text(with_known(program, known)))
+            object = compile(_text(substitute_inputs(program, known)))
             cache.store_code(key, object)
     module, indices = with_export(object, ENTRY), functions_of(object)
     functions = list(bodies(module))
-    instructions = {start + at for start, body in functions for at in madds(body)}
+    instructions = {start + at for start, body in functions for at in find_multiply_adds(body)}
     patterns = {at for at in range(functions[0][0], len(module)) if module[at : at + len(MADD)] == MADD}
     return Module(
         bytes=module,
@@ -125,7 +277,7 @@ def _text(ready: Program) -> str:
 
 def _function(name: str) -> tuple[list[str], set[str]]:
     """LLVM IR of an elementary function, and its declarations."""
-    program = function(name)
+    program = elementary_program(name)
     put_in_order(program)
     body = Body(program, 1)
     body.print_function("double")

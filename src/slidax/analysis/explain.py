@@ -1,0 +1,202 @@
+"""Explain why a run left its envelope: search for causes, and try their remedies in simulation."""
+
+from __future__ import annotations
+
+import math
+import time
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slidax.core.errors import DefinitionError, DefinitionWarning
+from slidax.runtime.logs.mcap_files import SavedLog, read_mcap
+from slidax.scenarios.load import altered, load, restore
+from slidax.scenarios.scenario import Scenario
+from slidax.simulation.parquet import read_columns
+from slidax.simulation.run import Run
+
+from .cause import AbstractCause, Finding, Remedy
+from .loop_causes import DelayCause, EncoderCause, EstimatorCause, InertiaCause, PeriodCause, SubstepsCause
+from .run_record import RunRecord, require_explainable
+from .torque_causes import ContactCause, PayloadCause, RobustTorqueCause, TorqueCause, TorqueRateCause
+
+CAUSES: tuple[AbstractCause, ...] = (
+    InertiaCause(),
+    DelayCause(),
+    EstimatorCause(),
+    EncoderCause(),
+    ContactCause(),
+    PayloadCause(),
+    TorqueCause(),
+    TorqueRateCause(),
+    RobustTorqueCause(),
+    SubstepsCause(),
+    PeriodCause(),
+)
+"""All that are looked for."""
+
+MOST_TRIED = 4
+"""Causes whose remedies are tried: each trial is a run."""
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """A cause, with its remedy.
+
+    - `finding`: what the log shows.
+    - `remedy`: the first that made the run hold, or else the first; None if there is none.
+    - `tried`: whether a run was made with it.
+    - `holds`: whether that run kept its envelope.
+    """
+
+    finding: Finding
+    remedy: Remedy | None
+    tried: bool = False
+    holds: bool = False
+
+    def sentence(self) -> str:
+        """Evidence and remedy in one line."""
+        if self.remedy is None:
+            return f"{self.finding.evidence}."
+        sets = f": `{self.remedy.sets}`" if self.remedy.changes else ""
+        outcome = "tried, the run holds" if self.holds else "tried, not enough by itself" if self.tried else "not tried"
+        return f"{self.finding.evidence}. Remedy: {self.remedy.words}{sets} ({outcome})."
+
+    def as_json(self) -> dict[str, Any]:
+        """For programs; joints are counted from 1."""
+        finding, remedy = self.finding, self.remedy
+        return {
+            "name": finding.name,
+            "joint": None if finding.joint is None else finding.joint + 1,
+            "weight": round(finding.weight, 3),
+            "evidence": finding.evidence,
+            "numbers": dict(finding.numbers),
+            "remedy": None if remedy is None else remedy.words,
+            "changes": {} if remedy is None else dict(remedy.changes),
+            "tried": self.tried,
+            "holds": self.holds,
+        }
+
+
+def explain(
+    scenario: Scenario, run: Run | RunRecord, *, tries: bool = True, seconds: float = math.inf
+) -> list[Explanation]:
+    """The causes that the log shows, most likely first; empty if it shows none.
+
+    They are weighed by what the log shows. The remedies of the likeliest are then tried in simulation, until the run
+    holds with one: that cause is the first of the answer.
+
+    - `scenario`: what was run.
+    - `run`: its run, with each sample in its log, or the record of one.
+    - `tries`: whether remedies are tried.
+    - `seconds`: after so many no further remedy is tried.
+
+    Raises DefinitionError if the log has not each sample, or the scheme is not in sampled-data form with an envelope.
+    """
+    until = time.monotonic() + seconds
+    record = run if isinstance(run, RunRecord) else RunRecord.of(scenario, run)
+    if record.kept:
+        return []
+    findings = [finding for finding in (cause.finding(record) for cause in CAUSES) if finding is not None]
+    findings.sort(key=lambda finding: -finding.weight)
+    answers: list[Explanation] = []
+    held = False
+    for finding in findings:
+        may = tries and not held and len(answers) < MOST_TRIED and not scenario.changed
+        answer = _tried(scenario, finding, until) if may else Explanation(finding, next(iter(finding.remedies), None))
+        held = held or answer.holds
+        answers.append(answer)
+    return sorted(answers, key=lambda answer: not answer.holds)
+
+
+def likeliest_cause(scenario: Scenario, *, seconds: float) -> str:
+    """The likeliest cause and its remedy in one line; empty if none is found, or the scheme cannot be diagnosed.
+
+    - `scenario`: what left its envelope; it is run again with each sample in the log.
+    - `seconds`: after so many no further remedy is tried.
+    """
+    try:
+        require_explainable(scenario)
+        answers = explain(scenario, scenario.simulate(log_every=1, progress=False), seconds=seconds)
+    except DefinitionError:
+        return ""
+    return answers[0].sentence() if answers else ""
+
+
+def _tried(scenario: Scenario, finding: Finding, until: float) -> Explanation:
+    tried = False
+    for remedy in finding.remedies:
+        if not remedy.changes or time.monotonic() > until:
+            continue
+        holds = _holds(scenario, remedy)
+        tried = tried or holds is not None
+        if holds:
+            return Explanation(finding, remedy, tried=True, holds=True)
+    return Explanation(finding, next(iter(finding.remedies), None), tried=tried)
+
+
+def _holds(scenario: Scenario, remedy: Remedy) -> bool | None:
+    """True if the run keeps its envelope with the remedy; None if it cannot be run."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return altered(scenario, dict(remedy.changes)).simulate(log_every=None, progress=False).outcome.ok
+    except DefinitionError:
+        return None
+
+
+SCENARIO, LOG = "scenario.yaml", "log.parquet"
+"""The files of a saved run."""
+
+
+def read_saved(saved: Path) -> tuple[Scenario, dict[str, np.ndarray], bool]:
+    """The scenario of a saved run, its log as flat columns, and whether each sample is in it.
+
+    - `saved`: a folder that `slidax run --out` has written, or an MCAP file.
+
+    Raises DefinitionError if a file is missing or is none of ours, or the package that reads it is not installed.
+    """
+    if saved.suffix == ".mcap":
+        log = read_mcap(saved)
+        if not log.whole:
+            warnings.warn(
+                f"`{saved}` has no end or is damaged: it is read as far as it is whole", DefinitionWarning, stacklevel=2
+            )
+        return restore(log.scenario, log.files, log.name), _columns(log), True
+    for name in (SCENARIO, LOG):
+        if not (saved / name).is_file():
+            raise DefinitionError(
+                f"`{saved}` has no `{name}`: give an MCAP file, or the folder of a run that `slidax run SCENARIO --out "
+                "FOLDER` has written"
+            )
+    columns = read_columns(saved / LOG)
+    scenario = load(saved / SCENARIO)
+    return scenario, columns, scenario.log_every == 1
+
+
+def _columns(log: SavedLog) -> dict[str, np.ndarray]:
+    """A row for each tick of the arm; where the law gave no answer, its last one stood."""
+    arm, law = log.arm, log.law
+    if not len(arm["true_k"]) or not len(law["k"]):
+        raise DefinitionError(f"`{log.path}` has no ticks of a simulated arm on `/truth`")
+    answer = np.maximum(np.searchsorted(law["k"], arm["true_k"], side="right") - 1, 0)
+    wide: dict[str, np.ndarray] = {
+        "q": arm["true_q"],
+        "dq": arm["true_dq"],
+        "e": arm["true_e"],
+        "tau": arm["set_tau"],
+        # Of the reference itself the law's last word may be old.
+        "q_d": arm["true_q"] - arm["true_e"],
+        **{name: law[name][answer] for name in ("dq_d", "ddq_d", "lower", "upper") if name in law},
+    }
+    wide |= {name: law[f"signal:{name}"][answer] for name in log.channels.signals}
+    table = {"k": arm["true_k"], "t": arm["true_t"]}
+    for name, values in wide.items():
+        if values.ndim == 1:
+            table[name] = values
+            continue
+        table |= {f"{name}_{joint + 1}": column for joint, column in enumerate(values.T)}
+    return table

@@ -1,0 +1,199 @@
+"""Warnings before a run: torque, inertia, estimator, robust torque and integration steps along the planned motion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cached_property
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from slidax.arms.arm import AbstractRobot
+from slidax.arms.articulated import Articulated
+from slidax.core.errors import DefinitionError
+from slidax.core.types import State
+from slidax.law.joint_loop import LinearLoop
+from slidax.law.sampled.controller import SampledData
+from slidax.scenarios.scenario import Scenario
+from slidax.simulation.plant import Plant
+
+from .loop_causes import FAST, NOISY, SLOW, step_ratio
+from .run_record import inertia_and_bias, joint_loops, require_explainable
+
+SAMPLES = 200
+"""Of the motion, at which is looked."""
+
+COMES = 0.02
+"""Of a run: a load that comes or goes is looked at so long after."""
+
+
+def forecast(scenario: Scenario) -> list[str]:
+    """Likely reasons for a run to leave its envelope, one sentence each; empty for a scheme that cannot be diagnosed.
+
+    Along the motion: the torque that it needs against the limits, the eigenvalues κ of `M⁻¹ M0` against those for which
+    the loop of a joint is stable, ω H of its estimator, u against what it must cover, and the integrator's steps
+    against the simulated friction.
+    """
+    try:
+        law = require_explainable(scenario)
+    except DefinitionError:
+        return []
+    ahead = _Ahead(scenario, law)
+    return [*ahead.torques(), *ahead.inertias(), *ahead.estimators(), *ahead.cover(), *ahead.steps()]
+
+
+class _Ahead:
+    """The motion as it is to be, with the true arm and as the law believes it to be."""
+
+    def __init__(self, scenario: Scenario, law: SampledData) -> None:
+        self.scenario, self.law = scenario, law
+        own = scenario.plant
+        self.plant: Plant = own if isinstance(own, Plant) else own.own
+        self.nominal: AbstractRobot = self.law.nominal
+        self.names = self.nominal.joint_names
+        until = min(scenario.t1, float(np.nan_to_num(scenario.trajectory.until, posinf=scenario.t1)))
+        self.t = np.linspace(0.0, max(until, scenario.period), SAMPLES)
+        reference = jax.jit(jax.vmap(lambda t: scenario.trajectory.reference(t)))(jnp.asarray(self.t))
+        self.q, self.dq, self.ddq = (np.asarray(values) for values in (reference.q, reference.dq, reference.ddq))
+
+    @cached_property
+    def believed(self) -> tuple[np.ndarray, np.ndarray]:
+        """M0 and the bias along the motion."""
+        return inertia_and_bias(self.nominal, self.q, self.dq)
+
+    @cached_property
+    def true(self) -> tuple[np.ndarray, np.ndarray]:
+        """M and the bias with friction along the motion, with what the arm carries at each time."""
+        mass, bias = inertia_and_bias(self.plant.robot, self.q, self.dq)
+        load = self.plant.load
+        if load is not None:
+            carried = (self.t >= float(load.attached)) & (self.t < float(load.released))
+            loaded = eqx.filter_jit(lambda load, robot: load.on(robot, load.attached + COMES))(load, self.plant.robot)
+            with_load = inertia_and_bias(loaded, self.q, self.dq)
+            mass = np.where(carried[:, None, None], with_load[0], mass)
+            bias = np.where(carried[:, None], with_load[1], bias)
+        friction = np.asarray(jax.jit(jax.vmap(lambda dq: self.plant.robot.friction(dq)))(jnp.asarray(self.dq)))
+        return mass, bias + friction
+
+    @cached_property
+    def pushed(self) -> np.ndarray:
+        """Torque from outside along the motion."""
+        moving = State(q=jnp.asarray(self.q), dq=jnp.asarray(self.dq))
+        return np.asarray(
+            jax.jit(jax.vmap(lambda t, state: self.plant.disturbance(t, state)))(jnp.asarray(self.t), moving)
+        )
+
+    def torques(self) -> Iterator[str]:
+        """The torque that the motion needs."""
+        mass, bias = self.true
+        needed = np.einsum("kij,kj->ki", mass, self.ddq) + bias - self.pushed
+        limit = np.broadcast_to(np.asarray(self.law.limits.torque), self.law.joints)
+        over = np.abs(needed) / limit
+        k, joint = np.unravel_index(int(np.argmax(over)), over.shape)
+        if over[k, joint] >= 1.0:
+            unit = self.nominal.torque_units[joint]
+            yield (
+                f"the motion needs {abs(needed[k, joint]):.3g} {unit} of `{self.names[joint]}` at t = "
+                f"{self.t[k]:.3g} s, and "
+                f"its limit is {limit[joint]:.4g} {unit}: go slower, carry less, or allow more torque"
+            )
+
+    def inertias(self) -> Iterator[str]:
+        """The κ of the stated mismatch, for a law that does not learn it."""
+        if not isinstance(self.nominal, Articulated) or self.law.adaptation is not None:
+            return
+        values, vectors = np.linalg.eig(np.linalg.solve(self.true[0], self.believed[0]))
+        kappas, modes = np.real(values), np.argmax(np.abs(vectors), axis=1)
+        worst = None
+        for joint, loop in enumerate(self._loops):
+            if loop is None:
+                continue
+            least, most = loop.stable_range()
+            of_joint = kappas[modes == joint]
+            if not of_joint.size or np.isnan(least):
+                continue
+            beyond = max(least / of_joint.min(), of_joint.max() / most)
+            if beyond > 1.0 and (worst is None or beyond > worst[0]):
+                worst = beyond, joint, of_joint.min(), of_joint.max(), least, most
+        if worst is not None:
+            _, joint, low, high, least, most = worst
+            yield (
+                f"κ, nominal over true inertia, is {low:.2g} to {high:.2g} at `{self.names[joint]}`, and its "
+                "loop bears "
+                f"{least:.2g} to {most:.2g}: tell the law the rotors' inertia (`robot.nominal.armature`)"
+            )
+
+    def estimators(self) -> Iterator[str]:
+        """ω H, and whether the loop is stable if all is as believed."""
+        loops = [(joint, loop) for joint, loop in enumerate(self._loops) if loop is not None]
+        if not loops or self.law.horizon is None:
+            return
+        joint, loop = max(loops, key=lambda pair: pair[1].radius())
+        # One, but for rounding, is a loop whose horizon has endlessly many periods.
+        if loop.radius() > 1.0 + 1e-9:
+            yield (
+                f"the loop of `{self.names[joint]}` is unstable with `{type(self.law.estimator).__name__}` "
+                "even if all is as "
+                f"the law believes (modulus {loop.radius():.3f} a period): take the Kalman filter"
+            )
+            return
+        if loop.measures_velocity:
+            return
+        paces = {joint: loop.bandwidth * float(self.law.horizon) for joint, loop in loops}
+        slowest = min(paces, key=paces.__getitem__)
+        if paces[slowest] < SLOW:
+            yield (
+                f"the estimator of `{self.names[slowest]}` follows at {paces[slowest]:.2g} times 1/H, too slow for the "
+                "horizon: raise `torque_density`, or take finer encoders or a longer `horizon`"
+            )
+        noises = {joint: self._noise(joint, loop) for joint, loop in loops if paces[joint] > FAST}
+        loudest = max(noises, key=noises.__getitem__, default=None)
+        if loudest is not None and noises[loudest] >= NOISY:
+            yield (
+                f"the estimator of `{self.names[loudest]}` follows at {paces[loudest]:.2g} times 1/H, so fast that "
+                f"noise alone asks for torque steps of {noises[loudest]:.2g} times the rate limit: lower "
+                "`torque_density`, or take finer encoders"
+            )
+
+    def _noise(self, joint: int, loop: LinearLoop) -> float:
+        """Three standard deviations of the torque's steps from the position's noise, over the rate limit."""
+        mass = jnp.asarray(self.believed[0].mean(axis=0))
+        if self.law.adaptation is not None:
+            mass = self.law.adaptation.mass_at_start(mass)
+        variance = np.broadcast_to(np.asarray(self.scenario.description.sensor.variance()), self.law.joints)[joint]
+        rate = np.broadcast_to(np.asarray(self.law.limits.rate), self.law.joints)[joint]
+        step = loop.noise(float(variance))[1] * float(mass[joint, joint])
+        return float(3.0 * step / (rate * float(self.law.period)))
+
+    def cover(self) -> Iterator[str]:
+        """Warn if the robust torque u does not cover the model's error."""
+        bound = getattr(self.law.step, "bound", None)
+        if bound is None:
+            return
+        difference = np.einsum("kij,kj->ki", self.true[0] - self.believed[0], self.ddq)
+        lacks = np.linalg.norm(difference + self.true[1] - self.believed[1] - self.pushed, axis=1)
+        feedforward = np.einsum("kij,kj->ki", self.believed[0], self.ddq) + self.believed[1]
+        moving = State(q=jnp.asarray(self.q), dq=jnp.asarray(self.dq))
+        u = np.asarray(jax.jit(jax.vmap(lambda state, tau: bound(state, tau)))(moving, jnp.asarray(feedforward)))
+        k = int(np.argmax(lacks / u))
+        if lacks[k] > u[k]:
+            yield (
+                f"u covers {u[k]:.3g} N m at t = {self.t[k]:.3g} s, and the model lacks {lacks[k]:.3g} N m "
+                "there: enlarge "
+                "`scheme.bound`, or tell the law more of the arm"
+            )
+
+    def steps(self) -> Iterator[str]:
+        """The integrator's steps."""
+        ratio_and_joint = step_ratio(self.scenario)
+        if ratio_and_joint is not None and ratio_and_joint[0] > 1.0:
+            yield (
+                f"a step of the integrator is {ratio_and_joint[0]:.2g} times too long for the simulated friction of "
+                f"`{self.names[ratio_and_joint[1]]}`: raise `simulation.substeps`"
+            )
+
+    @cached_property
+    def _loops(self) -> tuple[LinearLoop | None, ...]:
+        return joint_loops(self.scenario)

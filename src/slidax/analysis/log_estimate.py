@@ -1,0 +1,122 @@
+"""Each joint's inertia and the delay, estimated from a run's log near the loop's crossover frequency."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .run_record import RunRecord, band_pass, held_torque, resolvable_band
+
+BAND = (20.0, 200.0)
+"""Of a loop's crossover [rad/s]: below it an unknown weight looks like a negative inertia, above it there is noise."""
+
+DELAYS = np.arange(0.0, 8.01, 0.25)
+"""The delays that are tried [periods]."""
+
+CLEAR = 3.0
+"""Times the encoders' noise that an acceleration must be in the band, to tell anything of an inertia."""
+
+
+@dataclass(frozen=True)
+class LogEstimate:
+    """Inertia and delay estimated from a log; [n] per joint.
+
+    - `inertia`: diagonal of M as the log shows it, kg m² or kg; nan where the joint moves too little in the band.
+    - `nominal`: that of the law's arm, weighted alike.
+    - `spread`: standard error of `inertia`.
+    - `delay`: of a torque in what is measured [periods]; nan where no joint tells.
+    - `coherence`: the share of the torque in the band that the inertia explains.
+    - `delay_gain`: the share of the unexplained torque that this delay explains beyond the believed one.
+    """
+
+    inertia: np.ndarray
+    nominal: np.ndarray
+    spread: np.ndarray
+    coherence: np.ndarray
+    delay: float
+    delay_gain: float
+
+    @property
+    def kappa(self) -> np.ndarray:
+        """κ of each joint by itself, nominal over true inertia; nan where it is not seen."""
+        return np.where(self.inertia > 0, self.nominal / np.where(self.inertia > 0, self.inertia, 1.0), np.nan)
+
+
+def estimate_from_log(record: RunRecord) -> LogEstimate:
+    """Fits `τ̄ - C0 q̇ - G0 - Σ_{j≠i} M0_ij a_j = I_i a_i` in the band, joint by joint.
+
+    a is the second difference of the measured positions and τ̄ the torque's mean over the two periods that it spans,
+    shifted by the delay: with a held torque `q₊ - 2 q + q₋ = h² (a + a₋)/2` exactly. Both go through the same filters.
+    The encoders' noise in a is taken off the sum of squares, which it makes too large.
+    """
+    h = record.period
+    q, tau, count = record.q, record.tau, len(record.t)
+    mass, bias = (values[1:-1] for values in record.mass_and_bias)
+    a = np.diff(q, 2, axis=0) / (h * h)
+    filtered = band_pass(a, BAND, h)
+    noise = _noise(record, len(a))
+    coupled = band_pass(np.einsum("kij,kj->ki", mass, a) + bias, BAND, h)
+    own = np.einsum("kii->ki", mass)
+    square = np.sum(filtered * filtered, axis=0)
+    clean = square - len(a) * noise**2
+    told = clean > (CLEAR**2 - 1.0) * len(a) * noise**2
+    safe = np.where(told, clean, 1.0)
+    nominal = np.where(told, np.sum(own * filtered**2, axis=0) / np.where(square > 0, square, 1.0), own.mean(axis=0))
+
+    extra, unexplained = [], []
+    times = np.arange(1, count - 1)
+    for delay in DELAYS:
+        mean = 0.5 * (held_torque(tau, times - delay) + held_torque(tau, times - 1.0 - delay))
+        rest = band_pass(mean, BAND, h) - coupled
+        # The encoders' noise adds to both sums, and is subtracted from both.
+        more = (np.sum(rest * filtered, axis=0) + nominal * len(a) * noise**2) / safe
+        left = rest - more * filtered
+        extra.append(more)
+        unexplained.append(np.sum(left * left, axis=0) / np.sum((rest + nominal * filtered) ** 2 + 1e-300, axis=0))
+    left = np.array(unexplained)[:, told]
+    believed = int(np.argmin(np.abs(DELAYS - float(record.law.delay))))
+    best, gain = believed, 0.0
+    if left.size:
+        # Each joint says as much as its unexplained part is small at the best delay.
+        best = int(np.argmin(np.mean(left, axis=1)))
+        gain = float(1.0 - np.mean(left[best]) / max(np.mean(left[believed]), 1e-300))
+    chosen = extra[best]
+    share = unexplained[best]
+    effective = max(len(a) * h * (resolvable_band(BAND, h)[1] - BAND[0]) / np.pi, 2.0)
+    spread = np.sqrt(share / effective) * np.abs(nominal + chosen)
+    inertia = np.where(told, nominal + chosen, np.nan)
+    return LogEstimate(inertia, nominal, spread, 1.0 - share, float(DELAYS[best]) if left.size else float("nan"), gain)
+
+
+def _noise(record: RunRecord, count: int) -> np.ndarray:
+    """Standard deviation of a's noise in the band [n], from the smallest steps that the encoders make."""
+    chance = np.random.default_rng(0).standard_normal(count + 2)
+    factor = float(np.std(band_pass(np.diff(chance, 2), BAND, record.period)))
+    # At small speeds rounding is no white noise: half of a step, and not its standard deviation, is on the safe side.
+    return factor / record.period**2 * encoder_resolution(record.q) / 2.0
+
+
+def encoder_resolution(q: np.ndarray) -> np.ndarray:
+    """The encoders' resolution as their readings show it [n], rad or m; 0 where they are not rounded.
+
+    - `q`: measured positions [N n].
+    """
+    steps_of_joint = []
+    for column in q.T:
+        steps = np.abs(np.diff(column))
+        steps = steps[steps > 1e-12]
+        least = float(np.min(steps)) if steps.size else 0.0
+        ratio = steps / least if least else steps
+        steps_of_joint.append(least if least and np.mean(np.abs(ratio - np.round(ratio)) < 1e-3) > 0.99 else 0.0)
+    return np.array(steps_of_joint)
+
+
+def believed_inertia(record: RunRecord, estimate: LogEstimate) -> np.ndarray:
+    """Each joint's inertia as the law believed it just before the run left its envelope [n], kg m² or kg."""
+    own = estimate.nominal
+    if record.law.adaptation is None:
+        return own
+    learnt = record.signals["rotor"][record.before].mean(axis=0) - np.asarray(record.law.adaptation.counted)
+    # A law never believes in a negative inertia: it scales the links instead.
+    return np.maximum(own + learnt, 0.01 * own)

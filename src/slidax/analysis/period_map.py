@@ -1,0 +1,314 @@
+"""One period of a closed loop as a differentiable function of its states and of signals injected from outside."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Float, Int
+
+from slidax.codegen.ir import NoNativeCodeError
+from slidax.codegen.llvm.kernel import compile
+from slidax.codegen.trace.tracing import trace
+from slidax.core.parameter import parameter, piece
+from slidax.core.types import Command, Envelope, Memory, Reference, Scalar, State, Vector
+from slidax.law.adaptation import KnownJoints
+from slidax.law.controllers import AbstractController
+from slidax.law.sampled.controller import SampledData
+from slidax.motions.trajectory import AbstractMotion
+from slidax.plant.disturbances import AbstractDisturbance
+from slidax.plant.sensors import AbstractSensor, Measurement
+from slidax.simulation.loop import Carry, ClosedLoop, sample
+
+OF_THE_LAW = "command of the law"
+"""The signal in which the torque of the law stands, before what is added to it."""
+
+
+class InjectedSignals(eqx.Module):
+    """Signals injected in one period, each [n].
+
+    - `disturbance`: torque on the joints, held over the period, N m or N.
+    - `torque`: added to the law's command, before the drives, N m or N.
+    - `reference`, `reference_velocity`, `reference_acceleration`: added to what the joints should do.
+    - `position`, `velocity`: added to the state that is measured.
+    """
+
+    disturbance: Vector
+    torque: Vector
+    reference: Vector
+    reference_velocity: Vector
+    reference_acceleration: Vector
+    position: Vector
+    velocity: Vector
+
+
+class AddedDisturbance(AbstractDisturbance):
+    """A disturbance with a constant torque beside it."""
+
+    disturbance: AbstractDisturbance = piece("what there is")
+    torque: Vector = piece("what is added")
+
+    def __call__(self, t: Scalar, state: State) -> Vector:
+        return self.disturbance(t, state) + self.torque
+
+    def breakpoints(self) -> tuple[float, ...]:
+        return self.disturbance.breakpoints()
+
+
+class AddedTorque(AbstractController):
+    """A law to whose command a torque is added, of which it does not know."""
+
+    law: AbstractController = piece("the law")
+    torque: Vector = piece("what is added")
+
+    @property
+    def joints(self) -> int:
+        return self.law.joints
+
+    def init(self, t: Scalar, state: State, reference: Reference) -> Memory:
+        return self.law.init(t, state, reference)
+
+    def __call__(
+        self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: Memory
+    ) -> Command:
+        command = self.law(t, state, reference_now, reference_next, memory)
+        return Command(
+            command.tau + self.torque, command.memory, {**command.signals, OF_THE_LAW: command.tau}, command.rate
+        )
+
+    def envelope(self, t: Scalar, memory: Memory) -> Envelope | None:
+        return self.law.envelope(t, memory)
+
+
+class ShiftedSensor(AbstractSensor):
+    """A sensor before which something is added to the state; no sample is lost."""
+
+    sensor: AbstractSensor = piece("what measures")
+    position: Vector = piece("what is added to the positions")
+    velocity: Vector = piece("what is added to the velocities")
+
+    def init(self, state: State) -> Memory:
+        return self.sensor.init(state)
+
+    def __call__(self, k: Array, state: State, period: Scalar, memory: Memory) -> tuple[Measurement, Memory]:
+        return self.sensor(k, State(q=state.q + self.position, dq=state.dq + self.velocity), period, memory)
+
+
+class OffsetMotion(AbstractMotion):
+    """A motion with something added to its position, velocity and acceleration, each by itself."""
+
+    motion: AbstractMotion = piece("the motion")
+    q: Vector = piece("what is added to the position")
+    dq: Vector = piece("what is added to the velocity")
+    ddq: Vector = piece("what is added to the acceleration")
+
+    def position(self, t: Scalar) -> Vector:
+        return self.motion.position(t) + self.q
+
+    def reference(self, t: Scalar) -> Reference:
+        reference = self.motion.reference(t)
+        return Reference(q=reference.q + self.q, dq=reference.dq + self.dq, ddq=reference.ddq + self.ddq)
+
+
+def inject(loop: ClosedLoop, signals: InjectedSignals) -> ClosedLoop:
+    """The loop into which signals enter; its memories are those of the loop.
+
+    - `loop`: the loop; with a sensor, if it is in held mode.
+    - `signals`: what enters.
+    """
+    plant = eqx.tree_at(
+        lambda p: p.disturbance, loop.plant, AddedDisturbance(loop.plant.disturbance, signals.disturbance)
+    )
+    if plant.sensor is not None:
+        plant = eqx.tree_at(lambda p: p.sensor, plant, ShiftedSensor(plant.sensor, signals.position, signals.velocity))
+    motion = OffsetMotion(
+        loop.trajectory, signals.reference, signals.reference_velocity, signals.reference_acceleration
+    )
+    law = AddedTorque(loop.controller, signals.torque)
+    return eqx.tree_at(lambda x: (x.plant, x.trajectory, x.controller), loop, (plant, motion, law))
+
+
+def freeze_adaptation(controller: AbstractController, memory: Memory) -> tuple[AbstractController, Memory]:
+    """The law, which uses what it has learnt and learns no more, and its memory without what learning keeps.
+
+    - `controller`: the law.
+    - `memory`: what it keeps.
+    """
+    if not isinstance(controller, SampledData) or controller.adaptation is None:
+        return controller, memory
+    adaptation = controller.adaptation
+    learnt = adaptation.learnt(memory.adapted.memory)
+    known = KnownJoints(
+        rotor=learnt.rotor, coulomb=learnt.coulomb, counted=adaptation.counted, smoothing=adaptation.smoothing
+    )
+    law: AbstractController = eqx.tree_at(lambda law: law.adaptation, controller, known)
+    nothing = jnp.zeros_like(learnt.rotor)
+    return law, eqx.tree_at(lambda kept: kept.adapted.memory, memory, nothing)
+
+
+class DelayLineMemory(eqx.Module):
+    """The memory of `Late`.
+
+    - `q`, `dq`: the last states, the newest first [m n].
+    - `inner`: the memory of the sensor that is late.
+    """
+
+    q: Float[Array, "m n"]
+    dq: Float[Array, "m n"]
+    inner: Memory
+
+
+class DelayLine(AbstractSensor):
+    """`slidax.plant.Delayed` without jitter, as a shift register.
+
+    That one keeps the states in a ring, whose places mean something else in
+    each period, so that no one matrix is its period; here the newest stands first.
+    """
+
+    sensor: AbstractSensor = piece("what measures")
+    periods: float = parameter("the delay, whole or not", "sampling periods", "[0, 100]", static=True)
+
+    def init(self, state: State) -> DelayLineMemory:
+        shape = (math.ceil(self.periods) + 1, *state.q.shape)
+        return DelayLineMemory(
+            jnp.broadcast_to(state.q, shape), jnp.broadcast_to(state.dq, shape), self.sensor.init(state)
+        )
+
+    def __call__(
+        self, k: Int[Array, ""], state: State, period: Scalar, memory: DelayLineMemory
+    ) -> tuple[Measurement, DelayLineMemory]:
+        q, dq = (jnp.concatenate([new[None], old[:-1]]) for new, old in ((state.q, memory.q), (state.dq, memory.dq)))
+        whole, back = math.floor(self.periods), self.periods % 1.0
+        past = State(q=q[whole], dq=dq[whole])
+        if back:
+            q1, v1, v0 = q[whole], dq[whole], dq[whole + 1]
+            mean = (q1 - q[whole + 1]) / period
+            square, cube = 2.0 * v1 + v0 - 3.0 * mean, 2.0 * mean - v1 - v0
+            past = State(
+                q=q1 + period * back * (back * (square + back * cube) - v1),
+                dq=v1 - back * (2.0 * square + 3.0 * back * cube),
+            )
+        past = jax.tree.map(jnp.asarray, past)
+        measurement, inner = self.sensor(k, past, period, memory.inner)
+        return measurement, DelayLineMemory(q=q, dq=dq, inner=inner)
+
+
+INPUTS = tuple(InjectedSignals.__annotations__)
+OUTPUTS = ("error", "torque", "position", "velocity")
+"""Outputs of the map at the sample: e, the law's command, and the true state that a sensor receives."""
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodMap:
+    """`x⁺, y = f(x, u)` at one sample; x are all numbers that the loop keeps.
+
+    - `x`: what it keeps there [m].
+    - `inputs`: how many numbers u has, n of each of `INPUTS`.
+    - `outputs`: how many y has, n of each of `OUTPUTS`.
+    - `evaluate`: from x and u, and a direction of both, to x⁺ and y, and their slope in it [m + outputs].
+    """
+
+    x: np.ndarray
+    inputs: int
+    outputs: int
+    evaluate: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+    def derivative(self) -> np.ndarray:
+        """All slopes at x and no input, [m + outputs, m + inputs]."""
+        here = np.concatenate([self.x, np.zeros(self.inputs)])
+        return np.stack([self.evaluate(here, direction)[1] for direction in np.eye(here.size)], axis=1)
+
+    def differences(self, steps: np.ndarray) -> np.ndarray:
+        """The same by central differences of the simulated sample itself.
+
+        - `steps`: how far to go along each number [m + inputs].
+        """
+        here = np.concatenate([self.x, np.zeros(self.inputs)])
+        nothing = np.zeros_like(here)
+        columns = []
+        for k, step in enumerate(steps):
+            ends = []
+            for side in (step, -step):
+                there = here.copy()
+                there[k] += side
+                ends.append(self.evaluate(there, nothing)[0])
+            columns.append((ends[0] - ends[1]) / (2.0 * step))
+        return np.stack(columns, axis=1)
+
+
+def period_map(loop: ClosedLoop, carry: Carry) -> PeriodMap:
+    """One period of a loop.
+
+    - `carry`: what it has before the sample.
+    """
+    controller, memory = freeze_adaptation(loop.controller, carry.memory)
+    loop = eqx.tree_at(lambda x: x.controller, loop, controller)
+    carry = eqx.tree_at(lambda c: c.memory, carry, memory)
+    # Only what acts on what comes after: no statistics.
+    moving = (carry.state, carry.memory, carry.sensor, carry.actuator, carry.torque)
+    floats, others = eqx.partition(moving, eqx.is_inexact_array)
+    x, unravel = ravel_pytree(floats)
+    n = carry.state.q.size
+    inputs = len(INPUTS) * n
+
+    arrays, rest = eqx.partition((loop, others, carry), eqx.is_array)
+
+    def after(arrays: Any, xu: jax.Array) -> jax.Array:
+        loop, others, carry = eqx.combine(arrays, rest)
+        state, memory, sensor, actuator, torque = eqx.combine(unravel(xu[: x.size]), others)
+        signals = InjectedSignals(*(xu[x.size :].reshape(len(INPUTS), n)))
+        before = eqx.tree_at(
+            lambda c: (c.state, c.memory, c.sensor, c.actuator, c.torque),
+            carry,
+            (state, memory, sensor, actuator, torque),
+            is_leaf=lambda leaf: leaf is None,
+        )
+        loop = inject(loop, signals)
+        then, log = sample(loop, before)
+        kept = (then.state, then.memory, then.sensor, then.actuator, then.torque)
+        moved = ravel_pytree(eqx.filter(kept, eqx.is_inexact_array))[0]
+        y = [log.e, log.signals[OF_THE_LAW], state.q, state.dq]
+        return jnp.concatenate([moved, *y])
+
+    def with_slope(arrays: Any, xu: jax.Array, direction: jax.Array) -> tuple[jax.Array, jax.Array]:
+        value, slope = jax.jvp(lambda xu: after(arrays, xu), (xu,), (direction,))
+        return value, slope
+
+    return PeriodMap(
+        x=np.asarray(x),
+        inputs=inputs,
+        outputs=len(OUTPUTS) * n,
+        evaluate=_compiled(with_slope, arrays, x.size + inputs),
+    )
+
+
+def _compiled(
+    function: Any, arrays: Any, size: int
+) -> Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
+    """By machine code of our own, which is made in seconds; where that cannot be, by XLA."""
+    known = [np.asarray(leaf) for leaf in jax.tree.leaves(arrays)]
+    shapes = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, leaf.dtype), arrays)
+    numbers = jax.ShapeDtypeStruct((size,), float)
+    try:
+        kernel = compile(trace(function, shapes, numbers, numbers, named=False))
+    except (NoNativeCodeError, ImportError):
+        jitted = jax.jit(function)
+
+        def by_xla(xu: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            value, slope = jitted(arrays, jnp.asarray(xu), jnp.asarray(direction))
+            return np.asarray(value), np.asarray(slope)
+
+        return by_xla
+
+    def natively(xu: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        value, slope = kernel([*known, xu, direction])
+        return value, slope
+
+    return natively

@@ -1,0 +1,390 @@
+"""Causes in the torques: drive limits, robust torque, payload, contact."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from slidax.arms.arm import Payload as Carried
+from slidax.arms.articulated import Articulated
+from slidax.core.errors import as_array
+
+from .cause import AbstractCause, Finding, Remedy, data_sheet_limit, slower_motion
+from .run_record import SLOW, RunRecord, inertia_and_bias, low_pass
+
+REACHED = 0.999
+"""Of a limit: a torque that is so large is at it."""
+
+TORQUE_SPARE = 1.15
+"""Beyond what the motion needs, for what the law adds to it."""
+
+
+class TorqueCause(AbstractCause):
+    """A joint's torque is at its limit when the run leaves its envelope."""
+
+    name: ClassVar[str] = "torque"
+
+    def finding(self, record: RunRecord) -> Finding | None:
+        share = np.mean(np.abs(record.tau[record.before]) >= REACHED * record.torque_limits, axis=0)
+        joint = int(np.argmax(share))
+        if share[joint] < 0.1:
+            return None
+        needed, limit, unit = needed_torque(record), record.torque_limits, record.torque_unit(joint)
+        evidence = (
+            f"{record.named(joint)}: its torque is at its limit of {limit[joint]:.4g} {unit} in "
+            f"{share[joint]:.0%} of the "
+            f"samples before; the motion needs up to {needed[joint]:.3g} {unit}"
+        )
+        weak = needed > limit
+        return Finding(
+            name=self.name,
+            joint=joint,
+            weight=(0.5 if weak[joint] else 0.3) + 0.35 * float(share[joint]),
+            evidence=evidence,
+            numbers={"share": float(share[joint]), "limit": float(limit[joint]), "needed": float(needed[joint])},
+            remedies=_torque_remedies(record, needed),
+        )
+
+
+def needed_torque(record: RunRecord) -> np.ndarray:
+    """The largest torque of the motion [n], N m or N: the nominal arm's, with what the log shows it to lack."""
+    mass, bias = inertia_and_bias(record.nominal, record.q_d, record.dq_d)
+    wanted = np.einsum("kij,kj->ki", mass, record.ddq_d) + bias
+    lacks = np.median(record.unexplained[record.before], axis=0)
+    return np.max(np.abs(wanted + lacks), axis=0)
+
+
+def _torque_remedies(record: RunRecord, needed: np.ndarray) -> list[Remedy]:
+    limits, sheet = record.torque_limits, data_sheet_limit(record, "torque")
+    remedies = []
+    if np.any(sheet > limits):
+        words = "allow the torque that the arm's data sheet has"
+        remedies.append(Remedy(words, {"actuator.torque": sheet.tolist()}))
+    remedies += slower_motion(record)
+    for factor in (TORQUE_SPARE, 1.5, 2.0):
+        enough = [float(f"{value:.3g}") for value in np.maximum(limits, factor * needed)]
+        remedies.append(Remedy("take drives that give what the motion needs", {"actuator.torque": enough}))
+    return remedies
+
+
+class TorqueRateCause(AbstractCause):
+    """A joint's torque changes at its limit when the run leaves its envelope."""
+
+    name: ClassVar[str] = "torque_rate"
+
+    def finding(self, record: RunRecord) -> Finding | None:
+        limits = record.rate_limits
+        steps = np.abs(np.diff(record.tau[record.before], axis=0))
+        share = np.mean(steps >= REACHED * limits * record.period, axis=0) if len(steps) else np.zeros(record.joints)
+        joint = int(np.argmax(share))
+        if share[joint] < 0.3:
+            return None
+        unit = f"{record.torque_unit(joint)}/s"
+        evidence = (
+            f"{record.named(joint)}: its torque changes at its limit of {limits[joint]:.4g} {unit} in "
+            f"{share[joint]:.0%} of the samples before"
+        )
+        return Finding(
+            name=self.name,
+            joint=joint,
+            weight=0.4 + 0.45 * float(share[joint]),
+            evidence=evidence,
+            numbers={"share": float(share[joint]), "limit": float(limits[joint])},
+            remedies=_rate_remedies(record),
+        )
+
+
+def _rate_remedies(record: RunRecord) -> list[Remedy]:
+    limits, sheet = record.rate_limits, data_sheet_limit(record, "torque_rate")
+    remedies = []
+    if np.any(sheet > limits):
+        words = "allow the rate that the arm's data sheet has"
+        remedies.append(Remedy(words, {"actuator.rate": np.maximum(sheet, limits).tolist()}))
+    remedies += slower_motion(record)
+    for factor in (3.0, 10.0, 30.0):
+        words = f"take drives that are {factor:g} times as fast"
+        remedies.append(Remedy(words, {"actuator.rate": (factor * limits).tolist()}))
+    return remedies
+
+
+COVER_SPARE = 1.5
+"""Beyond the largest torque that the model was seen to lack."""
+
+
+class RobustTorqueCause(AbstractCause):
+    """The law makes up for `‖M0 w‖ <= u`, and w is at that limit when the run leaves its envelope."""
+
+    name: ClassVar[str] = "robust_torque"
+
+    def finding(self, record: RunRecord) -> Finding | None:
+        if "u" not in record.signals or record.signals["u"].ndim != 1:
+            return None
+        u = record.signals["u"][record.before]
+        share = float(np.mean(np.linalg.norm(record.lumped[record.before], axis=1) >= 0.99 * u))
+        if share < 0.3:
+            return None
+        lacks = float(np.percentile(np.linalg.norm(record.unexplained[: record.left + 1], axis=1), 99))
+        covers = float(np.median(u))
+        evidence = (
+            f"the estimate is held back by u in {share:.0%} of the samples before: the model lacks up to "
+            f"{lacks:.3g} N m, "
+            f"and u covers {covers:.3g} N m"
+        )
+        return Finding(
+            name=self.name,
+            joint=None,
+            weight=0.4 + 0.4 * share * min(1.0, lacks / max(covers, 1e-9)),
+            evidence=evidence,
+            numbers={"share": share, "u": covers, "needed": lacks},
+            remedies=_cover_remedies(record, covers, lacks),
+        )
+
+
+def _cover_remedies(record: RunRecord, covers: float, lacks: float) -> list[Remedy]:
+    bound: Any = getattr(record.scenario.description.scheme, "bound", None)
+    # A value that the file leaves out was computed for the arm, and is in the law.
+    bound_of_law: Any = getattr(record.law.step, "bound", None)
+    remedies = []
+    for factor in (1.0, 2.0, 4.0):
+        more = factor * max(COVER_SPARE * lacks - covers, 0.5 * covers)
+        for name in ("margin", "size"):
+            if hasattr(bound, name):
+                now = getattr(bound, name)
+                value = float(f"{float(getattr(bound_of_law, name) if now is None else now) + more:.3g}")
+                remedies.append(Remedy("let u cover it", {f"scheme.bound.{name}": value}))
+    return remedies
+
+
+ARMS = (0.0, 0.2)
+"""Two places of a kilogram along the tip's axis [m]: its unknown place is between or near them."""
+
+SURE = 4.0
+"""Standard errors that a mass must be, to be believed."""
+
+AROUND = (0.2, 2.0)
+"""Time after leaving the envelope that still shows a payload carried all along, and one picked up [s]."""
+
+LEAST = 0.2
+"""The least mass that is named [kg]."""
+
+
+@dataclass(frozen=True)
+class PayloadEstimate:
+    """Payload beyond the one in the law's model.
+
+    - `mass`: [kg], with its standard error `spread`.
+    - `explained`: the share of what the model lacks that it explains beyond friction and the arm's own mass.
+    - `most`: the largest mass with which the drives can follow the motion [kg].
+    """
+
+    mass: float
+    spread: float
+    explained: float
+    most: float
+
+
+class PayloadCause(AbstractCause):
+    """The torque missing from the model is that of a payload, and exceeds the torque limits."""
+
+    name: ClassVar[str] = "payload"
+
+    def finding(self, record: RunRecord) -> Finding | None:
+        if not isinstance(record.nominal, Articulated) or not np.any(np.isfinite(record.torque_limits)):
+            return None
+        estimate = estimate_payload(record, record.nominal)
+        if estimate.mass < max(SURE * estimate.spread, LEAST) or estimate.explained < 0.3:
+            return None
+        # From where it left on: before, u or the rate may have held the torque back.
+        share = np.mean(np.abs(record.tau[record.before.start :]) >= REACHED * record.torque_limits, axis=0)
+        joint = int(np.argmax(share))
+        unit = record.torque_unit(joint)
+        evidence = (
+            f"the tip carries about {estimate.mass:.2g} kg more than the law knows (± {2.0 * estimate.spread:.1g} "
+            "kg); by its "
+            f"torque limits alone the arm could follow the motion with {max(estimate.most, 0.0):.2g} kg, and "
+            f"{record.named(joint)} is at its limit of {record.torque_limits[joint]:.4g} {unit} in "
+            f"{share[joint]:.0%} of the "
+            "samples from there on"
+        )
+        return Finding(
+            name=self.name,
+            joint=joint,
+            weight=self._weight(record, estimate),
+            evidence=evidence,
+            numbers={
+                "mass": estimate.mass,
+                "spread": estimate.spread,
+                "most": estimate.most,
+                "share": float(share[joint]),
+            },
+            remedies=_payload_remedies(record, estimate),
+        )
+
+    def _weight(self, record: RunRecord, estimate: PayloadEstimate) -> float:
+        """Beyond the limits it is the reason, unless those were lowered; else something that u can cover."""
+        if estimate.most >= estimate.mass:
+            return 0.62
+        return 0.93 if np.all(record.torque_limits >= data_sheet_limit(record, "torque")) else 0.7
+
+
+def estimate_payload(record: RunRecord, nominal: Articulated) -> PayloadEstimate:
+    """Least-squares payload mass for the torque missing from the model, next to friction and a scale of the arm's mass.
+
+    Over the samples until it left, or over those from then on, if a mass explains more of them: it may have been taken
+    up then.
+
+    - `nominal`: the arm as the law knows it.
+    """
+    short, long = (round(seconds / record.period) for seconds in AROUND)
+    until = slice(0, min(len(record.t), max(record.left + short, long // 2)))
+    after = slice(max(record.left - short // 4, 0), min(len(record.t), record.left + long))
+    fits = [_weighed(record, nominal, part) for part in (until, after) if part.stop - part.start > short]
+    return max(fits, key=lambda fit: fit.explained)
+
+
+def _weighed(record: RunRecord, nominal: Articulated, part: slice) -> PayloadEstimate:
+    h = record.period
+    q = low_pass(record.q, SLOW, h)[part]
+    dq = np.gradient(q, h, axis=0)
+    ddq = np.gradient(dq, h, axis=0)
+    torques = [_torque(_carrying(nominal, arm), q, dq, ddq) - _torque(nominal, q, dq, ddq) for arm in ARMS]
+    own = _torque(nominal, q, dq, ddq)
+    n, scale = record.joints, np.where(np.isfinite(record.torque_limits), record.torque_limits, 1.0)
+    friction = [np.where(np.arange(n) == joint, shape, 0.0) for shape in (np.tanh(dq / 0.02), dq) for joint in range(n)]
+    lacks = (record.unexplained[part] / scale).ravel()
+    columns = np.stack([(column / scale).ravel() for column in (*torques, own, *friction)], axis=1)
+    solved = np.linalg.lstsq(columns, lacks, rcond=1e-8)[0]
+    without = np.linalg.lstsq(columns[:, 2:], lacks, rcond=1e-8)[0]
+    rest = float(np.sum((lacks - columns @ solved) ** 2))
+    more = float(np.sum((lacks - columns[:, 2:] @ without) ** 2))
+    mass = float(solved[0] + solved[1])
+    # The residual is slow: samples count as independent only at the spacing of the filter's memory.
+    fresh = max(len(q) * h * SLOW / np.pi * n, len(solved) + 1.0)
+    covariance = np.linalg.pinv(columns.T @ columns) * rest / fresh
+    spread = float(np.sqrt(max(np.sum(covariance[:2, :2]), 0.0)))
+    # Where it is, as far as that is seen; the drives follow the motion with it, or with less.
+    place = float(np.clip(solved[1] / mass if mass > LEAST else 0.5, 0.0, 1.0))
+    wanted = inertia_and_bias(nominal, record.q_d, record.dq_d)
+    needed = (1.0 + solved[2]) * (np.einsum("kij,kj->ki", wanted[0], record.ddq_d) + wanted[1])
+    each = [_torque(_carrying(nominal, arm), record.q_d, record.dq_d, record.ddq_d) for arm in ARMS]
+    per_kg = (1.0 - place) * each[0] + place * each[1] - _torque(nominal, record.q_d, record.dq_d, record.ddq_d)
+    spare = record.torque_limits - np.abs(solved[3 : 3 + n])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        bounds = (spare - np.sign(per_kg) * needed) / np.abs(per_kg)
+    most = float(np.nanmin(np.where(np.abs(per_kg) > 1e-9, bounds, np.inf)))
+    return PayloadEstimate(mass, spread, 1.0 - rest / more if more > 0 else 0.0, most)
+
+
+def _carrying(nominal: Articulated, arm: float) -> Articulated:
+    """The arm with a kilogram more on the tip's axis."""
+    more = Carried(mass=as_array(1.0), center=as_array([0.0, 0.0, arm]))
+    return eqx.tree_at(lambda robot: robot.payload, nominal, nominal.payload.joined(more))
+
+
+def _torque(robot: Articulated, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
+    mass, bias = inertia_and_bias(robot, q, dq)
+    return np.einsum("kij,kj->ki", mass, ddq) + bias
+
+
+def _payload_remedies(record: RunRecord, estimate: PayloadEstimate) -> list[Remedy]:
+    plant: Any = getattr(record.scenario.description.robot, "plant", None)
+    path = "robot.plant.load.mass"
+    loaded = getattr(plant, "load", None) is not None
+    remedies = []
+    for part in (0.8, 0.65, 0.5, 0.35):
+        least = float(f"{part * min(estimate.mass, max(estimate.most, 0.0) / 0.8):.2g}")
+        remedies.append(Remedy(f"carry at most {least:g} kg", {path: least} if loaded else {}))
+    return remedies
+
+
+SUDDEN = 0.1
+"""Within which time a contact shows [s]."""
+
+FITS = 0.85
+"""The share of a sudden torque that one force at the tip must explain."""
+
+HANGS, GRAVITY = 0.9, 9.81
+"""The cosine between a force and gravity's direction from which on it is a weight."""
+
+CARRIED = 0.9
+"""The cosine between a force and the tip's deceleration from which on it may be the inertia of what the arm carries."""
+
+RARE = 4.0
+"""Times the usual change in that time that it must be."""
+
+
+class ContactCause(AbstractCause):
+    """The torque missing from the model changes suddenly, like that of a force at the tip, `Jᵀ F`."""
+
+    name: ClassVar[str] = "contact"
+
+    def finding(self, record: RunRecord) -> Finding | None:
+        robot = record.nominal
+        span = max(round(SUDDEN / record.period), 1)
+        if not isinstance(robot, Articulated) or record.joints < 5 or record.left < 4 * span:
+            return None
+        lacks = record.unexplained
+        change = lacks[span:] - lacks[:-span]
+        size = np.linalg.norm(change, axis=1)
+        near = slice(max(0, record.left - 4 * span), min(len(size), record.left + span))
+        at = near.start + int(np.argmax(size[near]))
+        usual = float(np.median(size[: max(near.start, span)]))
+        middle = at + span // 2
+        q = jnp.asarray(record.q[middle])
+        jacobian = np.asarray(jax.jacfwd(robot.tip)(q))
+        force, *_ = np.linalg.lstsq(jacobian.T, -change[at], rcond=None)
+        left = np.linalg.norm(change[at] + jacobian.T @ force) ** 2
+        explained = 1.0 - float(left / max(size[at] ** 2, 1e-300))
+        if explained < FITS or size[at] < RARE * usual:
+            return None
+        newtons = float(np.linalg.norm(force))
+        before, after = _accelerations(record, robot, [at, at + span])
+        slower = before - after
+        deceleration = float(np.linalg.norm(slower))
+        # A load resists the tip's acceleration as well, but none is heavier than the arm itself.
+        if force @ slower > CARRIED * newtons * deceleration and newtons < float(np.sum(robot.masses)) * deceleration:
+            return None
+        x, y, z = force / max(newtons, 1e-300)
+        place = ", ".join(f"{coordinate:.3f}" for coordinate in np.asarray(robot.tip(q)))
+        evidence = (
+            f"at t = {record.t[middle]:.3g} s the torque changed within {SUDDEN:g} s as a force of "
+            f"{newtons:.2g} N on the "
+            f"tip does, along ({x:.2f}, {y:.2f}, {z:.2f}), which explains {explained:.0%} of it: the tip at "
+            f"({place}) m met "
+            "something"
+        )
+        return Finding(
+            name=self.name,
+            joint=None,
+            # A force along gravity is more likely a payload that the arm picked up.
+            weight=0.5 if force @ np.asarray(robot.gravity_vector) > HANGS * newtons * GRAVITY else 0.9,
+            evidence=evidence,
+            numbers={"t": float(record.t[middle]), "force": newtons, "explained": explained},
+            remedies=_contact_remedies(record),
+        )
+
+
+def _accelerations(record: RunRecord, robot: Articulated, samples: list[int]) -> np.ndarray:
+    """Of the tip at some samples, below the loop's band [N 3], m/s²."""
+    q = low_pass(record.q, SLOW, record.period)
+    dq = np.gradient(q, record.period, axis=0)
+    ddq = np.gradient(dq, record.period, axis=0)
+
+    def acceleration(q: jax.Array, dq: jax.Array, ddq: jax.Array) -> jax.Array:
+        def velocity(q: jax.Array, dq: jax.Array) -> jax.Array:
+            return jax.jvp(robot.tip, (q,), (dq,))[1]
+
+        return jax.jvp(velocity, (q, dq), (dq, ddq))[1]
+
+    return np.stack([np.asarray(acceleration(*map(jnp.asarray, (q[k], dq[k], ddq[k])))) for k in samples])
+
+
+def _contact_remedies(record: RunRecord) -> list[Remedy]:
+    words = "keep the motion clear of it, or take it out of the way"
+    known = record.scenario.description.surroundings.table is not None
+    return [Remedy(words, {"surroundings.table": None} if known else {})]

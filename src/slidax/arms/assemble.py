@@ -1,0 +1,302 @@
+"""Assemble an arm from joints: remove fixed joints, turn frames so that each axis is z, check the inertia matrix."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from jaxtyping import Array
+
+from slidax.core.errors import DefinitionError, as_array, nearest_word
+
+from .arm import JointLimits, Payload
+from .articulated import Articulated
+from .joint import Joint, require_rigid
+from .rotations import rotation_about
+
+POSTURES = 3
+
+LEAST = 1e-12
+"""Of the eigenvalues of M, once its diagonal is scaled to 1; rounding alone leaves some 1e-16."""
+
+
+def require_regular_inertia(arm: Articulated) -> None:
+    """Raise DefinitionError, naming a joint that can move without moving mass, if M is singular in all tested postures.
+
+    M is singular, for example, if two joints have one axis and nothing between them has mass.
+    """
+    least, joint = 0.0, 0
+    for q in np.random.default_rng(0).uniform(-1.0, 1.0, (POSTURES, arm.joints)):
+        mass = _inertia_matrix(arm, q)
+        scale = np.sqrt(np.maximum(np.diagonal(mass), 0.0))
+        if np.all(scale > 0):
+            values, vectors = np.linalg.eigh(mass / np.outer(scale, scale))
+            least, joint = max(least, float(values[0])), int(np.argmax(np.abs(vectors[:, 0])))
+        else:
+            joint = int(np.argmin(scale))
+    if least < LEAST:
+        raise DefinitionError(
+            f"the inertia matrix of {arm.name} is singular: joint `{arm.joint_names[joint]}` can move without moving "
+            "any mass, by itself or against others; give the links between them mass, or the joint an armature"
+        )
+
+
+def _inertia_matrix(arm: Articulated, q: np.ndarray) -> np.ndarray:
+    """`Σ m Jᵥᵀ Jᵥ + J_ωᵀ I J_ω` in NumPy: JAX would compile a program for each operation of a new arm."""
+    rotations, translations = np.asarray(arm.rotations), np.asarray(arm.translations)
+    centers, inertias, masses = np.asarray(arm.centers), np.asarray(arm.inertias), np.asarray(arm.masses)
+    placed: list[tuple[np.ndarray, np.ndarray]] = []
+    mass = np.diag(np.asarray(arm.armature))
+    for i, parent in enumerate(arm.parents):
+        before, at = placed[parent] if parent >= 0 else (np.eye(3), np.zeros(3))
+        rotation, place = before @ rotations[i], at + before @ translations[i]
+        if arm.joint_units[i] == "rad":
+            c, s = math.cos(q[i]), math.sin(q[i])
+            rotation = rotation @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        else:
+            place = place + q[i] * rotation[:, 2]
+        placed.append((rotation, place))
+        center = place + rotation @ centers[i]
+        linear, angular = np.zeros((3, arm.joints)), np.zeros((3, arm.joints))
+        j = i
+        while j >= 0:
+            axis = placed[j][0][:, 2]
+            if arm.joint_units[j] == "rad":
+                angular[:, j], linear[:, j] = axis, np.cross(axis, center - placed[j][1])
+            else:
+                linear[:, j] = axis
+            j = arm.parents[j]
+        turned = rotation @ inertias[i] @ rotation.T
+        mass = mass + masses[i] * linear.T @ linear + angular.T @ turned @ angular
+    return mass
+
+
+SMOOTHING = 0.01
+"""Velocity within which the Coulomb friction of a new arm changes sign, rad/s or m/s."""
+
+
+@dataclasses.dataclass
+class _Moved:
+    """A joint that remains, with the mass of everything fixed to its link, in the link's frame."""
+
+    joint: Joint
+    mass: float
+    center: np.ndarray
+    inertia: np.ndarray
+    """About the centre of mass."""
+
+
+@dataclasses.dataclass(frozen=True)
+class _Placed:
+    """A link's frame relative to the moving link that carries it; `carrier` is None for the base."""
+
+    carrier: str | None
+    rotation: np.ndarray
+    translation: np.ndarray
+
+
+def assemble(
+    joints: Sequence[Joint],
+    *,
+    tip: str,
+    locked: Mapping[str, float] | None = None,
+    gravity: Sequence[float] = (0.0, 0.0, -9.81),
+    name: str = "robot",
+) -> Articulated:
+    """Return an arm made of joints.
+
+    Links behind a fixed or a locked joint become part of the link that carries them; links fixed to the base are
+    dropped. The remaining joints keep their order, except that each comes after its parent.
+
+    - `joints`: in any order.
+    - `tip`: name of the link whose frame is the tip, also one behind fixed joints.
+    - `locked`: positions of joints that do not move, rad or m.
+    - `gravity`: acceleration in the base frame [3], m/s².
+
+    Raises DefinitionError, naming joint or link, if the joints are no tree, a name is unknown, or a moving link has no
+    mass.
+    """
+    locked = dict(locked or {})
+    ordered = _in_order(joints)
+    _check_locked(locked, ordered)
+    placed: dict[str | None, _Placed] = {None: _Placed(None, np.eye(3), np.zeros(3))}
+    moved: dict[str, _Moved] = {}
+    for joint in ordered:
+        before = placed[joint.parent]
+        rotation = before.rotation @ np.asarray(joint.rotation, float)
+        translation = before.translation + before.rotation @ np.asarray(joint.translation, float)
+        if joint.kind != "fixed" and joint.name not in locked:
+            turn = _onto_z(np.asarray(joint.axis, float))
+            stays = dataclasses.replace(joint, parent=before.carrier, rotation=rotation @ turn, translation=translation)
+            moved[joint.name] = _Moved(stays, 0.0, np.zeros(3), np.zeros((3, 3)))
+            # The link's own frame, in the one whose z is the axis.
+            here = _Placed(joint.name, turn.T, np.zeros(3))
+        else:
+            rotation, translation = _at(joint, locked.get(joint.name, 0.0), rotation, translation)
+            here = _Placed(before.carrier, rotation, translation)
+        placed[joint.name] = here
+        if here.carrier is not None:
+            _add(moved[here.carrier], joint, here)
+    if not moved:
+        raise DefinitionError(f"{name} has no joint that moves")
+    _check_masses(moved, name)
+    arm = _arm(moved, _tip(tip, ordered, placed, name), gravity, name)
+    require_regular_inertia(arm)
+    return arm
+
+
+def _in_order(joints: Sequence[Joint]) -> list[Joint]:
+    """Sort joints so that each comes after its parent."""
+    by_name: dict[str, Joint] = {}
+    links: dict[str, str] = {}
+    for joint in joints:
+        if joint.name in by_name:
+            raise DefinitionError(f"there are two joints named `{joint.name}`")
+        if joint.link in links:
+            raise DefinitionError(
+                f"link `{joint.link}` is moved by two joints, `{links[joint.link]}` and `{joint.name}`"
+            )
+        by_name[joint.name] = joint
+        links[joint.link] = joint.name
+    for joint in joints:
+        if joint.parent is not None and joint.parent not in by_name:
+            raise DefinitionError(
+                f"joint `{joint.name}` has the parent joint `{joint.parent}`, which does not exist; "
+                f"{nearest_word(joint.parent, by_name)}"
+            )
+    ordered: list[Joint] = []
+    done: set[str | None] = {None}
+    left = list(joints)
+    while left:
+        placeable = next((joint for joint in left if joint.parent in done), None)
+        if placeable is None:
+            names = ", ".join(f"`{joint.name}`" for joint in left)
+            raise DefinitionError(f"the joints {names} carry each other in a circle; an arm is a tree")
+        left.remove(placeable)
+        ordered.append(placeable)
+        done.add(placeable.name)
+    return ordered
+
+
+def _check_locked(locked: Mapping[str, float], joints: Sequence[Joint]) -> None:
+    by_name = {joint.name: joint for joint in joints if joint.kind != "fixed"}
+    for name, position in locked.items():
+        if name not in by_name:
+            raise DefinitionError(f"`locked` names joint `{name}`, which does not move; {nearest_word(name, by_name)}")
+        joint = by_name[name]
+        if not (math.isfinite(position) and joint.lower - 1e-9 <= position <= joint.upper + 1e-9):
+            raise DefinitionError(
+                f"`locked` holds joint `{name}` at {position:g}, which is outside of its limits, "
+                f"{joint.lower:g} to {joint.upper:g}"
+            )
+
+
+def _onto_z(axis: np.ndarray) -> np.ndarray:
+    """Axes of a frame, as columns, whose z is along an axis; the identity if that axis is z."""
+    z = axis / np.linalg.norm(axis)
+    if z[2] == 1.0:
+        return np.eye(3)
+    # The coordinate axis that is most across, so that digits are kept.
+    first = np.eye(3)[int(np.argmin(np.abs(z)))]
+    x = np.cross(first, z)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z], axis=1)
+
+
+def _at(joint: Joint, position: float, rotation: np.ndarray, translation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A frame behind a joint at a fixed position."""
+    if joint.kind == "fixed":
+        return rotation, translation
+    axis = np.asarray(joint.axis, float) / np.linalg.norm(joint.axis)
+    if joint.kind == "prismatic":
+        return rotation, translation + rotation @ (position * axis)
+    return rotation @ rotation_about(axis, position), translation
+
+
+def _add(carrier: _Moved, joint: Joint, here: _Placed) -> None:
+    """Add a link's mass to the body that moves with it."""
+    center = here.translation + here.rotation @ np.asarray(joint.center, float)
+    turned = here.rotation @ np.asarray(joint.inertia, float) @ here.rotation.T
+    # The first body, mostly the only one, keeps its printed numbers.
+    total = carrier.mass + joint.mass
+    share = joint.mass / total if total > 0 else 0.0
+    between = center - carrier.center
+    carrier.inertia += turned + carrier.mass * share * (between @ between * np.eye(3) - np.outer(between, between))
+    carrier.center = carrier.center + share * between
+    carrier.mass = total
+
+
+def _check_masses(moved: Mapping[str, _Moved], name: str) -> None:
+    """Require mass behind each joint; a link between two joints that meet may have none."""
+    if moved and not any(body.mass > 0 or body.joint.armature > 0 for body in moved.values()):
+        raise DefinitionError(
+            f"no link that a joint of {name} moves has a mass, as in files that are for drawing alone: take a file "
+            "with masses and inertias, or write each link's own; without them nothing says how the arm moves"
+        )
+    carried = {joint: body.mass for joint, body in moved.items()}
+    for joint in reversed(list(moved)):
+        parent = moved[joint].joint.parent
+        if moved[joint].mass == 0 and not (carried[joint] > 0 or moved[joint].joint.armature > 0):
+            raise DefinitionError(
+                f"link `{moved[joint].joint.link}` of {name}, moved by joint `{joint}`, has no mass, nor has anything "
+                f"that is fixed to it: give it mass and inertia, or lock the joint"
+            )
+        if parent is not None:
+            carried[parent] += carried[joint]
+
+
+def _tip(tip: str, joints: Sequence[Joint], placed: Mapping[str | None, _Placed], name: str) -> _Placed:
+    by_link = {joint.link: joint.name for joint in joints}
+    if tip not in by_link:
+        raise DefinitionError(f"`tip` names link `{tip}`, which {name} does not have; {nearest_word(tip, by_link)}")
+    place = placed[by_link[tip]]
+    if place.carrier is None:
+        raise DefinitionError(f"`tip` names link `{tip}` of {name}, which no joint moves")
+    return place
+
+
+def _arm(moved: Mapping[str, _Moved], tip: _Placed, gravity: Sequence[float], name: str) -> Articulated:
+    names = list(moved)
+    joints = [body.joint for body in moved.values()]
+    inertias = []
+    for body in moved.values():
+        inertia = 0.5 * (body.inertia + body.inertia.T)
+        if body.mass > 0:
+            what = f"the inertia of link `{body.joint.link}`, with all that is fixed to it,"
+            require_rigid(inertia, what, moves=True)
+        inertias.append(inertia)
+
+    def each(field: str) -> Array:
+        return as_array([getattr(joint, field) for joint in joints])
+
+    assert tip.carrier is not None
+    return Articulated(
+        rotations=as_array(np.stack([joint.rotation for joint in joints])),
+        translations=as_array(np.stack([joint.translation for joint in joints])),
+        masses=as_array([body.mass for body in moved.values()]),
+        centers=as_array(np.stack([body.center for body in moved.values()])),
+        inertias=as_array(np.stack(inertias)),
+        armature=each("armature"),
+        viscous=each("viscous"),
+        coulomb=each("coulomb"),
+        smoothing=as_array(SMOOTHING),
+        gravity_vector=as_array(gravity),
+        tip_rotation=as_array(tip.rotation),
+        tip_translation=as_array(tip.translation),
+        payload=Payload(),
+        limits=JointLimits(
+            lower=each("lower"),
+            upper=each("upper"),
+            velocity=each("velocity"),
+            torque=each("torque"),
+            torque_rate=each("torque_rate"),
+        ),
+        name=name,
+        joint_names=tuple(names),
+        link_names=tuple(joint.link for joint in joints),
+        parents=tuple(-1 if joint.parent is None else names.index(joint.parent) for joint in joints),
+        tip_joint=names.index(tip.carrier),
+        joint_units=tuple("rad" if joint.kind == "revolute" else "m" for joint in joints),
+    )

@@ -1,0 +1,231 @@
+"""Forward kinematics: the chain of joints from the base to the tip, and poses."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from slidax.core.errors import DefinitionError, short_repr
+
+from .arm import AbstractRobot
+from .articulated import Articulated
+from .coupled import Coupled
+from .curves import Array, Series, constant, cosine_and_sine, product, scaled, total, wide
+from .paper_arms import Scara, TwoLink
+from .rotations import matrix_of, quaternion_of
+
+
+class PlacedAxis(NamedTuple):
+    """A joint's axis in a posture: direction and position are series of vectors [... 3]."""
+
+    joint: int
+    turns: bool
+    direction: Series
+    place: Series
+
+
+class PlacedTool(NamedTuple):
+    """The tool's axes x, y, z and its position in a posture, series of vectors [... 3], and the joints before it."""
+
+    x: Series
+    y: Series
+    z: Series
+    place: Series
+    axes: tuple[PlacedAxis, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class KinematicChain:
+    """The joints that move a robot's tip, each about or along the z axis of its frame.
+
+    - `joints`: indices of the joints that move the tip [c].
+    - `rotations`, `translations`: each frame in the frame before it, at position 0 [c 3 3], [c 3].
+    - `rotation`, `translation`: the tool's frame in the last joint's frame [3 3], [3].
+    - `lower`, `upper`: limits of all joints, infinite where there are none [n].
+    """
+
+    name: str
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    joints: tuple[int, ...]
+    rotations: Array
+    translations: Array
+    turns: tuple[bool, ...]
+    rotation: Array
+    translation: Array
+    lower: Array
+    upper: Array
+
+    @property
+    def size(self) -> int:
+        """The number of joints of the robot, n."""
+        return len(self.names)
+
+    def tool(self, q: Series) -> PlacedTool:
+        """Return tool and joint axes at positions [... n], a series."""
+        orders, shape = len(q), q[0].shape[:-1]
+        columns = [constant(np.broadcast_to(axis, (*shape, 3)), orders) for axis in np.eye(3)]
+        place = constant(np.zeros((*shape, 3)), orders)
+        axes = []
+        for joint, rotation, translation, turns in zip(
+            self.joints, self.rotations, self.translations, self.turns, strict=True
+        ):
+            place = total(place, _combined(columns, translation))
+            x, y, z = (_combined(columns, column) for column in rotation.T)
+            own = [None if coefficient is None else coefficient[..., joint] for coefficient in q]
+            axes.append(PlacedAxis(joint, turns, z, place))
+            if turns:
+                c, s = cosine_and_sine(own)
+                turned = total(product(c, x, wide), product(s, y, wide))
+                y = total(product(c, y, wide), scaled(product(s, x, wide), -1.0))
+                x = turned
+            else:
+                place = total(place, product(own, z, wide))
+            columns = [x, y, z]
+        place = total(place, _combined(columns, self.translation))
+        x, y, z = (_combined(columns, column) for column in self.rotation.T)
+        return PlacedTool(x, y, z, place, tuple(axes))
+
+    def frame(self, q: Array) -> tuple[Array, Array]:
+        """Return the tool's axes, as columns, and its position in the base frame, [... 3 3] and [... 3], m."""
+        tool = self.tool([np.asarray(q, float)])
+        return np.stack([tool.x[0], tool.y[0], tool.z[0]], axis=-1), tool.place[0]
+
+
+def kinematic_chain(robot: AbstractRobot) -> KinematicChain:
+    """Return the chain of joints that move a robot's tip.
+
+    Raises DefinitionError for another class than an articulated arm, a two-link arm or a SCARA.
+    """
+    if isinstance(robot, Articulated):
+        joints: list[int] = []
+        joint = robot.tip_joint
+        while joint >= 0:
+            joints.insert(0, joint)
+            joint = robot.parents[joint]
+        return KinematicChain(
+            name=robot.name,
+            names=robot.joint_names,
+            units=robot.joint_units,
+            joints=tuple(joints),
+            rotations=np.asarray(robot.rotations)[joints],
+            translations=np.asarray(robot.translations)[joints],
+            turns=tuple(robot.joint_units[joint] == "rad" for joint in joints),
+            rotation=np.asarray(robot.tip_rotation),
+            translation=np.asarray(robot.tip_translation),
+            lower=np.asarray(robot.limits.lower),
+            upper=np.asarray(robot.limits.upper),
+        )
+    if isinstance(robot, Coupled):
+        raise DefinitionError(
+            f"joint `{robot.followers[0]}` of {robot.name} follows another one, and the kinematics of such an arm are "
+            f"not known as a chain of joints: give the motion in joint positions, or hold the follower by `locked`"
+        )
+    if not isinstance(robot, TwoLink | Scara):
+        raise DefinitionError(
+            f"the kinematics of a {type(robot).__name__} are not known as a chain of joints: make it by "
+            "`slidax.arms.assemble`, or read it from a file"
+        )
+    first, second = np.asarray(robot.lengths)
+    ahead = [[0.0, 0.0, 0.0], [first, 0.0, 0.0]]
+    down = np.diag([1.0, -1.0, -1.0])
+    slides = isinstance(robot, Scara)
+    n = robot.joints
+    return KinematicChain(
+        name=type(robot).__name__,
+        names=robot.joint_names,
+        units=robot.joint_units,
+        joints=tuple(range(n)),
+        rotations=np.array([np.eye(3), np.eye(3), down]) if slides else np.array([np.eye(3)] * 2),
+        translations=np.array([*ahead, [second, 0.0, 0.0]] if slides else ahead),
+        turns=(True, True, False)[:n],
+        rotation=down if slides else np.eye(3),
+        translation=np.zeros(3) if slides else np.array([second, 0.0, 0.0]),
+        lower=np.full(n, -np.inf),
+        upper=np.full(n, np.inf),
+    )
+
+
+def _combined(columns: list[Series], weights: Array) -> Series:
+    """A fixed combination of three vectors."""
+    parts = [scaled(column, weight) for column, weight in zip(columns, weights, strict=True) if weight != 0.0]
+    return total(*parts) if parts else scaled(columns[0], 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """Position and orientation in the base frame.
+
+    - `place`: [3], m.
+    - `rotation`: axes of the tool's frame as columns [3 3].
+
+    Raises DefinitionError unless the position has three finite numbers and the axes are orthonormal and right-handed.
+    """
+
+    place: Array
+    rotation: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "place", numbers("Pose.place", self.place, 3))
+        rotation = np.asarray(self.rotation, float)
+        square = rotation.shape == (3, 3) and np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-9)
+        if not (square and np.linalg.det(rotation) > 0):
+            raise DefinitionError(
+                f"`Pose.rotation` must have orthonormal axes, right-handed; got {short_repr(rotation)}"
+            )
+        object.__setattr__(self, "rotation", rotation)
+
+    @staticmethod
+    def of(place: Sequence[float] | Array, quaternion: Sequence[float] | Array = (1.0, 0.0, 0.0, 0.0)) -> Pose:
+        """Return a pose from a position [3], m, and a quaternion w, x, y, z of any length but zero [4].
+
+        Raises DefinitionError for another number of entries, or entries that are not finite.
+        """
+        return Pose(numbers("Pose.place", place, 3), matrix_of(unit_quaternion("Pose.quaternion", quaternion)))
+
+    @staticmethod
+    def of_tip(robot: AbstractRobot, q: object) -> Pose:
+        """Return the pose of a robot's tip at positions q [n], rad or m.
+
+        Raises DefinitionError unless q has n finite numbers.
+        """
+        rotation, place = kinematic_chain(robot).frame(numbers("q", q, robot.joints))
+        return Pose(place, rotation)
+
+    @property
+    def quaternion(self) -> Array:
+        """w, x, y, z of length 1, w >= 0 [4]."""
+        return quaternion_of(self.rotation)
+
+
+def numbers(owner: str, value: object, size: int) -> Array:
+    """Return `size` finite numbers as an array.
+
+    - `owner`: name of the field, for the message.
+
+    Raises DefinitionError for anything else.
+    """
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        array = np.empty(0)
+    if array.shape != (size,) or not np.isfinite(array).all():
+        raise DefinitionError(f"`{owner}` must be {size} finite numbers; got {short_repr(value)}")
+    return array
+
+
+def unit_quaternion(owner: str, value: object) -> Array:
+    """Normalise a quaternion w, x, y, z [4].
+
+    - `owner`: name of the field, for the message.
+
+    Raises DefinitionError for another form, or a length of zero.
+    """
+    quaternion = numbers(owner, value, 4)
+    size = float(np.linalg.norm(quaternion))
+    if size < 1e-6:
+        raise DefinitionError(f"`{owner}` must have a length > 0; got {short_repr(quaternion)}")
+    return quaternion / size

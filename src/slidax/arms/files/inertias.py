@@ -1,0 +1,97 @@
+"""Inertias in robot files that no rigid body can have: rejected, or replaced by the nearest possible one."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+
+from slidax.core.errors import DefinitionError, Setting, nearest_word
+
+from ..joint import is_point, is_rigid, nearest_rigid, require_rigid
+from .mjcf_checks import has_inertia_from_shapes
+from .reading import Notes
+
+Inertias = Literal["given", "nearest", "strict"]
+
+CHOICES = ("given", "nearest", "strict")
+NEAREST = Setting("inertias", "nearest")
+
+PRINTED = 0.01
+"""Largest change that "given" makes, as a part of the largest principal moment: rounding to three printed digits.
+
+Such rounding changes each entry by at most 0.5 %: a body's inertia I becomes I + E with `|E| ≤ 0.005 |I|`, where
+`‖I‖ ≤ √2 I₃` in the Frobenius norm. An eigenvalue of `½ tr(E) 1 - E` is `⟨E, ½ 1 - u uᵀ⟩ ≤ 0.005 (√3/2) √2 I₃`, one
+of E is at most `0.005 √2 I₃`. So the projection changes no principal moment by more than 0.71 % of the largest.
+"""
+
+
+class RigidInertias:
+    """Checks the inertias of a file and records the replaced ones.
+
+    - `how`: "strict" rejects each inertia that no body can have, "nearest" replaces it by the nearest possible one, and
+      "given" replaces it if no principal moment is negative and none changes by more than `PRINTED` of the largest.
+
+    Raises DefinitionError for another word.
+    """
+
+    def __init__(self, how: str) -> None:
+        if how not in CHOICES:
+            listed = ", ".join(f"`{choice}`" for choice in CHOICES[:-1])
+            raise DefinitionError(
+                f"`inertias` must be {listed} or `{CHOICES[-1]}`; got `{how}`; {nearest_word(str(how), CHOICES)}"
+            )
+        self._how = how
+        self._changes: dict[str, float] = {}
+
+    def of(self, inertia: np.ndarray, owner: str, *, moves: bool) -> np.ndarray:
+        """Return an inertia that a body can have: the given one, or the nearest.
+
+        - `inertia`: about the centre of mass, symmetric [3 3], kg m².
+        - `owner`: its link or body, such as "link `forearm`".
+        - `moves`: True if a joint moves it by itself.
+
+        Raises DefinitionError, naming the owner, if there is none.
+        """
+        if not np.isfinite(inertia).all() or is_rigid(inertia):
+            return inertia
+        close = nearest_rigid(inertia)
+        # The principal axes stay, so the spectral norm of the difference is the largest change of a moment.
+        change = float(np.linalg.norm(close - inertia, 2) / np.linalg.norm(inertia, 2))
+        helps = not moves or not is_point(close)
+        # The nearest to a negative moment may be 0, with which a joint about that axis has no inertia.
+        rounded = change <= PRINTED and np.linalg.eigvalsh(inertia)[0] >= 0.0
+        if not helps or self._how == "strict" or (self._how == "given" and not rounded):
+            require_rigid(inertia, f"the inertia of {owner}", moves=moves, setting=NEAREST if helps else None)
+        self._changes[owner] = change
+        return close
+
+    def of_bodies(self, spec: Any) -> None:
+        """Check and replace the inertias of an MJCF file's bodies in place.
+
+        Raises DefinitionError naming the body.
+        """
+        if spec.compiler.balanceinertia:
+            return
+        for body in spec.bodies:
+            if body is spec.worldbody or not body.explicitinertial or has_inertia_from_shapes(body):
+                continue
+            full = np.array(body.fullinertia)
+            if np.isnan(full[0]):
+                body.inertia = np.diagonal(self.of(np.diag(body.inertia), f"body `{body.name}`", moves=False))
+            else:
+                xx, yy, zz, xy, xz, yz = full
+                inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+                rigid = self.of(inertia, f"body `{body.name}`", moves=True)
+                if rigid is not inertia:
+                    body.fullinertia = rigid[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+
+    def add_to(self, notes: Notes) -> None:
+        """Note the replaced inertias and their changes, the largest first."""
+        strict = '; inertias="strict" refuses them' if self._how == "given" else ""
+        for owner in sorted(self._changes, key=lambda name: -self._changes[name]):
+            notes.add(
+                "inertias are changed to the nearest that a rigid body can have, by a part of the largest principal "
+                f"moment: {{}}{strict}",
+                f"{owner} ({100 * self._changes[owner]:.2g} %)",
+            )

@@ -1,0 +1,235 @@
+"""The text of a robot file and its XML, read with limits, and the files that it names."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from xml.parsers import expat
+
+from slidax.core.errors import DefinitionError
+from slidax.core.files import MEGABYTE, read_bytes, require_file
+
+from .reading import Packages
+from .xacro import expand
+
+MOST_BYTES = 10 * MEGABYTE
+"""Of a file; the largest known robot file has one."""
+
+DEEPEST = 300
+"""Elements inside of each other; MuJoCo's reader takes 500."""
+
+
+@dataclass(frozen=True)
+class RobotFile:
+    """A robot file.
+
+    - `path`: None for a text.
+    - `root`: the XML's outermost element.
+    - `prefixed`: the name of one element for each undeclared prefix.
+    """
+
+    text: str
+    path: Path | None
+    root: ET.Element
+    prefixed: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def folder(self) -> Path:
+        """Base of its relative paths: the file's folder, or for a text the working directory."""
+        return self.path.parent.resolve() if self.path else Path.cwd()
+
+
+def read_robot_file(
+    source: str | Path,
+    root: str,
+    other: str,
+    *,
+    arguments: Mapping[str, str] | None = None,
+    packages: Packages = (),
+) -> RobotFile:
+    """Read a robot file from its path or its text; a URDF file that ends in `.xacro` is expanded.
+
+    - `source`: a path, or the XML itself: a text with `<` in it.
+    - `root`: name of its outermost element.
+    - `other`: the remedy for another element, as a clause after a semicolon.
+    - `arguments`: of a xacro file, by name.
+    - `packages`: as in `from_urdf`.
+
+    Raises DefinitionError if there is no such file, or no such XML in it.
+    """
+    path: Path | None = None
+    text: str | bytes
+    if isinstance(source, str) and ("<" in source or not source.strip()):
+        text = source.lstrip("\ufeff")
+    else:
+        path = Path(source)
+        if path.suffix.lower() == ".xacro" and root == "robot":
+            text = expand(path, arguments or {}, packages, most=MOST_BYTES)
+        else:
+            text = read_bytes(path, "the robot file", most=MOST_BYTES)
+    if not text.strip():
+        raise DefinitionError(f"the robot file is empty; its XML must begin with <{root}>")
+    tree, prefixed = _parsed(text)
+    if tree.tag != root:
+        raise DefinitionError(f"a robot file with <{root}> is needed, and this is <{tree.tag}>; {other}")
+    _refuse_xacro(tree)
+    return RobotFile(_decoded(text, tree), path, tree, prefixed)
+
+
+class _Guarded:
+    """Build a tree, but reject documents that define entities or are nested too deeply.
+
+    Prefixes stay in the names: other readers of robot files know no namespaces, and old files for Gazebo have prefixes
+    without declarations.
+    """
+
+    def __init__(self) -> None:
+        self.builder = ET.TreeBuilder()
+        self.depth = 0
+        self.declared: set[str] = {"xml", "xmlns"}
+        self.prefixed: dict[str, str] = {}
+
+    def start(self, tag: str, attributes: dict[str, str]) -> None:
+        self.depth += 1
+        if self.depth > DEEPEST:
+            raise DefinitionError(f"the robot file has more than {DEEPEST} elements nested in each other")
+        self.declared |= {name.partition(":")[2] for name in attributes if name.startswith("xmlns:")}
+        prefix, colon, _ = tag.partition(":")
+        if colon and prefix not in self.declared:
+            self.prefixed.setdefault(prefix, tag)
+        self.builder.start(tag, attributes)
+
+    def end(self, tag: str) -> None:
+        self.depth -= 1
+        self.builder.end(tag)
+
+    def doctype(self, *_: Any) -> None:
+        raise DefinitionError("the robot file has a DOCTYPE, which may define entities; remove it")
+
+
+def _parsed(text: str | bytes) -> tuple[ET.Element, dict[str, str]]:
+    """The tree, and one element's name for each undeclared prefix."""
+    guarded, parser = _Guarded(), expat.ParserCreate()
+    parser.buffer_text = True
+    parser.StartElementHandler, parser.EndElementHandler = guarded.start, guarded.end
+    parser.CharacterDataHandler = guarded.builder.data
+    parser.StartDoctypeDeclHandler = guarded.doctype
+    try:
+        parser.Parse(text, True)
+        return guarded.builder.close(), guarded.prefixed
+    except expat.ExpatError as error:
+        raise DefinitionError(f"the robot file is not XML: {error}") from error
+    except (LookupError, ValueError) as error:
+        if isinstance(error, DefinitionError):
+            raise
+        raise DefinitionError(f"the robot file cannot be decoded: {error}") from error
+
+
+def _decoded(text: str | bytes, tree: ET.Element) -> str:
+    if isinstance(text, str):
+        return text
+    try:
+        return text.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        # The reader of XML knew the encoding by the declaration, or by the first bytes.
+        return ET.tostring(tree, encoding="unicode")
+
+
+def elements(root: ET.Element) -> Iterator[tuple[str, ET.Element]]:
+    """Yield every element with its nearest named ancestor, or its own name."""
+    stack = [(f"<{root.tag}>", root)]
+    while stack:
+        where, element = stack.pop()
+        name = element.get("name")
+        here = f"{element.tag} `{name}`" if name else where
+        yield here, element
+        stack.extend((here, child) for child in reversed(element))
+
+
+def owner_at(text: str, tag: str, line: int) -> str:
+    """Return the owner, in the form of `elements`, of the element that begins in a line; empty if there is none.
+
+    - `line`: counted from 1.
+    """
+    parser, around, owners = expat.ParserCreate(), [""], [""]
+
+    def start(name: str, attributes: dict[str, str]) -> None:
+        own = attributes.get("name")
+        around.append(f"{name} `{own}`" if own else around[-1])
+        if parser.CurrentLineNumber == line and name == tag:
+            owners.append(around[-1])
+
+    parser.StartElementHandler = start
+    parser.EndElementHandler = lambda name: around.pop()
+    parser.Parse(text, True)
+    return owners[-1]
+
+
+def _refuse_xacro(root: ET.Element) -> None:
+    prefixes = tuple(f"{name[6:]}:" for name, value in root.attrib.items() if name[:6] == "xmlns:" and "xacro" in value)
+    for where, element in elements(root):
+        left = next((value for value in element.attrib.values() if "${" in value or "$(" in value), None)
+        if left is None and element.tag.startswith(("xacro:", *prefixes)):
+            left = "xacro:" + element.tag.rpartition(":")[2]
+        if left is not None:
+            renamed = ", or give the file a name that ends in .xacro" if root.tag == "robot" else ""
+            raise DefinitionError(
+                f"{where} still has xacro in it, `{left}`; run `xacro FILE > robot.urdf` first{renamed}"
+            )
+
+
+MOST_OF_A_MESH = 200 * MEGABYTE
+FOLDERS = ("meshdir", "texturedir", "assetdir")
+"""Attributes of `<compiler>` that name folders."""
+
+PARTS = ("include", "model")
+"""Elements that name robot files."""
+
+
+def require_named_files(root: ET.Element, folder: Path) -> None:
+    """Check the files that a MuJoCo file names, and those that its parts name.
+
+    Reading a pipe or a device would never end. Missing files are left to MuJoCo's reader, which knows other places.
+
+    Raises DefinitionError if a file exists but is no regular file, or is too large.
+    """
+    waiting, known = [root], set[Path]()
+    while waiting:
+        element = waiting.pop()
+        named = [text for compiler in element.iter("compiler") for text in _folders(compiler)]
+        folders = {folder, *(folder / text for text in named)}
+        for part in element.iter():
+            name = part.get("file")
+            for path in () if not name else (place / name for place in folders):
+                if path in known or not _exists(path):
+                    continue
+                known.add(path)
+                if part.tag in PARTS:
+                    waiting += _parsed_part(path)
+                else:
+                    require_file(path, f"the file of <{part.tag}>", most=MOST_OF_A_MESH)
+
+
+def _folders(compiler: ET.Element) -> list[str]:
+    return [text for name in FOLDERS if (text := compiler.get(name))]
+
+
+def _exists(path: Path) -> bool:
+    try:
+        return path.exists()
+    except (OSError, ValueError):
+        return False
+
+
+def _parsed_part(path: Path) -> list[ET.Element]:
+    """Outermost element of a part; none if MuJoCo's reader will reject it."""
+    content = read_bytes(path, "the included file", most=MOST_BYTES)
+    if b"<!DOCTYPE" in content:
+        raise DefinitionError(f"the included file `{path}` has a DOCTYPE, which may define entities; remove it")
+    try:
+        return [ET.XML(content)]
+    except (ET.ParseError, LookupError, ValueError):
+        return []

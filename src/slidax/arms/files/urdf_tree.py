@@ -1,0 +1,418 @@
+"""Links and joints of a URDF file as one tree, with every value checked."""
+
+from __future__ import annotations
+
+import math
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import cached_property
+
+from slidax.core.errors import DefinitionError, nearest_word
+
+from .reading import Notes
+
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+
+CHILDREN: Mapping[str, tuple[str, ...]] = {
+    "robot": ("link", "joint"),
+    "link": ("inertial",),
+    "inertial": ("origin", "mass", "inertia"),
+    "joint": ("origin", "parent", "child", "axis", "dynamics", "limit", "mimic"),
+}
+"""The elements that define the motion, and those around them."""
+
+NUMBERS: Mapping[str, Mapping[str, int]] = {
+    "origin": {"xyz": 3, "rpy": 3, "quat_xyzw": 4},
+    "axis": {"xyz": 3},
+    "mass": {"value": 1},
+    "inertia": {"ixx": 1, "ixy": 1, "ixz": 1, "iyy": 1, "iyz": 1, "izz": 1},
+    "dynamics": {"damping": 1, "friction": 1},
+    "limit": {"lower": 1, "upper": 1, "effort": 1, "velocity": 1},
+    "mimic": {"multiplier": 1, "offset": 1},
+}
+"""Number of values of each attribute."""
+
+REQUIRED: Mapping[str, tuple[str, ...]] = {
+    "axis": ("xyz",),
+    "mass": ("value",),
+    "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
+    "inertial": ("mass", "inertia"),
+}
+"""Attributes, or elements inside, without which an element says nothing."""
+
+
+SHAPING = ("origin", "axis", "mass", "inertia")
+"""Elements whose values all shape the motion. In the others programs have attributes of their own, such as `jerk`."""
+
+UPRIGHT = 1e-9
+"""Cosine of the pitch below which roll and yaw are not told apart."""
+
+MOTION = ("axis", "dynamics", "limit", "mimic")
+"""Elements that mean nothing in a joint that does not move."""
+
+
+def check_element(owner: str, element: ET.Element, notes: Notes) -> None:
+    """Reject an element, or one inside it, that is misspelled, contradictory or incomplete.
+
+    - `owner`: its owner: "link `forearm`".
+    - `element`: one of those in `CHILDREN` and `NUMBERS`.
+    - `notes`: receives the ignored elements.
+
+    Raises DefinitionError naming the owner.
+    """
+    tag = element.tag
+    known = CHILDREN.get(tag, ())
+    still = tag == "joint" and element.get("type") == "fixed"
+    for child in element:
+        if child.tag not in known:
+            if _check_unknown(owner, element, child.tag, known) and tag not in NUMBERS:
+                notes.add(
+                    f"<{child.tag}> in <{tag}> of {{}} is not read, as URDF has no such element; remove it", owner
+                )
+        elif still and child.tag in MOTION:
+            _pass_over(owner, child, notes)
+        elif tag != "robot":
+            check_element(owner, child, notes)
+    if tag == "robot":
+        return
+    for name in known:
+        if len(element.findall(name)) > 1:
+            raise DefinitionError(f"{owner} has <{name}> twice; remove one")
+    for name in REQUIRED.get(tag, ()):
+        if element.get(name) is None and element.find(name) is None:
+            kind = "attribute" if name in NUMBERS.get(tag, ()) else "element"
+            raise DefinitionError(f"<{tag}> of {owner} has no {kind} `{name}`")
+    _check_attributes(owner, element, notes)
+    if element.get("quat_xyzw") is not None:
+        _turn_by_angles(owner, element)
+
+
+def same_element(first: ET.Element, second: ET.Element) -> bool:
+    """True if two elements have the same content."""
+    return (
+        first.tag == second.tag
+        and first.attrib == second.attrib
+        and (first.text or "").strip() == (second.text or "").strip()
+        and len(first) == len(second)
+        and all(map(same_element, first, second))
+    )
+
+
+def _turn_by_angles(owner: str, origin: ET.Element) -> None:
+    """Convert a quaternion, from newer versions of URDF, to roll, pitch and yaw."""
+    x, y, z, w = (float(word) for word in origin.attrib.pop("quat_xyzw").split())
+    size = math.hypot(x, y, z, w)
+    if "rpy" in origin.attrib or size == 0.0:
+        raise DefinitionError(
+            f"<origin> of {owner} must have either `rpy` or a `quat_xyzw` that is not 0; remove one of them"
+        )
+    x, y, z, w = x / size, y / size, z / size, w / size
+    across, along = 1.0 - 2.0 * (y * y + z * z), 2.0 * (w * z + x * y)
+    flat = math.hypot(across, along)
+    pitch = math.atan2(2.0 * (w * y - z * x), flat)
+    if flat > UPRIGHT:
+        roll, yaw = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)), math.atan2(along, across)
+    else:
+        # Roll and yaw turn about the same axis there.
+        roll, yaw = 0.0, math.atan2(2.0 * (w * z - x * y), 1.0 - 2.0 * (x * x + z * z))
+    origin.set("rpy", f"{roll!r} {pitch!r} {yaw!r}")
+
+
+def _pass_over(owner: str, element: ET.Element, notes: Notes) -> None:
+    """Ignore an element of a fixed joint, since it means nothing."""
+    try:
+        check_element(owner, element, Notes())
+    except DefinitionError as error:
+        notes.add(f"<{element.tag}> of {{}} is not read, as the joint is fixed ({error}); remove it", owner)
+
+
+def _check_attributes(owner: str, element: ET.Element, notes: Notes) -> None:
+    tag = element.tag
+    numbers = NUMBERS.get(tag, {})
+    for name, text in element.attrib.items():
+        if name in numbers:
+            _numbers(owner, tag, name, text, numbers[name])
+        elif numbers:
+            like = _check_unknown(owner, element, name, tuple(numbers))
+            if like or tag in SHAPING:
+                notes.add(f"`{name}` in <{tag}> of {{}} is not read, as URDF has no such attribute; remove it", owner)
+
+
+def _check_unknown(owner: str, element: ET.Element, name: str, known: tuple[str, ...]) -> bool:
+    """True if a name is similar to a known one that is also there; raise an error if the known one is missing.
+
+    A name that is similar to none is some program's extension.
+    """
+    close = [] if "_" in name or ":" in name else get_close_matches(name.lower(), known, n=1, cutoff=0.66)
+    if close and element.get(close[0]) is None and element.find(close[0]) is None:
+        raise DefinitionError(
+            f"{owner} has `{name}` in <{element.tag}>, which URDF does not know; did you mean `{close[0]}`?"
+        )
+    return bool(close)
+
+
+def _numbers(owner: str, tag: str, name: str, text: str, count: int) -> tuple[float, ...]:
+    words = text.split()
+    for word in words:
+        if not NUMBER.fullmatch(word) or not math.isfinite(float(word)):
+            raise DefinitionError(f"{name} in <{tag}> of {owner} must be a finite number; got `{word}`")
+    if len(words) != count:
+        needed = "one number" if count == 1 else f"{count} numbers"
+        raise DefinitionError(f"{name} in <{tag}> of {owner} must be {needed}; got `{text}`")
+    return tuple(float(word) for word in words)
+
+
+def number(element: ET.Element | None, name: str) -> float | None:
+    """Return a number from a checked element, or None if it is missing."""
+    text = element.get(name) if element is not None else None
+    return None if text is None else float(text)
+
+
+def limits_of(joint: ET.Element, notes: Notes | None = None) -> tuple[dict[str, float], list[str]]:
+    """Return `lower`, `upper`, `velocity` and `torque` of a moving joint, and the names of missing limits.
+
+    A velocity or an effort of 0 or -1 counts as missing, and so does a range whose ends are both 0: programs that
+    export robot files write these values, and a joint that cannot move is "fixed". If one end is given, the other is 0
+    by the standard. A range with exchanged ends that then contains 0 is corrected.
+
+    - `joint`: checked; "revolute", "continuous" or "prismatic".
+    - `notes`: receives the assumptions.
+
+    Raises DefinitionError, naming the joint, for an invalid limit.
+    """
+    notes = Notes() if notes is None else notes
+    name, limit_element = joint.get("name", "").strip(), joint.find("limit")
+    endless = joint.get("type") == "continuous"
+    limits: dict[str, float] = {}
+    for attribute, field in (("velocity", "velocity"), ("effort", "torque")):
+        value = number(limit_element, attribute) or 0.0
+        if value == -1.0:
+            notes.add(
+                f"{attribute} -1 in <limit> of {{}} is read as not given; write the {attribute} > 0 there",
+                f"joint `{name}`",
+            )
+        elif value < 0:
+            raise DefinitionError(
+                f"{attribute} in <limit> of joint `{name}` must be > 0; got {value:g}; correct it, or say limits=False "
+                f"to read no limits"
+            )
+        elif value > 0:
+            limits[field] = value
+    if not endless:
+        limits |= _range_of(name, limit_element, notes)
+    # A joint without end needs no limits at all, but if it has some they should be complete.
+    needed = (("upper", "position"), ("velocity", "velocity"), ("torque", "effort"))
+    missing = [shown for field, shown in needed if field not in limits and not (endless and field == "upper")]
+    return limits, [] if endless and limit_element is None else missing
+
+
+def _range_of(name: str, limit_element: ET.Element | None, notes: Notes) -> dict[str, float]:
+    ends = number(limit_element, "lower"), number(limit_element, "upper")
+    lower, upper = ends[0] or 0.0, ends[1] or 0.0
+    if (lower, upper) == (0.0, 0.0):
+        return {}
+    if upper < 0.0 < lower:
+        notes.add(
+            f"<limit> of {{}} has lower {lower:g} > upper {upper:g}: they are read as exchanged, {upper:g} to "
+            f"{lower:g}; write them in order",
+            f"joint `{name}`",
+        )
+        return {"lower": upper, "upper": lower}
+    if lower == upper:
+        raise DefinitionError(
+            f"<limit> of joint `{name}` must have lower < upper; got {lower:g} and {upper:g}; "
+            f"locked={{'{name}': {lower:g}}} holds a joint that does not move"
+        )
+    if lower > upper:
+        raise DefinitionError(
+            f"<limit> of joint `{name}` must have lower < upper; got {lower:g} and {upper:g}; correct it, hold the "
+            f"joint by locked={{'{name}': POSITION}}, or say limits=False to read no limits"
+        )
+    return {"lower": lower, "upper": upper}
+
+
+KINDS = ("revolute", "continuous", "prismatic", "fixed")
+MOST_LINKS = 1000
+
+
+@dataclass(frozen=True)
+class UrdfTree:
+    """The checked content of a file.
+
+    - `links`, `joints`: elements by name.
+    - `parents`, `children`: names of each joint's links.
+    - `carriers`: name of the joint that moves each link; the root has none.
+    - `root`: name of the link that no joint moves.
+    - `order`: names of the joints, each after its parent.
+    """
+
+    links: Mapping[str, ET.Element]
+    joints: Mapping[str, ET.Element]
+    parents: Mapping[str, str]
+    children: Mapping[str, str]
+    carriers: Mapping[str, str]
+    root: str
+    order: tuple[str, ...]
+
+    @property
+    def leaves(self) -> list[str]:
+        """Links that carry no other."""
+        carrying = set(self.parents.values())
+        return [link for link in self.links if link not in carrying]
+
+    def path_to(self, link: str) -> set[str]:
+        """Return the joints between the base and a link; the empty set for an unknown link."""
+        joints: set[str] = set()
+        while link in self.carriers:
+            joints.add(self.carriers[link])
+            link = self.parents[self.carriers[link]]
+        return joints
+
+    def moves(self, joint: str) -> bool:
+        """True if a joint is not fixed."""
+        return self.joints[joint].get("type") != "fixed"
+
+    @cached_property
+    def standing(self) -> set[str]:
+        """Links that do not move: the root, and all links fixed to it."""
+        links = {self.root}
+        for joint in self.order:
+            if self.joints[joint].get("type") == "fixed" and self.parents[joint] in links:
+                links.add(self.children[joint])
+        return links
+
+
+def urdf_tree(robot: ET.Element, notes: Notes | None = None) -> UrdfTree:
+    """Return the links and joints of a file.
+
+    - `robot`: its outermost element.
+    - `notes`: receives the assumptions.
+
+    Raises DefinitionError, naming link or joint, if an element is incomplete or they are not one tree.
+    """
+    notes = Notes() if notes is None else notes
+    check_element("the robot", robot, notes)
+    links, joints = _named(robot, "link", notes), _named(robot, "joint", notes)
+    if not links:
+        raise DefinitionError("the robot has no <link>")
+    _add_base(links, joints, notes)
+    if len(links) > MOST_LINKS:
+        raise DefinitionError(f"the robot has {len(links)} links; at most {MOST_LINKS} are read")
+    for name, link in links.items():
+        check_element(f"link `{name}`", link, notes)
+    parents: dict[str, str] = {}
+    children: dict[str, str] = {}
+    carriers: dict[str, str] = {}
+    for name, joint in joints.items():
+        check_element(f"joint `{name}`", joint, notes)
+        _check_kind(name, joint)
+        parents[name] = _link(name, joint, "parent", links)
+        child = children[name] = _link(name, joint, "child", links)
+        if child in carriers:
+            raise DefinitionError(f"link `{child}` is the child of two joints, `{carriers[child]}` and `{name}`")
+        carriers[child] = name
+    root = _root(links, carriers)
+    return UrdfTree(links, joints, parents, children, carriers, root, _order(root, links, parents, children))
+
+
+def _add_base(links: dict[str, ET.Element], joints: Mapping[str, ET.Element], notes: Notes) -> None:
+    """Take a named link without description as the base, if a joint carries every described link.
+
+    Parts that are meant to be fixed to another robot are like this, and files that rely on a link `world`.
+    """
+    ends = [{_end(joint, end) for joint in joints.values()} for end in ("parent", "child")]
+    described = set(links) <= ends[1]
+    missing = ends[0] - set(links) - {""}
+    if not (described and len(missing) == 1 and not missing & ends[1]):
+        return
+    (base,) = missing
+    links[base] = ET.Element("link", name=base)
+    notes.add(
+        f'link `{base}`, the parent of {{}}, is not described: it is taken as the base; write <link name="{base}"/>',
+        next(f"joint `{name}`" for name, joint in joints.items() if _end(joint, "parent") == base),
+    )
+
+
+def _end(joint: ET.Element, end: str) -> str:
+    element = joint.find(end)
+    return element.get("link", "").strip() if element is not None else ""
+
+
+def _named(robot: ET.Element, tag: str, notes: Notes) -> dict[str, ET.Element]:
+    elements: dict[str, ET.Element] = {}
+    for element in robot.findall(tag):
+        name = element.get("name", "").strip()
+        if not name:
+            child = element.find("child")
+            after = f" (it comes after `{list(elements)[-1]}`)" if elements else ""
+            which = f" to link `{child.get('link')}`" if child is not None else after
+            raise DefinitionError(f"a <{tag}>{which} has no name")
+        if name in elements and same_element(elements[name], element):
+            notes.add("{} is there twice, with the same values, and is read once; remove the second", f"{tag} `{name}`")
+            continue
+        if name in elements:
+            raise DefinitionError(f"there are two <{tag}> named `{name}`; give one another name")
+        elements[name] = element
+    return elements
+
+
+def _check_kind(name: str, joint: ET.Element) -> None:
+    kind = joint.get("type")
+    if kind is None:
+        raise DefinitionError(f"joint `{name}` has no type; there are {', '.join(KINDS)}")
+    if kind in ("floating", "planar", "spherical"):
+        raise DefinitionError(
+            f"joint `{name}` is {kind}; an arm stands on a fixed base and has only {', '.join(KINDS)} joints"
+        )
+    if kind not in KINDS:
+        raise DefinitionError(f"joint `{name}` has the type `{kind}`; {nearest_word(kind.lower(), KINDS)}")
+
+
+def _link(name: str, joint: ET.Element, end: str, links: Mapping[str, ET.Element]) -> str:
+    link = _end(joint, end)
+    if not link:
+        raise DefinitionError(f'joint `{name}` has no <{end} link="...">')
+    if link not in links:
+        raise DefinitionError(
+            f"the {end} of joint `{name}` is link `{link}`, which does not exist; {nearest_word(link, links)}"
+        )
+    return link
+
+
+def _root(links: Mapping[str, ET.Element], carriers: Mapping[str, str]) -> str:
+    roots = [link for link in links if link not in carriers]
+    if not roots:
+        raise DefinitionError(f"no link is the base: {_listed(list(links))} carry each other in a circle")
+    if len(roots) > 1:
+        raise DefinitionError(
+            f"the links {_listed(roots)} are all without a joint that carries them; one of them is the base, the "
+            f"others need a joint"
+        )
+    return roots[0]
+
+
+def _order(
+    root: str, links: Mapping[str, ET.Element], parents: Mapping[str, str], children: Mapping[str, str]
+) -> tuple[str, ...]:
+    """Joints in depth-first order from the root."""
+    carried: dict[str, list[str]] = {link: [] for link in links}
+    for joint, parent in parents.items():
+        carried[parent].append(joint)
+    order: list[str] = []
+    left = carried[root][::-1]
+    while left:
+        joint = left.pop()
+        order.append(joint)
+        left.extend(reversed(carried[children[joint]]))
+    if len(order) < len(parents):
+        circle = [children[joint] for joint in parents if joint not in order]
+        raise DefinitionError(f"the links {_listed(circle)} carry each other in a circle; none of them is on the base")
+    return tuple(order)
+
+
+def _listed(names: list[str]) -> str:
+    shown = ", ".join(f"`{name}`" for name in names[:6])
+    return shown if len(names) <= 6 else f"{shown} and {len(names) - 6} more"

@@ -1,0 +1,98 @@
+"""Differences between the true arm and the nominal one, and payloads that change during a run."""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from slidax.core.errors import DefinitionError, each_of
+from slidax.core.parameter import parameter, piece
+from slidax.core.part import AbstractPart
+from slidax.core.types import PerJoint, Scalar, Vector
+
+from .arm import AbstractRobot, Payload
+from .articulated import Articulated
+from .coupled import Coupled
+
+
+class TimedPayload(AbstractPart):
+    """The tip carries `payload` for `attached <= t < released`.
+
+    Joint velocities are continuous: at pick-up the body has the tip's velocity, as when both rest, and keeps it at
+    release.
+    """
+
+    payload: Payload = piece("what is carried")
+    attached: Scalar = parameter("from when it is carried", "s", default=0.0)
+    released: Scalar = parameter("until when it is carried", "s", "(attached, inf]", default=float("inf"))
+
+    def on(self, robot: AbstractRobot, t: Scalar) -> AbstractRobot:
+        """Return the arm at time t [s], with this payload in addition to its permanent one.
+
+        Raises DefinitionError for an arm without a tip frame.
+        """
+        if isinstance(robot, Coupled):
+            return eqx.tree_at(lambda coupled: coupled.arm, robot, self.on(robot.arm, t))
+        if not isinstance(robot, Articulated):
+            raise DefinitionError(f"a {type(robot).__name__} has no tip to carry a load; only an articulated arm has")
+        carried = jnp.where((t >= self.attached) & (t < self.released), 1.0, 0.0)
+        return eqx.tree_at(lambda arm: arm.payload, robot, robot.payload.joined(self.payload.times(carried)))
+
+
+Arm = TypeVar("Arm", bound=Articulated | Coupled)
+
+
+class Mismatch(AbstractPart):
+    """The true arm: the nominal one with other masses, other friction, and a payload at its tip.
+
+    With a `mass_factor` of 0.85 the arm is 15 % lighter than its model. Friction and rotor inertia replace those of the
+    nominal arm; fields that are None keep its values.
+    """
+
+    title = "Differences between the true arm and its nominal model."
+
+    mass_factor: PerJoint = parameter("factor on the links' masses", "", "> 0", default=1.0)
+    inertia_factor: PerJoint | None = parameter(
+        "factor on their inertias about the centres of mass, `mass_factor` if not given", "", "> 0", default=None
+    )
+    viscous: PerJoint | None = parameter("viscous friction", "N m s/rad or N s/m", ">= 0", default=None)
+    coulomb: PerJoint | None = parameter("Coulomb friction", "N m or N", ">= 0", default=None)
+    armature: PerJoint | None = parameter(
+        "inertia of the rotors, seen from the joints", "kg m² or kg", ">= 0", default=None
+    )
+    load: TimedPayload | None = piece("what the tip carries, and when; None for nothing", default=None)
+
+    def applied(self, nominal: Arm) -> Arm:
+        """Return the true arm, without the payload.
+
+        Raises DefinitionError for a list whose length differs from the number of joints, including followers.
+        """
+        if isinstance(nominal, Coupled):
+            return eqx.tree_at(lambda coupled: coupled.arm, nominal, self._true(nominal.arm))
+        return self._true(nominal)  # type: ignore[return-value]  # the same class, which mypy does not see
+
+    def _true(self, nominal: Articulated) -> Articulated:
+        factor = self._each("mass_factor", nominal, jnp.ones(()))
+        return eqx.tree_at(
+            lambda arm: (arm.masses, arm.inertias, arm.viscous, arm.coulomb, arm.armature),
+            nominal,
+            (
+                nominal.masses * factor,
+                nominal.inertias * self._each("inertia_factor", nominal, factor)[:, None, None],
+                *(self._each(name, nominal, getattr(nominal, name)) for name in ("viscous", "coulomb", "armature")),
+            ),
+        )
+
+    def _each(self, field: str, nominal: Articulated, otherwise: PerJoint) -> Vector:
+        """One number for each joint: the field's, or `otherwise` if it is None."""
+        value = getattr(self, field)
+        if value is None:
+            return otherwise
+        if value.shape not in ((), (nominal.joints,)):
+            raise DefinitionError(
+                f"`Mismatch.{field}` must be one number or one for {each_of(nominal.joints, 'joint')} of "
+                f"{nominal.name}, {', '.join(nominal.joint_names)}; got {value.shape[0]}"
+            )
+        return jnp.broadcast_to(value, (nominal.joints,))

@@ -1,0 +1,15 @@
+"""Certificates of an arm with its uncertainty set: inertia and weight bounds, the demand on the loops, and the drives.
+
+`members.py` has the true arms of a set. `demand.py` bounds the disturbances that the joints' loops must compensate
+along the motion; `deviation_bound.py` adds what a deviation from the motion changes. `torque_budget.py` and
+`robust_torque.py` are the certificates.
+
+Read first: `arm_motion.py`, `members.py`, `demand.py`.
+"""
+
+from .demand import compute_demand as compute_demand
+from .inertia_bounds import ArmConstants as ArmConstants
+from .inertia_bounds import arm_constants as arm_constants
+from .robust_torque import robust_torque as robust_torque
+from .robust_torque import uncertainty_bound as uncertainty_bound
+from .torque_budget import torque_budget as torque_budget

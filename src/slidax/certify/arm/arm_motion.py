@@ -1,0 +1,360 @@
+"""Inertia, bias and outer torques of true and nominal arms along a motion, and the ratio of their inertias."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from slidax.arms.arm import AbstractRobot
+from slidax.arms.articulated import Articulated
+from slidax.arms.mismatch import TimedPayload
+from slidax.codegen import llvm
+from slidax.codegen.ir import NoNativeCodeError
+from slidax.codegen.trace.tracing import trace
+from slidax.core.errors import DefinitionError
+from slidax.core.types import State
+from slidax.law.adaptation import with_rotors
+from slidax.law.sampled.controller import SampledData
+from slidax.scenarios.scenario import Scenario
+from slidax.simulation.plant import Plant
+
+from ..sampled_scenario import Floats
+
+BLOCK = 65536
+"""States per block: that many inertia matrices of seven joints take 25 MB."""
+
+_kernels: dict[Any, Callable[..., tuple[Floats, Floats]]] = {}
+
+
+def mass_and_bias(
+    robot: AbstractRobot, load: TimedPayload | None, t: Floats, q: Floats, dq: Floats
+) -> tuple[Floats, Floats]:
+    """Return `M(q)` [N n n] and `C(q,q̇) q̇ + G(q)` [N n] with the payload at each time.
+
+    Arms of one structure share their machine code: their values are inputs of it.
+
+    - `load`: the timed payload; None for none.
+    - `t`: [N], s.
+    """
+    arrays, rest = eqx.partition((robot, load), eqx.is_array)
+    leaves, tree = jax.tree.flatten(arrays)
+    leaves = [np.asarray(leaf, float) for leaf in leaves]
+    key = tree, tuple(leaf.shape for leaf in leaves), str(rest)
+    if key not in _kernels:
+        _kernels[key] = _kernel(leaves, tree, rest, robot.joints)
+    blocks = [
+        _kernels[key](t[k : k + BLOCK], q[k : k + BLOCK], dq[k : k + BLOCK], leaves) for k in range(0, len(t), BLOCK)
+    ]
+    return np.concatenate([mass for mass, _ in blocks]), np.concatenate([bias for _, bias in blocks])
+
+
+def _kernel(leaves: list[Floats], tree: Any, rest: Any, joints: int) -> Callable[..., tuple[Floats, Floats]]:
+    def at(t: Any, q: Any, dq: Any, *leaves: Any) -> Any:
+        robot, load = eqx.combine(jax.tree.unflatten(tree, list(leaves)), rest)
+        carrying = robot if load is None else load.on(robot, t)
+        return carrying.mass(q), carrying.bias(q, dq)
+
+    if llvm.available():
+        with suppress(NoNativeCodeError):
+            number, joint = jax.ShapeDtypeStruct((), float), jax.ShapeDtypeStruct((joints,), float)
+            shapes = [jax.ShapeDtypeStruct(leaf.shape, float) for leaf in leaves]
+            program = trace(at, number, joint, joint, *shapes, named=False)
+            program.inputs[:] = [replace(source, varying=k < 3) for k, source in enumerate(program.inputs)]
+            kernel = llvm.compile(program)
+
+            def native(t: Floats, q: Floats, dq: Floats, leaves: list[Floats]) -> tuple[Floats, Floats]:
+                mass, bias = kernel.batch([t, q, dq, *leaves], runs=len(t))
+                return mass, bias
+
+            return native
+    compiled = jax.jit(jax.vmap(at, in_axes=(0, 0, 0, *[None] * len(leaves))))
+
+    def plain(t: Floats, q: Floats, dq: Floats, leaves: list[Floats]) -> tuple[Floats, Floats]:
+        mass, bias = compiled(t, q, dq, *leaves)
+        return np.asarray(mass), np.asarray(bias)
+
+    return plain
+
+
+def massless_load(robot: AbstractRobot, like: Plant) -> TimedPayload | None:
+    """Return a payload without mass for a robot of another plant's structure, so that both share their machine code.
+
+    None if the structures differ, or the other plant has no payload.
+    """
+    alike = bool(jax.tree.structure(robot) == jax.tree.structure(like.robot))  # type: ignore[operator]
+    if like.load is None or not alike:
+        return None
+    return eqx.tree_at(lambda load: load.payload, like.load, like.load.payload.times(jnp.zeros(())))
+
+
+def friction_torque(robot: AbstractRobot, dq: Floats) -> Floats:
+    """Return `F(q̇)` [N n], N m or N."""
+    if isinstance(robot, Articulated):
+        coulomb, viscous, smoothing = (np.asarray(x) for x in (robot.coulomb, robot.viscous, robot.smoothing))
+        return coulomb * np.tanh(dq / smoothing) + viscous * dq
+    return np.asarray(_friction(robot, jnp.asarray(dq)))
+
+
+def external_torque(plant: Plant, t: Floats, q: Floats, dq: Floats) -> Floats:
+    """Return the external torque `τ_d` [N n], N m or N."""
+    return np.asarray(_pushed(plant.disturbance, jnp.asarray(t), jnp.asarray(q), jnp.asarray(dq)))
+
+
+@eqx.filter_jit
+def _friction(robot: AbstractRobot, dq: Any) -> Any:
+    return jax.vmap(robot.friction)(dq)
+
+
+@eqx.filter_jit
+def _pushed(disturbance: Any, t: Any, q: Any, dq: Any) -> Any:
+    return jax.vmap(lambda t, q, dq: disturbance(t, State(q=q, dq=dq)))(t, q, dq)
+
+
+@dataclass(frozen=True, eq=False)
+class NominalModel:
+    """A law's model of the arm: `M̂ = S (M0 + diag(J - J0)) S` and `F̂ = f tanh(q̇_d/v_s)`.
+
+    - `robot`: M0, C0 and G0.
+    - `rotor`, `counted`: J, and J0 [n]; None for a law that does not learn, where `M̂ = M0`.
+    - `coulomb`, `smoothing`: f, and v_s [n].
+    - `like`: an arm whose machine code this one may share.
+    - `times`: times [K], s, from which on each J and f [K n] is used; None for constant ones [n].
+    """
+
+    robot: AbstractRobot
+    rotor: Floats | None
+    counted: Floats | None
+    coulomb: Floats
+    smoothing: Floats
+    like: Plant
+    times: Floats | None = None
+
+    @classmethod
+    def of(cls, scenario: Scenario, like: Plant) -> NominalModel:
+        """Return the model that a scenario's law starts with.
+
+        - `like`: an arm whose machine code the model may share.
+
+        Raises DefinitionError for a law without a model.
+        """
+        law: Any = scenario.controller
+        robot = getattr(law, "nominal", None)
+        if not isinstance(robot, AbstractRobot):
+            raise DefinitionError(f"`{scenario.scheme}` has no model of the arm: its demand cannot be computed")
+        n = robot.joints
+        adaptation = law.adaptation if isinstance(law, SampledData) else None
+        if adaptation is None:
+            return cls(robot, None, None, np.zeros(n), np.ones(n), like)
+        learnt = adaptation.learnt(adaptation.init(State(q=jnp.zeros(n), dq=jnp.zeros(n))))
+        rotor, counted, coulomb, smoothing = (
+            np.broadcast_to(np.asarray(value, float), n)
+            for value in (learnt.rotor, adaptation.counted, learnt.coulomb, adaptation.smoothing)
+        )
+        return cls(robot, rotor, counted, coulomb, smoothing, like)
+
+    def friction(self, t: Floats, dq: Floats) -> Floats:
+        """F̂ [N n], N m or N, at times [N], s, and the reference's velocities [N n]."""
+        return self._then(self.coulomb, t) * np.tanh(dq / self.smoothing)
+
+    def rotor_at(self, t: Floats) -> Floats:
+        """J at times [N n]; zero for a law that does not learn."""
+        if self.rotor is None:
+            return np.zeros((len(t), len(self.coulomb)))
+        return np.array(np.broadcast_to(self._then(self.rotor, t), (len(t), self.rotor.shape[-1])))
+
+    def _then(self, values: Floats, t: Floats) -> Floats:
+        if self.times is None:
+            return values
+        return values[np.clip(np.searchsorted(self.times, t + 1e-9) - 1, 0, len(self.times) - 1)]
+
+    def mass_and_bias(self, t: Floats, q: Floats, dq: Floats) -> tuple[Floats, Floats]:
+        """M̂ [N n n] and C0 q̇ + G0 [N n]."""
+        mass, bias = self.at_first(t, q, dq)
+        return self.learnt(mass, t), bias
+
+    def at_first(self, t: Floats, q: Floats, dq: Floats) -> tuple[Floats, Floats]:
+        """M0 [N n n], and C0 q̇ + G0 [N n], which do not depend on learned values."""
+        return mass_and_bias(self.robot, massless_load(self.robot, self.like), t, q, dq)
+
+    def learnt(self, mass: Floats, t: Floats) -> Floats:
+        """M̂ [N n n] from M0 [N n n] at times [N], s."""
+        if self.rotor is None:
+            return mass
+        assert self.counted is not None
+        rotor = np.broadcast_to(self._then(self.rotor, t), mass.shape[:2])
+        if (rotor >= 0).all():
+            return mass + (rotor - self.counted)[:, :, None] * np.eye(mass.shape[1])
+        # Powers of two, so that few sizes are compiled.
+        size = 1 << (len(mass) - 1).bit_length()
+        filled = (np.resize(values, (size, *values.shape[1:])) for values in (mass, rotor))
+        return np.asarray(_with_rotors(*filled, self.counted))[: len(mass)]
+
+
+@jax.jit
+def _with_rotors(mass: Any, rotor: Any, counted: Any) -> Any:
+    return jax.vmap(with_rotors, in_axes=(0, 0, None))(mass, rotor, counted)
+
+
+@dataclass(frozen=True, eq=False)
+class StateSequence:
+    """States at times, with the acceleration that the law needs there.
+
+    - `t`: [N], s.
+    - `q`, `dq`, `ddq`: positions, velocities, and the mean acceleration over the period that begins there [N n].
+    - `wanted`: velocities of the reference [N n], if they differ from `dq`.
+    """
+
+    t: Floats
+    q: Floats
+    dq: Floats
+    ddq: Floats
+    wanted: Floats | None = None
+
+    @property
+    def wanted_dq(self) -> Floats:
+        """Velocities of the reference [N n], at which a law compensates friction."""
+        return self.dq if self.wanted is None else self.wanted
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> StateSequence:
+        """The scenario's reference at each sample from the start to its end."""
+        h, n = scenario.period, round(scenario.t1 / scenario.period)
+        t = h * np.arange(max(n, 1) + 1)
+        reference = _reference(scenario.trajectory, jnp.asarray(t))
+        q, dq = np.asarray(reference.q), np.asarray(reference.dq)
+        return cls(t[:-1], q[:-1], dq[:-1], np.diff(dq, axis=0) / h)
+
+    def shifted(self, q: Floats, dq: Floats) -> StateSequence:
+        """The motion with states that deviate by `q` and `dq`, [n] or [N n]."""
+        return StateSequence(self.t, self.q + q, self.dq + dq, self.ddq, self.wanted_dq)
+
+    def every(self, instants: int) -> StateSequence:
+        """About `instants` of the states, evenly spaced."""
+        step = max(1, len(self.t) // instants)
+        wanted = self.wanted_dq[::step]
+        return StateSequence(self.t[::step], self.q[::step], self.dq[::step], self.ddq[::step], wanted)
+
+    def at(self, times: Floats, instants: int) -> StateSequence:
+        """States at given times, each with the state of its period, and at `instants` other samples.
+
+        The other samples are spread by the golden ratio: evenly spaced ones would see a repeating motion at one phase.
+        """
+        count = len(self.t)
+        spread = np.sort((np.arange(min(instants, count)) * 0.618033988749895) % 1.0 * count).astype(int)
+        own = np.searchsorted(self.t, times, side="right") - 1
+        which = np.concatenate([spread, np.clip(own, 0, count - 1)])
+        t = np.concatenate([self.t[spread], times])
+        return StateSequence(t, self.q[which], self.dq[which], self.ddq[which], self.wanted_dq[which])
+
+    @cached_property
+    def joints(self) -> int:
+        return int(self.q.shape[1])
+
+
+@eqx.filter_jit
+def _reference(trajectory: Any, t: Any) -> Any:
+    return jax.vmap(trajectory.reference)(t)
+
+
+def distinct_inertias(plants: list[Plant]) -> tuple[list[Plant], list[int]]:
+    """Return one arm of each inertia, and the number of each arm's inertia [P].
+
+    Arms that differ only in friction or forces share an inertia.
+    """
+    keys: dict[Any, int] = {}
+    kinds: list[Plant] = []
+    which: list[int] = []
+    for plant in plants:
+        key = _inertial_key(plant)
+        if key not in keys:
+            keys[key] = len(kinds)
+            kinds.append(plant)
+        which.append(keys[key])
+    return kinds, which
+
+
+def rigid_body_torque(plants: list[Plant], motion: StateSequence) -> tuple[Floats, Floats]:
+    """Return M [P N n n], and `M q̈ + C q̇ + G` [P N n], of P true arms along a motion."""
+    torques = [mass_and_bias(plant.robot, plant.load, motion.t, motion.q, motion.dq) for plant in plants]
+    masses = np.array([mass for mass, _ in torques])
+    return masses, np.einsum("pkij,kj->pki", masses, motion.ddq) + np.array([bias for _, bias in torques])
+
+
+def outer_torque(plants: list[Plant], motion: StateSequence) -> Floats:
+    """Return `τ_d - F` of P true arms along a motion [P N n], N m or N."""
+    return disturbance_torque(plants, motion) - np.array([friction_torque(plant.robot, motion.dq) for plant in plants])
+
+
+def disturbance_torque(plants: list[Plant], motion: StateSequence) -> Floats:
+    """Return `τ_d` of P true arms along a motion [P N n], N m or N."""
+    done: dict[Any, Floats] = {}
+    torques = []
+    for plant in plants:
+        key = _key(plant.disturbance)
+        if key not in done:
+            done[key] = external_torque(plant, motion.t, motion.q, motion.dq)
+        torques.append(done[key])
+    return np.array(torques)
+
+
+def breakpoints(plants: Sequence[Plant], end: float) -> Floats:
+    """Return the times at which a force or a payload starts, jumps or ends, up to the end of the run [K], s."""
+    times: set[float] = set()
+    for plant in plants:
+        times.update(plant.disturbance.breakpoints())
+        if plant.load is not None:
+            times.update((float(plant.load.attached), float(plant.load.released)))
+    return np.array(sorted(time for time in times if 0.0 <= time <= end))
+
+
+def _inertial_key(plant: Plant) -> Any:
+    robot = plant.robot
+    if isinstance(robot, Articulated):
+        nothing = np.zeros(robot.joints)
+        robot = eqx.tree_at(lambda arm: (arm.coulomb, arm.viscous), robot, (nothing, nothing))
+    return _key((robot, plant.load))
+
+
+def _key(tree: Any) -> Any:
+    leaves, structure = jax.tree.flatten(tree)
+    return structure, tuple(np.asarray(leaf).tobytes() for leaf in leaves)
+
+
+INSTANTS = 200
+"""Instants of the motion at which ratios are evaluated."""
+
+KEPT = 24
+"""Number of these instants at which K of each member is returned."""
+
+
+def inertia_ratios(
+    plants: Sequence[Plant], beliefs: Sequence[NominalModel], motion: StateSequence, kept: int = KEPT
+) -> tuple[Floats, Floats, Floats]:
+    """Return the range of κ, the diagonal of `K = M⁻¹M̂` [2 n], and the largest |K_ij/K_jj| for i ≠ j [n n].
+
+    The third value is K [I n n] of each member at some instants.
+
+    - `beliefs`: the model of each arm.
+    - `kept`: number of instants at which K is returned.
+    """
+    few = motion.every(INSTANTS)
+    each: list[Floats] = []
+    least = np.full(motion.joints, np.inf)
+    most, coupling = -least, np.zeros((motion.joints, motion.joints))
+    for plant, belief in zip(plants, beliefs, strict=True):
+        believed, _ = belief.mass_and_bias(few.t, few.q, few.dq)
+        ratio = np.linalg.solve(rigid_body_torque([plant], few)[0][0], believed)
+        each.append(ratio[:: max(1, len(ratio) // kept)])
+        own = np.diagonal(ratio, axis1=1, axis2=2)
+        least, most = np.minimum(least, own.min(axis=0)), np.maximum(most, own.max(axis=0))
+        coupling = np.maximum(coupling, np.abs(ratio / own[:, None, :]).max(axis=0))
+    np.fill_diagonal(coupling, 0.0)
+    return np.array([least, most]), coupling, np.concatenate(each)

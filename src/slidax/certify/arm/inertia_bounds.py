@@ -1,0 +1,383 @@
+"""Bounds of an arm's inertia and weight in every posture, from their trigonometric series."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from slidax.arms.arm import AbstractRobot
+from slidax.arms.articulated import Articulated
+from slidax.arms.coupled import Coupled
+from slidax.arms.mismatch import TimedPayload
+from slidax.core.errors import DefinitionError
+
+from ..certificate import Assumption
+from ..sampled_scenario import Flags, Floats
+from .arm_motion import mass_and_bias
+
+POINTS = 5
+"""Points a joint: twice the degree, and one."""
+
+MOST = 7
+"""Largest number of joints that may matter: 5⁷ postures are 78 125."""
+
+
+@dataclass(frozen=True)
+class TrigonometricSeries:
+    """`f(q) = Σ c_k exp(i k·θ)`, k from -2 to 2 for each joint that matters.
+
+    - `coefficients`: c_k [K ...].
+    """
+
+    grid: PostureGrid
+    coefficients: Any
+
+    def bound(self) -> Floats:
+        """`Σ |c_k|`, an upper bound of |f| [...]."""
+        return np.abs(self.coefficients).sum(axis=0)
+
+    def slopes(self) -> Floats:
+        """Upper bounds of |∂f/∂q_j| [... n]: `Σ |k_j| |c_k|`, and Markov's `4 Σ |c_k|/a` for a prismatic joint."""
+        size = np.abs(self.coefficients)
+        bounds = np.zeros((*size.shape[1:], self.grid.size))
+        for at, joint in enumerate(self.grid.joints):
+            k = np.abs(self.grid.degrees[:, at])
+            weight = k if self.grid.turns[joint] else 4.0 * (k > 0) / self.grid.half[joint]
+            bounds[..., joint] = np.tensordot(weight, size, axes=1)
+        return bounds
+
+
+@dataclass(frozen=True)
+class PostureGrid:
+    """Postures that determine all of M and G.
+
+    - `joints`: the joints that matter.
+    - `turns`: True for each revolute joint [n].
+    - `middle`, `half`: middle and half of the range of each prismatic joint [n], m; 0 and 1 for a revolute one.
+    """
+
+    joints: tuple[int, ...]
+    turns: Floats
+    middle: Floats
+    half: Floats
+
+    @classmethod
+    def of(cls, at: Callable[[Floats], Floats], units: tuple[str, ...], lower: Floats, upper: Floats) -> PostureGrid:
+        """The grid of the joints that matter, which are found at random postures.
+
+        - `at`: from postures [N n] to all values [N F].
+        - `lower`, `upper`: limits of the prismatic joints [n], m; those of others are not used.
+
+        Raises DefinitionError if too many joints matter.
+        """
+        turns = np.array([unit == "rad" for unit in units])
+        n = len(turns)
+        middle = np.where(turns, 0.0, 0.5 * (lower + upper))
+        half = np.where(turns, 1.0, np.maximum(0.5 * (upper - lower), 1e-6))
+        random = np.random.default_rng(3)
+        places = np.where(turns, random.uniform(-np.pi, np.pi, (2, 4, n)), random.uniform(-1.0, 1.0, (2, 4, n)))
+        q, other = middle + half * places
+        moved = np.repeat(q[None], n + 1, axis=0)
+        for joint in range(n):
+            moved[joint + 1, :, joint] = other[:, joint]
+        values = at(moved.reshape(-1, n)).reshape(n + 1, -1)
+        change = np.abs(values[1:] - values[0]).max(axis=1)
+        joints = tuple(np.flatnonzero(change > 1e-12 * max(float(np.abs(values).max()), 1e-300)).tolist())
+        if len(joints) > MOST:
+            raise DefinitionError(f"the inertia depends on {len(joints)} joints; at most {MOST} are possible")
+        return cls(joints, turns, middle, half)
+
+    @property
+    def size(self) -> int:
+        """Number n of the arm's joints."""
+        return len(self.turns)
+
+    @property
+    def postures(self) -> Floats:
+        """All postures [5^J n]."""
+        angles = np.array(list(product(2.0 * np.pi * np.arange(POINTS) / POINTS, repeat=len(self.joints))))
+        q = np.tile(self.middle, (len(angles), 1))
+        for k, joint in enumerate(self.joints):
+            q[:, joint] = (
+                angles[:, k] if self.turns[joint] else self.middle[joint] + self.half[joint] * np.cos(angles[:, k])
+            )
+        return q
+
+    @property
+    def degrees(self) -> Floats:
+        """Wave numbers k of each coefficient [5^J J]."""
+        harmonics = np.fft.fftfreq(POINTS, 1.0 / POINTS)
+        count = len(self.joints)
+        # The length is explicit: -1 cannot replace it if no joint matters.
+        return np.array(list(product(harmonics, repeat=count))).reshape(POINTS**count, count)
+
+    def series(self, values: Floats) -> TrigonometricSeries:
+        """The series of values at the postures [5^J ...]."""
+        axes = tuple(range(len(self.joints)))
+        shaped = values.reshape(*[POINTS] * len(self.joints), *values.shape[1:])
+        coefficients = np.fft.fftn(shaped, axes=axes) / len(values) if axes else shaped[None]
+        return TrigonometricSeries(self, coefficients.reshape(len(values), *values.shape[1:]))
+
+    def rates(self) -> Floats:
+        """D_j [n] with `|f(q + e) - f(q)| <= D·|e| sup|f|` and second derivatives within `(D·|e|)² sup|f|`.
+
+        From Bernstein's inequality for a revolute joint, from Markov's for a prismatic one; for M's degree.
+        """
+        rates = np.zeros(self.size)
+        for joint in self.joints:
+            rates[joint] = 2.0 if self.turns[joint] else 4.0 / self.half[joint]
+        return rates
+
+
+def require_independent_joints(robot: AbstractRobot) -> None:
+    """Raise DefinitionError for an arm with coupled joints.
+
+    There M is no polynomial of degree 2 in a joint: a follower at the ratio 2 doubles the degree, one at 0.5 has none.
+    """
+    if isinstance(robot, Coupled):
+        raise DefinitionError(
+            f"joint `{robot.followers[0]}` of {robot.name} follows another joint: bounds of M exist only for arms "
+            "without coupled joints, where M is a polynomial of degree 2 in cosine and sine of each joint"
+        )
+
+
+MOST_NUMBERS = 6_000_000
+"""Largest number of entries on a grid."""
+
+MOST_POINTS = 720
+"""Largest number of points of one joint."""
+
+MOST_FACTOR = 20.0
+"""Largest factor of a grid: for a coarser one `Σ ‖c_k‖` is better."""
+
+WORTH = 0.02
+"""Share of the whole variation that a joint must add to get a grid of its own."""
+
+
+@dataclass(frozen=True)
+class Supremum:
+    """An upper bound.
+
+    - `upper`: the bound.
+    - `sampled`: the largest value on the grid; the supremum lies between both, but for the joints off the grid.
+    - `points`: points of the grid for each joint on it.
+    - `factor`: of the grid.
+    """
+
+    upper: float
+    sampled: float
+    points: int
+    factor: float
+
+
+def supremum(
+    series: TrigonometricSeries, degree: int, size: Callable[[Floats], Floats], terms: Callable[[Any], Floats]
+) -> Supremum:
+    """Return a bound of `max_q ‖f(q)‖`.
+
+    - `degree`: of f in each joint, 1 or 2.
+    - `size`: the norm of each of some values [P ...].
+    - `terms`: the norm of each of some complex coefficients [K ...].
+    """
+    joints = len(series.grid.joints)
+    weights = terms(series.coefficients)
+    degrees = np.abs(series.grid.degrees)
+    entries = int(np.prod(series.coefficients.shape[1:], dtype=int))
+    # Joints with the largest effect come first.
+    order = np.argsort([-float(weights[degrees[:, at] > 0].sum()) for at in range(joints)], kind="stable").tolist()
+    # Coefficients that each joint adds to those before it.
+    added = [_of(degrees, order[: k + 1]) & (degrees[:, order[k]] > 0) for k in range(joints)]
+    sums = [float(weights[terms].sum()) for terms in added]
+    waves = sum(sums)
+    count = min(range(joints + 1), key=lambda k: _factor(k, entries, degree) * 0.5 * sum(sums[:k]) + sum(sums[k:]))
+    points, factor = _points(count, entries), _factor(count, entries, degree)
+    largest_seen = _largest(series, _of(degrees, order[:count]), sorted(order[:count]), points, size)
+    upper = factor * largest_seen
+    for k in range(count, joints):
+        here = _factor(k + 1, entries, degree)
+        if sums[k] > WORTH * waves and here < MOST_FACTOR:
+            largest = _largest(series, added[k], sorted(order[: k + 1]), _points(k + 1, entries), size)
+            upper += min(here * largest, sums[k])
+        else:
+            upper += sums[k]
+    return Supremum(upper, largest_seen, points, factor)
+
+
+def _of(degrees: Floats, joints: Sequence[int]) -> Flags:
+    """True for coefficients of these joints alone [K]."""
+    others = [at for at in range(degrees.shape[1]) if at not in joints]
+    return ~degrees[:, others].any(axis=1)
+
+
+def _factor(count: int, entries: int, degree: int) -> float:
+    points = _points(count, entries)
+    return math.cos(degree * math.pi / points) ** -count if points > 2 * degree else math.inf
+
+
+def _points(count: int, entries: int) -> int:
+    if count == 0:
+        return MOST_POINTS
+    return min(MOST_POINTS, int((MOST_NUMBERS / entries) ** (1.0 / count)))
+
+
+def _largest(
+    series: TrigonometricSeries, terms: Flags, kept: Sequence[int], points: int, size: Callable[[Floats], Floats]
+) -> float:
+    """The largest size on the grid of some joints, over terms without the other joints."""
+    joints = len(series.grid.joints)
+    shape = series.coefficients.shape[1:]
+    coefficients = np.where(terms.reshape(-1, *[1] * len(shape)), series.coefficients, 0.0)
+    coefficients = coefficients.reshape(*[POINTS] * joints, *shape)
+    # Harmonic 0 stands first.
+    picked = coefficients[tuple(slice(None) if at in kept else 0 for at in range(joints))]
+    if not kept:
+        return float(size(picked.real[None]).max())
+    angles = 2.0 * np.pi * np.arange(points) / points
+    waves = np.exp(1j * np.outer(angles, np.fft.fftfreq(POINTS, 1.0 / POINTS)))
+    # Joint by joint; the first in the loop below, so that not all postures are in memory at once.
+    for axis in range(1, len(kept)):
+        picked = np.moveaxis(np.tensordot(waves, picked, axes=(1, axis)), 0, axis)
+    flat = picked.reshape(POINTS, -1)
+    largest = 0.0
+    for wave in waves:
+        values = (wave.real @ flat.real - wave.imag @ flat.imag).reshape(-1, *shape)
+        largest = max(largest, float(size(values).max()))
+    return largest
+
+
+def spectral(values: Any) -> Floats:
+    """Return the spectral norm of matrices [P n n], or 0 where another one is larger.
+
+    A Frobenius norm is never less, so it shows which matrices need no evaluation.
+    """
+    frobenius: Floats = np.sqrt((np.abs(values) ** 2).sum(axis=(1, 2)))
+    order = np.argsort(-frobenius)
+    norms = np.zeros(len(values))
+    best = 0.0
+    for k in range(0, len(order), 256):
+        some = order[k : k + 256]
+        if frobenius[some[0]] <= best:
+            break
+        norms[some] = np.linalg.norm(values[some], ord=2, axis=(1, 2))
+        best = max(best, float(norms[some].max()))
+    return norms
+
+
+def spectral_of_each(values: Any) -> Floats:
+    """Return the spectral norm of each of some real or complex matrices [P n n]."""
+    return np.linalg.norm(values, ord=2, axis=(1, 2))
+
+
+@dataclass(frozen=True)
+class ArmConstants:
+    """Bounds for `M(q) q̈ + C(q,q̇) q̇ + G(q)` at every q; prismatic joints stay within their range.
+
+    - `inertia_max`: upper bound of λmax(M).
+    - `inertia_min`: lower bound of λmin(M); 0 if none is known.
+    - `weight`: bounds of |G_i| [n], N m or N.
+    - `mass_slope`: L with `‖M(p) - M(q)‖ <= L ‖p - q‖`; `weight_slope`: the same for G.
+    - `coriolis`: c with `‖C(q,q̇) q̇‖ <= c ‖q̇‖²`.
+    - `sampled`: extreme eigenvalues of M on the grid: no bound can be better.
+    """
+
+    inertia_max: float
+    inertia_min: float
+    weight: Floats
+    mass_slope: float
+    weight_slope: float
+    coriolis: float
+    sampled: tuple[float, float]
+    assumptions: Sequence[Assumption]
+
+
+def arm_constants(
+    robot: AbstractRobot, load: TimedPayload | None = None, *, lower: Floats | None = None, upper: Floats | None = None
+) -> ArmConstants:
+    """Return the constants of one arm, proved by its trigonometric series (docs/certificates/arm.md).
+
+    - `robot`: its friction is not included.
+    - `load`: a payload, always carried; None for none.
+    - `lower`, `upper`: limits of prismatic joints [n], m; ±0.5 m by default.
+
+    Raises DefinitionError if M depends on more than seven joints.
+    """
+    mass, weight = inertia_and_weight_series(robot, load, lower, upper)
+    n = robot.joints
+    grid = mass.grid
+    sampled = np.linalg.eigvalsh(mass_and_bias(robot, load, *_states(load, grid.postures))[0])
+    low, high = float(sampled[:, 0].min()), float(sampled[:, -1].max())
+    # ‖M - c‖ with c in the middle bounds both ends, and its grid error is smaller than M's.
+    middle = 0.5 * (low + high)
+    shifted = TrigonometricSeries(
+        grid, mass.coefficients - middle * np.eye(n) * (grid.degrees == 0).all(axis=1)[:, None, None]
+    )
+    reach = supremum(shifted, 2, spectral, spectral_of_each)
+    rotors = float(np.asarray(robot.armature).min()) if isinstance(robot, Articulated) else 0.0
+    weights: Floats = np.array(
+        [
+            supremum(
+                TrigonometricSeries(grid, weight.coefficients[:, i : i + 1]),
+                1,
+                lambda x: np.abs(x[:, 0]),
+                lambda c: np.abs(c[:, 0]),
+            ).upper
+            for i in range(n)
+        ]
+    )
+    of_mass = _slopes(mass, spectral_of_each(mass.coefficients))
+    of_weight = _slopes(weight, np.linalg.norm(weight.coefficients, axis=1))
+    slope = float(np.linalg.norm(of_mass))
+    text = (
+        f"M and G are trigonometric polynomials in {len(grid.joints)} of {n} joints, of degree 2 and 1: {reach.points} "
+        f"points a joint bound them everywhere, with the factor {reach.factor:.3g}"
+    )
+    return ArmConstants(
+        inertia_max=middle + reach.upper,
+        inertia_min=max(middle - reach.upper, rotors, 0.0),
+        weight=weights,
+        mass_slope=slope,
+        weight_slope=float(np.linalg.norm(of_weight)),
+        coriolis=1.5 * slope,
+        sampled=(low, high),
+        assumptions=(Assumption(text, "proved", reach.factor),),
+    )
+
+
+def inertia_and_weight_series(
+    robot: AbstractRobot, load: TimedPayload | None = None, lower: Floats | None = None, upper: Floats | None = None
+) -> tuple[TrigonometricSeries, TrigonometricSeries]:
+    """Return the series of M and of G.
+
+    Raises DefinitionError if M depends on more than seven joints.
+    """
+    require_independent_joints(robot)
+    n = robot.joints
+    lower = np.full(n, -0.5) if lower is None else lower
+    upper = np.full(n, 0.5) if upper is None else upper
+
+    def flat(q: Floats) -> Floats:
+        mass, bias = mass_and_bias(robot, load, *_states(load, q))
+        return np.concatenate([mass.reshape(len(q), -1), bias], axis=1)
+
+    grid = PostureGrid.of(flat, robot.joint_units, lower, upper)
+    mass, weight = mass_and_bias(robot, load, *_states(load, grid.postures))
+    return grid.series(mass), grid.series(weight)
+
+
+def _states(load: TimedPayload | None, q: Floats) -> tuple[Floats, Floats, Floats]:
+    return np.full(len(q), 0.0 if load is None else float(load.attached)), q, np.zeros_like(q)
+
+
+def _slopes(series: TrigonometricSeries, sizes: Floats) -> Floats:
+    """Bounds of ‖∂f/∂q_j‖ [n], from ‖c_k‖ [K]."""
+    bounds = np.zeros(series.grid.size)
+    for at, joint in enumerate(series.grid.joints):
+        k = np.abs(series.grid.degrees[:, at])
+        weight = k if series.grid.turns[joint] else 4.0 * (k > 0) / series.grid.half[joint]
+        bounds[joint] = float((weight * sizes).sum())
+    return bounds

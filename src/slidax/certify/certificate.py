@@ -1,0 +1,219 @@
+"""Certificates and their verdicts: whether a guarantee holds, by which margin, and under which assumptions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Concatenate, Generic, Literal, ParamSpec, get_args
+
+import numpy as np
+
+from slidax.analysis.cause import Remedy
+from slidax.core.tracing import require_64_bits
+from slidax.scenarios.family import Family
+from slidax.scenarios.scenario import Scenario
+
+from .uncertainty_set import canonical, family_of
+
+Status = Literal["proved", "tested", "assumed", "fails"]
+"""Status of an assumption.
+
+- `proved`: follows from the definitions for the whole set, up to floating-point rounding, with the value used.
+- `tested`: computed for finitely many members, times or cases, which the text names.
+- `assumed`: not checked.
+- `fails`: tested, and violated.
+"""
+
+Grade = Literal["A", "B", "C"]
+"""Grade of a verdict that holds: `A` if all assumptions are proved, `B` if some are, `C` if none is."""
+
+
+OVER_TIME = ("times", "error_over_time")
+"""Bounds for a figure: times [N], s, and the bound of |e| until the next time [N n], rad or m."""
+
+
+@dataclass(frozen=True)
+class Assumption:
+    """An assumption of a guarantee.
+
+    - `text`: a sentence that names the tested cases, if any.
+    - `value`: the computed value, if there is one.
+    """
+
+    text: str
+    status: Status
+    value: float | None = None
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The answer of a certificate; never raised.
+
+    - `title`: the guarantee in a few words, for a table.
+    - `holds`: None if the certificate does not apply; `statement` has the reason.
+    - `margin`: relative to the allowed value, positive if the guarantee holds; None if there is no number.
+    - `bound`: bounds by name, scalars or one value per joint, in SI units.
+    - `statement`: the guarantee as a sentence with units and equation.
+    - `remedies`: the smallest changes with which the guarantee would hold, best first; empty if it holds.
+    - `since`: time from which the guarantee holds, s; None for the whole run, or if it does not hold.
+    """
+
+    name: str
+    title: str
+    holds: bool | None
+    margin: float | None
+    bound: Mapping[str, Any]
+    assumptions: Sequence[Assumption]
+    statement: str
+    remedies: Sequence[Remedy] = field(default=())
+    since: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.holds and any(line.status == "fails" for line in self.assumptions):
+            raise AssertionError(f"certificate `{self.name}` holds although one of its assumptions fails")
+
+    @property
+    def answer(self) -> str:
+        """`yes`, `no`, `from 0.5 s` if the guarantee holds from a time on, or `-` if the certificate does not apply."""
+        if self.holds and self.since is not None:
+            return f"from {self.since:.3g} s"
+        return "-" if self.holds is None else "yes" if self.holds else "no"
+
+    @property
+    def grade(self) -> Grade | None:
+        """Grade by the share of proved assumptions; None unless the guarantee holds."""
+        if not self.holds:
+            return None
+        proved = [line.status == "proved" for line in self.assumptions]
+        return "C" if not any(proved) else "A" if all(proved) else "B"
+
+    @property
+    def stands_on(self) -> str:
+        """Number of assumptions with each status: "2 proved, 3 tested, 1 assumed"."""
+        statuses = [line.status for line in self.assumptions]
+        return ", ".join(f"{statuses.count(status)} {status}" for status in get_args(Status) if status in statuses)
+
+    @property
+    def bound_in_words(self) -> list[str]:
+        """Bounds as text, "error 1.2e-05", with the largest value of all joints; without bounds over time."""
+        words = []
+        for name, value in self.bound.items():
+            if name in OVER_TIME:
+                continue
+            numbers = _plain(value)
+            flat = numbers if isinstance(numbers, list) else [numbers]
+            if flat and all(isinstance(number, int | float) for number in flat):
+                words.append(f"{name.replace('_', ' ')} {max(flat):.3g}")
+        return words
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the verdict as `slidax certify --json` prints it; non-finite values are None."""
+        return {
+            "name": self.name,
+            "holds": self.holds,
+            "since": _plain(self.since),
+            "grade": self.grade,
+            "margin": _plain(self.margin),
+            "bound": {name: _plain(value) for name, value in self.bound.items()},
+            "assumptions": [
+                {"text": line.text, "status": line.status, "value": _plain(line.value)} for line in self.assumptions
+            ],
+            "statement": self.statement,
+            "remedy": [{"words": remedy.words, "set": dict(remedy.changes)} for remedy in self.remedies],
+        }
+
+
+def _plain(value: Any) -> Any:
+    """Numbers and arrays as JSON values."""
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    if isinstance(value, Mapping):
+        return {name: _plain(entry) for name, entry in value.items()}
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return _plain(value.tolist()) if hasattr(value, "tolist") else [_plain(entry) for entry in value]
+
+
+def joint_values(values: Any, digits: int = 3) -> str:
+    """Format one number, or one per joint with commas if they differ: `1.2, 3.4, 5.6`."""
+    words = [f"{float(value):.{digits}g}" for value in np.atleast_1d(np.asarray(values, float))]
+    return words[0] if len(set(words)) == 1 else ", ".join(words)
+
+
+Options = ParamSpec("Options")
+
+ARM = ("robot", "disturbance", "start")
+"""Blocks of an uncertainty set that every certificate of an arm bounds or tests."""
+
+WORLD = ("robot", "trajectory", "start", "disturbance", "actuator")
+"""Blocks of a scenario that are no part of its law."""
+
+
+@dataclass(frozen=True)
+class Certificate(Generic[Options]):
+    """A certificate, called like the function that computes its verdict: `admissibility(scenario)`.
+
+    It does not apply to a scenario with an uncertain path that it does not cover.
+
+    - `judge`: computes the verdict; its docstring states the guarantee.
+    - `covers`: paths whose uncertainty it covers, with all paths below them; includes paths that do not matter for it.
+    - `reads`: paths that the verdict depends on, with all paths below them; None for all.
+    """
+
+    name: str
+    title: str
+    judge: Callable[Concatenate[Scenario, Options], Verdict]
+    covers: tuple[str, ...]
+    reads: tuple[str, ...] | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "__doc__", self.judge.__doc__)
+
+    def __call__(self, scenario: Scenario, *args: Options.args, **kwargs: Options.kwargs) -> Verdict:
+        """Return the verdict.
+
+        Raises DefinitionError if JAX computes with 32 bits, or the scenario is invalid.
+        """
+        require_64_bits()
+        other_sets = [value for value in (*args, *kwargs.values()) if isinstance(value, Family)]
+        reason = self._uncovered(scenario, other_sets)
+        if reason:
+            return Verdict(self.name, self.title, None, None, {}, (), reason)
+        return self.judge(scenario, *args, **kwargs)
+
+    def may_read(self, path: str) -> bool:
+        """Return True if the verdict may depend on the value at a path, written as for `--set`.
+
+        A test changes all values of scenarios that a certificate does not read, and expects the same verdict.
+        """
+        return self.reads is None or any(_below(path, root) or root.startswith(f"{path}.") for root in self.reads)
+
+    def _uncovered(self, scenario: Scenario, other_sets: Iterable[Family]) -> str:
+        """Reason why the certificate does not apply, with the uncovered paths; empty if it applies."""
+        own = family_of(scenario)
+        families = [canonical(family) for family in other_sets] or ([] if own is None else [own])
+        places = {
+            "uncertainty": {path for family in families for path in family.space.sets},
+            "truth": {path for family in families for path in family.base.truth} | set(scenario.description.truth),
+        }
+        for block, paths in places.items():
+            outside = sorted(path for path in paths if not any(_below(path, root) for root in self.covers))
+            if outside:
+                listed = ", ".join(f"`{path}`" for path in outside)
+                return (
+                    f"not applicable: `{block}` has {listed}, which this certificate does not cover; `statistical` "
+                    "tests it, and without it in the file this certificate applies"
+                )
+        return ""
+
+
+def _below(path: str, root: str) -> bool:
+    return f"{path}.".startswith(f"{root}.")
+
+
+def certificate(
+    name: str, title: str, *, covers: tuple[str, ...], reads: tuple[str, ...] | None = None
+) -> Callable[[Callable[Concatenate[Scenario, Options], Verdict]], Certificate[Options]]:
+    """Decorate a function that computes a verdict, so that it becomes a `Certificate`."""
+    return lambda judge: Certificate(name, title, judge, covers, reads)

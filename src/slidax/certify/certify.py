@@ -1,0 +1,136 @@
+"""All certificates of a scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache, wraps
+from typing import Any
+
+from slidax.core.errors import DefinitionError
+from slidax.core.tracing import require_64_bits
+from slidax.scenarios.scenario import Scenario
+
+from .admissibility import admissibility
+from .arm.demand import Demand, compute_demand
+from .arm.robust_torque import robust_torque, uncertainty_bound
+from .arm.torque_budget import torque_budget
+from .certificate import Assumption, Certificate, Verdict
+from .loop.inertia_ratio import inertia_ratio
+from .loop.loop_rate import loop_rate
+from .printed.settling_time import settling_time
+from .printed.ultimate_bound import printed_period, ultimate_bound
+from .statistical import RUNS, statistical
+from .uncertainty_set import family_of
+
+
+@lru_cache(maxsize=2)
+def _demand(scenario: Scenario) -> Demand:
+    return compute_demand(scenario)
+
+
+def _with_demand(certificate: Certificate[...]) -> Certificate[...]:
+    """The certificate with the scenario's demand, computed once for all certificates that need it."""
+
+    @wraps(certificate.judge)
+    def judge(scenario: Scenario) -> Verdict:
+        return certificate.judge(scenario, _demand(scenario))
+
+    return replace(certificate, judge=judge)
+
+
+CERTIFICATES: tuple[Certificate[...], ...] = (
+    admissibility,
+    _with_demand(inertia_ratio),
+    loop_rate,
+    _with_demand(robust_torque),
+    _with_demand(torque_budget),
+    uncertainty_bound,
+    printed_period,
+    settling_time,
+    ultimate_bound,
+)
+"""All certificates but the statistical one, in display order."""
+
+
+@dataclass(frozen=True)
+class Certificates:
+    """All verdicts of a scenario, in display order.
+
+        certified = slidax.certify.certify(scenario)
+        certified.holds
+        certified["loop_rate"].bound
+
+    - `scenario`: its name.
+    """
+
+    scenario: str
+    verdicts: Sequence[Verdict]
+
+    @property
+    def holds(self) -> bool:
+        """True if each certificate that applies holds."""
+        return not self.failing
+
+    @property
+    def failing(self) -> list[str]:
+        """Names of the certificates that do not hold."""
+        return [verdict.name for verdict in self.verdicts if verdict.holds is False]
+
+    def __getitem__(self, name: str) -> Verdict:
+        for verdict in self.verdicts:
+            if verdict.name == name:
+                return verdict
+        raise KeyError(name)
+
+    def __iter__(self) -> Iterator[Verdict]:
+        return iter(self.verdicts)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the verdicts as `slidax certify --json` prints them."""
+        return {"certificates": [verdict.as_json() for verdict in self.verdicts]}
+
+
+def certify(
+    scenario: Scenario,
+    *,
+    runs: int = RUNS,
+    seed: int = 0,
+    without: Sequence[str] = (),
+    known: Sequence[Verdict] = (),
+) -> Certificates:
+    """Certify a scenario with its block `uncertainty`.
+
+    - `runs`: runs of the statistical certificate; 0 leaves it out.
+    - `seed`: of these runs.
+    - `without`: names of certificates to leave out.
+    - `known`: verdicts of this scenario that exist already and are not computed again.
+
+    Raises DefinitionError if the scenario was changed in Python, so that no file describes it, if its block
+    `uncertainty` is invalid, or if JAX computes with 32 bits.
+    """
+    require_64_bits()
+    if scenario.changed:
+        raise DefinitionError(
+            f"`{scenario.name}` was changed by `replace` ({', '.join(scenario.changed)}): certify a scenario from "
+            "`load` or `altered`"
+        )
+    # An empty set, or a path that does not exist, is an error of the scenario and no verdict.
+    family_of(scenario)
+    judges: list[tuple[str, Callable[[Scenario], Verdict]]]
+    judges = [(certificate.name, certificate) for certificate in CERTIFICATES if certificate.name not in without]
+    if runs:
+        judges.append((statistical.__name__, lambda scenario: statistical(scenario, runs, seed)))
+    verdicts = {verdict.name: verdict for verdict in known}
+    return Certificates(
+        scenario.name, tuple(verdicts.get(name) or _answer(name, judge, scenario) for name, judge in judges)
+    )
+
+
+def _answer(name: str, certificate: Callable[[Scenario], Verdict], scenario: Scenario) -> Verdict:
+    """The verdict; a scenario that the certificate refuses gives a failing verdict with the reason."""
+    try:
+        return certificate(scenario)
+    except DefinitionError as error:
+        refusal = Assumption(str(error), "fails")
+        return Verdict(name, name.replace("_", " "), False, None, {}, (refusal,), f"Not certified: {error}.")

@@ -1,0 +1,157 @@
+"""The certificate `inertia_ratio`: the joints' loops are stable for the inertia of all members of a set."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from slidax.analysis.cause import Remedy
+from slidax.law.joint_learning import JointLearning
+from slidax.law.joint_loop import LinearLoop
+from slidax.law.sampled.controller import SampledData
+from slidax.scenarios.scenario import Scenario
+
+from ..arm.demand import Demand
+from ..arm.learned_demand import learned_ratios, learns_inertia
+from ..certificate import ARM, Assumption, Verdict, certificate
+from .coupled_loop import CoupledMaps
+from .problem import linear_loops
+
+NAME, TITLE = "inertia_ratio", "the joints' loops are stable for the set's inertias"
+
+MATRICES = 240
+"""Number of K for which the coupled loop is evaluated."""
+
+BETWEEN = 32
+"""Number of κ tried in a range, evenly spaced in the logarithm."""
+
+
+@certificate(NAME, TITLE, covers=ARM)
+def inertia_ratio(scenario: Scenario, demand: Demand) -> Verdict:
+    """Check that each joint's loop is stable for all κ of the set, and all loops together for K of its members.
+
+    - `scenario`: with a law in sampled-data form with a plan and a linear estimator.
+    - `demand`: with the κ of the set for the law's initial model.
+    """
+    problem = linear_loops(scenario)
+    if isinstance(problem, str):
+        return Verdict(NAME, TITLE, None, None, {}, [], f"not applicable: {problem}")
+    law, _, loops = problem
+    delay = scenario.description.timing.total_delay
+    ranges = np.array([loop.stable_range(delay) for loop in loops]).T
+    low, high = np.asarray(demand.kappa)
+    radius = np.array(
+        [
+            max(loop.radius(float(kappa), delay) for kappa in np.geomspace(low[i], high[i], BETWEEN))
+            for i, loop in enumerate(loops)
+        ]
+    )
+    with np.errstate(invalid="ignore"):
+        room = np.minimum(np.log(low / ranges[0]), np.log(ranges[1] / high))
+    room = np.where(np.isfinite(room), room, -np.inf)
+    joint = int(np.argmin(room))
+    alone = bool(np.all(radius < 1.0) and np.all(room > 0.0))
+    together = _together(scenario, loops, demand, delay)
+    stable = alone and together.radius < 1.0
+    names = law.nominal.joint_names
+    learning = _learning(law, alone)
+    assumptions = [
+        *demand.of_kappa,
+        Assumption(
+            f"each loop's largest modulus is below 1 at {BETWEEN} κ of its range and up to the ends found by bisection",
+            "tested" if alone else "fails",
+            float(np.max(radius)),
+        ),
+        *together.listed,
+        Assumption("near the goal, with s⁺ = 0 and a steep surface, the loop of a joint is linear", "assumed"),
+        *learning,
+    ]
+    after = any("afterwards" in line.text and line.status != "fails" for line in learning)
+    says = (
+        f"κ of `{names[joint]}` is {low[joint]:.2g} to {high[joint]:.2g}, and its loop is stable for "
+        f"{ranges[0, joint]:.2g} to {ranges[1, joint]:.2g} (docs/sampled-data.md, How wrong M0 may be)"
+    )
+    if not alone and after:
+        says += "; learning brings κ into this range, which is not proved"
+    if alone and together.radius >= 1.0:
+        says += f", for each joint alone; {together.says}"
+    margin = float(np.expm1(room[joint])) if np.isfinite(room[joint]) else None
+    bound = {"kappa_from": low, "kappa_to": high, "stable_from": ranges[0], "stable_to": ranges[1], "radius": radius}
+    if np.isfinite(together.radius):
+        bound["radius_together"] = together.radius
+        margin = margin if margin is None or together.radius == 0.0 else min(margin, 1.0 / together.radius - 1.0)
+    holds = None if alone and np.isinf(together.radius) else stable
+    remedies = [] if alone else _remedies(law)
+    return Verdict(NAME, TITLE, holds, margin, bound, assumptions, says, remedies)
+
+
+@dataclass(frozen=True)
+class _Together:
+    """Stability of the coupled loop.
+
+    - `radius`: the largest modulus; 0 without coupling, inf if it was not computed.
+    - `listed`: its assumptions.
+    - `says`: the reason if it is not stable.
+    """
+
+    radius: float
+    listed: list[Assumption]
+    says: str
+
+
+def _together(scenario: Scenario, loops: Sequence[LinearLoop], demand: Demand, delay: float) -> _Together:
+    """The largest modulus of the coupled loop, for K of members of the set, each held constant."""
+    if len(loops) == 1 or not np.any(demand.coupling):
+        return _Together(0.0, [], "")
+    if demand.matrices is None:
+        says = "the stability of the coupled loop is not known for a given demand"
+        return _Together(np.inf, [Assumption(says, "assumed")], says)
+    # The largest coupling and inertia error come first; the others are evenly spaced.
+    learnt = learns_inertia(scenario)
+    matrices_all = np.concatenate([demand.matrices, learned_ratios(scenario)]) if learnt else demand.matrices
+    matrices = np.unique(np.round(matrices_all, 12), axis=0)
+    far = np.argsort(-np.abs(matrices - np.eye(len(loops))).max(axis=(1, 2)), kind="stable")
+    which = np.unique(np.concatenate([far[: MATRICES // 2], far[:: max(1, len(far) // (MATRICES // 2))]]))
+    radius = max(CoupledMaps.of(loops, matrices[k], delay).radius for k in which)
+    text = f"the coupled loop has a modulus below 1 for {len(which)} constant K of members on the motion"
+    text += ", initial and learned" if learnt else ""
+    says = f"together the joints' loops have a modulus of {radius:.4g} a period, and do not settle"
+    return _Together(radius, [Assumption(text, "tested" if radius < 1.0 else "fails", radius)], says)
+
+
+def _learning(law: SampledData, stable: bool) -> list[Assumption]:
+    """Assumptions of a law that learns, before and after learning."""
+    learning = law.adaptation
+    if not isinstance(learning, JointLearning):
+        return []
+    before = Assumption(
+        "before learning the loop is stable with the initial model, for the whole set",
+        "tested" if stable else "assumed",
+    )
+    # Information grows with the square of the acceleration above the gate, until it outweighs the prior.
+    prior, gate = np.asarray(learning.prior), np.asarray(learning.gate)
+    time = float(np.max(prior / gate**2))
+    afterwards = Assumption(
+        f"afterwards κ is nearer to 1: the joint must accelerate by more than {np.max(gate):.2g} rad/s² between "
+        f"{float(learning.low):.3g} and {float(learning.high):.3g} rad/s, coherently with its torque, until ∫φ² dt "
+        f"exceeds the prior's {np.max(prior):.2g} (rad/s²)² s: {time:.2g} s at the gate, less at larger accelerations",
+        "assumed",
+        time,
+    )
+    return [before, afterwards]
+
+
+def _remedies(law: SampledData) -> list[Remedy]:
+    remedies = []
+    if law.adaptation is None:
+        remedies.append(
+            Remedy("learning of the inertia", {"scheme.sampled_data.adaptation": {"kind": "joint_learning"}})
+        )
+    assert law.horizon is not None
+    horizon = float(law.horizon)
+    remedies.append(
+        Remedy("a longer horizon, for a model that is too heavy", {"scheme.sampled_data.horizon": 2 * horizon})
+    )
+    return remedies

@@ -1,0 +1,9 @@
+"""Certificates of laws in printed form, in continuous time or with the torque held over a period.
+
+Read first: `printed_law.py`, `settling_time.py`.
+"""
+
+from .settling_time import settling_time as settling_time
+from .settling_time import two_power_time as two_power_time
+from .ultimate_bound import printed_period as printed_period
+from .ultimate_bound import ultimate_bound as ultimate_bound

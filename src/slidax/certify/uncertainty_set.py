@@ -1,0 +1,173 @@
+"""The uncertainty set of a scenario: its canonical form, the range of each value, and the box of all starts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from slidax.core.errors import DefinitionError
+from slidax.scenarios.family import Family, Space
+from slidax.scenarios.scenario import Scenario
+from slidax.scenarios.uncertain_values import Leaf
+from slidax.scenarios.uncertainty import AbstractSet, Ball, Discrete
+
+from .sampled_scenario import Floats
+
+
+def set_ends(uncertainty: AbstractSet, leaf: Leaf) -> tuple[Floats, Floats]:
+    """Return the least and the largest value that each number of a set can have."""
+    if isinstance(uncertainty, Ball):
+        own = leaf.own_value("ball")
+        return own - uncertainty.ball, own + uncertainty.ball
+    values = values_along(uncertainty, leaf, np.array([0.0, 1.0]))
+    return values.min(axis=0), values.max(axis=0)
+
+
+def values_along(uncertainty: AbstractSet, leaf: Leaf, shares: Floats) -> Floats:
+    """Return values of a set whose coordinates all have the same share, or each value of a choice [K ...].
+
+    All sets but a ball and a choice increase in each of their coordinates, and each number depends on one coordinate.
+
+    - `uncertainty`: any set but a ball.
+    - `shares`: from 0 to 1 [K]; not used for a choice.
+    """
+    if isinstance(uncertainty, Discrete) and uncertainty.choice != "any":
+        count = len(uncertainty.choice)
+        weights = np.ones(count) if uncertainty.weights is None else np.asarray(uncertainty.weights, float)
+        middles = np.cumsum(weights) / weights.sum() - 0.5 * weights / weights.sum()
+        shares = middles[weights > 0]
+    below = np.where(shares < 1.0, shares, np.nextafter(1.0, 0.0))
+    return np.asarray(uncertainty.values(np.repeat(below[:, None], uncertainty.coordinates(leaf), axis=1), leaf))
+
+
+@lru_cache(maxsize=4)
+def family_of(scenario: Scenario) -> Family | None:
+    """Return the uncertainty set of a scenario in canonical form; None if it has none."""
+    return canonical(Family.of(scenario.description)) if scenario.description.uncertainty else None
+
+
+def canonical(family: Family) -> Family:
+    """Return a set in the form that all certificates use, independent of the order in which it was written.
+
+    Paths are sorted. A set of a single value is replaced by that value, so that nothing draws or bounds it.
+    """
+    space, truth, left = family.uncertain, dict(family.base.truth), {}
+    for path in sorted(space.sets):
+        lower, upper = set_ends(space.sets[path], space.leaves[path])
+        own = space.leaves[path].own
+        if not np.array_equal(lower, upper):
+            left[path] = space.sets[path]
+        elif own is None or not np.array_equal(np.broadcast_to(own, np.shape(lower)), lower):
+            truth[path] = np.asarray(lower).tolist()
+    base = family.base if truth == family.base.truth else family.base.model_copy(update={"truth": truth})
+    return replace(family, base=base, uncertain=Space({path: space.leaves[path] for path in left}, left))
+
+
+START = "start.q"
+
+
+@dataclass(frozen=True)
+class StartBox:
+    """Range of the start positions.
+
+    - `lower`, `upper`: [n], rad or m.
+    - `all_are`, `one_is`: subject and verb for a sentence about all starts, and about one of them.
+    """
+
+    lower: Floats
+    upper: Floats
+    all_are: str
+    one_is: str
+
+
+def start_box(scenario: Scenario) -> StartBox:
+    """Return the scenario's start, or the box around all starts if it is uncertain.
+
+    Raises DefinitionError if a set is empty.
+    """
+    own = np.asarray(scenario.state0.q, float)
+    family = family_of(scenario)
+    sets = {} if family is None else family.space.sets
+    touching = [path for path in sets if path == START or path.startswith(f"{START}.")]
+    if family is None or not touching:
+        return StartBox(own, own, "the start is", "the start is")
+    lower, upper = own.copy(), own.copy()
+    for path in touching:
+        least, most = set_ends(sets[path], family.space.leaves[path])
+        where = slice(None) if path == START else int(path.rpartition(".")[2])
+        lower[where], upper[where] = least, most
+    return StartBox(lower, upper, "all starts of the uncertain set are", "a start of the uncertain set is")
+
+
+SHARES = np.linspace(0.0, 1.0, 9)
+"""Shares of a range at which the values of a set are compared with a line."""
+
+
+@dataclass(frozen=True)
+class UncertainValue:
+    """One value, or some that change together, from one end to the other.
+
+    - `path`: in the scenario file.
+    - `entry`: index into the values at this path; None for all of them together.
+    - `lower`, `upper`: ends, of the shape of the whole value.
+    """
+
+    path: str
+    entry: int | None
+    lower: Floats
+    upper: Floats
+
+    @property
+    def name(self) -> str:
+        """Name for a text."""
+        return self.path if self.entry is None else f"{self.path}[{self.entry}]"
+
+    def between(self, low: float, high: float) -> UncertainValue:
+        """The part of the range from share `low` to share `high`."""
+        ends = [self.lower + share * (self.upper - self.lower) for share in (low, high)]
+        return UncertainValue(self.path, self.entry, *ends)
+
+    def moved(self, value: Floats, share: Floats) -> Floats:
+        """The values [P ...] with this axis at shares of its range [P], 0 at the lower end and 1 at the upper one."""
+        reached = self.lower + share.reshape(-1, *[1] * self.lower.ndim) * (self.upper - self.lower)
+        if self.entry is None:
+            return reached
+        here = np.arange(self.lower.size).reshape(self.lower.shape) == self.entry
+        return np.where(here, reached, value)
+
+
+def uncertain_values(path: str, uncertainty: AbstractSet, leaf: Leaf) -> list[UncertainValue]:
+    """Return the axes of a set: a box that contains it, or one axis if it is a line.
+
+    Raises DefinitionError for integers.
+    """
+    if leaf.integer:
+        raise DefinitionError("no certificate covers a set of a whole number of the arm or its disturbance", where=path)
+    lower, upper = (np.asarray(end, float) for end in set_ends(uncertainty, leaf))
+    if not isinstance(uncertainty, Ball):
+        drawn = np.asarray(values_along(uncertainty, leaf, SHARES), float)
+        if uncertainty.coordinates(leaf) == 1 and _is_a_line(drawn, lower, upper):
+            return [] if (lower == upper).all() else [UncertainValue(path, None, *_of_a_line(drawn))]
+    flat_lower, flat_upper = lower.reshape(-1), upper.reshape(-1)
+    return [UncertainValue(path, k, lower, upper) for k in np.flatnonzero(flat_lower < flat_upper).tolist()]
+
+
+def _of_a_line(drawn: Floats) -> tuple[Floats, Floats]:
+    """The ends of the values: where the first number that varies has its least and its largest."""
+    flat = drawn.reshape(len(drawn), -1)
+    varies = int(np.argmax(np.ptp(flat, axis=0) > 0))
+    return drawn[int(np.argmin(flat[:, varies]))], drawn[int(np.argmax(flat[:, varies]))]
+
+
+def _is_a_line(drawn: Floats, lower: Floats, upper: Floats) -> bool:
+    """True if all numbers go from end to end together, each by the same share of its range."""
+    first, last = _of_a_line(drawn)
+    flat = drawn.reshape(len(drawn), -1)
+    width = (last - first).reshape(-1)
+    varies = np.abs(width) > 0
+    if (np.ptp(flat, axis=0)[~varies] > 0).any():
+        return False
+    shares = (flat - first.reshape(-1))[:, varies] / width[varies]
+    return bool((np.ptp(shares, axis=1) < 1e-9).all()) if varies.any() else True

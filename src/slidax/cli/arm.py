@@ -1,0 +1,266 @@
+"""Commands about arms: `new`, `excite`, `identify`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from slidax.core.writing import write_text
+
+from .common import (
+    AsJson,
+    Gravity,
+    Inertias,
+    Locked,
+    Tip,
+    command_line,
+    errors_as_lines,
+    named_arm,
+    numbers,
+    prepare,
+    print_json,
+    say_note,
+    say_warning,
+    say_where,
+)
+
+
+def new(
+    robot: Annotated[str, typer.Option(help="A URDF or MJCF file, or a built-in arm by name.")],
+    rate: Annotated[float, typer.Option(help="Sampling rate of the controller [Hz].")] = 1000.0,
+    out: Annotated[Path | None, typer.Option(help="YAML file for the scenario; default: print it.")] = None,
+    tip: Annotated[str | None, typer.Option(help="Link at the arm's tip; default: found automatically.")] = None,
+) -> None:
+    """Write a commented scenario that runs, for any arm.
+
+    Home position, motion, torques, envelope and estimator follow from the arm's data. Missing data and placeholders,
+    such as 300 N m on every joint, are replaced by assumptions, which are printed and written into the file. Grippers,
+    cameras and heads are locked.
+    """
+    with errors_as_lines():
+        prepare()
+        from slidax.core.errors import DefinitionError
+        from slidax.scenarios.draft import draft
+
+        if out is not None and out.suffix not in (".yaml", ".yml"):
+            raise DefinitionError(f"a scenario file needs the ending .yaml; got `{out}`")
+        if out is not None and out.exists():
+            raise DefinitionError(f"`{out}` exists already: give another name, or remove it")
+        scenario = draft(robot, rate, tip=tip, folder=Path() if out is None else out.parent)
+        if out is None:
+            typer.echo(scenario.text, nl=False)
+        else:
+            write_text(out, scenario.text)
+        for note in scenario.notes:
+            typer.echo(f"assumed: {note}", err=True)
+        if out is not None:
+            typer.echo(f"The scenario is in {out}; next: slidax run {out}", err=True)
+
+
+def excite(
+    robot: Annotated[str, typer.Argument(help="A built-in arm by name, or a URDF, MJCF or YAML file.")],
+    out: Annotated[Path, typer.Option(help="CSV file for the motion.")],
+    seed: Annotated[int, typer.Option(help="Random seed.")] = 0,
+    duration: Annotated[float, typer.Option(help="Duration of the motion [s]: two periods.")] = 20.0,
+    harmonics: Annotated[int, typer.Option(help="Number of harmonics of the base frequency.")] = 10,
+    share: Annotated[float, typer.Option(help="Share of the limits to use at most.")] = 0.8,
+    acceleration: Annotated[
+        float | None,
+        typer.Option(help="Largest acceleration [rad/s²]; default: three times the largest velocity per second."),
+    ] = None,
+    payload: Annotated[float, typer.Option(help="Largest payload [kg] that the torque limits must allow.")] = 0.0,
+    links: Annotated[bool, typer.Option("--links", help="Excite the links' inertial parameters, too.")] = False,
+    tip: Tip = None,
+    gravity: Gravity = None,
+    inertias: Inertias = None,
+    locked: Locked = None,
+    json: AsJson = False,
+) -> None:
+    """Compute an excitation motion for an arm's rotors, friction and payload, from rest to rest within its limits.
+
+    A scenario runs it with `trajectory: {kind: csv, file: motion.csv}`. Collisions are not checked: simulate the motion
+    first.
+    """
+    with errors_as_lines():
+        prepare()
+        from slidax import identify
+        from slidax.arms.arm import Payload
+        from slidax.core.errors import as_array
+
+        arm, _ = named_arm(robot, tip, inertias, locked, gravity)
+        carried = Payload(mass=as_array(payload)) if payload else None
+        motion = identify.excite(
+            arm,
+            seed=seed,
+            duration=duration,
+            harmonics=harmonics,
+            share=share,
+            acceleration=acceleration,
+            payload=carried,
+            links=links,
+        )
+        motion.write(out)
+        if json:
+            print_json(motion.as_json())
+            return
+        typer.echo(str(motion))
+        typer.echo(f"The motion is in {out.resolve()}")
+
+
+UNITS = "Units, signs and joint order of the log"
+Robot = Annotated[str, typer.Option(help="A built-in arm by name, or a URDF, MJCF or YAML file.")]
+Topic = Annotated[str | None, typer.Option(help="Topic of the joint states, if a log has several.", metavar="NAME")]
+Columns = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="QUANTITY=COLUMN",
+        help="Columns of a quantity (t, q, dq or tau), by a word in their titles (q=position,tau=effort) "
+        "or by a title for each joint (tau=a,b,c); repeatable.",
+    ),
+]
+Drop = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME",
+        help="Omit a quantity (dq), a column, or a joint by its name or number in the log; repeatable.",
+    ),
+]
+
+
+def identify(
+    log: Annotated[
+        Path,
+        typer.Argument(help="Positions and torques: .csv, .parquet, .mcap, a ros2 bag, or JointState as .json(l)."),
+    ],
+    robot: Robot,
+    out: Annotated[Path | None, typer.Option(help="YAML file for the identified arm with its uncertainty.")] = None,
+    report: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for a report with figures.")] = None,
+    tip: Tip = None,
+    topic: Topic = None,
+    columns: Columns = None,
+    drop: Drop = None,
+    links: Annotated[bool, typer.Option("--links", help="Identify the links' inertial parameters, too.")] = False,
+    rotors: Annotated[bool, typer.Option(help="The measured torques include rotor inertia.")] = True,
+    payload: Annotated[bool | None, typer.Option(help="The payload is unknown.")] = None,
+    asymmetric: Annotated[bool, typer.Option("--asymmetric", help="Viscous friction differs by direction.")] = False,
+    cut_off: Annotated[float | None, typer.Option(help="Filter cut-off [Hz]; default: from the log.")] = None,
+    held_out: Annotated[float, typer.Option(help="Share of the log, at its end, held out for validation.")] = 0.25,
+    gravity: Gravity = None,
+    inertias: Inertias = None,
+    locked: Locked = None,
+    time_unit: Annotated[
+        str, typer.Option(help="s, ms, us, ns, or seconds per unit, such as 0.004.", rich_help_panel=UNITS)
+    ] = "s",
+    position_unit: Annotated[
+        str | None, typer.Option(help="rad, deg, mrad or rev, and m or mm.", rich_help_panel=UNITS)
+    ] = None,
+    position_sign: Annotated[
+        str | None, typer.Option(metavar="LIST", help="1 or -1 for each joint.", rich_help_panel=UNITS)
+    ] = None,
+    position_offset: Annotated[
+        str | None, typer.Option(metavar="LIST", help="Added to the positions [rad or m].", rich_help_panel=UNITS)
+    ] = None,
+    torque_unit: Annotated[
+        str, typer.Option(help="Nm, mNm, Ncm, kNm, kgfm, kgfcm, lbfft, lbfin or ozfin.", rich_help_panel=UNITS)
+    ] = "Nm",
+    torque_scale: Annotated[
+        str | None,
+        typer.Option(metavar="LIST", help="Factors of the torques, such as N m per ampere.", rich_help_panel=UNITS),
+    ] = None,
+    torque_sign: Annotated[
+        str | None, typer.Option(metavar="LIST", help="1 or -1, for all joints or for each.", rich_help_panel=UNITS)
+    ] = None,
+    add_gravity: Annotated[
+        bool,
+        typer.Option("--add-gravity", help="Add gravity torques, which the log's torques lack.", rich_help_panel=UNITS),
+    ] = False,
+    torque_delay: Annotated[
+        float, typer.Option(help="Delay of the torques after the positions [s].", rich_help_panel=UNITS)
+    ] = 0.0,
+    joint_order: Annotated[
+        str | None,
+        typer.Option(metavar="NAMES", help="Arm joint for each joint of the log.", rich_help_panel=UNITS),
+    ] = None,
+    position_order: Annotated[
+        str | None, typer.Option(metavar="NAMES", help="Arm joint for each position of the log.", rich_help_panel=UNITS)
+    ] = None,
+    torque_order: Annotated[
+        str | None, typer.Option(metavar="NAMES", help="Arm joint for each torque of the log.", rich_help_panel=UNITS)
+    ] = None,
+    ignore_torque: Annotated[
+        list[str] | None,
+        typer.Option(metavar="JOINT", help="Do not use the torque of a joint; repeatable.", rich_help_panel=UNITS),
+    ] = None,
+    json: AsJson = False,
+) -> None:
+    """Identify rotor inertia, friction, payload and optionally the links of an arm from a log of positions and torques.
+
+    Each parameter has a standard error. The log is first checked against the arm: time unit, gaps, gravity, and sign,
+    scale and joint order of the torques. An error names the option that corrects it. A scenario reads the result with
+    `robot: {kind: identified, file: arm.yaml}`.
+
+        slidax identify log.csv --robot panda --torque-unit mNm --out arm.yaml
+    """
+    with errors_as_lines():
+        prepare()
+        from slidax import identify as identification
+
+        arm, description = named_arm(robot, tip, inertias, locked, gravity)
+        conventions = identification.Conventions(
+            time_unit=time_unit,
+            position_unit=_words(position_unit),
+            position_sign=numbers("--position-sign", position_sign or "1"),
+            position_offset=numbers("--position-offset", position_offset or "0"),
+            torque_unit=torque_unit,
+            torque_scale=numbers("--torque-scale", torque_scale or "1"),
+            torque_sign=numbers("--torque-sign", torque_sign or "1"),
+            add_gravity=add_gravity,
+            torque_delay=torque_delay,
+            joint_order=_words(joint_order),
+            position_order=_words(position_order),
+            torque_order=_words(torque_order),
+            ignore_torque=ignore_torque or [],
+        )
+        record = identification.read_log(
+            log,
+            arm.joint_names,
+            topic=topic,
+            columns=identification.parse_columns(columns or []),
+            drop=drop or [],
+        )
+        for note in record.notes:
+            say_note(f"{record.source}: {note}")
+        result = identification.identify(
+            record,
+            arm,
+            conventions=conventions,
+            rotors=rotors,
+            payload=payload,
+            links=links,
+            asymmetric=asymmetric,
+            cut_off=cut_off,
+            held_out=held_out,
+        )
+        if json:
+            for warning in result.warnings:
+                say_warning(warning)
+        if out is not None:
+            identification.write_arm(result, description, out)
+        if report is not None:
+            from slidax.report.pages import write_identification_report
+
+            write_identification_report(result, report, command=command_line())
+        if json:
+            print_json(result.as_json())
+            return
+        typer.echo(str(result))
+        if out is not None:
+            typer.echo(f"The arm is in {out.resolve()}")
+        if report is not None:
+            say_where(report)
+
+
+def _words(text: str | None) -> list[str]:
+    return [word.strip() for word in text.split(",")] if text else []

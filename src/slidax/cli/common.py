@@ -1,0 +1,233 @@
+"""Options, set-up, one-line errors, exit codes and output, common to all commands."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+Named = Annotated[str, typer.Argument(help="A built-in scenario by name, or a YAML file.")]
+
+Changes = Annotated[
+    list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="Set a field, as YAML; repeatable.")
+]
+
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+
+Engine = StrEnum("Engine", ["auto", "native", "xla", "cuda"])
+"""Engines that compute a run."""
+
+Tip = Annotated[str | None, typer.Option(help="Link, body or site of the tip, if a file has several ends.")]
+
+Gravity = Annotated[
+    str | None, typer.Option(metavar="X,Y,Z", help="Gravity in the base frame [m/s²], for a mounted arm.")
+]
+
+Inertias = Annotated[
+    str | None,
+    typer.Option(help="Physically impossible inertias in the file: `nearest` replaces, `strict` refuses them."),
+]
+
+Locked = Annotated[
+    list[str] | None,
+    typer.Option(metavar="JOINT=POSITION", help="Lock a joint of the file [rad or m]; repeatable."),
+]
+
+
+def named_arm(
+    robot: str, tip: str | None, inertias: str | None, locked: list[str] | None, gravity: str | None
+) -> tuple[Any, dict[str, Any]]:
+    """Return the arm from the options `robot`, `tip`, `inertias`, `locked` and `gravity`, and its description.
+
+    Raises DefinitionError if there is no such arm, or an option does not fit it.
+    """
+    from slidax.scenarios.named_robot import named_robot
+
+    return named_robot(
+        robot,
+        tip=tip,
+        inertias=inertias,
+        locked=positions("--locked", locked or []),
+        gravity=None if gravity is None else numbers("--gravity", gravity),
+    )
+
+
+def numbers(option: str, text: str) -> list[float]:
+    """Parse the comma-separated numbers in the `text` of an `option`.
+
+    Raises DefinitionError if one is not a number.
+    """
+    from slidax.core.errors import DefinitionError, short_repr
+
+    try:
+        return [float(word) for word in text.split(",")]
+    except ValueError:
+        raise DefinitionError(
+            f"`{option}` needs comma-separated numbers, such as 1,-1,1; got {short_repr(text)}"
+        ) from None
+
+
+def positions(option: str, texts: list[str]) -> dict[str, float]:
+    """Parse joint positions in the `texts` of an `option`, each of the form JOINT=POSITION.
+
+    Raises DefinitionError for another form, or if a joint has two positions.
+    """
+    from slidax.core.errors import DefinitionError, plain, short_repr
+
+    places: dict[str, float] = {}
+    for text in texts:
+        name, _, value = text.partition("=")
+        try:
+            position = float(value)
+        except ValueError:
+            raise DefinitionError(
+                f"`{option}` needs the form JOINT=POSITION, such as finger=0.04; got {short_repr(text)}"
+            ) from None
+        if places.setdefault(name.strip(), position) != position:
+            raise DefinitionError(f"`{option}` names joint `{plain(name.strip())}` twice, with different positions")
+    return places
+
+
+DEFINITION, OUTCOME = 2, 3
+"""Exit codes: an invalid request; a run that ended badly."""
+
+
+def prepare() -> None:
+    """Enable 64-bit numbers and the compilation cache of JAX for this process."""
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    if jax.config.jax_compilation_cache_dir is None:
+        # Compiling takes most of the time of a short run, so that all programs are cached, also small ones.
+        jax.config.update("jax_compilation_cache_dir", str(_compiled()))
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+
+
+def _compiled() -> Path:
+    """Folder of compiled programs for this version of JAX."""
+    import jax
+    from platformdirs import user_cache_path
+
+    return user_cache_path("slidax") / f"xla-{jax.__version__}"
+
+
+@contextmanager
+def errors_as_lines() -> Iterator[None]:
+    """Turn a DefinitionError into one line and exit code 2, and print each warning as one line."""
+    from slidax.core.errors import DefinitionError
+
+    try:
+        with warnings.catch_warnings():
+            warnings.showwarning = _Warnings().show
+            yield
+    except DefinitionError as error:
+        _say(str(error))
+        raise typer.Exit(DEFINITION) from None
+    except BrokenPipeError:
+        # The reader closed the pipe, as in `slidax list | head`.
+        sys.stderr.close()
+        raise typer.Exit(0) from None
+    except OSError as error:
+        # Raised by writing; readers raise DefinitionError.
+        _say(_cannot_write(error))
+        raise typer.Exit(DEFINITION) from None
+    except (MemoryError, RecursionError) as error:
+        _say(f"too large to compute on this machine ({type(error).__name__}): use fewer or smaller parts")
+        raise typer.Exit(DEFINITION) from None
+    except BaseException as error:
+        # A panic of a Rust library; its class derives from BaseException alone.
+        if type(error).__name__ != "PanicException":
+            raise
+        reason = str(error).partition("\n")[0]
+        _say(f"a library crashed ({reason}): unless the disk is full, please report this command")
+        raise typer.Exit(DEFINITION) from None
+
+
+def _cannot_write(error: OSError) -> str:
+    from slidax.core.writing import NO_ROOM, error_reason
+
+    if error.filename:
+        return f"cannot write `{os.fsdecode(error.filename)}`: {error_reason(error)}"
+    return f"cannot write the output: {error_reason(error)}" if error.errno in NO_ROOM else error_reason(error)
+
+
+def _say(message: str) -> None:
+    """Print one line; unprintable characters are escaped."""
+    typer.echo(f"slidax: {''.join(c if c.isprintable() else ascii(c)[1:-1] for c in message)}", err=True)
+
+
+def say_warning(message: str) -> None:
+    """Print a `message` about a possible problem; the command continues."""
+    _say(f"warning: {message}")
+
+
+def say_note(message: str) -> None:
+    """Print a `message` about an automatic choice, such as a joint that is left out."""
+    _say(f"note: {message}")
+
+
+class _Warnings:
+    """Prints warnings as lines, without their place in the code."""
+
+    def __init__(self) -> None:
+        self._cache_reported = False
+
+    def show(self, message: Warning | str, *_: Any, **__: Any) -> None:
+        """Print a warning `message`."""
+        import jax
+
+        text, folder = str(message), _compiled()
+        if "persistent compilation cache entry" not in text or jax.config.jax_compilation_cache_dir != str(folder):
+            say_warning(text)
+        elif text.startswith("Error reading"):
+            # A full disk or a kill leaves incomplete files, which JAX would not replace.
+            for path in folder.glob("*-cache"):
+                with suppress(OSError):
+                    path.unlink()
+        elif not self._cache_reported:
+            self._cache_reported = True
+            reason = text.partition("': ")[2].partition("\n")[0]
+            say_warning(f"cannot cache compiled programs in `{folder}` ({reason}): the next command compiles again")
+
+
+def parsed(changes: list[str]) -> dict[str, Any]:
+    """Return the values of `--set` by path, from `changes` of the form PATH=VALUE.
+
+    Raises DefinitionError for another form.
+    """
+    from slidax.core.errors import DefinitionError
+    from slidax.scenarios.yaml_text import read_yaml
+
+    values: dict[str, Any] = {}
+    for change in changes:
+        path, sign, value = change.partition("=")
+        if not sign or not path.strip():
+            raise DefinitionError(f"`--set {change}` needs the form PATH=VALUE, such as disturbance.scale=0")
+        values[path.strip()] = read_yaml(value)
+    return values
+
+
+def command_line() -> str:
+    """The command as it was typed, for reports."""
+    return shlex.join(["slidax", *sys.argv[1:]])
+
+
+def say_where(out: Path) -> None:
+    """Print the path of the report in the folder `out`."""
+    typer.echo(f"The report is in {out.resolve() / 'report.html'}")
+
+
+def print_json(value: dict[str, Any]) -> None:
+    """Print an object `value`."""
+    import json
+
+    # A NaN here is a fault of slidax; a traceback is better than invalid JSON.
+    typer.echo(json.dumps(value, indent=2, allow_nan=False, ensure_ascii=False))

@@ -1,0 +1,235 @@
+"""Commands about control laws: `certify`, `design`, `linear`."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from .common import AsJson, Changes, Named, command_line, errors_as_lines, parsed, prepare, print_json, say_where
+
+NOT_CERTIFIED = 4
+"""Exit code if a certificate does not hold."""
+
+
+def certify(
+    scenario: Named,
+    changes: Changes = None,
+    json: AsJson = False,
+    out: Annotated[Path | None, typer.Option(help="Folder for a report with figures and certificate.json.")] = None,
+    runs: Annotated[int, typer.Option(help="Runs of the statistical certificate; 0 omits it.", min=0)] = 300,
+    seed: Annotated[int, typer.Option(help="Random seed of these runs.", min=0)] = 0,
+) -> None:
+    """Certify a scenario before it runs: guarantees with their bounds, margins and assumptions.
+
+    An assumption is `proved` (for the whole uncertainty set, up to rounding), `tested` (in the named cases), `assumed`
+    (unchecked) or `fails`. Grade A: all are proved; B: some; C: none. The scenario's block `uncertainty` defines the
+    set of arms, payloads and initial states.
+
+    Exit code 0: every applicable certificate holds; 4: one does not hold; 2: the scenario is invalid.
+    """
+    with errors_as_lines():
+        prepare()
+        from slidax.certify.certify import certify as certified
+        from slidax.scenarios.load import load
+
+        from .tables import print_certificates
+
+        started = time.perf_counter()
+        parts = load(scenario, parsed(changes or []))
+        certificates = certified(parts, runs=runs, seed=seed)
+        if out is not None:
+            from slidax.report.pages import write_certificate_report
+
+            seconds = time.perf_counter() - started
+            write_certificate_report(parts, certificates, out, seconds=seconds, command=command_line())
+        if json:
+            print_json(certificates.as_json())
+        else:
+            print_certificates(certificates)
+            if out is not None:
+                say_where(out)
+        if not certificates.holds:
+            raise typer.Exit(NOT_CERTIFIED)
+
+
+if TYPE_CHECKING:
+    from slidax.design.design import DesignResult
+
+
+def design(
+    requirements: Annotated[Path, typer.Argument(help="The requirements, a YAML file.")],
+    out: Annotated[Path, typer.Option(help="Write the scenario there, as YAML, and its certificates next to it.")],
+    json: AsJson = False,
+    runs: Annotated[int, typer.Option(help="Random cases of the check, and as many of a search.", min=10)] = 1000,
+) -> None:
+    """Design a controller for an arm, its motion and its uncertainty, with certificates; or explain why none exists.
+
+    Simulated cases of the uncertainty set test everything without a certified bound; the file states which applies.
+
+    Exit code 0: designed; 4: refused, with the reason and remedies; 2: the requirements are invalid.
+    """
+    with errors_as_lines():
+        prepare()
+        from slidax.core.errors import DefinitionError
+        from slidax.design.design import design as designed
+        from slidax.design.problem import read_problem
+        from slidax.design.refusal import Refusal
+
+        if out.suffix not in (".yaml", ".yml"):
+            raise DefinitionError(f"a scenario file needs the ending .yaml; got `{out}`")
+        problem = read_problem(requirements)
+        if out.exists() and out.samefile(requirements):
+            raise DefinitionError(f"`{out}` is the requirements file: write the scenario to another file")
+        result = designed(problem, runs=runs, say=lambda step: typer.echo(f"... {step}", err=True))
+        if isinstance(result, Refusal):
+            if json:
+                print_json(result.as_json())
+            else:
+                typer.echo(f"Not designed: {result.reason}")
+            raise typer.Exit(NOT_CERTIFIED)
+        _write(result, out, json)
+
+
+def _write(result: DesignResult, out: Path, json: bool) -> None:
+    from slidax.certify.certify import Certificates, certify
+    from slidax.design.design import called, write_design
+
+    typer.echo("... all certificates", err=True)
+    scenario = result.description.build(out.stem)
+    # A bound that does not hold is computed again, for its remedies.
+    known = () if result.rate is None or not result.rate.holds else (result.rate,)
+    certificates = Certificates(scenario.name, (*certify(scenario, runs=0, known=known), result.check))
+    path = write_design(result, out, certificates)
+    if json:
+        answer = {
+            "designed": True,
+            "scenario": str(out),
+            "certificate": str(path),
+            "proof": result.proof,
+            **certificates.as_json(),
+        }
+        print_json(answer)
+        return
+    proof = called(result.rate) if result.proof == "bound" else "tested in simulation, without a bound"
+    final = ", ".join(f"{radius:.3g}" for radius in result.choice.final)
+    typer.echo(f"Designed, {proof}. The error is within {final} from {result.choice.deadline:g} s on.")
+    typer.echo(
+        f"Steady error {result.worst.error:.2g}, torque step {result.worst.step:.2g} N m, in the worst common case."
+    )
+    typer.echo(result.check.statement)
+    if certificates.failing:
+        typer.echo(f"Certificates that do not hold: {', '.join(certificates.failing)}.")
+    typer.echo(f"The scenario is in {out}, its certificates in {path}; next: slidax certify {out}")
+
+
+if TYPE_CHECKING:
+    from slidax.analysis.linearise import LinearisedLoop
+    from slidax.scenarios.scenario import Scenario
+
+UNSTABLE = 4
+"""Exit code if the loop is unstable."""
+
+SHOWN = 8
+"""Slowest modes in the table."""
+
+
+def linear(
+    scenario: Named,
+    changes: Changes = None,
+    at: Annotated[float | None, typer.Option(help="Time in the run [s]; default: its end.")] = None,
+    json: AsJson = False,
+    out: Annotated[Path | None, typer.Option(help="Folder for a report, Bode and Nyquist plots, linear.json.")] = None,
+) -> None:
+    """Linearise the sampled loop at a time of its run: eigenvalues, stability margins of each joint, sensitivity peaks.
+
+    The simulated step is linearised with estimator, delay and drives. Rounding, noise and lost samples are omitted and
+    the adaptation is frozen, as the output states.
+
+    Exit code 0: the loop is stable there; 4: it is unstable; 2: the scenario is invalid, or its run ends earlier.
+    """
+    with errors_as_lines():
+        prepare()
+        from slidax.analysis.linearise import linearise
+        from slidax.scenarios.load import load
+
+        started = time.perf_counter()
+        parts = load(scenario, parsed(changes or []))
+        loop = linearise(parts, at)
+        if out is not None:
+            from slidax.report.pages import write_linear_report
+
+            seconds = time.perf_counter() - started
+            write_linear_report(parts, loop, out, seconds=seconds, command=command_line())
+        if json:
+            print_json(loop.as_json())
+        else:
+            _print(parts, loop)
+            if out is not None:
+                say_where(out)
+        if not loop.stable:
+            raise typer.Exit(UNSTABLE)
+
+
+def _print(parts: Scenario, loop: LinearisedLoop) -> None:
+    from rich.console import Console
+    from rich.text import Text
+
+    from slidax.analysis.metric import short_names
+
+    console = Console(markup=False, highlight=False)
+    console.print(parts.description.title, style="bold", soft_wrap=True)
+    verdict = "stable" if loop.stable else "NOT stable"
+    console.print(
+        f"near t = {loop.at:g} s: {verdict}, spectral radius {loop.system.radius:.6g}, {loop.system.a.shape[0]} states",
+        soft_wrap=True,
+    )
+    rows = [
+        [f"{z:.4f}" if z.imag else f"{z.real:.4f}", _number(omega), _number(damping)]
+        for z, omega, damping in loop.modes[:SHOWN]
+    ]
+    console.print(_table(["slowest eigenvalues", "[rad/s]", "damping"], rows))
+    for where, title in (
+        ("torque", "Broken at the torque, each joint:"),
+        ("measurement", "Broken at the measured position:"),
+    ):
+        margins = loop.margins(where) if loop.held else None
+        if margins is None:
+            continue
+        names = short_names(loop.joint_names)
+        rows = [
+            [
+                name,
+                *map(_number, (margin.gain_up, margin.gain_down, margin.phase)),
+                _number(None if margin.delay is None else margin.delay / loop.system.period),
+                *map(_number, (margin.disk, margin.sensitivity, margin.at_peak)),
+            ]
+            for name, margin in zip(names, margins, strict=True)
+        ]
+        together = loop.together(where)
+        if together is not None:
+            rows.append(["all at once", "", "", "", "", *map(_number, together)])
+        head = ["", "gain up", "down", "phase °", "delay/h", "disk", "peak S", "rad/s"]
+        console.print(f"\n{title}")
+        console.print(_table(head, rows))
+    if not loop.held:
+        console.print("continuous mode: the torque follows within a period, so there is no sampled loop to break open")
+    for note in loop.notes:
+        console.print(Text(f"  {note}"), soft_wrap=True)
+
+
+def _table(head: list[str], rows: list[list[str]]) -> Any:
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False)
+    for k, name in enumerate(head):
+        table.add_column(name, justify="left" if k == 0 else "right", no_wrap=True)
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3g}"

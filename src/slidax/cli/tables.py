@@ -1,0 +1,251 @@
+"""Results of commands as tables for people and JSON for programs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from slidax.analysis.metric import short_names
+from slidax.analysis.metrics import envelope_violations, metrics_of, summary
+from slidax.core.errors import count_noun
+from slidax.paper.printed import INDICES
+
+if TYPE_CHECKING:
+    from slidax.analysis.metric import Metric
+    from slidax.certify.certificate import Verdict
+    from slidax.certify.certify import Certificates
+    from slidax.export.real_time_loop import LoopResult
+    from slidax.report.comparison import Rival
+    from slidax.scenarios.scenario import Scenario
+    from slidax.simulation.run import Run
+    from slidax.studies.study import AbstractResult, Section
+
+OUTSIDE = envelope_violations.title
+WIDTH = 9
+"""Width of a number in a table [characters], as of `1.234e-05`."""
+
+
+def run_as_json(parts: Scenario, finished: Run, import_s: float) -> dict[str, Any]:
+    """The output of `slidax run --json` for the run `finished` of the scenario `parts`.
+
+    - `import_s`: start-up time [s].
+    """
+    outcome = finished.outcome
+    timing = finished.timing
+    return {
+        "scenario": parts.name,
+        "robot": parts.robot,
+        "scheme": parts.scheme,
+        "n": finished.joints,
+        "period": parts.period,
+        "t1": parts.t1,
+        "outcome": outcome.kind,
+        "stopped": outcome.stopped,
+        "metrics": summary(finished, INDICES),
+        "timing": {
+            "import_s": round(import_s, 4),
+            "compile_s": round(timing.compile_s, 4) if timing else None,
+            "run_s": round(timing.run_s, 4) if timing else None,
+            "steps": round(parts.t1 / parts.period),
+        },
+    }
+
+
+def print_run(parts: Scenario, finished: Run, answer: dict[str, Any]) -> None:
+    """Print the metrics of one run, joint by joint, and its outcome.
+
+    A narrow terminal gets several tables with some of the joints each.
+
+    - `parts`, `finished`: the scenario and its run.
+    - `answer`: from `run_as_json`.
+    """
+    rows: list[tuple[str, list[float | None]]] = []
+    for metric in (*metrics_of(finished), *INDICES):
+        values = metric.shown(finished) if metric.per_joint and metric.source in parts.description.source else []
+        if any(value is not None for value in values) or metric.needs_settling:
+            rows.append((_titled(metric.title, metric.units(finished)), values))
+    console = Console(markup=False, highlight=False)
+    console.print(parts.description.title, style="bold", soft_wrap=True)
+    names = short_names(finished.joint_names)
+    widest = max(len(title) for title, _ in rows)
+    for number, shown in enumerate(_fitting(names, console.width - widest)):
+        table = _table(widest, shown)
+        for title, values in rows:
+            table.add_row(title, *(_cell(values[names.index(joint)]) for joint in shown))
+        if number:
+            console.print()
+        console.print(table)
+    violations = answer["metrics"]["envelope_violations"]
+    envelope = "no envelope" if violations is None else f"samples outside the envelope: {violations}"
+    timing = answer["timing"]
+    error = answer["metrics"].get("tool_error")
+    if error is not None:
+        turn = answer["metrics"].get("tool_turn")
+        angle = "" if turn is None else f" and {turn:.3g} rad"
+        envelope = f"{envelope}, tool off by at most {error:.3g} m{angle}"
+    console.print(
+        f"\n{parts.scheme} on {parts.robot}: outcome {finished.outcome.kind}, {envelope}; "
+        f"{count_noun(int(finished.tally.samples), 'sample')} in {timing['run_s']:.2f} s, compiled in "
+        f"{timing['compile_s']:.1f} s",
+        soft_wrap=True,
+    )
+
+
+def print_comparison(rivals: Mapping[str, Rival]) -> None:
+    """Print the metrics of several schemes, joint by joint, the least value of each row in bold.
+
+    A narrow terminal gets several tables with some of the schemes each.
+
+    - `rivals`: runs by scheme.
+    """
+    from slidax.report.comparison import standings
+
+    console = Console(markup=False, highlight=False)
+    first = next(iter(rivals.values()))
+    joints = dict(zip(first.run.joint_names, short_names(first.run.joint_names), strict=True))
+    rows = [row for row in standings(rivals, INDICES) if row.metric.brief]
+    titles = {row.metric: f"{row.metric.title} [{row.unit}]" for row in reversed(rows)}
+    widest = max(map(len, [*titles.values(), OUTSIDE]))
+    console.print(first.scenario.description.title, style="bold", soft_wrap=True)
+    for names in _fitting(list(rivals), console.width - widest):
+        table = _table(widest, names)
+        table.add_row("outcome", *(rivals[name].run.outcome.kind for name in names))
+        table.add_row("form", *(rivals[name].form for name in names))
+        table.add_row(
+            "samples outside the envelope", *("-" if (n := rivals[name].outside) is None else str(n) for name in names)
+        )
+        metric: Metric[Any] | None = None
+        for row in rows:
+            if row.metric != metric:
+                table.add_row(titles[row.metric])
+            metric = row.metric
+            table.add_row(f"  {joints[row.joint]}", *(_cell(row.values[name], name in row.best) for name in names))
+        console.print(table)
+        console.print()
+    for name, rival in rivals.items():
+        if not rival.run.outcome.ok:
+            console.print(f"{name}: {rival.run.outcome.message}", soft_wrap=True)
+    console.print(
+        "Bold: the least value of a row, among the runs that reached their end. Form: `printed` is a law as its source "
+        "prints it, `sampled-data` one for the sample time, with an estimator and limits.",
+        soft_wrap=True,
+    )
+
+
+def _table(widest: int, columns: list[str]) -> Table:
+    table = Table(box=None, pad_edge=False)
+    table.add_column("", no_wrap=True, min_width=widest)
+    for name in columns:
+        table.add_column(name, justify="right", no_wrap=True, min_width=WIDTH)
+    return table
+
+
+def _fitting(names: list[str], width: int) -> list[list[str]]:
+    """The names in as few tables as fit, of nearly equal width."""
+    most = max(1, width // (max(WIDTH, *map(len, names)) + 2))
+    tables = -(-len(names) // most)
+    each = -(-len(names) // tables)
+    return [names[start : start + each] for start in range(0, len(names), each)]
+
+
+def _cell(value: float | None, best: bool = False) -> Text:
+    return Text("-" if value is None else f"{value:.4g}", style="bold" if best else "")
+
+
+def _titled(title: str, units: list[str]) -> str:
+    unit = ", ".join(dict.fromkeys(unit for unit in units if unit))
+    return f"{title} [{unit}]" if unit else title
+
+
+def print_study(result: AbstractResult) -> None:
+    """Print the `result` of a study with its tables."""
+    console = Console(highlight=False)
+    console.print(Text(result.lead), soft_wrap=True)
+    for section in result.sections():
+        if section.head:
+            console.print()
+            console.print(Text(section.title, style="bold"))
+            if section.note:
+                console.print(Text(section.note), soft_wrap=True)
+            console.print(_section(section))
+
+
+def _section(section: Section) -> Table:
+    table = Table(box=None, pad_edge=False)
+    for k, name in enumerate(section.head):
+        table.add_column(name, justify="left" if k == 0 or not name else "right")
+    for row in section.rows:
+        table.add_row(*(Text(_written(cell)) for cell in row))
+    return table
+
+
+def _written(cell: str | float | int | None) -> str:
+    if cell is None:
+        return "–"
+    return f"{cell:.4g}" if isinstance(cell, float) else str(cell)
+
+
+def print_certificates(certificates: Certificates) -> None:
+    """Print a table of `certificates`, then the statement, assumptions and remedies of each."""
+    console = Console(highlight=False)
+    table = Table(box=None, pad_edge=False)
+    for name in ("Guarantee", "holds", "grade", "margin", "bound"):
+        table.add_column(name, justify="right" if name == "margin" else "left", overflow="fold")
+    for verdict in certificates:
+        bound = "; ".join(verdict.bound_in_words)
+        answer = Text(verdict.answer, style=_style(verdict))
+        table.add_row(Text(verdict.title), answer, verdict.grade or "", _cell(verdict.margin), Text(bound))
+    console.print(Text(certificates.scenario, style="bold"))
+    console.print(table)
+    for verdict in certificates:
+        console.print()
+        console.print(Text(verdict.name, style="bold"), Text(verdict.answer, style=_style(verdict)))
+        console.print(Text(f"  {verdict.statement}"), soft_wrap=True)
+        for assumption in verdict.assumptions:
+            style = "red" if assumption.status == "fails" else ""
+            console.print(Text(f"  {assumption.status:>8}  {assumption.text}", style=style), soft_wrap=True)
+        for remedy in verdict.remedies:
+            changes = f": {remedy.sets}" if remedy.changes else ""
+            console.print(Text(f"    remedy  {remedy.words}{changes}"), soft_wrap=True)
+
+
+def print_loop(parts: Scenario, result: LoopResult) -> None:
+    """Print latencies, missed ticks and the margin to the envelope of a real-time `result` of the scenario `parts`."""
+    console = Console(markup=False, highlight=False)
+    console.print(parts.description.title, style="bold", soft_wrap=True)
+    table = Table(box=None, pad_edge=False)
+    table.add_column("time [µs]")
+    latencies = result.percentiles()
+    shares = list(next(iter(latencies.values()), {}))
+    for share in shares:
+        table.add_column(share, justify="right", min_width=WIDTH)
+    for name, values in latencies.items():
+        table.add_row(name, *(f"{1e6 * values[share]:.1f}" for share in shares))
+    console.print(table)
+    missed, statuses = result.as_json()["missed"], {name: count for name, count in result.statuses.items() if count}
+    lines = [
+        f"{result.ticks} ticks of {1e3 * result.period:g} ms, {result.answers} answers; {result.reason}",
+        f"ticks without a command: {missed['ticks']}, at most {missed['longest']} in a row; steps undone because of a "
+        f"delayed command: {missed['rolled_back']}; unanswered measurements: {missed['skipped']}",
+        "status: " + (", ".join(f"{name} {count}" for name, count in statuses.items()) or "always OK"),
+    ]
+    if result.margin is not None:
+        lines.append(
+            f"ticks outside the envelope: {result.outside}; least margin {min(result.margin):.3g} of its width"
+        )
+    if result.size is not None:
+        lines.append(f"log: {result.size / 1e6:.1f} MB; the recorder takes {1e6 * result.recorder:.1f} µs a tick")
+    console.print("\n" + "\n".join(lines), soft_wrap=True)
+
+
+def _style(verdict: Verdict) -> str:
+    """Green if it holds, yellow if it holds only from a time on, red if it does not hold."""
+    if verdict.holds is None:
+        return ""
+    if not verdict.holds:
+        return "bold red"
+    return "green" if verdict.since is None else "yellow"

@@ -1,0 +1,136 @@
+"""Programs as C functions."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from ..ir import PLACED, Call, Program, Value
+from ..naming.names import Names
+from .expressions import Dialect, Helpers, Real
+from .layout import add_scopes, format_lines, join_declarations, stack_bytes
+from .placement import Placement
+from .rerolling import reroll
+from .writer import Callees, Read, Rows, Writer
+
+
+@dataclass(frozen=True)
+class Statements:
+    """Body of a C function.
+
+    - `lines`: of C, indented.
+    - `helpers`: small functions that it calls.
+    - `reads`: numbers of the inputs that it reads.
+    - `called`: functions that it calls, once for each call.
+    - `bytes`: stack of its variables if all in a block have places of their own; a compiler needs less.
+    """
+
+    lines: list[str]
+    helpers: Helpers
+    reads: frozenset[int]
+    bytes: int
+    called: list[Program]
+
+
+def statements(
+    program: Program,
+    assigned: Sequence[tuple[str, Value]],
+    read: Read,
+    *,
+    dialect: Dialect | None = None,
+    precomputed: Mapping[Value, str] | None = None,
+    names: Names | None = None,
+    rows: Rows | None = None,
+    callees: Callees | None = None,
+    loops: bool = False,
+    taken: Collection[str] = (),
+) -> Statements:
+    """Return statements that compute and assign values, and nothing that these do not need.
+
+    All assignments come last and take effect together: an input in the place of an output is read before it is
+    overwritten.
+
+    - `assigned`: C lvalues and their values.
+    - `read`: C text that reads an element of an input.
+    - `dialect`: C99 with doubles if None.
+    - `precomputed`: values that need no computation, and the C text that reads them.
+    - `names`: preferred names of values; None: names of the source.
+    - `rows`: places of logged outputs; None omits these outputs.
+    - `callees`: C functions of the called programs; None if there are none.
+    - `loops`: true to write similar statements for all elements of an array as a loop.
+    - `taken`: names in use, such as those of the function's arguments.
+    """
+    precomputed = precomputed or {}
+    stores = [value for value in program.walk() if value.op == "store"] if rows is not None else []
+    placement = Placement(program, [*(value for _, value in assigned), *stores], precomputed)
+    writer = Writer(placement, dialect or Dialect(), read, precomputed, names or Names(program), set(taken))
+    writer.rows = rows
+    writer.callees = callees
+    writer.loops = loops
+    writer.expressions.ordered_operands = loops
+    if loops:
+        # An element of two arrays is placed in the longer one.
+        for which, array in sorted(enumerate(program.arrays), key=lambda pair: -len(pair[1])):
+            for k, value in enumerate(array):
+                if value.op not in ("const", "input") and value not in precomputed:
+                    writer.array_elements.setdefault(value, (which, k))
+        for number, array in enumerate(_arguments(program), start=len(program.arrays)):
+            if all(
+                value.op not in PLACED and value not in precomputed and value not in writer.array_elements
+                for value in array
+            ):
+                writer.array_elements |= {value: (number, k) for k, value in enumerate(array)}
+    writer.region(program.body)
+    if writer.lines and assigned:
+        writer.line("")
+    writer.assign(assigned)
+    lines = add_scopes(reroll(writer.lines, writer.taken, writer.helpers)) if loops else writer.lines
+    texts = format_lines(join_declarations(lines) if loops else lines)
+    return Statements(texts, writer.helpers, frozenset(writer.reads), stack_bytes(lines), writer.called)
+
+
+def _arguments(program: Program) -> Iterator[tuple[Value, ...]]:
+    """Arrays that are arguments of calls."""
+    for call in program.walk():
+        if isinstance(call, Call):
+            place = 0
+            for entry in call.program.inputs:
+                if entry.shape:
+                    yield call.args[place : place + entry.size]
+                place += entry.size
+
+
+def c_code(program: Program, name: str = "run", *, real: Real = "double") -> str:
+    """Return the C99 text of `void run(const double *x0, ..., double *y0, ...)`, which needs `math.h` alone.
+
+    The inputs are `x0`, `x1`, ... and the outputs `y0`, `y1`, ..., each an array in C order.
+
+    - `program`: without logged outputs.
+    - `real`: C type of f64.
+    """
+    dialect = Dialect(real)
+    inputs = [f"x{k}" for k in range(len(program.inputs))]
+    outputs = [f"y{k}" for k in range(len(program.outputs))]
+    assigned = [
+        (f"{array}[{element}]", value)
+        for array, output in zip(outputs, program.outputs, strict=True)
+        for element, value in enumerate(output.values or ())
+    ]
+
+    def read(k: int, element: int | str) -> str:
+        return f"{inputs[k]}[{element}]"
+
+    body = statements(program, assigned, read, dialect=dialect, taken={*inputs, *outputs, name})
+    arguments = [f"const {dialect.type(e.type)} *{array}" for array, e in zip(inputs, program.inputs, strict=True)]
+    arguments += [f"{dialect.type(e.type)} *{array}" for array, e in zip(outputs, program.outputs, strict=True)]
+    return "\n".join(
+        [
+            *("#include <math.h>", "#include <stdbool.h>", "#include <stdint.h>", ""),
+            *body.helpers.lines,
+            f"void {name}({', '.join(arguments)});",
+            f"void {name}({', '.join(arguments)})\n{{",
+            *(f"    (void){array};" for k, array in enumerate(inputs) if k not in body.reads),
+            *body.lines,
+            "}\n",
+        ]
+    )

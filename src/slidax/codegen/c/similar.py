@@ -1,0 +1,243 @@
+"""Similar statements: statements that differ in their operands alone, and their order."""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from .layout import CodeLine
+
+LEAST = 3
+"""Smallest number of iterations that is worth a loop."""
+
+WORD = re.compile(
+    r"(?<![\w.>])(?:"
+    r"[A-Za-z_]\w*+(?:->\w++)?(?:\[\d+\])?(?![\w(\[>-]*+\()(?!->)"
+    r"|(?:0x[\da-fA-F.]+(?:p[+-]?\d+)?|\d+\.?\d*(?:e[+-]?\d+)?)[fuUlL]*+"
+    r")"
+)
+ELEMENT = re.compile(r"([A-Za-z_]\w*(?:->\w+)?)\[(\d+)\]")
+
+Stored = dict[str, tuple[str, int]]
+"""Array and index of each value that has become an element, by the value's name."""
+
+Operands = Sequence[str]
+
+
+@dataclass(frozen=True)
+class Piece:
+    """An expression.
+
+    - `template`: the text with a mark in place of each operand.
+    - `operands`: variables, elements of arrays, and numbers, in order.
+    """
+
+    text: str
+    template: str
+    operands: tuple[str, ...]
+
+    def fill(self, texts: Sequence[str]) -> str:
+        """Return the expression with other operands."""
+        parts = self.template.split("\0")
+        return parts[0] + "".join(text + part for text, part in zip(texts, parts[1:], strict=True))
+
+    def with_operands(self, rename: Callable[[str], str]) -> str:
+        """Return the expression with each operand renamed."""
+        return self.fill([rename(word) for word in self.operands])
+
+
+def parse(text: str) -> Piece:
+    """Split an expression, or any line of C, into template and operands."""
+    return Piece(text, WORD.sub("\0", text), tuple(WORD.findall(text)))
+
+
+@dataclass(frozen=True)
+class Access:
+    """Rule for an operand in iteration i: `array[start + step i]`.
+
+    - `array`, `start`, `step`: the element; step 0: the same in all iterations.
+    - `text`: an operand that is the same in all iterations, and no element.
+    - `numbers`: constants, one for each iteration.
+    """
+
+    array: str = ""
+    start: int = 0
+    step: int = 0
+    text: str = ""
+    numbers: tuple[str, ...] = ()
+
+    def element(self, index: str) -> str:
+        """Return the element as C text; `index` is the variable of the loop."""
+        if self.step == 1:
+            return f"{self.array}[{index} + {self.start}]" if self.start else f"{self.array}[{index}]"
+        if self.step > 0 and not self.start:
+            return f"{self.array}[{self.step} * {index}]"
+        if self.step == -1:
+            return f"{self.array}[{self.start} - {index}]"
+        if self.step < 0:
+            return f"{self.array}[{self.start} - {-self.step} * {index}]"
+        return f"{self.array}[{self.step} * {index} + {self.start}]"
+
+    def pointer(self) -> str:
+        """Return a pointer to the first element, as C text."""
+        return f"&{self.array}[{self.start}]" if self.start else self.array
+
+
+def find_accesses(rows: Sequence[Operands], stored: Stored) -> tuple[int, list[Access]]:
+    """Count the expressions, from the first on, that one loop can compute, and return the rule for each operand.
+
+    - `rows`: operands of each expression.
+    - `stored`: values that have become elements of arrays.
+    """
+    count = len(rows)
+    columns = list(zip(*rows, strict=True))
+    for column in columns:
+        count = min(count, _count_alike(column[:count], stored))
+        if count < LEAST:
+            return count, []
+    return count, [_access(column[:count], stored) for column in columns]
+
+
+def _place(word: str, stored: Stored) -> tuple[str, int] | None:
+    if word in stored:
+        return stored[word]
+    match = ELEMENT.fullmatch(word)
+    return None if match is None else (match.group(1), int(match.group(2)))
+
+
+def _count_alike(column: Sequence[str], stored: Stored) -> int:
+    """Number of operands, from the first on, that follow one rule."""
+    if len(column) < 2:
+        return len(column)
+    first = column[0]
+    if column[1] == first:
+        return next((k for k, word in enumerate(column) if word != first), len(column))
+    start, second = _place(first, stored), _place(column[1], stored)
+    if start is not None and second is not None and start[0] == second[0]:
+        step = second[1] - start[1]
+        wanted = ((start[0], start[1] + k * step) for k in range(len(column)))
+        return next(
+            (k for k, (word, place) in enumerate(zip(column, wanted, strict=True)) if _place(word, stored) != place),
+            len(column),
+        )
+    return next((k for k, word in enumerate(column) if not word[0].isdigit()), len(column))
+
+
+def _access(column: Sequence[str], stored: Stored) -> Access:
+    first = column[0]
+    place = _place(first, stored)
+    if all(word == first for word in column):
+        return Access("" if place is None else place[0], 0 if place is None else place[1], text=first)
+    if place is None:
+        return Access(numbers=tuple(column))
+    second = _place(column[1], stored)
+    assert second is not None
+    return Access(place[0], place[1], second[1] - place[1])
+
+
+class Statement:
+    """One line.
+
+    - `place`: its number in the function.
+    - `type`, `name`: of the declared variable; an assignment has no type, and its target as name.
+    - `piece`: its expression.
+    """
+
+    def __init__(self, line: CodeLine, place: int, type: str, name: str, text: str) -> None:
+        self.line = line
+        self.place = place
+        self.type = type
+        self.name = name
+        self.piece: Piece = parse(text)
+
+
+class Group:
+    """Statements that one loop computes, or a single statement.
+
+    - `lanes`: the statements, in order.
+    - `array`: array of their values; empty for a single statement with a variable of its own.
+    - `at`: rule for each operand.
+    - `target`: rule for the values; None for a single statement.
+    """
+
+    def __init__(self, lanes: list[Statement], array: str = "", at: Sequence[Access] = ()) -> None:
+        self.lanes = lanes
+        self.array = array
+        self.at = list(at)
+        self.target: Access | None = None
+
+    @property
+    def turns(self) -> int:
+        """Number of iterations of its loop."""
+        return 1 if self.target is None else len(self.lanes)
+
+    @property
+    def looks_back(self) -> bool:
+        """True if an iteration needs the value of an earlier one."""
+        names = {lane.name for lane in self.lanes}
+        return any(word in names for lane in self.lanes for word in lane.piece.operands)
+
+
+def order_groups(groups: list[Group]) -> list[Group]:
+    """Return the groups in an order of computation; a group that prevents one is split into statements."""
+    maker = {lane.name: group for group in groups for lane in group.lanes}
+    order: list[Group] = []
+    while True:
+        missing: dict[int, set[int]] = {}
+        users: defaultdict[int, list[Group]] = defaultdict(list)
+        for group in groups:
+            needs = {id(maker[word]) for lane in group.lanes for word in lane.piece.operands if word in maker}
+            # Iterations keep the order of the statements, which need earlier ones only.
+            missing[id(group)] = needs - {id(group)}
+            for need in needs:
+                users[need].append(group)
+        ready = [group for group in groups if not missing[id(group)]]
+        order, done = [], set()
+        while ready:
+            group = _next(ready, order)
+            ready.remove(group)
+            order.append(group)
+            done.add(id(group))
+            for user in users[id(group)]:
+                missing[id(user)].discard(id(group))
+                if not missing[id(user)] and id(user) not in done and user not in ready:
+                    ready.append(user)
+        stuck = [group for group in groups if id(group) not in done and len(group.lanes) > 1]
+        if len(order) == len(groups):
+            return order
+        broken = min(stuck, key=lambda group: group.lanes[0].place)
+        groups.remove(broken)
+        for lane in broken.lanes:
+            single = Group([lane], broken.array)
+            groups.append(single)
+            maker[lane.name] = single
+
+
+def _next(ready: list[Group], order: list[Group]) -> Group:
+    """Next group: a loop with as many iterations as the last, else the first in the source."""
+    if order and order[-1].target is not None:
+        same = [group for group in ready if group.turns == order[-1].turns]
+        if same:
+            return min(same, key=lambda group: group.lanes[0].place)
+    return min(ready, key=lambda group: (len(group.lanes) > 1, group.lanes[0].place))
+
+
+def fits_loop(group: Group, loop: list[Group]) -> bool:
+    """True if a group fits into a loop: it reads values of that loop only from the same iteration.
+
+    - `loop`: groups of the loop.
+    """
+    if group.target is None or group.turns != loop[0].turns:
+        return False
+    targets = {other.target for other in loop}
+    places = {place for other in loop for place in _places(other.target, other.turns)}
+    return all(access in targets or not places & _places(access, group.turns) for access in group.at)
+
+
+def _places(access: Access | None, turns: int) -> set[tuple[str, int]]:
+    """Elements that the iterations of a loop access."""
+    if access is None or not access.array:
+        return set()
+    return {(access.array, access.start + turn * access.step) for turn in range(turns)}

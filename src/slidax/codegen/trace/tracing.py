@@ -1,0 +1,357 @@
+"""Trace a JAX function to a program, with the place in the source of each value."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import math
+import os
+from collections.abc import Callable, Sequence
+from types import CodeType
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+from jax.extend.core import ClosedJaxpr  # type: ignore[attr-defined]
+
+from ..builder import Builder, Values
+from ..ir import NoNativeCodeError, Program, as_native_code_error
+from . import array_primitives, control_flow, elementwise
+from . import elementwise as random
+from .arrays import Inline, constant_array, type_of
+from .control_flow import expand, linear_solve, platform_index
+from .library import Library, place_together
+
+HERE = os.path.dirname(__file__)
+LIBRARIES = tuple(f"{os.sep}{name}{os.sep}" for name in ("jax", "equinox", "jaxtyping", "beartype"))
+
+
+class SourceFrame(NamedTuple):
+    """An expression in a source file.
+
+    - `file`, `line`: start of the expression.
+    - `function`: qualified name of the surrounding function.
+    - `column`, `end_line`, `end_column`: start and end within the lines, in bytes as `ast` counts them.
+    """
+
+    file: str
+    line: int
+    function: str
+    column: int = 0
+    end_line: int = 0
+    end_column: int = 0
+
+
+class Origin:
+    """Place in the source of a value.
+
+    - `equation`: equation of the jaxpr.
+    - `element`: number of the value in the equation's result, in C order; None if it is no element of it.
+    - `shape`: shape of that result.
+    - `visit`: equal for the values of one operation on arrays.
+    - `within`: name of the function in which the place is looked for; None: anywhere.
+    """
+
+    __slots__ = ("element", "equation", "shape", "visit", "within")
+
+    def __init__(
+        self,
+        equation: Any,
+        element: int | None = None,
+        shape: tuple[int, ...] = (),
+        within: str | None = None,
+        visit: object = None,
+    ) -> None:
+        self.equation = equation
+        self.element = element
+        self.shape = shape
+        self.within = within
+        self.visit: object = self if visit is None else visit
+
+    @property
+    def size(self) -> int:
+        """Number of elements of the result."""
+        return math.prod(self.shape)
+
+    @property
+    def frames(self) -> list[SourceFrame]:
+        """Places in the source, the innermost first, without JAX and its libraries."""
+        frames = frames_of(self.equation)
+        for k, frame in enumerate(frames):
+            if self.within is not None and frame.function.rpartition(".")[2] == self.within:
+                return frames[: k + 1]
+        return frames
+
+
+def frames_of(equation: Any) -> list[SourceFrame]:
+    """Return the places in the source of an equation, the innermost first."""
+    traceback = equation.source_info.traceback
+    frames: list[SourceFrame] = []
+    for code, instruction in zip(*traceback.raw_frames(), strict=True) if traceback is not None else ():
+        if code.co_filename.startswith(HERE):
+            # Callers of the tracer do not belong to the traced function.
+            break
+        if _ours(code.co_filename):
+            frames.append(_place(code, instruction))
+    return frames
+
+
+@functools.lru_cache(10_000)
+def _place(code: CodeType, instruction: int) -> SourceFrame:
+    positions = next(itertools.islice(code.co_positions(), instruction // 2, None))
+    line, end_line, column, end_column = (number or 0 for number in positions)
+    return SourceFrame(code.co_filename, line, code.co_qualname, column, end_line, end_column)
+
+
+@functools.cache
+def _ours(file: str) -> bool:
+    inside = os.path.dirname(os.path.dirname(jax.__file__))
+    if file.startswith(inside) and any(name in file[len(inside) :] for name in LIBRARIES):
+        return False
+    return not file.startswith("<frozen")
+
+
+CALLS = {
+    "jit": "jaxpr",
+    "pjit": "jaxpr",
+    "closed_call": "call_jaxpr",
+    "core_call": "call_jaxpr",
+    "eval_jaxpr": "call_jaxpr",
+    "remat": "jaxpr",
+    "checkpoint": "jaxpr",
+    "remat2": "jaxpr",
+    "custom_jvp_call": "call_jaxpr",
+    "custom_vjp_call": "call_jaxpr",
+    "custom_vjp_call_jaxpr": "fun_jaxpr",
+}
+"""Primitives that call another jaxpr, and the parameter that holds it."""
+
+PLAIN: dict[str, Callable[[Builder, Any, list[Values]], Values | list[Values]]] = {
+    **elementwise.ELEMENTWISE_RULES,
+    **array_primitives.SHAPE_RULES,
+    **array_primitives.REDUCTION_RULES,
+    **array_primitives.INDEXING_RULES,
+    "threefry2x32": random.threefry,
+    "iota_2x32_shape": random.counters,
+    "platform_index": platform_index,
+    "random_wrap": random.key_words,
+    "random_unwrap": random.key_words,
+}
+WITH_JAXPRS: dict[str, Callable[[Builder, Any, list[Values], Inline], list[Values]]] = {
+    "while": control_flow.while_loop,
+    "scan": control_flow.scan,
+    "cond": control_flow.cond,
+    "call_hi_primitive": expand,
+    "custom_linear_solve": linear_solve,
+    "linear_solve": linear_solve,
+    "random_seed": random.by_implementation("seed"),
+    "random_fold_in": random.by_implementation("fold_in"),
+    "random_bits": random.by_implementation("random_bits"),
+    "random_split": random.by_implementation("split"),
+}
+REMEDIES = {
+    "sort": "write it with `jnp.max`, `jnp.min` or `jnp.argmax`",
+    "top_k": "write it with `jnp.max` or `jnp.argmax`",
+    "cholesky": "use `slidax.core.solve_symmetric`",
+    "triangular_solve": "use `slidax.core.solve_symmetric`",
+    "lu": "use `slidax.core.solve_symmetric`",
+    "eigh": "use `slidax.core.linear_algebra`, or a closed form",
+    "svd": "use `slidax.core.linear_algebra`, or a closed form",
+    "qr": "use `slidax.core.solve_symmetric`",
+    "pure_callback": "write it in `jax.numpy`",
+    "io_callback": "write it in `jax.numpy`",
+    "debug_callback": "remove the print",
+}
+
+
+def inline(
+    builder: Builder,
+    closed: Any,
+    arrays: Sequence[Values],
+    *,
+    constants: Sequence[Values] | None = None,
+    named: bool = False,
+    library: Library | None = None,
+) -> list[Values]:
+    """Return the results of a closed jaxpr, as arrays of values.
+
+    - `arrays`: its arguments.
+    - `constants`: values of the arrays that it closes over; None: their numbers.
+    - `named`: true if each value gets its origin in the source; takes time.
+    - `library`: functions that stay functions; None inlines all of them.
+
+    Raises NoNativeCodeError, with its name, its place in the source and a remedy, if a primitive has no rule or its
+    rule fails.
+    """
+    return _Inlining(builder, named, library).run(closed, arrays, constants)
+
+
+class _Inlining:
+    def __init__(self, builder: Builder, named: bool, library: Library | None, within: str | None = None) -> None:
+        self.builder = builder
+        self.named = named
+        self.library = library
+        # The surrounding function. Its callers do not matter for origins.
+        self.within = within
+        # Equation of the call, inside a called function.
+        self.call: Any = None
+        # Equations whose inner jaxprs are open, the outermost first.
+        self.open: list[Any] = []
+
+    def run(self, closed: Any, arrays: Sequence[Values], constants: Sequence[Values] | None = None) -> list[Values]:
+        jaxpr = closed.jaxpr
+        if constants is None:
+            constants = [constant_array(self.builder, np.asarray(number)) for number in closed.consts]
+        known: dict[Any, Values] = dict(zip(jaxpr.invars, arrays, strict=True))
+        known.update(zip(jaxpr.constvars, constants, strict=True))
+        for equation in jaxpr.eqns:
+            results = self._equation(equation, [self._read(known, atom) for atom in equation.invars])
+            known.update(zip(equation.outvars, results, strict=True))
+        return [self._read(known, atom) for atom in jaxpr.outvars]
+
+    def _read(self, known: dict[Any, Values], atom: Any) -> Values:
+        value = getattr(atom, "val", None)
+        return known[atom] if value is None else constant_array(self.builder, np.asarray(value, atom.aval.dtype))
+
+    def _equation(self, equation: Any, arrays: list[Values]) -> list[Values]:
+        name = equation.primitive.name
+        with as_native_code_error(lambda: f"the JAX primitive `{name}`{self._where(equation)}"):
+            if name in ("jit", "pjit") and self.library is not None:
+                shared = self._call(equation, arrays)
+                if shared is not None:
+                    return shared
+            if name == "optimization_barrier" and self.library is not None:
+                return [place_together(self.builder, array) for array in arrays]
+            if name in CALLS:
+                around, self.call = self.call, self.call or equation
+                results = self.run(_as_closed(equation.params[CALLS[name]]), arrays)
+                self.call = around
+                return results
+            if self.named:
+                self.builder.origin = Origin(self.call or equation, within=self.within)
+            if name in PLAIN:
+                result = PLAIN[name](self.builder, equation, arrays)
+                results = result if isinstance(result, list) else [result]
+                if self.named:
+                    self._mark(results)
+                return results
+            if name in WITH_JAXPRS:
+                around, self.call = self.call, None
+                origin = self.builder.origin
+                self.open.append(around or equation)
+                results = WITH_JAXPRS[name](self.builder, equation, arrays, self.run)
+                self.open.pop()
+                self.call = around
+                if self.named:
+                    self.builder.origin = origin
+                    self._mark(results)
+                return results
+        remedy = REMEDIES.get(name, "write it with other operations of `jax.numpy`, or simulate with the engine `xla`")
+        raise NoNativeCodeError(f"no native code for the JAX primitive `{name}`{self._where(equation)}: {remedy}")
+
+    def _call(self, equation: Any, arrays: list[Values]) -> list[Values] | None:
+        """Results of a call that stays a call; None if it is inlined."""
+        assert self.library is not None
+
+        def run(builder: Builder, closed: Any, inside: Sequence[Values], name: str) -> list[Values]:
+            return _Inlining(builder, self.named, self.library, name).run(closed, inside)
+
+        if self.named:
+            self.builder.origin = Origin(self.call or equation, within=self.within)
+        origin = self.builder.origin
+        results = self.library.call(self.builder, equation, arrays, run)
+        if results is not None and self.named:
+            self.builder.origin = origin
+            self._mark(results)
+        return results
+
+    def _mark(self, results: list[Values]) -> None:
+        """Give each new value its element's number in the origin."""
+        origin = self.builder.origin
+        for array in results:
+            for k, value in enumerate(array.ravel()):
+                if value.origin is origin:
+                    value.origin = Origin(origin.equation, k, array.shape, origin.within, origin.visit)
+
+    def _where(self, equation: Any) -> str:
+        for nearest in (self.call or equation, *reversed(self.open)):
+            for frame in frames_of(nearest)[:1]:
+                return f" (line {frame.line} of {frame.file}, in `{frame.function}`)"
+        return ""
+
+
+def _as_closed(jaxpr: Any) -> Any:
+    return jaxpr if hasattr(jaxpr, "jaxpr") else ClosedJaxpr(jaxpr, ())
+
+
+def trace(
+    function: Callable[..., Any],
+    *args: Any,
+    names: Sequence[str] | None = None,
+    named: bool = True,
+    library: Library | None = None,
+) -> Program:
+    """Return `function(*args)` as a program; its inputs are the arrays in `args`, its outputs those in the result.
+
+    An array is named after its argument and its path in it: `parameters.surface.k1`, `state.q`.
+
+    - `function`: pure, of pytrees of arrays.
+    - `args`: arrays, or shapes with dtypes; their numbers are not used.
+    - `names`: names of the arguments; None: `arg0`, `arg1`, ...
+    - `named`: true if each value gets its origin in the source; takes time.
+    - `library`: functions that stay functions; None inlines all of them.
+
+    Raises NoNativeCodeError if a primitive has no rule or its rule fails.
+    """
+    builder = Builder()
+    shapes = jax.tree.map(lambda x: jax.ShapeDtypeStruct(np.shape(x), jax.dtypes.canonicalize_dtype(_dtype(x))), args)
+    closed, result = jax.make_jaxpr(function, return_shape=True)(*shapes)
+    with as_native_code_error(lambda: "the function"):
+        inputs = [
+            builder.input(name, ir_type(leaf.dtype, name), leaf.shape)
+            for name, leaf in named_leaves(shapes, names or [f"arg{k}" for k in range(len(args))])
+        ]
+        results = inline(builder, closed, inputs, named=named, library=library)
+        outputs = [name for name, _ in named_leaves((result,), ("",))]
+        for name, values, aval in zip(outputs, results, closed.out_avals, strict=True):
+            builder.output(name, ir_type(aval.dtype, name), values)
+        return builder.finish()
+
+
+def named_leaves(trees: Sequence[Any], names: Sequence[str]) -> list[tuple[str, Any]]:
+    """Return the arrays in pytrees, each with its name.
+
+    - `names`: a name for each tree.
+    """
+    arrays = []
+    for tree, name in zip(trees, names, strict=True):
+        for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
+            arrays.append(((name + _path_text(path)).lstrip("."), leaf))
+    return arrays
+
+
+def ir_type(dtype: Any, name: str) -> Any:
+    """Return the IR type of a dtype.
+
+    - `name`: name of the array, for the error.
+
+    Raises NoNativeCodeError if it has none.
+    """
+    try:
+        return type_of(dtype)
+    except NotImplementedError as error:
+        raise NoNativeCodeError(f"`{name}`: no native code for {error}") from None
+
+
+def _path_text(path: Sequence[Any]) -> str:
+    parts = []
+    for key in path:
+        for field in ("name", "key", "idx"):
+            if hasattr(key, field):
+                parts.append(str(getattr(key, field)))
+                break
+    return "".join(f".{part}" for part in parts)
+
+
+def _dtype(x: Any) -> Any:
+    return x.dtype if hasattr(x, "dtype") else np.asarray(x).dtype

@@ -1,0 +1,294 @@
+"""Errors for invalid definitions and runs that end early, and the checks that raise them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from difflib import get_close_matches
+from reprlib import Repr
+from typing import Any, Self
+
+import jax
+import numpy as np
+from jaxtyping import Array
+
+LONGEST = 80
+"""Characters of a value, or of a name, that a message shows."""
+
+# Python 3.11 takes no keywords here.
+_SHORT = Repr()
+_SHORT.maxlist = _SHORT.maxtuple = _SHORT.maxstring = _SHORT.maxother = LONGEST
+_SHORT.maxdict = _SHORT.maxset = 8
+_SHORT.maxlong = 40
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A setting by which a user accepts what an error refuses, in the words of each interface.
+
+    - `name`, `value`: such as `inertias` and `nearest`.
+    """
+
+    name: str
+    value: str
+
+    in_python = property(lambda self: f'{self.name}="{self.value}"', doc='As an argument: `inertias="nearest"`.')
+    in_yaml = property(lambda self: f"{self.name}: {self.value}", doc="As a line of a scenario: `inertias: nearest`.")
+    as_option = property(lambda self: f"--{self.name} {self.value}", doc="As an option: `--inertias nearest`.")
+
+
+class DefinitionError(ValueError):
+    """An invalid definition: says which field, the rule, the value, the joint and the remedy.
+
+    - `message`: the sentence.
+    - `where`: the path of the field in a scenario, such as `scheme.performance`, if it came from one.
+    """
+
+    setting: Setting | None = None
+    """The one that the message names as a remedy, if there is one; `reworded` puts it into other words."""
+
+    def __init__(self, message: str, *, where: str = "") -> None:
+        super().__init__(f"{where}: {message}" if where else message)
+        self.message = message
+        self.where = where
+
+    def offering(self, setting: Setting | None) -> Self:
+        """Return the error itself, with the setting that its message names.
+
+        - `setting`: None for none.
+        """
+        self.setting = setting
+        return self
+
+    def reworded(self, words: str) -> DefinitionError:
+        """Return the error with its remedy in other words.
+
+        - `words`: take the place of the setting, such as `error.setting.as_option`.
+        """
+        message, setting = self.message, self.setting
+        if setting is not None:
+            # In one pass: the new words may themselves have one of these forms.
+            forms = map(re.escape, (setting.in_python, setting.in_yaml, setting.as_option))
+            message = re.sub("|".join(forms), lambda _: words, message)
+        return DefinitionError(message, where=self.where).offering(setting)
+
+
+class DefinitionWarning(UserWarning):
+    """A definition leaves something out or contradicts itself; the message says how it was read."""
+
+
+class OutcomeError(RuntimeError):
+    """A run ended before its time, raised by `simulate(..., throw=True)`.
+
+    - `outcome`: what happened, to which joint and when.
+    - `run`: the run up to that time, with its log and metrics.
+    """
+
+    def __init__(self, outcome: Any, run: Any = None) -> None:
+        super().__init__(outcome.message)
+        self.outcome = outcome
+        self.run = run
+
+
+@contextmanager
+def locate_errors(where: str) -> Iterator[None]:
+    """Puts the path `where` before a DefinitionError that passes through; paths nest from the outside in."""
+    try:
+        yield
+    except DefinitionError as error:
+        path = f"{where}.{error.where}" if error.where else where
+        raise DefinitionError(error.message, where=path).offering(error.setting) from error
+
+
+def nearest_word(word: str, known: Iterable[str]) -> str:
+    """A remedy for a name that is not known: a question with the known one most like it, or the list of them all.
+
+    - `word`: the name that was given, in any case.
+    - `known`: what could have been.
+    """
+    names, word = list(known), word[:LONGEST]
+    by_small_letters = {name.lower(): name for name in names}
+    close = get_close_matches(word.lower(), by_small_letters, n=1, cutoff=0.6)
+    if close:
+        return f"did you mean `{by_small_letters[close[0]]}`?"
+    return "there are: " + ", ".join(f"`{name}`" for name in names)
+
+
+def short_repr(value: Any) -> str:
+    """A value for a message, as Python writes it, in one line; of a long one the beginning.
+
+    - `value`: anything, also lists of millions.
+    """
+    if isinstance(value, np.ndarray):
+        value = (value if value.size <= LONGEST else value.ravel()[:LONGEST]).tolist()
+    text = _SHORT.repr(value)
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
+
+
+def plain(word: object) -> str:
+    """A name for a message, where it stands in marks of its own: `shown` without quotation marks.
+
+    - `word`: what was given for it.
+    """
+    return short_repr(word)[1:-1] if isinstance(word, str) else short_repr(word)
+
+
+def count_noun(number: int, noun: str, plural: str = "") -> str:
+    """A number with its noun, "1 run" or "2 runs".
+
+    - `number`: how many.
+    - `noun`: of one.
+    - `plural`: of several; the noun with an s if not given.
+    """
+    return f"{number} {noun if number == 1 else plural or noun + 's'}"
+
+
+def each_of(number: int, noun: str) -> str:
+    """For a list with one entry for each: "each of the 3 joints", or "the joint" where there is one.
+
+    - `number`: how many.
+    - `noun`: of one.
+    """
+    return f"the {noun}" if number == 1 else f"each of the {number} {noun}s"
+
+
+def is_traced(tree: Any) -> bool:
+    """True inside `jit`, `vmap` or `grad`, where values are not known and so cannot be checked.
+
+    - `tree`: any pytree of arrays.
+    """
+    return any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(tree))
+
+
+def as_array(value: Any) -> Array:
+    """A field converter: numbers, lists and arrays become float arrays, so that each is a differentiable leaf.
+
+    - `value`: a number, a list of numbers or an array.
+
+    Raises DefinitionError if it is none of these.
+    """
+    if isinstance(value, jax.Array):
+        return value
+    try:
+        # Unlike `jnp.asarray`, this compiles nothing.
+        return jax.device_put(np.asarray(value, dtype=float))
+    except (TypeError, ValueError) as error:
+        raise DefinitionError(f"a number or a list of numbers is needed; got {short_repr(value)}") from error
+
+
+def static_value(value: Any) -> Any:
+    """The numbers of an array, for a check of them; a traced array as it is.
+
+    - `value`: a number or an array.
+
+    A comparison of JAX's arrays would be compiled, and so take a hundred times as long.
+    """
+    return value if is_traced(value) else np.asarray(value)
+
+
+def require(owner: object, field: str, holds: Any, rule: str, *, finite: bool = True, each: str = "joint") -> None:
+    """Raises a DefinitionError unless `holds` is true in every entry of the field and the field is finite.
+
+    - `owner`: the object whose field it is; its class names it in the message.
+    - `field`: its name.
+    - `holds`: bool or array of bools, of the field's shape.
+    - `rule`: what must hold, with its equation: "must be > 2 (eq. 20)".
+    - `finite`: whether what is infinite is refused, too; what is no number always is.
+    - `each`: what the entries of a vector belong to.
+
+    Traced values pass: inside a transformation nothing is known about them.
+    """
+    value = getattr(owner, field)
+    if is_traced((value, holds)):
+        return
+    number = np.asarray(value)
+    wrong = ~(np.asarray(holds) & (np.isfinite(number) if finite else ~np.isnan(number)))
+    if not wrong.any():
+        return
+    name = f"`{type(owner).__name__}.{field}`"
+    if number.ndim == 0 and wrong.ndim == 0:
+        raise DefinitionError(f"{name} {rule}; got {number.item():g}")
+    if number.ndim == wrong.ndim == 1:
+        first = int(np.argmax(wrong))
+        place = _joint(owner, first) if each == "joint" else f"{each} {first + 1}"
+        raise DefinitionError(f"{name} {rule}; got {number[first].item():g} for {place}")
+    if number.ndim == 0:
+        joint = int(np.argmax(wrong))
+        raise DefinitionError(f"{name} {rule}; got {number.item():g}, which fails for {_joint(owner, joint)}")
+    if np.ndim(holds) == number.ndim:
+        entry = tuple(int(index[0]) for index in np.nonzero(wrong))
+        raise DefinitionError(f"{name} {rule}; got {number[entry].item():g} in entry {[i + 1 for i in entry]}")
+    raise DefinitionError(f"{name} {rule}; got {short_repr(number)}")
+
+
+def _joint(owner: object, number: int) -> str:
+    """A joint by its name, where the owner's joints have names of their own."""
+    names = getattr(owner, "joint_names", ())
+    name = names[number] if number < len(names) else f"joint {number + 1}"
+    return name if name == f"joint {number + 1}" else f"joint `{name}`"
+
+
+def require_shape(owner: object, shape: tuple[int, ...], *fields: str) -> None:
+    """Raises a DefinitionError unless each of the fields has exactly this shape.
+
+    - `owner`: the object whose fields they are.
+    - `shape`: what each must have; () for one number.
+    - `fields`: their names.
+    """
+    for field in fields:
+        got = np.shape(getattr(owner, field))
+        if got != shape:
+            expected = f"{' x '.join(map(str, shape))} numbers" if shape else "one number"
+            raise DefinitionError(f"`{type(owner).__name__}.{field}` must be {expected}; got shape {list(got)}")
+
+
+def require_consistent(owner: object, *fields: str) -> None:
+    """Raises a DefinitionError unless each field is one number or a vector, and all vectors are equally long.
+
+    - `owner`: the object whose fields they are.
+    - `fields`: their names.
+    """
+    first = ""
+    for field in fields:
+        shape = np.shape(getattr(owner, field))
+        name = f"`{type(owner).__name__}.{field}`"
+        if len(shape) > 1:
+            raise DefinitionError(f"{name} must be one number or one per joint; got shape {list(shape)}")
+        if shape and first and shape != np.shape(getattr(owner, first)):
+            other = len(getattr(owner, first))
+            raise DefinitionError(
+                f"{name} has {count_noun(shape[0], 'entry', 'entries')}, but `{first}` has {other}; give one number or "
+                "one per joint"
+            )
+        first = field if shape and not first else first
+
+
+def require_joints(tree: object, joints: int, of: str) -> None:
+    """Raises a DefinitionError unless each parameter in `tree` is one number, or has one entry per joint.
+
+    - `joints`: the number of joints.
+    - `of`: whose joints they are, for the message.
+    """
+    for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
+        if np.shape(leaf) not in ((), (joints,), (joints, joints)):
+            raise _not_per_joint(type(tree).__name__ + jax.tree_util.keystr(path), leaf, joints, of)
+
+
+def require_per_joint(owner: object, joints: int, of: str, *fields: str) -> None:
+    """Raises a DefinitionError unless each of the fields is one number, or has one entry per joint.
+
+    - `owner`: the object whose fields they are.
+    - `joints`: the number of joints.
+    - `of`: whose joints they are, for the message.
+    - `fields`: their names.
+    """
+    for field in fields:
+        if np.shape(getattr(owner, field)) not in ((), (joints,)):
+            raise _not_per_joint(f"{type(owner).__name__}.{field}", getattr(owner, field), joints, of)
+
+
+def _not_per_joint(name: str, value: Any, joints: int, of: str) -> DefinitionError:
+    shape, count = list(np.shape(value)), count_noun(joints, "joint")
+    return DefinitionError(f"`{name}` has shape {shape}, but {of} has {count}; give one number or {joints} of them")

@@ -1,0 +1,128 @@
+"""Read regular files up to a size limit."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import stat
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from .errors import DefinitionError, short_repr
+
+MEGABYTE = 10**6
+
+MOST_TEXT = 32 * MEGABYTE
+"""Bytes of a text that is held in memory whole: a motion, a robot, a message."""
+
+_BINARY = getattr(os, "O_BINARY", 0)
+_NOT_WAITING = getattr(os, "O_NONBLOCK", 0)
+
+
+def open_file(path: Path, what: str = "the file", *, most: int = MOST_TEXT) -> BinaryIO:
+    """Open a regular file for reading.
+
+    A pipe or a device is refused before anything is read from it: a pipe may never end, `/dev/zero` does not.
+
+    - `path`: of the file.
+    - `what`: the file's role, for messages.
+    - `most`: bytes that it may have.
+
+    Raises DefinitionError if the file cannot be opened, is no regular file, or is larger than the limit.
+    """
+    try:
+        # Without waiting, as opening a pipe waits for its writer.
+        handle = os.open(path, os.O_RDONLY | _BINARY | _NOT_WAITING)
+    except (OSError, ValueError) as error:
+        raise _unreadable(path, what, getattr(error, "strerror", None) or str(error)) from None
+    try:
+        status = os.fstat(handle)
+        if stat.S_ISDIR(status.st_mode):
+            raise _unreadable(path, what, os.strerror(errno.EISDIR))
+        if not stat.S_ISREG(status.st_mode):
+            raise _unreadable(path, what, "only regular files are read, and this is a pipe, a socket or a device")
+        if status.st_size > most:
+            raise _unreadable(path, what, _too_large(status.st_size, most))
+        return os.fdopen(handle, "rb")
+    except BaseException:
+        with suppress(OSError):
+            os.close(handle)
+        raise
+
+
+def require_file(path: Path, what: str = "the file", *, most: int = MOST_TEXT) -> int:
+    """Check a file that another library will open, and return its size in bytes.
+
+    - `path`, `what`, `most`: as in `open_file`.
+
+    Raises DefinitionError as `open_file` does.
+    """
+    with open_file(path, what, most=most) as file:
+        return os.fstat(file.fileno()).st_size
+
+
+def read_bytes(path: Path, what: str = "the file", *, most: int = MOST_TEXT) -> bytes:
+    """Return the content of a regular file.
+
+    - `path`, `what`, `most`: as in `open_file`.
+
+    Raises DefinitionError as `open_file` does.
+    """
+    with open_file(path, what, most=most) as file:
+        try:
+            # Some regular files, as in /proc, have more in them than their size.
+            content = file.read(most + 1)
+        except OSError as error:
+            raise _unreadable(path, what, error.strerror or str(error)) from None
+    if len(content) > most:
+        raise _unreadable(path, what, _too_large(len(content), most))
+    return content
+
+
+def read_text(path: Path, what: str = "the file", *, most: int = MOST_TEXT) -> str:
+    """Return the text of a regular file in UTF-8, without a byte order mark, with line ends as Python has them.
+
+    - `path`, `what`, `most`: as in `open_file`.
+
+    Raises DefinitionError as `open_file` does, or if the file is not UTF-8 text.
+    """
+    try:
+        text = read_bytes(path, what, most=most).decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise _unreadable(path, what, "it is not UTF-8 text") from None
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def parse_json(text: str, name: str) -> Any:
+    """Return the value of a JSON text.
+
+    - `text`: the text.
+    - `name`: the file's name, for messages.
+
+    Raises DefinitionError if it is no JSON, or nested too deeply.
+    """
+    try:
+        return json.loads(text, parse_int=whole_number)
+    except json.JSONDecodeError as error:
+        raise DefinitionError(f"{name} is not valid JSON: line {error.lineno}: {error.msg}") from None
+    except RecursionError:
+        raise DefinitionError(f"{name} is not valid JSON: its lists are nested too deeply") from None
+
+
+def whole_number(digits: str) -> int | float:
+    """Return the integer of a JSON text; a floating-point number where it has too many digits, infinite for hundreds.
+
+    - `digits`: as they are in the text.
+    """
+    return int(digits) if len(digits) <= 30 else float(digits)
+
+
+def _too_large(size: int, most: int) -> str:
+    return f"it has {size / MEGABYTE:.3g} MB, and at most {most / MEGABYTE:.3g} MB are read"
+
+
+def _unreadable(path: Path, what: str, why: str) -> DefinitionError:
+    name = str(path) if len(str(path)) <= 1000 else short_repr(str(path))
+    return DefinitionError(f"cannot read {what} `{name}`: {why}")

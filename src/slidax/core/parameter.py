@@ -1,0 +1,294 @@
+"""Declare a parameter once: meaning, unit, range, default and source."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from types import CodeType
+from typing import Any
+
+import equinox as eqx
+import numpy as np
+
+from .errors import as_array, is_traced
+
+INTERVAL = re.compile(r"([\[(])(.+),(.+)([\])])")
+COMPARISON = re.compile(r"(>=|>|<=|<)(.+)")
+
+
+@dataclass(frozen=True)
+class End:
+    """One end of a range: a number, or an expression over other parameters of the same part, such as `4 - 2 * gain`.
+
+    - `open`: True if the end itself is outside.
+    """
+
+    text: str
+    open: bool
+
+    @property
+    def number(self) -> float | None:
+        """The end as a number; None for an expression."""
+        try:
+            return float(Fraction(self.text)) if "/" in self.text else float(self.text)
+        except ValueError:
+            return None
+
+    def value(self, part: object) -> Any:
+        """Return the end for a part with these parameters, a number or [n]."""
+        number = self.number
+        return number if number is not None else eval(self._code, {}, _Fields(part))
+
+    def shown(self, part: object) -> str:
+        """Return the end for a message, with its value if it is an expression."""
+        return self.text if self.number is not None else f"`{self.text}` = {np.asarray(self.value(part)).tolist()}"
+
+    @property
+    def _code(self) -> CodeType:
+        return compile(self.text, "<range>", "eval")
+
+
+class _Fields(dict[str, Any]):
+    def __init__(self, part: object) -> None:
+        self._part = part
+
+    def __missing__(self, name: str) -> Any:
+        value = getattr(self._part, name)
+        return value if is_traced(value) else np.asarray(value)
+
+
+@dataclass(frozen=True)
+class Range:
+    """Allowed values of a parameter: `> 0`, `>= 0`, `(0, 1)`, `[0, 1]`, `(0, 1]`, `> final`; empty for any number.
+
+    Infinity is outside, unless the end has the form `inf]` or `[-inf`.
+    """
+
+    text: str = ""
+
+    def __post_init__(self) -> None:
+        assert not self.text or INTERVAL.fullmatch(self.text) or COMPARISON.fullmatch(self.text), self.text
+
+    @property
+    def ends(self) -> tuple[End, End]:
+        """The lower and the upper end."""
+        if interval := INTERVAL.fullmatch(self.text):
+            opening, lower, upper, closing = (group.strip() for group in interval.groups())
+            return End(lower, opening == "("), End(upper, closing == ")")
+        if comparison := COMPARISON.fullmatch(self.text):
+            sign, end = comparison.group(1), End(comparison.group(2).strip(), "=" not in comparison.group(1))
+            return (end, End("inf", True)) if sign.startswith(">") else (End("-inf", True), end)
+        return End("-inf", True), End("inf", True)
+
+    @property
+    def words(self) -> str:
+        """The range for a table: its text, but "> 0, infinite for no limit" for `(0, inf]`."""
+        return "> 0, infinite for no limit" if self.text == "(0, inf]" else self.text
+
+    def holds(self, part: object, values: np.ndarray) -> np.ndarray:
+        """Return True for each value inside, broadcast against ends that are other parameters of the part."""
+        lower, upper = self.ends
+        low, high = lower.value(part), upper.value(part)
+        above = values > low if lower.open else values >= low
+        return np.asarray(above & (values < high if upper.open else values <= high))
+
+    def rule(self, part: object, unit: str = "") -> str:
+        """Return the range as a rule: "must be > 0", "must be in (0, 1)".
+
+        - `part`: has the values of other parameters in the range.
+        - `unit`: empty for a parameter with several units.
+        """
+        if not self.text:
+            return "must be finite"
+        lower, upper = self.ends
+        if INTERVAL.fullmatch(self.text):
+            opening, closing = "(" if lower.open else "[", ")" if upper.open else "]"
+            if lower.number == 0.0 and upper.number == math.inf:
+                return "must be > 0 (infinite for no limit)"
+            if upper.number == math.inf:
+                return f"must be {'>' if lower.open else '>='} {lower.shown(part)}{f' {unit}' if unit else ''}"
+            return f"must be in {opening}{lower.shown(part)}, {upper.shown(part)}{closing}"
+        sign = COMPARISON.fullmatch(self.text)
+        assert sign is not None
+        end = lower if sign.group(1).startswith(">") else upper
+        return f"must be {sign.group(1)} {end.shown(part)}{f' {unit}' if unit else ''}"
+
+    def schema(self) -> dict[str, float]:
+        """Return the numeric ends as keywords of a JSON schema."""
+        lower, upper = self.ends
+        keywords: dict[str, float] = {}
+        for end, opened, closed in (
+            (lower, "exclusiveMinimum", "minimum"),
+            (upper, "exclusiveMaximum", "maximum"),
+        ):
+            number = end.number
+            if number is not None and math.isfinite(number):
+                keywords[opened if end.open else closed] = number
+        return keywords
+
+
+REQUIRED: Any = object()
+"""Default of a parameter without a default."""
+
+ANY = Range()
+
+SHAPES = {
+    "PerJoint": "one number or [n]",
+    "Scalar": "one number",
+    "Vector": "[n]",
+    "Matrix": "[n n]",
+    "State": "positions and velocities, each [n]",
+}
+"""Words for the types of arrays in a docstring."""
+
+MATRIX = "one number, a diagonal [n] or a matrix [n n]"
+
+_KEY = "slidax"
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter as its class declares it.
+
+    - `meaning`: description with its symbol.
+    - `unit`: empty for a pure number.
+    - `range`: allowed values.
+    - `why`: reason for the range, with its equation.
+    - `default`: default value, or `REQUIRED`.
+    - `source`: source of the default.
+    - `shape`: "one number", "one number or [n]", "[3]", ...; empty for a field without numbers.
+    - `annotation`: type of the field, as text.
+    - `piece`: True for another part, a name or a choice.
+    """
+
+    name: str
+    meaning: str
+    unit: str = ""
+    range: Range = ANY
+    why: str = ""
+    default: Any = REQUIRED
+    source: str = ""
+    shape: str = ""
+    annotation: str = ""
+    piece: bool = False
+
+    @property
+    def required(self) -> bool:
+        """True without a default."""
+        return self.default is REQUIRED
+
+    @property
+    def limits(self) -> str:
+        """Range and reason in a few words: "> 0 (eq. 40)"; empty for any number."""
+        reason = self.why if self.why.startswith("(") or not self.why else f", {self.why}"
+        separator = " " if reason.startswith("(") else ""
+        return f"{self.range.words}{separator}{reason}".strip(" ,")
+
+    def rule(self, part: object) -> str:
+        """Return the range of a part's parameter as the end of a sentence: "must be > 0 (eq. 40)"."""
+        separator = "" if not self.why else " " if self.why.startswith("(") else ", "
+        return f"{self.range.rule(part, '' if ' or ' in self.unit else self.unit)}{separator}{self.why}"
+
+    def bullet(self) -> str:
+        """One line of a docstring: meaning, shape, unit, range, default."""
+        within = f"in {self.range.text}" if self.range.words[:1] in ("(", "[") else self.range.words
+        text = ", ".join(part for part in (self.meaning, self.shape, self.unit, within) if part)
+        if not self.required and self.default is not None and not self.piece:
+            text += f"; {_shown(self.default)} if not given"
+        return f"- `{self.name}`: {text}."
+
+
+def parameter(
+    meaning: str,
+    unit: str = "",
+    range: str = "",
+    why: str = "",
+    *,
+    default: Any = REQUIRED,
+    source: str = "",
+    matrix: bool = False,
+    static: bool = False,
+    converter: Any = as_array,
+) -> Any:
+    """Declare a field of a part that has numbers: checked, documented, and leaves of the pytree.
+
+        k1: PerJoint = parameter("diagonal of K1", "rad/s or m/s", "> 0", "(eq. 40)")
+
+    The annotation determines the shape: `Scalar` is one number, `PerJoint` one or one for each joint, `Vector` one for
+    each joint, `Float[Array, "3"]` three. The default None makes the field optional.
+
+    - `meaning`: description with its symbol, in a few words.
+    - `range`: as in `Range`; any finite number if empty.
+    - `why`: reason for the range, as "so that ... (eq. 20)" or "(eq. 20)".
+    - `source`: source of the default.
+    - `matrix`: True if it may also be a matrix.
+    - `static`: True if compiled code depends on it; for a plain Python number.
+    - `converter`: from the argument to the field's type; by default to a float array.
+    """
+    declared = Parameter("", meaning, unit, Range(range), why, default, source, MATRIX if matrix else "")
+    if static and converter is as_array:
+        converter = None
+    if default is None and converter is not None:
+        converter = _maybe(converter)
+    how = {} if default is REQUIRED else {"default": default}
+    if converter is not None:
+        how["converter"] = converter
+    return eqx.field(static=static, metadata={_KEY: declared}, **how)
+
+
+def piece(meaning: str, *, default: Any = REQUIRED, default_factory: Any = REQUIRED, static: bool = False) -> Any:
+    """Declare a field of a part that is no number: another part, a name, a choice.
+
+    - `static`: True if compiled code depends on it.
+    """
+    declared = Parameter("", meaning, default=default, piece=True)
+    how = {} if default is REQUIRED else {"default": default}
+    if default_factory is not REQUIRED:
+        how["default_factory"] = default_factory
+        declared = replace(declared, default=default_factory)
+    return eqx.field(static=static, metadata={_KEY: declared}, **how)
+
+
+def parameters_of(part: type) -> list[Parameter]:
+    """Return the parameters of a part, in order; a field without a declaration has a name, type and default alone."""
+    return [declared(field) for field in dataclasses.fields(part) if field.init]
+
+
+def is_declared(field: dataclasses.Field[Any]) -> bool:
+    """True if `parameter` or `piece` declares a dataclass field."""
+    return _KEY in field.metadata
+
+
+def declared(field: dataclasses.Field[Any], annotation: str = "") -> Parameter:
+    """Return a dataclass field's declaration with its name and type.
+
+    - `annotation`: type of a field that does not know it yet.
+    """
+    written = str(annotation or field.type)
+    if _KEY not in field.metadata:
+        default = REQUIRED if field.default is dataclasses.MISSING else field.default
+        return Parameter(field.name, "", default=default, shape=_shape(written), annotation=written)
+    known: Parameter = field.metadata[_KEY]
+    return replace(known, name=field.name or known.name, annotation=written, shape=known.shape or _shape(written))
+
+
+def _shape(annotation: str) -> str:
+    plain = annotation.removesuffix(" | None")
+    if plain in SHAPES:
+        return SHAPES[plain]
+    array = re.fullmatch(r"(?:Float|Int|Bool)\[Array, ['\"](.*)['\"]\]", plain)
+    if array is None:
+        return "one number" if plain in ("float", "int") else ""
+    dims = array.group(1).strip()
+    return f"[{dims}]" if dims else "one number"
+
+
+def _maybe(converter: Any) -> Any:
+    return lambda value: None if value is None else converter(value)
+
+
+def _shown(default: Any) -> str:
+    return f"{default:g}" if isinstance(default, float) else "none" if default == () else str(default)

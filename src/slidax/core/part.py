@@ -1,0 +1,165 @@
+"""Base class of all components of a control loop, their names in files and their printed form."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import re
+import textwrap
+from importlib import import_module
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from .errors import DefinitionError, is_traced, require, require_consistent, require_shape
+from .parameter import Parameter, declared, is_declared, parameters_of
+
+WIDTH = 110
+"""Columns of a line."""
+
+LONGEST = 16
+"""Longest vector that is shown by its numbers; longer ones and matrices are shown by their shape."""
+
+KEPT = "\N{NO-BREAK SPACE}"
+
+
+def as_tree(part: Any, label: str = "", indent: str = "") -> str:
+    """Return a line for the part, and below it one for each inner part; `label` is its name in the outer part."""
+    units = {parameter.name: parameter.unit for parameter in parameters_of(type(part))}
+    values, parts = [], []
+    for field in dataclasses.fields(part):
+        value = getattr(part, field.name, None)
+        if isinstance(value, eqx.Module):
+            parts.append((field.name, value))
+        elif isinstance(value, tuple) and value and all(isinstance(member, eqx.Module) for member in value):
+            parts += [(f"{field.name}[{k}]", member) for k, member in enumerate(value)]
+        elif value is not None:
+            values.append(f"{field.name} = {_shown(value)} {units.get(field.name, '')}".rstrip())
+    head = f"{label}: {type(part).__name__}" if label else type(part).__name__
+    # No-break spaces keep each short parameter on one line.
+    kept = [value.replace(" ", KEPT) if len(value) < WIDTH / 2 else value for value in values]
+    line = f"{head}({', '.join(kept)})" if values else head
+    lines = textwrap.wrap(line, WIDTH, initial_indent=indent, subsequent_indent=f"{indent}    ", break_long_words=False)
+    below = [as_tree(inner, name, f"{indent}  ") for name, inner in parts]
+    return "\n".join([*lines, *below]).replace(KEPT, " ")
+
+
+def _shown(value: Any) -> str:
+    if not isinstance(value, jax.Array | np.ndarray | np.generic | float):
+        return getattr(value, "__name__", None) or repr(value)
+    if is_traced(value) or np.ndim(value) > 1 or np.size(value) > LONGEST:
+        return f"{'traced ' if is_traced(value) else ''}[{' '.join(map(str, np.shape(value)))}]"
+    numbers = [f"{number:.6g}" for number in np.ravel(value).tolist()]
+    return f"[{', '.join(numbers)}]" if np.ndim(value) else numbers[0]
+
+
+class AbstractPart(eqx.Module):
+    """A frozen piece of a closed loop, whose fields are declared by `parameter` and `piece`.
+
+    The constructor checks shapes and ranges of known values; `__check_init__` of a class checks rules that no range
+    expresses. The docstring of a class has the formula and its source, and gets a line for each declared parameter.
+    """
+
+    # One line without a formula: `slidax list`, the JSON schema and the tables of parameters show it.
+    title: ClassVar[str] = ""
+
+    # Name in files; empty to derive it from the name of the class.
+    kind: ClassVar[str] = ""
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        parameters = _declared_in(cls)
+        if parameters:
+            own = inspect.cleandoc(cls.__doc__ or "")
+            listed = "\n".join(parameter.bullet() for parameter in parameters)
+            cls.__doc__ = f"{own}\n\n{listed}"
+            if not all(parameter.piece for parameter in parameters):
+                cls.__doc__ += "\n\nRaises DefinitionError if one of them is out of its range."
+
+    def __repr__(self) -> str:
+        return as_tree(self)
+
+    def __check_init__(self) -> None:
+        fields = [declared(field) for field in dataclasses.fields(self) if is_declared(field)]
+        parameters = [p for p in fields if not p.piece and getattr(self, p.name) is not None]
+        require_consistent(self, *(p.name for p in parameters if p.shape in PER_JOINT))
+        for parameter in parameters:
+            value = getattr(self, parameter.name)
+            if parameter.shape in SIZES:
+                require_shape(self, SIZES[parameter.shape], parameter.name)
+            elif parameter.shape == "[n]" and np.ndim(value) != 1:
+                raise DefinitionError(
+                    f"`{type(self).__name__}.{parameter.name}` must have one entry per joint; got shape "
+                    f"{list(np.shape(value))}"
+                )
+        # A range whose end is another parameter comes last, after the check of that parameter.
+        for parameter in sorted(parameters, key=_depends):
+            if parameter.shape and not is_traced(getattr(self, parameter.name)):
+                _require_range(self, parameter)
+
+
+PER_JOINT = ("one number or [n]", "[n]")
+"""Shapes of parameters that must agree in their number of joints."""
+
+SIZES: dict[str, tuple[int, ...]] = {"one number": (), "[2]": (2,), "[3]": (3,), "[3 3]": (3, 3)}
+
+
+def _depends(parameter: Parameter) -> bool:
+    return any(end.number is None for end in parameter.range.ends)
+
+
+def _require_range(part: AbstractPart, parameter: Parameter) -> None:
+    lower, upper = parameter.range.ends
+    # Another parameter at an end of the range may be traced even if this one is not.
+    if _depends(parameter) and is_traced(part):
+        return
+    value = np.asarray(getattr(part, parameter.name))
+    holds = parameter.range.holds(part, value)
+    endless = any(end.number is not None and np.isinf(end.number) and not end.open for end in (lower, upper))
+    # An entry per row or per term is not a joint's.
+    each = "joint" if parameter.shape.endswith("n]") else "entry"
+    require(part, parameter.name, holds, parameter.rule(part), finite=not endless, each=each)
+
+
+def _declared_in(cls: type) -> list[Parameter]:
+    """The declarations of a class that is not a dataclass yet, with inherited ones."""
+    parameters: dict[str, Parameter] = {}
+    for owner in reversed(cls.__mro__[1:]):
+        if dataclasses.is_dataclass(owner):
+            parameters |= {field.name: declared(field) for field in dataclasses.fields(owner) if is_declared(field)}
+    annotations = inspect.get_annotations(cls)
+    for name, value in vars(cls).items():
+        if isinstance(value, dataclasses.Field) and is_declared(value):
+            parameters[name] = dataclasses.replace(declared(value, str(annotations.get(name, ""))), name=name)
+    return list(parameters.values())
+
+
+def kind_of(part: type) -> str:
+    """Return the name of a part in files: its class's name in small letters, without the word of its family.
+
+    `FixedTimeReaching` is `fixed_time`, `PrescribedPerformance` is `prescribed_performance`. A class variable `kind`
+    takes precedence.
+    """
+    if own := vars(part).get("kind"):
+        return str(own)
+    families = [base.__name__.removeprefix("Abstract") for base in part.__mro__[1:] if base.__module__ != "equinox"]
+    name = part.__name__
+    for family in families:
+        if name.endswith(family) and name != family:
+            name = name.removesuffix(family)
+            break
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", name).lower()
+
+
+def members_of(family: type) -> dict[str, Any]:
+    """Return the parts of an abstract class that its package exports, by their kinds."""
+    package = import_module(".".join(family.__module__.split(".")[:2]))
+    members = {
+        kind_of(thing): thing
+        for thing in vars(package).values()
+        if inspect.isclass(thing) and issubclass(thing, family) and not inspect.isabstract(thing)
+    }
+    # Sorted, since the order of the exports says nothing.
+    return dict(sorted(members.items()))

@@ -1,0 +1,120 @@
+"""Roots of increasing functions, one for each joint."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Int
+
+from .powers import tangent_mask
+from .types import Vector
+
+FREE = 16
+"""Turns in which a Newton step is tried. Two or three are usual, 14 the most that a plan was seen to take."""
+
+HALVINGS = 52
+"""Turns after these, each of which halves the bracket, so that what is left of it is what its ends are rounded by."""
+
+STEPS = FREE + HALVINGS + 4
+"""Turns at most. In the last ones a Newton step is tried again, from as near as that."""
+
+Increasing = Callable[[Any, Vector], tuple[Vector, Vector]]
+"""From parameters and a point [n] to values [n] and slopes [n], each entry a function of its own."""
+
+
+class _Search(eqx.Module):
+    x: Vector
+    value: Vector
+    slope: Vector
+    lower: Vector
+    upper: Vector
+    halved: Bool[Array, " n"]
+    step: Int[Array, ""]
+
+
+def increasing_root(
+    function: Increasing,
+    parameters: Any,
+    target: Vector,
+    guess: Vector,
+    at_guess: tuple[Vector, Vector],
+    bracket: tuple[Vector, Vector],
+    tolerance: Vector,
+) -> Vector:
+    """The x with `f(x) = target`, [n], by Newton steps that fall back on bisection.
+
+    It takes at most `STEPS` turns, for any f, target and guess, and then either `|f(x) - target| <= tolerance`, or x is
+    within `(upper - lower) 2⁻⁵²` of the root: the root stays between two points, and each of 52 turns halves what
+    is between them.
+
+    Its derivative is that of the root, `dx = (d target - ∂f/∂parameters d parameters)/f'`, whatever steps led there.
+
+    - `function`: f, with its slope; each entry increasing.
+    - `parameters`: further arguments of f; any pytree.
+    - `target`: [n].
+    - `guess`: first point, inside the bracket, [n].
+    - `at_guess`: value and slope there.
+    - `bracket`: two points with the root between them, [n] each.
+    - `tolerance`: largest distance of the value from the target, [n].
+    """
+    return _root(function, parameters, target, (guess, at_guess, bracket, tolerance))
+
+
+@eqx.filter_custom_jvp
+def _root(function: Increasing, parameters: Any, target: Vector, search: Any) -> Vector:
+    guess, at_guess, bracket, tolerance = search
+
+    def unfinished(now: _Search) -> Bool[Array, ""]:
+        # Where there is no number left in the bracket, none is nearer than those at its ends.
+        middle = 0.5 * (now.lower + now.upper)
+        divisible = (middle > now.lower) & (middle < now.upper)
+        return jnp.any((jnp.abs(now.value - target) > tolerance) & divisible) & (now.step < STEPS)
+
+    def step(now: _Search) -> _Search:
+        residual = now.value - target
+        newton = now.x - residual / now.slope
+        tried = (now.step < FREE) | (now.step >= FREE + HALVINGS)
+        trusted = tried & now.halved & (newton > now.lower) & (newton < now.upper)
+        x = jnp.where(trusted, newton, 0.5 * (now.lower + now.upper))
+        x = jnp.where(jnp.abs(residual) <= tolerance, now.x, x)
+        value, slope = function(parameters, x)
+        return _narrowed(now, x, value, slope, target)
+
+    lower, upper = bracket
+    value, slope = at_guess
+    first = _Search(guess, value, slope, lower, upper, jnp.ones(guess.shape, bool), jnp.zeros((), int))
+    first = _narrowed(eqx.tree_at(lambda s: s.value, first, target + jnp.inf), guess, value, slope, target)
+    return jax.lax.while_loop(unfinished, step, first).x
+
+
+def _narrowed(now: _Search, x: Vector, value: Vector, slope: Vector, target: Vector) -> _Search:
+    """The search with one more point known."""
+    residual = value - target
+    return _Search(
+        x=x,
+        value=value,
+        slope=slope,
+        lower=jnp.where(residual < 0, x, now.lower),
+        upper=jnp.where(residual > 0, x, now.upper),
+        halved=jnp.abs(residual) <= 0.5 * jnp.abs(now.value - target),
+        step=now.step + 1,
+    )
+
+
+@_root.def_jvp  # type: ignore[untyped-decorator]
+def _root_jvp(primals: Any, tangents: Any) -> tuple[Vector, Vector]:
+    function, parameters, target, search = primals
+    _, d_parameters, d_target, _ = tangents
+    x = _root(function, parameters, target, search)
+    slope = function(parameters, x)[1]
+    moving, rest = eqx.partition(parameters, tangent_mask(parameters, d_parameters))
+    d_moving = eqx.filter(d_parameters, tangent_mask(parameters, d_parameters))
+    d_value = jnp.zeros_like(x)
+    if jax.tree.leaves(moving):
+        _, d_value = jax.jvp(lambda p: function(eqx.combine(p, rest), x)[0], (moving,), (d_moving,))
+    wanted = jnp.zeros_like(x) if d_target is None else d_target
+    return x, (wanted - d_value) / slope

@@ -1,0 +1,430 @@
+"""A scenario's law as a C project: library, header, tests, latency benchmark and example."""
+
+from __future__ import annotations
+
+import inspect
+import math
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import slidax
+from slidax.codegen.c.expressions import Dialect, Helpers
+from slidax.codegen.ir import Loop, functions
+from slidax.codegen.passes import NO_OPERATIONS, OperationCount, count_iterations, count_operations
+from slidax.core.errors import DefinitionError
+from slidax.core.writing import error_reason, write_text
+from slidax.plant.actuators import TorqueLimits
+from slidax.simulation.plant import MujocoPlant
+
+from .c_source import CALLS, FunctionBody, StepSource, function_body, step_source
+from .c_structures import Member, comment, render
+from .golden_samples import GoldenSamples, golden_samples
+from .guarded_step import GuardedStep
+from .programs import (
+    StepPrograms,
+    arm_program,
+    has_float_constants,
+    measurement,
+    motion_program,
+    references,
+    step_programs,
+)
+from .status import ANSWERED, CHECKED, CONDITIONS, HELD, WAITING, Condition
+
+
+@dataclass(frozen=True)
+class JointUnits:
+    """The units of a joint's position, velocity and torque."""
+
+    q: str
+    dq: str
+    tau: str
+
+
+@dataclass(frozen=True)
+class CProject:
+    """The data for the templates.
+
+    - `name`: of the law in C.
+    - `title`, `law`: of the scenario, and of its scheme, in a line each.
+    - `command`: the command line that made it.
+    - `guard`: the step in Python.
+    - `step`, `source`: its programs, and its functions in C.
+    - `motion`, `arm`: the scenario's reference and acceleration.
+    - `scenario_helpers`: small functions called by those two.
+    - `tables`: long constant arrays read by those two.
+    - `golden`: the step's answers in Python; None without tests.
+    - `period`, `t1`: of the scenario [s].
+    - `delay`: of sensor and actuator together, in whole periods.
+    - `start`: initial positions and velocities.
+    """
+
+    name: str
+    title: str
+    law: str
+    command: str
+    joints: tuple[JointUnits, ...]
+    dialect: Dialect
+    guard: GuardedStep
+    step: StepPrograms
+    source: StepSource
+    motion: FunctionBody
+    arm: FunctionBody
+    scenario_helpers: list[str]
+    tables: list[Member]
+    golden: GoldenSamples | None
+    period: float
+    t1: float
+    delay: int
+    start: tuple[list[float], list[float]]
+
+    version = slidax.__version__
+    checked = CHECKED
+    waiting = WAITING
+    answered = ANSWERED
+    conditions = CONDITIONS
+    held = HELD
+
+    @property
+    def prefix(self) -> str:
+        """Prefix of all types and functions."""
+        return f"slidax_{self.name}"
+
+    @property
+    def macro(self) -> str:
+        """Prefix of all constants."""
+        return self.prefix.upper()
+
+    @property
+    def real(self) -> str:
+        """Number type in C: double or float."""
+        return self.dialect.real
+
+    @property
+    def stack(self) -> int:
+        """Upper bound of a step's stack [bytes]."""
+        return self.source.bytes
+
+    @property
+    def calls(self) -> int:
+        """The part of `stack` for calls [bytes]."""
+        return CALLS[self.dialect.real]
+
+    @property
+    def read_names(self) -> list[str]:
+        """The inputs that the law reads, by their names in C."""
+        names = {"state.": "measurement.", "now.": "reference.", "next.": "reference."}
+        inputs = ["measurement.t"]
+        for name in sorted(self.guard.reads, reverse=True):
+            before, _, part = name.partition(".")
+            inputs.append(f"{names[before + '.']}{part}{'_next' if before == 'next' else ''}")
+        return inputs
+
+    @property
+    def read_flags(self) -> str:
+        """For each number of q and dq and for t: true if the law reads it."""
+        n = len(self.joints)
+        flags = [name in self.guard.reads for name in ("state.q", "state.dq") for _ in range(n)] + [True]
+        return ", ".join("true" if flag else "false" for flag in flags)
+
+    @property
+    def golden_is_close(self) -> bool:
+        """True if golden samples are compared in all their members."""
+        return self.real == "double" or has_float_constants(self.step.answered.program)
+
+    @property
+    def shown_parameter(self) -> str:
+        """A parameter for the README's example."""
+        names = [member.element(0) for member in self.parameters if not member.name.startswith("nominal")]
+        return next((name for name in names if name.startswith(("surface_", "k"))), names[0])
+
+    @property
+    def longest(self) -> OperationCount | None:
+        """Upper bound of a step's operations; None if one of its loops has no bound."""
+        step = self.step
+        each = [
+            count_operations(part.program) for part in (step.checked, step.begun, step.held, step.valid, step.answered)
+        ]
+        return None if None in each else sum((bound for bound in each if bound), NO_OPERATIONS)
+
+    @property
+    def longest_text(self) -> str:
+        """The bound of a step's operations in words."""
+        program = self.step.answered.program
+        every = [value for part in (*functions(program), program) for value in part.walk() if isinstance(value, Loop)]
+        most = sorted({count for loop in every if (count := count_iterations(loop)) is not None}, reverse=True)
+        loops = f"its loops take at most {' or '.join(map(str, most))} turns" if most else "it has no loops"
+        if self.longest is None:
+            return loops
+        return f"{loops},\nand its operations are never more than {self.longest}"
+
+    @property
+    def law_words(self) -> str:
+        """The scheme, and the first sentence of its docstring."""
+        law = type(self.guard.controller)
+        first = " ".join((inspect.getdoc(law) or "").split("\n\n")[0].split())
+        return f"{self.law}. {law.__name__}: {comment(first)}"
+
+    @property
+    def period_ns(self) -> int:
+        return round(1e9 * self.period)
+
+    @property
+    def period_text(self) -> str:
+        return f"{1e3 * self.period:g} ms"
+
+    @property
+    def parameters(self) -> list[Member]:
+        return self.step.parameters
+
+    @property
+    def ranges(self) -> list[str]:
+        """Arguments of `within` for each parameter: its first number, the count, and the bounds."""
+        pairs = zip(self.step.parameters, self.step.bounds, strict=True)
+        return [
+            ", ".join((self.address("parameters->", member), str(member.size), *map(self._bound, bounds)))
+            for member, bounds in pairs
+            if bounds is not None
+        ]
+
+    def _bound(self, number: float) -> str:
+        if math.isinf(number):
+            return "INFINITY" if number > 0 else "-INFINITY"
+        info, prefix = (np.finfo(np.float64), "DBL") if self.real == "double" else (np.finfo(np.float32), "FLT")
+        names = {float(info.max): f"{prefix}_MAX", float(info.tiny): f"{prefix}_MIN"}
+        sign = "-" if number < 0 else ""
+        return f"{sign}{names[abs(number)]}" if abs(number) in names else self.literal(number)
+
+    @property
+    def memory(self) -> list[Member]:
+        return self.step.memory
+
+    @property
+    def workspace(self) -> list[Member]:
+        """Values that depend on the parameters alone."""
+        return self.source.workspace
+
+    @property
+    def outputs(self) -> list[Member]:
+        """Members of a command."""
+        units = _together([joint.tau for joint in self.joints])
+        return [Member("tau", "f64", (len(self.joints),), f"torques [{units}]"), *self.step.signals]
+
+    @property
+    def measurement(self) -> list[Member]:
+        return self._marked(measurement(len(self.joints)), {"q": "state.q", "dq": "state.dq"})
+
+    @property
+    def reference(self) -> list[Member]:
+        names = {part: f"now.{part}" for part in ("q", "dq", "ddq")}
+        names |= {f"{part}_next": f"next.{part}" for part in ("q", "dq", "ddq")}
+        return self._marked(references(len(self.joints)), names)
+
+    def bits(self, conditions: Iterable[Condition]) -> str:
+        """The C expression of a status, from flags named as the conditions."""
+        flags = (f"({each.name.lower()} ? {self.macro}_{each.name} : 0u)" for each in conditions)
+        return "\n        | ".join(flags)
+
+    def literal(self, number: float) -> str:
+        """A number in C."""
+        return self.dialect.number(number, "f64")
+
+    def call(self, name: str) -> str:
+        """A function of `math.h`, by the name of its double version."""
+        return self.dialect.function(name, "f64")
+
+    def address(self, pointer: str, member: Member) -> str:
+        """Address of a member's first number; `pointer` leads to the structure."""
+        return f"{pointer}{member.name}" if member.shape else f"&{pointer}{member.name}"
+
+    @property
+    def huge(self) -> str:
+        """A number near the largest."""
+        return "1e308" if self.real == "double" else "1e38f"
+
+    @property
+    def denormal(self) -> str:
+        """The smallest number."""
+        return "0x1p-1074" if self.real == "double" else "0x1p-149f"
+
+    def initialiser(self, row: int) -> str:
+        """Row `row` of the golden samples as a C initialiser."""
+        assert self.golden is not None
+        parts = (self.measurement, self.reference, self.memory, self.outputs, self.memory)
+        structs = (
+            ", ".join(self._written(number, member) for number, member in zip(numbers, members, strict=True))
+            for numbers, members in zip(self.golden.rows[row], parts, strict=True)
+        )
+        inside = ", ".join(f"{{{struct}}}" for struct in structs)
+        # Of a tolerance, the order of magnitude is enough.
+        suffix = "" if self.real == "double" else "f"
+        within = ", ".join(
+            "{" + ", ".join(f"{number:.1e}{suffix}" for number in part) + "}" for part in self.golden.within[row]
+        )
+        return f"{{{inside}, {self.golden.statuses[row]}u, {within}}}"
+
+    def _written(self, numbers: Any, member: Member) -> str:
+        """Numbers to the last bit."""
+        if isinstance(numbers, list):
+            return f"{{{', '.join(self._written(number, replace(member, shape=())) for number in numbers)}}}"
+        if member.type != "f64" or not math.isfinite(numbers):
+            return self.dialect.number(numbers, member.type)
+        return hexadecimal(numbers) + ("" if self.real == "double" else "f")
+
+    def _marked(self, members: list[Member], names: dict[str, str]) -> list[Member]:
+        """Add units to the meanings, and a note to members that the law does not read."""
+        units = {"q": "", "dq": "/s", "ddq": "/s^2"}
+        marked = []
+        for member in members:
+            meaning = member.meaning
+            if member.shape:
+                unit = units[member.name.removesuffix("_next")]
+                meaning += f" [{_together([joint.q + unit for joint in self.joints])}]"
+            if names.get(member.name, "") not in {*self.guard.reads, ""}:
+                meaning += "; not read by this law, may be anything"
+            marked.append(replace(member, meaning=meaning))
+        return marked
+
+
+def _together(units: list[str]) -> str:
+    """The units of all joints, once if they agree."""
+    return units[0] if len(set(units)) == 1 else ", ".join(units)
+
+
+def hexadecimal(number: float) -> str:
+    """A finite number in C's hexadecimal notation, without trailing zeros."""
+    return re.sub(r"\.?0*p", "p", number.hex()).replace("p+", "p")
+
+
+if TYPE_CHECKING:
+    from slidax.scenarios.scenario import Scenario
+
+LONGEST_NAME = 40
+FILES = {
+    "header.h.j2": "{prefix}.h",
+    "step.c.j2": "{prefix}.c",
+    "wrapper.hpp.j2": "{prefix}.hpp",
+    "scenario.h.j2": "{prefix}_scenario.h",
+    "scenario.c.j2": "{prefix}_scenario.c",
+    "golden.h.j2": "golden.h",
+    "test.c.j2": "test_{name}.c",
+    "latency.c.j2": "latency.c",
+    "example.c.j2": "example.c",
+    "CMakeLists.txt.j2": "CMakeLists.txt",
+    "README.md.j2": "README.md",
+    "clang-tidy.j2": ".clang-tidy",
+}
+"""Templates, and the files that they become."""
+
+STEP = {
+    template: FILES[template]
+    for template in ("header.h.j2", "step.c.j2", "wrapper.hpp.j2", "scenario.h.j2", "scenario.c.j2")
+}
+"""The files that a program needs: all but tests and golden samples."""
+
+
+def export_c(
+    scenario: Scenario, out: Path, *, name: str | None = None, single: bool = False, command: str = ""
+) -> CProject:
+    """Write a scenario's law as a C project to the folder `out`; existing files of the same names are overwritten.
+
+    - `name`: the law's name in C; by default the scenario's.
+    - `single`: floats instead of doubles.
+    - `command`: the command line, quoted in the file headers.
+
+    Raises DefinitionError if there is no native code for the law, the name is not valid in C, or the folder cannot be
+    written.
+    """
+    exported = project(scenario, name=name, single=single, command=command)
+    write_files(exported, out, FILES)
+    return exported
+
+
+def write_files(exported: CProject, out: Path, templates: Mapping[str, str], **values: Any) -> None:
+    """Write files from templates to the folder `out`.
+
+    - `templates`: file names by template; `{prefix}` and `{name}` in them stand for the law's.
+    - `values`: variables of the templates in addition to `x`, the law.
+
+    Raises DefinitionError if the folder cannot be written.
+    """
+    with writing(out):
+        for template, file in templates.items():
+            path = out / file.format(prefix=exported.prefix, name=exported.name)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_text(path, render(template, {"x": exported, **values}))
+
+
+@contextmanager
+def writing(out: Path) -> Iterator[None]:
+    """Create the folder `out`, and raise a DefinitionError where it or a file in it cannot be written."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        yield
+    except OSError as error:
+        raise DefinitionError(f"cannot write the project to `{out}`: {error_reason(error)}") from None
+
+
+def project(
+    scenario: Scenario,
+    *,
+    name: str | None = None,
+    single: bool = False,
+    command: str = "",
+    with_golden: bool = True,
+) -> CProject:
+    """Return the data that `export_c` writes; golden samples take most of the time.
+
+    Raises DefinitionError if there is no native code for the law, or the name is not valid in C.
+    """
+    name = _checked_name(scenario.name if name is None else name, clean=name is None)
+    plant = scenario.plant.own if isinstance(scenario.plant, MujocoPlant) else scenario.plant
+    described, robot, actuator = scenario.description, plant.robot, plant.actuator
+    limits = TorqueLimits() if actuator is None else actuator.limits
+    guard = GuardedStep.around(scenario.controller, limits, scenario.period)
+    dialect = Dialect("float" if single else "double")
+    step = step_programs(guard, dialect.real)
+    same = not single or has_float_constants(step.answered.program)
+    helpers = Helpers(dialect)
+    of_motion, of_arm = motion_program(scenario.trajectory, robot.joints), arm_program(plant)
+    motion = function_body(of_motion, dialect, ("t", "period", "reference"), helpers)
+    arm = function_body(of_arm, dialect, ("t", "q", "dq", "tau", "ddq"), helpers)
+    return CProject(
+        name=name,
+        title=comment(described.title),
+        law=f"{scenario.scheme} on {scenario.robot}",
+        command=command,
+        joints=tuple(
+            JointUnits(unit, f"{unit}/s", torque)
+            for unit, torque in zip(robot.joint_units, robot.torque_units, strict=True)
+        ),
+        dialect=dialect,
+        guard=guard,
+        step=step,
+        source=step_source(step, dialect),
+        motion=motion,
+        arm=arm,
+        scenario_helpers=helpers.lines,
+        tables=[*of_motion.tables, *of_arm.tables],
+        golden=golden_samples(scenario, guard, dialect.real, same=same) if with_golden else None,
+        period=scenario.period,
+        t1=scenario.t1,
+        delay=described.timing.whole_periods,
+        start=(scenario.state0.q.tolist(), scenario.state0.dq.tolist()),
+    )
+
+
+def _checked_name(name: str, *, clean: bool) -> str:
+    cleaned = re.sub(r"\W+", "_", comment(name)).strip("_").lower() if clean else name
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", cleaned) or len(cleaned) > LONGEST_NAME:
+        raise DefinitionError(
+            f"`{cleaned}` is not a name in C: use small letters, digits and _, a letter first, at most {LONGEST_NAME}: "
+            f"`--name NAME`"
+        )
+    return cleaned

@@ -1,0 +1,396 @@
+"""C source of a step's programs, with the functions that they share."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+
+from slidax.codegen.c.expressions import Dialect, Helpers
+from slidax.codegen.c.functions import statements
+from slidax.codegen.c.placement import loop_invariant
+from slidax.codegen.c.writer import Callee
+from slidax.codegen.ir import Call, Program, Value, digest, functions
+from slidax.codegen.naming.names import Name, Names, index_suffix
+
+from .c_structures import Member
+from .programs import Function, Place, StepPrograms, with_float_constants
+
+TYPES = ("status_bits", "measured", "wanted", "settings", "remembered", "workshop")
+"""Names of the types in the C file."""
+
+RESULT = "result"
+LEAST = 3
+"""Fewest elements of an array."""
+
+
+@dataclass
+class SharedFunction:
+    """A function of the step.
+
+    - `name`: in C.
+    - `places`: for each input, the parameter that all calls pass; None if calls differ.
+    - `lines`, `derived`: its body, and the body of the function that precomputes from the parameters.
+    - `bytes`, `derived_bytes`: stack of their variables, each in a place of its own, including called functions.
+    """
+
+    program: Program
+    name: str
+    places: list[Place | None]
+    lines: list[str] = field(default_factory=list)
+    derived: list[str] = field(default_factory=list)
+    bytes: int = 0
+    derived_bytes: int = 0
+
+    @property
+    def passed(self) -> tuple[int, ...]:
+        """Indices of the inputs that are passed as arguments."""
+        return tuple(k for k, place in enumerate(self.places) if place is None)
+
+    def argument(self, which: int) -> str:
+        """Name of a passed input."""
+        return "x" if len(self.passed) == 1 else f"x{self.passed.index(which) + 1}"
+
+    def declarations(self, dialect: Dialect) -> str:
+        """The arguments in C, and the array of the results."""
+        arguments = []
+        for k in self.passed:
+            entry = self.program.inputs[k]
+            brackets = f"[{entry.size}]" if entry.shape else ""
+            before = "const " if entry.shape else ""
+            arguments.append(f"{before}{dialect.type(entry.type)} {self.argument(k)}{brackets}")
+        size = sum(output.size for output in self.program.outputs)
+        return ", ".join([*arguments, f"{dialect.type('f64')} {RESULT}[{size}]"])
+
+    @property
+    def about(self) -> str:
+        """Comment of the function, in a line."""
+        return f"{self.name}: computed more than once by the law."
+
+    def read(self, which: int, element: int | str) -> str:
+        """C expression of an input's element."""
+        place = self.places[which]
+        if place is not None:
+            return place.element(element)
+        name = self.argument(which)
+        return f"{name}[{element}]" if self.program.inputs[which].shape else name
+
+
+class SharedFunctions:
+    """All functions called by some programs.
+
+    - `tops`: the programs, with the places of their inputs.
+    - `taken`: names of other functions in C.
+    """
+
+    def __init__(self, tops: Sequence[Function], taken: Iterable[str]) -> None:
+        self._by_digest: dict[str, SharedFunction] = {}
+        self._known: dict[int, tuple[Program, SharedFunction]] = {}
+        names = set(taken)
+        for top in tops:
+            for program in functions(top.program):
+                key = digest(program)
+                if key not in self._by_digest:
+                    name = next(n for n in _numbered(program.name) if n not in names)
+                    names.add(name)
+                    self._by_digest[key] = SharedFunction(program, name, [])
+                self._known[id(program)] = (program, self._by_digest[key])
+        self._find_places(tops)
+
+    @property
+    def shared(self) -> list[SharedFunction]:
+        """The functions, each after those that it calls."""
+        return list(self._by_digest.values())
+
+    def of(self, program: Program) -> SharedFunction:
+        """The function of a called program."""
+        return self._known[id(program)][1]
+
+    def callee(self, program: Program) -> Callee:
+        """Description of a call."""
+        shared = self.of(program)
+        return Callee(shared.name, ("parameters", "workspace"), shared.passed)
+
+    def write(self, dialect: Dialect, helpers: Helpers, members: WorkspaceMembers) -> None:
+        """Write all functions; `helpers` collects the small functions they call, `members` the workspace."""
+        for shared in self.shared:
+            self._write(shared, dialect, helpers, members)
+
+    def _find_places(self, tops: Sequence[Function]) -> None:
+        calls_of: dict[int, list[list[Place | None]]] = {}
+        callers: list[tuple[Program, list[Place | None]]] = [(top.program, list(top.inputs)) for top in tops]
+        # From the outside in: the places of a function's inputs follow from its callers.
+        for shared in [None, *reversed(self.shared)]:
+            if shared is not None:
+                calls = calls_of.get(id(shared), [])
+                shared.places = [
+                    passed[0] if len({_text(place) for place in passed}) == 1 else None
+                    for passed in zip(*calls, strict=True)
+                ]
+                callers = [(shared.program, shared.places)]
+            for program, places in callers:
+                for value in program.walk():
+                    if isinstance(value, Call):
+                        calls_of.setdefault(id(self.of(value.program)), []).append(_passed(value, places))
+
+    def _write(self, shared: SharedFunction, dialect: Dialect, helpers: Helpers, members: WorkspaceMembers) -> None:
+        program = shared.program
+        names = Names(program)
+        fixed = {k for k, place in enumerate(shared.places) if place is not None}
+        kept = members.add(loop_invariant(program, fixed), names)
+        outputs = [value for output in program.outputs for value in output.values or ()]
+        arguments = [shared.argument(k) for k in shared.passed]
+        taken = ("parameters", "workspace", RESULT, *TYPES, *arguments, *(each.name for each in self.shared))
+        into = [(text, value) for value, text in kept.items()]
+        derived = statements(
+            program, into, shared.read, dialect=dialect, names=names, callees=self.callee, loops=True, taken=taken
+        )
+        inside = statements(
+            program,
+            [(f"{RESULT}[{k}]", value) for k, value in enumerate(outputs)],
+            shared.read,
+            dialect=dialect,
+            precomputed=kept,
+            names=names,
+            callees=self.callee,
+            loops=True,
+            taken=taken,
+        )
+        for written in (derived, inside):
+            helpers.extend(written.helpers)
+        shared.derived = derived.lines
+        shared.lines = with_unused_arguments(inside.lines, ("parameters", "workspace"))
+        shared.bytes = inside.bytes + self.deepest(inside.called)
+        shared.derived_bytes = derived.bytes + self.deepest(derived.called)
+
+    def deepest(self, called: Sequence[Program]) -> int:
+        """Largest stack of a call to one of these functions [bytes]."""
+        return max((self.of(program).bytes + FRAME for program in called), default=0)
+
+
+FRAME = 128
+"""Stack of a call in addition to its variables [bytes]: saved registers and the return address."""
+
+
+class WorkspaceMembers:
+    """Members of the workspace."""
+
+    def __init__(self) -> None:
+        self.all: list[Member] = []
+        self._taken = {"from", "known"}
+
+    def add(self, values: Sequence[Value], names: Names) -> dict[Value, str]:
+        """Add values to the workspace, those of one array together; return the C expression of each.
+
+        - `names`: of the program that the values belong to.
+        """
+        arrays: dict[object, list[Value]] = {}
+        for value in values:
+            visit = getattr(value.origin, "visit", None)
+            arrays.setdefault((value if visit is None else visit, value.type), []).append(value)
+        kept: dict[Value, str] = {}
+        for those in arrays.values():
+            name = names.of(those[0])
+            if len(those) < LEAST:
+                kept |= {value: f"workspace->{self._member(value, names.of(value), ()).name}" for value in those}
+            else:
+                member = self._member(those[0], name, (len(those),))
+                kept |= {value: f"workspace->{member.name}[{k}]" for k, value in enumerate(those)}
+        return kept
+
+    def _member(self, value: Value, name: Name | None, shape: tuple[int, ...]) -> Member:
+        text = "derived" if name is None else name.text
+        if shape:
+            text = re.sub(r"_\d+$", "", text)
+        free = next(candidate for candidate in _numbered(text) if candidate not in self._taken)
+        self._taken.add(free)
+        self.all.append(Member(free, value.type, shape))
+        return self.all[-1]
+
+
+def with_unused_arguments(lines: list[str], arguments: Sequence[str]) -> list[str]:
+    """Prepend `(void)` lines for arguments that a function's lines do not read."""
+    text = re.sub(r"/\*.*?\*/", "", "\n".join(lines), flags=re.DOTALL)
+    # Whole words, and no members of structures: neither `at[0]` nor `then->t` reads `t`.
+    return [f"    (void){name};" for name in arguments if not re.search(rf"(?<![.>\w]){name}\b", text)] + lines
+
+
+def _passed(call: Call, places: Sequence[Place | None]) -> list[Place | None]:
+    """For each input of a call, the parameter passed to it."""
+    passed: list[Place | None] = []
+    first = 0
+    for entry in call.program.inputs:
+        elements = call.args[first : first + entry.size]
+        first += entry.size
+        which = {value.data[0] for value in elements if value.op == "input"}
+        place = places[min(which)] if len(which) == 1 else None
+        whole = (
+            place is not None
+            and place.pointer == "parameters->"
+            and place.member.size == entry.size
+            and [value.data for value in elements] == [(min(which), k) for k in range(entry.size)]
+        )
+        passed.append(place if whole else None)
+    return passed
+
+
+def _text(place: Place | None) -> str:
+    return "" if place is None else place.element(0)
+
+
+def _numbered(name: str) -> Iterable[str]:
+    yield name
+    yield from (f"{name}_{number}" for number in range(2, 1000))
+
+
+@dataclass(frozen=True)
+class FunctionBody:
+    """Body of a C function.
+
+    - `lines`: of C, indented, including those that silence warnings about unused arguments.
+    - `bytes`: stack of its variables, each in a place of its own.
+    """
+
+    lines: list[str]
+    bytes: int
+
+
+@dataclass(frozen=True)
+class StepSource:
+    """All functions of a step.
+
+    - `checked`, `begun`, `held`, `valid`, `derived`, `answered`: the bodies.
+    - `functions`: those that the law calls, each after those that it calls itself.
+    - `workspace`: members for values that depend on the parameters alone.
+    - `helpers`: lines of the small functions that they call.
+    - `bytes`: upper bound of a step's stack: each variable of a block in a place of its own; consecutive blocks and
+      functions share places.
+    """
+
+    checked: FunctionBody
+    begun: FunctionBody
+    held: FunctionBody
+    valid: FunctionBody
+    derived: FunctionBody
+    answered: FunctionBody
+    functions: list[SharedFunction]
+    workspace: list[Member]
+    helpers: list[str]
+    bytes: int
+
+
+CALLS = {"double": 640, "float": 512}
+"""Stack for calls [bytes]: return addresses, saved registers, arguments, intermediate results."""
+
+SPILLED = 1.4
+"""Stack of a compiler that unrolls loops, relative to that of the variables."""
+
+TAKEN = ("checked", "begun", "held", "within", "related", "derived", "kept_up", "answered")
+"""Functions of the file that are not the law's."""
+
+
+def step_source(step: StepPrograms, dialect: Dialect) -> StepSource:
+    """Write the functions of a step in C."""
+    helpers = Helpers(dialect)
+    sample = ("parameters", "measurement", "reference")
+    if dialect.real == "float":
+        step = replace(step, begun=_fitted(step.begun), answered=_fitted(step.answered))
+    answered = step.answered
+    library, members = SharedFunctions((answered, step.begun), (*TAKEN, *TYPES)), WorkspaceMembers()
+    names = Names(answered.program, _outputs(answered))
+    parameters = {k for k, place in enumerate(answered.inputs) if place.pointer == "parameters->"}
+    kept = members.add(loop_invariant(answered.program, parameters), names)
+    library.write(dialect, helpers, members)
+    checked = function_body(step.checked, dialect, sample, helpers)
+    begun = function_body(step.begun, dialect, (*sample, "workspace", "memory"), helpers, library)
+    held = function_body(step.held, dialect, ("parameters", "memory"), helpers)
+    valid = function_body(step.valid, dialect, ("parameters",), helpers)
+    into = [(text, value) for value, text in kept.items()]
+    derived = _body(answered, into, dialect, ("parameters", "workspace"), helpers, names, {}, library)
+    arguments = (*sample, "workspace", "memory", "command")
+    inside = _body(answered, answered.assigned, dialect, arguments, helpers, names, kept, library)
+    # They run one after the other; only `derived` calls others.
+    deriving = derived.bytes + max((each.derived_bytes for each in library.shared), default=0)
+    total = (
+        round(SPILLED * max(checked.bytes, held.bytes, valid.bytes, begun.bytes, deriving, inside.bytes))
+        + CALLS[dialect.real]
+    )
+    lines = [*derived.lines, *(line for each in library.shared for line in each.derived)]
+    return StepSource(
+        checked=checked,
+        begun=begun,
+        held=held,
+        valid=valid,
+        derived=derived,
+        answered=inside,
+        functions=library.shared,
+        workspace=[replace(member, meaning=_written(member.name, lines)) for member in members.all],
+        helpers=helpers.lines,
+        bytes=-(-total // 64) * 64,
+    )
+
+
+def function_body(
+    function: Function,
+    dialect: Dialect,
+    arguments: Sequence[str],
+    helpers: Helpers,
+    library: SharedFunctions | None = None,
+) -> FunctionBody:
+    """Write the body of a function.
+
+    - `arguments`: names of the C function's arguments.
+    - `helpers`: collects the small functions that it calls.
+    - `library`: the shared functions that it calls.
+    """
+    names = Names(function.program, _outputs(function))
+    return _body(function, function.assigned, dialect, arguments, helpers, names, {}, library)
+
+
+def _body(
+    function: Function,
+    assigned: list[tuple[str, Value]],
+    dialect: Dialect,
+    arguments: Sequence[str],
+    helpers: Helpers,
+    names: Names,
+    kept: dict[Value, str],
+    library: SharedFunctions | None,
+) -> FunctionBody:
+    local = [place.member.name for place in function.outputs if not place.pointer]
+    called = [] if library is None else [shared.name for shared in library.shared]
+    written = statements(
+        function.program,
+        assigned,
+        function.read,
+        dialect=dialect,
+        precomputed=kept,
+        names=names,
+        callees=None if library is None else library.callee,
+        loops=True,
+        taken=(*arguments, *local, *called, *TYPES, *TAKEN),
+    )
+    helpers.extend(written.helpers)
+    deepest = 0 if library is None else library.deepest(written.called)
+    return FunctionBody(with_unused_arguments(written.lines, arguments), written.bytes + deepest)
+
+
+def _fitted(function: Function) -> Function:
+    return replace(function, program=with_float_constants(function.program))
+
+
+def _outputs(function: Function) -> dict[Value, str]:
+    """Names for the values of signals, so that they can be recognised in the code."""
+    return {
+        value: place.member.name + index_suffix(k, place.member.shape)
+        for place, output in zip(function.outputs, function.program.outputs, strict=True)
+        if place.pointer == "command->"
+        for k, value in enumerate(output.values or ())
+        if value.op not in ("const", "input")
+    }
+
+
+def _written(name: str, lines: list[str]) -> str:
+    """The expression that computes a member of the workspace."""
+    start = f"    workspace->{name} = "
+    return next((line.removeprefix(start).rstrip(";") for line in lines if line.startswith(start)), "")

@@ -1,0 +1,306 @@
+"""C structures of a step's parameters, memory and signals: names, defaults, valid ranges, and text from templates."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import textwrap
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from slidax.codegen.c.expressions import Dialect
+from slidax.codegen.ir import Type
+from slidax.codegen.naming.names import identifier
+from slidax.codegen.naming.source_text import plain
+from slidax.codegen.trace.tracing import ir_type
+from slidax.core.errors import DefinitionError
+from slidax.core.parameter import Parameter, declared, is_declared
+from slidax.core.part import AbstractPart
+
+from .status import Flag
+
+
+def comment(text: str) -> str:
+    """Return a text in ASCII that neither begins nor ends a C comment."""
+    return plain(text.replace("`", "")).replace("*/", "* /").replace("/*", "/ *")
+
+
+def shortened(text: str, most: int) -> str:
+    """Return the first sentence of a line, cut between its parts if it has more than `most` letters."""
+    first = re.split(r"(?<!eq)(?<!eqs)\.(?: |$)", text, maxsplit=1)[0]
+    if len(first) <= most:
+        return first
+    cut = max(first.rfind(mark, 0, most) for mark in (", ", "; ", ": "))
+    return first[: cut if cut > 0 else most].rstrip(" ,;:")
+
+
+@dataclass(frozen=True)
+class Member:
+    """One member of a structure.
+
+    - `name`: in C.
+    - `type`: of its numbers, as in the IR.
+    - `shape`: () for one number; anything else becomes a flat array.
+    - `meaning`: a few words with the unit, from the docstring of its class.
+    - `part`: the first words of that docstring.
+    - `values`: its default; None if it has none.
+    """
+
+    name: str
+    type: Type
+    shape: tuple[int, ...]
+    meaning: str = ""
+    part: str = ""
+    values: np.ndarray | None = None
+
+    @property
+    def size(self) -> int:
+        return int(np.prod(self.shape, dtype=int))
+
+    @property
+    def brackets(self) -> str:
+        """The array size after the name in its declaration."""
+        return f"[{self.size}]" if self.shape else ""
+
+    def element(self, k: int) -> str:
+        """The name of the number at index `k`, in C order."""
+        return f"{self.name}[{k}]" if self.shape else self.name
+
+
+def members(tree: Any, *, strip: Sequence[str] = (), values: bool = False) -> list[Member]:
+    """Return a member for each array in a tree, in the order of its leaves.
+
+    - `tree`: a module with arrays, or their shapes.
+    - `strip`: leading path parts to omit from names.
+    - `values`: True if the arrays are defaults.
+
+    Raises DefinitionError if two would have one name.
+    """
+    structure = []
+    for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
+        parts = [_part(key) for key in path]
+        while len(parts) > 1 and parts[0] in strip:
+            parts = parts[1:]
+        structure.append(
+            Member(
+                name=identifier("_".join(parts)),
+                type=ir_type(leaf.dtype, ".".join(parts)),
+                shape=tuple(leaf.shape),
+                meaning=_meaning(tree, path),
+                part=_part_of(tree, path),
+                values=np.asarray(leaf) if values else None,
+            )
+        )
+    names = [member.name for member in structure]
+    for name in names:
+        if names.count(name) > 1:
+            raise DefinitionError(f"two arrays have the name `{name}` in C: rename the field of one of them")
+    return structure
+
+
+def _part(key: Any) -> str:
+    for field in ("name", "key", "idx"):
+        if hasattr(key, field):
+            return str(getattr(key, field))
+    raise DefinitionError(f"`{key}` has no name in C; use modules, tuples, lists and dictionaries")
+
+
+def _meaning(tree: Any, path: Sequence[Any]) -> str:
+    """The bullet of the innermost field on the way to the leaf, without words that the declaration repeats."""
+    meaning = ""
+    for place, key in objects_on_path(tree, path):
+        if hasattr(key, "name"):
+            meaning = bullets(type(place)).get(key.name, meaning)
+    for repeated in (
+        r"; [^;]* if not given\.?$",
+        r"; None.*",
+        r"one number( or \[n\])?(, )?",
+        r",? ?\[n\](?=[,;:.]|$)",
+    ):
+        meaning = re.sub(repeated, "", meaning)
+    meaning = meaning.strip(", ")
+    return shortened(comment(meaning), 92)
+
+
+def _part_of(tree: Any, path: Sequence[Any]) -> str:
+    """The first sentence about the innermost object that has the leaf."""
+    owners = [place for place, key in objects_on_path(tree, path) if hasattr(key, "name")]
+    if not owners:
+        return ""
+    name = type(owners[-1]).__name__
+    first = (inspect.getdoc(type(owners[-1])) or "").split("\n\n")[0]
+    return f"{name}: {shortened(comment(' '.join(first.split())), 108 - len(name))}"
+
+
+def objects_on_path(tree: Any, path: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
+    """The objects on the way to a leaf, each with the key that leads on."""
+    place = tree
+    for key in path:
+        yield place, key
+        name = _part(key)
+        place = getattr(place, name) if hasattr(key, "name") else place[getattr(key, "key", getattr(key, "idx", name))]
+
+
+def bullets(owner: type) -> dict[str, str]:
+    """The bullets about fields in a class's docstring, in one line each."""
+    meanings: dict[str, str] = {}
+    for bullet in re.findall(r"^- ((?:.+\n?(?!- |\n))+.*)", inspect.getdoc(owner) or "", re.MULTILINE):
+        names, colon, text = bullet.partition(":")
+        if colon:
+            meanings |= {name: " ".join(text.split()) for name in re.findall(r"`(\w+)`", names)}
+    return meanings
+
+
+class ParameterBounds(NamedTuple):
+    """Closed bounds of the numbers of one array; infinite where the parameter may be."""
+
+    low: float
+    high: float
+
+
+def constant_bounds(tree: Any, real: str) -> list[ParameterBounds | None]:
+    """Bounds of each array in a tree, in the order of its leaves, as far as they do not depend on other parameters.
+
+    An open end is replaced by the next number of the type `real`, at zero by the smallest normal one. Numbers without a
+    declaration must be finite. None for an array of other than real numbers.
+    """
+    kind = np.float64 if real == "double" else np.float32
+    largest, least = float(np.finfo(kind).max), float(np.finfo(kind).tiny)
+
+    def closed(number: float | None, open_end: bool, outward: float) -> float:
+        if number is None or (np.isinf(number) and open_end):
+            return outward * largest
+        if np.isinf(number) or not open_end:
+            return number
+        return -outward * least if number == 0.0 else float(np.nextafter(kind(number), kind(-outward * np.inf)))
+
+    bounds: list[ParameterBounds | None] = []
+    for _, parameter, leaf in _declarations(tree):
+        if not jnp.issubdtype(leaf.dtype, jnp.inexact):
+            bounds.append(None)
+        elif parameter is None:
+            bounds.append(ParameterBounds(-largest, largest))
+        else:
+            lower, upper = parameter.range.ends
+            bounds.append(
+                ParameterBounds(closed(lower.number, lower.open, -1.0), closed(upper.number, upper.open, 1.0))
+            )
+    return bounds
+
+
+def related_valid(tree: Any) -> Flag:
+    """True if every parameter whose range depends on another parameter is in that range."""
+    conditions = []
+    for part, parameter, value in _declarations(tree):
+        if parameter is None or not jnp.issubdtype(value.dtype, jnp.inexact):
+            continue
+        for end, is_lower in zip(parameter.range.ends, (True, False), strict=True):
+            if end.number is None:
+                bound = end.value(part)
+                smaller, larger = (bound, value) if is_lower else (value, bound)
+                conditions.append(jnp.ravel(larger > smaller if end.open else larger >= smaller))
+    return jnp.all(jnp.concatenate(conditions)) if conditions else jnp.ones((), bool)
+
+
+def _declarations(tree: Any) -> Iterator[tuple[Any, Parameter | None, Any]]:
+    """For each array its part, its declaration (None if it has none), and itself."""
+    for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
+        owner, parameter = None, None
+        for place, key in objects_on_path(tree, path):
+            # A pytree within a parameter, such as a tuple of arrays, belongs to the part that declares it.
+            if isinstance(place, AbstractPart):
+                field = next(field for field in place.__dataclass_fields__.values() if field.name == key.name)
+                owner, parameter = place, declared(field) if is_declared(field) else None
+            elif hasattr(key, "name"):
+                owner, parameter = place, None
+        yield owner, None if parameter is None or parameter.piece else parameter, leaf
+
+
+def render(template: str, values: dict[str, Any]) -> str:
+    """Render a template, such as `step.c.j2` or `franka/main.cpp.j2`."""
+    environment = Environment(
+        loader=PackageLoader(str(__package__)),
+        autoescape=False,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters |= {"comment": comment, "capitalised": _capitalised, "wrapped": _wrapped}
+    environment.globals |= {
+        "declarations": declarations,
+        "initialisers": initialisers,
+        "table_definitions": table_definitions,
+    }
+    return environment.get_template(template).render(values)
+
+
+def declarations(members: Sequence[Member], dialect: Dialect) -> list[str]:
+    """Lines that declare members with default and meaning in a comment, grouped by part."""
+    lines: list[str] = []
+    for part, group in groupby(members, key=lambda member: member.part):
+        these = list(group)
+        if part:
+            lines += ([""] if lines else []) + [f"/* {part} */"]
+        names = [f"{dialect.type(member.type)} {member.name}{member.brackets};" for member in these]
+        width = max(map(len, names))
+        for name, member in zip(names, these, strict=True):
+            words = [default(member, dialect), member.meaning]
+            remark = ": ".join(word for word in words if word)
+            lines.append(f"{name:<{width}} /* {remark} */" if remark else name)
+    return lines
+
+
+def initialisers(members: Sequence[Member], dialect: Dialect) -> list[str]:
+    """Lines that initialise members with their defaults."""
+    lines: list[str] = []
+    for member in members:
+        if member.values is None:
+            continue
+        numbers = [_number(number, member, dialect) for number in member.values.ravel()]
+        if not member.shape:
+            lines.append(f".{member.name} = {numbers[0]},")
+        else:
+            rows = textwrap.wrap(f".{member.name} = {{{', '.join(numbers)}}},", 100, break_long_words=False)
+            lines += [rows[0], *(f"    {row}" for row in rows[1:])]
+    return lines
+
+
+def table_definitions(members: Sequence[Member], dialect: Dialect) -> list[str]:
+    """Lines that define constant arrays."""
+    lines: list[str] = []
+    for member in members:
+        assert member.values is not None
+        numbers = ", ".join(_number(number, member, dialect) for number in member.values.ravel())
+        lines.append(f"static const {dialect.type(member.type)} {member.name}[{member.size}] = {{")
+        lines += [f"    {row}" for row in textwrap.wrap(numbers, 100, break_long_words=False)]
+        lines += ["};", ""]
+    return lines
+
+
+def default(member: Member, dialect: Dialect) -> str:
+    """A member's default in short form; empty if it has none."""
+    if member.values is None:
+        return ""
+    numbers = ["none" if np.isposinf(number) else _number(number, member, dialect) for number in member.values.ravel()]
+    return numbers[0] if len(set(numbers)) == 1 else ", ".join(numbers)
+
+
+def _number(number: Any, member: Member, dialect: Dialect) -> str:
+    return dialect.number(number.item(), member.type)
+
+
+def _capitalised(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _wrapped(text: str, before: str, width: int = 116) -> str:
+    """Wrap a paragraph, with a prefix on each line after the first."""
+    return f"\n{before}".join(textwrap.wrap(text, width - len(before)))

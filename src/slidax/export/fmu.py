@@ -1,0 +1,306 @@
+"""A scenario's law as a Functional Mock-up Unit (FMI 2.0 and 3.0) for co-simulation."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import math
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import tempfile
+import uuid
+import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from slidax.codegen.c.expressions import Helpers
+from slidax.core.errors import DefinitionError
+from slidax.core.writing import error_reason, replace_file
+
+from .c_project import CProject, project
+from .c_source import function_body
+from .c_structures import render
+from .fmu_variables import Variable, build_description, model_description, variables
+from .programs import envelope_function, envelope_members
+
+SELF = "fmi3Instance instance"
+THESE = ("const fmi3ValueReference valueReferences[]", "size_t nValueReferences")
+STATES = "size_t nContinuousStates"
+SEEDS = (
+    "const fmi3ValueReference unknowns[]",
+    "size_t nUnknowns",
+    "const fmi3ValueReference knowns[]",
+    "size_t nKnowns",
+    "const fmi3Float64 seed[]",
+    "size_t nSeed",
+    "fmi3Float64 sensitivity[]",
+    "size_t nSensitivity",
+)
+
+ABSENT: dict[str, tuple[str, ...]] = {
+    "fmi3EnterEventMode": (),
+    "fmi3EnterStepMode": (),
+    "fmi3EnterConfigurationMode": (),
+    "fmi3ExitConfigurationMode": (),
+    "fmi3EvaluateDiscreteStates": (),
+    "fmi3EnterContinuousTimeMode": (),
+    "fmi3GetDirectionalDerivative": SEEDS,
+    "fmi3GetAdjointDerivative": SEEDS,
+    "fmi3GetIntervalDecimal": (*THESE, "fmi3Float64 intervals[]", "fmi3IntervalQualifier qualifiers[]"),
+    "fmi3GetIntervalFraction": (
+        *THESE,
+        "fmi3UInt64 counters[]",
+        "fmi3UInt64 resolutions[]",
+        "fmi3IntervalQualifier qualifiers[]",
+    ),
+    "fmi3GetShiftDecimal": (*THESE, "fmi3Float64 shifts[]"),
+    "fmi3GetShiftFraction": (*THESE, "fmi3UInt64 counters[]", "fmi3UInt64 resolutions[]"),
+    "fmi3SetIntervalDecimal": (*THESE, "const fmi3Float64 intervals[]"),
+    "fmi3SetIntervalFraction": (*THESE, "const fmi3UInt64 counters[]", "const fmi3UInt64 resolutions[]"),
+    "fmi3SetShiftDecimal": (*THESE, "const fmi3Float64 shifts[]"),
+    "fmi3SetShiftFraction": (*THESE, "const fmi3UInt64 counters[]", "const fmi3UInt64 resolutions[]"),
+    "fmi3UpdateDiscreteStates": (
+        "fmi3Boolean *discreteStatesNeedUpdate",
+        "fmi3Boolean *terminateSimulation",
+        "fmi3Boolean *nominalsOfContinuousStatesChanged",
+        "fmi3Boolean *valuesOfContinuousStatesChanged",
+        "fmi3Boolean *nextEventTimeDefined",
+        "fmi3Float64 *nextEventTime",
+    ),
+    "fmi3CompletedIntegratorStep": (
+        "fmi3Boolean noSetFMUStatePriorToCurrentPoint",
+        "fmi3Boolean *enterEventMode",
+        "fmi3Boolean *terminateSimulation",
+    ),
+    "fmi3SetTime": ("fmi3Float64 time",),
+    "fmi3SetContinuousStates": ("const fmi3Float64 continuousStates[]", STATES),
+    "fmi3GetContinuousStateDerivatives": ("fmi3Float64 derivatives[]", STATES),
+    "fmi3GetEventIndicators": ("fmi3Float64 eventIndicators[]", "size_t nEventIndicators"),
+    "fmi3GetContinuousStates": ("fmi3Float64 continuousStates[]", STATES),
+    "fmi3GetNominalsOfContinuousStates": ("fmi3Float64 nominals[]", STATES),
+    "fmi3GetNumberOfEventIndicators": ("size_t *nEventIndicators",),
+    "fmi3GetNumberOfContinuousStates": ("size_t *nContinuousStates",),
+    "fmi3GetOutputDerivatives": (*THESE, "const fmi3Int32 orders[]", "fmi3Float64 values[]", "size_t nValues"),
+    "fmi3ActivateModelPartition": ("fmi3ValueReference clockReference", "fmi3Float64 activationTime"),
+}
+"""Arguments after the instance, by function name."""
+
+
+OPTIONS = ("-std=c99", "-O2", "-g0", "-fPIC", "-ffp-contract=off", "-fvisibility=hidden", "-shared")
+"""No -ffast-math: the answers to NaN and infinity are part of the contract."""
+
+
+@dataclass(frozen=True)
+class Platform:
+    """A platform.
+
+    - `name`, `older`: its folder in FMI 3.0, and in FMI 2.0.
+    - `ending`: of a shared library.
+    - `target`: as zig names it.
+    """
+
+    name: str
+    older: str
+    ending: str
+    target: str
+
+    def folder(self, fmi: int) -> str:
+        """Folder of its binary inside the FMU, for FMI 3 or 2."""
+        return self.name if fmi == 3 else self.older
+
+
+# An old glibc, so that the library also loads on old systems.
+PLATFORMS = (
+    Platform("x86_64-linux", "linux64", ".so", "x86_64-linux-gnu.2.17"),
+    Platform("aarch64-linux", "aarch64-linux", ".so", "aarch64-linux-gnu.2.17"),
+    Platform("x86_64-windows", "win64", ".dll", "x86_64-windows-gnu"),
+    Platform("x86_64-darwin", "darwin64", ".dylib", "x86_64-macos"),
+    Platform("aarch64-darwin", "aarch64-darwin", ".dylib", "aarch64-macos"),
+)
+NAMES = [each.name for each in PLATFORMS]
+
+
+def has_zig() -> bool:
+    """True if ziglang, a compiler for all platforms, is installed."""
+    return importlib.util.find_spec("ziglang") is not None
+
+
+def this_platform() -> str:
+    """This machine's platform, by its name in FMI 3.0."""
+    machine = {"AMD64": "x86_64", "arm64": "aarch64"}.get(platform.machine(), platform.machine())
+    return f"{machine}-{platform.system().lower()}"
+
+
+def choose_platforms(names: Sequence[str] | None) -> list[Platform]:
+    """The platforms to build for; None: all, or this machine's where ziglang is not installed.
+
+    Raises DefinitionError if a name is unknown or has no compiler.
+    """
+    for name in names or ():
+        if name not in NAMES:
+            raise DefinitionError(f"no binary can be built for `{name}`; supported: {', '.join(NAMES)}")
+    able = NAMES if has_zig() else [name for name in NAMES if name == this_platform() and shutil.which("cc")]
+    missing = [name for name in (names if names is not None else able or [this_platform()]) if name not in able]
+    if missing:
+        raise DefinitionError(f"no compiler for {', '.join(missing)} found: pip install 'slidax[fmu]'")
+    return [each for each in PLATFORMS if each.name in (able if names is None else names)]
+
+
+def build_library(where: Platform, folder: Path, sources: Sequence[str], name: str) -> bytes:
+    """Compile the binary for one platform; the compiler writes to `folder`, which has the sources.
+
+    Raises DefinitionError if the compiler fails.
+    """
+    binary = folder / f"{name}{where.ending}"
+    if has_zig():
+        command = [sys.executable, "-m", "ziglang", "cc", "-target", where.target, "-fno-sanitize=all", "-s"]
+    else:
+        command = ["cc"]
+    # File names without folders, and local caches: no path of this machine gets into the binary.
+    surroundings = os.environ | {"ZIG_LOCAL_CACHE_DIR": str(folder / "cache"), "SOURCE_DATE_EPOCH": "0"}
+    done = subprocess.run(
+        [*command, *OPTIONS, *sources, "-o", binary.name, *([] if where.ending == ".dll" else ["-lm"])],
+        cwd=folder,
+        env=surroundings,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode != 0:
+        message = (done.stderr.strip().splitlines() or ["no message"])[0]
+        raise DefinitionError(f"the compiler for {where.name} failed: {message}")
+    return binary.read_bytes()
+
+
+if TYPE_CHECKING:
+    from slidax.scenarios.scenario import Scenario
+
+VERSIONS = (3, 2)
+ARGUMENTS = ("parameters", "memory", "measurement", "reference", "envelope")
+
+
+@dataclass(frozen=True)
+class ExportedFmu:
+    """An exported unit.
+
+    - `variables`: by value reference.
+    - `platforms`: of its binaries, as FMI 3.0 names them.
+    """
+
+    project: CProject
+    variables: list[Variable]
+    platforms: list[str]
+
+
+def export_fmu(
+    scenario: Scenario,
+    out: Path,
+    *,
+    name: str | None = None,
+    fmi: int = 3,
+    platforms: Sequence[str] | None = None,
+    command: str = "",
+) -> ExportedFmu:
+    """Write a scenario's law as an FMU to the file `out`: binaries, sources, a description of all variables, a page.
+
+    - `name`: the law's name in C; by default the scenario's.
+    - `fmi`: 3 for FMI 3.0, 2 for FMI 2.0.
+    - `platforms`: of the binaries, such as `x86_64-linux`; by default all that this machine has a compiler for.
+    - `command`: the command line, quoted in the file headers.
+
+    Raises DefinitionError if there is no native code for the law, no compiler, or the file cannot be written.
+    """
+    if fmi not in VERSIONS:
+        raise DefinitionError(f"FMI version must be 3 or 2; got {fmi}")
+    if out.suffix != ".fmu":
+        raise DefinitionError(f"the name of an FMU must end in .fmu; got `{out}`")
+    machines = choose_platforms(platforms)
+    exported = project(scenario, name=name, command=command, with_golden=False)
+    texts, these, token = _texts(exported, fmi)
+    sources = sorted(file for file in texts if file.endswith(".c"))
+    inside: dict[str, bytes] = {
+        "modelDescription.xml": model_description(exported, these, fmi=fmi, token=token, files=sources).encode(),
+        "documentation/index.html": render("fmu/index.html.j2", _page(exported, these, fmi)).encode(),
+        **{f"sources/{file}": text.encode() for file, text in texts.items()},
+    }
+    if fmi == 3:
+        inside["sources/buildDescription.xml"] = build_description(exported, sources).encode()
+    with tempfile.TemporaryDirectory() as folder:
+        for file, text in texts.items():
+            (Path(folder) / file).write_text(text, encoding="utf-8")
+        for each in machines:
+            binary = f"binaries/{each.folder(fmi)}/{exported.prefix}{each.ending}"
+            inside[binary] = build_library(each, Path(folder), sources, exported.prefix)
+    _write(out, inside)
+    return ExportedFmu(exported, these, [each.name for each in machines])
+
+
+def _texts(exported: CProject, fmi: int) -> tuple[dict[str, str], list[Variable], str]:
+    """Sources by name, variables, and the token that ties the description to them."""
+    helpers = Helpers(exported.dialect)
+    function = envelope_function(exported.guard, exported.step)
+    envelope = None if function is None else function_body(function, exported.dialect, ARGUMENTS, helpers)
+    these = variables(exported, with_envelope=envelope is not None)
+    law = {
+        f"{exported.prefix}.h": render("header.h.j2", {"x": exported}),
+        f"{exported.prefix}.c": render("step.c.j2", {"x": exported}),
+    }
+    digest = hashlib.sha256(repr((sorted(law.items()), these, fmi, exported.version)).encode()).hexdigest()
+    token = f"{{{uuid.uuid5(uuid.NAMESPACE_OID, digest)}}}"
+    values: dict[str, Any] = {
+        "x": exported,
+        "variables": these,
+        "token": token,
+        "envelope": envelope,
+        "envelope_members": envelope_members(len(exported.joints)),
+        "helpers": helpers.lines,
+        "absent": [(each, (SELF, *arguments)) for each, arguments in ABSENT.items()],
+        "end": _end,
+    }
+    files = ("model.h", "model.c", f"fmi{fmi}.h", f"fmi{fmi}.c")
+    return law | {file: render(f"fmu/{file}.j2", values) for file in files}, these, token
+
+
+def _page(exported: CProject, these: Sequence[Variable], fmi: int) -> dict[str, Any]:
+    groups = {
+        "Inputs": [each for each in these if each.causality == "input"],
+        "Outputs": [each for each in these if each.causality == "output"],
+        "Parameters": [each for each in these if each.causality == "parameter"],
+    }
+    return {"x": exported, "groups": groups, "fmi": fmi, "range": _range}
+
+
+def _end(number: float) -> str:
+    """One end of a range in C."""
+    return repr(number) if math.isfinite(number) else f"{'-' if number < 0 else ''}(double)INFINITY"
+
+
+def _range(variable: Variable) -> str:
+    """Range of a variable, if the unit checks it."""
+    if math.isinf(variable.lower) and math.isinf(variable.upper):
+        return ""
+    if math.isinf(variable.upper):
+        return f"{'>' if variable.open[0] else '≥'} {variable.lower:g}"
+    if math.isinf(variable.lower):
+        return f"{'<' if variable.open[1] else '≤'} {variable.upper:g}"
+    before, after = "(" if variable.open[0] else "[", ")" if variable.open[1] else "]"
+    return f"{before}{variable.lower:g}, {variable.upper:g}{after}"
+
+
+def _write(out: Path, inside: dict[str, bytes]) -> None:
+    """Write a zip file that is the same for the same contents."""
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with replace_file(out) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+            for name in sorted(inside, key=lambda name: (name != "modelDescription.xml", name)):
+                about = zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0))
+                about.compress_type = zipfile.ZIP_DEFLATED
+                about.external_attr = 0o644 << 16
+                archive.writestr(about, inside[name])
+    except OSError as error:
+        raise DefinitionError(f"cannot write `{out}`: {error_reason(error)}") from None

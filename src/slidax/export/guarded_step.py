@@ -1,0 +1,388 @@
+"""Guarded step: the control law with checked inputs, limited torque and a status, as a robot runs it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from slidax.codegen.trace.tracing import trace
+from slidax.core.errors import as_array
+from slidax.core.part import AbstractPart
+from slidax.core.tracing import select
+from slidax.core.types import Command, Envelope, Memory, Reference, Scalar, State, Vector
+from slidax.law.controllers import AbstractController
+from slidax.law.error_transformations import PrescribedPerformance
+from slidax.law.sampled.controller import SampledData
+from slidax.law.sampled.gate import LONGEST_GAP, MeasurementGate
+from slidax.plant.actuators import TorqueLimits
+
+from .status import (
+    ENVELOPE_LEFT,
+    MEASUREMENT_NOT_FINITE,
+    MEASUREMENT_OUT_OF_RANGE,
+    MEASUREMENT_REJECTED,
+    MISSED_PERIOD,
+    PROMISE_VOID,
+    RECOVERY_OVERDUE,
+    REFERENCE_NOT_FINITE,
+    STOP_REQUESTED,
+    TORQUE_LIMITED,
+    TORQUE_NOT_FINITE,
+    Condition,
+    Flag,
+    Status,
+    StepMemory,
+)
+
+
+def read_by(controller: AbstractController) -> frozenset[str]:
+    """Names of the arrays that a law reads, at the start or later: of `state.q`, `state.dq`, `now.q`, ..., `next.ddq`.
+
+    Raises DefinitionError if there is no native code for it.
+    """
+    vector, scalar = jnp.zeros(controller.joints), jnp.zeros(())
+    state, reference = State(vector, vector), Reference(vector, vector, vector)
+    memory = jax.eval_shape(controller.init, scalar, state, reference)
+
+    def first(t: Scalar, state: State, now: Reference) -> Memory:
+        return controller.init(t, state, now)
+
+    def later(t: Scalar, state: State, now: Reference, following: Reference, memory: Memory) -> Any:
+        return controller(t, state, now, following, memory), controller.envelope(t, memory)
+
+    read: set[str] = set()
+    for function, arguments, names in (
+        (first, (scalar, state, reference), ("t", "state", "now")),
+        (later, (scalar, state, reference, reference, memory), ("t", "state", "now", "next", "memory")),
+    ):
+        program = trace(function, *arguments, names=names, named=False)
+        read |= {program.inputs[value.data[0]].name for value in program.body.values if value.op == "input"}
+    return frozenset(name for name in read if name.startswith(("state.", "now.", "next.")))
+
+
+Flags = dict[Condition, Flag]
+"""Conditions of a sample or an answer, with True where they hold."""
+
+
+class GuardedStep(AbstractController):
+    """A controller behind its guards, which is a controller itself: the exported function can be simulated.
+
+    In this order: a bad measurement or reference, a measurement rejected by the gate, or a law without a finite answer
+    holds the last command and the memory; a torque beyond the limits is limited. The law's own arithmetic is unchanged.
+    The first command respects the rate limit, counted from the last command given, or from the gravity torque of the
+    nominal arm if there was none.
+
+    - `controller`: the law.
+    - `gate`: rejects measurements that the arm cannot have produced; None for a sampled-data law, which has its own.
+    - `period`: time between two samples [s], > 0; None: the law's own, if it is a sampled-data law.
+    - `limits`: of torque and torque rate; None: the law's own, likewise.
+    - `reads`: inputs that the law reads, such as `now.dq`: all others may be anything.
+
+    Signals: those of the law, `rho` if it has an envelope, and `status`; all 0 but `status` while the command is held.
+    A signal that is not finite is 0.
+    """
+
+    controller: AbstractController
+    gate: MeasurementGate | None
+    period: Scalar | None
+    limits: TorqueLimits | None
+    reads: frozenset[str] = eqx.field(static=True)
+
+    @staticmethod
+    def around(
+        controller: AbstractController, limits: TorqueLimits, period: float, gate: MeasurementGate | None = None
+    ) -> GuardedStep:
+        """Put guards around a law; a sampled-data law shares its period, limits and gate with them.
+
+        - `limits`: of torque and torque rate; each joint gets its own.
+        - `period`: time between two samples [s].
+        - `gate`: for a law that has none; None: the gate for its nominal arm.
+        """
+        n = controller.joints
+        wide: TorqueLimits = jax.tree.map(lambda x: jnp.broadcast_to(x, (n,)), limits)
+        reads = read_by(controller)
+        if isinstance(controller, SampledData):
+            own = eqx.tree_at(lambda law: (law.limits, law.gate), controller, (wide, _per_joint(controller.gate, n)))
+            return GuardedStep(own, None, None, None, reads)
+        if gate is None:
+            nominal = getattr(controller, "nominal", None)
+            gate = MeasurementGate() if nominal is None else MeasurementGate.of_arm(nominal)
+        gate = _per_joint(gate, n)
+        return GuardedStep(controller, gate, as_array(period), wide, reads)
+
+    @property
+    def joints(self) -> int:
+        return self.controller.joints
+
+    def init(self, t: Scalar, state: State, reference: Reference) -> StepMemory:
+        """Return the memory before the first sample; all zeros, not started, if this sample is bad."""
+        bad = self.checked(t, state, reference, reference)
+        nothing = self._nothing(t, state, reference)
+
+        def begun() -> StepMemory:
+            return self.begun(t, state, reference, nothing)
+
+        return jax.lax.cond(_status(bad) == 0, begun, lambda: nothing)
+
+    def __call__(
+        self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: StepMemory
+    ) -> Command:
+        """Return the torque at one sample, finite for any input; the status is one of its signals."""
+        command, status = self.step(t, state, reference_now, reference_next, memory)
+        signals = {**command.signals, "status": status.astype(float)}
+        return Command(tau=command.tau, memory=command.memory, signals=signals)
+
+    def step(
+        self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: StepMemory
+    ) -> tuple[Command, Status]:
+        """Return the torque at one sample, and the status; the first good sample starts the law.
+
+        - `memory`: from `init` or the last sample; all zeros after a reset.
+        """
+        bad = _status(self.checked(t, state, reference_now, reference_next))
+        begins = (bad == 0) & ~memory.started
+        memory = jax.lax.cond(begins, lambda: self.begun(t, state, reference_now, memory), lambda: memory)
+
+        def answered() -> tuple[Command, Status]:
+            command, flags = self.answered(t, state, reference_now, reference_next, memory)
+            return command, _status(flags)
+
+        def held() -> tuple[Command, Status]:
+            kept, flags = self.held(memory)
+            # A law that cannot start from a good sample has no answer.
+            status = jnp.where(bad == 0, jnp.uint32(TORQUE_NOT_FINITE.bit), bad) | _status(flags)
+            return Command(tau=kept.tau, memory=kept, signals=_zeros(answered)[0].signals), status
+
+        return jax.lax.cond((bad == 0) & memory.started, answered, held)
+
+    def checked(self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference) -> Flags:
+        """Return the faults of the inputs."""
+        measured = [getattr(state, part) for part in ("q", "dq") if f"state.{part}" in self.reads]
+        wanted = [
+            getattr(reference, part)
+            for name, reference in (("now", reference_now), ("next", reference_next))
+            for part in ("q", "dq", "ddq")
+            if f"{name}.{part}" in self.reads
+        ]
+        finite = _finite((t, measured))
+        return {
+            MEASUREMENT_NOT_FINITE: ~finite,
+            MEASUREMENT_OUT_OF_RANGE: finite & ~self._gate().in_range(state.q),
+            REFERENCE_NOT_FINITE: ~_finite(wanted),
+        }
+
+    def begun(self, t: Scalar, state: State, reference: Reference, memory: StepMemory) -> StepMemory:
+        """Return the memory before the first good sample; `started` is false if the law cannot start from it."""
+        law = self.controller.init(t, state, reference)
+        tau, gate = memory.tau, None
+        if isinstance(self.controller, SampledData):
+            # Earlier commands count for the rate limit, and still act during the dead time.
+            torques = jnp.where(memory.commanded, memory.tau, law.torques)
+            law = eqx.tree_at(lambda law: law.torques, law, torques)
+        else:
+            nominal = getattr(self.controller, "nominal", None)
+            if nominal is not None:
+                tau = jnp.where(memory.commanded, tau, nominal.bias(state.q, state.dq))
+            gate = self._gate().init(t, state, self._velocity)
+        return StepMemory(
+            started=_finite((law, tau)),
+            commanded=memory.commanded,
+            t=t - self._period(),
+            tau=tau,
+            held=memory.held,
+            stop=memory.stop,
+            outside=jnp.zeros(()),
+            law=law,
+            gate=gate,
+        )
+
+    def held(self, memory: StepMemory) -> tuple[StepMemory, Flags]:
+        """Return the memory after a step that holds its command, within limits that may have been lowered since."""
+        # Before the first command `tau` is the arm's weight, from which the rate counts.
+        tau = jnp.where(memory.commanded, self._within(memory.tau), 0.0)
+        held = memory.held + 1.0
+        stop = memory.stop | (held >= self._gate().patience)
+        kept = StepMemory(
+            started=memory.started,
+            commanded=jnp.ones((), bool),
+            t=memory.t,
+            tau=tau,
+            held=held,
+            stop=stop,
+            outside=memory.outside,
+            law=memory.law,
+            gate=memory.gate,
+        )
+        return kept, {STOP_REQUESTED: stop}
+
+    def answered(
+        self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: StepMemory
+    ) -> tuple[Command, Flags]:
+        """Return the law's own command within the limits, or the last safe one if the law has no finite answer.
+
+        The law must have started.
+        """
+        period = self._period()
+        gate, before = memory.gate, memory.law
+        accepted = jnp.ones((), bool)
+        if self.gate is not None and gate is not None:
+            admission, gate = self.gate(t, state, memory.t, gate.q, period, self._velocity, gate)
+            accepted = admission.accepted
+            t_used = jnp.where(accepted, t, memory.t + period)
+            state_used = select(accepted, state, State(q=gate.q, dq=gate.dq if self._velocity else state.dq))
+            before = jax.lax.cond(
+                admission.restarts, lambda: self.controller.init(t_used, state_used, reference_now), lambda: before
+            )
+            command = self.controller(t_used, state_used, reference_now, reference_next, before)
+        else:
+            assert isinstance(self.controller, SampledData)
+            command, accepted = self.controller.gated(t, state, reference_now, reference_next, memory.law)
+        law = command.memory_after(period)
+
+        # The arm's weight before the first command.
+        held = self._within(memory.tau)
+        tau = self._limits()(command.tau, held, period)
+        limited = jnp.any(tau != command.tau)
+        if isinstance(self.controller, SampledData):
+            # It keeps the limits itself, and reports when they act.
+            limited = limited | ~command.memory.planned
+            # Its own memory has the torque from which its first command is limited.
+            tau = jnp.where(memory.commanded, tau, self._within(command.tau))
+        checked, before_law = law, memory.law
+        if isinstance(self.controller, SampledData):
+            # The gate keeps the measurement, which is finite, even of a rejected sample.
+            checked = eqx.tree_at(lambda kept: kept.gate, law, None)
+            before_law = eqx.tree_at(lambda kept: kept.gate, memory.law, law.gate)
+        finite = _finite((command.tau, tau, checked)) | ~accepted
+        used = finite & accepted
+        after = select(used, law, before_law)
+
+        envelope = self.controller.envelope(t, before)
+        e = state.q - self.wanted_then(reference_now)
+        elapsed = t - memory.t
+        left = jnp.zeros((), bool)
+        if envelope is not None:
+            left = accepted & jnp.any((e <= envelope.lower) | (e >= envelope.upper))
+        passed = jnp.clip(elapsed, 0.0, LONGEST_GAP * period)
+        outside = jnp.where(accepted, jnp.where(left, memory.outside + passed, 0.0), memory.outside)
+        counted = jnp.where(used, 0.0, memory.held + 1.0)
+        stop = memory.stop | (counted >= self._gate().patience)
+        flags = {
+            TORQUE_NOT_FINITE: ~finite,
+            ENVELOPE_LEFT: left,
+            TORQUE_LIMITED: used & limited,
+            MISSED_PERIOD: accepted & ((elapsed > 1.5 * period) | (elapsed <= 0)),
+            PROMISE_VOID: command.signals.get("assumption_violated", jnp.zeros(())) > 0,
+            MEASUREMENT_REJECTED: ~accepted,
+            STOP_REQUESTED: stop,
+            RECOVERY_OVERDUE: outside > self._deadline(),
+        }
+        kept = StepMemory(
+            started=memory.started,
+            commanded=jnp.ones((), bool),
+            t=jnp.where(used, t, memory.t),
+            tau=jnp.where(used, tau, jnp.where(memory.commanded, held, 0.0)),
+            held=counted,
+            stop=stop,
+            outside=outside,
+            law=after,
+            gate=gate,
+        )
+        signals = command.signals
+        decides = self._decides()
+        transformation = getattr(decides, "transformation", None)
+        if isinstance(transformation, PrescribedPerformance):
+            signals = {**signals, "rho": transformation.performance.radius(t)}
+        shown = {name: jnp.where(used & jnp.isfinite(value), value, 0.0) for name, value in signals.items()}
+        if isinstance(self.controller, SampledData):
+            shown["rejected"] = jnp.where(accepted, 0.0, 1.0)
+        return Command(tau=kept.tau, memory=kept, signals=shown), flags
+
+    def envelope(self, t: Scalar, memory: StepMemory) -> Envelope | None:
+        return self.controller.envelope(t, memory.law)
+
+    def wanted_then(self, reference: Reference) -> Vector:
+        """Reference positions at the time of the measurement [n], as far as the law knows the measurement's age."""
+        law = self.controller
+        if not isinstance(law, SampledData) or law.delay == law.dead_time:
+            return reference.q
+        return reference.q - (law.delay - law.dead_time) * law.period * reference.dq
+
+    def _nothing(self, t: Scalar, state: State, reference: Reference) -> StepMemory:
+        """The memory after a reset: all zeros."""
+        law = _zeros(lambda: self.controller.init(t, state, reference))
+        gate = None if self.gate is None else _zeros(lambda: self._gate().init(t, state, self._velocity))
+        zero, off = jnp.zeros(()), jnp.zeros((), bool)
+        tau = jnp.zeros(self.joints)
+        return StepMemory(off, off, zero, tau, held=zero, stop=off, outside=zero, law=law, gate=gate)
+
+    def _within(self, tau: Vector) -> Vector:
+        largest = self._limits().torque
+        # Not by `clip`: a limit that is NaN changes nothing.
+        return jnp.where(tau > largest, largest, jnp.where(tau < -largest, -largest, tau))
+
+    def _period(self) -> Scalar:
+        if self.period is None:
+            assert isinstance(self.controller, SampledData)
+            return self.controller.period
+        return self.period
+
+    def _limits(self) -> TorqueLimits:
+        if self.limits is None:
+            assert isinstance(self.controller, SampledData)
+            return self.controller.limits
+        return self.limits
+
+    def _gate(self) -> MeasurementGate:
+        if self.gate is None:
+            assert isinstance(self.controller, SampledData)
+            return self.controller.gate
+        return self.gate
+
+    @property
+    def _velocity(self) -> bool:
+        """True if the law uses measured velocities after the first sample."""
+        if isinstance(self.controller, SampledData):
+            return self.controller.estimator.reads_velocity
+        return "state.dq" in self.reads
+
+    def _decides(self) -> AbstractPart:
+        return self.controller.step if isinstance(self.controller, SampledData) else self.controller
+
+    def _deadline(self) -> Scalar:
+        """Settling time of the envelope [s]: the latest joint's, or 1 s without one."""
+        transformation = getattr(self._decides(), "transformation", None)
+        deadline = getattr(getattr(transformation, "performance", None), "deadline", None)
+        return jnp.ones(()) if deadline is None else jnp.max(deadline)
+
+
+def _per_joint(gate: MeasurementGate, joints: int) -> MeasurementGate:
+    """The gate with a range for each joint."""
+
+    def wide(gate: MeasurementGate) -> list[Any]:
+        return [gate.q_max, gate.speed, gate.acceleration, gate.spread]
+
+    return eqx.tree_at(wide, gate, [jnp.broadcast_to(x, (joints,)) for x in wide(gate)])
+
+
+def _finite(tree: Memory) -> Flag:
+    """True if all numbers are finite."""
+    flags = [jnp.all(jnp.isfinite(x)) for x in jax.tree.leaves(tree) if jnp.issubdtype(x.dtype, jnp.inexact)]
+    return jnp.all(jnp.stack(flags)) if flags else jnp.ones((), bool)
+
+
+def _status(flags: Flags) -> Status:
+    """The bits of the conditions that hold."""
+    status = jnp.uint32(0)
+    for condition, is_set in flags.items():
+        status = status | jnp.where(is_set, jnp.uint32(condition.bit), jnp.uint32(0))
+    return status
+
+
+def _zeros(function: Callable[[], Any]) -> Any:
+    """Zeros in the shape of a function's result."""
+    return jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), eqx.filter_eval_shape(function))

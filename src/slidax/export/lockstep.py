@@ -1,0 +1,250 @@
+"""The sampled loop without a clock, its log, and the replay of a log."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import slidax
+from slidax.core.errors import DefinitionError, count_noun
+from slidax.runtime.logs.mcap_files import SCENARIO, LogWriter, SavedLog
+from slidax.runtime.logs.messages import Channels, names_of_bits
+from slidax.runtime.sides import ArmSide, LawSide
+from slidax.scenarios.load import portable, restore
+
+from .loop_plans import arm_plan, law_plan
+
+if TYPE_CHECKING:
+    from slidax.scenarios.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class LockstepResult:
+    """Columns of a loop: one row per answer of the law, and one per tick of the arm."""
+
+    channels: Channels
+    law: dict[str, np.ndarray]
+    arm: dict[str, np.ndarray]
+
+
+def lockstep(scenario: Scenario, samples: int, *, transport: int = 0) -> LockstepResult:
+    """Run the loop sample by sample, in the machine code that a robot would call.
+
+    - `transport`: as in `arm_plan`; 1 reproduces two processes without any delay.
+
+    Raises DefinitionError if the scenario does not allow it or llvmlite is not installed; NoNativeCodeError if there is
+    no machine code for something in it.
+    """
+    of_law, of_arm = law_plan(scenario), arm_plan(scenario, transport=transport)
+    law = LawSide(of_law.plan, scenario.period)
+    arm = ArmSide(of_arm.plan, of_arm.world, of_arm.substeps)
+    torque = law.tau.view(float)
+    answers, ticks = [], []
+    applied = -1
+    fresh = True
+    for k in range(samples):
+        if not transport:
+            fresh = arm.measure(k)
+        if fresh:
+            law.measured[:] = arm.measured
+            law.answer(k, applied)
+            answers.append(law.row.copy())
+            arm.tau[:] = torque
+            applied = k
+        arm.set(k, fresh)
+        if transport:
+            fresh = arm.measure(k)
+        ticks.append(arm.row.copy())
+        arm.move()
+    return LockstepResult(of_law.channels, of_law.columns(np.stack(answers)), of_arm.columns(np.stack(ticks)))
+
+
+if TYPE_CHECKING:
+    from slidax.scenarios.scenario import Scenario
+
+CHUNK = 500
+"""Ticks that are compressed together."""
+
+
+def attachments_of(scenario: Scenario) -> dict[str, bytes]:
+    """The scenario, and the files that it names; changes by `replace` are not in its description."""
+    text, files = portable(scenario.description)
+    return {SCENARIO: text.encode(), **files}
+
+
+def metadata_of(scenario: Scenario, made_by: str, seconds: float) -> dict[str, str]:
+    """Metadata of a log.
+
+    - `made_by`: "run" or "loop".
+    - `seconds`: planned duration.
+    """
+    return {
+        "slidax": slidax.__version__,
+        "scenario": scenario.name,
+        "scheme": scenario.scheme,
+        "robot": scenario.robot,
+        "made_by": made_by,
+        "period_s": repr(scenario.period),
+        "seconds": repr(seconds),
+    }
+
+
+def write_lockstep_log(scenario: Scenario, stepped: LockstepResult, path: Path) -> None:
+    """Write a loop without a clock as an MCAP file, with time 0 as start.
+
+    Raises DefinitionError if foxglove-sdk is not installed, OSError if the file cannot be written.
+    """
+    seconds = float(stepped.arm["true_t"][-1])
+    metadata, attachments = metadata_of(scenario, "run", seconds), attachments_of(scenario)
+    with closing(LogWriter(path, stepped.channels, metadata, attachments)) as writer:
+        for first in range(0, len(stepped.arm["true_t"]), CHUNK):
+            ticks = stepped.arm["true_k"][first : first + CHUNK]
+            answered = (stepped.law["k"] >= ticks[0]) & (stepped.law["k"] <= ticks[-1])
+            writer.law({name: column[answered] for name, column in stepped.law.items()})
+            writer.arm({name: column[first : first + CHUNK] for name, column in stepped.arm.items()})
+            writer.flush()
+
+
+COMPARED = ("tau", "status")
+"""Columns compared bit by bit."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """The first answer that differs.
+
+    - `tick`, `t`: its time [s].
+    - `joint`: joint whose torque differs most, from 0 on; None if only the status differs.
+    - `logged`, `again`: its torque [N m or N].
+    - `status`: the bits in the log, and in the replay.
+    """
+
+    tick: int
+    t: float
+    joint: int | None
+    logged: float
+    again: float
+    status: tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Replay:
+    """Result of a replay.
+
+    - `answers`, `same`: answers compared, and those with the same bits.
+    - `first`: the first that differs; None if none does.
+    - `largest`: largest difference of a torque [N m or N].
+    - `joints`, `bits`: names of joints and status bits.
+    - `unknown`: answers not compared, as they continue from one that is missing in the log.
+    """
+
+    answers: int
+    same: int
+    first: Difference | None
+    largest: float
+    joints: tuple[str, ...]
+    bits: tuple[str, ...]
+    unknown: int
+
+    def sentence(self) -> str:
+        """In words."""
+        text = f"{self.same} of {count_noun(self.answers, 'answer')} have the same bits"
+        if self.unknown:
+            text += f" ({self.unknown} more continue from an answer missing in the log)"
+        if self.first is None:
+            return f"{text}."
+        difference = self.first
+        what = (
+            f"{self.joints[difference.joint]} was commanded {difference.logged!r}, and is now {difference.again!r}, "
+            f"{abs(difference.again - difference.logged):.2g} off"
+            if difference.joint is not None
+            else "the torques are the same, the status is not"
+        )
+        was, is_ = ("+".join(names_of_bits(self.bits, status)) or "OK" for status in difference.status)
+        status = "" if was == is_ else f"; status {was}, and now {is_}"
+        return (
+            f"{text}; the first difference is at tick {difference.tick}, t = {difference.t:g} s: {what}{status}. "
+            f"At most, a torque is {self.largest:.2g} off."
+        )
+
+    def as_json(self) -> dict[str, Any]:
+        """For programs."""
+        difference = self.first
+        first = None
+        if difference is not None:
+            first = {
+                "tick": difference.tick,
+                "t": difference.t,
+                "joint": None if difference.joint is None else self.joints[difference.joint],
+                "logged": difference.logged,
+                "again": difference.again,
+                "status": list(difference.status),
+            }
+        return {
+            "answers": self.answers,
+            "same": self.same,
+            "first": first,
+            "largest": self.largest,
+            "unknown": self.unknown,
+        }
+
+
+def replay(log: SavedLog) -> Replay:
+    """Pass each measurement of a log through the law of its scenario again, from the memory that the law had then.
+
+    Raises DefinitionError if the log has no answers, its scenario is invalid or has other signals, or llvmlite is
+    missing.
+    """
+    scenario = restore(log.scenario, log.files, log.name)
+    plan = law_plan(scenario)
+    rows = len(log.law["k"])
+    if not rows:
+        raise DefinitionError(f"`{log.path}` contains no answers of a law")
+    if plan.channels != log.channels:
+        raise DefinitionError(f"`{log.path}` differs in joints or signals from the law of its own scenario")
+    law = LawSide(plan.plan, scenario.period)
+    samples = np.zeros(rows, plan.sample)
+    for name in plan.sample.names or ():
+        samples[name] = log.law[name]
+    inputs = samples.view(np.uint8).reshape(rows, -1)
+    again = np.zeros((rows, law.row.size), np.uint8)
+    known = np.ones(rows, bool)
+    for row, (k, basis) in enumerate(zip(log.law["k"].tolist(), log.law["basis"].tolist(), strict=True)):
+        known[row] = law.repeat(inputs[row], k, basis)
+        again[row] = law.row
+    if not known.all():
+        # After one that is lost nothing is as it was.
+        known[int(np.argmin(known)) :] = False
+    repeated = plan.columns(again)
+    wrong = np.zeros(rows, bool)
+    for name in COMPARED:
+        differs = repeated[name].view(f"u{repeated[name].itemsize}") != log.law[name].view(f"u{log.law[name].itemsize}")
+        wrong |= differs.reshape(rows, -1).any(axis=1)
+    wrong &= known
+    off = np.abs(repeated["tau"] - log.law["tau"])[known]
+    return Replay(
+        answers=int(known.sum()),
+        same=int((known & ~wrong).sum()),
+        first=_first(log.law, repeated, int(np.argmax(wrong))) if wrong.any() else None,
+        largest=float(np.nanmax(off, initial=0.0)),
+        joints=log.channels.joints,
+        bits=log.channels.bits,
+        unknown=int((~known).sum()),
+    )
+
+
+def _first(logged: dict[str, np.ndarray], again: dict[str, np.ndarray], row: int) -> Difference:
+    off = np.abs(again["tau"][row] - logged["tau"][row])
+    joint = None if not off.any() else int(np.argmax(off))
+    return Difference(
+        tick=int(logged["k"][row]),
+        t=float(logged["t"][row]),
+        joint=joint,
+        logged=float(logged["tau"][row][joint or 0]),
+        again=float(again["tau"][row][joint or 0]),
+        status=(int(logged["status"][row]), int(again["status"][row])),
+    )

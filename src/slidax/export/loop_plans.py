@@ -1,0 +1,460 @@
+"""Machine code and memory layout of a sampled loop: the guarded law, and the simulated arm."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from slidax.codegen import llvm
+from slidax.codegen.trace.tracing import trace
+from slidax.core.errors import DefinitionError
+from slidax.core.types import Reference, Scalar, State, Vector
+from slidax.plant.actuators import TorqueLimits
+from slidax.plant.sensors import AbstractSensor, Delayed, Lossy
+from slidax.runtime.logs.messages import Channels
+from slidax.runtime.shared_memory import CodePlan, MachineCode, Slot
+from slidax.simulation.define import define_loop
+from slidax.simulation.loop import ClosedLoop, HeldTorque, force, moved
+from slidax.simulation.plant import MujocoPlant, Plant
+from slidax.simulation.simulate import BANDS
+
+from .guarded_step import GuardedStep
+from .status import CONDITIONS, StepMemory
+
+WORD = 8
+
+
+class Planner:
+    """Places arrays in one block of memory, and compiles code that knows their places.
+
+    Raises DefinitionError if llvmlite is not installed.
+    """
+
+    def __init__(self) -> None:
+        if not llvm.available():
+            raise DefinitionError(
+                "a law that is called sample by sample needs llvmlite, which is not installed: "
+                "pip install 'slidax[native]'"
+            )
+        self._parts: list[np.ndarray] = []
+        self._size = 0
+        self._routines: dict[str, MachineCode] = {}
+        self._views: dict[str, Slot] = {}
+        self._regions: dict[str, tuple[int, int]] = {}
+
+    def place(self, tree: Any, name: str = "") -> Any:
+        """Place each array of a tree; return the tree of places.
+
+        - `tree`: arrays with their initial values, or shapes, which begin as zeros.
+        - `name`: of the region that they form together; none if empty.
+        """
+        start = self._size
+        placed = jax.tree.map(self._put, tree)
+        if name:
+            self._regions[name] = (start, self._size)
+        return placed
+
+    def view(self, name: str, array: Any) -> Slot:
+        """Place one array under a name."""
+        self._views[name] = slot = self._put(array)
+        return slot
+
+    def named(self, name: str, slot: Slot) -> None:
+        """Name a placed array."""
+        self._views[name] = slot
+
+    def region(self, name: str, first: Slot, last: Slot) -> None:
+        """Name the region from one array to another, both included."""
+        self._regions[name] = (first.offset, -(-last.end // WORD) * WORD)
+
+    def code(self, name: str, kernel: llvm.Kernel, inputs: Any, outputs: Any) -> None:
+        """Add machine code; `inputs` and `outputs` are trees of places in the kernel's order."""
+        slots: list[Slot] = [*jax.tree.leaves(inputs, is_leaf=_is_slot), *jax.tree.leaves(outputs, is_leaf=_is_slot)]
+        shapes = [*(entry.shape for entry in kernel.inputs), *(entry.shape for entry in kernel.outputs)]
+        assert [slot.shape for slot in slots] == shapes
+        self._routines[name] = MachineCode(kernel.object, kernel.entry, tuple(slot.offset for slot in slots))
+
+    def plan(self) -> CodePlan:
+        """Return the plan."""
+        return CodePlan(b"".join(part.tobytes() for part in self._parts), self._routines, self._views, self._regions)
+
+    def _put(self, array: Any) -> Slot:
+        shape, dtype = tuple(np.shape(array)), np.dtype(array.dtype)
+        if isinstance(array, jax.ShapeDtypeStruct):
+            shape, held = tuple(array.shape), np.zeros(array.shape, dtype)
+        else:
+            held = np.asarray(array)
+        slot = Slot(self._size, shape, dtype.str)
+        bytes_ = np.frombuffer(held.tobytes(), np.uint8)
+        # No two arrays share a word.
+        padded = np.zeros(-(-len(bytes_) // WORD) * WORD, np.uint8)
+        padded[: len(bytes_)] = bytes_
+        self._parts.append(padded)
+        self._size += len(padded)
+        return slot
+
+
+def kernel(function: Callable[..., Any], *args: Any) -> tuple[llvm.Kernel, Any]:
+    """Compile a function from trees of arrays to a tree of arrays; return the code and the result's shapes.
+
+    Raises NoNativeCodeError if there is no machine code for something in it.
+    """
+    shapes: list[Any] = []
+
+    def arrays_of(*args: Any) -> Any:
+        result = function(*args)
+        # Recorded while tracing, as tracing a law takes seconds.
+        shapes[:] = [jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype), result)]
+        return result
+
+    compiled = llvm.compile(trace(arrays_of, *args, named=False))
+    return compiled, shapes[0]
+
+
+def _is_slot(x: Any) -> bool:
+    return isinstance(x, Slot)
+
+
+if TYPE_CHECKING:
+    from slidax.scenarios.scenario import Scenario
+
+REFERENCE_COLUMNS = ("q_d", "dq_d", "ddq_d", "q_d_next", "dq_d_next", "ddq_d_next")
+"""Now, and one period later."""
+
+NUMBER, WHOLE = jax.ShapeDtypeStruct((), float), jax.ShapeDtypeStruct((), int)
+
+
+@dataclass(frozen=True)
+class LawPlan:
+    """A law, ready to be called sample by sample.
+
+    - `plan`: its code and memory.
+    - `row`: the dtype of a row.
+    - `sample`: the dtype of a row's inputs: time, measurement, reference.
+    - `channels`: of its log.
+    """
+
+    plan: CodePlan
+    row: np.dtype[Any]
+    sample: np.dtype[Any]
+    channels: Channels
+
+    def columns(self, rows: np.ndarray) -> dict[str, np.ndarray]:
+        """Columns of rows (bytes, [m length]), by their names in a log."""
+        table = np.ascontiguousarray(rows).view(self.row)[:, 0] if len(rows) else np.zeros(0, self.row)
+        columns = {name: table[name] for name in self.row.names or ()}
+        for place, name in enumerate(self.channels.bits):
+            columns[name.lower()] = (columns["status"] >> place) & 1
+        if self.channels.bounded:
+            below, above = columns["e"] - columns["lower"], columns["upper"] - columns["e"]
+            with np.errstate(invalid="ignore", divide="ignore"):
+                columns["envelope_margin"] = np.minimum(below, above) / (columns["upper"] - columns["lower"])
+        return columns
+
+
+def require_samples(scenario: Scenario) -> None:
+    """Raise DefinitionError if a scenario's law runs inside the integrator instead of at samples."""
+    if scenario.stepping.mode != "held":
+        raise DefinitionError(
+            "a law that is called sample by sample needs held mode: `--set simulation.mode=held`, or a scenario "
+            "such as example-4.1-1khz"
+        )
+
+
+def guarded_law(scenario: Scenario) -> GuardedStep:
+    """A scenario's law behind its guards, as in `slidax export`."""
+    plant = scenario.plant.own if isinstance(scenario.plant, MujocoPlant) else scenario.plant
+    limits = TorqueLimits() if plant.actuator is None else plant.actuator.limits
+    return GuardedStep.around(scenario.controller, limits, scenario.period)
+
+
+def law_plan(scenario: Scenario) -> LawPlan:
+    """Compile a scenario's law.
+
+    Raises DefinitionError if the scenario is not in held mode, or llvmlite is not installed; NoNativeCodeError if there
+    is no machine code for something in the law.
+    """
+    require_samples(scenario)
+    guard = guarded_law(scenario)
+    n = guard.joints
+    vector = jax.ShapeDtypeStruct((n,), float)
+    state, wanted = _state(vector), _reference(vector)
+    planner = Planner()
+    numbers = planner.place(guard)
+    motion_numbers = planner.place(scenario.trajectory)
+    period = planner.place(np.asarray(scenario.period))
+    zeros = jax.eval_shape(guard.init, NUMBER, state, wanted)
+    memories = [planner.place(zeros) for _ in range(2)]
+
+    def motion(trajectory: Any, period: Scalar, t: Scalar) -> tuple[Reference, Reference]:
+        return trajectory.reference(t), trajectory.reference(t + period)
+
+    def step(
+        guard: GuardedStep, memory: StepMemory, t: Scalar, state: State, now: Reference, following: Reference
+    ) -> Any:
+        command, status = guard.step(t, state, now, following, memory)
+        envelope = guard.envelope(t, command.memory)
+        bounds = () if envelope is None else (envelope.lower, envelope.upper)
+        error = state.q - guard.wanted_then(now)
+        return command.memory, (command.tau, command.signals, status, error, bounds)
+
+    step_code, (_, shapes) = kernel(step, guard, zeros, NUMBER, state, wanted, wanted)
+    motion_code, _ = kernel(motion, scenario.trajectory, NUMBER, NUMBER)
+
+    fields: dict[str, Slot] = {name: planner.view(name, WHOLE) for name in ("k", "basis")}
+    fields["t"] = planner.view("t", NUMBER)
+    for name in ("q", "dq", "effort", *REFERENCE_COLUMNS):
+        fields[name] = planner.view(name, vector)
+    tau, signals, status, error, bounds = planner.place(shapes)
+    fields |= {"tau": tau, "status": status, "e": error}
+    fields |= dict(zip(("lower", "upper"), bounds, strict=False))
+    fields |= {f"signal:{name}": slot for name, slot in signals.items()}
+    for name in ("wake", "took", "response", "logged"):
+        fields[name] = planner.view(name, NUMBER)
+    planner.named("status", status)
+    first, last = fields["k"], fields["logged"]
+    for name, start, end in (
+        ("row", first, last),
+        ("measured", fields["q"], fields["effort"]),
+        ("sample", fields["t"], fields[REFERENCE_COLUMNS[-1]]),
+        ("tau", tau, tau),
+    ):
+        planner.region(name, start, end)
+    references = [fields[name] for name in REFERENCE_COLUMNS]
+    sample = (fields["t"], fields["q"], fields["dq"], *references)
+    planner.code("motion", motion_code, (motion_numbers, period, fields["t"]), references)
+    for at in range(2):
+        answer = (memories[1 - at], (tau, signals, status, error, bounds))
+        planner.code(f"step_{at}", step_code, (numbers, memories[at], *sample), answer)
+    names = ("t", "q", "dq", "effort", *REFERENCE_COLUMNS)
+    robot = scenario.plant.robot
+    return LawPlan(
+        plan=planner.plan(),
+        row=dtype_of(fields, first, last),
+        sample=dtype_of({name: fields[name] for name in names}, fields["t"], references[-1]),
+        channels=Channels(
+            joints=tuple(robot.joint_names),
+            units=tuple(robot.joint_units),
+            signals={name: slot.shape[0] if slot.shape else None for name, slot in signals.items()},
+            bounded=bool(bounds),
+            bits=tuple(condition.name for condition in CONDITIONS),
+        ),
+    )
+
+
+def dtype_of(fields: dict[str, Slot], first: Slot, last: Slot) -> np.dtype[Any]:
+    """The dtype of the region from `first` to `last` as a row."""
+    return np.dtype(
+        {
+            "names": list(fields),
+            "formats": [(slot.dtype, slot.shape) for slot in fields.values()],
+            "offsets": [slot.offset - first.offset for slot in fields.values()],
+            "itemsize": -(-(last.end - first.offset) // 8) * 8,
+        }
+    )
+
+
+def _state(vector: Any) -> State:
+    return jax.eval_shape(lambda q: State(q, q), vector)
+
+
+def _reference(vector: Any) -> Reference:
+    return jax.eval_shape(lambda q: Reference(q, q, q), vector)
+
+
+if TYPE_CHECKING:
+    from slidax.scenarios.scenario import Scenario
+
+BRAKES_IN = 0.05
+"""Time constant of the brakes [s]."""
+
+
+@dataclass(frozen=True)
+class ArmPlan:
+    """An arm, ready to be moved tick by tick.
+
+    - `plan`: its code and memory.
+    - `row`: the dtype of a row.
+    - `world`: MuJoCo's model and the joints' indices in it; None for slidax's own arm.
+    - `substeps`: MuJoCo's steps in a tick.
+    """
+
+    plan: CodePlan
+    row: np.dtype[Any]
+    world: tuple[Any, np.ndarray, np.ndarray] | None
+    substeps: int
+
+    def columns(self, rows: np.ndarray) -> dict[str, np.ndarray]:
+        """Columns of rows (bytes, [m length]), by their names in a log."""
+        table = np.ascontiguousarray(rows).view(self.row)[:, 0] if len(rows) else np.zeros(0, self.row)
+        return {name: table[name] for name in self.row.names or ()}
+
+
+def one_period_earlier(sensor: AbstractSensor | None) -> AbstractSensor:
+    """The sensor with one period less delay, for a loop that takes one period to transport a measurement.
+
+    Raises DefinitionError if its measurements are less than one period old.
+    """
+    if isinstance(sensor, Lossy):
+        return eqx.tree_at(lambda lossy: lossy.sensor, sensor, one_period_earlier(sensor.sensor))
+    if not isinstance(sensor, Delayed) or sensor.periods - 0.5 * sensor.jitter < 1:
+        raise DefinitionError(
+            "in a loop of two processes a measurement is one period old when its torque takes effect, and the law "
+            "must account for it: `--set sensor.delay=1`",
+            where="sensor.delay",
+        )
+    if sensor.periods == 1 and not sensor.jitter:
+        return sensor.sensor
+    return Delayed(sensor.sensor, sensor.periods - 1, sensor.jitter, sensor.seed)
+
+
+def arm_plan(scenario: Scenario, *, transport: int) -> ArmPlan:
+    """Compile a scenario's arm.
+
+    - `transport`: periods from a measurement to its torque, 0 or 1. With 1 the sensor has one period less delay, and
+      the first measurement is that of the tick before the first.
+
+    Raises DefinitionError if the scenario is not in held mode or does not allow it, or llvmlite is not installed.
+    """
+    require_samples(scenario)
+    plant = scenario.plant
+    own = plant.with_friction if isinstance(plant, MujocoPlant) else plant
+    stepping = scenario.stepping
+    loop, _ = define_loop(
+        own, scenario.controller, scenario.trajectory, scenario.state0, scenario.t1, stepping, None, BANDS
+    )
+    sensor = one_period_earlier(own.sensor) if transport else own.sensor
+    start, period = scenario.state0, loop.period
+    before = State(q=start.q - transport * period * start.dq, dq=start.dq)
+    first, measurement0 = _first(sensor, before, period, transport)
+    held = own.at(jnp.zeros(())).bias(start.q, start.dq)
+    # The law itself is not needed here.
+    arrays, static = eqx.partition((loop.plant, loop.trajectory, period), eqx.is_array)
+
+    def parts(arrays: Any) -> tuple[Plant, Any, Scalar]:
+        return eqx.combine(arrays, static)
+
+    def measure(arrays: Any, k: Any, state: State, memory: Any) -> Any:
+        _, trajectory, period = parts(arrays)
+        now, fresh, after = state, jnp.ones((), bool), memory
+        if sensor is not None:
+            measurement, after = sensor(k + transport, state, period, memory)
+            now, fresh = measurement.state, measurement.fresh
+        t = k.astype(float) * period
+        return now, fresh, after, t, (state.q, state.dq, state.q - trajectory.reference(t).q)
+
+    def set_(arrays: Any, k: Any, state: State, delivery: Any, tau: Vector, brakes: Any) -> Any:
+        plant, _, period = parts(arrays)
+        # Brakes also hold an unknown payload.
+        robot = plant.at(k.astype(float) * period)
+        stopping = robot.bias(state.q, state.dq) - robot.mass(state.q) @ state.dq / BRAKES_IN
+        tau = jnp.where(brakes, stopping, tau)
+        if plant.actuator is None:
+            return tau, delivery
+        return plant.actuator.set(tau, period, delivery)
+
+    def loop_of(arrays: Any) -> ClosedLoop:
+        plant, trajectory, period = parts(arrays)
+        return eqx.tree_at(lambda loop: (loop.plant, loop.trajectory, loop.period), loop, (plant, trajectory, period))
+
+    def move(arrays: Any, k: Any, state: State, tau: Vector, delivery: Any) -> State:
+        current = loop_of(arrays)
+        return moved(current, state, k.astype(float) * current.period, HeldTorque(tau, delivery))
+
+    def push(arrays: Any, k: Any, i: Any, state: State, tau: Vector, delivery: Any) -> Vector:
+        return force(loop_of(arrays), HeldTorque(tau, delivery), k, i, state)
+
+    delivery = None if own.actuator is None else own.actuator.init(held)
+    planner = Planner()
+    numbers = planner.place(arrays)
+    k, i = planner.view("k", WHOLE), planner.view("i", WHOLE)
+    brakes, fresh = planner.view("brakes", jax.ShapeDtypeStruct((), bool)), planner.place(np.ones((), bool))
+    planner.named("fresh", fresh)
+    tau = planner.view("tau", np.asarray(held))
+    vector = jax.ShapeDtypeStruct((start.q.shape[0],), float)
+    memories = {}
+    for name, tree in (("delivery", delivery), ("sensor", first), ("state", start)):
+        memories[name] = planner.place(tree, name)
+        memories[f"{name}_after"] = planner.place(tree, f"{name}_after")
+    state = memories["state"]
+    planner.named("q", state.q)
+    planner.named("dq", state.dq)
+    measured = [
+        planner.view(f"measured_{name}", np.asarray(part))
+        for name, part in (("q", measurement0.q), ("dq", measurement0.dq))
+    ]
+    set_tau = planner.view("set_tau", np.asarray(held))
+    planner.region("measured", measured[0], set_tau)
+    fields = {"set_tau": set_tau}
+    fields |= {name: planner.view(name, WHOLE) for name in ("true_k", "applied", "missing", "braking")}
+    fields["true_t"] = planner.place(NUMBER)
+    fields |= {name: planner.place(vector) for name in ("true_q", "true_dq", "true_e")}
+    fields["true_wake"] = planner.view("wake", NUMBER)
+    shapes = (jax.tree.map(_shape, part) for part in (arrays, start, first, delivery))
+    of_loop, of_state, of_sensor, of_delivery = shapes
+    flag = jax.ShapeDtypeStruct((), bool)
+    code, _ = kernel(measure, of_loop, WHOLE, of_state, of_sensor)
+    truth = (fields["true_t"], *(fields[name] for name in ("true_q", "true_dq", "true_e")))
+    planner.code(
+        "measure",
+        code,
+        (numbers, k, state, memories["sensor"]),
+        (measured, fresh, memories["sensor_after"], truth),
+    )
+    code, _ = kernel(set_, of_loop, WHOLE, of_state, of_delivery, vector, flag)
+    planner.code(
+        "set",
+        code,
+        (numbers, k, state, memories["delivery"], tau, brakes),
+        (set_tau, memories["delivery_after"]),
+    )
+    force_slot = planner.view("force", vector)
+    world = None
+    if isinstance(arrays, MujocoPlant):
+        code, _ = kernel(push, of_loop, WHOLE, WHOLE, of_state, vector, of_delivery)
+        planner.code("move", code, (numbers, k, i, state, set_tau, memories["delivery"]), force_slot)
+        world = _world(arrays, float(period) / stepping.substeps, start, scenario.t1)
+    else:
+        code, _ = kernel(move, of_loop, WHOLE, of_state, vector, of_delivery)
+        planner.code("move", code, (numbers, k, state, set_tau, memories["delivery"]), memories["state_after"])
+    planner.region("row", set_tau, fields["true_wake"])
+    return ArmPlan(
+        plan=planner.plan(),
+        row=dtype_of(fields, set_tau, fields["true_wake"]),
+        world=world,
+        substeps=stepping.substeps,
+    )
+
+
+def _first(sensor: AbstractSensor | None, state: State, period: Scalar, transport: int) -> tuple[Any, State]:
+    """The sensor's memory after the measurement before the first tick, and that measurement."""
+    if sensor is None:
+        return (), state
+    memory = sensor.init(state)
+    if not transport:
+        return memory, state
+    measurement, memory = jax.jit(lambda s, m: sensor(jnp.zeros((), int), s, period, m))(state, memory)
+    return memory, measurement.state
+
+
+def _world(plant: MujocoPlant, timestep: float, start: State, until: float) -> tuple[Any, np.ndarray, np.ndarray]:
+    """MuJoCo's model, constant during the run."""
+    from slidax.simulation.mujoco_model import World
+
+    load = plant.load
+    if load is not None and float(load.payload.mass) > 0 and (load.attached > 0 or load.released < until):
+        raise DefinitionError(
+            "a payload that is attached or released during the run needs the built-in arm: `--arm own`"
+        )
+    world = World(plant, timestep, start)
+    return world.model, world.places, world.dofs
+
+
+def _shape(x: Any) -> Any:
+    return jax.ShapeDtypeStruct(np.shape(x), x.dtype)

@@ -1,0 +1,120 @@
+"""The exported law on a Franka arm through pylibfranka. Runs without slidax."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from .pilot import FINISH, STOP, MotionLog, Pilot, load_law, prepare, request_real_time_priority, robot_parser
+
+STATUS = {"finished": 0, "stopped": 3, "reflex": 4, "no robot": 5}
+"""Exit codes: motion over; stopped by the pilot; stopped by the robot; no robot."""
+
+
+@dataclass(frozen=True)
+class FrankaOutcome:
+    """End of a motion.
+
+    - `ending`: "finished", "stopped" by the pilot, "reflex" of the robot, or "no robot".
+    - `phase`: of the reference on its path.
+    - `success_rate`: smallest share of commands that arrived, as the robot counts it over its last 100.
+    """
+
+    ending: str
+    why: str
+    phase: str
+    success_rate: float
+
+
+def run_franka(
+    robot: Any, torques: Any, pilot: Pilot, log: MotionLog | None = None, stop_requests: list[int] | None = None
+) -> FrankaOutcome:
+    """Move the arm until the motion is over or a check fails.
+
+    - `robot`, `torques`: a `pylibfranka.Robot`, and the class `pylibfranka.Torques`.
+    - `log`: records every period.
+    - `stop_requests`: the arm comes to rest once this list is not empty.
+    """
+    least = 1.0
+    try:
+        if not pilot.begin(robot.read_once().q):
+            return FrankaOutcome("stopped", pilot.why, pilot.phase, least)
+        control = robot.start_torque_control()
+    except Exception as error:
+        return FrankaOutcome("no robot", str(error), pilot.phase, least)
+    finished = False
+    try:
+        while not finished:
+            state, elapsed = control.readOnce()
+            if stop_requests:
+                pilot.rest()
+                stop_requests.clear()
+            action = pilot.step(elapsed.to_sec(), state.q, state.dq)
+            rate = state.control_command_success_rate
+            # It counts over 100 periods, and begins at 0.
+            if pilot.report.steps > 100:
+                least = min(least, rate)
+            if action != STOP:
+                command = torques(list(pilot.report.tau))
+                finished = action == FINISH
+                command.motion_finished = finished
+                # First of all: what comes after the period's end is a lost packet.
+                control.writeOnce(command)
+            if log is not None:
+                log.add(pilot, state.q, state.dq, rate)
+            if action == STOP:
+                robot.stop()
+                return FrankaOutcome("stopped", pilot.why, pilot.phase, least)
+    except Exception as error:
+        return FrankaOutcome("reflex", str(error), pilot.phase, least)
+    return FrankaOutcome("finished", pilot.why, pilot.phase, least)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the program; its exit codes are in `STATUS`."""
+    parser = robot_parser(__doc__, Path(__file__).parent)
+    parser.add_argument("--torque-threshold", type=float, default=40.0, help="of the robot's collision reflex, N m")
+    parser.add_argument("--force-threshold", type=float, default=60.0, help="of the robot's collision reflex, N")
+    options = parser.parse_args(arguments)
+    try:
+        import pylibfranka
+    except ImportError:
+        print("pylibfranka is missing: pip install pylibfranka", file=sys.stderr)
+        return STATUS["no robot"]
+    law = load_law(parser, options.law)
+    pilot, log = law.pilot(), MotionLog(law)
+    prepare(options, pilot)
+    stop_requests: list[int] = []
+    signal.signal(signal.SIGINT, lambda number, _: stop_requests.append(number))
+    realtime = pylibfranka.RealtimeConfig
+    try:
+        request_real_time_priority(not options.no_realtime)
+        robot = pylibfranka.Robot(options.address, realtime.kIgnore if options.no_realtime else realtime.kEnforce)
+        robot.set_collision_behavior(
+            *[[options.torque_threshold] * 7] * 2,
+            *[[options.force_threshold] * 6] * 2,
+        )
+        if options.load is not None:
+            mass, *place = options.load
+            robot.set_load(mass, place, [0.0] * 9)
+    except Exception as error:
+        print(f"no robot: {error}", file=sys.stderr)
+        return STATUS["no robot"]
+    outcome = run_franka(robot, pylibfranka.Torques, pilot, log, stop_requests)
+    if options.log is not None:
+        log.write(options.log)
+    report = pilot.report
+    print(f"{outcome.ending} in phase {outcome.phase}: {outcome.why}")
+    print(
+        f"{report.steps} periods, {report.missed} late, {report.bridged} bridged, {report.clipped} clipped; "
+        f"success rate at least {outcome.success_rate:.2f}"
+    )
+    return STATUS[outcome.ending]
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,377 @@
+"""The exported law and its pilot in Python by ctypes, its log and its command-line options. Runs without slidax."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import ctypes
+import gc
+import json
+import math
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+GO, FINISH, STOP = 0, 1, 2
+"""Action with a torque: send it; send it and end; end at once."""
+
+C_TYPES: dict[str, Any] = {
+    "double": ctypes.c_double,
+    "float": ctypes.c_float,
+    "bool": ctypes.c_bool,
+    "int32_t": ctypes.c_int32,
+    "uint32_t": ctypes.c_uint32,
+    "int64_t": ctypes.c_int64,
+    "uint64_t": ctypes.c_uint64,
+}
+
+FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared")
+"""Of the compiler; the answers to NaN are part of the contract, so there is no -ffast-math."""
+
+POINTS = 256
+"""Largest number of points of a trajectory, as in C."""
+
+
+class CompiledLaw:
+    """An exported law, compiled and loaded.
+
+    - `folder`: with `law.json` and the C files.
+    - `library`: a compiled shared library; by default compiled next to the sources if they are newer.
+
+    Raises OSError if there is no law, subprocess.CalledProcessError if it does not compile.
+    """
+
+    def __init__(self, folder: str | os.PathLike[str], library: str | os.PathLike[str] | None = None) -> None:
+        self.folder = Path(folder)
+        self.about: dict[str, Any] = json.loads((self.folder / "law.json").read_text(encoding="utf-8"))
+        self.joints: int = self.about["joints"]
+        self.period: float = self.about["period"]
+        self.prefix: str = self.about["prefix"]
+        self.phases: list[str] = self.about["phases"]
+        self.real = C_TYPES[self.about["real"]]
+        self.vector = self.real * self.joints
+        self.library = ctypes.CDLL(str(library or self._compiled()))
+        self._structures()
+        self._functions()
+
+    def pilot(self) -> Pilot:
+        """A pilot with the exported options and parameters."""
+        return Pilot(self)
+
+    def conditions(self, status: int) -> list[str]:
+        """Names of the bits that are set in a status."""
+        return [each["name"] for each in self.about["conditions"] if status & each["bit"]]
+
+    def text(self, kind: str, number: int) -> str:
+        """Text for a "phase", a "reason" or a trajectory's verdict ("taken")."""
+        text: bytes = self.call(f"{kind}_text")(number)
+        return text.decode()
+
+    def call(self, name: str) -> Any:
+        """A function of the library, by its name without the prefix."""
+        return getattr(self.library, f"{self.prefix}_{name}")
+
+    def _compiled(self) -> Path:
+        sources = [
+            self.folder / f"{self.prefix}{part}.c" for part in ("", "_scenario", "_path", "_follow", "_pilot", "_words")
+        ]
+        library = self.folder / f"lib{self.prefix}.so"
+        newest = max(each.stat().st_mtime for each in sources)
+        if not library.is_file() or library.stat().st_mtime < newest:
+            compiler = os.environ.get("CC", "cc").split()
+            more = os.environ.get("CFLAGS", "").split()
+            # Built under a temporary name, so that a concurrent build never loads an incomplete file.
+            handle, temporary = tempfile.mkstemp(suffix=".so", dir=self.folder)
+            os.close(handle)
+            subprocess.run([*compiler, *FLAGS, *more, *map(str, sources), "-lm", "-o", temporary], check=True)
+            os.replace(temporary, library)
+        return library
+
+    def _structures(self) -> None:
+        real, vector = self.real, self.vector
+        path = [(name, real) for name in ("hold", "speed", "ramp", "amplitude", "small", "widen", "motion")]
+        self.Path = _structure("Path", path)
+        limits = ("lower", "upper", "speed", "torque", "rate", "torque_hold", "error_hold", "error_small", "error_full")
+        counts = ("held", "lost", "outside", "limited", "void_")
+        self.Options = _structure(
+            "Options",
+            [
+                ("path", self.Path),
+                *((name, vector) for name in limits),
+                *((name, ctypes.c_int32) for name in counts),
+                ("free", ctypes.c_bool),
+                ("follows", ctypes.c_bool),
+            ],
+        )
+        numbers = ("phase", "action", "reason", "joint", "steps", "missed", "bridged", "clipped")
+        self.Report = _structure(
+            "Report",
+            [
+                ("t", real),
+                ("tau", vector),
+                ("error", vector),
+                ("margin", real),
+                ("status", ctypes.c_uint32),
+                *((name, ctypes.c_int32) for name in numbers),
+            ],
+        )
+        self.Point = _structure("Point", [("t", real), ("q", vector), ("dq", vector), ("ddq", vector)])
+        self.Trajectory = _structure(
+            "Trajectory",
+            [
+                ("count", ctypes.c_int),
+                ("velocities", ctypes.c_bool),
+                ("accelerations", ctypes.c_bool),
+                ("points", self.Point * POINTS),
+            ],
+        )
+        for name, members in self.about["structures"].items():
+            fields = [
+                (each["name"], C_TYPES[each["type"]] * each["size"] if each["size"] else C_TYPES[each["type"]])
+                for each in members
+            ]
+            setattr(self, name.capitalize(), _structure(name.capitalize(), fields))
+
+    def _functions(self) -> None:
+        pilot = ctypes.c_void_p
+        vector = ctypes.POINTER(self.real)
+        self.call("pilot_size").restype = ctypes.c_size_t
+        for name in ("report", "options", "reference", "command", "parameters"):
+            getter = self.call(f"pilot_{name}")
+            getter.argtypes, getter.restype = [pilot], ctypes.POINTER(getattr(self, name.capitalize()))
+        for name, rest, result in (
+            ("pilot_default", [], None),
+            ("pilot_begin", [vector], ctypes.c_bool),
+            ("pilot_step", [self.real, vector, vector], ctypes.c_int),
+            ("pilot_rest", [], None),
+            ("pilot_take", [ctypes.POINTER(self.Trajectory)], ctypes.c_int),
+        ):
+            self.call(name).argtypes, self.call(name).restype = [pilot, *rest], result
+        for what in ("phase", "reason", "taken"):
+            self.call(f"{what}_text").argtypes = [ctypes.c_int32]
+            self.call(f"{what}_text").restype = ctypes.c_char_p
+
+
+class Pilot:
+    """One arm's pilot: the structures of C, read and set from Python.
+
+    `options` and `parameters` may be changed before `begin`; `report`, `reference` and `command` describe the last
+    step.
+    """
+
+    def __init__(self, law: CompiledLaw) -> None:
+        self.law = law
+        self._memory = ctypes.create_string_buffer(law.call("pilot_size")())
+        self._at = ctypes.addressof(self._memory)
+        law.call("pilot_default")(self._at)
+        self.report, self.options, self.reference, self.command, self.parameters = (
+            law.call(f"pilot_{name}")(self._at).contents
+            for name in ("report", "options", "reference", "command", "parameters")
+        )
+        self._q, self._dq = law.vector(), law.vector()
+        self._step = law.call("pilot_step")
+
+    def begin(self, q: Sequence[float]) -> bool:
+        """Begin at the posture `q`, rad or m; False if it or an option is invalid, with the reason in the report."""
+        self._q[:] = list(q)
+        return self.law.call("pilot_begin")(self._at, self._q)
+
+    def step(self, elapsed: float, q: Sequence[float], dq: Sequence[float]) -> int:
+        """Run one period; return GO, FINISH or STOP. The torque is `report.tau`.
+
+        - `elapsed`: since the last one [s]; 0 at the first.
+        - `q`, `dq`: measured positions and velocities.
+        """
+        self._q[:] = q
+        self._dq[:] = dq
+        return self._step(self._at, elapsed, self._q, self._dq)
+
+    def rest(self) -> None:
+        """Request the end: the arm comes to rest along its path."""
+        self.law.call("pilot_rest")(self._at)
+
+    def take(
+        self,
+        times: Sequence[float],
+        q: Sequence[Sequence[float]],
+        dq: Sequence[Sequence[float]] | None = None,
+        ddq: Sequence[Sequence[float]] | None = None,
+    ) -> str:
+        """Follow a trajectory from now on, if `options.follows` is set; return "" or why it is refused.
+
+        - `times`: of its points from now on, increasing [s].
+        - `q`, `dq`, `ddq`: positions, and optional velocities and accelerations there.
+        """
+        if len(times) >= POINTS:
+            return self.law.text("taken", 1)
+        trajectory = self.law.Trajectory()
+        trajectory.count = len(times)
+        trajectory.velocities, trajectory.accelerations = dq is not None, ddq is not None
+        for k, t in enumerate(times):
+            point = trajectory.points[k]
+            point.t = t
+            point.q[:] = q[k]
+            if dq is not None:
+                point.dq[:] = dq[k]
+            if ddq is not None:
+                point.ddq[:] = ddq[k]
+        taken: int = self.law.call("pilot_take")(self._at, trajectory)
+        return self.law.text("taken", taken) if taken else ""
+
+    @property
+    def phase(self) -> str:
+        """The reference's phase on its path."""
+        return self.law.phases[self.report.phase]
+
+    @property
+    def why(self) -> str:
+        """Why the arm came to rest or the control stopped, with the joint."""
+        text = self.law.text("reason", self.report.reason)
+        return f"{text} (joint {self.report.joint})" if self.report.joint else text
+
+    def signals(self) -> dict[str, list[float]]:
+        """The law's signals at the last step, and the torque, by name; a scalar is a list of one."""
+        values = {}
+        for each in self.law.about["structures"]["command"]:
+            value = getattr(self.command, each["name"])
+            values[each["name"]] = list(value) if each["size"] else [float(value)]
+        return values
+
+
+def speeds(dq: Sequence[float]) -> float:
+    """The largest of some speeds, 0 if none is finite.
+
+    - `dq`: velocities.
+    """
+    return max((abs(value) for value in dq if math.isfinite(value)), default=0.0)
+
+
+def _structure(name: str, fields: list[tuple[str, Any]]) -> Any:
+    return type(name, (ctypes.Structure,), {"_fields_": fields})
+
+
+PER_JOINT = ("q", "dq", "tau", "q_wanted", "dq_wanted", "error")
+
+
+class MotionLog:
+    """Rows in memory, written when the motion is over: no file is touched while the arm moves."""
+
+    def __init__(self, law: CompiledLaw) -> None:
+        joints = range(1, law.joints + 1)
+        self.columns = ["time", *(f"{name}_{k}" for name in PER_JOINT for k in joints)]
+        self.columns += ["margin", "status", "phase", "success_rate"]
+        self.rows: list[tuple[float, ...]] = []
+
+    def add(self, pilot: Pilot, q: Sequence[float], dq: Sequence[float], success_rate: float = 1.0) -> None:
+        """Add one period after the pilot's step.
+
+        - `success_rate`: of the link to the robot, as counted by the robot.
+        """
+        report, wanted = pilot.report, pilot.reference
+        self.rows.append(
+            (
+                report.t,
+                *q,
+                *dq,
+                *report.tau,
+                *wanted.q,
+                *wanted.dq,
+                *report.error,
+                report.margin,
+                report.status,
+                report.phase,
+                success_rate,
+            )
+        )
+
+    def column(self, name: str) -> list[float]:
+        """One column, such as `q_1`."""
+        at = self.columns.index(name)
+        return [row[at] for row in self.rows]
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Write the table as CSV."""
+        with open(path, "w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(self.columns)
+            writer.writerows(self.rows)
+
+
+def load_law(parser: argparse.ArgumentParser, folder: Path) -> CompiledLaw:
+    """Load the law of a folder, compiled if necessary; end the program with one line if that fails."""
+    try:
+        return CompiledLaw(folder)
+    except FileNotFoundError as error:
+        missing = "a C compiler (install gcc, or set CC)" if error.filename in _compiler() else str(error.filename)
+        parser.error(f"missing: {missing}")
+    except (OSError, subprocess.CalledProcessError) as error:
+        parser.error(f"the law in {folder} does not compile or load: {error}")
+
+
+def _compiler() -> list[str]:
+    return os.environ.get("CC", "cc").split()
+
+
+def prepare(arguments: argparse.Namespace, pilot: Pilot) -> None:
+    """Copy options of the command line to the pilot."""
+    path = pilot.options.path
+    for name in ("hold", "speed", "amplitude", "small", "widen", "motion"):
+        value = getattr(arguments, name)
+        if value is not None:
+            setattr(path, name, value)
+    for name in ("error_hold", "error_small", "error_full"):
+        value = getattr(arguments, name)
+        if value is not None:
+            getattr(pilot.options, name)[:] = [value] * pilot.law.joints
+
+
+def add_path_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the first motion."""
+    for name, unit, meaning in (
+        ("hold", "S", "how long the measured posture is held"),
+        ("speed", "RAD/S", "of the fastest joint on the way to the motion's beginning"),
+        ("amplitude", "SHARE", "of the motion while it is small"),
+        ("small", "S", "how long it is small"),
+        ("widen", "S", "in which it widens to the whole"),
+        ("motion", "S", "how long the whole motion lasts"),
+        ("error-hold", "RAD", "largest error while it holds"),
+        ("error-small", "RAD", "largest error while the motion is small"),
+        ("error-full", "RAD", "largest error later"),
+    ):
+        parser.add_argument(f"--{name}", type=float, metavar=unit, help=f"{meaning}; the exported one if not given")
+    parser.add_argument("--log", type=Path, help="write what happened as CSV")
+
+
+def robot_parser(description: str | None, folder: Path) -> argparse.ArgumentParser:
+    """Return a parser with the options of all programs that control a robot.
+
+    - `folder`: of the program, with the law in its folder `law`.
+    """
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("address", help="of the robot")
+    parser.add_argument("--law", type=Path, default=folder / "law", help="the folder of the law")
+    load = ("KG", "X", "Y", "Z")
+    parser.add_argument("--load", type=float, nargs=4, metavar=load, help="told to the robot: mass and place")
+    parser.add_argument("--no-realtime", action="store_true", help="go on without a real-time priority")
+    add_path_options(parser)
+    return parser
+
+
+def request_real_time_priority(enforce: bool) -> None:
+    """Request real-time priority.
+
+    Raises OSError if the system refuses it and `enforce` is set.
+    """
+    gc.collect()
+    gc.disable()
+    try:
+        if sys.platform != "linux":
+            raise OSError("real-time priority is available on Linux only")
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(80))
+    except OSError:
+        if enforce:
+            raise

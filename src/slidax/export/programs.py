@@ -1,0 +1,358 @@
+"""Programs of the exported functions: step, envelope, reference motion and arm, in doubles or floats."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from slidax.codegen.builder import Builder
+from slidax.codegen.ir import Program, Value
+from slidax.codegen.passes import rebuild
+from slidax.codegen.trace.library import Library
+from slidax.codegen.trace.tracing import ir_type, trace
+from slidax.core.types import Reference, Scalar, State, Vector
+from slidax.motions.trajectory import AbstractMotion
+from slidax.simulation.plant import Plant
+
+from .c_structures import Member, ParameterBounds, constant_bounds, members, related_valid
+from .guarded_step import GuardedStep
+from .status import ANSWERED, CHECKED, WAITING, Condition, Flag, StepMemory
+
+LONG = 64
+"""Numbers from which on an array becomes a table."""
+
+CHANGED = ("tau", "held", "stop", "commanded")
+"""Members of the memory that a held command changes."""
+
+SAMPLE = ("", "t", "", "reference", "next")
+"""Names of a step's arguments in comments: parameters, time, state, reference now and next."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """An array in C; `pointer`, such as `parameters->`, leads to its member."""
+
+    pointer: str
+    member: Member
+
+    def element(self, k: int | str) -> str:
+        """C expression of the number at index `k`, a number or an expression."""
+        return f"{self.pointer}{self.member.name}[{k}]" if self.member.shape else f"{self.pointer}{self.member.name}"
+
+
+@dataclass(frozen=True)
+class Function:
+    """A program with one place for each input and output."""
+
+    program: Program
+    inputs: list[Place]
+    outputs: list[Place]
+
+    def read(self, which: int, element: int | str) -> str:
+        """C expression of an input's element."""
+        return self.inputs[which].element(element)
+
+    @property
+    def tables(self) -> list[Member]:
+        """The constant arrays that it reads."""
+        read = {value.data[0] for value in self.program.body.values if value.op == "input"}
+        read |= {value.data for value in self.program.walk() if value.op == "load"}
+        return [place.member for k, place in enumerate(self.inputs) if place.member.values is not None and k in read]
+
+    @property
+    def assigned(self) -> list[tuple[str, Value]]:
+        """Each element of an output, with its value."""
+        return [
+            (place.element(k), value)
+            for place, output in zip(self.outputs, self.program.outputs, strict=True)
+            for k, value in enumerate(output.values or ())
+        ]
+
+
+@dataclass(frozen=True)
+class StepPrograms:
+    """All functions of a guarded step.
+
+    - `checked`: from a sample to its faults.
+    - `answered`: the law on a good sample.
+    - `held`: the command on a bad one.
+    - `begun`: from the first good sample to the memory.
+    - `valid`: from the parameters to true if those with ranges that depend on other parameters are in range.
+    - `parameters`, `memory`, `signals`: members of the structures.
+    - `bounds`: of the numbers of each parameter; None for one that is no real number.
+    """
+
+    checked: Function
+    answered: Function
+    held: Function
+    begun: Function
+    valid: Function
+    parameters: list[Member]
+    bounds: list[ParameterBounds | None]
+    memory: list[Member]
+    signals: list[Member]
+
+
+def step_programs(guard: GuardedStep, real: str = "double") -> StepPrograms:
+    """Trace the programs of a guarded step.
+
+    - `guard`: the step, with the parameters' defaults.
+    - `real`: number type in C, "double" or "float".
+
+    Raises DefinitionError if there is no native code for the law.
+    """
+    t, state, reference = _sample(guard.joints)
+    held = jax.eval_shape(guard.init, t, state, reference)
+    parameters = members(guard, strip=("controller", "step", "law"), values=True)
+    memory = members(held)
+
+    def checked(guard: GuardedStep, t: Scalar, state: State, now: Reference, following: Reference) -> list[Flag]:
+        return list(guard.checked(t, state, now, following).values())
+
+    def answered(
+        guard: GuardedStep, memory: StepMemory, t: Scalar, state: State, now: Reference, following: Reference
+    ) -> tuple[StepMemory, dict[str, Any], list[Flag]]:
+        command, flags = guard.answered(t, state, now, following, memory)
+        return command.memory, command.signals, list(flags.values())
+
+    def hold(guard: GuardedStep, memory: StepMemory) -> tuple[list[Any], list[Flag]]:
+        kept, flags = guard.held(memory)
+        return [getattr(kept, name) for name in CHANGED], list(flags.values())
+
+    def begin(guard: GuardedStep, memory: StepMemory, t: Scalar, state: State, now: Reference) -> StepMemory:
+        return guard.begun(t, state, now, memory)
+
+    def valid(guard: GuardedStep) -> Flag:
+        return related_valid(guard)
+
+    sample = (t, state, reference, reference)
+    signals = members(jax.eval_shape(answered, guard, held, *sample)[1])
+    settings, kept = _places("parameters->", parameters), _places("memory->", memory)
+    sensors, wanted = (
+        _places("measurement->", measurement(guard.joints)),
+        _places("reference->", references(guard.joints)),
+    )
+    out = _places("command->", signals)
+    library = Library()
+    return StepPrograms(
+        checked=_function(checked, (guard, *sample), SAMPLE, settings + sensors + wanted, _flags(CHECKED)),
+        answered=_function(
+            answered,
+            (guard, held, *sample),
+            (SAMPLE[0], "memory", *SAMPLE[1:]),
+            settings + kept + sensors + wanted,
+            kept + out + _flags(ANSWERED),
+            library,
+        ),
+        held=_function(
+            hold,
+            (guard, held),
+            ("", "memory"),
+            settings + kept,
+            _places("memory->", [_named(memory, name) for name in CHANGED]) + _flags(WAITING),
+        ),
+        begun=_function(
+            begin,
+            (guard, held, *sample[:3]),
+            (SAMPLE[0], "memory", *SAMPLE[1:4]),
+            settings + kept + sensors + wanted[:3],
+            kept,
+            library,
+        ),
+        valid=_function(valid, (guard,), ("",), settings, [Place("", Member("valid", "b1", ()))]),
+        parameters=parameters,
+        bounds=constant_bounds(guard, real),
+        memory=memory,
+        signals=signals,
+    )
+
+
+def motion_program(trajectory: AbstractMotion, joints: int) -> Function:
+    """Trace the scenario's reference as a function of time and period; long constant arrays become tables."""
+    long, short = _tables(trajectory)
+
+    def motion(t: Scalar, period: Scalar, long: Any) -> tuple[Reference, Reference]:
+        whole = eqx.combine(long, short)
+        return whole.reference(t), whole.reference(t + period)
+
+    number = jnp.zeros(())
+    inputs = [Place("", Member(name, "f64", ())) for name in ("t", "period")] + _places("", _tabled(long, "motion"))
+    outputs = _places("reference->", references(joints))
+    return _function(motion, (number, number, long), ("t", "period", "table"), inputs, outputs)
+
+
+def arm_program(plant: Plant) -> Function:
+    """Trace the acceleration of the scenario's disturbed arm as a function of time, state and torque."""
+    long, short = _tables(plant)
+
+    def acceleration(t: Scalar, state: State, tau: Vector, long: Any) -> Vector:
+        return eqx.combine(long, short).acceleration(t, state, tau)
+
+    t, state, _ = _sample(plant.robot.joints)
+    shape = state.q.shape
+    inputs = [
+        Place("", Member("t", "f64", ())),
+        *(Place("", Member(name, "f64", shape)) for name in ("q", "dq", "tau")),
+        *_places("", _tabled(long, "arm")),
+    ]
+    outputs = [Place("", Member("ddq", "f64", shape))]
+    return _function(acceleration, (t, state, state.q, long), ("t", "", "tau", "table"), inputs, outputs)
+
+
+def _tables(tree: Any) -> tuple[Any, Any]:
+    """A tree's long arrays, and the rest of it."""
+    return eqx.partition(tree, lambda leaf: eqx.is_array(leaf) and leaf.size >= LONG)
+
+
+def _tabled(long: Any, owner: str) -> list[Member]:
+    """The members of long arrays, with their numbers."""
+    return [
+        Member(f"{owner}_table_{k}", ir_type(leaf.dtype, owner), tuple(leaf.shape), values=np.asarray(leaf))
+        for k, leaf in enumerate(jax.tree.leaves(long), start=1)
+    ]
+
+
+def measurement(joints: int) -> list[Member]:
+    """The members of a measurement."""
+    return [
+        Member("t", "f64", (), "time since the start of the motion [s]"),
+        Member("q", "f64", (joints,), "positions"),
+        Member("dq", "f64", (joints,), "velocities"),
+    ]
+
+
+def references(joints: int) -> list[Member]:
+    """The members of a reference: now, and one period later."""
+    words = {"q": "positions", "dq": "velocities", "ddq": "accelerations"}
+    return [Member(name, "f64", (joints,), f"{word} now") for name, word in words.items()] + [
+        Member(f"{name}_next", "f64", (joints,), f"{word} one period later") for name, word in words.items()
+    ]
+
+
+def _function(
+    function: Callable[..., Any],
+    args: tuple[Any, ...],
+    names: tuple[str, ...],
+    inputs: list[Place],
+    outputs: list[Place],
+    library: Library | None = None,
+) -> Function:
+    return Function(trace(function, *args, names=names, library=library), inputs, outputs)
+
+
+def _places(pointer: str, these: list[Member]) -> list[Place]:
+    return [Place(pointer, member) for member in these]
+
+
+def _flags(conditions: tuple[Condition, ...]) -> list[Place]:
+    return [Place("", Member(condition.name.lower(), "b1", ())) for condition in conditions]
+
+
+def _named(these: list[Member], name: str) -> Member:
+    return next(member for member in these if member.name == name)
+
+
+def _sample(joints: int) -> tuple[Scalar, State, Reference]:
+    vector = jnp.zeros(joints)
+    return jnp.zeros(()), State(vector, vector), Reference(vector, vector, vector)
+
+
+MEANINGS = {
+    "error": "errors e",
+    "lower": "lower bounds of the errors",
+    "upper": "upper bounds of the errors",
+    "margin": "distance of the errors to the nearer bound, as a share of the envelope's width; below 0 outside",
+}
+
+
+def envelope_members(joints: int) -> list[Member]:
+    """The members of the structure that the function fills."""
+    return [Member(name, "f64", (joints,), meaning) for name, meaning in MEANINGS.items()]
+
+
+def envelope_function(guard: GuardedStep, step: StepPrograms) -> Function | None:
+    """From parameters, memory before a step and sample to `envelope->`; None if the law has no envelope.
+
+    Raises DefinitionError if there is no native code for it.
+    """
+    vector, scalar = jnp.zeros(guard.joints), jnp.zeros(())
+    state, reference = State(vector, vector), Reference(vector, vector, vector)
+    memory = jax.eval_shape(guard.init, scalar, state, reference)
+    if jax.eval_shape(guard.envelope, scalar, memory) is None:
+        return None
+
+    def envelope(guard: GuardedStep, memory: StepMemory, t: Scalar, state: State, now: Reference) -> list[Vector]:
+        bounds = guard.envelope(t, memory)
+        assert bounds is not None
+        e = state.q - guard.wanted_then(now)
+        lower, upper = (jnp.broadcast_to(bound, e.shape) for bound in (bounds.lower, bounds.upper))
+        return [e, lower, upper, jnp.minimum(e - lower, upper - e) / (upper - lower)]
+
+    inputs = (
+        [Place("parameters->", member) for member in step.parameters]
+        + [Place("memory->", member) for member in step.memory]
+        + [Place("measurement->", member) for member in measurement(guard.joints)]
+        + [Place("reference->", member) for member in references(guard.joints)[:3]]
+    )
+    names = ("", "memory", "t", "", "reference")
+    program = trace(envelope, guard, memory, scalar, state, reference, names=names)
+    return Function(program, inputs, [Place("envelope->", member) for member in envelope_members(guard.joints)])
+
+
+DOUBLE, FLOAT = float(np.finfo(np.float64).eps), float(np.finfo(np.float32).eps)
+TOLERANCES = (0.1 * DOUBLE, 1e-10)
+"""A constant in this range is a tolerance: no robot gain is that small, and guards against division by zero are far
+smaller.
+"""
+
+ULPS = 16.0
+"""Largest tolerance in units in the last place, which a search meets easily."""
+
+FEWEST = 4.0
+"""Smallest tolerance in units in the last place; below it, rounding of a sum of some terms cannot meet it."""
+
+NEXT_TO_ONE = 4.0 * FLOAT
+
+
+def with_float_constants(program: Program) -> Program:
+    """Return the program with constants that mean in floats what they mean in doubles.
+
+    Tolerances become as many units in the last place, at least 4 and at most 16, so that a search that is to meet them
+    ends. A number next to one, which keeps a logarithm finite, stays next to one.
+    """
+
+    def replaced(builder: Builder, value: Value, args: tuple[Value, ...]) -> Value | None:
+        fitted = tuple(
+            builder.constant(float_constant(arg.data), "f64") if arg.op == "const" and arg.type == "f64" else arg
+            for arg in args
+        )
+        if all(new is old for new, old in zip(fitted, args, strict=True)):
+            return None
+        return builder.apply(value.op, *fitted, type=value.type, data=value.data)
+
+    return rebuild(program, replaced)
+
+
+def has_float_constants(program: Program) -> bool:
+    """True if all constants of a program for doubles mean the same in floats."""
+    return all(
+        float_constant(value.data) == value.data
+        for value in program.walk()
+        if value.op == "const" and value.type == "f64"
+    )
+
+
+def float_constant(number: float) -> float:
+    """Return a constant for floats from one for doubles."""
+    size = abs(number)
+    if TOLERANCES[0] < size < TOLERANCES[1]:
+        return float(np.copysign(min(max(size / DOUBLE, FEWEST), ULPS) * FLOAT, number))
+    if 0.0 < abs(size - 1.0) < NEXT_TO_ONE:
+        return float(np.copysign(1.0 + np.copysign(NEXT_TO_ONE, size - 1.0), number))
+    return number

@@ -1,0 +1,405 @@
+"""The loop in real time: law and arm in processes of their own, timing statistics, and a log."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
+
+import numpy as np
+
+from slidax.core.errors import DefinitionError
+from slidax.runtime.logs.mcap_files import LogWriter
+from slidax.runtime.processes import run_law
+from slidax.runtime.shared_memory import Mailbox, Ring, create_shared_memory, map_shared_memory
+from slidax.runtime.sides import KEPT_ROWS, LoopJob, MemoryLayout, SideReport, now
+
+from .lockstep import attachments_of, metadata_of
+from .loop_plans import ArmPlan, LawPlan, arm_plan, law_plan
+from .status import STOP_REQUESTED
+
+TIMES = {
+    "wake-up, law": "wake",
+    "wake-up, arm": "true_wake",
+    "step": "took",
+    "measurement to command": "response",
+    "row into the ring": "logged",
+}
+"""Measured times [s] by their titles: columns of the law and of the arm."""
+
+SHARES = {"p50": 50.0, "p99": 99.0, "p99.9": 99.9, "max": 100.0}
+
+
+@dataclass(frozen=True)
+class LoopResult:
+    """Result of a loop.
+
+    - `period`: between two ticks [s].
+    - `ticks`, `answers`: of the arm, and of the law.
+    - `times`: measured times [s], by title.
+    - `law`, `arm`: the sides' reports; None for a side that was killed.
+    - `outside`: ticks at which a joint was at or outside its envelope before the arm braked; None without an envelope.
+    - `margin`: smallest distance to the envelope as a share of its width, for each joint.
+    - `statuses`: number of answers with each bit.
+    - `recorder`: processor time of the recorder per tick [s].
+    - `size`: of the log [bytes]; None without one.
+    - `lost`: rows lost by the recorder.
+    - `hogs`: additional processes.
+    """
+
+    period: float
+    ticks: int
+    answers: int
+    times: dict[str, np.ndarray]
+    law: SideReport | None
+    arm: SideReport | None
+    outside: int | None
+    margin: list[float] | None
+    statuses: dict[str, int]
+    recorder: float
+    size: int | None
+    lost: int
+    hogs: int
+
+    @property
+    def reason(self) -> str:
+        """Why the loop ended."""
+        if self.law is None:
+            return "the law's process was killed, and the arm braked"
+        if self.arm is None:
+            return "the arm's process was killed"
+        if self.arm.reason == "no command":
+            return "the arm braked, as no command had come for too long"
+        if self.arm.reason == "stop requested":
+            return "the arm braked, as the law asked for a stop (STOP_REQUESTED): too many commands in a row were held"
+        return {"done": "done", "stopped": "stopped", "not finite": "the arm's motion became infinite"}[self.arm.reason]
+
+    @property
+    def good(self) -> bool:
+        """True if it reached its end inside its envelope."""
+        return self.reason in ("done", "stopped") and not self.outside
+
+    @property
+    def held(self) -> int:
+        """Ticks at which no command arrived in time and the last torque was held."""
+        return 0 if self.arm is None else self.arm.counts["held"]
+
+    def percentiles(self) -> dict[str, dict[str, float]]:
+        """Percentiles of each time [s]."""
+        table = {}
+        for name, values in self.times.items():
+            if len(values):
+                table[name] = {share: float(np.percentile(values, at)) for share, at in SHARES.items()}
+        return table
+
+    def not_granted(self) -> list[str]:
+        """Real-time properties that the system refused, with remedies."""
+        sides = [side for side in (self.law, self.arm) if side is not None]
+        refusals = []
+        if any(side.priority is None for side in sides):
+            refusals.append(
+                "no real-time priority (SCHED_FIFO), so other processes interfere: run `ulimit -r 99` in a privileged "
+                "shell, or add a line `@realtime - rtprio 99` to /etc/security/limits.conf"
+            )
+        if any(not side.locked for side in sides):
+            refusals.append(
+                "memory is not locked (mlockall), so page faults can occur: run `ulimit -l unlimited`, or add a line "
+                "`@realtime - memlock unlimited` there"
+            )
+        if any(not side.absolute for side in sides):
+            refusals.append("no absolute wake-ups (clock_nanosleep): only Linux has them")
+        return refusals
+
+    def as_json(self) -> dict[str, Any]:
+        """For programs; times in us."""
+        arm = {} if self.arm is None else self.arm.counts
+        sides = {"law": self.law, "arm": self.arm}
+        return {
+            "period": self.period,
+            "ticks": self.ticks,
+            "answers": self.answers,
+            "ended": self.reason,
+            "missed": {
+                "ticks": self.held,
+                "longest": arm.get("longest", 0),
+                "caught_up": arm.get("caught_up", 0),
+                "rolled_back": 0 if self.law is None else self.law.counts["rolled_back"],
+                "skipped": 0 if self.law is None else self.law.counts["skipped"],
+            },
+            "latency_us": {
+                name: {share: round(1e6 * value, 2) for share, value in shares.items()}
+                for name, shares in self.percentiles().items()
+            },
+            "envelope": {"outside": self.outside, "margin": self.margin},
+            "status": self.statuses,
+            "log": {"bytes": self.size, "recorder_us": round(1e6 * self.recorder, 2), "rows_lost": self.lost},
+            "system": {
+                name: None
+                if report is None
+                else {"fifo": report.priority, "locked": report.locked, "absolute": report.absolute}
+                for name, report in sides.items()
+            },
+            "hogs": self.hogs,
+        }
+
+
+@dataclass
+class LoopRecorder:
+    """Recorder of a loop's rows.
+
+    - `period`: between two ticks [s].
+    - `spent`: processor time used [s].
+    """
+
+    law: LawPlan
+    arm: ArmPlan
+    period: float
+    spent: float = 0.0
+    _kept: dict[str, list[np.ndarray]] = field(default_factory=dict)
+
+    def add(self, law: np.ndarray, arm: np.ndarray) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+        """Record rows (bytes); return the columns of both sides."""
+        of_law, of_arm = self.law.columns(law), self.arm.columns(arm)
+        bounds = ("lower", "upper") if self.law.channels.bounded else ()
+        for columns, names in (
+            (of_law, ("k", "status", "wake", "took", "response", "logged", *bounds)),
+            (of_arm, ("true_k", "true_e", "true_wake", "braking")),
+        ):
+            for name in names:
+                self._kept.setdefault(name, []).append(columns[name].copy())
+        return of_law, of_arm
+
+    def looped(
+        self, law: SideReport | None, arm: SideReport | None, lost: int, size: int | None, hogs: int
+    ) -> LoopResult:
+        """Return the result; the arguments are those of `Looped`."""
+        whole = {name: np.concatenate(parts) for name, parts in self._kept.items()}
+        outside, margin = self._judged(whole)
+        bits = self.law.channels.bits
+        ticks = len(whole["true_k"])
+        return LoopResult(
+            period=self.period,
+            ticks=ticks,
+            answers=len(whole["k"]),
+            # The first row has no logging time before it.
+            times={name: whole[column][1:] if column == "logged" else whole[column] for name, column in TIMES.items()},
+            law=law,
+            arm=arm,
+            outside=outside,
+            margin=margin,
+            statuses={name: int(((whole["status"] >> place) & 1).sum()) for place, name in enumerate(bits)},
+            recorder=self.spent / max(ticks, 1),
+            size=size,
+            lost=lost,
+            hogs=hogs,
+        )
+
+    def _judged(self, whole: dict[str, np.ndarray]) -> tuple[int | None, list[float] | None]:
+        """Ticks outside the envelope, and margins, by the true error.
+
+        The bounds are interpolated where the law gave no answer.
+        """
+        if not self.law.channels.bounded or not len(whole["k"]):
+            return None, None
+        moving = whole["braking"] == 0
+        at, e = whole["true_k"][moving], whole["true_e"][moving]
+        lower, upper = (
+            np.stack([np.interp(at, whole["k"], bound) for bound in whole[name].T], axis=1)
+            for name in ("lower", "upper")
+        )
+        margin = np.minimum(e - lower, upper - e) / (upper - lower)
+        return int((margin <= 0).any(axis=1).sum()), margin.min(axis=0).tolist()
+
+
+if TYPE_CHECKING:
+    from slidax.scenarios.scenario import Scenario
+
+CHUNK, LOOK = 0.5, 0.05
+"""Interval at which rows are read from the rings and written as a chunk, and the same with live data [s]."""
+
+PHASE = 0.1
+"""Wake-up of the law after a tick, as a share of the period; its measurement has usually arrived by then."""
+
+LEAD = 100_000_000
+"""From the start signal to tick 0 [ns]."""
+
+LAW_FIRST, ARM_FIRST = 80, 81
+"""Real-time priorities; the arm's is higher, as a robot's own computer does not wait for ours."""
+
+
+def run_loop(
+    scenario: Scenario,
+    *,
+    log: Path | None = None,
+    port: int | None = None,
+    patience: int = 20,
+    hogs: int = 0,
+) -> LoopResult:
+    """Run a scenario in real time from its start to its `t1`, or until a side stops.
+
+    - `scenario`: in held mode, with measurements that are at least one period old.
+    - `log`: an MCAP file; None for none.
+    - `port`: of a local Foxglove server; None for none.
+    - `patience`: ticks without a command until the arm brakes, and without a measurement until the law ends.
+    - `hogs`: additional processes that only burn time.
+
+    Raises DefinitionError if the scenario does not allow it or a package is missing, OSError if the log cannot be
+    written.
+    """
+    if os.name != "posix":
+        raise DefinitionError("a real-time loop needs a POSIX system such as Linux; use `slidax run` elsewhere")
+    if log is not None and log.suffix != ".mcap":
+        raise DefinitionError(f"the log of a loop must end in .mcap; got `{log.name}`")
+    # The arm first, as it is more likely to be refused.
+    of_arm, of_law = arm_plan(scenario, transport=1), law_plan(scenario)
+    ticks = round(scenario.t1 / scenario.period)
+    lengths = _lengths(of_law, of_arm)
+    places = _places(lengths)
+    descriptor = create_shared_memory(places.size)
+    memory = map_shared_memory(descriptor)
+    job = LoopJob(
+        plan=of_law.plan,
+        places=places,
+        lengths=lengths,
+        period=scenario.period,
+        ticks=ticks,
+        patience=patience,
+        phase=round(PHASE * scenario.period * 1e9),
+        priority=LAW_FIRST,
+        world=None,
+        substeps=of_arm.substeps,
+        stop_bit=STOP_REQUESTED.bit,
+    )
+    of_the_arm = replace(job, plan=of_arm.plan, priority=ARM_FIRST, world=of_arm.world)
+    begins = memory[places.start :][:16].view(np.int64)
+    recorded = LoopRecorder(of_law, of_arm, scenario.period)
+    with ExitStack() as stack:
+        stack.callback(os.close, descriptor)
+        sides = [
+            stack.enter_context(_started(name, descriptor, side)) for name, side in (("arm", of_the_arm), ("law", job))
+        ]
+        _wait_for(sides)
+        writer = None
+        if log is not None or port is not None:
+            metadata = metadata_of(scenario, "loop", scenario.t1)
+            start = time.time_ns() + LEAD
+            writer = LogWriter(log, of_law.channels, metadata, attachments_of(scenario), start=start, port=port)
+            stack.callback(writer.close)
+        for _ in range(hogs):
+            stack.enter_context(_ended(subprocess.Popen([sys.executable, "-c", "while True: pass"])))
+        rings = (
+            Ring(memory[places.law_rows :], lengths[2], KEPT_ROWS),
+            Ring(memory[places.arm_rows :], lengths[3], KEPT_ROWS),
+        )
+        pause = CHUNK if port is None else LOOK
+        begins[0] = now() + LEAD
+        try:
+            _record(sides, rings, recorded, writer, pause)
+        except KeyboardInterrupt:
+            begins[1] = 1
+            _record(sides, rings, recorded, writer, pause)
+        reports = [_report(side) for side in sides]
+    size = log.stat().st_size if log is not None else None
+    return recorded.looped(reports[1], reports[0], sum(ring.lost for ring in rings), size, hogs)
+
+
+def _record(
+    sides: list[subprocess.Popen[bytes]],
+    rings: tuple[Ring, Ring],
+    recorded: LoopRecorder,
+    writer: LogWriter | None,
+    pause: float,
+) -> None:
+    """Read rows and write them until both sides have ended."""
+    flushed = time.monotonic()
+    while True:
+        over = all(side.poll() is not None for side in sides)
+        began = time.process_time()
+        law, arm = recorded.add(*(ring.take(last=over) for ring in rings))
+        if writer is not None:
+            writer.law(law)
+            writer.arm(arm)
+            if over or time.monotonic() - flushed > CHUNK - LOOK:
+                writer.flush()
+                flushed = time.monotonic()
+        recorded.spent += time.process_time() - began
+        if over:
+            return
+        time.sleep(pause)
+
+
+def _lengths(law: LawPlan, arm: ArmPlan) -> tuple[int, int, int, int]:
+    """Bytes of a measurement, a command, and a row of each side."""
+    start, end = law.plan.regions["measured"]
+    first, last = law.plan.regions["tau"]
+    return 24 + end - start, 8 + last - first, law.row.itemsize, arm.row.itemsize
+
+
+def _places(lengths: tuple[int, int, int, int]) -> MemoryLayout:
+    measurement, command, law_row, arm_row = lengths
+    sizes = (
+        Mailbox.size(measurement),
+        Mailbox.size(command),
+        Ring.size(law_row, KEPT_ROWS),
+        Ring.size(arm_row, KEPT_ROWS),
+        16,
+    )
+    # Separate pages, so that one side's writes do not slow the other's reads.
+    ends = np.cumsum([-(-size // 4096) * 4096 for size in sizes]).tolist()
+    return MemoryLayout(0, *ends)
+
+
+def _started(name: str, descriptor: int, job: LoopJob) -> AbstractContextManager[subprocess.Popen[bytes]]:
+    side = subprocess.Popen(
+        [sys.executable, "-m", run_law.__module__, name, str(descriptor)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        pass_fds=[descriptor],
+        # Ctrl-C goes to this process alone, which stops the others.
+        start_new_session=True,
+    )
+    assert side.stdin is not None
+    # A dead process is detected by its missing report.
+    with suppress(BrokenPipeError), side.stdin as pipe:
+        pickle.dump(job, pipe)
+    side.stdin = None
+    return _ended(side)
+
+
+@contextmanager
+def _ended(process: subprocess.Popen[bytes]) -> Iterator[subprocess.Popen[bytes]]:
+    """Yield the process and kill it at the end of the block."""
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+        if process.stdout is not None:
+            process.stdout.close()
+
+
+def _wait_for(sides: list[subprocess.Popen[bytes]]) -> None:
+    for side in sides:
+        output = _output(side)
+        if output.readline() != b"ready\n":
+            raise DefinitionError("a side of the loop did not start; see its output above")
+
+
+def _report(side: subprocess.Popen[bytes]) -> SideReport | None:
+    """A side's report; None if it was killed."""
+    report = _output(side).read()
+    if side.wait() or not report:
+        return None
+    return pickle.loads(report)
+
+
+def _output(side: subprocess.Popen[bytes]) -> IO[bytes]:
+    assert side.stdout is not None
+    return side.stdout

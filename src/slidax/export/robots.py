@@ -1,0 +1,456 @@
+"""Law, limits and programs for a robot; Franka and Universal Robots exports."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import re
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from slidax.arms.articulated import Articulated
+from slidax.arms.coupled import Coupled
+from slidax.codegen.c.expressions import Dialect
+from slidax.core.errors import DefinitionError
+from slidax.core.writing import write_text
+from slidax.plant.actuators import Actuator, TorqueLimits
+from slidax.scenarios.scenario import Scenario
+from slidax.simulation.plant import MujocoPlant, Plant
+
+from .c_project import STEP, CProject, export_c, project, write_files, writing
+from .c_structures import Member
+from .onboard.franka import run_franka
+from .onboard.pilot import MotionLog, Pilot, load_law
+from .onboard.rehearsal import rehearse
+from .onboard.ur import run_ur
+
+
+@dataclass(frozen=True)
+class Reason:
+    """A reason.
+
+    - `name`: as in C, without its prefix.
+    - `stops`: True if the control ends at once; otherwise the arm comes to rest along its path.
+    """
+
+    name: str
+    meaning: str
+    stops: bool
+    remedy: str
+
+
+REASONS = (
+    Reason("NONE", "nothing is wrong", False, "The motion is over."),
+    Reason("ASKED", "an end was asked for", False, "Nothing is wrong."),
+    Reason(
+        "NOT_BEGUN",
+        "it has not begun: an option or the posture makes no sense",
+        True,
+        "Look at the options; a posture that is not finite is a sensor's fault.",
+    ),
+    Reason("NO_MEASUREMENT", "no good measurement for too long", True, "The sensor or the link to it is gone."),
+    Reason("NO_REFERENCE", "no finite reference for too long", True, "A fault of the planner."),
+    Reason("NO_TORQUE", "the law has had no finite answer for too long", True, "Look for an absurd gain."),
+    Reason(
+        "LOST", "too many periods without a sample", True, "Look at the network and at what else the computer does."
+    ),
+    Reason(
+        "ERROR_HOLDING",
+        "the error is too large while the arm should hold its posture",
+        True,
+        "Joints in another order or sign, weight that nobody carries, or somebody who pushes.",
+    ),
+    Reason(
+        "TORQUE_HOLDING",
+        "it takes too much torque to hold a posture whose weight the robot carries",
+        True,
+        "Gravity counted twice, or a load that the robot was not told.",
+    ),
+    Reason(
+        "ERROR_MOVING",
+        "the error is too large",
+        True,
+        "A collision, a model that is far off, or limits too tight for the motion.",
+    ),
+    Reason(
+        "REFERENCE_OUTSIDE",
+        "the reference leaves the joints' range or speed",
+        True,
+        "The motion is not one for this arm: make it smaller or slower.",
+    ),
+    Reason("POSITION_LIMIT", "a joint is beyond its range", True, "Move it back by hand, and look at the motion."),
+    Reason("SPEED_LIMIT", "a joint is faster than it may be", True, "Look at the log: who pushed it?"),
+    Reason(
+        "OUTSIDE",
+        "the law has been outside its envelope for too long",
+        False,
+        "Look at the log, and let `slidax explain` tell of a run like it; a wider one is `scheme.performance.final`.",
+    ),
+    Reason(
+        "LIMITED",
+        "the torque has been at its limits for too long",
+        False,
+        "The motion asks for more than the drives have: slow it down, or tell the robot its load.",
+    ),
+    Reason("VOID", "the law's promise has been void for too long", False, "`assumption_violated` says what is not so."),
+)
+"""All of them, by their numbers."""
+
+
+LEAST = 0.1
+"""Smallest share of a joint's torque that is left to the law."""
+
+LOOKS = 200
+"""Times along the motion at which the gravity torque is evaluated."""
+
+
+def weight_by_robot(scenario: Scenario, *, rate: float = 0.99) -> Scenario:
+    """The same loop on a robot that adds its own gravity torque: law and arm are weightless.
+
+    The law's nominal arm has gravity 0, so that its command contains none; errors of the robot's gravity compensation
+    act as a disturbance. Of each joint's torque the law gets what the weight leaves along the motion.
+
+    - `rate`: share of the torque rate that the law uses, so that rounding causes no violation.
+
+    Raises DefinitionError if the arm is not `Articulated`.
+    """
+    plant = own_plant(scenario)
+    arms = [each for each in jax.tree.leaves(scenario.controller, is_leaf=_is_arm) if _is_arm(each)]
+    if not isinstance(plant.robot, Articulated):
+        raise DefinitionError(
+            f"a robot that carries its own weight is an articulated arm, as from `slidax.arms.panda()`; "
+            f"`{scenario.name}` has a {type(plant.robot).__name__}"
+        )
+    limits = _limits(plant)
+    weight = np.abs(_weights(scenario, arms[0] if arms else plant.robot)).max(axis=0)
+    torque = np.maximum(np.asarray(limits.torque) - weight, LEAST * np.asarray(limits.torque))
+    eased = TorqueLimits(torque=jnp.asarray(torque), rate=jnp.asarray(np.asarray(limits.rate) * rate))
+    actuator = Actuator(eased) if plant.actuator is None else eqx.tree_at(lambda a: a.limits, plant.actuator, eased)
+    weightless: Plant = eqx.tree_at(
+        lambda p: p.actuator, _weightless(plant), actuator, is_leaf=lambda leaf: leaf is None
+    )
+    return scenario.replace(plant=weightless, controller=_weightless(scenario.controller))
+
+
+def own_plant(scenario: Scenario) -> Plant:
+    """The plant that slidax itself integrates."""
+    return scenario.plant.own if isinstance(scenario.plant, MujocoPlant) else scenario.plant
+
+
+def _is_arm(node: Any) -> bool:
+    return isinstance(node, Articulated)
+
+
+def _weightless(tree: Any) -> Any:
+    def without(node: Any) -> Any:
+        if not _is_arm(node):
+            return node
+        return eqx.tree_at(lambda arm: arm.gravity_vector, node, jnp.zeros_like(node.gravity_vector))
+
+    return jax.tree.map(without, tree, is_leaf=_is_arm)
+
+
+def _limits(plant: Plant) -> TorqueLimits:
+    """Limits of the scenario's drives, within those of the arm's data sheet."""
+    own = TorqueLimits() if plant.actuator is None else plant.actuator.limits
+    assert isinstance(plant.robot, Articulated)
+    sheet = plant.robot.limits
+    return TorqueLimits(torque=jnp.minimum(own.torque, sheet.torque), rate=jnp.minimum(own.rate, sheet.torque_rate))
+
+
+def _weights(scenario: Scenario, arm: Articulated) -> np.ndarray:
+    """Gravity torques along the motion and at its start, by rows."""
+    moments = jnp.linspace(0.0, scenario.t1, LOOKS)
+    postures = jax.vmap(lambda t: scenario.trajectory.reference(t).q)(moments)
+    return np.asarray(jax.vmap(arm.gravity)(jnp.concatenate([postures, scenario.state0.q[None]])))
+
+
+MARGIN = {"rad": 0.03, "m": 0.005}
+"""Distance kept from the end of a joint's range."""
+
+ERRORS = {"rad": (0.02, 0.05, 0.1), "m": (0.005, 0.01, 0.02)}
+"""Largest errors while the arm holds, while the motion is small, and later."""
+
+HOLDING = 0.1
+"""Share of a joint's largest torque that it may take to hold a posture whose weight the robot carries."""
+
+SPEED = 0.95
+"""Share of a joint's largest speed that is used."""
+
+
+@dataclass(frozen=True)
+class RobotLimits:
+    """Data for the templates in addition to the project.
+
+    - `unit`, `torque_unit`: of the first joint.
+    - `lower`, `upper`, `speed`, `torque`, `rate`: the robot's limits, one number per joint.
+    - `torque_hold`: largest torques while it holds, per joint; infinite where the law carries the weight.
+    - `error_hold`, `error_small`, `error_full`: largest errors, per joint.
+    - `held`, `lost`, `outside`, `limited`, `void`: longest duration of each condition, in periods.
+    - `age`: of a measurement when it arrives [s].
+    - `carried`: True if the robot carries its own weight.
+    """
+
+    unit: str
+    torque_unit: str
+    lower: list[float]
+    upper: list[float]
+    speed: list[float]
+    torque: list[float]
+    rate: list[float]
+    torque_hold: list[float]
+    error_hold: list[float]
+    error_small: list[float]
+    error_full: list[float]
+    dialect: Dialect
+    held: int
+    lost: int
+    outside: int
+    limited: int
+    void: int
+    age: float
+    carried: bool
+
+    reasons = REASONS
+
+    @classmethod
+    def of(cls, scenario: Scenario, project: CProject, *, lost: int = 20, carried: bool = False) -> RobotLimits:
+        """Limits of the scenario's arm and drives.
+
+        - `lost`: periods without a sample that end a motion.
+        - `carried`: True if the robot carries its own weight.
+        """
+        plant = own_plant(scenario)
+        n = len(project.joints)
+        endless = np.full(n, np.inf)
+        units = plant.robot.joint_units
+        margin = np.array([MARGIN[unit] for unit in units])
+        errors = np.array([ERRORS[unit] for unit in units]).T.tolist()
+        lower, upper, speed, hold = -endless, endless, endless, endless
+        if isinstance(plant.robot, Articulated | Coupled):
+            sheet = plant.robot.limits
+            lower, upper = np.asarray(sheet.lower) + margin, np.asarray(sheet.upper) - margin
+            speed = SPEED * np.asarray(sheet.velocity)
+            hold = HOLDING * np.asarray(sheet.torque) if carried else endless
+        torque, rate = endless, endless
+        if plant.actuator is not None:
+            torque = np.broadcast_to(np.asarray(plant.actuator.limits.torque), (n,))
+            rate = np.broadcast_to(np.asarray(plant.actuator.limits.rate), (n,))
+        return cls(
+            unit=units[0],
+            torque_unit=plant.robot.torque_units[0],
+            lower=_numbers(lower),
+            upper=_numbers(upper),
+            speed=_numbers(speed),
+            torque=_numbers(torque),
+            rate=_numbers(rate),
+            torque_hold=_numbers(hold),
+            error_hold=errors[0],
+            error_small=errors[1],
+            error_full=errors[2],
+            dialect=project.dialect,
+            held=5,
+            lost=lost,
+            outside=_periods(0.1, project.period),
+            limited=_periods(0.25, project.period),
+            void=_periods(0.1, project.period),
+            age=float(scenario.description.sensor.delay) * project.period,
+            carried=carried,
+        )
+
+    def literal(self, number: float) -> str:
+        """A number in C."""
+        return self.dialect.number(number, "f64")
+
+    def shown(self, numbers: Sequence[float]) -> str:
+        """Numbers in a comment, once if they are the same."""
+        texts = ["none" if np.isinf(number) else f"{number:g}" for number in numbers]
+        return texts[0] if len(set(texts)) == 1 else ", ".join(texts)
+
+    def __getitem__(self, name: str) -> list[float]:
+        return getattr(self, name)
+
+
+def _numbers(values: np.ndarray) -> list[float]:
+    # A few digits are enough for a limit, and are easier to read.
+    return [float(f"{value:.6g}") for value in np.asarray(values, float).tolist()]
+
+
+def _periods(seconds: float, period: float) -> int:
+    return max(round(seconds / period), 1)
+
+
+C_FILES = ("path.h", "path.c", "follow.h", "follow.c", "pilot.h", "pilot.c", "words.c")
+"""Files in C, each with the law's prefix."""
+
+
+@dataclass(frozen=True)
+class RobotTarget:
+    """A robot that takes torques from an exported law, and carries its own weight.
+
+    - `name`: in messages, with its article.
+    - `joints`, `period`: number of joints, and sample time [s].
+    - `lost`: missing samples in a row that end a motion.
+    - `folder`, `files`: templates, and the files that they become.
+    - `program`: entry point of the Python program that becomes `program.py`.
+    """
+
+    name: str
+    joints: int
+    period: float
+    lost: int
+    folder: str
+    files: Mapping[str, str]
+    program: Callable[..., Any]
+
+
+def export_robot(
+    target: RobotTarget,
+    scenario: Scenario,
+    out: Path,
+    *,
+    name: str | None = None,
+    single: bool = False,
+    command: str = "",
+    golden: bool = True,
+) -> CProject:
+    """Write a robot's programs and the law that they run.
+
+    - `name`, `single`, `command`: as in `export_c`.
+    - `golden`: include the tests and golden samples, which take most of the time.
+
+    Raises DefinitionError if the scenario has another number of joints or another period, or cannot be exported.
+    """
+    joints = scenario.state0.q.size
+    if joints != target.joints:
+        raise DefinitionError(f"{target.name} has {target.joints} joints; the robot of `{scenario.name}` has {joints}")
+    if abs(scenario.period - target.period) > 1e-9:
+        raise DefinitionError(
+            f"`simulation.period` must be {target.period:g} s, the sample time of {target.name}; "
+            f"got {scenario.period:g}: `--set simulation.period={1e3 * target.period:g}e-3`"
+        )
+    weightless = weight_by_robot(scenario)
+    exported = write_law(weightless, out / "law", name=name, single=single, command=command, golden=golden)
+    limits = RobotLimits.of(weightless, exported, lost=target.lost, carried=True)
+    write_onboard(exported, limits, out, {"program.py": target.program})
+    write_files(exported, out, {f"{target.folder}/{name}": file for name, file in target.files.items()}, o=limits)
+    return exported
+
+
+def write_law(scenario: Scenario, out: Path, *, name: str | None, single: bool, command: str, golden: bool) -> CProject:
+    """Write the step itself, with tests and golden samples if `golden`; the options are those of `export_c`."""
+    if golden:
+        return export_c(scenario, out, name=name, single=single, command=command)
+    exported = project(scenario, name=name, single=single, command=command, with_golden=False)
+    write_files(exported, out, STEP)
+    return exported
+
+
+def write_onboard(
+    exported: CProject,
+    limits: RobotLimits,
+    out: Path,
+    programs: Mapping[str, Callable[..., Any]] | None = None,
+    names: Sequence[str] = (),
+) -> None:
+    """Write reference, checks and their Python binding to `out`; the step is already in its folder `law`.
+
+    - `programs`: more Python programs by file name, each by a function or class of its module.
+    - `names`: joint names, for programs that address joints by name.
+
+    Raises DefinitionError if the folder cannot be written.
+    """
+    folder = out / "law"
+    write_files(exported, folder, {f"onboard/{name}.j2": f"{{prefix}}_{name}" for name in C_FILES}, o=limits)
+    law = described(exported, limits) | ({"names": list(names)} if names else {})
+    files: dict[str, Any] = {f"{_stem(part)}.py": part for part in (Pilot, MotionLog, load_law, rehearse)}
+    with writing(out):
+        write_text(folder / "law.json", json.dumps(law, indent=1) + "\n")
+        for file, part in {**files, **(programs or {})}.items():
+            write_text(out / file, standalone(part))
+
+
+def standalone(part: Any) -> str:
+    """Source of the module that defines `part`, with package imports replaced by imports from the same folder."""
+    text = inspect.getsource(sys.modules[part.__module__])
+    return re.sub(r"^from (?:\.+|slidax\.)[\w.]*?(\w+) import", r"from \1 import", text, flags=re.MULTILINE)
+
+
+def _stem(part: Any) -> str:
+    name: str = part.__module__
+    return name.rpartition(".")[2]
+
+
+def described(exported: CProject, limits: RobotLimits) -> dict[str, Any]:
+    """The step's structures for languages that do not read C, as `law.json` has them."""
+    return {
+        "name": exported.name,
+        "prefix": exported.prefix,
+        "title": exported.title,
+        "law": exported.law,
+        "real": exported.real,
+        "joints": len(exported.joints),
+        "units": [joint.q for joint in exported.joints],
+        "torque_units": [joint.tau for joint in exported.joints],
+        "period": exported.period,
+        "t1": exported.t1,
+        "delay": exported.delay,
+        "version": exported.version,
+        "structures": {
+            "parameters": _members(exported.parameters, exported),
+            "reference": _members(exported.reference, exported),
+            "command": _members(exported.outputs, exported),
+        },
+        "conditions": [{"name": each.name, "bit": each.bit, "meaning": each.meaning} for each in exported.conditions],
+        "reasons": [{"name": each.name, "meaning": each.meaning, "stops": each.stops} for each in limits.reasons],
+        "phases": ["hold", "approach", "small", "widen", "motion", "rest", "follow"],
+    }
+
+
+def _members(these: list[Member], exported: CProject) -> list[dict[str, Any]]:
+    return [
+        {
+            "name": each.name,
+            "type": exported.dialect.type(each.type),
+            "size": each.size if each.shape else 0,
+            "meaning": each.meaning,
+        }
+        for each in these
+    ]
+
+
+FRANKA = RobotTarget(
+    name="a Franka arm",
+    joints=7,
+    period=1e-3,
+    lost=20,  # the robot's own rule
+    folder="franka",
+    files={"main.cpp.j2": "main.cpp", "CMakeLists.txt.j2": "CMakeLists.txt", "README.md.j2": "README.md"},
+    program=run_franka,
+)
+
+export_franka = partial(export_robot, FRANKA)
+"""Write programs for libfranka (C++) and pylibfranka (Python), and the law that both run: see `export_robot`."""
+
+
+UNIVERSAL_ROBOTS = RobotTarget(
+    name="a Universal Robots arm",
+    joints=6,
+    period=2e-3,
+    lost=10,  # the robot leaves torque control as soon as commands stop
+    folder="ur",
+    files={"README.md.j2": "README.md"},
+    program=run_ur,
+)
+
+export_ur = partial(export_robot, UNIVERSAL_ROBOTS)
+"""Write a program for ur_rtde, and the law that it runs: see `export_robot`."""

@@ -1,0 +1,240 @@
+"""A scenario's law as a ROS 2 package: a ros2_control controller with its parameters, and a Python node."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import slidax
+from slidax.core.errors import DefinitionError, short_repr
+from slidax.core.joint_names import are_numbered
+from slidax.core.writing import write_text
+from slidax.scenarios.scenario import Scenario
+
+from .c_project import CProject, write_files, writing
+from .c_structures import Member
+from .onboard.ros2_node import Node
+from .robots import RobotLimits, own_plant, weight_by_robot, write_law, write_onboard
+
+KEPT = ("nominal_payload_mass", "nominal_payload_center", "nominal_gravity_vector", "nominal_armature")
+"""Settable parameters of the nominal arm; the others describe the arm itself and keep their compiled values."""
+
+
+@dataclass(frozen=True)
+class RosParameter:
+    """One parameter.
+
+    - `name`: such as `law.surface_k1`.
+    - `type`, `checks`: of the parameter library, each check with its arguments.
+    - `default`: as written in YAML.
+    - `meaning`: with unit and range.
+    - `member`: of the law's parameters; None for other parameters.
+    """
+
+    name: str
+    type: str
+    default: str
+    meaning: str
+    checks: tuple[tuple[str, str], ...] = ()
+    member: Member | None = None
+
+
+def ros_parameters(project: CProject, allowed: RobotLimits, joint_names: Sequence[str]) -> list[RosParameter]:
+    """All parameters of the controller."""
+    n = len(joint_names)
+    rows = [
+        RosParameter("joints", "string_array", as_list(map(as_text, joint_names)), "names, in the law's order"),
+        RosParameter("state_topic", "string", '"~/state"', "where signals, errors and status are published"),
+        RosParameter("trajectory_topic", "string", '"~/joint_trajectory"', "where trajectories come from"),
+        RosParameter("hold", "double", "1.0", "initial hold of the measured posture, s", (("gt_eq<>", "[0.0]"),)),
+        RosParameter("ramp", "double", "1.0", "duration of a requested stop, s", (("gt<>", "[0.0]"),)),
+    ]
+    units = {"lower": allowed.unit, "upper": allowed.unit, "speed": f"{allowed.unit}/s", "torque": allowed.torque_unit}
+    units |= {"rate": f"{allowed.torque_unit}/s", "torque_hold": allowed.torque_unit}
+    words = {
+        "lower": "least positions",
+        "upper": "largest positions",
+        "speed": "largest speeds",
+        "torque": "largest torques of a command",
+        "rate": "fastest change of a command",
+        "torque_hold": "largest torques while it holds",
+        "error_hold": "largest errors while it holds",
+        "error_full": "largest errors later",
+    }
+    for name, meaning in words.items():
+        # Infinite limits become a large number that no robot reaches.
+        numbers = [_number(np.clip(value, -1e9, 1e9)) for value in allowed[name]]
+        checks = (("fixed_size<>", f"[{n}]"),)
+        unit = units.get(name, allowed.unit)
+        rows.append(RosParameter(f"limits.{name}", "double_array", as_list(numbers), f"{meaning}, {unit}", checks))
+    for name, number, meaning in (
+        ("held", allowed.held, "periods in a row without a good sample, then it stops"),
+        ("lost", allowed.lost, "periods between two samples, then it stops"),
+        ("outside", allowed.outside, "periods in a row outside the law's envelope, then it comes to rest"),
+        ("limited", allowed.limited, "periods in a row with a limited torque, then it comes to rest"),
+    ):
+        rows.append(RosParameter(f"limits.{name}", "int", str(number), meaning, (("gt<>", "[0]"),)))
+    return rows + [_of_the_law(member) for member in project.parameters if _settable(member)]
+
+
+def yaml(namespace: str, rows: Sequence[RosParameter]) -> str:
+    """The file of the parameter library.
+
+    - `namespace`: of the C++ code that it makes.
+    - `rows`: the parameters.
+    """
+    lines = [f"{namespace}:"]
+    last: list[str] = []
+    for row in rows:
+        *parents, name = row.name.split(".")
+        if parents != last:
+            lines += [f"{'  ' * (1 + k)}{parent}:" for k, parent in enumerate(parents)]
+            last = parents
+        indent = "  " * (1 + len(parents))
+        lines.append(f"{indent}{name}:")
+        lines.append(f"{indent}  type: {row.type}")
+        lines.append(f"{indent}  default_value: {row.default}")
+        lines.append(f"{indent}  description: {as_text(row.meaning)}")
+        lines.append(f"{indent}  read_only: false")
+        if row.checks:
+            lines.append(f"{indent}  validation:")
+            lines += [f"{indent}    {check}: {arguments}" for check, arguments in row.checks]
+    return "\n".join([*lines, ""])
+
+
+def _settable(member: Member) -> bool:
+    assert member.values is not None
+    own = not member.name.startswith("nominal_") or member.name in KEPT
+    # The period is the update rate, set elsewhere.
+    return own and member.type == "f64" and member.name != "period" and bool(np.isfinite(member.values).all())
+
+
+def _of_the_law(member: Member) -> RosParameter:
+    assert member.values is not None
+    numbers = [_number(value) for value in member.values.ravel().tolist()]
+    checks = _checks(member.meaning, vector=bool(member.shape))
+    if member.shape:
+        checks = (("fixed_size<>", f"[{member.size}]"), *checks)
+    default = as_list(numbers) if member.shape else numbers[0]
+    kind = "double_array" if member.shape else "double"
+    return RosParameter(f"law.{member.name}", kind, default, member.meaning or member.name, checks, member)
+
+
+def _checks(meaning: str, *, vector: bool) -> tuple[tuple[str, str], ...]:
+    """The range at the end of a meaning, if its bounds are numbers."""
+    low = re.search(r", (>=?) (-?[\d.e-]+)(?:, infinite for no limit)?$", meaning)
+    if low is not None:
+        sign, bound = low.groups()
+        if vector:
+            return (("lower_element_bounds<>", f"[{_number(float(bound))}]"),)
+        return ((("gt_eq<>" if sign == ">=" else "gt<>"), f"[{_number(float(bound))}]"),)
+    both = re.search(r", in [\[(](-?[\d.e-]+), (-?[\d.e-]+)[\])]$", meaning)
+    if both is not None:
+        bounds = f"[{_number(float(both[1]))}, {_number(float(both[2]))}]"
+        return (("element_bounds<>" if vector else "bounds<>", bounds),)
+    return ()
+
+
+def _number(value: Any) -> str:
+    text = repr(float(value))
+    # YAML reads 1e-05 as a string: it needs a decimal point.
+    return text if "." in text or "e" not in text else text.replace("e", ".0e")
+
+
+def as_list(texts: Iterable[str]) -> str:
+    """A list in YAML."""
+    return f"[{', '.join(texts)}]"
+
+
+def as_text(text: str) -> str:
+    """A one-line text in YAML; double quotation marks become single ones."""
+    return '"' + text.replace("\\", "\\\\").replace('"', "'") + '"'
+
+
+FILES = {
+    "ros2/controller.hpp.j2": "include/slidax_{name}_controller/controller.hpp",
+    "ros2/controller.cpp.j2": "src/controller.cpp",
+    "ros2/plugin.xml.j2": "slidax_{name}_controller.xml",
+    "ros2/package.xml.j2": "package.xml",
+    "ros2/CMakeLists.txt.j2": "CMakeLists.txt",
+    "ros2/controllers.yaml.j2": "config/controllers.yaml",
+    "ros2/control.launch.py.j2": "launch/control.launch.py",
+    "ros2/README.md.j2": "README.md",
+}
+"""Templates, and the files that they become."""
+
+
+def export_ros2(
+    scenario: Scenario,
+    out: Path,
+    *,
+    name: str | None = None,
+    single: bool = False,
+    command: str = "",
+    gravity: str = "law",
+    golden: bool = True,
+) -> CProject:
+    """Write a package with a controller for ros2_control and a node in Python, and the law that both run.
+
+    Trajectories arrive by a topic; the scenario's motion is not used.
+
+    - `name`, `single`, `command`: as in `export_c`.
+    - `gravity`: "law" if the law carries the arm's weight, "robot" if the robot adds it to each effort.
+    - `golden`: include the tests and golden samples, which take most of the time.
+
+    Raises DefinitionError if the scenario cannot be exported.
+    """
+    if gravity not in ("law", "robot"):
+        raise DefinitionError(f'`gravity` must be "law" or "robot"; got "{gravity}"')
+    carried = gravity == "robot"
+    fitted = weight_by_robot(scenario) if carried else scenario
+    exported = write_law(fitted, out / "law", name=name, single=single, command=command, golden=golden)
+    allowed = RobotLimits.of(fitted, exported, carried=carried)
+    package = f"slidax_{exported.name}_controller"
+    names = interface_names(own_plant(scenario).robot.joint_names)
+    rows = ros_parameters(exported, allowed, names)
+    values: dict[str, Any] = {
+        "o": allowed,
+        "package": package,
+        "rows": rows,
+        "law_rows": [row for row in rows if row.member is not None],
+        "joints": as_list(map(as_text, names)),
+        "rate": round(1.0 / exported.period),
+        "carried": carried,
+        "version": slidax.__version__,
+        "signals": _signals(exported),
+    }
+    write_onboard(exported, allowed, out, {"node.py": Node}, names)
+    write_files(exported, out, FILES, **values)
+    with writing(out):
+        write_text(out / "src" / "parameters.yaml", yaml(package, rows))
+    return exported
+
+
+def interface_names(joints: Sequence[str]) -> list[str]:
+    """Joint names of the hardware's interfaces: those of the robot's file; `joint 1` becomes `joint_1`.
+
+    Raises DefinitionError for a name that a ROS 2 parameter file cannot hold.
+    """
+    if are_numbered(joints):
+        return [name.replace(" ", "_") for name in joints]
+    for name in joints:
+        if not name.isprintable() or '"' in name or "\\" in name:
+            raise DefinitionError(
+                f"joint {short_repr(name)}: a name with a quotation mark, a backslash or a control character cannot be "
+                "used in a ROS 2 parameter file: rename the joint in the robot's and the hardware's files"
+            )
+    return list(joints)
+
+
+def _signals(exported: CProject) -> list[tuple[str, int]]:
+    """Signals of the law to publish, with their sizes."""
+    return [(each.name, each.size) for each in exported.outputs if each.type == "f64"]
+
+
+__all__ = ["RosParameter", "export_ros2"]

@@ -1,0 +1,175 @@
+"""Status bits of a guarded step, and the memory it keeps between samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import equinox as eqx
+from jaxtyping import Array, Bool, UInt32
+
+from slidax.core.types import Memory, Scalar, Vector
+from slidax.law.sampled.gate import GateMemory
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One bit of the status.
+
+    - `name`: as in C, without its prefix.
+    - `bit`: its value, a power of two.
+    - `meaning`: the condition that sets it.
+    - `held`: True if the command is then the last safe one, and the memory unchanged.
+    """
+
+    name: str
+    bit: int
+    meaning: str
+    held: bool
+    remedy: str
+
+
+MEASUREMENT_NOT_FINITE = Condition(
+    "MEASUREMENT_NOT_FINITE",
+    1,
+    "a measured number is NaN or infinite",
+    True,
+    "One sample is bridged by itself. If it lasts, the sensor is gone: brake.",
+)
+MEASUREMENT_OUT_OF_RANGE = Condition(
+    "MEASUREMENT_OUT_OF_RANGE",
+    2,
+    "a measured position is beyond `gate_q_max`",
+    True,
+    "As above. The range is 1.5 times the limits of the arm's description; set it if your joints move farther.",
+)
+REFERENCE_NOT_FINITE = Condition(
+    "REFERENCE_NOT_FINITE",
+    4,
+    "the reference is NaN or infinite",
+    True,
+    "A fault of the planner: brake.",
+)
+TORQUE_NOT_FINITE = Condition(
+    "TORQUE_NOT_FINITE",
+    8,
+    "the law has no finite answer there, or would remember none",
+    True,
+    "With ENVELOPE_LEFT: the law is not defined outside. Brake, then reset. Alone: look for an absurd gain.",
+)
+ENVELOPE_LEFT = Condition(
+    "ENVELOPE_LEFT",
+    16,
+    "a joint's error is at or outside its envelope; the command stands if the law has one",
+    False,
+    "A sampled-data law comes back by itself. For any other: brake, then reset, which draws the envelope anew.",
+)
+TORQUE_LIMITED = Condition(
+    "TORQUE_LIMITED",
+    32,
+    "the law wanted more than the limits of torque or of its rate allow",
+    False,
+    "Harmless for a while. If it lasts, the motion asks for more than the drives have.",
+)
+MISSED_PERIOD = Condition(
+    "MISSED_PERIOD",
+    64,
+    "the time is more than 1.5 periods after that of the last good sample, or not after it",
+    False,
+    "Samples were lost, or the loop was late. Once is harmless; look at the loop if it is not rare.",
+)
+
+PROMISE_VOID = Condition(
+    "PROMISE_VOID",
+    128,
+    "the law's monitor says that what the envelope's promise was computed for is not so; never set without a monitor",
+    False,
+    "The envelope may soon be left: slow down or brake. `assumption_violated` says what is not as it should be.",
+)
+
+MEASUREMENT_REJECTED = Condition(
+    "MEASUREMENT_REJECTED",
+    256,
+    "the arm cannot have moved from the last accepted measurement to this one in the time between them, the positions "
+    "are frozen, or the time stamp is not after the last one; the sample is treated as a lost one",
+    True,
+    "One such sample is harmless. If they repeat, look at the encoder, its cable, its sampling rate and the clock.",
+)
+
+STOP_REQUESTED = Condition(
+    "STOP_REQUESTED",
+    512,
+    "as many steps in a row as `gate_patience` says have held their command; stays set until the reset",
+    False,
+    "Brake now. The law does not know where the arm is.",
+)
+
+RECOVERY_OVERDUE = Condition(
+    "RECOVERY_OVERDUE",
+    1024,
+    "a joint has been outside its envelope for longer than the envelope takes to settle",
+    False,
+    "The drives are too weak for the disturbance or the motion: slow down or brake.",
+)
+
+PARAMETERS_INVALID = Condition(
+    "PARAMETERS_INVALID",
+    2048,
+    "a parameter that was set is not finite or is out of the range that its comment names; in C alone",
+    True,
+    "Correct the parameter. `parameters_valid` tells before a step whether it is.",
+)
+
+CHECKED = (MEASUREMENT_NOT_FINITE, MEASUREMENT_OUT_OF_RANGE, REFERENCE_NOT_FINITE)
+"""Faults of a sample that are detected before the law computes."""
+
+ANSWERED = (
+    TORQUE_NOT_FINITE,
+    ENVELOPE_LEFT,
+    TORQUE_LIMITED,
+    MISSED_PERIOD,
+    PROMISE_VOID,
+    MEASUREMENT_REJECTED,
+    STOP_REQUESTED,
+    RECOVERY_OVERDUE,
+)
+"""Conditions that the answer to a sample can report."""
+
+WAITING = (STOP_REQUESTED,)
+"""Conditions that a held command can report in addition to the sample's fault."""
+
+CONDITIONS = (*CHECKED, *ANSWERED, PARAMETERS_INVALID)
+"""All of them, by their bits."""
+
+HELD = sum(condition.bit for condition in CONDITIONS if condition.held)
+"""The bits with which the command is the last safe one."""
+
+
+Status = UInt32[Array, "..."]
+"""Bits of a `Condition`; 0 if all is well."""
+
+Flag = Bool[Array, ""]
+
+
+class StepMemory(eqx.Module):
+    """Memory of the step between two samples.
+
+    - `started`: True once a good measurement has arrived after the reset.
+    - `commanded`: True once a command has been given after the reset, also the 0 of a bad sample.
+    - `t`: time stamp of the last good sample [s].
+    - `tau`: the last safe command [n], N m or N; 0 before the first.
+    - `held`: consecutive steps whose command was held.
+    - `stop`: True once the step has requested a stop; stays so until the reset.
+    - `outside`: time for which a joint has been outside the envelope without a break [s].
+    - `law`: memory of the law.
+    - `gate`: memory of the gate; None for a sampled-data law, which has its own.
+    """
+
+    started: Flag
+    commanded: Flag
+    t: Scalar
+    tau: Vector
+    held: Scalar
+    stop: Flag
+    outside: Scalar
+    law: Memory
+    gate: GateMemory | None

@@ -1,0 +1,412 @@
+"""The playground: arms, settings and programs in one HTML file that needs no server."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import slidax
+from slidax.arms.arm import AbstractRobot
+from slidax.arms.articulated import Articulated
+from slidax.arms.coupled import Coupled
+from slidax.core.errors import DefinitionError
+from slidax.core.writing import error_reason, write_text
+from slidax.motions.trajectory import AbstractMotion
+from slidax.report.replay.skeleton import Skeleton, skeleton_of
+from slidax.scenarios.load import read_description, validated
+from slidax.scenarios.scenario import Scenario, ScenarioDescription
+
+from .settings import PRINTED, BuiltSetting, PageSetting, ProgramChoice, settings_of
+
+LINK, JOINT, TIP = 0, 1, 2
+"""Tones."""
+
+THICK = 0.04
+"""Radius at the base as a share of the arm's reach; half of it at the tip."""
+
+INSTANTS = 200
+"""Times at which a motion is evaluated."""
+
+
+def arm_entry(
+    robot: AbstractRobot, label: str, title: str, torque: Any, rate: Any, trajectory: AbstractMotion, t1: float
+) -> dict[str, Any]:
+    """The arm's entry in a playground.
+
+    - `label`, `title`: its names there.
+    - `torque`, `rate`: limits [n], N m or N, and per second; not finite where there are none.
+    - `trajectory`, `t1`: its motion until `t1` [s], which sets the length of sliding rods.
+    """
+    bones = skeleton_of(robot)
+    times = jnp.linspace(0.0, t1, INSTANTS)
+    travel = np.max(np.abs(jax.vmap(trajectory.position)(times)), axis=0)
+    kinematics = [
+        {
+            "name": name,
+            "parent": parent,
+            "origin": [*_plain(place), *_plain(_quaternion(turn))],
+            "axis": [0.0, 0.0, 1.0],
+            "type": "revolute" if revolute else "prismatic",
+            "joint": joint,
+        }
+        for joint, (name, parent, revolute, turn, place) in enumerate(
+            zip(bones.names, bones.parents, bones.revolute, bones.rotations, bones.translations, strict=True)
+        )
+    ]
+    return {
+        "id": label,
+        "title": title,
+        "joints": bones.joints,
+        "kinematics": kinematics,
+        "shapes": _shapes(bones, np.asarray(travel)),
+        "tip": {"link": bones.tip_joint, "at": _plain(bones.tip_translation)},
+        "up": _plain(bones.up),
+        "limits": {"torque": _limit(torque, bones.joints), "rate": _limit(rate, bones.joints)},
+        "joint_limits": _joint_limits(robot),
+    }
+
+
+def _shapes(bones: Skeleton, travel: np.ndarray) -> list[dict[str, Any]]:
+    """A drum around each revolute joint, a rod for each prismatic one, a bone to each child, and a ball at the tip.
+
+    - `travel`: largest displacement of each joint [n].
+    """
+    radii = _radii(bones)
+    shapes: list[dict[str, Any]] = []
+    for joint, parent in enumerate(bones.parents):
+        r = radii[joint + 1]
+        shapes += _bone(parent, bones.translations[joint], radii[parent + 1])
+        if bones.revolute[joint]:
+            shapes.append(_shape(joint, "cylinder", [1.2 * r, 2.5 * r], np.zeros(3), np.eye(3), JOINT))
+        else:
+            place, turn = bones.translations[joint], bones.rotations[joint]
+            shapes.append(_shape(parent, "cylinder", [1.3 * r, 3.0 * r], place, turn, JOINT))
+            rod = 0.15 * bones.reach + float(travel[joint])
+            shapes.append(_shape(joint, "capsule", [0.5 * r, rod], np.array([0, 0, -0.5 * rod]), np.eye(3), LINK))
+    tip, end = bones.tip_joint, radii[bones.tip_joint + 1]
+    shapes += _bone(tip, bones.tip_translation, 0.7 * end)
+    shapes.append(_shape(tip, "sphere", [0.75 * end], bones.tip_translation, np.eye(3), TIP))
+    base = radii[0]
+    along = _towards(bones.up)
+    return [_shape(-1, "cylinder", [1.8 * base, 0.8 * base], -0.4 * base * bones.up, along, JOINT), *shapes]
+
+
+def _bone(link: int, end: np.ndarray, radius: float) -> list[dict[str, Any]]:
+    length = float(np.linalg.norm(end))
+    if length < 0.2 * radius:
+        return []
+    return [_shape(link, "capsule", [0.85 * radius, length], 0.5 * end, _towards(end / length), LINK)]
+
+
+def _shape(link: int, kind: str, size: list[float], place: np.ndarray, turn: np.ndarray, tone: int) -> dict[str, Any]:
+    at = [*_plain(place), *_plain(_quaternion(turn))]
+    return {"link": link, "kind": kind, "size": _plain(np.asarray(size)), "at": at, "tone": tone}
+
+
+def _radii(bones: Skeleton) -> np.ndarray:
+    """Radius of each body [n+1], m."""
+    far = np.zeros(bones.joints + 1)
+    for joint, parent in enumerate(bones.parents):
+        far[joint + 1] = far[parent + 1] + np.linalg.norm(bones.translations[joint])
+    return THICK * bones.reach * (1.0 - 0.5 * np.minimum(far / bones.reach, 1.0))
+
+
+def _towards(direction: np.ndarray) -> np.ndarray:
+    """A rotation that maps z to a direction."""
+    other = np.eye(3)[int(np.argmin(np.abs(direction)))]
+    x = np.cross(other, direction)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(direction, x), direction], axis=1)
+
+
+def _quaternion(turn: np.ndarray) -> np.ndarray:
+    """Quaternion of a rotation, w first: eigenvector of Bar-Itzhack's matrix, which is accurate for all rotations."""
+    (a, b, c), (d, e, f), (g, h, i) = turn
+    matrix = np.array(
+        [
+            [a - e - i, b + d, c + g, h - f],
+            [b + d, e - a - i, f + h, c - g],
+            [c + g, f + h, i - a - e, d - b],
+            [h - f, c - g, d - b, a + e + i],
+        ]
+    )
+    x, y, z, w = np.linalg.eigh(matrix)[1][:, -1]
+    return np.array([w, x, y, z]) * (1.0 if w >= 0 else -1.0)
+
+
+def _plain(numbers: Any) -> list[float]:
+    """Numbers to 7 digits, enough for a picture."""
+    return [float(f"{value:.7g}") if abs(value) > 1e-9 else 0.0 for value in np.asarray(numbers, float).ravel()]
+
+
+def _limit(values: Any, joints: int) -> list[float] | None:
+    each = np.broadcast_to(np.asarray(values, float), (joints,))
+    return each.tolist() if np.isfinite(each).all() else None
+
+
+def _joint_limits(robot: AbstractRobot) -> dict[str, Any] | None:
+    limits = robot.limits if isinstance(robot, Articulated | Coupled) else None
+    if limits is None or not np.isfinite([limits.lower, limits.upper]).all():
+        return None
+    return {"lower": _plain(limits.lower), "upper": _plain(limits.upper)}
+
+
+FORMAT = 1
+
+
+NOTHING: dict[str, Any] = {"c_files": None, "c_parameters": None, "certificates": []}
+
+
+def playground(
+    title: str, settings: Sequence[PageSetting], arms: dict[str, str], *, promised: bool = True
+) -> dict[str, Any]:
+    """The manifest of a page.
+
+    - `settings`: the first is shown first.
+    - `arms`: titles of the arms, by their labels.
+    - `promised`: include the law in C and its certificates, which take most of the time.
+
+    Raises DefinitionError if a setting is invalid or cannot run in a page.
+    """
+    built = [setting.build() for setting in settings]
+    programs = {program.entry["id"]: dict(program.entry) for setting in built for _, program in setting.programs}
+    first = settings[0]
+    return {
+        "format": FORMAT,
+        "title": title,
+        "made_by": f"slidax {slidax.__version__}",
+        "first": {"arm": first.arm, "scheme": first.scheme},
+        "arms": [_arm(label, name, built) for label, name in arms.items()],
+        "programs": list(programs.values()),
+        "settings": [{**setting.entry(), **(setting.beside() if promised else NOTHING)} for setting in built],
+    }
+
+
+def _arm(label: str, title: str, settings: Sequence[BuiltSetting]) -> dict[str, Any]:
+    built = next(each for each in settings if each.setting.arm == label).templates.built
+    limits = getattr(built.plant.actuator, "limits", None)
+    torque, rate = (np.inf, np.inf) if limits is None else (limits.torque, limits.rate)
+    return arm_entry(built.plant.robot, label, title, torque, rate, built.trajectory, built.t1)
+
+
+TITLE = "slidax playground"
+
+PERIODS = ProgramChoice("simulation.period", "sampling period", "s", (0.0005, 0.001, 0.002))
+DELAYS = ProgramChoice("sensor.delay", "age of a measurement when it arrives", "periods", (0.0, 1.0))
+ENCODERS = ProgramChoice("sensor.resolution", "resolution of the encoders", "rad", (0.0, 1e-5))
+COARSER = ProgramChoice("sensor.resolution", "resolution of the encoders", "rad", (1e-5, 5e-5))
+SLOWER = ProgramChoice("simulation.period", "sampling period", "s", (0.001, 0.002))
+
+
+@dataclass(frozen=True)
+class PlaygroundArm:
+    """An arm of the playground.
+
+    - `scenario`: built in.
+    - `arm`, `title`: its label and its title.
+    - `changes`: changes that do not alter the run, but make friction or rotor inertia tunable.
+    - `gains`: of the rivals, the best of the grids of `scripts/figures/panda.py` on this very run.
+    - `choices`: values that need programs of their own.
+    """
+
+    scenario: str
+    arm: str
+    title: str
+    changes: dict[str, Any]
+    gains: dict[str, dict[str, float]]
+    choices: tuple[ProgramChoice, ...]
+
+    @property
+    def description(self) -> ScenarioDescription:
+        """The scenario, with a friction term where the arm itself has none."""
+        description = read_description(self.scenario)
+        changes = dict(self.changes)
+        if not changes:
+            terms = [term.model_dump(exclude_unset=True) for term in description.disturbance.terms]
+            changes["disturbance.terms"] = [*terms, {"kind": "friction", "coulomb": 0.0, "viscous": 0.0}]
+        return validated(description.model_dump(exclude_unset=True), changes)
+
+
+ARMS = (
+    PlaygroundArm(
+        "example-4.1-1khz",
+        "two_link",
+        "Two-link arm",
+        {},
+        {
+            "computed_torque": {"kp": 3200.0, "kd": 320.0},
+            "slotine_li": {"rate": 80.0, "damping": 40.0, "gain": 20.0, "layer": 0.05},
+            "super_twisting": {"rate": 80.0, "k1": 30.0, "k2": 100.0},
+        },
+        (PERIODS, DELAYS, ENCODERS),
+    ),
+    PlaygroundArm(
+        "example-4.2-1khz",
+        "scara",
+        "SCARA arm",
+        {},
+        {
+            "computed_torque": {"kp": 500.0, "kd": 80.0},
+            "slotine_li": {"rate": 80.0, "damping": 2.5, "gain": 2.5, "layer": 0.05},
+            "super_twisting": {"rate": 80.0, "k1": 30.0, "k2": 1.0},
+        },
+        (PERIODS, DELAYS, ENCODERS),
+    ),
+    PlaygroundArm(
+        "panda-payload",
+        "panda",
+        "Franka Panda",
+        {"robot.plant.armature": 0.1},
+        {
+            "computed_torque": {"kp": 600.0, "kd": 240.0},
+            "slotine_li": {"rate": 80.0, "damping": 2.5, "gain": 20.0, "layer": 0.1},
+            "super_twisting": {"rate": 80.0, "k1": 20.0, "k2": 300.0},
+        },
+        (SLOWER, DELAYS, COARSER),
+    ),
+)
+"""In the order of display."""
+
+
+def built_in() -> dict[str, Any]:
+    """The manifest of the playground."""
+    settings = [
+        setting
+        for shown in ARMS
+        for setting in settings_of(shown.description, shown.arm, [PRINTED, *shown.gains], shown.gains, shown.choices)
+    ]
+    return playground(TITLE, settings, {shown.arm: shown.title for shown in ARMS})
+
+
+PAGE = resources.files(str(__package__)) / "page"
+
+POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline' 'wasm-unsafe-eval'; style-src 'unsafe-inline'; "
+    "worker-src blob:; img-src data: blob:; connect-src 'none'; form-action 'none'; base-uri 'none'"
+)
+"""Content security policy: no network access."""
+
+_IMPORT = re.compile(r'^import \{([^}]*)\} from "\./([a-z_]+\.js)";\n', re.MULTILINE)
+_EXPORT = re.compile(r"^export (?=(?:async )?function|class|const|let)", re.MULTILINE)
+
+
+def page_text(
+    manifest: Mapping[str, Any],
+    *,
+    scripts: Sequence[str] = (),
+    styles: Sequence[str] = (),
+    loop: str | None = None,
+    policy: str | None = POLICY,
+) -> str:
+    """Return one HTML file that shows a playground.
+
+    - `manifest`: arms, programs, settings; binary data as base64 of gzip.
+    - `scripts`, `styles`: additions, before the page's own script and after its own style.
+    - `loop`: the module that runs a program; by default the page's own.
+    - `policy`: the content security policy in the page; None leaves it to a server's header.
+    """
+    replaced = {} if loop is None else {"loop.js": loop}
+    title = str(manifest.get("title", "slidax"))
+    parts = {
+        "title": _escaped(title),
+        "policy": "" if policy is None else f'<meta http-equiv="Content-Security-Policy" content="{policy}">',
+        "style": "\n".join([_source("style.css"), *styles]),
+        "playground": json.dumps(manifest, ensure_ascii=False, allow_nan=False, separators=(",", ":")).replace(
+            "<", "\\u003c"
+        ),
+        "worker": module_text("worker.js", replaced),
+        "scripts": "\n".join(f"<script>\n{script}\n</script>" for script in scripts),
+        "main": module_text("main.js", replaced),
+    }
+    return re.sub(r"\{\{ (\w+) \}\}", lambda match: parts[match[1]], _source("index.html"))
+
+
+def module_text(entry: str, replaced: Mapping[str, str] | None = None) -> str:
+    """Bundle a module and all its imports as the text of one module.
+
+    - `replaced`: texts that replace files of these names.
+
+    Raises ValueError if modules import each other in a circle.
+    """
+    done: dict[str, str] = {}
+    _gather(entry, replaced or {}, done, ())
+    return "\n".join(done.values())
+
+
+def _gather(name: str, replaced: Mapping[str, str], done: dict[str, str], above: tuple[str, ...]) -> None:
+    if name in done:
+        return
+    if name in above:
+        raise ValueError("modules import each other: " + " -> ".join([*above, name]))
+    text = replaced[name] if name in replaced else _source(name)
+    for match in _IMPORT.finditer(text):
+        _gather(match[2], replaced, done, (*above, name))
+    done[name] = _EXPORT.sub("", _IMPORT.sub("", text)).strip() + "\n"
+
+
+def _source(name: str) -> str:
+    return (PAGE / name).read_text(encoding="utf-8")
+
+
+def _escaped(text: str) -> str:
+    return text.replace("&", "&amp;").replace("<", "&lt;").replace('"', "&quot;")
+
+
+PAGE_FILE = "index.html"
+
+FEW = 3
+"""Joints up to which a program is compiled in seconds, so that a law gets more than two."""
+
+
+def of_scenario(scenario: Scenario, compared: Sequence[str] = (), rate: bool = False) -> dict[str, Any]:
+    """The manifest of one scenario.
+
+    - `compared`: names of schemes to compare, and `printed` for the law as printed.
+    - `rate`: compute `loop_rate` for any number of joints, which may take minutes.
+
+    Raises DefinitionError if there is no such scheme, or the scenario cannot run in a page.
+    """
+    description = scenario.description
+    own, *others = settings_of(description, scenario.robot, compared, choices=_choices(description))
+    settings = [replace(own, rate=rate), *others]
+    return playground(description.title, settings, {scenario.robot: scenario.robot.replace("_", " ")})
+
+
+def _choices(description: ScenarioDescription) -> list[ProgramChoice]:
+    """Other periods and delays, for a sampled-data law."""
+    simulation, delay = description.simulation, description.sensor.delay
+    if description.scheme.sampled_data is None:
+        return []
+    # Periods share a program; delays need their own.
+    delays = {0.0, 1.0, delay} if len(description.start.q) <= FEW else {0.0, delay or 1.0}
+    periods = (simulation.period / 2, simulation.period, simulation.period * 2)
+    whole = round(simulation.t1 / simulation.period) % 2 == 0
+    return [
+        ProgramChoice("simulation.period", "sampling period", "s", periods if whole else periods[:2]),
+        ProgramChoice("sensor.delay", "age of a measurement when it arrives", "periods", tuple(sorted(delays))),
+    ]
+
+
+def write_page(manifest: Mapping[str, Any], out: Path) -> Path:
+    """Write the page of a manifest to the folder `out`; return its path.
+
+    Raises DefinitionError if it cannot be written.
+    """
+    pass
+
+    page = out / PAGE_FILE
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        write_text(page, page_text(manifest))
+    except OSError as error:
+        raise DefinitionError(f"cannot write the page to `{out}`: {error_reason(error)}") from None
+    return page

@@ -1,0 +1,418 @@
+"""Settings of a page: one arm under one scheme, with programs, tunables, C files and certificates."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax
+import numpy as np
+from jaxtyping import Array
+
+from slidax.certify.certificate import Verdict
+from slidax.certify.certify import CERTIFICATES, certify
+from slidax.certify.loop.loop_rate import NAME, TITLE
+from slidax.core.errors import DefinitionError, is_traced, nearest_word, plain
+from slidax.scenarios.family import UNTRACEABLE, Family, Space, Templates
+from slidax.scenarios.load import validated
+from slidax.scenarios.scenario import Scenario, ScenarioDescription
+from slidax.scenarios.schemes import PRESETS
+
+from ..c_project import FILES, STEP, project
+from ..c_structures import render
+from .loop_program import LoopProgram, Variant, loop_program, packed
+from .tunables import Tunable, tunables_of
+
+TEMPLATES = (*STEP, "example.c.j2")
+"""The files that a program needs; not the tests, whose samples are large."""
+
+
+def c_files(family: Family, templates: Templates, tunables: Sequence[Tunable]) -> dict[str, Any]:
+    """The entries `c_files` and `c_parameters` of a setting; both None if the law cannot be exported."""
+    try:
+        exported = project(templates.built, name="law", with_golden=False)
+    except DefinitionError:
+        return {"c_files": None, "c_parameters": None}
+    files = {
+        FILES[name].format(prefix=exported.prefix, name=exported.name): render(name, {"x": exported})
+        for name in TEMPLATES
+    }
+    source, header = f"{exported.prefix}.c", f"{exported.prefix}.h"
+    values = []
+    for tunable in tunables:
+        name = _member(tunable.path)
+        # A long array spans several lines.
+        match = name and re.search(rf"^( +\.{name} = )({{[^{{}}]*}}|[^{{}},\n]+),$", files[source], re.MULTILINE)
+        if not name or not match or not _alone(family, templates, tunable):
+            continue
+        marks = [f"@{{{name}[{k}]}}" for k in range(match.group(2).count(",") + 1)]
+        text = marks[0] if not match.group(2).startswith("{") else "{" + ", ".join(marks) + "}"
+        files[source] = files[source].replace(match.group(0), f"{match.group(1)}{text},")
+        files[header] = _without_default(files[header], name, f"as {exported.prefix}_parameters_default says")
+        values.append({"path": tunable.path, "marks": marks})
+    whole = packed(json.dumps(files).encode())
+    return {"c_files": whole, "c_parameters": {"file": source, "values": values}}
+
+
+def _member(path: str) -> str | None:
+    """Name of the value in C; None if it is not a parameter of the law."""
+    block, _, rest = path.partition(".")
+    if path == "actuator.rate" or path == "actuator.torque":
+        return f"limits_{rest}"
+    return rest.removeprefix("sampled_data.").replace(".", "_") if block == "scheme" else None
+
+
+def _without_default(header: str, name: str, words: str) -> str:
+    """Replace a member's default in the header, which the page may change, by words."""
+    return re.sub(
+        rf"(\b{name}(?:\[\w+\])?; +/\* )[^:*]*?(?=:| \*/)", lambda match: f"{match[1]}{words}", header, count=1
+    )
+
+
+def _alone(family: Family, templates: Templates, tunable: Tunable) -> bool:
+    """True if exactly one array of the law depends on a tunable, so that setting this array sets the tunable."""
+    family_of_one = Family(family.base, Space({}, {}), Space({}, {tunable.path: None}))  # type: ignore[dict-item]
+    moved: list[bool] = []
+
+    def probe(value: Array) -> int:
+        with jax.ensure_compile_time_eval():
+            controller = family_of_one.parts(templates, {tunable.path: value})[1]
+        moved[:] = [is_traced(leaf) for leaf in jax.tree.leaves(eqx.filter(controller, eqx.is_array))]
+        return 0
+
+    try:
+        jax.eval_shape(probe, jax.ShapeDtypeStruct(np.shape(tunable.defaults), float))
+    except UNTRACEABLE:
+        return False
+    return sum(moved) == 1
+
+
+SLOW = 3
+"""Joints up to which the loop-rate certificate takes seconds."""
+
+
+def certificates_of(scenario: Scenario, paths: Sequence[str], rate: bool = False) -> list[dict[str, Any]]:
+    """Verdicts on a scenario, without certificates that need many runs or, for arms of many joints, minutes.
+
+    - `paths`: tunable paths; each light lists those that it depends on.
+    - `rate`: compute the loop-rate certificate for arms of many joints, too.
+    """
+    left_out = [NAME] if scenario.plant.robot.joints > SLOW and not rate else []
+    answers = {verdict.name: verdict for verdict in certify(scenario, runs=0, without=left_out)}
+    lights = []
+    for certificate in CERTIFICATES:
+        name = certificate.name
+        verdict = answers.get(name) or _not_asked(scenario.plant.robot.joints)
+        data = verdict.as_json()
+        lights.append(
+            {
+                "certificate": name,
+                "title": verdict.title,
+                "holds": verdict.holds,
+                "since": data["since"],
+                "grade": verdict.grade,
+                "statement": verdict.statement,
+                "margin": data["margin"],
+                "bound": {key: value for key, value in data["bound"].items() if _brief(value)},
+                "words": verdict.bound_in_words,
+                "reads": [path for path in paths if certificate.may_read(path)],
+            }
+        )
+    return lights
+
+
+def _not_asked(joints: int) -> Verdict:
+    text = (
+        f"Not computed for this page: for {joints} joints it takes minutes. Download the scenario and run "
+        "`slidax certify FILE`, or make the page by `slidax export web FILE --certify-rate --out DIR`."
+    )
+    return Verdict(NAME, TITLE, None, None, {}, (), text)
+
+
+def _brief(value: Any) -> bool:
+    return not isinstance(value, list) or (len(value) <= 16 and not any(isinstance(item, list) for item in value))
+
+
+@dataclass(frozen=True)
+class ProgramChoice:
+    """A quantity that needs a program of its own for each value.
+
+    - `path`: as in `--set`.
+    - `values`: including the scenario's own.
+    """
+
+    path: str
+    title: str
+    unit: str
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class PageSetting:
+    """A scenario for a page.
+
+    - `arm`, `scheme`: labels of both in the playground.
+    - `title`: of the scheme.
+    - `kind`: "ours", "printed" or "rival".
+    - `note`: a line next to its title.
+    - `rate`: compute `loop_rate` for any number of joints, which may take minutes.
+    """
+
+    description: ScenarioDescription
+    arm: str
+    scheme: str
+    title: str
+    kind: str = "ours"
+    choices: Sequence[ProgramChoice] = ()
+    note: str = ""
+    rate: bool = False
+
+    def build(self) -> BuiltSetting:
+        """Build its programs and tunables.
+
+        Raises DefinitionError if one of its variants is invalid or cannot run in a page.
+        """
+        base = self._family({})
+        templates = base.templates({})
+        joints = templates.built.plant.robot.joints
+        chosen = {choice.path for choice in self.choices}
+        possible = [tunable for tunable in tunables_of(base.base, joints) if tunable.path not in chosen]
+        tunables = _varying(base, templates, possible)
+        own = {tunable.path: tunable.defaults for tunable in tunables}
+        variants = []
+        for at in itertools.product(*(range(len(choice.values)) for choice in self.choices)):
+            changes = {choice.path: choice.values[k] for choice, k in zip(self.choices, at, strict=True)}
+            family = self._family(changes)
+            family = Family(family.base, Space({}, {}), Space({}, dict.fromkeys(own)))  # type: ignore[arg-type]
+            variants.append((at, Variant(family, family.templates({}), own)))
+        programs_of = []
+        for group in _alike(variants):
+            shared = loop_program([variant for _, variant in group])
+            programs = (
+                [(group, shared)] if shared is not None else [([pair], loop_program([pair[1]])) for pair in group]
+            )
+            programs_of += [(group, program) for group, program in programs if program is not None]
+        return BuiltSetting(self, base, templates, tunables, programs_of)
+
+    def _family(self, changes: Mapping[str, Any]) -> Family:
+        data = self.description.model_dump(exclude_unset=True)
+        described = validated(data, dict(changes), form=type(self.description))
+        return Family(described.model_copy(update={"robot": described.robot.resolved()}), Space({}, {}), Space({}, {}))
+
+
+@dataclass(frozen=True)
+class BuiltSetting:
+    """A setting with its programs.
+
+    - `family`, `templates`: its scenario, and that built.
+    - `tunables`: variable within a program.
+    - `programs`: each with its variants.
+    """
+
+    setting: PageSetting
+    family: Family
+    templates: Templates
+    tunables: Sequence[Tunable]
+    programs: Sequence[tuple[Sequence[tuple[tuple[int, ...], Variant]], LoopProgram]]
+
+    def entry(self) -> dict[str, Any]:
+        """The setting's entry in a playground."""
+        setting, described = self.setting, self.family.base
+        choices = [_choice(choice, described) for choice in setting.choices]
+        tunables, start = [], 0
+        for tunable in self.tunables:
+            tunables.append(tunable.entry(start))
+            start += int(np.prod(tunable.shape, dtype=int))
+        defaults = [tunable.defaults.ravel() for tunable in self.tunables]
+        variants = [
+            {
+                "at": list(at),
+                "program": program.entry["id"],
+                "constants": packed(np.concatenate([*defaults, besides]).astype("<f8").tobytes()),
+            }
+            for group, program in self.programs
+            for (at, _), besides in zip(group, program.constants, strict=True)
+        ]
+        own = [choice["default"] for choice in choices]
+        return {
+            "arm": setting.arm,
+            "scheme": setting.scheme,
+            "title": setting.title,
+            "kind": setting.kind,
+            "printed": setting.kind == "printed",
+            "note": setting.note,
+            "choices": choices,
+            "variants": sorted(variants, key=lambda variant: variant["at"]),
+            "tunables": tunables,
+            "constants": next(variant["constants"] for variant in variants if variant["at"] == own),
+            "scenario": described.model_dump(mode="json", exclude_unset=True),
+        }
+
+    def beside(self) -> dict[str, Any]:
+        """The law in C, and the certificates unless it is a rival."""
+        paths = [*(choice.path for choice in self.setting.choices), *(tunable.path for tunable in self.tunables)]
+        certified = (
+            [] if self.setting.kind == "rival" else certificates_of(self.templates.built, paths, self.setting.rate)
+        )
+        return {**c_files(self.family, self.templates, self.tunables), "certificates": certified}
+
+
+def _choice(choice: ProgramChoice, described: ScenarioDescription) -> dict[str, Any]:
+    own = _at(described, choice.path)
+    return {
+        "path": choice.path,
+        "title": choice.title,
+        "unit": choice.unit,
+        "values": list(choice.values),
+        "default": choice.values.index(own),
+    }
+
+
+def _at(place: Any, path: str) -> Any:
+    for name in path.split("."):
+        place = place[int(name)] if isinstance(place, tuple | list) else getattr(place, name)
+    return place
+
+
+def _varying(family: Family, templates: Templates, tunables: Sequence[Tunable]) -> list[Tunable]:
+    """Tunables that can vary within one compiled loop."""
+    if not tunables:
+        return []
+    some = {tunable.path: np.stack([tunable.defaults] * 2) for tunable in tunables}
+    varied = Family(family.base, Space({}, {}), Space({}, dict.fromkeys(some)))  # type: ignore[arg-type]
+    known: Any = jax.tree.structure((family.parts(templates, {}),))
+
+    def probe(values: Any) -> int:
+        if jax.tree.structure((varied.parts(templates, values),)) != known:
+            raise TypeError("the compiled code depends on it")
+        return 0
+
+    try:
+        jax.vmap(probe)(some)
+        return list(tunables)
+    except UNTRACEABLE:
+        if len(tunables) == 1:
+            return []
+    half = len(tunables) // 2
+    return _varying(family, templates, tunables[:half]) + _varying(family, templates, tunables[half:])
+
+
+def _alike(
+    variants: Sequence[tuple[tuple[int, ...], Variant]],
+) -> list[list[tuple[tuple[int, ...], Variant]]]:
+    """Group variants of one form."""
+    groups: list[list[tuple[tuple[int, ...], Variant]]] = []
+    for variant in variants:
+        for group in groups:
+            if group[0][1].form == variant[1].form:
+                group.append(variant)
+                break
+        else:
+            groups.append([variant])
+    return groups
+
+
+TITLES = {
+    "cftsmppc": "CFTSMPPC",
+    "ftsmppc": "FTSMPPC",
+    "ftsmc": "FTSMC",
+    "sfsmc": "SFSMC",
+    "sfsmppc": "SFSMPPC",
+    "computed_torque": "Computed torque + PD",
+    "slotine_li": "Slotine-Li",
+    "super_twisting": "Super-twisting",
+    "pid": "PID",
+}
+"""Titles of schemes; others keep their names."""
+
+PRINTED = "printed"
+"""Requests the law as printed."""
+
+LAYER = 0.05
+"""Boundary layer of the printed law, which chatters at a robot's rate without one."""
+
+OURS = "in its form for an arm that is commanded once a period; the envelope is its own"
+
+WITH = "with the same estimator, adaptation, prediction and limits"
+
+JUDGED = "; it has no envelope, and is judged by that of our law"
+
+
+def title_of(scheme: str) -> str:
+    """A scheme's title on a page."""
+    return TITLES.get(scheme, scheme.replace("_", " ").capitalize())
+
+
+def settings_of(
+    description: ScenarioDescription,
+    arm: str,
+    compared: Sequence[str] = (),
+    gains: Mapping[str, Mapping[str, float]] = {},
+    choices: Sequence[ProgramChoice] = (),
+) -> list[PageSetting]:
+    """A scenario's own law, and the laws to compare.
+
+    - `arm`: label of its arm.
+    - `compared`: names of schemes, and `printed` for the law as printed.
+    - `gains`: of rivals, by their names; by default those of the schemes.
+    - `choices`: values that need programs of their own.
+
+    Raises DefinitionError if there is no such scheme, or it has parameters without defaults.
+    """
+    own = description.scheme.name
+    sampled = description.scheme.sampled_data is not None
+    kind = "ours" if sampled else "printed"
+    settings = [PageSetting(description, arm, own, title_of(own), kind, choices, OURS if _draws(description) else "")]
+    for name in compared:
+        if name == PRINTED:
+            if sampled:
+                settings.append(_printed(description, arm, choices))
+        elif name != own:
+            settings.append(_rival(description, arm, name, gains.get(name, {}), choices))
+    return settings
+
+
+def _draws(description: ScenarioDescription) -> bool:
+    """True if the law is in sampled-data form and has an envelope."""
+    transformation = getattr(description.scheme, "transformation", None)
+    return description.scheme.sampled_data is not None and hasattr(transformation, "performance")
+
+
+def _printed(description: ScenarioDescription, arm: str, choices: Sequence[ProgramChoice]) -> PageSetting:
+    own = description.scheme.name
+    changes: dict[str, Any] = {"scheme.sampled_data": None, "simulation.outside": "raise"}
+    note = "as printed: no estimator, no prediction, no limits known to it"
+    reaching = getattr(description.scheme, "reaching", None)
+    if getattr(reaching, "layer", None) == 0.0:
+        changes["scheme.reaching.layer"] = LAYER
+        note += f"; with a layer of {LAYER:g}, as without one it chatters at once"
+    return PageSetting(_with(description, changes), arm, f"{own}-printed", f"{title_of(own)}, as printed", "printed",
+                   choices, note)  # fmt: skip
+
+
+def _rival(
+    description: ScenarioDescription, arm: str, name: str, gains: Mapping[str, float], choices: Sequence[ProgramChoice]
+) -> PageSetting:
+    if name not in PRESETS:
+        raise DefinitionError(f"scheme `{plain(name)}` does not exist; {nearest_word(name, [*PRESETS, PRINTED])}")
+    changes: dict[str, Any] = {"scheme.name": name, **{f"scheme.{gain}": value for gain, value in gains.items()}}
+    envelope: Any = getattr(description.scheme, "transformation", None)
+    if description.tolerance is None and hasattr(envelope, "performance"):
+        # A law without an envelope is judged by that of our law.
+        changes["tolerance"] = {
+            key: value for key, value in envelope.model_dump(exclude_unset=True).items() if key != "kind"
+        }
+    rival = _with(description, changes)
+    note = WITH if description.scheme.sampled_data is not None else ""
+    if note and "tolerance" in changes and not _draws(rival):
+        note += JUDGED
+    return PageSetting(rival, arm, name, title_of(name), "rival", choices, note)
+
+
+def _with(description: ScenarioDescription, changes: dict[str, Any]) -> ScenarioDescription:
+    return validated(description.model_dump(exclude_unset=True), changes, form=type(description))

@@ -1,0 +1,20 @@
+"""Identification of an arm from measured positions and torques, and the motion that excites its parameters.
+
+`identify` reads a log, checks it against the arm, and fits rotors, friction, payload and links by weighted
+least squares. `excite` designs the motion to record, and `write_arm` saves the result for `robot: {kind: identified}`.
+
+Start with `identify.py`, which lists the steps in order. `log_files.py` reads files, `log_checks.py` and `checks.py`
+reject or repair bad logs, `regressor.py` and `regression.py` hold the mathematics.
+"""
+
+from .excitation import Excitation as Excitation
+from .excitation import excite as excite
+from .identified_arm import EstimatedParameter as EstimatedParameter
+from .identified_arm import Identification as Identification
+from .identified_arm import arm_as_yaml as arm_as_yaml
+from .identified_arm import write_arm as write_arm
+from .identify import identify as identify
+from .log_files import read_log as read_log
+from .logs import Conventions as Conventions
+from .logs import JointLog as JointLog
+from .logs import parse_columns as parse_columns

@@ -1,0 +1,278 @@
+"""Checks of measured torques against the arm, and of the identified parameters."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from slidax.arms.articulated import Articulated
+from slidax.core.errors import DefinitionError
+
+from .identified_arm import Identification
+from .log_checks import TRAVEL
+from .logs import Conventions, JointLog
+from .regression import moving
+from .repairs import (
+    Repair,
+    joint_list,
+    joint_orders,
+    mountings,
+    position_signs,
+    position_units,
+    position_zeros,
+    torque_delays,
+    torque_orders,
+    torque_scales,
+    torque_signs,
+)
+from .signals import LogSignals
+from .torque_model import TorqueMatch, TorqueSample, match_torques, rigid_torques, sample_of
+
+DOUBT, COSTS = 0.1, 10.0
+"""A residual, as a share of the torque, and a cost of the belief per joint: above, other conventions are tried."""
+
+BETTER = 0.7
+"""By how much the sum of the logarithms of the residuals must fall for another convention: a factor of two."""
+
+SHARE_LEFT = 0.65
+"""Of that sum, which another convention may leave."""
+
+EXPLAINS = 0.6
+"""The share of the torque's power that another convention must explain."""
+
+CLOSE = 0.4
+"""A difference of scores within which two conventions fit equally well."""
+
+LARGEST = 1e8
+"""A torque that no arm has, N m, in whatever unit."""
+
+ENOUGH = 0.03
+"""The share of the score that a convention leaves, below which no further ones are tried."""
+
+
+def require_torques(
+    log: JointLog,
+    robot: Articulated,
+    signals: LogSignals,
+    usable: np.ndarray,
+    conventions: Conventions,
+) -> None:
+    """Raise a DefinitionError if the torques contradict the arm and fit it with another convention.
+
+    - `log`: in the arm's units and joint order, as far as known.
+    - `signals`: of the log, in a band of a few Hz.
+    - `usable`: True for joints whose torques are used [n].
+    """
+    sample = sample_of(signals, moving(signals))
+    sample = replace(sample, counts=sample.counts & usable)
+    match = match_torques(robot, sample)
+    doubtful = (match.errors > DOUBT) & (sample.floor < 0.7 * match.errors)
+    if not doubtful.any() and match.cost < COSTS * robot.joints:
+        return
+    repairs = _repairs(robot, signals, sample, match, conventions)
+    convincing = [
+        repair
+        for repair in repairs
+        if repair.score < match.score - BETTER
+        and repair.match.score < SHARE_LEFT * match.score
+        and repair.match.explained > EXPLAINS
+    ]
+    if not convincing:
+        return
+    best = convincing[0]
+    worst = int(np.argmax(match.errors))
+    second = next((r for r in convincing[1:] if r.option.split()[0] != best.option.split()[0]), None)
+    other = ""
+    if second is not None and second.score < best.score + CLOSE:
+        other = f"; {second.sentence} would fit as well: `{second.option}`"
+    raise DefinitionError(
+        f"torques of {log.source} do not fit {robot.name}, of whose links and drives they show "
+        f"{100 * match.explained:.0f} % (least of joint `{robot.joint_names[worst]}`). They fit it to "
+        f"{100 * best.match.explained:.0f} % with {best.sentence}: `{best.option}` applies this{other}"
+    )
+
+
+def find_usable_torques(log: JointLog, robot: Articulated, conventions: Conventions) -> tuple[np.ndarray, list[str]]:
+    """True for each joint whose torque was measured and is used [n]; and warnings.
+
+    Raises DefinitionError if the torque of a joint that moves is constant, or all torques are.
+    """
+    largest = np.abs(log.tau).max(axis=0)
+    if largest.max() > LARGEST:
+        raise DefinitionError(
+            f"the torque of {log.source} reaches {largest.max():.4g} N m for joint "
+            f"`{log.joints[int(np.argmax(largest))]}`: no arm has such torques; is this column a torque? `--columns` "
+            "chooses the columns"
+        )
+    usable = np.array([name not in conventions.ignore_torque for name in log.joints])
+    constant = usable & (np.ptp(log.tau, axis=0) <= 1e-9 * (np.abs(log.tau).max(axis=0) + 1e-9))
+    if not usable.any():
+        raise DefinitionError("`--ignore-torque` names all joints: nothing can be identified without a torque")
+    if not constant.any():
+        return usable, []
+    if (constant == usable).all():
+        value = "all 0" if not log.tau[:, constant].any() else "constant in each joint"
+        raise DefinitionError(
+            f"the torques of {log.source} are {value}: its driver does not measure them, and so nothing can be "
+            "identified from this log; record a log with torques or motor currents (`--torque-scale` takes their "
+            "N m per unit)"
+        )
+    travels = np.ptp(log.q, axis=0) > np.array([TRAVEL[unit] for unit in robot.joint_units])
+    wrong = [name for name, is_wrong in zip(log.joints, constant & travels, strict=True) if is_wrong]
+    if wrong:
+        listed = " ".join(f"--ignore-torque {name}" for name in wrong)
+        raise DefinitionError(
+            f"the torque of {log.source} is constant, {log.tau[0, log.joints.index(wrong[0])]:.4g}, for joint "
+            f"`{wrong[0]}`, which moves: is it not measured? `{listed}` leaves it out"
+        )
+    return usable & ~constant, [
+        f"the torque of {log.source} is constant for {joint_list(robot, constant)}, which stand still, as with a "
+        "brake: it is left out"
+    ]
+
+
+def _repairs(
+    robot: Articulated, signals: LogSignals, sample: TorqueSample, match: TorqueMatch, conventions: Conventions
+) -> list[Repair]:
+    """Other conventions with their matches; the costly ones are left out after one that explains all."""
+    rigid = rigid_torques(robot, sample.motion)
+    stages: tuple[Callable[[], Iterator[Repair]], ...] = (
+        lambda: itertools.chain(
+            torque_signs(robot, rigid, sample, conventions), position_signs(robot, sample, conventions)
+        ),
+        lambda: itertools.chain(torque_scales(robot, rigid, sample, conventions), position_units(robot, sample)),
+        lambda: torque_orders(robot, rigid, sample, conventions),
+        # For an arm in a plane, another zero of its first joint is another direction of gravity: both are named.
+        lambda: itertools.chain(position_zeros(robot, sample, conventions), mountings(robot, sample)),
+        lambda: torque_delays(signals, rigid, sample, conventions),
+        lambda: joint_orders(robot, sample, conventions),
+    )
+    repairs: list[Repair] = []
+    for stage in stages:
+        repairs += stage()
+        if any(repair.match.score < ENOUGH * match.score for repair in repairs):
+            break
+    return sorted(repairs, key=lambda repair: repair.score)
+
+
+USELESS, POOR = 1.0, 0.2
+"""An error of the predicted torque, as a share of the torque's standard deviation: refused, and warned of."""
+
+NOISE_ALONE = 0.6
+"""A share of noise in a torque above which nothing else can be explained."""
+
+SMALL = 5e-3
+"""A share of the torque limit below which a torque shows nothing."""
+
+SLUGGISH = 2.0
+"""Seconds at the torque limit within which a rotor reaches its speed limit in any arm."""
+
+OVERLOAD = 3.0
+"""A torque, as a multiple of its limit, that no drive has."""
+
+SURE = 2.0
+"""Standard errors by which a parameter must be beyond a bound."""
+
+
+def judge_result(
+    result: Identification, robot: Articulated, signals: LogSignals, ignored: np.ndarray
+) -> tuple[str, ...]:
+    """Sentences on what the log supports badly.
+
+    - `result`: the identification.
+    - `robot`: the arm as it was known.
+    - `ignored`: True for joints whose torques were not used [n].
+
+    Raises DefinitionError if a parameter is one that no such arm has, or the prediction errs by more than the torque.
+    """
+    warnings: list[str] = []
+    _judge_parameters(result, robot, warnings)
+    _judge_prediction(result, robot, signals, ignored, warnings)
+    largest = np.abs(result.log.tau).max(axis=0)
+    limit = np.asarray(robot.limits.torque)
+    for joint in np.nonzero((largest > 1.2 * limit) & ~ignored)[0]:
+        warnings.append(
+            f"the torque of joint `{robot.joint_names[joint]}` reaches {largest[joint]:.4g}, "
+            f"{largest[joint] / limit[joint]:.2g} times its limit in the arm's file"
+        )
+    if result.unseen:
+        names = ", ".join(f"`{parameter.title}`" for parameter in result.unseen[:4])
+        more = f" and {len(result.unseen) - 4} more" if len(result.unseen) > 4 else ""
+        warnings.append(f"the log does not show {names}{more}: their values are those that were believed before")
+    return tuple(warnings)
+
+
+def _judge_prediction(
+    result: Identification, robot: Articulated, signals: LogSignals, ignored: np.ndarray, warnings: list[str]
+) -> None:
+    inner = signals.inner
+    size = np.std(result.measured[inner], axis=0) + 1e-12
+    errors = np.maximum(result.fit_rms, result.held_out_rms)
+    share = errors / size
+    limit = np.asarray(robot.limits.torque)
+    silent = (
+        (signals.torque_noise() > NOISE_ALONE * size) | (np.isfinite(limit) & (size < SMALL * limit)) | (size < 1e-9)
+    )
+    for joint, name in enumerate(robot.joint_names):
+        if ignored[joint] or share[joint] <= POOR:
+            continue
+        if silent[joint]:
+            warnings.append(f"the torque of joint `{name}` is noise alone: the log shows nothing of its drive")
+            continue
+        where = "held out" if result.held_out_rms[joint] >= result.fit_rms[joint] else "fitted"
+        facts = (
+            f"{robot.name} as identified from {result.log.source} predicts the torque of joint `{name}` with an error "
+            f"of {errors[joint]:.3g} in the part that is {where}; the torque itself varies by {size[joint]:.3g}"
+        )
+        if share[joint] > USELESS:
+            raise DefinitionError(
+                f"{facts}. No other sign, scale, joint order, delay or gravity explains it. Is the arm's file right, "
+                f"and did nothing touch the arm? `--links` identifies its links, too; `--ignore-torque {name}` leaves "
+                "this torque out"
+            )
+        warnings.append(f"{facts}: the arm's file, or this torque, is in doubt")
+
+
+def _judge_parameters(result: Identification, robot: Articulated, warnings: list[str]) -> None:
+    torque, speed = np.asarray(robot.limits.torque), np.asarray(robot.limits.velocity)
+    reach = np.linalg.norm(np.asarray(robot.translations), axis=1).sum() + 0.1
+    total = float(np.sum(robot.masses))
+    joints = {name: number for number, name in enumerate(robot.joint_names)}
+    believed = dict(zip(robot.joint_names, np.asarray(robot.masses), strict=True))
+    for parameter in result.parameters:
+        j = joints.get(parameter.joint, -1)
+        bound, rule = np.inf, ""
+        if parameter.name == "armature":
+            if np.isfinite(torque[j]) and np.isfinite(speed[j]):
+                bound = SLUGGISH * torque[j] / speed[j]
+                rule = f"its drive would take more than {SLUGGISH:g} s to its speed limit"
+            else:
+                bound, rule = (
+                    5.0 * total * (reach**2 if robot.joint_units[j] == "rad" else 1.0),
+                    ("this is more than five times the whole arm stretched out"),
+                )
+        elif parameter.name == "coulomb" and np.isfinite(torque[j]):
+            bound, rule = torque[j], "this is more than its drive's torque limit"
+        elif parameter.name == "viscous" and np.isfinite(torque[j]) and np.isfinite(speed[j]):
+            bound, rule = 3.0 * torque[j] / speed[j], "its drive could not reach its speed limit"
+        elif parameter.name == "payload.mass":
+            bound, rule = max(1.5 * total, 0.5), f"the arm itself weighs {total:.3g} kg"
+        elif parameter.name == "link.mass":
+            bound, rule = (
+                10.0 * max(float(believed[parameter.joint]), 0.02 * total),
+                "this is ten times the file's mass",
+            )
+        if parameter.value <= bound:
+            continue
+        half = 1.96 * parameter.standard_error
+        facts = f"{parameter.title} would be {parameter.value:.4g} ± {half:.2g} {parameter.unit}"
+        if parameter.value - SURE * parameter.standard_error > bound:
+            raise DefinitionError(
+                f"{facts}: {rule}. Torques or times of {result.log.source} are in another unit, scale or joint order "
+                f"than those of {robot.name}: `--torque-unit`, `--torque-scale`, `--time-unit` and `--joint-order` set "
+                "them"
+            )
+        warnings.append(f"{facts}: {rule}; the log does not tell it better")

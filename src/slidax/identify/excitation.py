@@ -1,0 +1,348 @@
+"""Excitation motions: Fourier series within the arm's limits, chosen by D-optimality."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slidax.arms.arm import JointLimits, Payload
+from slidax.arms.articulated import Articulated
+from slidax.core.errors import DefinitionError, each_of
+from slidax.core.writing import error_reason, write_text
+
+from .regression import REACH
+from .regressor import (
+    BODY,
+    JointMotion,
+    links_regressor,
+    parameters_of_links,
+    parameters_of_payload,
+    payload_regressor,
+    rigid_torque,
+)
+
+LIMITS = ("range", "velocity", "acceleration", "torque")
+"""Whose shares there are."""
+
+
+@dataclass(frozen=True, eq=False)
+class Excitation:
+    """A motion from rest to rest, in rows.
+
+    - `joints`: names of the joints.
+    - `t`: times [k], s.
+    - `motion`: positions, velocities, accelerations at them.
+    - `share`: of the limits of position range, velocity, acceleration and torque, what each joint takes at most [4 n].
+    - `information`: `½ log₂ det(1 + S A S)`, the bits by which a log of it says more of the unknown numbers than was
+      believed before.
+    """
+
+    joints: tuple[str, ...]
+    t: np.ndarray
+    motion: JointMotion
+    share: np.ndarray
+    information: float
+
+    def as_json(self) -> dict[str, Any]:
+        """The output of `slidax excite --json`."""
+        return {
+            "joints": list(self.joints),
+            "duration": float(self.t[-1]),
+            "start": self.motion.q[0].tolist(),
+            "share": dict(zip(LIMITS, self.share.tolist(), strict=True)),
+            "information": self.information,
+        }
+
+    def __str__(self) -> str:
+        width = max(map(len, self.joints))
+        lines = [f"{self.t[-1]:g} s from rest to rest, {self.information:.0f} bits; the largest share of each limit:"]
+        lines.append(f"{'':<{width}}  {'  '.join(f'{name:>12}' for name in LIMITS)}  {'start':>9}")
+        for joint, name in enumerate(self.joints):
+            shares = "  ".join(f"{100 * value:>10.0f} %" for value in self.share[:, joint])
+            lines.append(f"{name:<{width}}  {shares}  {self.motion.q[0, joint]:>9.4f}")
+        return "\n".join(lines)
+
+    __repr__ = __str__
+
+    def write(self, path: str | Path) -> None:
+        """Writes it as the CSV file that `trajectory: {kind: csv, file: ...}` and `Tabulated.from_csv` read.
+
+        - `path`: where to.
+
+        Raises DefinitionError if the file cannot be written.
+        """
+        names = [*self.joints, *(f"{n}.velocity" for n in self.joints), *(f"{n}.acceleration" for n in self.joints)]
+        rows = np.column_stack([self.t, self.motion.q, self.motion.dq, self.motion.ddq])
+        lines = [",".join(["time", *names])] + [",".join(f"{value:.10g}" for value in row) for row in rows]
+        try:
+            write_text(Path(path), "\n".join(lines) + "\n")
+        except OSError as error:
+            raise DefinitionError(f"cannot write the file `{path}`: {error_reason(error)}") from None
+
+
+@dataclass(frozen=True)
+class FourierSeries:
+    """`q(t) = Σ_k a_k cos(kωt) + b_k sin(kωt)`, with velocity and acceleration 0 at t = 0.
+
+    - `period`: 2π/ω [s].
+    - `harmonics`: K, how many multiples of ω there are.
+    """
+
+    period: float
+    harmonics: int
+
+    def random(self, rng: np.random.Generator, joints: int) -> np.ndarray:
+        """Random coefficients, [n 2K + 1]: a, b, and one number more that says about where to move.
+
+        - `joints`: n.
+        """
+        return rng.normal(size=(joints, 2 * self.harmonics + 1))
+
+    def motion(self, coefficients: np.ndarray, points: int) -> JointMotion:
+        """The series and its derivatives at even times of one period, each [points n].
+
+        The coefficients are projected on those with `Σ k b_k = 0` and `Σ k² a_k = 0`, and the higher ones are made
+        smaller, so that accelerations of all harmonics are about alike.
+
+        - `coefficients`: [n 2K + 1].
+        - `points`: how many.
+        """
+        count = np.arange(1, self.harmonics + 1)
+        # As shares of acceleration, in which the condition on a is Σ a = 0, and that on b Σ b/k = 0.
+        a, b = coefficients[:, : self.harmonics], coefficients[:, self.harmonics : 2 * self.harmonics]
+        a = a - a.mean(axis=1, keepdims=True)
+        b = b - (b @ (1.0 / count))[:, None] / count / np.sum(1.0 / count**2)
+        omega = 2.0 * np.pi / self.period
+        angle = omega * np.outer(np.arange(points) * self.period / points, count)
+        cosine, sine = np.cos(angle), np.sin(angle)
+        rate = omega * count
+        return JointMotion(
+            q=(cosine / rate**2) @ a.T + (sine / rate**2) @ b.T,
+            dq=(-sine / rate) @ a.T + (cosine / rate) @ b.T,
+            ddq=-cosine @ a.T - sine @ b.T,
+        )
+
+
+POINTS = 100
+"""Times of a period at which torques are looked at during the search."""
+
+STARTS, STEPS = 60, 400
+"""Random motions of which the best is taken, and changes of it that are tried."""
+
+ALMOST = 0.97
+"""Of the torque that is allowed: between the times that the search looks at there is a little more."""
+
+NOISE = 0.01
+"""Of a joint's torque limit: what its torques are taken to be measured to."""
+
+OF_FASTEST = 3.0
+"""The largest acceleration, where none is given, over the largest velocity, 1/s."""
+
+UNLIMITED_TURN, UNLIMITED_SPEED, UNLIMITED_TORQUE = 1.5, 1.5, 50.0
+"""Limits assumed where the arm has none: rad about 0, rad/s, N m."""
+
+
+class ExcitationSearch:
+    """The information of an excitation motion, and its scaling to the limits.
+
+    - `robot`, `share`, `acceleration`, `center`, `payload`, `links`: as in `excite`.
+    """
+
+    def __init__(
+        self,
+        robot: Articulated,
+        share: float,
+        acceleration: float | None,
+        center: np.ndarray | None,
+        payload: Payload,
+        links: bool,
+    ) -> None:
+        limits: JointLimits = robot.limits
+        lower, upper = np.asarray(limits.lower), np.asarray(limits.upper)
+        self.center = center
+        self.lower = np.where(np.isfinite(lower), lower, -UNLIMITED_TURN)
+        self.upper = np.where(np.isfinite(upper), upper, UNLIMITED_TURN)
+        if center is None:
+            # A joint that turns freely begins near 0, as all others do if their range allows it.
+            self.lower, self.upper = np.maximum(self.lower, -np.pi), np.minimum(self.upper, np.pi)
+        elif ((center < self.lower) | (center > self.upper)).any():
+            raise DefinitionError(f"`center` must be within the joints' limits; got {list(center)}")
+        self.velocity = _finite(limits.velocity, UNLIMITED_SPEED)
+        self.acceleration = OF_FASTEST * self.velocity if acceleration is None else acceleration + 0.0 * self.velocity
+        self.torque = _finite(limits.torque, UNLIMITED_TORQUE)
+        self.robot, self.share, self.links = robot, share, links
+        # Plain numbers: the search asks for them many times.
+        self.known, self.armature, self.masses = (
+            parameters_of_links(robot),
+            *map(np.asarray, (robot.armature, robot.masses)),
+        )
+        self.carried = parameters_of_payload(payload)
+
+    def best(self, series: FourierSeries, rng: np.random.Generator) -> tuple[np.ndarray, float]:
+        """The best coefficients of all that are tried, and what they are worth.
+
+        - `series`: their form.
+        """
+        best, where = -np.inf, series.random(rng, self.robot.joints)
+        for _ in range(STARTS):
+            candidate = series.random(rng, self.robot.joints)
+            score = self.score(self.fitted(series, candidate, POINTS))
+            if score > best:
+                best, where = score, candidate
+        size = 0.5
+        for _ in range(STEPS):
+            changed = rng.random((self.robot.joints, 1)) < 0.3
+            candidate = where + size * series.random(rng, self.robot.joints) * changed
+            score = self.score(self.fitted(series, candidate, POINTS))
+            if score > best:
+                best, where, size = score, candidate, min(1.0, 1.3 * size)
+            else:
+                size = max(0.02, 0.97 * size)
+        return where, best
+
+    def fitted(self, series: FourierSeries, coefficients: np.ndarray, points: int) -> JointMotion:
+        """The motion over one period, each joint's as large as its limits allow.
+
+        - `series`, `coefficients`: the motion's form.
+        - `points`: at how many times.
+        """
+        shape, speed, change = series.motion(coefficients, points)
+        low, high = shape.min(axis=0), shape.max(axis=0)
+        half = 0.5 * self.share * (self.upper - self.lower)
+        middle = 0.5 * (self.upper + self.lower)
+        if self.center is None:
+            room = 2.0 * half / np.maximum(high - low, 1e-9)
+        else:
+            middle = self.center
+            inside = self.share * np.minimum(self.upper - middle, middle - self.lower)
+            room = inside / np.maximum(np.maximum(high, -low), 1e-9)
+        factor = np.minimum.reduce(
+            [
+                room,
+                self.share * self.velocity / np.maximum(np.abs(speed).max(axis=0), 1e-9),
+                self.share * self.acceleration / np.maximum(np.abs(change).max(axis=0), 1e-9),
+            ]
+        )
+        if self.center is None:
+            # About any place at which it stays inside: the series' own last number says which.
+            free = np.maximum(half - 0.5 * factor * (high - low), 0.0)
+            middle = middle - 0.5 * factor * (high + low) + free * np.tanh(coefficients[:, -1])
+        return JointMotion(middle + factor * shape, factor * speed, factor * change)
+
+    def torque_share(self, motion: JointMotion) -> np.ndarray:
+        """The largest torque over what is allowed, [n]."""
+        torque = self._torque(motion)
+        return np.abs(torque).max(axis=0) / (self.share * self.torque)
+
+    def score(self, motion: JointMotion) -> float:
+        """Bits of information, less what the torque limits are passed by."""
+        n = self.robot.joints
+        bodies = [payload_regressor(self.robot, motion)]
+        weigh = max(float(np.sum(self.masses)), 0.1)
+        sizes = [weigh * _BODY]
+        if self.links:
+            bodies = [links_regressor(self.robot, motion)]
+            sizes = [max(0.5 * float(mass), 0.01 * weigh) * _BODY for mass in self.masses]
+        else:
+            bodies = [payload_regressor(self.robot, motion)]
+        drives = [motion.ddq, np.sign(motion.dq), motion.dq, np.ones_like(motion.dq)]
+        units = [self.acceleration, np.ones(n), self.velocity, np.ones(n)]
+        columns = np.concatenate([*bodies, *(drive[:, :, None] * np.eye(n) for drive in drives)], axis=2)
+        scale = np.concatenate([*sizes, *(self.torque / unit for unit in units)])
+        scaled = columns * scale / (NOISE * self.torque[:, None])
+        flat = scaled.reshape(-1, scaled.shape[2])
+        _, size = np.linalg.slogdet(np.eye(len(scale)) + flat.T @ flat)
+        # Weighed so that no bits can pay for it.
+        over = np.maximum(self.torque_share(motion) - ALMOST, 0.0).sum()
+        return float(0.5 * size / np.log(2.0) - 1000.0 * over)
+
+    def shares(self, motion: JointMotion) -> np.ndarray:
+        """The largest share of each limit, [4 n]."""
+        return np.stack(
+            [
+                (motion.q.max(axis=0) - motion.q.min(axis=0)) / (self.upper - self.lower),
+                np.abs(motion.dq).max(axis=0) / self.velocity,
+                np.abs(motion.ddq).max(axis=0) / self.acceleration,
+                self.torque_share(motion) * self.share,
+            ]
+        )
+
+    def _torque(self, motion: JointMotion) -> np.ndarray:
+        return rigid_torque(self.robot, motion, self.known, self.carried) + motion.ddq * self.armature
+
+
+_BODY = np.array([1.0, *3 * (REACH,), *6 * (REACH**2,)])
+assert len(_BODY) == BODY
+
+
+def _finite(limit: object, otherwise: float) -> np.ndarray:
+    values = np.asarray(limit)
+    return np.where(np.isfinite(values), values, otherwise)
+
+
+def excite(
+    robot: Articulated,
+    *,
+    seed: int,
+    duration: float = 20.0,
+    harmonics: int = 10,
+    share: float = 0.8,
+    acceleration: float | None = None,
+    center: np.ndarray | None = None,
+    payload: Payload | None = None,
+    links: bool = False,
+    rate: float = 50.0,
+) -> Excitation:
+    """A Fourier series per joint, within limits, whose log says most about rotors, friction, payload and links.
+
+    `q_j(t) = c_j + Σ_k a_jk cos(kωt) + b_jk sin(kωt)` (Swevers et al., *Optimal robot excitation and identification*,
+    1997), two periods of it, with the coefficients' sums such that velocity and acceleration are 0 at the start and at
+    the end. Each joint's series is scaled until it reaches one of its limits. Of many random ones the best by
+    D-optimality is taken, largest determinant of the information about the scaled unknowns, and changed at random as
+    long as that gets better. Collisions of the arm with itself and with what stands around it are not looked at.
+
+    - `robot`: the arm, with its limits.
+    - `seed`: of the random numbers; the same seed gives the same motion.
+    - `duration`: of both periods together [s].
+    - `harmonics`: how many multiples of the base frequency there are, at least 3.
+    - `share`: of the limits that is used at most, in (0, 1].
+    - `acceleration`: the largest [rad/s² or m/s²]; three times the largest velocity, per second, if not given.
+    - `center`: positions about which to move [n]; chosen within the limits if not given.
+    - `payload`: the largest that the torque limits must allow; the robot's own if not given.
+    - `links`: whether the links' inertial parameters are to be shown, too.
+    - `rate`: rows per second of the table.
+
+    Raises DefinitionError if a number is out of its range, or no motion keeps the torque limits.
+    """
+    for name, value, holds, rule in (
+        ("duration", duration, 1.0 <= duration <= 600.0, "in [1, 600] s"),
+        ("harmonics", harmonics, 3 <= harmonics <= 50, "in [3, 50]: rest at both ends takes two"),
+        ("share", share, 0.0 < share <= 1.0, "in (0, 1]"),
+        ("rate", rate, 5.0 <= rate <= 1000.0, "in [5, 1000] Hz"),
+        ("acceleration", acceleration, acceleration is None or 0.0 < acceleration < np.inf, "> 0 and finite"),
+    ):
+        if not holds:
+            raise DefinitionError(f"`{name}` of a motion that excites must be {rule}; got {value}")
+    if center is not None and np.shape(center) != (robot.joints,):
+        raise DefinitionError(f"`center` must have one position for {each_of(robot.joints, 'joint')}; got {center}")
+    search = ExcitationSearch(robot, share, acceleration, center, payload or robot.payload, links)
+    rng = np.random.default_rng(seed)
+    series = FourierSeries(duration / 2.0, harmonics)
+    # The rows are where the table will have them, so that limits hold at each.
+    rows = max(2, round(duration * rate / 2.0))
+    where, best = search.best(series, rng)
+    motion = search.fitted(series, where, rows)
+    torque = search.torque_share(motion)
+    if torque.max() > 1.0 + 1e-9:
+        joint = int(np.argmax(torque))
+        raise DefinitionError(
+            f"no motion was found that joint `{robot.joint_names[joint]}` has the torque for: it takes "
+            f"{torque[joint]:.3g} of its share; give a `center` where it carries less, a larger `share`, or less "
+            "payload"
+        )
+    twice = JointMotion(*(np.concatenate([part, part, part[:1]]) for part in motion))
+    t = np.arange(2 * rows + 1) * (duration / (2 * rows))
+    return Excitation(robot.joint_names, t, twice, search.shares(motion), best)

@@ -1,0 +1,397 @@
+"""The identified arm: parameters with standard errors, and the arm file."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import numpy as np
+from scipy import stats
+
+from slidax.arms.arm import Payload
+from slidax.arms.articulated import Articulated
+from slidax.core.errors import DefinitionError, as_array
+from slidax.core.writing import error_reason, write_text
+
+from .logs import JointLog
+from .regression import REACH, ParameterFit, Unknowns
+from .regressor import BODY, PAIRS, body_of_parameters
+
+
+@dataclass(frozen=True)
+class EstimatedParameter:
+    """One number of an arm.
+
+    - `name`: such as `armature` or `payload.mass`.
+    - `joint`: its joint's name; empty where it belongs to none.
+    - `path`: where it stands in the description of a robot; empty where nothing there depends on it.
+    - `unit`: of the value.
+    - `value`: what fits best.
+    - `standard_error`: of the value.
+    - `identifiable`: True if the log determines it more closely than the prior.
+    """
+
+    name: str
+    joint: str
+    path: str
+    unit: str
+    value: float
+    standard_error: float
+    identifiable: bool
+
+    @property
+    def title(self) -> str:
+        """Name and joint: `armature of panda_joint1`."""
+        return f"{self.name} of {self.joint}" if self.joint else self.name
+
+    def interval(self, confidence: float = 0.95) -> tuple[float, float]:
+        """Between which the truth is with this probability, if the model's form is right.
+
+        - `confidence`: in (0, 1).
+        """
+        half = float(stats.norm.ppf(0.5 + 0.5 * confidence)) * self.standard_error
+        return self.value - half, self.value + half
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """An arm as a log shows it.
+
+    - `robot`: with rotors, friction, payload and links as identified.
+    - `parameters`: each number with its standard error.
+    - `log`: what was read.
+    - `cut_off`: of the filter of the equations [Hz].
+    - `condition`: of the weighted regressor, over what was believed before: the largest gain over the least.
+    - `unseen_directions`: how many combinations of the numbers the log does not show.
+    - `lag`, `lag_error`: by how much the torques come after the positions, and its standard error [s].
+    - `t`, `measured`, `predicted`: torques in the filter's band, over time [k n].
+    - `split`: from which of these samples on the log was held out.
+    - `fit_rms`, `held_out_rms`, `measured_rms`: of prediction errors in both parts, and of what was measured, in the
+      filter's band [n], N m or N.
+    - `warnings`: sentences on the log and on parameters that it supports badly.
+    - `seconds`: that it took.
+    """
+
+    robot: Articulated
+    parameters: tuple[EstimatedParameter, ...]
+    log: JointLog
+    cut_off: float
+    condition: float
+    unseen_directions: int
+    lag: float
+    lag_error: float
+    t: np.ndarray
+    measured: np.ndarray
+    predicted: np.ndarray
+    split: int
+    fit_rms: np.ndarray
+    held_out_rms: np.ndarray
+    measured_rms: np.ndarray
+    warnings: tuple[str, ...]
+    seconds: float
+
+    @property
+    def unseen(self) -> tuple[EstimatedParameter, ...]:
+        """The numbers of which this log says nothing, or too little."""
+        return tuple(parameter for parameter in self.parameters if not parameter.identifiable)
+
+    def values(self, name: str) -> np.ndarray:
+        """All numbers of a name, in the order of the joints.
+
+        - `name`: such as `armature`.
+        """
+        return np.array([parameter.value for parameter in self.parameters if parameter.name == name])
+
+    def standard_errors(self, name: str) -> np.ndarray:
+        """Their standard errors.
+
+        - `name`: such as `armature`.
+        """
+        return np.array([parameter.standard_error for parameter in self.parameters if parameter.name == name])
+
+    def as_json(self) -> dict[str, Any]:
+        """The output of `slidax identify --json`."""
+        return {
+            "parameters": [
+                {
+                    "name": parameter.name,
+                    "joint": parameter.joint or None,
+                    "path": parameter.path or None,
+                    "unit": parameter.unit,
+                    "value": parameter.value,
+                    "standard_error": parameter.standard_error,
+                    "seen": parameter.identifiable,
+                }
+                for parameter in self.parameters
+            ],
+            "torque_rms": {"fit": self.fit_rms.tolist(), "held_out": self.held_out_rms.tolist()},
+            "measured_rms": self.measured_rms.tolist(),
+            "warnings": list(self.warnings),
+            "cut_off": self.cut_off,
+            "condition": self.condition,
+            "unseen_directions": self.unseen_directions,
+            "lag": {"value": self.lag, "standard_error": self.lag_error},
+        }
+
+    def __str__(self) -> str:
+        width = max(len(parameter.title) for parameter in self.parameters)
+        lines = [f"{self.robot.name} from {self.log.source}: {len(self.log.t)} samples, band {self.cut_off:.3g} Hz"]
+        for parameter in self.parameters:
+            half = 0.5 * (parameter.interval()[1] - parameter.interval()[0])
+            end = "" if parameter.identifiable else "  not seen in this log"
+            lines.append(f"{parameter.title:<{width}}  {parameter.value:>10.4g} ± {half:<8.2g} {parameter.unit}{end}")
+        lines.append(f"torque [rms] measured     {_listed(self.measured_rms)}")
+        lines.append(f"             error, fit   {_listed(self.fit_rms)}")
+        lines.append(f"             held out     {_listed(self.held_out_rms)}")
+        lines += [f"warning: {sentence}" for sentence in self.warnings]
+        if self.unseen_directions:
+            lines.append(f"{self.unseen_directions} combinations of these numbers do not show in this log")
+        return "\n".join(lines)
+
+    __repr__ = __str__
+
+
+def _listed(values: np.ndarray) -> str:
+    return " ".join(f"{value:8.3g}" for value in values)
+
+
+SEEN = 0.1
+"""A number is seen if its standard error is less than this share of what it was believed to be off by."""
+
+UNITS = {
+    "armature": ("kg m²", "kg"),
+    "coulomb": ("N m", "N"),
+    "viscous": ("N m s/rad", "N s/m"),
+    "asymmetry": ("N m s/rad", "N s/m"),
+    "offset": ("N m", "N"),
+}
+"""Of what drives have, for a joint that turns and for one that slides."""
+
+PATHS = {"armature": "nominal.armature", "coulomb": "plant.coulomb", "viscous": "plant.viscous"}
+"""Where the description of a robot has them."""
+
+OF_BODY = (
+    ("mass", "kg", "mass"),
+    *((f"center.{axis}", "m", f"center.{i}") for i, axis in enumerate("xyz")),
+    *((f"inertia.{pair}", "kg m²", f"inertia.{i}") for i, pair in enumerate(("xx", "yy", "zz", "xy", "xz", "yz"))),
+)
+"""A body's numbers: name, unit, and where its description has each."""
+
+
+def identified_robot(robot: Articulated, unknowns: Unknowns, theta: np.ndarray) -> Articulated:
+    """The arm with what was identified in place of what was known.
+
+    - `robot`: the arm as it was known.
+    - `theta`: its parameters.
+    """
+    changes: dict[str, Any] = {}
+    for name in ("armature", "coulomb", "viscous"):
+        values = theta[[i for i, other in enumerate(unknowns.names) if other == name]]
+        if len(values):
+            changes[name] = as_array(np.maximum(values, 0.0))
+    links = []
+    for start in unknowns.bodies:
+        mass, center, inertia = body_of_parameters(theta[start : start + BODY])
+        if unknowns.joints[start] < 0:
+            changes["payload"] = Payload(mass=as_array(mass), center=as_array(center), inertia=as_array(inertia))
+        else:
+            links.append((mass, center, inertia))
+    if links:
+        masses, centers, inertias = (np.array(values) for values in zip(*links, strict=True))
+        changes |= {"masses": as_array(masses), "centers": as_array(centers), "inertias": as_array(inertias)}
+    names = list(changes)
+    return eqx.tree_at(lambda arm: [getattr(arm, name) for name in names], robot, [changes[name] for name in names])
+
+
+def estimates_of(
+    robot: Articulated, unknowns: Unknowns, fitted: ParameterFit, theta: np.ndarray
+) -> tuple[EstimatedParameter, ...]:
+    """Each number with its standard error, and whether the log shows it.
+
+    - `robot`: the arm as it was known.
+    - `fitted`: the fit without conditions, whose standard errors these are.
+    - `theta`: the parameters with them.
+    """
+    listed: list[EstimatedParameter] = []
+    inside = np.zeros(len(theta), bool)
+    for number, start in enumerate(unknowns.bodies):
+        own = slice(start, start + BODY)
+        inside[own] = True
+        listed += _of_body(
+            robot, unknowns.joints[start], number, theta[own], fitted.covariance[own, own], unknowns, own
+        )
+    errors = np.sqrt(np.maximum(np.diag(fitted.covariance), 0.0))
+    for i in np.nonzero(~inside)[0]:
+        name, joint = unknowns.names[i], unknowns.joints[i]
+        listed.append(
+            EstimatedParameter(
+                name=name,
+                joint=robot.joint_names[joint],
+                path=f"{PATHS[name]}.{joint}" if name in PATHS else "",
+                unit=UNITS[name][robot.joint_units[joint] == "m"],
+                value=float(theta[i]),
+                standard_error=float(errors[i]),
+                identifiable=bool(errors[i] < SEEN * unknowns.scale[i]),
+            )
+        )
+    return tuple(listed)
+
+
+def _of_body(
+    robot: Articulated,
+    joint: int,
+    number: int,
+    phi: np.ndarray,
+    covariance: np.ndarray,
+    unknowns: Unknowns,
+    own: slice,
+) -> list[EstimatedParameter]:
+    """Mass, centre and inertia about the centre, whose errors follow from those of φ to first order."""
+    values = _told(phi)
+    sizes = unknowns.scale[own]
+    slopes = np.empty((BODY, BODY))
+    for i in range(BODY):
+        step = 1e-6 * sizes[i]
+        slopes[:, i] = (_told(phi + step * np.eye(BODY)[i]) - _told(phi - step * np.eye(BODY)[i])) / (2.0 * step)
+    errors = np.sqrt(np.maximum(np.diag(slopes @ covariance @ slopes.T), 0.0))
+    mass = max(values[0], 1e-9)
+    # The prior scale of centre and inertia follows the identified mass.
+    believed = np.array([sizes[0], *3 * (REACH,), *6 * (mass * REACH**2,)])
+    what, place = ("payload", "nominal.load") if joint < 0 else ("link", "nominal.links")
+    listed = []
+    for i, (name, unit, path) in enumerate(OF_BODY):
+        kind, _, entry = path.partition(".")
+        within = f".{number}" if joint >= 0 else ""
+        listed.append(
+            EstimatedParameter(
+                name=f"{what}.{name}",
+                joint="" if joint < 0 else robot.joint_names[joint],
+                path=f"{place}.{kind}{within}{'.' if entry else ''}{entry}",
+                unit=unit,
+                value=float(values[i]),
+                standard_error=float(errors[i]),
+                identifiable=bool(errors[i] < SEEN * believed[i]),
+            )
+        )
+    return listed
+
+
+def _told(phi: np.ndarray) -> np.ndarray:
+    """Mass, centre and inertia about the centre, [10]."""
+    mass = phi[0] if abs(phi[0]) > 1e-9 else 1e-9
+    _, center, inertia = body_of_parameters(np.array([abs(mass), *np.sign(mass) * phi[1:]]))
+    return np.array([mass, *center, *(np.sign(mass) * inertia[pair] for pair in PAIRS)])
+
+
+DIGITS = 9
+"""Of the numbers: fewer, and rounding could make a body that cannot be."""
+
+
+def write_arm(identification: Identification, robot: Mapping[str, Any], path: str | Path) -> None:
+    """Writes the arm with what was identified, which `robot: {kind: identified, file: ...}` reads.
+
+    Under `robot` is its description as in scenario files, with the numbers found; under `uncertainty`, by their paths
+    there, the standard error, unit and whether the log shows it; under `torque_offset` what is no part of an arm.
+
+    - `identification`: the identified arm.
+    - `robot`: the description of the arm as it was known, such as `{"kind": "panda"}`.
+    - `path`: where to.
+
+    Raises DefinitionError if the file cannot be written.
+    """
+    path = Path(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_text(path, arm_as_yaml(identification, robot, path.parent))
+    except OSError as error:
+        raise DefinitionError(f"cannot write the file `{path}`: {error_reason(error)}") from None
+
+
+def arm_as_yaml(identification: Identification, robot: Mapping[str, Any], folder: Path = Path()) -> str:
+    """The text of such a file.
+
+    - `identification`, `robot`: as in `write_arm`.
+    - `folder`: where it will be, for the path of a file that the description names.
+    """
+    described = {key: value for key, value in robot.items() if key not in ("nominal", "plant")}
+    if "file" in described:
+        described["file"] = os.path.relpath(described["file"], folder)
+    nominal = dict(robot.get("nominal", {}))
+    plant: dict[str, Any] = {}
+    named = {parameter.name for parameter in identification.parameters}
+    if "armature" in named:
+        nominal["armature"] = _plain(identification.robot.armature)
+    if "payload.mass" in named:
+        nominal.pop("load", None)
+        load = identification.robot.payload
+        if float(load.mass) > 0:
+            nominal["load"] = {"mass": _plain(load.mass), "center": _plain(load.center), "inertia": _six(load.inertia)}
+    if "link.mass" in named:
+        arm = identification.robot
+        inertias = [_six(inertia) for inertia in np.asarray(arm.inertias)]
+        nominal["links"] = {"mass": _plain(arm.masses), "center": _plain(arm.centers), "inertia": inertias}
+    for name in ("coulomb", "viscous"):
+        if name in named:
+            plant[name] = _plain(getattr(identification.robot, name))
+    lines = [
+        f"# {identification.robot.name}, identified from {identification.log.source}: "
+        f"{len(identification.log.t)} samples.",
+        "# Standard errors are of one sigma; `seen: false` means that the log does not show it.",
+        *(f"# Warning: {sentence}." for sentence in identification.warnings),
+        "robot:",
+        *_block(described | ({"nominal": nominal} if nominal else {}) | ({"plant": plant} if plant else {}), 1),
+        "uncertainty:",
+        *(_line(parameter) for parameter in identification.parameters if parameter.path),
+    ]
+    offsets = [parameter for parameter in identification.parameters if parameter.name in ("offset", "asymmetry")]
+    for name in dict.fromkeys(parameter.name for parameter in offsets):
+        own = [parameter for parameter in offsets if parameter.name == name]
+        lines.append(f"torque_{name}:")
+        lines.append(f"  value: {_flow([parameter.value for parameter in own])}")
+        lines.append(f"  standard_error: {_flow([parameter.standard_error for parameter in own])}")
+    return "\n".join(lines) + "\n"
+
+
+def _line(parameter: EstimatedParameter) -> str:
+    is_seen = "true" if parameter.identifiable else "false"
+    error = _flow(_rounded(parameter.standard_error, 4))
+    return f'  robot.{parameter.path}: {{standard_error: {error}, unit: "{parameter.unit}", seen: {is_seen}}}'
+
+
+def _block(mapping: Mapping[str, Any], depth: int) -> list[str]:
+    lines: list[str] = []
+    for key, value in mapping.items():
+        if isinstance(value, Mapping):
+            lines += [f"{'  ' * depth}{key}:", *_block(value, depth + 1)]
+        else:
+            lines.append(f"{'  ' * depth}{key}: {_flow(value)}")
+    return lines
+
+
+def _flow(value: Any) -> str:
+    if isinstance(value, str):
+        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(_flow(entry) for entry in value)}]"
+    # YAML takes 1e-05 for text without a point.
+    return repr(float(value)) if "e" not in repr(float(value)) else f"{float(value):.{DIGITS}e}"
+
+
+def _plain(values: Any) -> Any:
+    array = np.asarray(values)
+    return _rounded(array.item(), DIGITS) if array.ndim == 0 else [_plain(entry) for entry in array]
+
+
+def _six(inertia: Any) -> Sequence[float]:
+    full = np.asarray(inertia)
+    return [_plain(full[pair]) for pair in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+
+
+def _rounded(value: float, digits: int) -> float:
+    return float(f"{value:.{digits - 1}e}")

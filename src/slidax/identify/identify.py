@@ -1,0 +1,191 @@
+"""Identification of an arm's parameters from a log of positions and torques."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from slidax.arms.articulated import Articulated
+from slidax.core.errors import DefinitionError, count_noun
+
+from .checks import find_usable_torques, judge_result, require_torques
+from .identified_arm import Identification, estimates_of, identified_robot
+from .log_checks import cut_at_gaps, require_radians, without_outliers
+from .log_files import read_log
+from .logs import FEWEST, Conventions, JointLog
+from .regression import ParameterFit, Unknowns, consistent_parameters, fit_parameters, unknowns_of
+from .regressor import BODY
+from .signals import LEAST, LogSignals, signals_of
+from .torque_model import BAND, with_gravity_torques
+
+EXPLAINED = 0.5
+"""The band ends where the model leaves more of the torque's power than this."""
+
+
+def identify(
+    log: JointLog | str | Path,
+    robot: Articulated,
+    *,
+    conventions: Conventions | None = None,
+    rotors: bool = True,
+    payload: bool | None = None,
+    links: bool = False,
+    asymmetric: bool = False,
+    cut_off: float | None = None,
+    held_out: float = 0.25,
+) -> Identification:
+    """Rotor inertia, friction, payload and, if asked for, the links' inertial parameters, from positions and torques.
+
+        arm = identify("log.csv", sx.robots.panda())
+        print(arm)
+
+    The torque is linear in all of them, `τ = Y(q,q̇,q̈) φ + J q̈ + f_c sign(q̇) + f_v q̇ + f_o`, so this is weighted least
+    squares on signals that all pass the same zero-phase filter, with physically consistent bodies (`consistent`). The
+    prior is very wide, so that it decides only the parameters that the log does not show; these are listed by name.
+
+    The log is judged first: its time unit, gaps, velocities, and the sign, scale, joint order and gravity of its
+    torques against the arm. `Conventions` has the remedies.
+
+    - `log`: a `Log`, or the path of a file that `read_log` reads.
+    - `robot`: the arm as it is known; what is identified takes the place of its numbers.
+    - `conventions`: the log's units, signs and joint order, where they differ from the arm's.
+    - `rotors`: whether their inertia is unknown; torques measured behind the gears do not show it.
+    - `payload`: whether what the tip carries is unknown; if not given, unless `links` are, which it is a part of then.
+    - `links`: whether the links' inertial parameters are unknown: their believed values are within half of the mass.
+    - `asymmetric`: whether viscous friction may differ between the two directions.
+    - `cut_off`: of the filter [Hz]; chosen from the data if not given.
+    - `held_out`: the last share of the log, which is not fitted but predicted, in (0, 0.9].
+
+    Raises DefinitionError if the log cannot be read or used, contradicts the arm, or leads to parameters that no arm
+    has.
+    """
+    started = time.perf_counter()
+    if not 0.0 < held_out <= 0.9:
+        raise DefinitionError(f"`held_out` must be in (0, 0.9], the share of the log that is predicted; got {held_out}")
+    if not isinstance(log, JointLog):
+        log = read_log(log, robot.joint_names)
+    if len(log.joints) != robot.joints:
+        raise DefinitionError(
+            f"{log.source} has {count_noun(len(log.joints), 'joint')}, but {robot.name} has {robot.joints}"
+        )
+    if payload is None:
+        payload = not links
+    conventions = conventions or Conventions()
+    log = conventions.applied(log, robot.joint_units)
+    if conventions.add_gravity:
+        log = with_gravity_torques(log, robot)
+    usable, sentences = find_usable_torques(log, robot, conventions)
+    ignored = ~usable
+    log, more = without_outliers(log, robot)
+    sentences += more
+    require_radians(log, robot)
+    pieces = cut_at_gaps(log, robot)
+    log = pieces.log
+
+    def equation(signals: LogSignals) -> Unknowns:
+        options = {"rotors": rotors, "payload": payload, "links": links, "asymmetric": asymmetric}
+        return unknowns_of(robot, signals, **options, ignored=ignored)
+
+    signals = signals_of(pieces, robot, cut_off)
+    split = int((1.0 - held_out) * len(signals.t))
+    _require_long_enough(signals, split, log)
+    unknowns = equation(signals)
+    slow = signals if signals.cut_off <= BAND else signals_of(pieces, robot, BAND)
+    require_torques(log, robot, slow, usable, conventions)
+    fitted = fit_parameters(unknowns, signals, slice(0, split))
+    if cut_off is None:
+        band = explained_band(unknowns, signals, fitted, slice(0, split))
+        if band < 0.8 * signals.cut_off:
+            signals = signals_of(pieces, robot, band)
+            _require_long_enough(signals, split, log)
+            unknowns = equation(signals)
+            fitted = fit_parameters(unknowns, signals, slice(0, split))
+    theta = consistent_parameters(
+        fitted.theta, fitted.information, unknowns.bodies, unknowns.positive, _inside(unknowns, fitted.theta)
+    )
+    # On its bound, where the barrier ends just above it.
+    errors = np.sqrt(np.diag(fitted.covariance))
+    theta = np.where(unknowns.positive & (theta < 1e-3 * errors), 0.0, theta)
+    torque = unknowns.known + unknowns.columns @ theta
+    torque = signals.filtered(torque - fitted.lag * signals.slope(torque))
+    measured = signals.filtered(signals.tau)
+    row = np.arange(len(torque))
+    warnings = signals.warnings + tuple(sentences)
+    identification = Identification(
+        robot=identified_robot(robot, unknowns, theta),
+        parameters=estimates_of(robot, unknowns, fitted, theta),
+        log=log,
+        cut_off=signals.cut_off,
+        condition=float(fitted.gain[0] / max(fitted.gain[-1], fitted.gain[0] * np.finfo(float).eps, 1e-300)),
+        unseen_directions=int(np.sum(fitted.gain < 1.0)),
+        lag=fitted.lag,
+        lag_error=fitted.lag_error,
+        t=signals.t,
+        measured=measured,
+        predicted=torque,
+        split=split,
+        fit_rms=_rms((measured - torque)[signals.inner & (row < split)]),
+        held_out_rms=_rms((measured - torque)[signals.inner & (row >= split)]),
+        measured_rms=_rms(measured),
+        warnings=warnings,
+        seconds=time.perf_counter() - started,
+    )
+    doubts = judge_result(identification, robot, signals, ignored)
+    return replace(identification, warnings=warnings + doubts)
+
+
+def explained_band(unknowns: Unknowns, signals: LogSignals, fitted: ParameterFit, rows: slice) -> float:
+    """The frequency [Hz] up to which the model explains at least half of the torque's power, in the median joint.
+
+    Above it there is noise, or what the model does not have, such as gears that give way.
+
+    - `unknowns`, `signals`: the equation and the log.
+    - `fitted`: parameters of a first fit in a wider band.
+    - `rows`: the part of the log that is fitted.
+    """
+    left = (signals.tau - unknowns.known)[rows] - unknowns.columns[rows] @ fitted.theta
+    part = signals.part(rows)
+    f, of_rest = part.spectrum(left, 4.0)
+    _, of_all = part.spectrum(signals.tau[rows], 4.0)
+    octave = [(f >= high / 2) & (f <= high) for high in f[2:]]
+    ends = []
+    for joint in range(left.shape[1]):
+        shares = [of_rest[band, joint].sum() / max(of_all[band, joint].sum(), 1e-300) for band in octave]
+        bad = np.nonzero((np.array(shares) > EXPLAINED) & (f[2:] > LEAST))[0]
+        ends.append(f[2 + bad[0]] if len(bad) else f[-1])
+    return float(np.clip(np.median(ends), 2.0 * LEAST, signals.cut_off))
+
+
+def _require_long_enough(signals: LogSignals, split: int, log: JointLog) -> None:
+    """Raises a DefinitionError if the filter leaves too few samples in the part that is fitted, or in the other."""
+    fewest = max(FEWEST // 2, 8 * signals.settled)
+    row = np.arange(len(signals.t))
+    fitted, rest = int(np.sum(signals.inner & (row < split))), int(np.sum(signals.inner & (row >= split)))
+    if fitted >= fewest - 2 * signals.settled and rest >= min(fewest, FEWEST // 2) // 2:
+        return
+    parts = len(signals.pieces)
+    within = f", in {parts} parts without a gap" if parts > 1 else ""
+    raise DefinitionError(
+        f"{log.source} is too short, {len(signals.t) / signals.rate:.3g} s{within}: in a band of "
+        f"{signals.cut_off:.3g} Hz the part that is fitted must have at least {fewest / signals.rate:.3g} s; it has "
+        f"{fitted / signals.rate:.3g} s between the filter's ends, and {rest / signals.rate:.3g} s are held out; "
+        "`--held-out` and `--cut-off` set both"
+    )
+
+
+def _inside(unknowns: Unknowns, theta: np.ndarray) -> np.ndarray:
+    """Some θ with positive drives, and bodies that are spheres about where the best fit has them."""
+    inside = np.where(unknowns.positive, np.maximum(theta, 1e-3 * unknowns.scale), theta)
+    for start in unknowns.bodies:
+        mass = max(theta[start], 1e-2 * unknowns.scale[start])
+        inside[start : start + BODY] = 0.0
+        inside[start] = mass
+        inside[start + 4 : start + 7] = mass * 1e-2
+    return inside
+
+
+def _rms(values: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.mean(values**2, axis=0))

@@ -1,0 +1,429 @@
+"""Checks of a log's times, positions and velocities: units, gaps, wraps, outliers."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import ndimage
+
+from slidax.arms.articulated import Articulated
+from slidax.core.errors import DefinitionError
+
+from .logs import FEWEST, TIME_UNITS, JointLog
+
+SLOWEST, FASTEST = 8.0, 50_000.0
+"""Sampling rates [Hz] of logs: below, no rotor shows; above, no robot's driver writes."""
+
+BRIEFEST = 0.5
+"""Seconds that a log lasts at least."""
+
+GAP_PERIODS, GAP_SECONDS = 5.0, 0.02
+"""A time without samples is a gap if it is longer than both: a shorter one is filled by a monotone cubic curve."""
+
+FROZEN_SAMPLES, FROZEN_SECONDS = 8, 0.05
+"""Torques that follow straight lines for longer than both, while the arm moves, were not measured."""
+
+FAST, USUAL = 4.0, 1.0
+"""Speeds, as multiples of a joint's limit, that no log shows and that a log may well show."""
+
+STILL = 2e-3
+"""A share of the speed limit, below which an arm does not move."""
+
+
+@dataclass(frozen=True, eq=False)
+class LogPieces:
+    """A log whose times increase, cut where nothing was measured.
+
+    - `log`: its samples in order.
+    - `pieces`: rows without a gap between them.
+    - `warnings`: sentences on what was left out.
+    """
+
+    log: JointLog
+    pieces: tuple[slice, ...]
+    warnings: tuple[str, ...]
+
+
+def cut_at_gaps(log: JointLog, robot: Articulated) -> LogPieces:
+    """Judge the times of a log, and cut it at its gaps.
+
+    - `robot`: its speed limits show wrong units.
+
+    Raises DefinitionError if the times do not advance, or are in another unit than s.
+    """
+    warnings: list[str] = []
+    breaks = np.zeros(0, int)
+    backward = np.nonzero(np.diff(log.t) < 0)[0] + 1
+    if len(backward):
+        log, breaks, sentence = _in_order(log, backward)
+        warnings.append(sentence)
+    log, breaks, merged = _merged(log, breaks)
+    if merged:
+        warnings.append(f"{merged} samples of {log.source} repeat the time of the sample before: they are averaged")
+    require_seconds(log, robot)
+    keep, cuts = _frozen(log, breaks)
+    if not keep.all():
+        first = int(np.argmin(keep))
+        warnings.append(
+            f"torques of {log.source} repeat or follow straight lines for {log.period * (~keep).sum():.3g} s, first at "
+            f"{log.t[first]:.4g} s: these samples are left out, since nothing was measured there"
+        )
+        place = np.cumsum(keep) - keep
+        breaks = np.unique(np.concatenate([place[breaks], place[cuts]]))
+        log = log.rows(keep)
+    steps = np.diff(log.t)
+    gaps = np.nonzero(steps > max(GAP_PERIODS * log.period, GAP_SECONDS))[0] + 1
+    new = np.setdiff1d(gaps, breaks)
+    if len(new):
+        longest = int(new[np.argmax(steps[new - 1])])
+        warnings.append(
+            f"{log.source} has {_gaps(len(new))}, the longest of {steps[longest - 1]:.3g} s at "
+            f"{log.t[longest - 1]:.4g} s: the parts before and after are fitted separately"
+        )
+    edges = np.unique(np.concatenate([[0], breaks, gaps, [len(log.t)]]).astype(int))
+    pieces = [slice(a, b) for a, b in itertools.pairwise(edges.tolist()) if b > a]
+    return LogPieces(log, tuple(pieces), tuple(warnings))
+
+
+def require_seconds(log: JointLog, robot: Articulated) -> None:
+    """Raise a DefinitionError if the times of a log are in another unit than s.
+
+    - `log`: with times that increase.
+    - `robot`: its speed limits show wrong units.
+    """
+    rate, duration, speed = 1.0 / log.period, float(np.sum(np.diff(log.t).clip(0))), share_of_speed(log, robot)
+
+    def is_possible(unit: float) -> bool:
+        return (
+            SLOWEST <= rate / unit <= FASTEST
+            and duration * unit >= BRIEFEST
+            and STILL * USUAL <= speed / unit <= FAST * USUAL
+        )
+
+    others = _by_velocities(log) or [name for name, unit in TIME_UNITS.items() if name != "s" and is_possible(unit)]
+    facts = f"the times of {log.source} are {duration:.4g} s long with {rate:.3g} samples per second"
+    remedy = " or ".join(f"`--time-unit {name}`" for name in others)
+    if not SLOWEST <= rate <= FASTEST or duration < BRIEFEST:
+        hint = (
+            f"are they in {' or '.join(others)}? {remedy}"
+            if others
+            else (
+                "`--time-unit` takes s, ms, us, ns, or the seconds per unit, such as 0.004 for a counter of samples at "
+                "250 Hz"
+            )
+        )
+        rule = f"at least {SLOWEST:g} and at most {FASTEST:g} samples per second, and {BRIEFEST:g} s, are needed"
+        raise DefinitionError(f"{facts}: {rule}; {hint}")
+    if others and not is_possible(1.0) and speed > 0.0:
+        raise DefinitionError(
+            f"{facts}, in which the joints move at {speed:.2g} times their speed limits: are the times in "
+            f"{' or '.join(others)}? {remedy}"
+        )
+    if speed > 5.0 * FAST:
+        raise DefinitionError(
+            f"{facts}, in which the joints move at {speed:.2g} times their speed limits: check `--time-unit` and "
+            "`--position-unit`"
+        )
+
+
+def _by_velocities(log: JointLog) -> list[str]:
+    """The unit of time in which the measured velocities are the slope of the positions; none if none is clear."""
+    if log.dq is None or not log.dq.any():
+        return []
+    steps = np.diff(log.t)[:, None]
+    slope, between = np.diff(log.q, axis=0) / steps, 0.5 * (log.dq[1:] + log.dq[:-1])
+    usable = (steps < 3.0 * log.period).ravel()
+    slope, between = slope[usable].ravel(), between[usable].ravel()
+    product = float(slope @ between)
+    alike = product / max(float(np.sqrt((slope @ slope) * (between @ between))), 1e-300)
+    if alike < 0.8:
+        return []
+    unit = float(slope @ slope) / product
+    named = [name for name, size in TIME_UNITS.items() if 0.7 < unit / size < 1.4]
+    return [name for name in named if name != "s"] if named else [f"{unit:.4g}"]
+
+
+def share_of_speed(log: JointLog, robot: Articulated) -> float:
+    """The speed of the fastest joint as a share of its speed limit, from positions some ten samples apart.
+
+    - `log`: with times that increase.
+    - `robot`: its limits; 3 rad/s or 1 m/s where it has none.
+    """
+    apart = max(1, min(10, len(log.t) // 40))
+    steps = log.t[apart:] - log.t[:-apart]
+    usable = (steps > 0) & (steps < 3.0 * apart * log.period)
+    if not usable.any():
+        return 0.0
+    speed = np.abs(log.q[apart:] - log.q[:-apart])[usable] / steps[usable, None]
+    limits = np.asarray(robot.limits.velocity)
+    limits = np.where(np.isfinite(limits), limits, [3.0 if unit == "rad" else 1.0 for unit in robot.joint_units])
+    return float(np.max(np.quantile(speed, 0.98, axis=0) / limits))
+
+
+def _in_order(log: JointLog, backward: np.ndarray) -> tuple[JointLog, np.ndarray, str]:
+    """Samples sorted by their times if the positions are smoother so, else cut where the clock was set back."""
+    order = np.argsort(log.t, kind="stable")
+    size = np.ptp(log.q, axis=0) + 1e-12
+
+    def path(q: np.ndarray) -> float:
+        return float(np.sum(np.abs(np.diff(q, axis=0)) / size))
+
+    first = int(backward[0])
+    where = (
+        f"sample {first + 1} of {log.source} is at {log.t[first]:.6g} s, the sample before at {log.t[first - 1]:.6g} s"
+    )
+    if path(log.q[order]) <= 1.02 * path(log.q):
+        return log.rows(order), np.zeros(0, int), f"{where}: the samples are sorted by their times"
+    # Each part goes on after the one before, so that the times increase.
+    t = log.t.copy()
+    for start in backward:
+        t[start:] += t[start - 1] - t[start] + 2.0 * max(GAP_PERIODS * log.period, GAP_SECONDS)
+    return replace(log, t=t), backward, f"{where}: the log is cut there, since its clock was set back"
+
+
+def _merged(log: JointLog, breaks: np.ndarray) -> tuple[JointLog, np.ndarray, int]:
+    """Samples of equal times are averaged."""
+    starts = np.concatenate([[True], np.diff(log.t) > 0])
+    if starts.sum() < 2:
+        raise DefinitionError(
+            f"the times of {log.source} do not advance: all are {log.t[0]:g} s; `--columns t=NAME` reads another "
+            "column, and messages need the time of their measurement in `header.stamp`"
+        )
+    if starts.all():
+        return log, breaks, 0
+    if starts.sum() < FEWEST:
+        raise DefinitionError(
+            f"{log.source} has {starts.sum()} different times in {len(starts)} samples: at least {FEWEST} are needed"
+        )
+    rows = np.nonzero(starts)[0]
+    counts = np.diff(np.append(rows, len(starts)))[:, None]
+
+    def mean(values: np.ndarray) -> np.ndarray:
+        return np.add.reduceat(values, rows, axis=0) / counts
+
+    dq = None if log.dq is None else mean(log.dq)
+    merged = replace(log, t=log.t[rows], q=mean(log.q), tau=mean(log.tau), dq=dq)
+    return merged, (np.cumsum(starts) - 1)[breaks], int((~starts).sum())
+
+
+def _frozen(log: JointLog, breaks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rows that were measured, and the rows before which others were left out."""
+    keep = np.ones(len(log.t), bool)
+    bend = np.abs(np.diff(log.tau, 2, axis=0))
+    usual = np.median(bend, axis=0)
+    noisy = usual > 1e-6 * (np.ptp(log.tau, axis=0) + 1e-12)
+    none = np.zeros(0, int)
+    if not noisy.any():
+        return keep, none
+    straight = (bend[:, noisy] < 0.05 * usual[noisy]).all(axis=1)
+    ends = np.diff(np.concatenate([[0], straight, [0]]))
+    cuts = []
+    moves = np.abs(np.diff(log.q, axis=0))
+    usual_move = np.median(moves, axis=0)
+    for start, stop in zip(np.nonzero(ends == 1)[0], np.nonzero(ends == -1)[0], strict=True):
+        last = stop + 1
+        if last - start < FROZEN_SAMPLES or log.t[last] - log.t[start] < FROZEN_SECONDS:
+            continue
+        after = min(last + 1, len(log.t) - 1)
+        if (np.abs(log.q[after] - log.q[start]) > 5.0 * usual_move + 1e-9).any():
+            # The last of them may be a value that was held.
+            keep[start + 1 : after] = False
+            cuts.append(after)
+    return keep, np.array(cuts, int)
+
+
+def _gaps(count: int) -> str:
+    return "a gap" if count == 1 else f"{count} gaps"
+
+
+DEGREE = np.pi / 180.0
+
+WINDS = 4.0 * np.pi
+"""A position, rad, that a turning joint without limits hardly reaches."""
+
+BEYOND = 0.5
+"""The excess over its limits, as a share of its range, above which a joint's unit is in doubt."""
+
+APART = 0.3
+"""A difference between dq and the slope of q, as a share of the slope, above which dq is not used."""
+
+ALIKE = 0.9
+"""The correlation of dq with the slope of q above which a factor between them is a matter of units."""
+
+TRAVEL = {"rad": 0.02, "m": 0.005}
+"""A range of positions below which a joint is held, and its dq shows nothing about units."""
+
+LATE = 0.1
+"""The time by which dq may come after the slope of q, s."""
+
+
+def require_radians(log: JointLog, robot: Articulated) -> None:
+    """Raise a DefinitionError if positions look like degrees, millimetres or revolutions.
+
+    - `log`: in the arm's joint order.
+    - `robot`: its position limits.
+    """
+    lower, upper = np.asarray(robot.limits.lower), np.asarray(robot.limits.upper)
+    least, most = log.q.min(axis=0), log.q.max(axis=0)
+    turning = np.array([unit == "rad" for unit in robot.joint_units])
+    limited = np.isfinite(lower) & np.isfinite(upper)
+    slack = BEYOND * np.where(limited, upper - lower, 0.0)
+    outside = np.where(limited, (most > upper + slack) | (least < lower - slack), turning & (_largest(log) > WINDS))
+    for kind, size, unit in ((turning, DEGREE, "deg"), (~turning, 1e-3, "mm")):
+        wrong = outside & kind
+        if not wrong.any():
+            continue
+        joint = int(np.argmax(np.where(wrong, _largest(log), 0.0)))
+        fits = (~limited | ((most * size <= upper + slack) & (least * size >= lower - slack)))[kind].all()
+        right = "rad" if unit == "deg" else "m"
+        limits = f"; its limits are {lower[joint]:.4g} to {upper[joint]:.4g} {right}" if limited[joint] else ""
+        facts = (
+            f"positions of {log.source} go from {least[joint]:.4g} to {most[joint]:.4g} for joint "
+            f"`{log.joints[joint]}`{limits}"
+        )
+        if fits:
+            what = "degrees" if unit == "deg" else "millimetres"
+            raise DefinitionError(f"{facts}: are they {what}? `--position-unit {unit}` reads them so")
+        if limited[joint]:
+            raise DefinitionError(
+                f"{facts}: check `--position-unit`, `--position-order`, and `--position-offset` for another zero"
+            )
+
+
+def _largest(log: JointLog) -> np.ndarray:
+    return np.abs(log.q).max(axis=0)
+
+
+def find_usable_velocities(
+    log: JointLog, robot: Articulated, slope: np.ndarray, velocity: np.ndarray, noise: np.ndarray, rate: float
+) -> tuple[np.ndarray, list[str]]:
+    """True for each joint whose measured velocity agrees with the slope of its positions [n]; and warnings.
+
+    - `log`, `robot`: of the positions.
+    - `slope`, `velocity`: of the positions, and as measured, in the band of the equations [k n].
+    - `noise`: standard deviation of the slope there [n].
+    - `rate`: samples per second [Hz].
+
+    Raises DefinitionError if a joint's velocity is a clear multiple of the slope, as with a wrong unit.
+    """
+    size, theirs = _rms(slope), _rms(velocity)
+    usable = _rms(velocity - slope) <= APART * size
+    if usable.all():
+        return usable, []
+    travels = np.ptp(log.q, axis=0) > np.array([TRAVEL[unit] for unit in robot.joint_units])
+    travels &= size > 5.0 * noise
+    if not (theirs > 1e-3 * size)[travels].any() and travels.any():
+        return np.zeros_like(usable), [f"`dq` of {log.source} is 0 throughout while the arm moves: it is left out"]
+    factors: dict[int, float] = {}
+    for joint in np.nonzero(~usable & travels)[0]:
+        factor, alike = _factor(slope[:, joint], velocity[:, joint], rate)
+        if alike > ALIKE and not 0.75 < factor < 1.33:
+            factors[int(joint)] = factor
+    if factors:
+        raise DefinitionError(_units(log, factors, int(travels.sum())))
+    _require_own(log, slope, velocity, usable, travels)
+    names = ", ".join(f"`{log.joints[joint]}`" for joint in np.nonzero(~usable)[0])
+    return usable, [f"`dq` of {log.source} does not follow the slope of `q` for {names}: it is left out there"]
+
+
+def _factor(slope: np.ndarray, velocity: np.ndarray, rate: float) -> tuple[float, float]:
+    """The factor between the two at the delay at which they are most alike, and their correlation there."""
+    most = max(1, min(int(LATE * rate), len(slope) // 4))
+    best = (0.0, 0.0)
+    for shift in np.unique(np.linspace(-most, most, 41).astype(int)):
+        a = slope[max(0, -shift) : len(slope) - max(0, shift)]
+        b = velocity[max(0, shift) : len(velocity) - max(0, -shift)]
+        product = float(a @ b)
+        alike = abs(product) / max(float(np.sqrt((a @ a) * (b @ b))), 1e-300)
+        if alike > best[1]:
+            best = (product / max(float(a @ a), 1e-300), alike)
+    return best
+
+
+def _units(log: JointLog, factors: dict[int, float], travelling: int) -> str:
+    joint = max(factors, key=lambda j: abs(np.log(abs(factors[j]))))
+    factor = factors[joint]
+    values = np.array(list(factors.values()))
+    facts = f"`dq` of {log.source} is not the slope of `q` for joint `{log.joints[joint]}`: it is {factor:.3g} times it"
+    leave = "`--drop dq` leaves `dq` out"
+    if len(factors) < travelling or np.ptp(values) > 0.2 * abs(factor):
+        if abs(factor + 1.0) < 0.2:
+            return f"{facts}; does `q` or `dq` count in the opposite direction? `--position-sign` turns both, {leave}"
+        return f"{facts}; {leave}"
+    for name, unit in TIME_UNITS.items():
+        if name != "s" and abs(factor * unit - 1.0) < 0.2:
+            return f"{facts}: are the times in {name}? `--time-unit {name}` reads them so; {leave}"
+    if abs(factor * DEGREE - 1.0) < 0.2:
+        return f"{facts}: is `dq` in degrees per second? {leave}"
+    if abs(factor / DEGREE - 1.0) < 0.2:
+        return f"{facts}: is `q` in degrees? `--position-unit deg --drop dq` reads it so"
+    if factor > 0.0:
+        size = f"{1.0 / factor:.4g}"
+        return f"{facts} in all joints: are the times in units of {size} s? `--time-unit {size}` reads them so; {leave}"
+    return f"{facts} in all joints; {leave}"
+
+
+def _require_own(
+    log: JointLog, slope: np.ndarray, velocity: np.ndarray, usable: np.ndarray, travels: np.ndarray
+) -> None:
+    """Raises a DefinitionError if a joint's velocity is the slope of another joint's position."""
+    for joint in np.nonzero(~usable & travels)[0]:
+        for other in np.nonzero(~usable & travels)[0]:
+            if joint != other and _rms(velocity[:, joint] - slope[:, other]) < 0.2 * _rms(slope[:, other]):
+                raise DefinitionError(
+                    f"`dq` of {log.source} for joint `{log.joints[joint]}` is the slope of `q` for joint "
+                    f"`{log.joints[other]}`: positions and velocities are in different joint orders; "
+                    "`--drop dq` leaves `dq` out"
+                )
+
+
+def _rms(values: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.mean(values**2, axis=0))
+
+
+WRAP = 0.5
+"""A step between two samples within this distance of a whole turn is a wrapped angle [rad]."""
+
+SPIKE = 30.0
+"""A distance from the neighbours' median, as a multiple of the usual distance, that is a fault of the measurement."""
+
+RANGE = 1.5
+"""The same, as a share of the column's range without its extremes."""
+
+MOST = 0.02
+"""A share of the samples above which they are no single faults."""
+
+
+def without_outliers(log: JointLog, robot: Articulated) -> tuple[JointLog, list[str]]:
+    """The log with its angles unwrapped and without single faulty samples; and sentences on both."""
+    warnings: list[str] = []
+    q = log.q.copy()
+    for joint, unit in enumerate(robot.joint_units):
+        steps = np.diff(q[:, joint])
+        if unit == "rad" and len(steps) and (np.abs(np.abs(steps) - 2.0 * np.pi) < WRAP).any():
+            turns = np.where(np.abs(np.abs(steps) - 2.0 * np.pi) < WRAP, np.sign(steps), 0.0)
+            around = 2.0 * np.pi * np.cumsum(np.concatenate([[0.0], turns]))
+            # A spike of a whole turn goes and comes: what is left of a true wrap are long parts.
+            if np.median(np.abs(np.diff(q[:, joint] - around))) <= np.median(np.abs(steps)) + 1e-12:
+                q[:, joint] -= around
+                warnings.append(
+                    f"positions of {log.source} jump by a whole turn for joint `{log.joints[joint]}`: "
+                    "they are unwrapped"
+                )
+    wrong = np.zeros(len(log.t), bool)
+    for values in (q, log.tau, *([] if log.dq is None else [log.dq])):
+        for column in values.T:
+            apart = np.abs(column - ndimage.median_filter(column, 7, mode="nearest"))
+            low, high = np.quantile(column, [0.01, 0.99])
+            usual = np.quantile(apart, 0.9)
+            wrong |= (apart > SPIKE * usual) & (apart > RANGE * (high - low)) & (high > low)
+    count = int(wrong.sum())
+    if not 0 < count <= MOST * len(wrong) or len(wrong) - count < FEWEST:
+        return replace(log, q=q), warnings
+    first = int(np.argmax(wrong))
+    warnings.append(
+        f"{count} samples of {log.source} are far from their neighbours, first sample {first + 1}: they are left out"
+    )
+    return replace(log, q=q).rows(~wrong), warnings

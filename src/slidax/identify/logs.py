@@ -1,0 +1,342 @@
+"""Measured positions and torques over time, the options for reading them, and their units, signs and joint order."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from slidax.core.errors import DefinitionError, nearest_word, plain, short_repr
+
+FEWEST = 200
+"""Samples that a log must have."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointLog:
+    """Positions and torques of all joints over time.
+
+    The times may repeat or run backward, as they do in bags: `identify` judges them.
+
+    - `source`: its origin, for messages.
+    - `joints`: their names, in the arm's order.
+    - `t`: times [k], s.
+    - `q`: positions [k n], rad or m.
+    - `tau`: torques [k n], N m or N.
+    - `dq`: velocities [k n], rad/s or m/s; None if they were not measured.
+    - `notes`: sentences about what reading left out or converted.
+
+    Raises DefinitionError if sizes differ, the log has fewer than 200 samples, or a number is not finite.
+    """
+
+    source: str
+    joints: tuple[str, ...]
+    t: np.ndarray
+    q: np.ndarray
+    tau: np.ndarray
+    dq: np.ndarray | None = None
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        k, n = len(self.t), len(self.joints)
+        if k < FEWEST:
+            raise DefinitionError(f"{self.source} has {k} samples: at least {FEWEST} are needed to identify anything")
+        for name, values in (("q", self.q), ("tau", self.tau), ("dq", self.dq)):
+            if values is None:
+                continue
+            if values.shape != (k, n):
+                raise DefinitionError(
+                    f"`{name}` of {self.source} must be {k} x {n} numbers; got shape {list(values.shape)}"
+                )
+            if not np.isfinite(values).all():
+                row, joint = (int(index[0]) for index in np.nonzero(~np.isfinite(values)))
+                raise DefinitionError(
+                    f"`{name}` of {self.source} is not finite for joint `{self.joints[joint]}` in sample {row + 1}: "
+                    "leave out such samples"
+                )
+        if not np.isfinite(self.t).all():
+            row = int(np.argmin(np.isfinite(self.t)))
+            raise DefinitionError(
+                f"the time of sample {row + 1} of {self.source} is not finite: it is {self.t[row]:g}; "
+                "leave out this sample"
+            )
+
+    def rows(self, rows: np.ndarray) -> JointLog:
+        """Return the log with some of its samples.
+
+        - `rows`: their numbers in the new order, or True for each that is kept.
+        """
+        dq = None if self.dq is None else self.dq[rows]
+        return replace(self, t=self.t[rows], q=self.q[rows], tau=self.tau[rows], dq=dq)
+
+    @property
+    def period(self) -> float:
+        """The median time between two samples [s]; 0 if no time advances."""
+        steps = np.diff(self.t)
+        return float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+
+
+@dataclass(frozen=True)
+class LogColumns:
+    """Where a table has its times and, for each quantity that it has, the joints in the arm's order.
+
+    - `time`: name of the column.
+    - `of`: names of columns by quantity.
+    - `scale`: for each column that is used, what one of its units is in s, rad, rad/s or N m.
+    - `notes`: what was left out or converted.
+    """
+
+    time: str
+    of: dict[str, list[str]]
+    scale: dict[str, float]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def titles(self) -> list[str]:
+        """The titles of all columns that are used."""
+        return [self.time, *(title for titles in self.of.values() for title in titles)]
+
+    def log(
+        self, source: str, joints: Sequence[str], table: Mapping[str, np.ndarray], notes: Sequence[str] = ()
+    ) -> JointLog:
+        """Return the log in a table that has these columns.
+
+        - `source`: what was read, for messages.
+        - `joints`: the arm's joints, in its order.
+        - `table`: each column by its title.
+        - `notes`: of the reader, before those of the columns.
+        """
+        values = {
+            name: np.stack([table[title] * self.scale.get(title, 1.0) for title in titles], axis=1)
+            for name, titles in self.of.items()
+        }
+        times = table[self.time] * self.scale.get(self.time, 1.0)
+        if len(times) and abs(times[0]) > 1e6:
+            # Since 1970, say: what matters is the time since the first sample.
+            times = (table[self.time] - table[self.time][0]) * self.scale.get(self.time, 1.0)
+        return JointLog(
+            source, tuple(joints), times, values["q"], values["tau"], values.get("dq"), (*notes, *self.notes)
+        )
+
+
+QUANTITIES = ("t", "q", "dq", "tau")
+
+
+@dataclass(frozen=True)
+class ReadOptions:
+    """Options for reading a log whose column names leave something open.
+
+    - `topic`: of the messages, where a log has several with joint states.
+    - `columns`: for `t`, `q`, `dq` or `tau`, the word that its columns have in their titles, or a title per joint.
+    - `drop`: quantities (`dq`), columns, joints by name, or joints by their number in the log, that are left out.
+
+    Raises DefinitionError if a quantity is none of these, or one that is needed is dropped.
+    """
+
+    topic: str | None = None
+    columns: Mapping[str, str | Sequence[str]] = field(default_factory=dict)
+    drop: Sequence[str] = ()
+
+    def __post_init__(self) -> None:
+        for quantity in self.columns:
+            if quantity not in QUANTITIES:
+                raise DefinitionError(
+                    f"`columns` has the quantity `{plain(quantity)}`, but there are only `t`, `q`, `dq` and `tau`: "
+                    "write it such as `q=position,tau=effort`"
+                )
+        for needed in ("t", "q", "tau"):
+            if needed in self.drop:
+                raise DefinitionError(f"`drop` names `{needed}`, which identification needs; only `dq` may be left out")
+
+
+def parse_columns(texts: Sequence[str]) -> dict[str, str | list[str]]:
+    """Return the quantities and their columns, from texts such as `q=position,tau=effort` or `tau=a,b,c`.
+
+    - `texts`: each with one or more quantities.
+
+    Raises DefinitionError if a text has another form.
+    """
+    columns: dict[str, list[str]] = {}
+    for text in texts:
+        quantity = None
+        for part in text.split(","):
+            name, sign, word = part.partition("=")
+            if sign:
+                quantity = name.strip()
+                columns.setdefault(quantity, []).append(word.strip())
+            elif quantity is not None:
+                columns[quantity].append(part.strip())
+            if not quantity or not columns[quantity][-1]:
+                raise DefinitionError(
+                    f"`--columns {plain(text)}` needs the form QUANTITY=COLUMN, such as `q=position,tau=effort`"
+                )
+    return {quantity: words[0] if len(words) == 1 else words for quantity, words in columns.items()}
+
+
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+"""Seconds per unit of time."""
+
+POSITION_UNITS = {
+    "rad": ("rad", 1.0),
+    "mrad": ("rad", 1e-3),
+    "deg": ("rad", np.pi / 180.0),
+    "rev": ("rad", 2.0 * np.pi),
+    "m": ("m", 1.0),
+    "mm": ("m", 1e-3),
+}
+"""The kind of joint that a unit of position belongs to, and its size in rad or m."""
+
+TORQUE_UNITS = {
+    "Nm": 1.0,
+    "mNm": 1e-3,
+    "Ncm": 1e-2,
+    "kNm": 1e3,
+    "kgfm": 9.80665,
+    "kgfcm": 0.0980665,
+    "lbfft": 1.3558179,
+    "lbfin": 0.1129848,
+    "ozfin": 0.00706155,
+}
+"""N m per unit of torque; for a sliding joint N per unit of force, with `mNm` for mN and so on."""
+
+
+@dataclass(frozen=True)
+class Conventions:
+    """Differences between a log and the arm's own units, signs and joint order.
+
+    Each field has an option of `slidax identify`: `torque_sign` is `--torque-sign`. A list has an entry for each joint,
+    in the arm's order; a single entry is for all joints.
+
+    - `time_unit`: `s`, `ms`, `us` or `ns`, or a number: the seconds per unit of the log's times.
+    - `position_unit`: `rad`, `deg`, `mrad` or `rev` for turning joints, `m` or `mm` for sliding joints; velocities are
+      in this unit per second.
+    - `position_sign`: 1, or -1 for a joint that the log counts in the opposite direction.
+    - `position_offset`: added to the positions, rad or m.
+    - `torque_unit`: `Nm`, `mNm`, `Ncm`, `kNm`, `kgfm`, `kgfcm`, `lbfft`, `lbfin` or `ozfin`.
+    - `torque_scale`: a factor of the torques, such as gear ratio times torque constant for motor currents.
+    - `torque_sign`: 1, or -1 for a torque that the log counts in the opposite direction.
+    - `add_gravity`: whether the log's torques lack those of gravity, which the controller compensates by itself.
+    - `torque_delay`: the time by which the log's torques come after its positions, s.
+    - `joint_order`: for each joint of the log as read, the arm's joint that its values belong to.
+    - `position_order`, `torque_order`: the same for positions and velocities alone, and for torques alone.
+    - `ignore_torque`: joints whose torques are not used.
+
+    Raises DefinitionError if a unit is unknown, or a number is out of range.
+    """
+
+    time_unit: str | float = "s"
+    position_unit: Sequence[str] = ()
+    position_sign: Sequence[float] = (1.0,)
+    position_offset: Sequence[float] = (0.0,)
+    torque_unit: str = "Nm"
+    torque_scale: Sequence[float] = (1.0,)
+    torque_sign: Sequence[float] = (1.0,)
+    add_gravity: bool = False
+    torque_delay: float = 0.0
+    joint_order: Sequence[str] = ()
+    position_order: Sequence[str] = ()
+    torque_order: Sequence[str] = ()
+    ignore_torque: Sequence[str] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("position_sign", "torque_sign"):
+            if any(sign not in (1.0, -1.0) for sign in getattr(self, name)):
+                raise DefinitionError(f"`{name}` must be 1 or -1 for each joint; got {short_repr(getattr(self, name))}")
+        if any(not np.isfinite(scale) or scale <= 0.0 for scale in self.torque_scale):
+            raise DefinitionError(
+                f"`torque_scale` must be > 0 and finite for each joint; got {short_repr(self.torque_scale)}; "
+                "`torque_sign` turns a sign"
+            )
+        if not np.isfinite(self.position_offset).all():
+            raise DefinitionError(f"`position_offset` must be finite; got {short_repr(self.position_offset)}")
+        if not np.isfinite(self.torque_delay):
+            raise DefinitionError(f"`torque_delay` must be finite; got {self.torque_delay}")
+        if self.torque_unit not in TORQUE_UNITS:
+            raise DefinitionError(
+                f"unknown `torque_unit` `{self.torque_unit}`; {nearest_word(str(self.torque_unit), TORQUE_UNITS)}"
+            )
+        for unit in self.position_unit:
+            if unit not in POSITION_UNITS:
+                raise DefinitionError(f"unknown `position_unit` `{unit}`; {nearest_word(str(unit), POSITION_UNITS)}")
+        if not 0.0 < self.seconds < np.inf:
+            raise DefinitionError(
+                f"`time_unit` must be one of {', '.join(TIME_UNITS)}, or the seconds per unit, > 0; got "
+                f"`{short_repr(self.time_unit)}`"
+            )
+
+    @property
+    def seconds(self) -> float:
+        """Seconds per unit of the log's times."""
+        try:
+            return TIME_UNITS[self.time_unit] if self.time_unit in TIME_UNITS else float(self.time_unit)
+        except ValueError:
+            return np.nan
+
+    def applied(self, log: JointLog, units: Sequence[str]) -> JointLog:
+        """The log in the arm's units, signs and joint order.
+
+        - `log`: as read.
+        - `units`: "rad" or "m" for each joint of the arm.
+
+        Raises DefinitionError if a list does not have an entry for each joint, or a name is not a joint's.
+        """
+        whole, positions, torques = (
+            self._order(name, log.joints) for name in ("joint_order", "position_order", "torque_order")
+        )
+        for name in self.ignore_torque:
+            if name not in log.joints:
+                raise DefinitionError(f"`ignore_torque`: there is no joint `{name}`; {nearest_word(name, log.joints)}")
+        size = np.ones(len(units))
+        for unit in self.position_unit:
+            kind, factor = POSITION_UNITS[unit]
+            size[[other == kind for other in units]] = factor
+        size = size * self.each("position_sign", len(units))
+        torque = (
+            TORQUE_UNITS[self.torque_unit]
+            * self.each("torque_scale", len(units))
+            * self.each("torque_sign", len(units))
+        )
+        t = log.t * self.seconds if self.seconds != 1.0 else log.t
+        tau = log.tau[:, whole][:, torques] * torque
+        if self.torque_delay:
+            tau = _shifted(t, tau, self.torque_delay)
+        return replace(
+            log,
+            t=t,
+            q=log.q[:, whole][:, positions] * size + self.each("position_offset", len(units)),
+            tau=tau,
+            dq=None if log.dq is None else log.dq[:, whole][:, positions] * size,
+        )
+
+    def each(self, name: str, joints: int) -> np.ndarray:
+        """A field's entries, one for each joint [n].
+
+        - `joints`: their number.
+
+        Raises DefinitionError if it has another number of entries.
+        """
+        values = np.asarray(getattr(self, name), float)
+        if values.size not in (1, joints):
+            raise DefinitionError(
+                f"`{name}` must have one entry, or one for each of the {joints} joints; got {values.size}"
+            )
+        return np.broadcast_to(values.ravel(), (joints,))
+
+    def _order(self, name: str, joints: Sequence[str]) -> list[int]:
+        """For each joint of the arm, the column of the log as read that has its values."""
+        order = list(getattr(self, name))
+        if not order:
+            return list(range(len(joints)))
+        for joint in order:
+            if joint not in joints:
+                raise DefinitionError(f"`{name}`: there is no joint `{joint}`; {nearest_word(joint, joints)}")
+        if sorted(order) != sorted(joints):
+            raise DefinitionError(f"`{name}` must name each of the {len(joints)} joints once; got {', '.join(order)}")
+        return [order.index(joint) for joint in joints]
+
+
+def _shifted(t: np.ndarray, values: np.ndarray, delay: float) -> np.ndarray:
+    """Values of a later time at each time; the ends keep the first or the last value."""
+    in_order = np.argsort(t, kind="stable")
+    return np.stack([np.interp(t + delay, t[in_order], column[in_order]) for column in values.T], axis=1)

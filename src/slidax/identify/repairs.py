@@ -1,0 +1,498 @@
+"""Other conventions under which a log fits its arm: signs, scales, orders, delays, zeros, mountings."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import optimize
+
+from slidax.arms.articulated import Articulated
+
+from .log_checks import DEGREE
+from .logs import Conventions
+from .signals import LogSignals
+from .torque_model import (
+    RigidTorques,
+    TorqueMatch,
+    TorqueSample,
+    drive_columns,
+    match_rigid_torques,
+    match_torques,
+    nonnegative,
+    rigid_torques,
+    with_gravity,
+)
+
+EACH = 0.15
+"""The score that each changed joint costs, so that the simpler of two conventions is preferred."""
+
+
+@dataclass(frozen=True, eq=False)
+class Repair:
+    """Another convention of a log.
+
+    - `sentence`: the convention, to go after "with".
+    - `option`: of the command, which applies it.
+    - `joints`: how many joints it changes.
+    - `match`: with it.
+    """
+
+    sentence: str
+    option: str
+    joints: int
+    match: TorqueMatch
+
+    @property
+    def score(self) -> float:
+        """The match's score, and the cost of the changes."""
+        return self.match.score + EACH * self.joints
+
+
+def improve(
+    start: np.ndarray,
+    match_of: Callable[[np.ndarray], TorqueMatch],
+    others: Callable[[np.ndarray], Iterator[np.ndarray]],
+) -> tuple[np.ndarray, TorqueMatch]:
+    """The best after changes of one entry after another, as long as the match gets better.
+
+    - `start`: entries to begin with [n].
+    - `match_of`: the match with some entries.
+    - `others`: entries that differ in one place, or are exchanged.
+    """
+    best, match = start, match_of(start)
+    for _ in range(len(start)):
+        scored = [(match_of(other), other) for other in others(best)]
+        candidate, other = min(scored, key=lambda pair: pair[0].score)
+        if candidate.score > match.score - EACH:
+            break
+        best, match = other, candidate
+    return best, match
+
+
+def flips(sign: np.ndarray) -> Iterator[np.ndarray]:
+    """Signs of which one differs.
+
+    - `sign`: of each joint [n].
+    """
+    for joint in range(len(sign)):
+        other = sign.copy()
+        other[joint] *= -1.0
+        yield other
+
+
+def exchanges(order: np.ndarray) -> Iterator[np.ndarray]:
+    """Orders in which two entries are exchanged.
+
+    - `order`: numbers of the joints [n].
+    """
+    for a, b in itertools.combinations(range(len(order)), 2):
+        other = order.copy()
+        other[[a, b]] = order[[b, a]]
+        yield other
+
+
+def order_option(robot: Articulated, order: np.ndarray, earlier: Sequence[str]) -> str:
+    """An option's list: for each joint of the log as read, the joint that its values belong to.
+
+    - `order`: for each joint, the column that has its values [n].
+    - `earlier`: names by which the columns were ordered already; none if empty.
+    """
+    names = list(robot.joint_names)
+    belongs = {names[column]: names[joint] for joint, column in enumerate(order)}
+    labels = list(earlier) or names
+    return ",".join(belongs[label] for label in labels)
+
+
+def joint_list(robot: Articulated, which: np.ndarray) -> str:
+    """The names of some joints for a message.
+
+    - `which`: True for each of them [n].
+    """
+    names = [f"`{name}`" for name, chosen in zip(robot.joint_names, which, strict=True) if chosen]
+    return "all joints" if len(names) == robot.joints and len(names) > 1 else ", ".join(names)
+
+
+def number_list(values: np.ndarray, digits: int = 3) -> str:
+    """Numbers with commas between them, as an option takes them.
+
+    - `values`: the numbers.
+    - `digits`: of each.
+    """
+    return ",".join(f"{value + 0.0:.{digits}g}" for value in values)
+
+
+def short_number_list(values: np.ndarray) -> str:
+    """As `listed`, or one number where all are the same.
+
+    - `values`: the numbers.
+    """
+    return number_list(values[:1] if (values == values[0]).all() else values)
+
+
+FEW = 4
+"""Joints of which all orders are tried; of more, exchanges of two as long as the match gets better."""
+
+STEPS = 12
+"""Positions of another zero that are tried in a turn."""
+
+
+def position_signs(robot: Articulated, sample: TorqueSample, conventions: Conventions) -> Iterator[Repair]:
+    """Joints that the log counts in the opposite direction."""
+    n = robot.joints
+    same = np.arange(n)
+    ones, zero = np.ones(n), np.zeros(n)
+    for start in (ones, -ones):
+        sign, match = improve(start, lambda sign: match_torques(robot, sample.with_positions(same, sign, zero)), flips)
+        if (sign < 0).any():
+            yield Repair(
+                f"the opposite direction of the positions of {joint_list(robot, sign < 0)}",
+                f"--position-sign {short_number_list(sign * conventions.each('position_sign', n))}",
+                2 if (sign < 0).all() else 1 + int((sign < 0).sum()),
+                match,
+            )
+
+
+def joint_orders(robot: Articulated, sample: TorqueSample, conventions: Conventions) -> Iterator[Repair]:
+    """Positions in another joint order, with their torques or without."""
+    n = robot.joints
+    ones, zero = np.ones(n), np.zeros(n)
+
+    def match_both(order: np.ndarray) -> TorqueMatch:
+        return match_torques(robot, sample.with_positions(order, ones, zero).with_torques(order, ones))
+
+    def match_positions(order: np.ndarray) -> TorqueMatch:
+        return match_torques(robot, sample.with_positions(order, ones, zero))
+
+    for match_of, option, earlier, columns in (
+        (match_both, "--joint-order", conventions.joint_order, "positions and torques"),
+        (match_positions, "--position-order", conventions.position_order, "positions"),
+    ):
+        if n <= FEW:
+            tried = [(order, match_of(order)) for order in map(np.array, itertools.permutations(range(n)))]
+        else:
+            alphabetical = np.argsort(robot.joint_names)
+            others = (np.arange(n)[::-1], alphabetical, np.argsort(alphabetical))
+            tried = [improve(np.arange(n), match_of, exchanges)]
+            tried += [(order, match_of(order)) for order in others]
+        order, match = min(tried, key=lambda pair: pair[1].score)
+        if (order != np.arange(n)).any():
+            moved = order != np.arange(n)
+            yield Repair(
+                f"the {columns} of {joint_list(robot, moved)} interchanged",
+                f"{option} {order_option(robot, order, earlier)}",
+                int(moved.sum()),
+                match,
+            )
+
+
+def position_units(robot: Articulated, sample: TorqueSample) -> Iterator[Repair]:
+    """Positions in degrees or revolutions."""
+    turning = np.array([unit == "rad" for unit in robot.joint_units])
+    largest = np.abs(sample.motion.q[:, turning]).max(initial=0.0)
+    for size, name, unit, is_possible in (
+        (DEGREE, "degrees", "deg", largest > 0.5),
+        (2.0 * np.pi, "revolutions", "rev", 0.0 < largest < 1.0),
+    ):
+        if is_possible:
+            factor = np.where(turning, size, 1.0)
+            match = match_torques(robot, sample.with_positions(np.arange(robot.joints), factor, np.zeros(robot.joints)))
+            yield Repair(f"positions in {name}", f"--position-unit {unit}", 1, match)
+
+
+def position_zeros(robot: Articulated, sample: TorqueSample, conventions: Conventions) -> Iterator[Repair]:
+    """Positions with another zero."""
+    n = robot.joints
+    same, ones, zero = np.arange(n), np.ones(n), np.zeros(n)
+    turning = np.array([unit == "rad" for unit in robot.joint_units])
+
+    def match_of(offset: np.ndarray) -> TorqueMatch:
+        return match_torques(robot, sample.with_positions(same, ones, offset))
+
+    def others(offset: np.ndarray) -> Iterator[np.ndarray]:
+        for joint in np.nonzero(turning)[0]:
+            for turn in np.arange(1, STEPS) * 2.0 * np.pi / STEPS:
+                other = offset.copy()
+                other[joint] = (offset[joint] + turn + np.pi) % (2.0 * np.pi) - np.pi
+                yield other
+
+    zeros, match = improve(zero, match_of, others)
+    if not zeros.any():
+        return
+    for joint in np.nonzero(zeros)[0]:
+
+        def along(value: float, joint: int = int(joint)) -> float:
+            return match_of(np.where(np.arange(n) == joint, value, zeros)).score
+
+        step = 2.0 * np.pi / STEPS
+        near = (zeros[joint] - step, zeros[joint] + step)
+        best = optimize.minimize_scalar(along, bounds=near, method="bounded", options={"maxiter": 15}).x
+        quarter = 0.5 * np.pi * np.round(best / (0.5 * np.pi))
+        # A zero is a matter of convention where it is about a quarter of a turn away.
+        zeros[joint] = quarter if abs(best - quarter) < 0.1 and along(quarter) < along(best) + EACH else best
+    match = match_of(zeros)
+    total = zeros + conventions.each("position_offset", n)
+    yield Repair(
+        f"another zero of the positions of {joint_list(robot, zeros != 0.0)}",
+        f"--position-offset {number_list(total, 5)}",
+        2 * int((zeros != 0.0).sum()),
+        match,
+    )
+
+
+def mountings(robot: Articulated, sample: TorqueSample) -> Iterator[Repair]:
+    """The direction of gravity that fits best, from three columns that are linear in it, then by its score."""
+    believed = np.asarray(robot.gravity_vector)
+    strength = float(np.linalg.norm(believed)) or 9.81
+
+    def torque(gravity: np.ndarray) -> np.ndarray:
+        return rigid_torques(with_gravity(robot, gravity), sample.motion).total
+
+    still = torque(np.zeros(3))
+    each = np.stack([torque(axis) - still for axis in np.eye(3)], axis=2)
+    weight = sample.counts / sample.size
+    whole = np.concatenate([each, -each, drive_columns(sample)], axis=2) * weight[:, :, None]
+    a, b = whole.reshape(-1, whole.shape[2]), ((sample.tau - still) * weight).ravel()
+    solution = nonnegative(a, b)
+    # Along an axis that no joint feels, the columns are rounding.
+    felt = np.linalg.norm(each, axis=(0, 1)) > 1e-6 * np.linalg.norm(each)
+    direction = np.where(felt, solution[:3] - solution[3:6], 0.0)
+    if not felt.any() or not direction.any():
+        return
+
+    def score(vector: np.ndarray) -> float:
+        turned = strength * vector / (np.linalg.norm(vector) + 1e-12)
+        return match_torques(with_gravity(robot, turned), sample).score
+
+    yield Repair(
+        "the arm's gravity added to them, as of a controller that compensates it by itself",
+        "--add-gravity",
+        1,
+        match_torques(with_gravity(robot, np.zeros(3)), sample),
+    )
+    around = [np.array(signs) * felt for signs in itertools.product((-1.0, 0.0, 1.0), repeat=3)]
+    starts = [direction, *(vector for vector in around if vector.any())]
+    start = min(starts, key=score)
+    start = start / np.linalg.norm(start)
+    best = optimize.minimize(score, start, method="Nelder-Mead", options={"maxfev": 80, "xatol": 1e-3})
+    gravity = strength * best.x / np.linalg.norm(best.x)
+    angle = float(np.degrees(np.arccos(np.clip(gravity @ believed / strength**2, -1.0, 1.0))))
+    if angle > 3.0:
+        yield Repair(
+            f"gravity turned by {angle:.0f}°, for an arm that is mounted so",
+            f"--gravity {number_list(gravity, 4)}",
+            2,
+            match_torques(with_gravity(robot, gravity), sample),
+        )
+
+
+SCALES = (0.4, 2.5)
+"""Factors of the torques within which a wrong mass explains them as well as a wrong scale."""
+
+SHARES = (0.7, 1.4)
+"""The same for single joints, where the torques of the others show the masses."""
+
+UNITS = {1e3: "mN m", 1e2: "N cm", 1e-3: "kN m", 1.0 / 0.0980665: "kgf cm"}
+"""The factor by which torques in other units are too large, and the unit's name."""
+
+LATEST = 1.0
+"""The delay of torques that is looked for, s."""
+
+
+def torque_signs(
+    robot: Articulated, rigid: RigidTorques, sample: TorqueSample, conventions: Conventions
+) -> Iterator[Repair]:
+    """Torques with the opposite sign, of all joints or of some.
+
+    - `rigid`: torques of its bodies.
+    """
+    n, same = robot.joints, np.arange(robot.joints)
+
+    def match_of(sign: np.ndarray) -> TorqueMatch:
+        return match_rigid_torques(rigid, sample.with_torques(same, sign))
+
+    for start in (np.ones(n), -np.ones(n)):
+        sign, match = improve(start, match_of, flips)
+        if (sign < 0).any():
+            yield Repair(
+                f"the opposite sign for {joint_list(robot, sign < 0)}",
+                f"--torque-sign {short_number_list(sign * conventions.each('torque_sign', n))}",
+                1 if (sign < 0).all() else int((sign < 0).sum()),
+                match,
+            )
+
+
+def torque_scales(
+    robot: Articulated, rigid: RigidTorques, sample: TorqueSample, conventions: Conventions
+) -> Iterator[Repair]:
+    """Torques in another unit, as currents, or of the motor's side of the gear.
+
+    - `rigid`: torques of its bodies.
+    """
+    n = robot.joints
+
+    def repair(scales: np.ndarray, unit: str = "") -> Repair:
+        match = match_rigid_torques(rigid, sample.with_torques(np.arange(n), 1.0 / scales))
+        return _scaled(robot, scales, unit, match, conventions)
+
+    for sign in (1.0, -1.0):
+        rough = _scale_of(rigid, sample, sign)[0]
+        if rough < 1e-9:
+            continue
+        # A payload and heavier links change the scale by less than a factor of three.
+        best = optimize.minimize_scalar(
+            lambda power, sign=sign: repair(np.full(n, sign * np.exp(power))).match.score,
+            bounds=(np.log(rough / 3.0), np.log(rough * 3.0)),
+            method="bounded",
+            options={"maxiter": 14},
+        )
+        scale = float(np.exp(best.x))
+        if not SCALES[0] < scale < SCALES[1]:
+            yield repair(np.full(n, sign * scale))
+        for factor, unit in UNITS.items():
+            if 0.4 < rough / factor < 2.5:
+                yield repair(np.full(n, sign * factor), unit)
+    # A joint without a rigid torque of its own shows no scale: it has that of the others.
+    each = [_scale_of(rigid.only(j), sample.only(j, j)) for j in range(n)]
+    scales = np.array([scale if shows else 0.0 for scale, shows in each])
+    shown_scales = np.abs(scales[scales != 0.0])
+    if not len(shown_scales):
+        return
+    outside = (scales != 0.0) & ((np.abs(scales) < SHARES[0]) | (np.abs(scales) > SHARES[1]))
+    if not outside.any():
+        return
+    yield repair(np.where(scales == 0.0, np.median(shown_scales), scales))
+    few = np.where(outside, scales, 1.0)
+    yield repair(few)
+    # Relative to the other joints, if a payload makes all of them seem larger.
+    relative = scales / np.median(shown_scales)
+    apart = (scales != 0.0) & ((np.abs(relative) < SHARES[0]) | (np.abs(relative) > SHARES[1]))
+    for joint in np.nonzero(outside)[0]:
+        others = np.delete(np.abs(scales), joint)
+        own = scales[joint] / np.median(others[others > 0.0]) if (others > 0.0).any() else scales[joint]
+        yield repair(np.where(np.arange(n) == joint, own, 1.0))
+    if apart.any():
+        yield repair(np.where(apart, relative, 1.0))
+    for factor, unit in UNITS.items():
+        ratio = np.abs(few) / factor
+        of_unit = outside & (ratio > 0.4) & (ratio < 2.5)
+        if of_unit.any():
+            yield repair(np.where(of_unit, np.sign(few) * factor, 1.0), unit)
+
+
+def _scaled(robot: Articulated, scales: np.ndarray, unit: str, match: TorqueMatch, conventions: Conventions) -> Repair:
+    """Torques that are some multiples of what the arm needs, as a repair.
+
+    A unit is a name of `UNITS`; without one, the scale is an estimate.
+    """
+    size, n = np.abs(scales), robot.joints
+    changed = size != 1.0
+    alike = bool((size == size[0]).all())
+    factors = conventions.each("torque_scale", n) / size
+    title = f"torques in {unit}" if alike else f"torques of {joint_list(robot, changed)} in {unit}"
+    if unit and alike and conventions.torque_unit == "Nm":
+        sentence, option = f"{title}, {size[0]:.4g} times too large for N m", f"--torque-unit {unit.replace(' ', '')}"
+    elif unit:
+        sentence, option = (
+            f"{title}, {size.max():.4g} times too large for N m",
+            f"--torque-scale {short_number_list(factors)}",
+        )
+    else:
+        of = "all torques" if alike else f"torques of {joint_list(robot, changed)}"
+        sentence = f"{of} about {short_number_list(size[changed])} times what the arm needs"
+        if size.min() < 1.0:
+            sentence += " (motor currents, or torques on the motor's side of the gear?)"
+        sentence += ", which the data sheet tells more exactly"
+        option = f"--torque-scale {short_number_list(factors)}"
+    if (scales < 0).any():
+        sentence += f" and the opposite sign for {joint_list(robot, scales < 0)}"
+        option += f" --torque-sign {short_number_list(np.sign(scales) * conventions.each('torque_sign', n))}"
+    count = (0 if unit else 1) if alike else int(changed.sum()) + (0 if unit else 1)
+    return Repair(sentence, option, count + int((scales < 0).any()), match)
+
+
+def _scale_of(rigid: RigidTorques, sample: TorqueSample, sign: float = 0.0) -> tuple[float, bool]:
+    """The factor of the arm's own torque that fits best, and whether the torque shows it.
+
+    Without a `sign` both are tried, and the factor has the better.
+    """
+    weight = sample.counts / sample.size
+    drives = drive_columns(sample)
+    whole = np.concatenate([rigid.total[:, :, None], drives], axis=2) * weight[:, :, None]
+    a = whole.reshape(-1, whole.shape[2])
+    best = (np.inf, 0.0, False)
+    for turned in (1.0, -1.0) if sign == 0.0 else (sign,):
+        b = (turned * sample.tau * weight).ravel()
+        solution = nonnegative(a, b)
+        residual = float(np.sum((b - a @ solution) ** 2))
+        more = float(np.sum((b - a[:, 1:] @ nonnegative(a[:, 1:], b)) ** 2))
+        if residual < best[0]:
+            scale = solution[0] if sign else turned * solution[0]
+            best = (residual, float(scale), solution[0] > 0.0 and more > 1.2 * residual + 1e-3 * len(b))
+    return best[1], best[2]
+
+
+def torque_orders(
+    robot: Articulated, rigid: RigidTorques, sample: TorqueSample, conventions: Conventions
+) -> Iterator[Repair]:
+    """Torques in another joint order, perhaps with other signs.
+
+    - `rigid`: torques of its bodies.
+    """
+    n = robot.joints
+    if n < 2:
+        return
+    cost = np.zeros((2, n, n))
+    for joint, column in itertools.product(range(n), range(n)):
+        own = sample.only(joint, column)
+        for turned in range(2):
+            signed = own.with_torques(np.zeros(1, int), np.array([1.0 - 2.0 * turned]))
+            match = match_rigid_torques(rigid.only(joint), signed)
+            cost[turned, joint, column] = match.score + match.cost / len(sample.tau)
+    for with_signs in (False, True):
+        order = optimize.linear_sum_assignment(np.minimum(cost[0], cost[1] + EACH) if with_signs else cost[0])[1]
+        if (order == np.arange(n)).all():
+            continue
+        sign = np.ones(n)
+        if with_signs:
+            turned_cost, plain_cost = (costs[np.arange(n), order] for costs in (cost[1], cost[0]))
+            sign = np.where(turned_cost + EACH < plain_cost, -1.0, 1.0)
+        match = match_rigid_torques(rigid, sample.with_torques(order, sign))
+        option = f"--torque-order {order_option(robot, order, conventions.torque_order)}"
+        sentence = f"the torques of {joint_list(robot, order != np.arange(n))} interchanged"
+        if (sign < 0).any():
+            option += f" --torque-sign {short_number_list(sign * conventions.each('torque_sign', n))}"
+            sentence += f", and the opposite sign for {joint_list(robot, sign < 0)}"
+        yield Repair(sentence, option, int((order != np.arange(n)).sum() + (sign < 0).sum()), match)
+
+
+def torque_delays(
+    signals: LogSignals, rigid: RigidTorques, sample: TorqueSample, conventions: Conventions
+) -> Iterator[Repair]:
+    """Torques that come after the positions, or before them.
+
+    - `rigid`: torques of the arm's bodies.
+    """
+    period = 1.0 / signals.cut_off
+    steps = max(3, int(LATEST / (0.25 * period)))
+    delays = np.linspace(-LATEST, LATEST, 2 * min(steps, 25) + 1)
+    tau = signals.filtered(signals.tau)
+
+    def match_of(delay: float) -> TorqueMatch:
+        late = np.stack([np.interp(sample.t + delay, signals.t, column) for column in tau.T], axis=1)
+        return match_rigid_torques(rigid, replace(sample, tau=late))
+
+    best = float(min(delays, key=lambda delay: match_of(delay).score))
+    near = np.linspace(best - 0.25 * period, best + 0.25 * period, 11)
+    best = float(min(near, key=lambda delay: match_of(delay).score))
+    if abs(best) > 0.5 / signals.rate:
+        total = best + conventions.torque_delay
+        when = "after" if best > 0 else "before"
+        yield Repair(
+            f"torques that come {abs(best):.3g} s {when} the positions",
+            f"--torque-delay {total:.4g}",
+            1,
+            match_of(best),
+        )

@@ -1,0 +1,225 @@
+"""Adaptation laws for rotor inertia and Coulomb friction."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from slidax.arms.arm import AbstractRobot
+from slidax.core.parameter import parameter, piece
+from slidax.core.part import AbstractPart
+from slidax.core.types import Matrix, Memory, PerJoint, Scalar, State, Vector
+
+LEAST_SHARE = 0.01
+"""Least share of a nominal diagonal entry that remains, so that M̂ stays positive definite."""
+
+
+class Believed(AbstractRobot):
+    """`M̂ = S (M0 + diag(max(J, 0) - J0)) S`, with bias, friction and tip of the nominal arm.
+
+    S is 1 where `J >= 0`; else it scales the joint's row and column so that the diagonal entry becomes
+    `M0_ii + J - J0`. The links' part `M0 - diag(J0)` is positive semidefinite, so that M̂ is positive definite where
+    every J is positive, and a congruence does not change that.
+    """
+
+    joint_units: tuple[str, ...] = piece('"rad" or "m" for each joint', static=True)
+    joint_names: tuple[str, ...] = piece("of the joints", static=True)
+    nominal: AbstractRobot = piece("the robot as the law knows it")
+    rotor: Vector = parameter("J, inertia on the diagonal beside that of the links", "kg m² or kg")
+    counted: PerJoint = parameter("J0, rotor inertia that the nominal arm has", "kg m² or kg", ">= 0")
+
+    @classmethod
+    def of(cls, nominal: AbstractRobot, rotor: Vector, counted: PerJoint) -> Believed:
+        """Return a nominal arm with other rotors J instead of J0, kg m² or kg."""
+        return cls(
+            joint_units=nominal.joint_units,
+            joint_names=nominal.joint_names,
+            nominal=nominal,
+            rotor=rotor,
+            counted=counted,
+        )
+
+    def mass(self, q: Vector) -> Matrix:
+        return with_rotors(self.nominal.mass(q), self.rotor, self.counted)
+
+    def bias(self, q: Vector, dq: Vector) -> Vector:
+        return self.nominal.bias(q, dq)
+
+    def friction(self, dq: Vector) -> Vector:
+        return self.nominal.friction(dq)
+
+    def potential(self, q: Vector) -> Scalar:
+        return self.nominal.potential(q)
+
+    def tip(self, q: Vector) -> Float[Array, "3"]:
+        return self.nominal.tip(q)
+
+
+# Traced once, and one function in exported C, as the functions of `Articulated`.
+@jax.jit
+def with_rotors(mass: Matrix, rotor: Vector, counted: PerJoint) -> Matrix:
+    """Return `S (M0 + diag(max(J, 0) - J0)) S` as in `Believed`, [n n].
+
+    - `mass`, `rotor`, `counted`: M0 [n n], J [n], J0.
+    """
+    diagonal = jnp.eye(mass.shape[0], dtype=bool)
+    heavier = mass + jnp.where(diagonal, (jnp.maximum(rotor, 0.0) - counted)[:, None], 0.0)
+    entry = jnp.diagonal(heavier)
+    scale = jnp.sqrt(jnp.maximum((entry + jnp.minimum(rotor, 0.0)) / entry, LEAST_SHARE))
+    return heavier * scale[:, None] * scale[None, :]
+
+
+class Experience(eqx.Module):
+    """Input of an adaptation law at one sample.
+
+    - `q`: measured positions [n], rad or m.
+    - `dq`: estimated velocities [n], rad/s or m/s.
+    - `tau`: torque that acted in the period before the measurement [n], N m or N.
+    - `mass`: inertia matrix of the nominal arm there [n n].
+    - `bias`: C0 q̇ + G0 of the nominal arm there [n], N m or N.
+    - `period`: h [s].
+    - `missed`: True if samples were lost before this one.
+    """
+
+    q: Vector
+    dq: Vector
+    tau: Vector
+    mass: Matrix
+    bias: Vector
+    period: Scalar
+    missed: Bool[Array, ""]
+
+
+class LearnedParameters(eqx.Module):
+    """Estimated parameters of the joints.
+
+    - `rotor`: inertia on the diagonal in addition to that of the links [n], kg m² or kg; negative if the links are
+      lighter than the nominal ones.
+    - `coulomb`: Coulomb friction [n], N m or N.
+    """
+
+    rotor: Vector
+    coulomb: Vector
+
+
+class AbstractAdaptation(AbstractPart):
+    """Correction of an arm's nominal model, `M̂ = M0 + diag(J - J0)` and `F̂ = f tanh(q̇/v_s)`.
+
+    J0 is the rotor inertia that the nominal model contains already. Where `J < 0` the links themselves are lighter, and
+    rows and columns of M0 are scaled, so that M̂ is positive definite (`Believed`).
+    """
+
+    counted: PerJoint = parameter("J0, rotor inertia that the nominal arm has", "kg m² or kg", ">= 0", default=0.0)
+    smoothing: PerJoint = parameter(
+        "v_s, velocity within which Coulomb friction turns", "rad/s or m/s", "> 0", default=0.02
+    )
+
+    @abstractmethod
+    def init(self, measured: State) -> Memory:
+        """Return the initial memory, any pytree of arrays, from the first measurement."""
+
+    @abstractmethod
+    def __call__(self, experience: Experience, memory: Memory) -> Memory:
+        """Return the memory after a sample.
+
+        - `memory`: from `init` or the last sample.
+        """
+
+    @abstractmethod
+    def learnt(self, memory: Memory) -> LearnedParameters:
+        """Return the estimated parameters of the joints."""
+
+    def robot(self, nominal: AbstractRobot, memory: Memory) -> AbstractRobot:
+        """Return the nominal arm with the estimated inertias; its friction stays nominal."""
+        return Believed.of(nominal, self.learnt(memory).rotor, self.counted)
+
+    def mass_at_start(self, mass: Matrix) -> Matrix:
+        """Return M̂ before the first sample, [n n], from M0 [n n]."""
+        nothing = jnp.zeros(mass.shape[0])
+        rotor = self.learnt(self.init(State(q=nothing, dq=nothing))).rotor
+        return with_rotors(mass, rotor, self.counted)
+
+    def friction(self, memory: Memory, dq: Vector) -> Vector:
+        """Return the Coulomb friction to compensate, `f tanh(q̇/v_s)` [n], N m or N.
+
+        - `dq`: velocities of the reference [n], which have no noise.
+        """
+        return self.learnt(memory).coulomb * jnp.tanh(dq / self.smoothing)
+
+
+class KnownJoints(AbstractAdaptation):
+    """Constant J and f, from an identification or an earlier run."""
+
+    title = "Rotors and friction that are known, and stay as they are."
+
+    rotor: PerJoint = parameter("J, inertia on the diagonal beside that of the links", "kg m² or kg", default=0.0)
+    coulomb: PerJoint = parameter("f, Coulomb friction that is compensated", "N m or N", ">= 0", default=0.0)
+
+    def init(self, measured: State) -> Vector:
+        return jnp.zeros_like(measured.q)
+
+    def __call__(self, experience: Experience, memory: Vector) -> Vector:
+        return memory
+
+    def learnt(self, memory: Vector) -> LearnedParameters:
+        return LearnedParameters(rotor=memory + self.rotor, coulomb=memory + self.coulomb)
+
+
+LOUDEST = 1e6
+"""rad/s²: upper limit of `noise_of`; such noise hides every inertia."""
+
+STAGES = 5
+"""Two high-passes and three low-passes of first order."""
+
+
+def filter_step(
+    stages: Float[Array, "5 k n"], signals: Float[Array, "k n"], low: Scalar, high: Scalar, period: Scalar
+) -> Float[Array, "5 k n"]:
+    """Return the stages of the band-pass after a sample; the last stage is its output.
+
+    Two high-passes of first order at `low` remove slow signals, such as weight that the model does not know. Three
+    low-passes at `high` then bound the second difference of rounded positions.
+
+    - `stages`: before the sample, for each signal: two low-passed parts that are subtracted, three low-passes.
+    - `signals`: at this sample.
+    - `low`, `high`: ends of the band [rad/s].
+    - `period`: h [s].
+    """
+    a, b = -jnp.expm1(-low * period), -jnp.expm1(-high * period)
+    slow = stages[0] + a * (signals - stages[0])
+    once = signals - slow
+    slower = stages[1] + a * (once - stages[1])
+    first = stages[2] + b * (once - slower - stages[2])
+    second = stages[3] + b * (first - stages[3])
+    return jnp.stack([slow, slower, first, second, stages[4] + b * (second - stages[4])])
+
+
+def settled_stages(signals: Float[Array, "k n"]) -> Float[Array, "5 k n"]:
+    """Return the stages after a long time with constant signals: the output is 0."""
+    nothing = jnp.zeros_like(signals)
+    return jnp.stack([signals] + [nothing] * (STAGES - 1))
+
+
+def noise_of(deviation: float, low: float, high: float, period: float) -> float:
+    """Return the standard deviation of a measured acceleration in the band, rad/s², for white position noise.
+
+    `σ √(h/π ∫ |D(ω) F(ω)|² dω)` up to `π/h`, with D and F the frequency responses of the second difference and
+    the filter.
+
+    - `deviation`: of a measured position, rad; `r/√12` for a resolution r.
+    - `low`, `high`: ends of the band [rad/s].
+    - `period`: h [s].
+    """
+    delay = np.exp(-1j * np.linspace(1e-6, math.pi, 4096))
+    a, b = -math.expm1(-low * period), -math.expm1(-high * period)
+    below, above = (share / (1 - (1 - share) * delay) for share in (a, b))
+    # In units of 1/h², so that no period is too short.
+    response = (1 - delay) ** 2 * (1 - below) ** 2 * above**3
+    size = math.sqrt(float(np.mean(np.abs(response) ** 2)))
+    return min(deviation / period * size / period, LOUDEST)

@@ -1,0 +1,100 @@
+"""Base classes of all controllers."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import ClassVar
+
+from slidax.arms.arm import AbstractRobot
+from slidax.core.errors import require_joints, require_per_joint
+from slidax.core.parameter import parameters_of, piece
+from slidax.core.part import AbstractPart
+from slidax.core.types import Command, Envelope, Memory, Reference, Scalar, State
+
+from .error_transformations import AbstractTransformation
+from .steps import AbstractStep, Recovery
+from .surfaces import AbstractSurface
+
+
+class AbstractController(AbstractPart):
+    """A pure function from measurements to a torque, with explicit memory. It never sees the plant."""
+
+    plans: ClassVar[bool] = False
+    """True if its sampled-data form plans over a horizon, by an `implicit_step`."""
+
+    @property
+    @abstractmethod
+    def joints(self) -> int:
+        """Number of joints that it commands."""
+
+    @abstractmethod
+    def init(self, t: Scalar, state: State, reference: Reference) -> Memory:
+        """Return the memory at the start, any pytree of arrays.
+
+        - `t`: time at the start [s].
+        - `state`: measured positions and velocities.
+        - `reference`: desired motion of the joints then.
+        """
+
+    @abstractmethod
+    def __call__(
+        self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: Memory
+    ) -> Command:
+        """Return the torque at one sample, with the memory after it.
+
+        - `t`: time [s].
+        - `state`: measured positions and velocities.
+        - `reference_now`, `reference_next`: desired motion of the joints now and one period later.
+        - `memory`: the memory before this sample.
+        """
+
+    @abstractmethod
+    def envelope(self, t: Scalar, memory: Memory) -> Envelope | None:
+        """Return the bounds that the error must keep at time t [s]; None for a scheme without an envelope."""
+
+    def implicit_step(self, recovery: Recovery | None, slopes: bool) -> AbstractStep | None:
+        """Return the law as an implicit step over a horizon, for `sampled_data`; None if it has no such form.
+
+        - `recovery`: policy outside the envelope.
+        - `slopes`: True if the bound of a robust torque counts the slope part of τ1, as printed in (45).
+        """
+        return None
+
+
+class AbstractModelBased(AbstractController):
+    """A law that computes with a nominal arm; by default without an envelope and without a memory."""
+
+    nominal: AbstractRobot = piece("the robot as the law knows it, M0, C0, G0")
+
+    def __check_init__(self) -> None:
+        robot = type(self.nominal).__name__
+        for parameter in parameters_of(type(self)):
+            if parameter.piece and parameter.name != "nominal":
+                require_joints(getattr(self, parameter.name), self.joints, robot)
+            elif parameter.shape == "one number or [n]":
+                require_per_joint(self, self.joints, robot, parameter.name)
+
+    @property
+    def joints(self) -> int:
+        return self.nominal.joints
+
+    def init(self, t: Scalar, state: State, reference: Reference) -> Memory:
+        return ()
+
+    def envelope(self, t: Scalar, memory: Memory) -> Envelope | None:
+        return None
+
+
+class AbstractSurfaceBased(AbstractModelBased):
+    """A law with the sliding variable `s = ė + A e + pull(ε1)` of (40)."""
+
+    plans: ClassVar[bool] = True
+
+    transformation: AbstractTransformation = piece("e to ε1, with A and B")
+    surface: AbstractSurface = piece("the pull on ε1")
+
+    def init(self, t: Scalar, state: State, reference: Reference) -> Memory:
+        return self.transformation.init(t, state.q - reference.q)
+
+    def envelope(self, t: Scalar, memory: Memory) -> Envelope | None:
+        return self.transformation.envelope(t, memory)

@@ -1,0 +1,99 @@
+"""Performance functions: prescribed bounds of the tracking error over time."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+import jax.numpy as jnp
+
+from slidax.core.integrators import value_rate_curvature
+from slidax.core.parameter import parameter
+from slidax.core.part import AbstractPart
+from slidax.core.powers import power
+from slidax.core.types import PerJoint, Scalar
+
+
+class AbstractPerformance(AbstractPart):
+    """A positive, decreasing, twice differentiable `ρ(t)` with a positive limit: Definition 4, from [28]."""
+
+    initial: PerJoint = parameter(
+        "ρ0, radius at the start, more than the initial error",
+        "rad or m",
+        "> final",
+        "so that the envelope narrows (eq. 20)",
+    )
+    final: PerJoint = parameter("ρ∞, radius that it narrows to", "rad or m", "> 0", "(Definition 4, eq. 20)")
+
+    @abstractmethod
+    def radius(self, t: Scalar) -> PerJoint:
+        """`ρ(t)`, [n], rad or m.
+
+        - `t`: time [s], >= 0.
+        """
+
+    def radius_rate_curvature(self, t: Scalar) -> tuple[PerJoint, PerJoint, PerJoint]:
+        """`ρ, ρ̇, ρ̈`, each [n], by differentiation.
+
+        - `t`: time [s], >= 0.
+        """
+        return value_rate_curvature(self.radius, t)
+
+
+class FixedTime(AbstractPerformance):
+    """`ρ(t) = (ρ0 - ρ∞)(1 - t/T)^σ + ρ∞` for `t < T`, then `ρ∞`, eq. (20)."""
+
+    title = "The paper's performance function, with a prescribed settling time."
+
+    deadline: PerJoint = parameter("T, when it is settled", "s", "> 0", "(eq. 20)")
+    exponent: PerJoint = parameter(
+        "σ, exponent of the decrease", "", "> 2", "so that the second derivative is continuous at T (eq. 20)"
+    )
+
+    def radius(self, t: Scalar) -> PerJoint:
+        """`ρ(t)`, [n], rad or m."""
+        left = jnp.maximum(1.0 - t / self.deadline, 0.0)
+        return (self.initial - self.final) * power(left, self.exponent) + self.final
+
+
+class FiniteTime(AbstractPerformance):
+    """The solution of `ρ̇ = -c (ρ - ρ∞)^κ`: `ρ(t) = ((ρ0 - ρ∞)^(1-κ) - (1-κ) c t)^(1/(1-κ)) + ρ∞`, then `ρ∞`.
+
+    It settles at `T = (ρ0 - ρ∞)^(1-κ) / ((1-κ) c)`, which grows with ρ0; this is the paper's objection to the
+    finite-time functions it cites as [43]. Reconstructed: the paper does not print that function; this one is usual.
+    """
+
+    title = "A performance function with a settling time that depends on its initial value."
+
+    rate: PerJoint = parameter(
+        "c, how fast it narrows", "rad^(1-κ)/s", "> 0", "so that the envelope narrows (Definition 4)"
+    )
+    exponent: PerJoint = parameter(
+        "κ, exponent of the decrease",
+        "",
+        "(1/2, 1)",
+        "so that the second derivative is continuous where the function settles",
+    )
+
+    @property
+    def deadline(self) -> PerJoint:
+        """`T`, the settling time, [n], s."""
+        a = 1.0 - self.exponent
+        return power(self.initial - self.final, a) / (a * self.rate)
+
+    def radius(self, t: Scalar) -> PerJoint:
+        """`ρ(t)`, [n], rad or m."""
+        a = 1.0 - self.exponent
+        left = jnp.maximum(power(self.initial - self.final, a) - a * self.rate * t, 0.0)
+        return power(left, 1.0 / a) + self.final
+
+
+class Exponential(AbstractPerformance):
+    """`ρ(t) = (ρ0 - ρ∞) exp(-l t) + ρ∞`. Source: Bechlioulis and Rovithakis, 2008, the paper's [28]."""
+
+    title = "The classical exponential performance function."
+
+    rate: PerJoint = parameter("l, how fast it narrows", "1/s", "> 0", "so that the envelope narrows (Definition 4)")
+
+    def radius(self, t: Scalar) -> PerJoint:
+        """`ρ(t)`, [n], rad or m."""
+        return (self.initial - self.final) * jnp.exp(-self.rate * t) + self.final

@@ -1,0 +1,231 @@
+"""Error transformations: from the tracking error in its envelope to the transformed error."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from slidax.core.parameter import parameter, piece
+from slidax.core.part import AbstractPart
+from slidax.core.types import Envelope, Memory, PerJoint, Scalar, Vector
+
+from .envelopes import AbstractPerformance
+
+
+class Sides(eqx.Module):
+    """The two sides of the envelope as fractions of ρ, `lower ρ < e < upper ρ`, eq. (13).
+
+    - `lower`: b, [n], in [-1, 0).
+    - `upper`: b̄, [n], in (0, 1].
+    """
+
+    lower: Vector
+    upper: Vector
+
+
+def psi(x: Float[Array, "..."], sides: Sides) -> Float[Array, "..."]:
+    """`ψ(x) = b b̄ (eˣ - 1)/(b eˣ - b̄)`, eq. (21): increasing, from b at -∞ to b̄ at +∞, and 0 at 0.
+
+    - `x`: transformed error.
+    - `sides`: b and b̄, broadcast with `x`.
+    """
+    return psi_and_slope(x, sides)[0]
+
+
+def psi_and_slope(x: Float[Array, "..."], sides: Sides) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
+    """`ψ(x)` of (21), and `ψ'(x) = b b̄ (b - b̄) eˣ/(b eˣ - b̄)²`, which is > 0.
+
+    - `x`: transformed error.
+    - `sides`: b and b̄, broadcast with `x`.
+    """
+    b, b_bar = sides.lower, sides.upper
+    # Each branch keeps the exponential below one, so that no argument overflows.
+    small = -jnp.expm1(-jnp.abs(x))
+    z = 1.0 - small
+    above = x >= 0
+    inverse = 1.0 / jnp.where(above, b - b_bar * z, b * z - b_bar)
+    share = b * b_bar * inverse
+    return jnp.where(above, share, -share) * small, share * inverse * (b - b_bar) * z
+
+
+def psi_inverse(x: Float[Array, "..."], sides: Sides) -> Float[Array, "..."]:
+    """`ψ⁻¹(x) = ln( b̄ (x - b) / (-b (b̄ - x)) )`, eq. (23); NaN outside (b, b̄).
+
+    - `x`: error over radius, e/ρ.
+    - `sides`: b and b̄, broadcast with `x`.
+    """
+    b, b_bar = sides.lower, sides.upper
+    return jnp.log(b_bar * (x - b) / (-b * (b_bar - x)))
+
+
+def psi_inverse_slope(x: Float[Array, "..."], sides: Sides) -> Float[Array, "..."]:
+    """`v(x) = 1/(x - b) + 1/(b̄ - x)`, eq. (27), over a common denominator.
+
+    - `x`: error over radius, e/ρ.
+    - `sides`: b and b̄, broadcast with `x`.
+    """
+    return (sides.upper - sides.lower) / ((x - sides.lower) * (sides.upper - x))
+
+
+class EnvelopeFrame(eqx.Module):
+    """Limits of the led error `y = e + c ė` now, and at the end of a plan over one horizon.
+
+    - `now`: radius of the led envelope, `ρ + c ρ̇`, [n], rad or m; 1 without an envelope.
+    - `ahead`: its tangent one horizon later, `now + H (ρ̇ + c ρ̈)`, [n], rad or m; 1 without an envelope.
+    - `sides`: of the envelope; None without one.
+    """
+
+    now: PerJoint
+    ahead: PerJoint
+    sides: Sides | None
+
+    def place_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
+        """`ψ(ε)` and its derivative, [n]: the place in the frame, times `now` or `ahead` in rad or m.
+
+        - `eps`: transformed error [n].
+        """
+        if self.sides is None:
+            return eps, jnp.ones_like(eps)
+        return psi_and_slope(eps, self.sides)
+
+    def transformed(self, y: Vector) -> Vector:
+        """`ψ⁻¹(y/now)`, [n], with y held inside the frame by a relative 1e-9, so that it is defined for every y.
+
+        - `y`: led error [n], rad or m.
+        """
+        if self.sides is None:
+            return y
+        lower, upper = self.sides.lower, self.sides.upper
+        inside = 1.0 - 1e-9
+        return psi_inverse(jnp.clip(y / self.now, inside * lower, inside * upper), self.sides)
+
+
+class TransformedError(eqx.Module):
+    """The error as a surface sees it, `ε̇1 = ε2 = B (ė + A e)`, eqs. (25)-(28). All [n].
+
+    - `eps1`: transformed error ε1.
+    - `eps2`: its rate ε2, 1/s.
+    - `beta`: diagonal of B, 1/rad.
+    - `alpha`: diagonal of A, 1/s.
+    - `alpha_rate`: diagonal of Ȧ, 1/s².
+    """
+
+    eps1: Vector
+    eps2: Vector
+    beta: Vector
+    alpha: PerJoint
+    alpha_rate: PerJoint
+
+
+class AbstractTransformation(AbstractPart):
+    """A map from error and time to the transformed error, fixed by the error at the start."""
+
+    @abstractmethod
+    def init(self, t: Scalar, e: Vector) -> Memory:
+        """State of the transformation, from the error at the start: any pytree.
+
+        - `t`: time at the start [s].
+        - `e`: error at the start [n].
+        """
+
+    @abstractmethod
+    def __call__(self, t: Scalar, e: Vector, de: Vector, memory: Memory) -> TransformedError:
+        """The transformed error.
+
+        - `t`: time [s].
+        - `e`, `de`: error and its rate [n].
+        - `memory`: what `init` returned.
+        """
+
+    @abstractmethod
+    def envelope(self, t: Scalar, memory: Memory) -> Envelope | None:
+        """The bounds that the error must keep, or None if there are none.
+
+        - `t`: time [s].
+        - `memory`: what `init` returned.
+        """
+
+    @abstractmethod
+    def frame(self, t: Scalar, lead: Scalar, horizon: Scalar, memory: Memory) -> EnvelopeFrame:
+        """Interval of the led error `y = e + c ė`, now and one horizon later, for a law that plans in discrete time.
+
+        - `t`: time [s].
+        - `lead`: c [s].
+        - `horizon`: H [s].
+        - `memory`: what `init` returned.
+        """
+
+
+SLIMMEST = 0.1
+"""A plan's frame is never narrower than this share of the envelope, however fast that narrows."""
+
+
+class PrescribedPerformance(AbstractTransformation):
+    """`ε1 = ψ⁻¹(e/ρ)`, eq. (24), with `ψ⁻¹` of (23): an error inside the envelope becomes any real number.
+
+    The side of the envelope towards the initial error has the full width ρ, the other ϑ ρ, eq. (13).
+    """
+
+    title = "The logarithmic transformation from the envelope to all real numbers."
+
+    performance: AbstractPerformance = piece("ρ(t), the radius of the envelope")
+    overshoot: PerJoint = parameter("ϑ, width of the side away from the initial error over ρ", "", "(0, 1)", "(eq. 13)")
+
+    def init(self, t: Scalar, e: Vector) -> Sides:
+        """The sides by the sign of the initial error, eq. (13)."""
+        return Sides(lower=jnp.where(e >= 0, -self.overshoot, -1.0), upper=jnp.where(e >= 0, 1.0, self.overshoot))
+
+    def __call__(self, t: Scalar, e: Vector, de: Vector, memory: Sides) -> TransformedError:
+        """Eqs. (24)-(28), with `Ȧ = diag(-(ρ̈ρ - ρ̇²)/ρ²)`."""
+        rho, drho, ddrho = self.performance.radius_rate_curvature(t)
+        # One division, and it does not wait for the error.
+        inverse = 1.0 / rho
+        x = e * inverse
+        alpha = -drho * inverse
+        alpha_rate = alpha * alpha - ddrho * inverse
+        beta = psi_inverse_slope(x, memory) * inverse
+        return TransformedError(
+            eps1=psi_inverse(x, memory),
+            eps2=beta * (de + alpha * e),
+            beta=beta,
+            alpha=alpha,
+            alpha_rate=alpha_rate,
+        )
+
+    def envelope(self, t: Scalar, memory: Sides) -> Envelope:
+        """`b ρ(t) < e < b̄ ρ(t)`, eq. (12)."""
+        rho = self.performance.radius(t)
+        return Envelope(lower=memory.lower * rho, upper=memory.upper * rho)
+
+    def frame(self, t: Scalar, lead: Scalar, horizon: Scalar, memory: Sides) -> EnvelopeFrame:
+        """The envelope of the led error, and its tangent one horizon later."""
+        rho, drho, ddrho = self.performance.radius_rate_curvature(t)
+        slimmest = SLIMMEST * rho
+        now = jnp.maximum(rho + lead * drho, slimmest)
+        ahead = jnp.maximum(now + horizon * (drho + lead * ddrho), slimmest)
+        shape = memory.lower.shape
+        return EnvelopeFrame(now=jnp.broadcast_to(now, shape), ahead=jnp.broadcast_to(ahead, shape), sides=memory)
+
+
+class Unconstrained(AbstractTransformation):
+    """`ε1 = e`, `ε2 = ė`, `B = I`, `A = Ȧ = 0`: with it, (40)-(45) are the law of a scheme without an envelope."""
+
+    title = "The identity, for schemes without an envelope."
+
+    def init(self, t: Scalar, e: Vector) -> tuple[()]:
+        return ()
+
+    def __call__(self, t: Scalar, e: Vector, de: Vector, memory: tuple[()]) -> TransformedError:
+        """The error and its rate as they are, [rad], [rad/s]."""
+        zero = jnp.zeros_like(e)
+        return TransformedError(eps1=e, eps2=de, beta=jnp.ones_like(e), alpha=zero, alpha_rate=zero)
+
+    def envelope(self, t: Scalar, memory: tuple[()]) -> None:
+        return None
+
+    def frame(self, t: Scalar, lead: Scalar, horizon: Scalar, memory: tuple[()]) -> EnvelopeFrame:
+        half_width = jnp.ones(())
+        return EnvelopeFrame(now=half_width, ahead=half_width, sides=None)

@@ -1,0 +1,276 @@
+"""Estimators: from measurements to the state and the disturbance."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool
+
+from slidax.core.errors import as_array
+from slidax.core.parameter import parameter
+from slidax.core.part import AbstractPart
+from slidax.core.types import Memory, PerJoint, Scalar, State, Vector
+
+
+class Estimate(eqx.Module):
+    """Estimated state and unmodelled acceleration at one sample.
+
+    - `state`: estimated positions and velocities.
+    - `push`: estimated acceleration that the nominal model does not explain [n], rad/s² or m/s².
+    """
+
+    state: State
+    push: Vector
+
+
+class AbstractEstimator(AbstractPart):
+    """Corrects the nominal model's prediction with a measurement.
+
+    Call the estimator at each measurement that arrives, and not at a lost one.
+    """
+
+    reads_velocity: ClassVar[bool] = False
+    """True if measured velocities are used after the first sample."""
+
+    @abstractmethod
+    def init(self, measured: State) -> Memory:
+        """Estimator state after the first measurement: any pytree of arrays, also an empty one.
+
+        The first estimate is that measurement, with `push = 0`.
+
+        - `measured`: the first measurement.
+        """
+
+    @abstractmethod
+    def __call__(
+        self, measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, ""], memory: Memory
+    ) -> tuple[Estimate, Memory]:
+        """The estimate at the time of a measurement, and the memory after it, a tree like `memory`.
+
+        - `measured`: measured positions and velocities.
+        - `prior`: the last estimate, moved by the nominal model and with its push to the time of this measurement.
+        - `elapsed`: time since the last measurement [s], > 0.
+        - `missed`: True if that is more than one period. The push then stays as it was, because other errors add up to
+          it over a long time.
+        - `memory`: what `init` returned, or the call at the last measurement.
+        """
+
+    def for_inertia(self, inertia: Vector) -> AbstractEstimator:
+        """Return the estimator for joints of another inertia; `self` if the estimator does not depend on inertia.
+
+        - `inertia`: the diagonal of M̂ [n], kg m² or kg.
+        """
+        return self
+
+
+def reset_position(
+    measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, "..."], usual: Estimate
+) -> Estimate:
+    """After missed samples, the measured position, `q̇ + 2 (q' - q)/T`, and the previous push; else `usual`.
+
+    The velocity is exact if the acceleration error was constant since the last measurement.
+
+    - `measured`: measured positions; velocities are not used.
+    - `prior`: q and q̇, the prediction.
+    - `elapsed`: T, time since the last measurement [s], > 0.
+    - `missed`: True if samples were missed.
+    - `usual`: the estimate without missed samples.
+    """
+    dq = prior.state.dq + 2.0 * (measured.q - prior.state.q) / elapsed
+    return Estimate(
+        state=State(
+            q=jnp.where(missed, measured.q, usual.state.q),
+            dq=jnp.where(missed, dq, usual.state.dq),
+        ),
+        push=jnp.where(missed, prior.push, usual.push),
+    )
+
+
+WITH_TREND, WITHOUT_TREND = 1.0 / 6.0, 0.3
+"""Largest default gains g for a delay of up to one period, and for longer ones. With the default horizon the linear
+loop is then stable for believed inertias of 1/3 to 3/2 of the true one."""
+
+
+class Measured(AbstractEstimator):
+    """`q = q'`, `q̇ = q̇'`, and the push by an α-β filter of what the velocity did beyond the prediction.
+
+    With `r = (q̇' - q̇_predicted)/h`: `w⁺ = w + h d + g (r + push - w - h d)`, `d⁺ = d + b (r + push - w - h d)/h`,
+    `push⁺ = w⁺ + ahead h d⁺`. Here w is the unexplained acceleration in the middle of the last period and d its rate;
+    push is what it will be when the next torque acts, so that a push that grows evenly is compensated without a lag.
+    For sensors with a good velocity.
+    """
+
+    title = "Measured positions and velocities, and an α-β filter of the disturbance."
+
+    reads_velocity: ClassVar[bool] = True
+
+    gain: PerJoint = parameter("g, of the push; 0 with trend 0 leaves it as it is", "", "[0, 1]", default=WITHOUT_TREND)
+    trend: PerJoint = parameter(
+        "b, of its rate; 0 for a filter of first order; `critical` gives the one that is critically damped",
+        "",
+        "[0, 4 - 2 * gain]",
+        "so that the filter itself is stable (Jury)",
+        default=0.0,
+    )
+    ahead: Scalar = parameter(
+        "from the middle of the last measured period to the middle of the one that the torque acts in",
+        "periods",
+        ">= 0",
+        default=0.0,
+    )
+
+    @classmethod
+    def critical(cls, gain: Any, ahead: Any) -> Measured:
+        """With `b = 2 - g - 2 √(1 - g)`: both poles of the filter are `√(1 - g)`.
+
+        - `gain`: g, one number or [n], in [0, 1].
+        - `ahead`: in periods.
+
+        Raises DefinitionError if one of them is out of its range.
+        """
+        gain = as_array(gain)
+        return cls(gain, 2.0 - gain - 2.0 * jnp.sqrt(jnp.maximum(1.0 - gain, 0.0)), ahead)
+
+    @classmethod
+    def tolerant(cls, delay: float, most: Any = 1.0) -> Measured:
+        """The default for a joint whose inertia or drive torque may be far from the nominal one.
+
+        Extrapolating the push by its trend costs tolerance, the more the longer the delay. Up to one period the filter
+        is `critical` with g = 1/6; beyond, it has no trend, and g = 0.3. docs/learning.md has the inertia ratios that
+        the loop tolerates.
+
+        - `delay`: age of a measurement when its torque sets in [periods].
+        - `most`: g is not larger than this.
+        """
+        if delay > 1.0:
+            return cls(jnp.minimum(WITHOUT_TREND, most))
+        return cls.critical(jnp.minimum(WITH_TREND, most), delay + 1.0)
+
+    def init(self, measured: State) -> Vector:
+        """The push's rate d, zero at the start."""
+        return jnp.zeros_like(measured.q)
+
+    def __call__(
+        self, measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, ""], memory: Vector
+    ) -> tuple[Estimate, Vector]:
+        """The measurement, and the push."""
+        unexplained = (measured.dq - prior.state.dq) / elapsed
+        grown = (1.0 - self.ahead) * elapsed * memory
+        # w + h d, what the filter expected of this period, is `push + (1 - ahead) h d`.
+        surprise = unexplained - grown
+        rate = memory + self.trend * surprise / elapsed
+        push = prior.push + grown + self.gain * surprise + self.ahead * elapsed * rate
+        return (
+            Estimate(state=measured, push=jnp.where(missed, prior.push, push)),
+            jnp.where(missed, memory, rate),
+        )
+
+
+class FilteredDifference(AbstractEstimator):
+    """`q = q'`, `q̇ = q̇_predicted + a d`, `push⁺ = push + g a² d/h`, with `a = 1 - e^{-c h}`.
+
+    The model's velocity error is `d = (q' - q'₋)/h - (q̇_predicted + q̇₋)/2`. A complementary filter: slow changes of
+    the velocity come from the measured positions, and fast changes from the model. The filter therefore lags only
+    behind unmodelled motion. Measured velocities are not used.
+
+    For `c h << 1` the errors decay as `λ² + c λ + g c²`: a damping of `1/(2 √g)`, critical for g = 1/4; they decay
+    for all `c h` and `0 < g <= 1`.
+    """
+
+    title = "The velocity from differences of positions, filtered around the model's prediction."
+
+    cutoff: PerJoint = parameter("c, of the filter on the velocity", "rad/s", "> 0")
+    gain: PerJoint = parameter(
+        "g, of the push; 0 leaves it as it is", "", "[0, 1]", default=0.25, source="critical damping"
+    )
+
+    def init(self, measured: State) -> State:
+        """The last measured position and the last estimated velocity."""
+        return measured
+
+    def __call__(
+        self, measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, ""], memory: State
+    ) -> tuple[Estimate, State]:
+        """The measured positions, the filtered velocities, and the push."""
+        share = -jnp.expm1(-self.cutoff * elapsed)
+        correction = share * ((measured.q - memory.q) / elapsed - 0.5 * (prior.state.dq + memory.dq))
+        usual = Estimate(
+            state=State(q=measured.q, dq=prior.state.dq + correction),
+            push=prior.push + self.gain * share * correction / elapsed,
+        )
+        # Over a gap the mean velocity is as good as ever, the push is not.
+        estimate = Estimate(state=usual.state, push=jnp.where(missed, prior.push, usual.push))
+        return estimate, estimate.state
+
+
+# Levant (2003) with (1.1, 1.5, 2) in the recursive form: λ0 = 2, λ1 = 1.5 √2, λ2 = 1.1 in the one below.
+GAINS = (2.0, 2.12, 1.1)
+NEWTON_STEPS = 5
+
+
+class RobustDifferentiator(AbstractEstimator):
+    """`σ̇0 = σ1 - λ0 L^⅓ sig^⅔(σ0)`, `σ̇1 = σ2 - λ1 L^⅔ sig^⅓(σ0)`, `σ̇2 ∈ -λ2 L Sgn(σ0) - d(push)/dt`, implicit in time.
+
+    σ0, σ1, σ2 are the errors of position, velocity and push. They reach zero in finite time if the push changes no
+    faster than L. Measured velocities are not used.
+
+    With `r = q' - q_predicted`, `R = |r|/(L h³)` and the error left in the position, `σ0 = L h³ y³ sgn(r)`, a step of
+    implicit Euler is `y³ + λ0 y² + λ1 y + λ2 s = R`, where `s = min(R/λ2, 1)` is selected from the set-valued sign.
+    Then `q = q' - σ0`, `q̇ = q̇_predicted + L h² (λ1 y + 3/2 λ2 s) sgn(r)`, `push⁺ = push + L h λ2 s sgn(r)`. While
+    `R <= λ2`, y is 0 and the estimate is the one whose error is gone after three samples, without chattering. The 3/2
+    is 1 for the Euler step, whose velocity lags by half a period, and 1/2 for that half (Seeber): what is predicted
+    exactly with a constant push is then estimated exactly.
+
+    Source: Levant, Higher-order sliding modes, differentiation and output-feedback control, 2003; implicit in time:
+    Acary, Brogliato, Orlov, 2012, and Mojallizadeh, Brogliato, Acary, 2021; without bias: Seeber, Proper implicit
+    discretization of arbitrary-order robust exact differentiators, 2024.
+    """
+
+    title = "Levant's second-order differentiator, implicit in time, around the model's prediction."
+
+    lipschitz: PerJoint = parameter("L, how fast the push may change", "rad/s³ or m/s³", "> 0", "(L, Levant, 2003)")
+
+    def init(self, measured: State) -> tuple[()]:
+        return ()
+
+    def __call__(
+        self, measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, ""], memory: tuple[()]
+    ) -> tuple[Estimate, tuple[()]]:
+        """The estimate with the smallest position error that a change of the push can explain."""
+        residual = measured.q - prior.state.q
+        sign = jnp.sign(residual)
+        # The bounds are out of reach of any arm; they keep the quotient finite for all numbers.
+        scale = jnp.maximum(self.lipschitz * elapsed * elapsed * elapsed, 1e-290)
+        ratio = jnp.minimum(jnp.abs(residual), 1e290 * scale) / scale
+        _, l1, l2 = GAINS
+        y = _root(jnp.maximum(ratio - l2, 0.0))
+        selection = jnp.minimum(ratio, l2)
+        pull = sign * scale
+        usual = Estimate(
+            state=State(
+                q=measured.q - pull * y * y * y,
+                dq=prior.state.dq + pull * (l1 * y + 1.5 * selection) / elapsed,
+            ),
+            push=prior.push + pull * selection / elapsed / elapsed,
+        )
+        # A step over a gap is as exact as any in the state; the push is not learnt from it.
+        return Estimate(state=usual.state, push=jnp.where(missed, prior.push, usual.push)), ()
+
+
+def _root(rest: Vector) -> Vector:
+    """The y >= 0 with `y³ + λ0 y² + λ1 y = rest`, for `rest >= 0`.
+
+    The left side is increasing and convex, so Newton's steps from above never pass the root. Each of the three terms
+    alone would give a larger y; the least of these is at most 1.4 times the root.
+    """
+    l0, l1, _ = GAINS
+    outside = rest > 0
+    safe = jnp.where(outside, rest, 1.0)
+    y = jnp.minimum(jnp.minimum(jnp.cbrt(safe), jnp.sqrt(safe / l0)), safe / l1)
+    for _ in range(NEWTON_STEPS):
+        # The next y itself and not a difference from the last: nothing cancels.
+        y = (y * y * (2.0 * y + l0) + safe) / (y * (3.0 * y + 2.0 * l0) + l1)
+    return jnp.where(outside, y, 0.0)

@@ -1,0 +1,369 @@
+"""Implicit steps of controllers with a sliding surface."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool
+
+from slidax.arms.arm import AbstractRobot
+from slidax.core.errors import require_joints
+from slidax.core.linear_algebra import matvec
+from slidax.core.parameter import parameter, piece
+from slidax.core.root_finding import increasing_root
+from slidax.core.tracing import barrier
+from slidax.core.types import Envelope, Matrix, Memory, PerJoint, Reference, Scalar, State, Vector
+
+from .error_transformations import AbstractTransformation, EnvelopeFrame
+from .reaching_laws import AbstractReaching
+from .steps import AbstractStep, Decision, EnvelopeReset, Recovery, StepInput
+from .surfaces import AbstractSurface
+from .torque_bounds import AbstractBound
+
+PRECISION = 1e-12
+"""rad/s or m/s: residual of the plan in the velocity error, besides rounding."""
+
+ROUNDING = 4e-16
+"""Rounding error of a sum, relative to its largest term."""
+
+
+class Barrier(eqx.Module):
+    """`f(ε) = now ψ(ε) + H pull(ε)`, which increases from -∞ to ∞: for every y and s⁺ one ε has `f(ε) = y + H s⁺`.
+
+    - `frame`: `now`, ψ.
+    - `surface`: the pull.
+    - `horizon`: H [s].
+    """
+
+    frame: EnvelopeFrame
+    surface: AbstractSurface
+    horizon: Scalar
+
+    def value_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
+        """Return `f(ε)` and its derivative, [n]."""
+        place, place_slope = _place_and_slope(self.frame, eps)
+        pull, pull_slope = _pull_and_slope(self.surface, eps)
+        now, horizon = self.frame.now, self.horizon
+        return now * place + horizon * pull, now * place_slope + horizon * pull_slope
+
+    def solve(self, target: Vector, guess: Vector, at_guess: tuple[Vector, Vector]) -> Vector:
+        """Return the ε with `f(ε) = target`, [n].
+
+        - `target`: y + H s⁺, [n], rad or m.
+        - `at_guess`: value and slope at the guess.
+        """
+        size = jnp.abs(target)
+        # The pull alone reaches the target there, and both parts have its sign.
+        far = 1.0 + self.surface.reach(size / self.horizon)
+        bracket = (jnp.where(target < 0, -far, -1.0), jnp.where(target > 0, far, 1.0))
+        tolerance = PRECISION * self.horizon + ROUNDING * size
+        return increasing_root(_value_and_slope, self, target, guess, at_guess, bracket, tolerance)
+
+
+class Plan(eqx.Module):
+    """Start of a plan, with the surface at a guess of its end.
+
+    - `barrier`: the equation of the plan.
+    - `y`: led error [n], rad or m.
+    - `v`: velocity error [n], rad/s or m/s.
+    - `s`: sliding variable [n], rad/s or m/s.
+    - `eps`: the guess, a transformed error [n].
+    - `place`, `place_slope`: ψ there and its derivative [n].
+    - `value`, `slope`: f there and its derivative [n].
+    """
+
+    barrier: Barrier
+    y: Vector
+    v: Vector
+    s: Vector
+    eps: Vector
+    place: Vector
+    place_slope: Vector
+    value: Vector
+    slope: Vector
+
+    @staticmethod
+    def near(barrier: Barrier, y: Vector, v: Vector, s: Vector, eps: Vector) -> Plan:
+        """Return a plan with its surface evaluated at the guess `eps`."""
+        frame, horizon = barrier.frame, barrier.horizon
+        place, place_slope = _place_and_slope(frame, eps)
+        pull, pull_slope = _pull_and_slope(barrier.surface, eps)
+        value, slope = frame.now * place + horizon * pull, frame.now * place_slope + horizon * pull_slope
+        return Plan(barrier, y, v, s, eps, place, place_slope, value, slope)
+
+    def holding_acceleration(self) -> Vector:
+        """Acceleration relative to the reference's that keeps s, by one Newton step: [n], rad/s² or m/s²."""
+        horizon = self.barrier.horizon
+        place = self.place + self.place_slope * (self.y + horizon * self.s - self.value) / self.slope
+        return ((self.barrier.frame.ahead * place - self.y) / horizon - self.v) / horizon
+
+    def towards(self, s_next: Vector) -> tuple[Vector, Vector]:
+        """Return the ε at its end, [n], and the acceleration relative to the reference's, [n], rad/s² or m/s².
+
+        - `s_next`: the sliding variable s⁺ at its end [n], rad/s or m/s.
+        """
+        frame, horizon = self.barrier.frame, self.barrier.horizon
+        eps = self.barrier.solve(self.y + horizon * s_next, self.eps, (self.value, self.slope))
+        v_next = (frame.ahead * _place_and_slope(frame, eps)[0] - self.y) / horizon
+        return eps, (v_next - self.v) / horizon
+
+
+# Traced once, and functions in exported C.
+@jax.jit
+def _place_and_slope(frame: EnvelopeFrame, eps: Vector) -> tuple[Vector, Vector]:
+    return frame.place_and_slope(eps)
+
+
+@jax.jit
+def _pull_and_slope(surface: AbstractSurface, eps: Vector) -> tuple[Vector, Vector]:
+    return surface.pull_and_slope(eps)
+
+
+def _value_and_slope(barrier: Barrier, eps: Vector) -> tuple[Vector, Vector]:
+    return barrier.value_and_slope(eps)
+
+
+class SurfaceMemory(eqx.Module):
+    """Memory of a step with a surface.
+
+    - `sides`: memory of the transformation.
+    - `s`: planned sliding variable at the next sample [n].
+    - `eps`: guess of the next plan's transformed error [n].
+    - `last_eps`: the last plan's transformed error [n].
+    - `reseat`: envelopes that replace the prescribed ones; None without a recovery.
+    - `reaching`: memory of the reaching law.
+    """
+
+    sides: Memory
+    s: Vector
+    eps: Vector
+    last_eps: Vector
+    reseat: EnvelopeReset | None
+    reaching: Memory
+
+
+class ReachingStep(eqx.Module):
+    """One implicit step of a reaching law.
+
+    - `s_next`: the sliding variable s⁺ at the end of the horizon [n], rad/s or m/s.
+    - `memory`: of the reaching law, for the next sample.
+    - `cover`: largest disturbance that it covers, N m; None without a bound.
+    - `signals`: inner quantities by name.
+    """
+
+    s_next: Vector
+    memory: Memory
+    cover: Scalar | None
+    signals: dict[str, Array]
+
+
+class AbstractSurfaceStep(AbstractStep):
+    """The law `s = ė + φ(t, e)` as one implicit Euler step over the horizon H, repeated in every period h.
+
+    With the led error `y = e + c ė`, `c = H - h/2`, its radius `ρ_y = ρ + c ρ̇` and `ρ_a = ρ_y + H ρ̇_y`:
+
+    1. s⁺ by the reaching law, implicitly;
+    2. `ρ_y ψ(ε) + H pull(ε) = y + H s⁺`: one ε for each joint;
+    3. `v⁺ = (ρ_a ψ(ε) - y)/H`: the velocity error at the end of the horizon;
+    4. `q̈ = q̈_r + (v⁺ - ė)/H`, `q̈_r = (q̇_d(t + h) - q̇_d(t))/h`.
+
+    Without a disturbance y moves to `(1 - h/H) y + (h/H) ρ_a ψ(ε)` in one period, and e to a convex mean of itself and
+    both y. Neither leaves the envelope (docs/sampled-data.md). Each step has exactly one solution for every
+    measurement, inside or outside.
+    """
+
+    nominal: AbstractRobot = piece("the robot as the law knows it, M0, C0, G0")
+    transformation: AbstractTransformation = piece("as in the printed law: e to ε1")
+    surface: AbstractSurface = piece("as in the printed law: the pull on ε1")
+    recovery: Recovery | None = piece("what to do outside the envelope; without it, pull back to the drawn one")
+    plans: ClassVar[bool] = True
+
+    def __check_init__(self) -> None:
+        for part in (self.transformation, self.surface):
+            require_joints(part, self.nominal.joints, type(self.nominal).__name__)
+
+    @property
+    def robot(self) -> AbstractRobot:
+        return self.nominal
+
+    @abstractmethod
+    def reach_init(self) -> Memory:
+        """Return the reaching law's memory at the start."""
+
+    @abstractmethod
+    def reach(self, moment: StepInput, plan: Plan, memory: Memory) -> ReachingStep:
+        """Return one implicit step of the reaching law.
+
+        - `moment`: the predicted arm.
+        - `plan`: start of the step, with s.
+        - `memory`: from `reach_init` or the last sample.
+        """
+
+    def init(self, t: Scalar, state: State, reference: Reference, period: Scalar, horizon: Scalar | None) -> Memory:
+        assert horizon is not None
+        lead = horizon - 0.5 * period
+        e, de = state.q - reference.q, state.dq - reference.dq
+        sides = self.transformation.init(t, e)
+        eps = self.transformation.frame(t, lead, horizon, sides).transformed(e + lead * de)
+        return SurfaceMemory(
+            sides=sides,
+            s=jnp.zeros_like(e),
+            eps=eps,
+            last_eps=eps,
+            reseat=None if self.recovery is None else self.recovery.init(t, self.nominal.joints),
+            reaching=self.reach_init(),
+        )
+
+    def restarted(self, t: Scalar, memory: SurfaceMemory) -> Memory:
+        """Reset the recovery; the sides of the prescribed envelope stay."""
+        if self.recovery is None:
+            return memory
+        return eqx.tree_at(lambda kept: kept.reseat, memory, self.recovery.init(t, self.nominal.joints))
+
+    def recovers(self, t: Scalar, memory: SurfaceMemory) -> Bool[Array, ""]:
+        if memory.reseat is None:
+            return jnp.zeros((), bool)
+        return jnp.any(t < memory.reseat.until)
+
+    def __call__(self, moment: StepInput, memory: SurfaceMemory) -> Decision:
+        h, horizon, now, desired = moment.period, moment.horizon, moment.state, moment.reference
+        assert horizon is not None
+        lead = horizon - 0.5 * h
+        e, v = now.q - desired.q, now.dq - desired.dq
+        y = e + lead * v
+        frame = self.transformation.frame(moment.t, lead, horizon, memory.sides)
+        reseat, kept_reseat, planned = memory.reseat, memory.reseat, moment.planned
+        if self.recovery is not None and reseat is not None:
+            drawn = self.transformation.envelope(moment.t, memory.sides)
+            if drawn is not None:
+                reseat, kept_reseat, fresh = self.recovery.reseat(
+                    moment.t, e, v, drawn, _slowness(moment), lead, reseat
+                )
+                planned = planned & ~jnp.any(fresh)
+                frame = self.recovery.frame(moment.t, lead, horizon, frame, reseat)
+        frame = barrier(frame)
+
+        # The planned s plus the velocity's deviation, so that φ's slope does not multiply position errors.
+        s, eps_guess = jax.lax.cond(
+            planned,
+            lambda: (memory.s + now.dq - moment.expected, memory.eps),
+            lambda: self._measured(frame, y, v, horizon),
+        )
+        plan = Plan.near(Barrier(frame, self.surface, horizon), y, v, s, eps_guess)
+        reached = self.reach(moment, plan, memory.reaching)
+        eps, beyond = plan.towards(reached.s_next)
+        acceleration = desired.ddq + beyond
+
+        kept = SurfaceMemory(
+            sides=memory.sides,
+            s=s + (reached.s_next - s) * (h / horizon),
+            # Extrapolation of the last two plans: most plans are one Newton step away from it.
+            eps=jnp.where(planned, 2.0 * eps - memory.last_eps, eps),
+            last_eps=eps,
+            reseat=kept_reseat,
+            reaching=reached.memory,
+        )
+        signals = {"s": s, "s_next": reached.s_next, "eps1": eps, **reached.signals}
+        if reseat is not None:
+            signals["reseated"] = (moment.t < reseat.until).astype(float)
+        stands = eqx.tree_at(lambda kept: kept.reaching, kept, memory.reaching)
+        return Decision(
+            tau=matvec(moment.mass, acceleration) + moment.bias,
+            acceleration=acceleration,
+            memory=kept,
+            signals=signals,
+            cover=reached.cover,
+            limited=stands if jax.tree.leaves(memory.reaching) else None,
+        )
+
+    def envelope(self, t: Scalar, memory: SurfaceMemory) -> Envelope | None:
+        """Return the prescribed envelope, also during a recovery."""
+        return self.transformation.envelope(t, memory.sides)
+
+    def _measured(self, frame: EnvelopeFrame, y: Vector, v: Vector, horizon: Scalar) -> tuple[Vector, Vector]:
+        """`s = ė + φ(t, y)` and ε from the measurement, with y clipped to the frame."""
+        eps = frame.transformed(y)
+        drift = (frame.now - frame.ahead) / (horizon * frame.now)
+        return v + drift * y + self.surface.pull_and_slope(eps)[0], eps
+
+
+def _slowness(moment: StepInput) -> Vector:
+    """1/a, with the acceleration a of each joint within the limits, for the arm's weight and coupled inertia."""
+    limit = moment.limits.torque
+    mass: Matrix = jnp.abs(moment.mass)
+    return jnp.sum(mass, axis=1) / jnp.maximum(limit - jnp.abs(moment.bias), 0.25 * limit)
+
+
+class SlidingStep(AbstractSurfaceStep):
+    """`A (s⁺ - s) = -K0 Sig^r(s⁺) - u N(s⁺)`, `A = M0/H`, with (41)-(45): the reaching step, for any reaching law.
+
+    The compensated disturbance is at most u.
+
+    Signals: `s`, `s_next` (s⁺), `eps1` [n], `u`; with a recovery `reseated` [n], 1 where its envelope is in force.
+    """
+
+    reaching: AbstractReaching = piece("as in the printed law: how s is driven to zero")
+    bound: AbstractBound = piece("as in the printed law: u")
+    slopes: bool = piece(
+        "whether u counts the slope part of τ1, as (45) prints it, or τ0 and K0's part alone", default=True, static=True
+    )
+
+    def __check_init__(self) -> None:
+        n = self.nominal.joints
+        for part in (self.reaching, self.bound):
+            require_joints(part, n, type(self.nominal).__name__)
+        # Raises here, and not during a run, if the reaching law has no implicit step.
+        shapes = (jax.ShapeDtypeStruct(shape, float) for shape in ((n, n), (n,), ()))
+        eqx.filter_eval_shape(self.reaching.implicit, *shapes)
+
+    def reach_init(self) -> Memory:
+        return ()
+
+    def reach(self, moment: StepInput, plan: Plan, memory: Memory) -> ReachingStep:
+        assert moment.horizon is not None
+        feedforward = moment.reference.ddq
+        # τ0 + τ1 with the slopes that an implicit step sees.
+        if self.slopes:
+            feedforward = feedforward + plan.holding_acceleration()
+        tau_01 = matvec(moment.mass, feedforward) + moment.bias - self.reaching.continuous_term(plan.s)
+        u = self.bound(moment.state, tau_01)
+        s_next = self.reaching.implicit(moment.mass / moment.horizon, plan.s, u)
+        return ReachingStep(s_next=s_next, memory=(), cover=u, signals={"u": u})
+
+
+class TwistingStep(AbstractSurfaceStep):
+    """`s⁺ = s + H (v⁺ - k1 sig^½(s⁺))`, `v⁺ = v - H k2 sgn(s⁺)` with the set-valued sign: s⁺ = 0 holds without chatter.
+
+    For `|s + H v| <= H² k2` it is `s⁺ = 0`; else the root of s⁺ solves a quadratic equation. In one period v moves by
+    `-h k2 sat((s + H v)/(H² k2))`, and stops while the limits withhold torque.
+    Source: Brogliato, Polyakov and Efimov, The implicit discretization of the supertwisting sliding-mode control
+    algorithm, IEEE Transactions on Automatic Control 65, 2020.
+
+    Signals: `s`, `s_next` (s⁺), `eps1`, `v` [n]; with a recovery `reseated` [n], 1 where its envelope is in force.
+    """
+
+    k1: PerJoint = parameter("gain of the square root of s", "rad^½/s^(3/2) or m^½/s^(3/2)", "> 0")
+    k2: PerJoint = parameter("gain of the integral of its sign", "rad/s³ or m/s³", "> 0")
+
+    def reach_init(self) -> Vector:
+        return jnp.zeros(self.nominal.joints)
+
+    def reach(self, moment: StepInput, plan: Plan, memory: Vector) -> ReachingStep:
+        horizon = moment.horizon
+        assert horizon is not None
+        target = plan.s + horizon * memory
+        edge = horizon * horizon * self.k2
+        beyond = jnp.maximum(jnp.abs(target) - edge, 0.0)
+        damped = horizon * self.k1
+        root = 2.0 * beyond / (damped + jnp.sqrt(damped * damped + 4.0 * beyond))
+        share = jnp.clip(target / edge, -1.0, 1.0)
+        return ReachingStep(
+            s_next=jnp.sign(target) * root * root,
+            memory=memory - moment.period * self.k2 * share,
+            cover=None,
+            signals={"v": memory},
+        )

@@ -1,0 +1,223 @@
+"""Learn rotor inertia and Coulomb friction of each joint during the motion."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from slidax.core.parameter import parameter
+from slidax.core.types import PerJoint, Scalar, State, Vector
+
+from .adaptation import STAGES, AbstractAdaptation, Experience, LearnedParameters, filter_step, noise_of, settled_stages
+
+FASTEST = 1e4
+"""rad/s² or m/s²: largest credible acceleration; larger ones come from wrong measurements."""
+
+STRONGEST = 1e6
+"""N m or N: largest credible torque."""
+
+STEADY = 1e-3
+"""Share of the kept information that is added to the normal equations, so that they can always be solved."""
+
+
+class Learning(eqx.Module):
+    """Memory of the learning.
+
+    - `positions`: the last two measured positions, the newest first.
+    - `tau`: torque of the period before the last measurement [n].
+    - `elapsed`: time since the start or the last gap, until the filter has settled [s].
+    - `begun`: True after the first sample.
+    - `stages`: of the band-pass, for torque, acceleration and direction of motion.
+    - `information`: `∫φ²`, `∫φ c`, `∫c²` [3 n]: of inertia, of both, of friction.
+    - `rotor`, `coulomb`: the estimates [n].
+    - `squares`: recent means of φ², φ z and z² with z = y - f c, [3 n].
+    """
+
+    positions: Float[Array, "2 n"]
+    tau: Vector
+    elapsed: Scalar
+    begun: Bool[Array, ""]
+    stages: Float[Array, "5 3 n"]
+    information: Float[Array, "3 n"]
+    rotor: Vector
+    coulomb: Vector
+    squares: Float[Array, "3 n"]
+
+
+class JointLearning(AbstractAdaptation):
+    """Recursive least squares in a band of frequencies, one for each joint: `y = (M0_ii - J0 + J) φ + f c`.
+
+    φ is the joint's measured acceleration, the second difference of its position; c is `tanh(q̇/v_s)`; y is the torque
+    less the nominal bias and the torque for the other joints' accelerations, `y = τ̄ - (C0 q̇ + G0) - Σ M0_ij φ_j`. All
+    three go through the same band-pass from `low` to `high`. τ̄ is the mean torque of the two periods that the second
+    difference spans, so that both are of the same time.
+
+    - The band contains the loop's crossover, where a wrong inertia shows before it harms. Below it, weight that the
+      model does not know looks like negative inertia, since it falls as 1/ω².
+    - Only new information displaces old information, not the passing of time: the information matrix is scaled back to
+      `window` and `coulomb_window` when it grows beyond, so that a long hold forgets nothing.
+    - A sample counts for inertia only if |φ| is above `gate`, a multiple of the encoder noise in the band: noise in φ
+      would draw the inertia to zero.
+    - A sample counts only while torque and acceleration are coherent, `(φ z)² > coherence φ² z²` in means over `recent`
+      with `z = y - f c`: a torque that moves the joint is in phase with its acceleration; the weight of a payload that
+      is taken up or released is not.
+    - J stays between `rotor_min` less .6 of the links' share and `rotor_max` more than the links' share, f in
+      [0, coulomb_max]. M̂ is therefore positive definite and bounded for all measurements.
+
+    Source: docs/learning.md. Recursive least squares: Ljung, System Identification, 1999; Astrom and Wittenmark,
+    Adaptive Control, 1995.
+    """
+
+    title = "Rotor inertia and Coulomb friction of each joint, learnt in the band of the loop's own crossover."
+
+    rotor: PerJoint = parameter("J at the start", "kg m² or kg", ">= 0", default=0.0)
+    coulomb: PerJoint = parameter("f at the start", "N m or N", "[0, coulomb_max]", default=0.0)
+    rotor_min: PerJoint = parameter("least rotor inertia", "kg m² or kg", ">= 0", default=0.0)
+    rotor_max: PerJoint = parameter("largest rotor inertia", "kg m² or kg", ">= rotor_min", default=10.0)
+    coulomb_max: PerJoint = parameter("largest Coulomb friction; 0 to learn none", "N m or N", ">= 0", default=0.0)
+    low: Scalar = parameter("lower end of the band", "rad/s", "> 0", default=15.0)
+    high: Scalar = parameter("upper end of the band", "rad/s", "> low", default=200.0)
+    gate: PerJoint = parameter(
+        "least acceleration in the band that teaches inertia", "rad/s² or m/s²", ">= 0", default=0.2
+    )
+    gate_direction: PerJoint = parameter("least c in the band that teaches friction", "", ">= 0", default=0.05)
+    coherence: Scalar = parameter("least squared coherence that teaches inertia", "", "[0, 1)", default=0.8)
+    recent: Scalar = parameter("time over which the coherence is taken", "s", "> 0", default=0.015)
+    prior: PerJoint = parameter("information in the first guess of J", "(rad/s²)² s or (m/s²)² s", "> 0", default=0.3)
+    window: PerJoint = parameter("information that is kept of J", "(rad/s²)² s or (m/s²)² s", ">= prior", default=1.0)
+    coulomb_prior: PerJoint = parameter("information in the first guess of f", "s", "> 0", default=0.02)
+    coulomb_window: PerJoint = parameter("information that is kept of f", "s", ">= coulomb_prior", default=0.5)
+
+    def init(self, measured: State) -> Learning:
+        nothing = jnp.zeros_like(measured.q)
+        return Learning(
+            positions=jnp.stack([measured.q, measured.q]),
+            tau=nothing,
+            elapsed=jnp.zeros((), nothing.dtype),
+            begun=jnp.zeros((), bool),
+            stages=jnp.zeros((STAGES, 3, *nothing.shape), nothing.dtype),
+            information=jnp.stack([nothing + self.prior, nothing, nothing + self.coulomb_prior]),
+            rotor=nothing + self.rotor,
+            coulomb=nothing + self.coulomb,
+            squares=jnp.zeros((3, *nothing.shape), nothing.dtype),
+        )
+
+    def learnt(self, memory: Learning) -> LearnedParameters:
+        return LearnedParameters(rotor=memory.rotor, coulomb=memory.coulomb)
+
+    def __call__(self, experience: Experience, memory: Learning) -> Learning:
+        """Return the memory after a sample.
+
+        After a gap the filter continues once a second difference is complete again. Nothing is learnt until it has
+        settled, since sudden position noise looks like a jump of the velocity.
+        """
+        h, mass = experience.period, experience.mass
+        newest, before = memory.positions
+        ddq = jnp.clip((experience.q - 2.0 * newest + before) / (h * h), -FASTEST, FASTEST)
+        others = jnp.sum(jnp.where(jnp.eye(ddq.size, dtype=bool), 0.0, mass) * ddq[None, :], axis=1)
+        torque = 0.5 * (experience.tau + memory.tau) - experience.bias
+        direction = jnp.tanh(experience.dq / self.smoothing)
+        signals = jnp.stack([jnp.clip(torque - others, -STRONGEST, STRONGEST), ddq, direction])
+
+        settled = self.recent + 2.0 * h
+        elapsed = jnp.where(experience.missed, 0.0, jnp.minimum(memory.elapsed + h, settled + h))
+        whole = elapsed > 2.5 * h
+        # At the first sample the arm is held: it does not accelerate, and its torque has been constant for long.
+        held = jnp.stack([jnp.clip(torque, -STRONGEST, STRONGEST), jnp.zeros_like(ddq), direction])
+        stages = jnp.where(memory.begun, memory.stages, settled_stages(held))
+        stages = jnp.where(whole, filter_step(stages, signals, self.low, self.high, h), stages)
+        return self._regressed(experience, memory, stages, jnp.where(elapsed > settled, h, 0.0), elapsed)
+
+    def _regressed(
+        self, experience: Experience, memory: Learning, stages: Float[Array, "5 3 n"], weight: Scalar, elapsed: Scalar
+    ) -> Learning:
+        """One step of least squares with the filtered signals."""
+        y, phi, c = stages[-1]
+        links = jnp.diagonal(experience.mass) - self.counted
+        missed = y - (links + memory.rotor) * phi - memory.coulomb * c
+        rubbed = y - memory.coulomb * c
+        newer = -jnp.expm1(-weight / self.recent)
+        squares = memory.squares + newer * (jnp.stack([phi * phi, phi * rubbed, rubbed * rubbed]) - memory.squares)
+        coherent = squares[1] * jnp.abs(squares[1]) > self.coherence * squares[0] * squares[2]
+        taught = jnp.where(coherent & (jnp.abs(phi) > self.gate), phi, 0.0)
+        turned = jnp.where((jnp.abs(c) > self.gate_direction) & (self.coulomb_max > 0.0), c, 0.0)
+        of_rotor, of_both, of_coulomb = memory.information + weight * jnp.stack(
+            [taught * taught, taught * turned, turned * turned]
+        )
+        a, b = of_rotor + STEADY * self.window, of_coulomb + STEADY * self.coulomb_window
+        gain = weight * missed / (a * b - of_both * of_both)
+        rotor = memory.rotor + gain * (b * taught - of_both * turned)
+        coulomb = memory.coulomb + gain * (a * turned - of_both * taught)
+        # Scaled from both sides, the matrix stays semidefinite and its estimate does not move.
+        keep_rotor = jnp.minimum(1.0, jnp.sqrt(self.window / of_rotor))
+        keep_coulomb = jnp.minimum(1.0, jnp.sqrt(self.coulomb_window / of_coulomb))
+        return Learning(
+            positions=jnp.stack([experience.q, memory.positions[0]]),
+            tau=experience.tau,
+            elapsed=elapsed,
+            begun=jnp.ones((), bool),
+            stages=stages,
+            information=jnp.stack(
+                [of_rotor * keep_rotor**2, of_both * keep_rotor * keep_coulomb, of_coulomb * keep_coulomb**2]
+            ),
+            rotor=jnp.clip(rotor, self.rotor_min - 0.6 * links, self.rotor_max + links),
+            coulomb=jnp.clip(coulomb, 0.0, self.coulomb_max),
+            squares=squares,
+        )
+
+    @classmethod
+    def of_arm(
+        cls, mass: Any, *, rotors: Any, torque: Any, deviation: Any, period: float, **parameters: Any
+    ) -> JointLearning:
+        """Return the learning for an arm, its drives and its encoders.
+
+        Where the model has no rotor, the first guess is 0.002 kg m² for each N m of rated torque, typical of drives of
+        arms (docs/learning.md); the limits are 0.0005 and 0.1 kg m² for each N m. The upper end of the band is
+        200 rad/s, or as low as 120 rad/s if three times the encoder noise would exceed 0.2 rad/s².
+
+        - `mass`: inertia matrix of the nominal arm where it works [n n].
+        - `rotors`: J0, its rotor inertia, one number or [n], kg m² or kg; None for an arm whose model has no rotors.
+        - `torque`: rated torque of each joint, one number or [n], N m or N; if it is inf, the torque that accelerates
+          the joint's own inertia by 25 rad/s² takes its place.
+        - `deviation`: standard deviation of a measured position, one number or [n], rad or m.
+        - `period`: h [s].
+        - `parameters`: parameters that replace the computed ones.
+
+        Raises DefinitionError if one of them is out of its range.
+        """
+        inertia = np.diagonal(np.asarray(mass, float))
+        counted = np.broadcast_to(np.asarray(0.0 if rotors is None else rotors, float), inertia.shape)
+        rated = np.broadcast_to(np.asarray(torque, float), inertia.shape)
+        rated = np.where(np.isfinite(rated), rated, USUAL_ACCELERATION * inertia)
+        worst = float(np.max(deviation))
+        low, high = float(parameters.get("low", 15.0)), 200.0
+        while high > 120.0 and CLEAR * noise_of(worst, low, high, period) > GATE:
+            high -= 5.0
+        high = float(parameters.get("high", high))
+        computed = {
+            "counted": counted,
+            "rotor": counted if rotors is None else np.where(counted > 0.0, counted, GUESS * rated),
+            "rotor_min": np.zeros_like(rated) if rotors is None else LEAST * rated,
+            "rotor_max": LARGEST * rated,
+            "coulomb_max": 0.1 * rated,
+            "high": high,
+            "gate": max(GATE, CLEAR * noise_of(worst, low, high, period)),
+        }
+        return cls(**{**computed, **{name: value for name, value in parameters.items() if value is not None}})
+
+
+GATE = 0.2
+"""rad/s²: `gate` for encoders with a resolution of 1e-5 rad or finer."""
+
+CLEAR = 3.0
+"""`gate` over the standard deviation of the encoder noise in the band."""
+
+GUESS, LEAST, LARGEST = 0.002, 0.0005, 0.1
+"""kg m² of rotor inertia for each N m of rated torque: the first guess, the least and the largest."""
+
+USUAL_ACCELERATION = 25.0
+"""rad/s²: acceleration that determines a rated torque that is not known."""

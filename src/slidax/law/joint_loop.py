@@ -1,0 +1,228 @@
+"""Closed loop of one joint near its goal, linearised: a sampling period as a linear map, its stability and noise."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from .estimators import Measured
+from .kalman import Kalman
+from .sampled.controller import SampledData
+
+INPUTS = ("position noise", "velocity noise", "place", "push", "push at the end")
+"""Inputs: noise of a measurement, the target `A ψ(ε)` of a plan, and an acceleration disturbance of
+the arm, linear over the period."""
+
+OUTPUTS = ("error", "velocity", "led", "predicted velocity", "command", "planned", "estimate")
+"""Outputs: e and ė of the arm when the period's new torque sets in or, with a fractional delay, so long
+after a sample; the led error ŷ and the velocity that are predicted; the acceleration that is commanded, with and
+without the estimate's compensation; and the estimate ŵ after this sample."""
+
+
+@dataclass(frozen=True)
+class LoopMaps:
+    """One period of a joint's loop: `x⁺ = step x + enters u`, `y = outputs x + direct u`; u: `INPUTS`, y: `OUTPUTS`.
+
+    The unit of time is the period. The first two entries of x are e and ė of the arm.
+
+    - `step`: [m m]; `enters`: [m 5]; `outputs`: [7 m]; `direct`: [7 5].
+    """
+
+    step: np.ndarray
+    enters: np.ndarray
+    outputs: np.ndarray
+    direct: np.ndarray
+
+
+@dataclass(frozen=True)
+class LinearLoop:
+    """A joint with `q̈ = κ a`, where the law believes `q̈ = a`: κ is an eigenvalue of `M⁻¹ M0` (docs/sampled-data.md).
+
+    Near e = 0 with s⁺ = 0 and a steep surface the plan is `q̈ = -(y/H + v)/H`, `y = e + (H - h/2) v`, at the state that
+    is predicted over the believed delay with the commands under way and the estimate. The unit of time is the period.
+
+    - `h`: the period [s]; `horizon`: H in periods.
+    - `believed`: the delay that the law is told [periods].
+    - `gains`: of the Kalman filter (L1, L2 h, L3 h²), or of `Measured` (g, b, ahead).
+    - `measures_velocity`: whether the estimator is `Measured`.
+    - `follows`: the share `1 - e^{-c h}` of a differenced velocity that its low-pass takes on in a period; None for a
+      velocity sensor.
+    """
+
+    h: float
+    horizon: float
+    believed: float
+    gains: tuple[float, float, float]
+    measures_velocity: bool
+    follows: float | None = None
+
+    @classmethod
+    def of(cls, law: SampledData, joint: int, cutoff: float | None = None) -> LinearLoop | None:
+        """The loop of one joint; None for a law without a plan, or an estimator that is not linear.
+
+        - `law`: in sampled-data form.
+        - `cutoff`: c of the low-pass of differenced velocities [rad/s]; None for a velocity sensor.
+        """
+        estimator = law.estimator
+        if law.horizon is None or not isinstance(estimator, Kalman | Measured):
+            return None
+        if isinstance(estimator, Kalman):
+            numbers = np.broadcast_to(np.asarray(estimator.gains).reshape(3, -1), (3, law.joints))[:, joint]
+            numbers = numbers * float(law.period) ** np.arange(3)
+        else:
+            each = (estimator.gain, estimator.trend, estimator.ahead)
+            numbers = np.array([np.broadcast_to(np.asarray(gain), law.joints)[joint] for gain in each])
+        first, second, third = (float(number) for number in numbers)
+        return cls(
+            h=float(law.period),
+            horizon=float(law.horizon) / float(law.period),
+            believed=float(law.delay),
+            gains=(first, second, third),
+            measures_velocity=isinstance(estimator, Measured),
+            follows=None if cutoff is None else -math.expm1(-cutoff * float(law.period)),
+        )
+
+    @property
+    def bandwidth(self) -> float:
+        """The ω of the estimator [rad/s]: a steady Kalman filter is of third order with `L3 h² = (ω h)³`.
+
+        For `Measured`, `g/h`.
+        """
+        gain, _, three = self.gains
+        return (gain if self.measures_velocity else float(np.cbrt(three))) / self.h
+
+    def radius(self, kappa: float = 1.0, delay: float | None = None) -> float:
+        """The largest modulus of an eigenvalue over one period; below 1 the loop is stable.
+
+        - `kappa`: κ, nominal over true inertia.
+        - `delay`: the true one [periods]; as believed if None.
+        """
+        return float(np.max(np.abs(np.linalg.eigvals(self.maps(kappa, delay).step))))
+
+    def stable_range(self, delay: float | None = None) -> tuple[float, float]:
+        """The κ around 1 for which the loop is stable, within [1/64, 64]; (nan, nan) if it is not at 1.
+
+        - `delay`: the true one [periods]; as believed if None.
+        """
+        ends = []
+        if self.radius(1.0, delay) >= 1.0:
+            return math.nan, math.nan
+        for direction in (-1.0, 1.0):
+            inside, outside = 0.0, 6.0
+            steps = np.linspace(0.0, 6.0, 61)
+            unstable = [x for x in steps if self.radius(2.0 ** (direction * x), delay) >= 1.0]
+            if not unstable:
+                ends.append(2.0 ** (6.0 * direction))
+                continue
+            outside, inside = unstable[0], unstable[0] - 0.1
+            for _ in range(12):
+                middle = 0.5 * (inside + outside)
+                if self.radius(2.0 ** (direction * middle), delay) < 1.0:
+                    inside = middle
+                else:
+                    outside = middle
+            ends.append(2.0 ** (direction * inside))
+        return ends[0], ends[1]
+
+    def noise(self, variance: float, kappa: float = 1.0) -> tuple[float, float]:
+        """Standard deviations of the position [rad or m] and of a command's step [rad/s² or m/s²]; inf if unstable.
+
+        - `variance`: of a measured position, white [rad² or m²].
+        - `kappa`: κ, nominal over true inertia.
+        """
+        from scipy.linalg import solve_discrete_lyapunov
+
+        maps = self.maps(kappa)
+        matrix, enters = maps.step, maps.enters[:, 0]
+        if np.max(np.abs(np.linalg.eigvals(matrix))) >= 1.0:
+            return math.inf, math.inf
+        covariance = solve_discrete_lyapunov(matrix, variance * np.outer(enters, enters))
+        # The step is the difference of this command and the last, which the noise of this sample enters as well.
+        row, own = maps.outputs[4], float(maps.direct[4, 0])
+        step = row.copy()
+        step[2] -= 1.0
+        spread = step @ covariance @ step + variance * own * own
+        return math.sqrt(max(covariance[0, 0], 0.0)), math.sqrt(max(spread, 0.0)) / self.h**2
+
+    def maps(self, kappa: float = 1.0, delay: float | None = None) -> LoopMaps:
+        """One period of the loop, with its inputs and outputs.
+
+        - `kappa`: κ, nominal over true inertia.
+        - `delay`: the true one [periods]; as believed if None.
+        """
+        delay = self.believed if delay is None else delay
+        delayed, believed = math.ceil(delay), math.ceil(self.believed)
+        queue = max(1, delayed, believed)
+        # q, q̇, the commands (newest first), the prediction of q and q̇, the push, its rate, the last measurement.
+        size = 2 + queue + 6
+        columns = np.eye(size + len(INPUTS))
+        state = columns[:size]
+        noise_q, noise_v, place, pushed, pushed_next = columns[size:]
+        q, v, commands = state[0], state[1], list(state[2 : 2 + queue])
+        prior_q, prior_v, push, rate, last_q, last_v = state[2 + queue :]
+        read_q, read_v = q + noise_q, v + noise_v
+        if self.follows is not None:
+            read_v = last_v + self.follows * (read_q - last_q - last_v)
+        estimate_q, estimate_v, push, rate = self._estimated(read_q, read_v, prior_q, prior_v, push, rate)
+        if self.follows is None or not self.measures_velocity:
+            # Unused memory is set to zero: it would count as a loop that never settles.
+            last_q, last_v = 0.0 * read_q, 0.0 * read_v
+        else:
+            last_q, last_v = read_q, read_v
+
+        whole, part = int(self.believed), self.believed % 1.0
+        now_q, now_v, following = estimate_q, estimate_v, None
+        if part > 0:
+            now_q, now_v = self._moved(now_q, now_v, commands[whole] + push, part)
+        if whole > 0:
+            following = self._moved(now_q, now_v, commands[whole - 1] + push, 1.0 - part)
+            now_q, now_v = self._moved(now_q, now_v, commands[whole - 1] + push, 1.0)
+        for i in range(whole - 1, 0, -1):
+            now_q, now_v = self._moved(now_q, now_v, commands[i - 1] + push, 1.0)
+        lead = self.horizon - 0.5
+        led = now_q + lead * now_v
+        planned = ((place - led) / self.horizon - now_v) / self.horizon
+        command = planned - push
+        if following is None:
+            following = self._moved(now_q, now_v, planned, 1.0 - part)
+
+        # The arm itself, under the commands that really are under way and a push that is linear over the period.
+        sent = [command, *commands]
+        whole, part = int(delay), delay % 1.0
+        change = pushed_next - pushed
+        within_q, within_v = q, v
+        if part > 0:
+            q, v = self._moved(q, v, kappa * sent[whole + 1], part)
+            within_q = q + part * part * (0.5 * pushed + part / 6.0 * change)
+            within_v = v + part * (pushed + 0.5 * part * change)
+        q, v = self._moved(q, v, kappa * sent[whole], 1.0 - part)
+        q, v = q + 0.5 * pushed + change / 6.0, v + 0.5 * (pushed + pushed_next)
+        after = np.array([q, v, *sent[:queue], *following, push, rate, last_q, last_v])
+        outputs = np.array([within_q, within_v, led, now_v, command, planned, push])
+        return LoopMaps(after[:, :size], after[:, size:], outputs[:, :size], outputs[:, size:])
+
+    def _estimated(
+        self,
+        read_q: np.ndarray,
+        read_v: np.ndarray,
+        prior_q: np.ndarray,
+        prior_v: np.ndarray,
+        push: np.ndarray,
+        rate: np.ndarray,
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        gain, two, three = self.gains
+        if not self.measures_velocity:
+            residual = read_q - prior_q
+            return prior_q + gain * residual, prior_v + two * residual, push + three * residual, 0.0 * rate
+        if two == 0.0:
+            # A rate that nothing changes is no part of the loop: it would count as one that never settles.
+            rate = 0.0 * rate
+        grown = (1.0 - three) * rate
+        surprise = read_v - prior_v - grown
+        rate = rate + two * surprise
+        return read_q, read_v, push + grown + gain * surprise + three * rate, rate
+
+    def _moved(self, q: np.ndarray, v: np.ndarray, a: np.ndarray, periods: float) -> tuple[np.ndarray, np.ndarray]:
+        return q + periods * v + 0.5 * periods * periods * a, v + periods * a

@@ -1,0 +1,238 @@
+"""A Kalman filter with fixed gains for each joint."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from slidax.core.errors import DefinitionError, as_array, is_traced
+from slidax.core.parameter import parameter
+from slidax.core.types import Scalar, State, Vector
+
+from .estimators import AbstractEstimator, Estimate, reset_position
+
+# Enough for a filter that takes 1e8 periods to settle.
+DOUBLINGS = 32
+
+Three = Float[Array, "3 3"]
+
+
+def steady_gains(density: Any, variance: Any, period: Any) -> Float[Array, "..."]:
+    """The steady-state gains [3] or [3 n] for `q⃛ = w`, with w white, and a position measured once a period.
+
+    They are dimensionless, times 1, 1/h and 1/h², functions of `density h⁵/variance` alone.
+
+    - `density`: spectral density of w, one number or [n], (rad/s³)² s or (m/s³)² s, > 0.
+    - `variance`: of the measured position, one number or [n], rad² or m², > 0.
+    - `period`: h [s], > 0.
+
+    Raises DefinitionError if one of them is out of its range.
+    """
+    values = [as_array(value) for value in (density, variance, period)]
+    for name, value, unit in zip(("density", "variance", "period"), values, ("rad²/s⁵", "rad²", "s"), strict=True):
+        if not is_traced(value) and not np.all((np.asarray(value) > 0) & np.isfinite(value)):
+            raise DefinitionError(f"`{name}` of a Kalman filter must be > 0 {unit} and finite; got {value}")
+    spread, noise, h = jnp.broadcast_arrays(*values)
+    return _steady(spread, noise, h)
+
+
+# As one program: JAX would compile each of its operations alone, which takes a second.
+@jax.jit
+def _steady(spread: Any, noise: Any, h: Any) -> Any:
+    # No arm reaches the ends of this range; they keep the matrices regular.
+    ratio = jnp.clip(spread / noise * h * h * h * h * h, 1e-42, 1e24)
+    gains = jax.vmap(_gains)(ratio.reshape(-1)).T.reshape(3, *ratio.shape)
+    return gains / jnp.stack([jnp.ones_like(h), h, h * h])
+
+
+def _gains(ratio: Scalar) -> Float[Array, "3"]:
+    """The gains for a period of 1 and a variance of 1.
+
+    The unit of time is about the settling time of the filter, so that the matrices are well conditioned however slow it
+    is: a step is then `d = ratio^(1/6)`, or 1 for a fast one.
+    """
+    d = jnp.minimum(ratio ** (1.0 / 6.0), 1.0)
+    unit, nil = jnp.ones_like(d), jnp.zeros_like(d)
+    moved = _matrix([unit, d, 0.5 * d * d], [nil, unit, d], [nil, nil, unit])
+    d2, d3 = d * d, d * d * d
+    drift = _matrix([d2 * d3 / 20, d2 * d2 / 8, d3 / 6], [d2 * d2 / 8, d3 / 3, d2 / 2], [d3 / 6, d2 / 2, d])
+    covariance = _steady_covariance(moved, drift * (ratio / (d2 * d3)))
+    return covariance[0] / (covariance[0, 0] + 1.0) * jnp.stack([unit, d, d2])
+
+
+def _steady_covariance(f: Three, q: Three) -> Three:
+    """The P with `P = F (P - P hᵀ h P/(h P hᵀ + 1)) Fᵀ + Q`, `h = (1, 0, 0)`: that of the prediction.
+
+    By doubling: each step joins two equal numbers of samples into one, so that it converges quadratically (Anderson
+    1978; Chu, Fan, Lin and Wang, 2004).
+    """
+    measured = _matrix([1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
+    return jax.lax.fori_loop(0, DOUBLINGS, _twice, (f.T, measured, q))[2]
+
+
+# By itself, and not within what calls it: jax compiles a loop again for each function that it has not seen.
+def _twice(_: Any, agh: tuple[Three, Three, Three]) -> tuple[Three, Three, Three]:
+    a, g, h = agh
+    solved = _product(_inverse(jnp.eye(3) + _product(g, h)), jnp.concatenate([a, _product(g, a.T)], axis=1))
+    onward, back = solved[:, :3], solved[:, 3:]
+    return (
+        _product(a, onward),
+        _symmetric(g + _product(a, back)),
+        _symmetric(h + _product(_product(a.T, h), onward)),
+    )
+
+
+def _matrix(*rows: list[Any]) -> Three:
+    return jnp.stack([jnp.stack([jnp.asarray(entry, float) for entry in row]) for row in rows])
+
+
+def _product(a: Three, b: Float[Array, "3 m"]) -> Float[Array, "3 m"]:
+    return jnp.sum(a[:, :, None] * b[None, :, :], axis=1)
+
+
+def _symmetric(a: Three) -> Three:
+    return 0.5 * (a + a.T)
+
+
+def _inverse(a: Three) -> Three:
+    """By cofactors, which are the cross products of the rows."""
+    cofactors = jnp.stack([jnp.cross(a[1], a[2]), jnp.cross(a[2], a[0]), jnp.cross(a[0], a[1])])
+    return cofactors.T / jnp.sum(a[0] * cofactors[0])
+
+
+TORQUE_DENSITY = 0.05
+"""Of the drift of a disturbance torque unless another is asked for, (N m/s)² s: in one second it drifts by .2 N m."""
+
+FASTEST_PACE = 1.0
+"""d, bandwidth times period, of the fastest filter by default: with a faster one a delayed loop tolerates little error
+of the inertia (docs/learning.md)."""
+
+
+class Kalman(AbstractEstimator):
+    """`q = q_predicted + L1 r`, `q̇ = q̇_predicted + L2 r`, `push⁺ = push + L3 r`, with `r = q' - q_predicted`.
+
+    Measured velocities are not used. After a gap that is longer than the filter's memory, 2/L2, it begins anew.
+    """
+
+    gains: Float[Array, "3 ..."] = parameter(
+        "L1, L2, L3, three numbers or three per joint; `steady` and `of_arm` find them", "1, 1/s or 1/s²", ">= 0"
+    )
+
+    inertia: Vector | None = parameter(
+        "for which the gains are, where they follow what is learnt of it", "kg m² or kg", "> 0", default=None
+    )
+    pace: Vector | None = parameter(
+        "d, the filter's bandwidth there times the period, (density h⁵/variance)^(1/6)", "", "> 0", default=None
+    )
+
+    def __check_init__(self) -> None:
+        shape = self.gains.shape
+        if len(shape) not in (1, 2) or shape[0] != 3:
+            raise DefinitionError(f"`Kalman.gains` must be three numbers or three per joint; got shape {list(shape)}")
+
+    @classmethod
+    def steady(cls, *, density: Any, variance: Any, period: Any) -> Kalman:
+        """The steady-state filter for a push that drifts as a random walk.
+
+        - `density`: spectral density of d(push)/dt, one number or [n], (rad/s³)² s or (m/s³)² s, > 0. The standard
+          deviation of what the push drifts by in a time t is `√(density t)`.
+        - `variance`: of a measured position, one number or [n], rad² or m², > 0; `r²/12` for a resolution r.
+        - `period`: time between two samples [s], > 0.
+
+        Raises DefinitionError if one of them is out of its range.
+        """
+        return cls(steady_gains(density, variance, period))
+
+    @classmethod
+    def of_arm(
+        cls, mass: Any, *, variance: Any, period: Any, torque_density: Any = TORQUE_DENSITY, fastest: Any = None
+    ) -> Kalman:
+        """The steady filter for a disturbance torque with the same drift on all joints, each with its own inertia.
+
+        The filter stores only the gains, so that a sample costs three products. They can be batched and differentiated
+        with respect to every argument: construct the filter inside `vmap` or `grad`.
+
+        - `mass`: inertia matrix of the nominal arm where it works [n n], kg m², kg m, kg.
+        - `variance`: of a measured position, one number or [n], rad² or m², > 0; `r²/12` for a resolution r.
+        - `period`: time between two samples [s], > 0.
+        - `torque_density`: spectral density of dτ_d/dt, one number or [n], (N m/s)² s, > 0. docs/loop-rate.md shows
+          its effect.
+        - `fastest`: largest d, bandwidth times period; a joint whose filter would be faster gets the one of coarser
+          encoders. None: no limit.
+
+        Raises DefinitionError if one of them is out of its range.
+        """
+        torque_density = as_array(torque_density)
+        if not is_traced(torque_density) and not np.all((np.asarray(torque_density) > 0) & np.isfinite(torque_density)):
+            raise DefinitionError(
+                f"`torque_density` of a Kalman filter must be > 0 (N m/s)² s and finite; got {torque_density}"
+            )
+        inertia, density, pace = _paces(*(as_array(value) for value in (mass, torque_density, variance, period)))
+        if fastest is not None:
+            variance = jnp.maximum(as_array(variance), density * as_array(period) ** 5 / as_array(fastest) ** 6)
+            pace = jnp.minimum(pace, fastest)
+        return cls(steady_gains(density, variance, period), inertia, pace)
+
+    def for_inertia(self, inertia: Vector) -> Kalman:
+        """The gains for joints of another inertia.
+
+        The density of the push is that of the torque over Î², and the pace d of a filter is the sixth root of its
+        density: it becomes `d (I/Î)^(1/3)`. The gains change as those of `paced` do: by `(I/Î)^(1/3)` and its square
+        and cube for a slow filter, and hardly for a fast one.
+        """
+        if self.inertia is None or self.pace is None:
+            return self
+        ratio = jnp.exp(jnp.log(self.inertia / inertia) * (1.0 / 3.0))
+        gains = self.gains * (paced(self.pace * ratio) / paced(self.pace))
+        return Kalman(gains, inertia, self.pace * ratio)
+
+    def init(self, measured: State) -> tuple[()]:
+        return ()
+
+    def __call__(
+        self, measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, ""], memory: tuple[()]
+    ) -> tuple[Estimate, tuple[()]]:
+        """The prediction, corrected in proportion to the residual."""
+        residual = measured.q - prior.state.q
+        usual = Estimate(
+            state=State(
+                q=prior.state.q + self.gains[0] * residual,
+                dq=prior.state.dq + self.gains[1] * residual,
+            ),
+            push=prior.push + self.gains[2] * residual,
+        )
+        # A gap that is shorter than what the filter remembers changes little of what it knows.
+        forgotten = missed & (self.gains[1] * elapsed > 2.0)
+        return reset_position(measured, prior, elapsed, forgotten, usual), ()
+
+
+def paced(pace: Vector) -> Float[Array, "3 n"]:
+    """`L1, L2 h, L3 h²` of the filter whose errors have the poles `e^{-d}` and `e^{-d (1 ± i √3)/2}`, [3 n].
+
+    These are the poles of a slow steady filter (Butterworth's). Its characteristic polynomial is
+    `z³ + (L1 + L2 h + L3 h²/2 - 3) z² + (3 - 2 L1 - L2 h + L3 h²/2) z + L1 - 1`.
+
+    - `pace`: d [n].
+    """
+    real, half = jnp.exp(-pace), jnp.exp(-0.5 * pace)
+    turn = (0.5 * math.sqrt(3.0)) * pace
+    pair = 2.0 * half * jnp.cos(turn)
+    first = 1.0 - real * real
+    # (1 - z1)(1 - z2)(1 - z3), without a difference of numbers that are nearly equal.
+    away = jnp.square(jnp.expm1(-0.5 * pace)) + 4.0 * half * jnp.square(jnp.sin(0.5 * turn))
+    third = -jnp.expm1(-pace) * away
+    return jnp.stack([first, 3.0 - first - 0.5 * third - real - pair, third])
+
+
+# As one program: JAX would compile each of its operations alone.
+@jax.jit
+def _paces(mass: Any, torque_density: Any, variance: Any, period: Any) -> tuple[Any, Any, Any]:
+    """The diagonal of the inertia, the density of the push, and d."""
+    inertia = jnp.diagonal(mass)
+    density = torque_density / (inertia * inertia)
+    return inertia, density, jnp.clip(density / variance * period**5, 1e-18, 1e18) ** (1.0 / 6.0)

@@ -1,0 +1,386 @@
+"""The sampled-data form of a controller: estimation, prediction over the delay, and torque limits."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from slidax.arms.arm import AbstractRobot
+from slidax.core.errors import DefinitionError, count_noun, require_joints
+from slidax.core.linear_algebra import matvec, nearest_in_box, solve_symmetric
+from slidax.core.parameter import parameter, piece
+from slidax.core.powers import vector_norm
+from slidax.core.tracing import barrier, select
+from slidax.core.types import Command, Envelope, Matrix, Memory, Reference, Scalar, State, Vector
+from slidax.plant.actuators import TorqueLimits
+
+from ..adaptation import AbstractAdaptation, LearnedParameters
+from ..controllers import AbstractController
+from ..estimators import AbstractEstimator, Estimate
+from ..steps import AbstractStep, Decision, StepInput
+from .gate import Admission, GateMemory, MeasurementGate
+from .monitor import Monitor, MonitorMemory
+from .prediction import (
+    AdaptationMemory,
+    advance,
+    commands_kept,
+    experience_of,
+    free_acceleration,
+    mean_past_torque,
+    predict_state,
+    reference_ahead,
+)
+
+
+class LawMemory(eqx.Module):
+    """Memory between two samples.
+
+    - `t`: time of the last sample [s].
+    - `prior`: the nominal model's prediction of the next measurement.
+    - `estimator`: memory of the estimator.
+    - `torques`: pending commands, the oldest first, [m n].
+    - `dq`: velocity that is planned for the next sample, [n].
+    - `planned`: True if that plan is valid: no limit withheld any torque.
+    - `step`: memory of the step.
+    - `adapted`: adaptation state; None without an adaptation.
+    - `watched`: memory of the monitor; None without a monitor.
+    - `gate`: last accepted and last rejected measurements.
+    """
+
+    t: Scalar
+    prior: Estimate
+    estimator: Memory
+    torques: Float[Array, "m n"]
+    dq: Vector
+    planned: Bool[Array, ""]
+    step: Memory
+    gate: GateMemory
+    adapted: AdaptationMemory | None = None
+    watched: MonitorMemory | None = None
+
+
+PAUSE = 0.3
+"""s: longest pause of the learning while a joint is on its way back into its envelope."""
+
+STRONGEST = 1e6
+"""rad/s² or m/s²: largest estimated disturbance in the law; no drive could compensate more."""
+
+
+class SampledData(AbstractController):
+    """A law that is evaluated once a period, for the time when its torque sets in: `τ = τ_step - M0 w` within limits.
+
+    With an adaptation M0 is M̂, and the learnt friction is compensated at the reference's velocity.
+
+    At each sample the estimator corrects the nominal arm's prediction, and estimates the acceleration w that the model
+    does not explain. The arm is then predicted under the pending commands, the step computes a torque for the predicted
+    state, and w is compensated. Of all torques within the limits, the law returns the one whose accelerations are
+    nearest to the desired ones. While samples are lost the last torque stands; the next prediction accounts for it.
+
+    A sample that the gate rejects counts as a lost one: the last torque stands, and only the gate's memory changes.
+
+    Signals: those of the step, `push` (w), `residual` (the acceleration that the last prediction missed) [n], and
+    `rejected`, 1 for a sample that the gate did not accept, where all other signals are 0; with an adaptation
+    `rotor` (J) and `coulomb` (f) [n]; with a monitor `margin` and `assumption_violated`.
+    """
+
+    step: AbstractStep = piece("what the law decides")
+    estimator: AbstractEstimator = piece("from what is measured to q, q̇ and w")
+    limits: TorqueLimits = piece("torque and torque rate that the actuators keep")
+    period: Scalar = parameter("h, between two samples", "s", "> 0")
+    horizon: Scalar | None = parameter(
+        "H, how far a step plans; None for a law that decides for one period", "s", ">= period", default=None
+    )
+    delay: float = parameter(
+        "age of a measurement when its torque sets in, transport and dead time together",
+        "periods",
+        ">= 0",
+        default=0.0,
+        static=True,
+    )
+    dead_time: float = parameter(
+        "the part of it after the command",
+        "periods",
+        "[0, delay]",
+        "since it is part of `delay`",
+        default=0.0,
+        static=True,
+    )
+
+    adaptation: AbstractAdaptation | None = piece("what is learnt of the arm; None for nothing", default=None)
+    monitor: Monitor | None = piece("says whether the promise still stands; None for nothing", default=None)
+    gate: MeasurementGate = piece(
+        "rejects measurements that the arm cannot have produced", default_factory=MeasurementGate
+    )
+
+    def __check_init__(self) -> None:
+        require_joints(self.adaptation, self.joints, type(self.nominal).__name__)
+        require_joints(self.limits, self.joints, type(self.nominal).__name__)
+        require_joints(self.monitor, self.joints, type(self.nominal).__name__)
+        require_joints(self.gate, self.joints, type(self.nominal).__name__)
+        if self.step.plans != (self.horizon is not None):
+            wrong = "must be given for a law that plans" if self.step.plans else "must be None for a law without a plan"
+            raise DefinitionError(f"`SampledData.horizon` {wrong}; got {self.horizon}")
+        if self.monitor is not None and not self.step.plans:
+            raise DefinitionError("`SampledData.monitor` follows a plan, and this law has none: leave it out")
+        self._require_an_estimator_of_these_joints()
+
+    def _require_an_estimator_of_these_joints(self) -> None:
+        state = State(q=jnp.zeros(self.joints), dq=jnp.zeros(self.joints))
+        prior, number, flag = Estimate(state=state, push=state.q), jnp.zeros(()), jnp.zeros((), bool)
+        try:
+            estimate = eqx.filter_eval_shape(
+                lambda estimator: estimator(state, prior, number, flag, estimator.init(state))[0], self.estimator
+            )
+            fits = all(leaf.shape == (self.joints,) for leaf in jax.tree.leaves(estimate))
+        except (TypeError, ValueError):
+            fits = False
+        if not fits:
+            raise DefinitionError(
+                f"`{type(self.estimator).__name__}` does not fit the {count_noun(self.joints, 'joint')} of "
+                f"{type(self.nominal).__name__}: give one number, or one per joint"
+            )
+
+    @property
+    def nominal(self) -> AbstractRobot:
+        """The robot as the law knows it."""
+        return self.step.robot
+
+    @property
+    def joints(self) -> int:
+        return self.nominal.joints
+
+    def init(self, t: Scalar, state: State, reference: Reference) -> Memory:
+        """Return the memory of an arm at rest under the torque of its own weight."""
+        # A velocity that the estimator does not use may have any value.
+        state = State(q=state.q, dq=jnp.clip(state.dq, -self.gate.speed, self.gate.speed))
+        held = self.nominal.bias(state.q, state.dq)
+        # The adaptation needs each torque until its effect has been measured.
+        kept = commands_kept(self.delay) + (0 if self.adaptation is None else 2)
+        return LawMemory(
+            t=t - self.period,
+            prior=Estimate(state=state, push=jnp.zeros(self.joints)),
+            estimator=self.estimator.init(state),
+            torques=jnp.broadcast_to(held, (kept, self.joints)),
+            dq=state.dq,
+            planned=jnp.zeros((), bool),
+            step=self.step.init(t, state, reference, self.period, self.horizon),
+            adapted=None if self.adaptation is None else AdaptationMemory.init(self.adaptation, state, self.delay),
+            watched=None if self.monitor is None else self.monitor.init(state),
+            gate=self.gate.init(t, state, self.estimator.reads_velocity),
+        )
+
+    def __call__(
+        self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: LawMemory
+    ) -> Command:
+        command, accepted = self.gated(t, state, reference_now, reference_next, memory)
+        held = jnp.clip(memory.torques[-1], -self.limits.torque, self.limits.torque)
+        kept = select(accepted, command.memory, memory)
+        signals = {name: jnp.where(accepted, value, 0.0) for name, value in command.signals.items()}
+        return Command(
+            tau=jnp.where(accepted, command.tau, held),
+            memory=eqx.tree_at(lambda kept: kept.gate, kept, command.memory.gate),
+            signals={**signals, "rejected": jnp.where(accepted, 0.0, 1.0)},
+        )
+
+    def gated(
+        self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: LawMemory
+    ) -> tuple[Command, Bool[Array, ""]]:
+        """Return the command for an accepted sample, and True if the gate accepts it.
+
+        For a rejected sample only the gate's memory in the command is meaningful.
+        """
+        admission, gate = self.gate(
+            t, state, memory.t, memory.prior.state.q, self.period, self.estimator.reads_velocity, memory.gate
+        )
+        accepted = admission.accepted
+        # A rejected sample must not reach the arithmetic: gradients would see it even where its result is discarded.
+        time = jnp.where(accepted, t, memory.t + self.period)
+        measured = select(accepted, state, memory.prior.state)
+        before = self._restart(time, measured, admission, memory)
+        command = self._decide(time, measured, reference_now, reference_next, admission.restarts, before)
+        return eqx.tree_at(lambda command: command.memory.gate, command, gate), accepted
+
+    def _restart(self, t: Scalar, measured: State, admission: Admission, memory: LawMemory) -> LawMemory:
+        """The memory after a restart by the gate; without one, the memory as it is."""
+        state = State(q=measured.q, dq=admission.dq)
+        anew = LawMemory(
+            t=t - self.period,
+            prior=Estimate(state=state, push=memory.prior.push),
+            estimator=self.estimator.init(state),
+            torques=memory.torques,
+            dq=admission.dq,
+            planned=memory.planned,
+            step=self.step.restarted(t, memory.step),
+            adapted=memory.adapted,
+            watched=None if self.monitor is None else self.monitor.init(state),
+            gate=memory.gate,
+        )
+        return select(admission.restarts, anew, memory)
+
+    def _decide(
+        self,
+        t: Scalar,
+        state: State,
+        reference_now: Reference,
+        reference_next: Reference,
+        restarts: Bool[Array, ""],
+        memory: LawMemory,
+    ) -> Command:
+        """The torque for an accepted sample."""
+        h = self.period
+        elapsed = t - memory.t
+        late = elapsed > 1.5 * h
+        missed = late | restarts
+        late = late & ~restarts
+        robot = self._robot(memory.adapted)
+        prior = jax.lax.cond(late, lambda: self._after_gap(robot, memory, elapsed - h), lambda: memory.prior)
+        estimator = self.estimator
+        if self.adaptation is not None:
+            estimator = estimator.for_inertia(jnp.diagonal(robot.mass(prior.state.q)))
+        estimate, estimated = estimator(state, prior, elapsed, missed, memory.estimator)
+        estimate = self._within_reason(estimate)
+        # The last torque stood while nothing arrived, so that all pending commands are equal to it.
+        under_way = jnp.where(missed, memory.torques[-1], memory.torques)
+        net, adapted = under_way, memory.adapted
+        if self.adaptation is not None and adapted is not None:
+            # During a recovery all joints accelerate at once, which disturbs the learning of each joint alone. A long
+            # recovery does not pause it, since the arm may have changed.
+            recovers = self.step.recovers(t, memory.step)
+            recovering = jnp.where(recovers, adapted.recovering + h, 0.0)
+            paused = recovers & (recovering <= PAUSE)
+            surprised = ~self.gate.learnable(state, prior.state, h, self.estimator.reads_velocity)
+            torque = mean_past_torque(under_way, self.delay)
+            experience = experience_of(self.nominal, state, estimate, torque, h, missed | surprised | paused)
+            friction = jnp.where(missed, adapted.friction[-1], adapted.friction)
+            net = under_way[-friction.shape[0] :] - friction
+            adapted = AdaptationMemory(self.adaptation(experience, adapted.memory), friction, recovering)
+            # The disturbance is a torque: with another inertia it is another acceleration.
+            lumped = matvec(robot.mass(estimate.state.q), estimate.push)
+            robot = self._robot(adapted)
+            estimate = Estimate(estimate.state, solve_symmetric(robot.mass(estimate.state.q), lumped))
+
+        # The state when this sample's torque sets in, and the next measurement if pending commands determine it.
+        now, following = predict_state(robot, estimate, net, self.delay, h)
+        m0 = barrier(robot.mass(now.q))
+        planned = memory.planned & ~missed
+        moment = StepInput(
+            t=t + self.dead_time * h,
+            state=now,
+            reference=reference_ahead(reference_now, reference_next, self.dead_time, h),
+            mass=m0,
+            bias=robot.bias(now.q, now.dq),
+            robot=robot,
+            limits=self.limits,
+            period=h,
+            horizon=self.horizon,
+            planned=planned,
+            expected=memory.dq,
+        )
+        decision = self.step(moment, memory.step)
+
+        lumped = matvec(m0, estimate.push)
+        share = self._share(lumped, decision)
+        push = share * estimate.push
+        wanted = decision.tau - share * lumped
+        if self.adaptation is not None and adapted is not None:
+            friction = self.adaptation.friction(adapted.memory, moment.reference.dq)
+            wanted = wanted + friction
+            adapted = AdaptationMemory(
+                adapted.memory, jnp.concatenate([adapted.friction[1:], friction[None]]), adapted.recovering
+            )
+        tau, withheld, free = self._within_limits(wanted, memory.torques[-1], m0)
+        moved = decision.acceleration - withheld
+        if following is None:
+            following = advance(now, moved, (1.0 - self.delay % 1.0) * h)
+        step = decision.memory
+        if decision.limited is not None:
+            step = jax.tree.map(lambda usual, limited: jnp.where(free, usual, limited), step, decision.limited)
+        learnt = None if self.adaptation is None or adapted is None else self.adaptation.learnt(adapted.memory)
+        watched, monitor_signals = self._monitor(moment, state.q - estimate.state.q, decision, ~missed, learnt, memory)
+        kept = LawMemory(
+            t=jnp.asarray(t, memory.t.dtype),
+            prior=Estimate(state=following, push=push),
+            estimator=estimated,
+            torques=jnp.concatenate([under_way[1:], tau[None]]),
+            dq=now.dq + h * moved,
+            planned=free,
+            step=step,
+            adapted=adapted,
+            watched=watched,
+            gate=memory.gate,
+        )
+        residual = jnp.where(planned, (now.dq - memory.dq) / h, 0.0)
+        signals = {**decision.signals, "push": push, "residual": residual, **monitor_signals}
+        if learnt is not None:
+            signals |= {"rotor": learnt.rotor, "coulomb": learnt.coulomb}
+        return Command(tau=tau, memory=kept, signals=signals)
+
+    def envelope(self, t: Scalar, memory: LawMemory) -> Envelope | None:
+        return self.step.envelope(t, memory.step)
+
+    def _monitor(
+        self,
+        moment: StepInput,
+        unseen: Vector,
+        decision: Decision,
+        fresh: Bool[Array, ""],
+        learnt: LearnedParameters | None,
+        memory: LawMemory,
+    ) -> tuple[MonitorMemory | None, dict[str, Array]]:
+        """The monitor's memory and signals."""
+        if self.monitor is None or memory.watched is None:
+            return None, {}
+        envelope = None
+        if self.horizon is not None:
+            envelope = self.step.envelope(moment.t + self.horizon - 0.5 * self.period, memory.step)
+        if envelope is None or self.horizon is None:
+            raise DefinitionError("`SampledData.monitor` watches an envelope, and this law has none: leave it out")
+        desired = State(q=moment.reference.q, dq=moment.reference.dq)
+        span = self.period, self.horizon
+        wanted = decision.acceleration
+        return self.monitor(moment.state, unseen, desired, wanted, fresh, envelope, learnt, span, memory.watched)
+
+    def _robot(self, adapted: AdaptationMemory | None) -> AbstractRobot:
+        """The arm with the estimated parameters."""
+        if self.adaptation is None or adapted is None:
+            return self.nominal
+        return self.adaptation.robot(self.nominal, adapted.memory)
+
+    def _after_gap(self, robot: AbstractRobot, memory: LawMemory, gap: Scalar) -> Estimate:
+        """The prediction of the first measurement after lost samples, under the last torque."""
+        prior, net = memory.prior, memory.torques[-1]
+        if memory.adapted is not None:
+            net = net - memory.adapted.friction[-1]
+        acceleration = free_acceleration(robot, prior.state, net) + prior.push
+        return Estimate(state=advance(prior.state, acceleration, gap), push=prior.push)
+
+    def _within_reason(self, estimate: Estimate) -> Estimate:
+        """The estimate, bounded, so that no gains of an estimator lead to infinite values."""
+        fastest = self.gate.speed
+        state = State(q=estimate.state.q, dq=jnp.clip(estimate.state.dq, -fastest, fastest))
+        return Estimate(state=state, push=jnp.clip(estimate.push, -STRONGEST, STRONGEST))
+
+    def _share(self, lumped: Vector, decision: Decision) -> Scalar:
+        """Share of the disturbance torque `M0 w` that is compensated.
+
+        The law's own bound limits it. Without a bound the torque limits do: an estimate beyond them is wrong.
+        """
+        if decision.cover is None:
+            return 1.0 / jnp.maximum(jnp.max(jnp.abs(lumped) / self.limits.torque), 1.0)
+        size, u = vector_norm(lumped), decision.cover
+        return jnp.where(size > u, u / jnp.maximum(size, u), 1.0)
+
+    def _within_limits(self, wanted: Vector, last: Vector, m0: Matrix) -> tuple[Vector, Vector, Bool[Array, ""]]:
+        """The torque within the limits, the acceleration that they withhold, and True if they withhold none."""
+        endless = jnp.full_like(wanted, jnp.inf)
+        lower, upper = self.limits(-endless, last, self.period), self.limits(endless, last, self.period)
+        free = jnp.all((wanted >= lower) & (wanted <= upper))
+
+        def limited() -> tuple[Vector, Vector]:
+            tau = nearest_in_box(wanted, lower, upper, m0)
+            return tau, solve_symmetric(m0, wanted - tau)
+
+        tau, withheld = jax.lax.cond(free, lambda: (wanted, jnp.zeros_like(wanted)), limited)
+        return tau, withheld, free

@@ -1,0 +1,245 @@
+"""The measurement gate: an impossible sample counts as a lost sample."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from slidax.arms.arm import AbstractRobot
+from slidax.arms.articulated import Articulated
+from slidax.arms.coupled import Coupled
+from slidax.core.parameter import parameter
+from slidax.core.part import AbstractPart
+from slidax.core.types import Matrix, PerJoint, Scalar, State, Vector
+
+LARGEST_POSITION = 1e4
+"""rad or m: range of a joint without known position limits."""
+
+FASTEST_JOINT = {"rad": 100.0, "m": 20.0}
+"""rad/s and m/s: speed of a joint without a known velocity limit. No robot joint moves faster."""
+
+RUN_UP = {"rad": 2.0 * math.pi, "m": 1.0}
+"""rad and m: distance over which a joint reaches its largest speed."""
+
+BEYOND_LIMITS, FASTER_THAN_LIMITS = 1.5, 4.0
+"""Range of positions and largest speed, relative to the limits of the arm's description."""
+
+LARGEST_ACCELERATION = 1e4
+"""rad/s² and m/s²: acceleration of a joint without known drives."""
+
+SHORTEST = 0.1
+"""Periods: two samples that are closer in time count as one time stamp."""
+
+LONGEST_GAP = 100.0
+"""Periods: after a longer gap the law starts anew, once a second sample has confirmed the clock."""
+
+FROZEN = 2.0
+"""Identical samples in a row while the arm moves that are still accepted, as of a sensor at half the loop rate."""
+
+CLOCK = 2.0
+"""Samples with consistent time stamps that confirm a jump of the clock, or a long gap."""
+
+
+class GateMemory(eqx.Module):
+    """Samples that the gate keeps.
+
+    - `q`, `dq`: the last accepted measurement, [n] each.
+    - `suspect_t`, `suspect`: time stamp and measurement of the last rejected sample.
+    - `consistent`: rejected samples in a row that are consistent with each other; 0 after an accepted one.
+    - `same`: accepted samples in a row whose positions are the same to the last bit.
+    """
+
+    q: Vector
+    dq: Vector
+    suspect_t: Scalar
+    suspect: State
+    consistent: Float[Array, ""]
+    same: Float[Array, ""]
+
+
+class Admission(eqx.Module):
+    """Decision of the gate about one sample.
+
+    - `accepted`: True if the law may use the sample.
+    - `restarts`: True if the sample is accepted since the ones before it confirm it, and not the law's own past.
+    - `dq`: velocity that the accepted sample shows at a restart [n].
+    """
+
+    accepted: Bool[Array, ""]
+    restarts: Bool[Array, ""]
+    dq: Vector
+
+
+class MeasurementGate(AbstractPart):
+    """Accept a sample only if the arm can have moved there since the last accepted one.
+
+    With the time T since then and the period h, a sample is accepted if for every joint
+
+        |q'| <= q_max,   |q' - q| <= speed (T + h) + spread,
+        |dq' - dq| <= (2 / patience) speed (T/h + 1) + acceleration (T + h),
+        |q' - q - T (dq' + dq)/2| <= T (acceleration (T + 4 h) + 0.02 speed) + 2 spread,
+
+    the last two only if the estimator uses velocities, and if `0.1 h <= T <= 100 h`. The sensor counts as frozen from
+    the third sample in a row with identical positions while the law predicts that a joint has moved by more than
+    `2 spread + acceleration T h`; the sample is then rejected, too. Over a shorter distance a joint that rests against
+    friction or a disturbance looks the same. A rejected sample counts as a lost one: the last torque stands, and the
+    law's memory does not change. The windows grow with T, so that the gate opens again by itself after any possible
+    motion of the arm.
+
+    A sensor or a clock can jump permanently. After more than `patience` samples in a row that are consistent with each
+    other (two, if only the time stamp is implausible) the law accepts them and restarts: it keeps its disturbance
+    estimate, its learnt parameters and the sides of its envelope, and takes the measured state. A sample outside
+    `q_max` is never accepted.
+    """
+
+    q_max: PerJoint = parameter("largest size of a measured position", "rad or m", "> 0", default=1e4)
+    speed: PerJoint = parameter("largest speed of a joint", "rad/s or m/s", "> 0", default=100.0)
+    acceleration: PerJoint = parameter("largest acceleration of a joint", "rad/s² or m/s²", ">= 0", default=1e4)
+    spread: PerJoint = parameter("largest error of a measured position", "rad or m", ">= 0", default=0.0)
+    patience: Scalar = parameter(
+        "rejected samples in a row after which the host is asked to stop", "samples", "[2, 1e6]", default=5.0
+    )
+
+    @classmethod
+    def of_arm(
+        cls,
+        arm: AbstractRobot,
+        *,
+        torque: Any = math.inf,
+        mass: Matrix | None = None,
+        limited: bool = True,
+        **parameters: Any,
+    ) -> MeasurementGate:
+        """Return the gate for an arm: 1.5 times its position limits, and 4 times its velocity limits.
+
+        A disturbance can make a joint faster than its velocity limit. Without a position limit a joint gets 1e4 rad or
+        m. The acceleration is four times `torque / mass`, if both are known. Without a velocity limit a joint gets the
+        speed after one turn, or one metre, from rest at that acceleration, at most 100 rad/s or 20 m/s.
+
+        - `arm`: the arm as the law knows it.
+        - `torque`: largest torque, one number or [n], N m or N; infinite if it is not known.
+        - `mass`: its inertia matrix where it works [n n]; None if it is not known.
+        - `limited`: False for an arm that may move beyond its limits.
+        - `parameters`: parameters that replace the computed ones; None replaces nothing.
+
+        Raises DefinitionError if one of them is out of its range.
+        """
+        limits = arm.limits if limited and isinstance(arm, Articulated | Coupled) else None
+        speed = jnp.asarray([FASTEST_JOINT[unit] for unit in arm.joint_units])
+        acceleration = jnp.full(arm.joints, LARGEST_ACCELERATION)
+        if mass is not None:
+            way = jnp.asarray([RUN_UP[unit] for unit in arm.joint_units])
+            acceleration = jnp.minimum(acceleration, 4.0 * jnp.asarray(torque) / jnp.diagonal(mass))
+            speed = jnp.minimum(speed, jnp.sqrt(2.0 * way * acceleration))
+        q_max = jnp.full(arm.joints, LARGEST_POSITION)
+        if limits is not None:
+            farthest = BEYOND_LIMITS * jnp.maximum(jnp.abs(limits.lower), jnp.abs(limits.upper))
+            q_max = jnp.where(jnp.isfinite(farthest) & (farthest > 0), farthest, q_max)
+            speed = jnp.where(jnp.isfinite(limits.velocity), FASTER_THAN_LIMITS * limits.velocity, speed)
+        known = {name: value for name, value in parameters.items() if value is not None}
+        return cls(**{"q_max": q_max, "speed": speed, "acceleration": acceleration, **known})
+
+    def init(self, t: Scalar, state: State, velocity: bool) -> GateMemory:
+        """Return the memory after a first accepted sample at time t [s]; `velocity`: True if velocities are used."""
+        state = _used(state, velocity)
+        return GateMemory(
+            q=state.q, dq=state.dq, suspect_t=t, suspect=state, consistent=jnp.zeros(()), same=jnp.zeros(())
+        )
+
+    def in_range(self, q: Vector) -> Bool[Array, ""]:
+        """True if every measured position is within its range."""
+        return jnp.all(jnp.abs(q) <= self.q_max)
+
+    def learnable(self, state: State, predicted: State, period: Scalar, velocity: bool) -> Bool[Array, ""]:
+        """True if a measurement is near enough to its prediction to learn parameters from it.
+
+        The position must be within `0.4 h speed + spread` of its prediction, a used velocity within
+        `(0.04 + 10 h) speed`: a larger difference comes from an outlier, a collision or a disturbance, not from
+        the inertia and friction of the joint.
+
+        - `predicted`: the law's prediction for that time.
+        - `period`: h [s].
+        - `velocity`: True if velocities are used.
+        """
+        near = jnp.all(jnp.abs(state.q - predicted.q) <= 0.4 * period * self.speed + self.spread)
+        largest = (0.04 + 10.0 * period) * self.speed
+        return near & jnp.all(jnp.abs(state.dq - predicted.dq) <= largest) if velocity else near
+
+    def __call__(
+        self,
+        t: Scalar,
+        state: State,
+        last: Scalar,
+        predicted: Vector,
+        period: Scalar,
+        velocity: bool,
+        memory: GateMemory,
+    ) -> tuple[Admission, GateMemory]:
+        """Judge a sample.
+
+        - `t`: its time stamp [s].
+        - `last`: time stamp of the last accepted sample [s].
+        - `predicted`: positions that the law predicted for this sample [n].
+        - `period`: h [s].
+        - `velocity`: True if the estimator uses velocities.
+        """
+        state = _used(state, velocity)
+        elapsed = t - last
+        timely = (elapsed >= SHORTEST * period) & (elapsed <= LONGEST_GAP * period)
+        accepted = State(memory.q, memory.dq)
+        reachable = self._reachable(state, accepted, jnp.where(elapsed > 0, elapsed, period), period, velocity)
+        inside = self.in_range(state.q)
+        same = jnp.where(jnp.all(state.q == memory.q), memory.same + 1.0, 0.0)
+        # The prediction of a joint at rest may be wrong by the motion that the drives cause within the estimator's lag.
+        unexplained = 2.0 * self.spread + self.acceleration * jnp.maximum(elapsed, 0.0) * period
+        frozen = (same > FROZEN) & jnp.any(jnp.abs(predicted - memory.q) > unexplained)
+        plausible = inside & timely & reachable & ~frozen
+
+        since = t - memory.suspect_t
+        follows = (memory.consistent > 0) & (since >= SHORTEST * period) & (since <= 2.5 * period)
+        follows = follows & self._reachable(state, memory.suspect, since, period, velocity)
+        consistent = jnp.where(follows, memory.consistent, 0.0) + 1.0
+        confirmed = consistent >= jnp.where(reachable & ~frozen, CLOCK, self.patience + 1.0)
+        restarts = inside & ~plausible & confirmed
+        takes = plausible | restarts
+        slope = (state.q - memory.suspect.q) / jnp.where(since > 0, since, period)
+        dq = state.dq if velocity else jnp.clip(slope, -self.speed, self.speed)
+        # A sample outside the ranges changes nothing, as one that is not finite.
+        doubted = inside & ~takes
+        after = GateMemory(
+            q=jnp.where(takes, state.q, memory.q),
+            dq=jnp.where(takes, state.dq, memory.dq) if velocity else memory.dq,
+            suspect_t=jnp.where(doubted, t, memory.suspect_t),
+            suspect=State(
+                q=jnp.where(doubted, state.q, memory.suspect.q),
+                dq=jnp.where(doubted, state.dq, memory.suspect.dq) if velocity else memory.suspect.dq,
+            ),
+            consistent=jnp.where(takes, 0.0, jnp.where(doubted, consistent, memory.consistent)),
+            same=jnp.where(plausible, same, jnp.where(restarts, 0.0, memory.same)),
+        )
+        return Admission(takes, restarts, dq), after
+
+    def _reachable(
+        self, state: State, before: State, elapsed: Scalar, period: Scalar, velocity: bool
+    ) -> Bool[Array, ""]:
+        """True if the arm can move from one measured state to another in a time."""
+        farthest = self.speed * (elapsed + period) + self.spread
+        near = jnp.all(jnp.abs(state.q - before.q) <= farthest)
+        if not velocity:
+            return near
+        steps = elapsed / period + 1.0
+        change = (2.0 / self.patience) * self.speed * steps + self.acceleration * (elapsed + period)
+        # The distance must agree with the mean velocity.
+        missing = state.q - before.q - 0.5 * elapsed * (state.dq + before.dq)
+        slack = self.acceleration * (elapsed + 4.0 * period) + 0.02 * self.speed
+        fits = jnp.all(jnp.abs(missing) <= elapsed * slack + 2.0 * self.spread)
+        return near & fits & jnp.all(jnp.abs(state.dq - before.dq) <= change)
+
+
+def _used(state: State, velocity: bool) -> State:
+    """The measured state, with zeros for velocities that the estimator does not use."""
+    return state if velocity else State(q=state.q, dq=jnp.zeros_like(state.q))

@@ -1,0 +1,161 @@
+"""The guarantee monitor: compare each sample with the assumptions of the guarantee."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool
+
+from slidax.core.errors import DefinitionError, is_traced
+from slidax.core.parameter import parameter
+from slidax.core.part import AbstractPart
+from slidax.core.types import Envelope, PerJoint, Scalar, State, Vector
+
+from ..adaptation import LearnedParameters
+from .prediction import advance
+
+MISSED = 1.0
+"""`assumption_violated`: the estimation error exceeds the bound of the guarantee, or the limits withhold as much."""
+
+INERTIA = 2.0
+"""`assumption_violated`: the learnt inertia of a joint is outside the range of the guarantee."""
+
+NO_ROOM = 4.0
+"""`assumption_violated`: the led error is nearer to its envelope than the guarantee allows; the error will follow."""
+
+FASTER = 4.0
+"""Speed of the second filter, which uses measured positions, over that of the horizon."""
+
+
+class MonitorMemory(eqx.Module):
+    """Memory of a monitor.
+
+    - `begun`: True after the first sample.
+    - `missed`: x, the unplanned part of the led error [n], rad or m.
+    - `expected`: planned state at the next sample.
+    - `followed`: planned state of the second filter, which uses positions alone.
+    """
+
+    begun: Bool[Array, ""]
+    missed: Vector
+    expected: State
+    followed: State
+
+
+class Monitor(AbstractPart):
+    """Warn before the error leaves its envelope: the led error shows it a horizon earlier.
+
+    By `y⁺ = (1 - r) y + r (A ψ(ε) + Q w)` the led error `y = e + c ė`, `c = H - h/2`, has a part that stays inside for
+    any plan, and a part that comes only from unplanned motion (docs/sampled-data.md). The second part obeys
+
+        x⁺ = (1 - r) x + (q - q_planned) + c (q̇ - q̇_planned),
+
+    with the predicted state and the one that the last step planned; torque that the limits withheld counts as missed.
+    An estimator that is slower than the horizon shows this too late. Therefore a second filter computes x and y from
+    measured positions: an α-β filter around the plan with the poles `p1 = 1 - h/H` and `p2 = 1 - 4 h/H`, whose
+    innovation times `(1 - p2) H/h` is x delayed by the second pole; the worse of both counts. The loop-rate rule
+    guarantees that `|x| <= share ϑ ρ(t + c)`, and that y stays within `led` times its own envelope. e is a mean of y,
+    so that e cannot leave before y does.
+
+    Signals: `margin`, the least `1 - |x|/(share ϑ ρ)` and `1 - |y|/(led ρ)` of all joints, negative if the
+    guarantee does not hold; `assumption_violated`, a sum of `1`: x is too large, `2`: a learnt inertia is outside the
+    range of the guarantee, `4`: y is too near to its envelope.
+    """
+
+    title = "Guarantee monitor: each sample is compared with the assumptions of the guarantee."
+
+    share: PerJoint = parameter(
+        "of the envelope's nearer side that may be taken up by what the estimate misses",
+        "",
+        "(0, 1]",
+        default=0.5,
+        source="docs/certificates/monitor.md",
+    )
+    led: PerJoint = parameter(
+        "of its envelope that may be taken up by the led error",
+        "",
+        "(0, 1]",
+        default=0.95,
+        source="docs/certificates/monitor.md",
+    )
+    rotor_min: PerJoint | None = parameter(
+        "least inertia beside that of the links for which the promise is; None for any",
+        "kg m² or kg",
+        default=None,
+    )
+    rotor_max: PerJoint | None = parameter(
+        "largest inertia beside that of the links for which the promise is; None for any",
+        "kg m² or kg",
+        default=None,
+    )
+
+    def __check_init__(self) -> None:
+        low, high = self.rotor_min, self.rotor_max
+        if low is not None and high is not None and not is_traced((low, high)) and not bool((low <= high).all()):
+            raise DefinitionError(f"`Monitor.rotor_min` must be <= `rotor_max`; got {low} and {high}")
+
+    def init(self, state: State) -> MonitorMemory:
+        """Return the memory before the first sample, from the measured state."""
+        return MonitorMemory(jnp.zeros((), bool), jnp.zeros_like(state.q), state, state)
+
+    def __call__(
+        self,
+        now: State,
+        unseen: Vector,
+        desired: State,
+        wanted: Vector,
+        fresh: Bool[Array, ""],
+        envelope: Envelope,
+        learnt: LearnedParameters | None,
+        span: tuple[Scalar, Scalar],
+        memory: MonitorMemory,
+    ) -> tuple[MonitorMemory, dict[str, Array]]:
+        """Return the memory and the signals after a sample.
+
+        - `now`: predicted state when this sample's torque sets in.
+        - `unseen`: measured minus estimated positions [n], rad or m.
+        - `desired`: desired state then.
+        - `wanted`: acceleration that the step planned [n].
+        - `fresh`: True if the last sample was one period ago.
+        - `envelope`: the prescribed envelope, c later [rad or m].
+        - `learnt`: estimated parameters of the joints; None without an adaptation.
+        - `span`: h and H [s].
+        """
+        (period, horizon), expected = span, memory.expected
+        lead = horizon - 0.5 * period
+        revised = now.q - expected.q + lead * (now.dq - expected.dq)
+        missed = (1.0 - period / horizon) * memory.missed + jnp.where(fresh & memory.begun, revised, 0.0)
+        usual = fresh & memory.begun
+        measured = now.q + unseen
+        quick = jnp.minimum(FASTER * period / horizon, 1.0)
+        surprise = jnp.where(usual, measured - memory.followed.q, 0.0)
+        slow = period / horizon
+        position = jnp.where(usual, memory.followed.q + (slow + quick - slow * quick) * surprise, measured)
+        speed = jnp.where(usual, memory.followed.dq + slow * quick / period * surprise, now.dq)
+        followed = State(q=position, dq=speed)
+        most = jnp.maximum(jnp.abs(missed), jnp.abs(surprise) * (quick / slow))
+        of_room = jnp.max(most / (self.share * jnp.minimum(envelope.upper, -envelope.lower)))
+        of_way = jnp.maximum(
+            self._way(now.q - desired.q + lead * (now.dq - desired.dq), envelope),
+            self._way(measured - desired.q + lead * (speed - desired.dq), envelope),
+        )
+        violated = jnp.where(of_room > 1.0, MISSED, 0.0) + jnp.where(of_way > 1.0, NO_ROOM, 0.0)
+        margin = 1.0 - jnp.maximum(of_room, of_way)
+        if learnt is not None:
+            violated = violated + jnp.where(self._unlike(learnt.rotor), INERTIA, 0.0)
+        planned = advance(now, wanted, period), advance(followed, wanted, period)
+        kept = MonitorMemory(jnp.ones((), bool), missed, *planned)
+        return kept, {"margin": margin, "assumption_violated": violated}
+
+    def _way(self, y: Vector, envelope: Envelope) -> Array:
+        """Largest ratio of the led error y to its allowed share of the envelope."""
+        return jnp.max(jnp.maximum(y / (self.led * envelope.upper), y / (self.led * envelope.lower)))
+
+    def _unlike(self, rotor: Vector) -> Bool[Array, ""]:
+        """True if a learnt inertia is outside the range of the guarantee."""
+        unlike = jnp.zeros((), bool)
+        if self.rotor_min is not None:
+            unlike = unlike | jnp.any(rotor < self.rotor_min)
+        if self.rotor_max is not None:
+            unlike = unlike | jnp.any(rotor > self.rotor_max)
+        return unlike

@@ -1,0 +1,141 @@
+"""Prediction over the delay, and the inputs of the adaptation."""
+
+from __future__ import annotations
+
+import math
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from slidax.arms.arm import AbstractRobot
+from slidax.core.linear_algebra import solve_symmetric
+from slidax.core.types import Memory, Reference, Scalar, State, Vector
+
+from ..adaptation import AbstractAdaptation, Experience
+from ..estimators import Estimate
+
+
+def commands_kept(delay: float) -> int:
+    """Number of commands in the memory: all pending ones, and at least the last, for the rate limit.
+
+    - `delay`: age of a measurement when its torque sets in [periods].
+    """
+    return max(1, math.ceil(delay))
+
+
+def advance(state: State, acceleration: Vector, duration: Scalar) -> State:
+    """Return the state after a duration [s] of constant acceleration [n], rad/s² or m/s²."""
+    step = duration * acceleration
+    return State(q=state.q + duration * (state.dq + 0.5 * step), dq=state.dq + step)
+
+
+def free_acceleration(nominal: AbstractRobot, state: State, tau: Vector) -> Vector:
+    """Return the nominal arm's acceleration under a torque, [n], rad/s² or m/s²."""
+    return solve_symmetric(nominal.mass(state.q), tau - nominal.bias(state.q, state.dq))
+
+
+def predict_state(
+    nominal: AbstractRobot, estimate: Estimate, torques: Float[Array, "m n"], delay: float, period: Scalar
+) -> tuple[State, State | None]:
+    """Return the state when this sample's torque sets in, and the next measured state if that is earlier.
+
+    The nominal arm moves with the estimated disturbance under each pending torque in turn.
+
+    - `torques`: pending commands, the oldest first.
+    - `delay`: age of a measurement when its torque sets in [periods].
+    - `period`: [s].
+    """
+
+    def move(state: State, tau: Vector, duration: Scalar) -> State:
+        return advance(state, free_acceleration(nominal, state, tau) + estimate.push, duration)
+
+    whole, part = int(delay), delay % 1.0
+    now, following = estimate.state, None
+    if part > 0:
+        now = move(now, torques[-1 - whole], part * period)
+    if whole > 0:
+        following = move(now, torques[-whole], (1.0 - part) * period)
+        now = following if part == 0 else move(now, torques[-whole], period)
+    for i in range(whole - 1, 0, -1):
+        now = move(now, torques[-i], period)
+    return now, following
+
+
+def reference_ahead(now: Reference, following: Reference, dead_time: float, period: Scalar) -> Reference:
+    """Return the desired motion a dead time after a sample, with the mean acceleration over the following period.
+
+    Taylor series with an error of the order of the third derivative times the cube of the dead time.
+
+    - `now`, `following`: desired motion at the sample and one period later.
+    - `dead_time`: [periods].
+    - `period`: [s].
+    """
+    mean = (following.dq - now.dq) / period
+    if dead_time == 0:
+        return Reference(q=now.q, dq=now.dq, ddq=mean)
+    dead = dead_time * period
+    jerk = (following.ddq - now.ddq) / period
+    return Reference(
+        q=now.q + dead * (now.dq + 0.5 * dead * now.ddq),
+        dq=now.dq + dead * (now.ddq + 0.5 * dead * jerk),
+        ddq=mean + dead * jerk,
+    )
+
+
+class AdaptationMemory(eqx.Module):
+    """Adaptation state between two samples.
+
+    - `memory`: of the adaptation.
+    - `friction`: friction compensation in each pending command, the oldest first, [m n].
+    - `recovering`: duration of the current way back into the envelope [s].
+    """
+
+    memory: Memory
+    friction: Float[Array, "m n"]
+    recovering: Scalar
+
+    @classmethod
+    def init(cls, adaptation: AbstractAdaptation, state: State, delay: float) -> AdaptationMemory:
+        """Return the initial state, without friction compensation."""
+        friction = jnp.zeros((commands_kept(delay), *state.q.shape), state.q.dtype)
+        return cls(memory=adaptation.init(state), friction=friction, recovering=jnp.zeros(()))
+
+
+def mean_past_torque(torques: Float[Array, "m n"], delay: float) -> Vector:
+    """Return the mean torque in the period before a measurement, [n], N m or N.
+
+    With a whole number D of periods of delay it is the command of D + 1 samples ago. Else the torque changed within the
+    period, and the mean has two terms.
+
+    - `torques`: pending commands and those before, the oldest first.
+    - `delay`: age of a measurement when its torque sets in [periods].
+    """
+    whole, part = int(delay), delay % 1.0
+    torque: Vector = torques[-1 - whole]
+    return torque if part == 0 else part * torques[-2 - whole] + (1.0 - part) * torque
+
+
+def experience_of(
+    nominal: AbstractRobot,
+    measured: State,
+    estimate: Estimate,
+    tau: Vector,
+    period: Scalar,
+    missed: Bool[Array, ""],
+) -> Experience:
+    """Return the input of the adaptation at a sample.
+
+    - `tau`: torque that acted in the period before.
+    - `missed`: True if samples were lost before.
+    """
+    q, dq = estimate.state.q, estimate.state.dq
+    return Experience(
+        q=measured.q,
+        dq=dq,
+        tau=tau,
+        mass=nominal.mass(q),
+        bias=nominal.bias(q, dq),
+        period=period,
+        missed=missed,
+    )

@@ -1,0 +1,130 @@
+"""Make the sampled-data form of a controller; the explicit step for controllers without an implicit one."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from slidax.arms.arm import AbstractRobot
+from slidax.core.errors import DefinitionError, as_array
+from slidax.core.linear_algebra import solve_symmetric
+from slidax.core.parameter import piece
+from slidax.core.types import Envelope, Memory, Reference, Scalar, State
+from slidax.plant.actuators import TorqueLimits
+
+from ..adaptation import AbstractAdaptation
+from ..controllers import AbstractController
+from ..estimators import AbstractEstimator, Measured
+from ..steps import AbstractStep, Decision, Recovery, StepInput
+from .controller import SampledData
+from .gate import MeasurementGate
+from .monitor import Monitor
+
+
+class ExplicitStep(AbstractStep):
+    """`τ = law(t, q, q̇)`, with q and q̇ as predicted and the reference's mean acceleration over the period.
+
+    A memory with a rate is integrated over the period, and stops while the limits withhold torque. Only the torque
+    limits bound the compensated disturbance, since such a law has no robust torque u.
+
+    Signals: those of the law.
+    """
+
+    law: AbstractController = piece("the law as it is printed")
+    plans: ClassVar[bool] = False
+
+    def __check_init__(self) -> None:
+        if not isinstance(getattr(self.law, "nominal", None), AbstractRobot):
+            raise DefinitionError(
+                f"`{type(self.law).__name__}` has no `nominal` robot, by which its sampled-data form predicts the arm"
+            )
+
+    @property
+    def robot(self) -> AbstractRobot:
+        return self.law.nominal  # type: ignore[attr-defined]
+
+    def init(self, t: Scalar, state: State, reference: Reference, period: Scalar, horizon: Scalar | None) -> Memory:
+        return self.law.init(t, state, reference)
+
+    def __call__(self, moment: StepInput, memory: Memory) -> Decision:
+        h, now = moment.period, moment.reference
+        ahead = Reference(q=now.q + h * (now.dq + 0.5 * h * now.ddq), dq=now.dq + h * now.ddq, ddq=now.ddq)
+        law = eqx.tree_at(lambda law: law.nominal, self.law, moment.robot)
+        command = law(moment.t, moment.state, now, ahead, memory)
+        return Decision(
+            tau=command.tau,
+            acceleration=solve_symmetric(moment.mass, command.tau - moment.bias),
+            memory=command.memory_after(h),
+            signals=command.signals,
+            limited=None if command.rate is None else command.memory,
+        )
+
+    def envelope(self, t: Scalar, memory: Memory) -> Envelope | None:
+        return self.law.envelope(t, memory)
+
+
+HORIZON = 0.012
+"""Default horizon [s]: at 1 kHz long enough for one period of delay, rate limits and encoder noise; docs/loop-rate.md
+shows the trade-off."""
+
+
+def sampled_data(
+    law: AbstractController,
+    *,
+    period: Any,
+    horizon: Any = None,
+    estimator: AbstractEstimator | None = None,
+    limits: TorqueLimits | None = None,
+    recovery: Recovery | None = None,
+    delay: float = 0.0,
+    dead_time: float = 0.0,
+    slopes: bool = True,
+    adaptation: AbstractAdaptation | None = None,
+    monitor: Monitor | None = None,
+    gate: MeasurementGate | None = None,
+) -> SampledData:
+    """Make the sampled-data form of a law: with an estimator, a prediction over the delay, and torque limits.
+
+    A law with a surface `s = ė + φ(t, e)` becomes an implicit step over a horizon: a `SlidingMode` (CFTSMPPC, FTSMPPC,
+    FTSMC, SFSMC), a `SlotineLi` or a `SuperTwisting`, with an envelope or without. Any other law, such as
+    `ComputedTorque`, is evaluated at the predicted state; the estimator adds a disturbance observer.
+
+    - `law`: the law in continuous time.
+    - `period`: h [s].
+    - `horizon`: H [s], >= h, of an implicit step; None: 12 ms, but no less than two periods, nor than 1.5 (`delay` + 1)
+      of them.
+    - `estimator`: from measurements to q, q̇ and the unexplained acceleration; None: `Measured.tolerant` with the
+      gain 2 h/H or less, for sensors that give the velocity.
+    - `limits`: known limits of torque and torque rate; None for none.
+    - `recovery`: policy of an implicit step outside the envelope; None: pull back to the prescribed envelope.
+    - `delay`: age of a measurement when its torque sets in, in periods.
+    - `dead_time`: the part of it after the command, in periods.
+    - `slopes`: True if u counts the slopes of τ1, as printed in (45); without them u, and the torque, is smaller.
+    - `adaptation`: adaptation law, such as `JointLearning.of_arm(...)`; None for none.
+    - `monitor`: checks at every sample if the guarantee of the envelope still holds; None for none.
+    - `gate`: rejects measurements that the arm cannot have produced; None: the gate for the nominal arm.
+
+    Raises DefinitionError if an argument does not fit the law.
+    """
+    period = as_array(period)
+    step: AbstractStep = law.implicit_step(recovery, slopes) or ExplicitStep(law)
+    if horizon is not None and not step.plans:
+        raise DefinitionError(f"`{type(law).__name__}` does not plan over a horizon; leave `horizon` out")
+    least = max(2.0, 1.5 * (delay + 1.0)) * period
+    horizon = jnp.maximum(as_array(HORIZON), least) if horizon is None else as_array(horizon)
+    if estimator is None:
+        estimator = Measured.tolerant(delay, 2.0 * period / horizon)
+    return SampledData(
+        step=step,
+        estimator=estimator,
+        limits=TorqueLimits() if limits is None else limits,
+        period=period,
+        horizon=horizon if step.plans else None,
+        delay=delay,
+        dead_time=dead_time,
+        adaptation=adaptation,
+        monitor=monitor,
+        gate=MeasurementGate.of_arm(step.robot) if gate is None else gate,
+    )

@@ -1,0 +1,230 @@
+"""Base class of discrete-time steps, and the reset of an envelope around an error that has left it."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool
+
+from slidax.arms.arm import AbstractRobot
+from slidax.core.parameter import parameter
+from slidax.core.part import AbstractPart
+from slidax.core.types import Envelope, Matrix, Memory, Reference, Scalar, State, Vector
+from slidax.plant.actuators import TorqueLimits
+
+from .error_transformations import EnvelopeFrame, Sides
+
+
+class StepInput(eqx.Module):
+    """Input of a step: the predicted arm when this sample's torque sets in.
+
+    - `t`: that time [s].
+    - `state`: positions and velocities.
+    - `reference`: desired motion, with the mean acceleration over the following period.
+    - `mass`: M0 [n n].
+    - `bias`: C0 q̇ + G0 [n], N m or N.
+    - `robot`: the arm of `mass` and `bias`, with the estimated parameters.
+    - `limits`: of torque and torque rate.
+    - `period`: h [s].
+    - `horizon`: H [s]; None for a law without a plan.
+    - `planned`: True if the last sample was one period ago, and no limit changed its torque.
+    - `expected`: the velocity that it planned for now [n], rad/s or m/s.
+    """
+
+    t: Scalar
+    state: State
+    reference: Reference
+    mass: Matrix
+    bias: Vector
+    robot: AbstractRobot
+    limits: TorqueLimits
+    period: Scalar
+    horizon: Scalar | None
+    planned: Bool[Array, ""]
+    expected: Vector
+
+
+class Decision(eqx.Module):
+    """Result of a step, before the disturbance compensation and the torque limits.
+
+    - `tau`: torque [n], N m or N.
+    - `acceleration`: of the nominal arm under it [n], rad/s² or m/s².
+    - `memory`: after this sample.
+    - `signals`: inner quantities by name.
+    - `cover`: largest disturbance that is compensated, N m; None: only the torque limits bound it.
+    - `limited`: the memory if the limits withhold torque, in which integrals of the error stop; None: as `memory`.
+    """
+
+    tau: Vector
+    acceleration: Vector
+    memory: Memory
+    signals: dict[str, Array]
+    cover: Scalar | None = None
+    limited: Memory = None
+
+
+class AbstractStep(AbstractPart):
+    """A law in discrete time: from the predicted state to the torque that sets in there."""
+
+    plans: ClassVar[bool]
+    """True if it plans over a horizon."""
+
+    @property
+    @abstractmethod
+    def robot(self) -> AbstractRobot:
+        """The robot as the law knows it."""
+
+    @abstractmethod
+    def init(self, t: Scalar, state: State, reference: Reference, period: Scalar, horizon: Scalar | None) -> Memory:
+        """Return the memory at the start.
+
+        - `t`: time at the start [s].
+        - `state`: measured positions and velocities.
+        - `reference`: desired motion of the joints then.
+        - `period`, `horizon`: h and H [s]; H is None for a law without a plan.
+        """
+
+    def restarted(self, t: Scalar, memory: Memory) -> Memory:
+        """Return the memory after a jump of the clock or the sensor at time t [s], without dependence on the past."""
+        return memory
+
+    def recovers(self, t: Scalar, memory: Memory) -> Bool[Array, ""]:
+        """True while a joint is on its way back into its envelope."""
+        return jnp.zeros((), bool)
+
+    @abstractmethod
+    def __call__(self, moment: StepInput, memory: Memory) -> Decision:
+        """Return the torque, the resulting acceleration and the memory.
+
+        - `moment`: the predicted arm.
+        - `memory`: from `init` or the last sample.
+        """
+
+    @abstractmethod
+    def envelope(self, t: Scalar, memory: Memory) -> Envelope | None:
+        """Return the bounds that the error must keep at time t [s]; None for a law without an envelope."""
+
+
+TINY = 1e-30
+"""Keeps the derivative of a square root finite without torque limits."""
+
+LOOSE = 4.0
+"""A new envelope replaces one that is wider by this factor."""
+
+
+class EnvelopeReset(eqx.Module):
+    """Envelopes that replace the prescribed ones, as excess over the inner radius; all [n].
+
+    - `until`: end time [s].
+    - `span`: duration [s].
+    - `excess`: excess at their start, rad or m.
+    - `outside`: True if the joint was outside at the last sample.
+    """
+
+    until: Vector
+    span: Vector
+    excess: Vector
+    outside: Bool[Array, " n"]
+
+    def excess_rate_curvature(self, t: Scalar) -> tuple[Vector, Vector, Vector]:
+        """Return `X = excess (1 - (t - t_r)/span)³` and its two derivatives, [n]; 0 from `until` on."""
+        left = jnp.clip((self.until - t) / self.span, 0.0, 1.0)
+        per_second = 1.0 / self.span
+        x = self.excess * left
+        return x * left * left, -3.0 * x * left * per_second, 6.0 * x * per_second * per_second
+
+
+class Recovery(AbstractPart):
+    """The policy `recover`: while a joint is outside, `|e| < ϑ ρ(t) + X(t)` replaces its prescribed envelope.
+
+    X starts at `R0 = room (|e| + c |ė| + ė²/(2a))`, which leaves the distance to brake with the acceleration a within
+    the torque limits. X is a cubic that ends after `max(deadline, sqrt(6 R0/(share a)))`; its curvature needs no more
+    than `share a`. Then the prescribed envelope is in force again. X starts anew once it is four times wider than a new
+    X would be.
+
+    One sample cannot set X: the first sample outside uses its own X, but X stays only if the next sample is outside,
+    too.
+    """
+
+    title = "Recovery outside the envelope: a new envelope around the error narrows into the prescribed one."
+
+    deadline: Scalar = parameter("least time for the way back", "s", "> 0", default=0.3)
+    room: Scalar = parameter(
+        "how much wider than needed to brake", "", "> 1", "so that there is room to brake", default=1.6
+    )
+    share: Scalar = parameter(
+        "of the acceleration at hand that the new envelope may ask for", "", "(0, 1)", default=0.25
+    )
+
+    def init(self, t: Scalar, joints: int) -> EnvelopeReset:
+        """Return the prescribed envelopes alone, at the start time t [s]."""
+        zero = jnp.zeros(joints)
+        return EnvelopeReset(until=zero + t, span=zero + 1.0, excess=zero, outside=jnp.zeros(joints, bool))
+
+    def reseat(
+        self, t: Scalar, e: Vector, de: Vector, drawn: Envelope, slowness: Vector, lead: Scalar, now: EnvelopeReset
+    ) -> tuple[EnvelopeReset, EnvelopeReset, Bool[Array, " n"]]:
+        """Return the envelopes at this sample, those for the next sample, and True for each new one.
+
+        - `e`, `de`: error and its rate [n].
+        - `drawn`: the prescribed envelope.
+        - `slowness`: 1/a, with the acceleration a within the torque limits [n], s²/rad or s²/m; 0 without limits.
+        - `lead`: c [s].
+        - `now`: the envelopes before this sample.
+        """
+        inner = jnp.minimum(-drawn.lower, drawn.upper)
+        speed = jnp.abs(de)
+        needed = self.room * (jnp.abs(e) + lead * speed + 0.5 * de * de * slowness)
+        # A cubic starts with the rate 3 R0/span, which may take no more than a quarter of the led radius.
+        span = jnp.maximum(
+            jnp.maximum(self.deadline, 12.0 * lead), jnp.sqrt(6.0 * needed * slowness / self.share + TINY)
+        )
+        radius = needed / (1.0 - 3.0 * lead / span)
+        fresh = EnvelopeReset(t + span, span, jnp.maximum(radius - inner, 0.0), now.outside)
+
+        active = t < now.until
+        in_force = inner + now.excess_rate_curvature(t)[0]
+        outside = jnp.where(active, jnp.abs(e) >= in_force, (e <= drawn.lower) | (e >= drawn.upper))
+        # An envelope from a fast motion is far too wide and slow once the joint has slowed down.
+        loose = active & (in_force > LOOSE * jnp.maximum(radius, inner)) & (fresh.until < now.until)
+        new = outside | loose
+        confirmed = loose | (outside & now.outside)
+        kept = _where(confirmed, fresh, now)
+        return _where(new, fresh, now), EnvelopeReset(kept.until, kept.span, kept.excess, outside), new
+
+    def frame(
+        self, t: Scalar, lead: Scalar, horizon: Scalar, drawn: EnvelopeFrame, now: EnvelopeReset
+    ) -> EnvelopeFrame:
+        """Return the frame of a plan, with new envelopes in place of prescribed ones.
+
+        - `lead`, `horizon`: c and H [s].
+        - `drawn`: frame of the prescribed envelope.
+        - `now`: the envelopes at this sample.
+        """
+        if drawn.sides is None:
+            return drawn
+        active = t < now.until
+        inner = jnp.minimum(-drawn.sides.lower, drawn.sides.upper)
+        x, dx, ddx = now.excess_rate_curvature(t)
+        # At its end the cubic flattens faster than the lead can follow.
+        led = jnp.maximum(x + lead * dx, 0.0)
+        ahead = jnp.maximum(led + horizon * (dx + lead * ddx), 0.0)
+        return EnvelopeFrame(
+            now=jnp.where(active, inner * drawn.now + led, drawn.now),
+            ahead=jnp.where(active, inner * drawn.ahead + ahead, drawn.ahead),
+            sides=Sides(
+                lower=jnp.where(active, -1.0, drawn.sides.lower), upper=jnp.where(active, 1.0, drawn.sides.upper)
+            ),
+        )
+
+
+def _where(condition: Bool[Array, " n"], yes: EnvelopeReset, no: EnvelopeReset) -> EnvelopeReset:
+    return EnvelopeReset(
+        until=jnp.where(condition, yes.until, no.until),
+        span=jnp.where(condition, yes.span, no.span),
+        excess=jnp.where(condition, yes.excess, no.excess),
+        outside=no.outside,
+    )

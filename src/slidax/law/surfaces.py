@@ -1,0 +1,201 @@
+"""Sliding surfaces `s = ė + φ(t, e)`."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from slidax.core.parameter import parameter
+from slidax.core.part import AbstractPart
+from slidax.core.powers import (
+    linear_core_power_and_slope,
+    power,
+    sig_and_slope,
+    smooth_power_and_slope,
+    two_term_power_and_slope,
+)
+from slidax.core.tracing import barrier
+from slidax.core.types import Memory, PerJoint, Reference, Scalar, State, Vector
+
+from .error_transformations import AbstractTransformation, TransformedError
+
+
+class AbstractSurface(AbstractPart):
+    """The part of a surface that acts on the transformed error: `s = B⁻¹ ε2 + pull(ε1)`, eq. (40)."""
+
+    @abstractmethod
+    def pull_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
+        """The pull towards zero error [n], rad/s or m/s, odd and increasing; and its derivative [n], >= 0.
+
+        One method for both, since they share their powers.
+
+        - `eps`: transformed error ε1 [n].
+        """
+
+    @abstractmethod
+    def reach(self, pull: Vector) -> Vector:
+        """A transformed error at which the pull is at least this strong, [n]: the end of a bracket.
+
+        - `pull`: >= 0, [n], rad/s or m/s.
+        """
+
+
+class SlidingVariable(eqx.Module):
+    """`s = ė + A e + pull(ε1)`, eq. (40), and the acceleration `q̈_d - Ȧ e - A ė - slope(ε1) ε2` that keeps it. All [n].
+
+    - `s`: sliding variable, rad/s or m/s.
+    - `error`: the transformed error.
+    - `feedforward`: `q̈_d - Ȧ e - A ė`, the acceleration of the reference and the envelope, rad/s² or m/s².
+    - `descent`: `slope(ε1) ε2`, the rate of the pull, rad/s² or m/s².
+    """
+
+    s: Vector
+    error: TransformedError
+    feedforward: Vector
+    descent: Vector
+
+    @property
+    def equivalent(self) -> Vector:
+        """The acceleration that keeps s constant, [n], rad/s² or m/s²."""
+        return self.feedforward - self.descent
+
+    @property
+    def signals(self) -> dict[str, Vector]:
+        """Logged quantities: `s`, `eps1`, `eps2`."""
+        return {"s": self.s, "eps1": self.error.eps1, "eps2": self.error.eps2}
+
+
+def sliding_variable(
+    transformation: AbstractTransformation,
+    surface: AbstractSurface,
+    t: Scalar,
+    state: State,
+    reference: Reference,
+    memory: Memory,
+) -> SlidingVariable:
+    """The sliding variable of a surface over a transformed error.
+
+    - `transformation`: e to ε1, with A and B.
+    - `surface`: the pull on ε1.
+    - `t`: time [s].
+    - `memory`: state of the transformation.
+    """
+    e, de = state.q - reference.q, state.dq - reference.dq
+    error = barrier(transformation(t, e, de, memory))
+    pull, slope = surface.pull_and_slope(error.eps1)
+    return SlidingVariable(
+        s=de + error.alpha * e + pull,
+        error=error,
+        feedforward=reference.ddq - error.alpha_rate * e - error.alpha * de,
+        descent=slope * error.eps2,
+    )
+
+
+class Linear(AbstractSurface):
+    """`Λ e`: on `s = ė + Λ e = 0` the error decays as `exp(-Λ t)`.
+
+    Source: Slotine and Li, Applied Nonlinear Control, 1991, chapter 7.
+    """
+
+    title = "The classical linear surface."
+
+    rate: PerJoint = parameter(
+        "diagonal of Λ, how fast the error decays on the surface",
+        "1/s",
+        "> 0",
+        "so that the error decays (Slotine and Li, 1991)",
+    )
+
+    def pull_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
+        """`Λ e`, and `Λ`, both [n]."""
+        return self.rate * eps, self.rate * jnp.ones_like(eps)
+
+    def reach(self, pull: Vector) -> Vector:
+        """`pull/Λ`, [n]."""
+        return pull / self.rate
+
+
+class LinearCoreFixedTime(AbstractSurface):
+    """`K1 Ŝ^p(ε1) + K2 Sig^q(ε1)` with `ŝ^p` of (78): `sig^p(x)` for `|x| >= δ`, else `δ^(p-1) x`.
+
+    The surface of the schemes that the paper cites as [23] and [33], as it describes them at (78), (79): continuous,
+    with a slope that jumps at δ, and so a torque that does.
+    """
+
+    title = "An earlier fixed-time terminal surface, with a kink at the edge of its linear core."
+
+    k1: PerJoint = parameter(
+        "diagonal of K1", "rad/s or m/s", "> 0", "so that K1 is diagonal positive definite (eq. 40)"
+    )
+    k2: PerJoint = parameter(
+        "diagonal of K2", "rad/s or m/s", "> 0", "so that K2 is diagonal positive definite (eq. 40)"
+    )
+    p: PerJoint = parameter("exponent near zero", "", "(0, 1)", "(eq. 78)")
+    q: PerJoint = parameter("exponent far from zero", "", "> 1", "(eq. 34)")
+    delta: PerJoint = parameter("δ, half-width of the straight core", "", "(0, 1]", "(eq. 78)")
+
+    def pull_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
+        """`K1 Ŝ^p(ε1) + K2 Sig^q(ε1)`, and `K1 F̂^p(ε1) + K2 H^q(ε1)`, both [n]; at |ε1| = δ the outer slope."""
+        near, near_slope = linear_core_power_and_slope(eps, self.p, self.delta)
+        far, far_slope = sig_and_slope(eps, self.q)
+        return self.k1 * near + self.k2 * far, self.k1 * near_slope + self.k2 * far_slope
+
+    def reach(self, pull: Vector) -> Vector:
+        """`(pull/K2)^(1/q)`, [n]: the far power alone pulls as hard there."""
+        return power(pull / self.k2, 1.0 / self.q)
+
+
+class SingularityFree(AbstractSurface):
+    """`C1 S_α(e) + C2 Sig^β(e)`: `S_α(x) = sig^α(x)` for `|x| >= δ`, else `l1 x + l2 sig^r(x)`.
+
+    `l1 = (r-α)/(r-1) δ^(α-1)` and `l2 = (α-1)/(r-1) δ^(α-r)` make it continuously differentiable at δ.
+    The surface of the scheme that the paper cites as [24]. Reconstructed from the parameters of its Table 2; confidence
+    medium.
+    """
+
+    title = "The surface of the singularity-free fixed-time scheme."
+
+    c1: PerJoint = parameter("diagonal of C1", "rad/s or m/s", "> 0", "so that C1 is diagonal positive definite ([24])")
+    c2: PerJoint = parameter("diagonal of C2", "rad/s or m/s", "> 0", "so that C2 is diagonal positive definite ([24])")
+    alpha: PerJoint = parameter("α, exponent near zero", "", "(0, 1)", "([24])")
+    beta: PerJoint = parameter("β, exponent far from zero", "", "> 1", "([24])")
+    r: PerJoint = parameter("exponent in the core", "", "> 1", "so that the slope is finite at zero ([24])")
+    delta: PerJoint = parameter("δ, half-width of the core", "rad or m", "> 0", "([24])")
+
+    def pull_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
+        """`C1 S_α(e) + C2 Sig^β(e)`, and `C1 S_α'(e) + C2 β |e|^(β-1)`, both [n]."""
+        near, near_slope = two_term_power_and_slope(eps, self.alpha, self.r, self.delta)
+        far, far_slope = sig_and_slope(eps, self.beta)
+        return self.c1 * near + self.c2 * far, self.c1 * near_slope + self.c2 * far_slope
+
+    def reach(self, pull: Vector) -> Vector:
+        """`(pull/C2)^(1/β)`, [n]: the far power alone pulls as hard there."""
+        return power(pull / self.c2, 1.0 / self.beta)
+
+
+class SmoothFixedTime(AbstractSurface):
+    """`K1 S^p(ε1) + K2 S^q(ε1)`, eqs. (29)-(40)."""
+
+    title = "The paper's smooth fixed-time terminal surface."
+
+    k1: PerJoint = parameter(
+        "diagonal of K1", "rad/s or m/s", "> 0", "so that K1 is diagonal positive definite (eq. 40)"
+    )
+    k2: PerJoint = parameter(
+        "diagonal of K2", "rad/s or m/s", "> 0", "so that K2 is diagonal positive definite (eq. 40)"
+    )
+    p: PerJoint = parameter("exponent near zero", "", "(0, 1)", "(eq. 29)")
+    q: PerJoint = parameter("exponent far from zero", "", "> 1", "(eq. 34)")
+    delta: PerJoint = parameter("δ, half-width of the smooth core", "", "(0, 1]", "(eq. 29)")
+
+    def pull_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
+        """`K1 S^p(ε1) + K2 S^q(ε1)`, and `K1 F^p(ε1) + K2 H^q(ε1)` with (33), (35), (37), (39), both [n]."""
+        near, near_slope = smooth_power_and_slope(eps, self.p, self.delta)
+        far, far_slope = sig_and_slope(eps, self.q)
+        return self.k1 * near + self.k2 * far, self.k1 * near_slope + self.k2 * far_slope
+
+    def reach(self, pull: Vector) -> Vector:
+        """`(pull/K2)^(1/q)`, [n]: the far power alone pulls as hard there."""
+        return power(pull / self.k2, 1.0 / self.q)

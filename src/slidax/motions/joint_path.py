@@ -1,0 +1,197 @@
+"""Joint motion for one move of the tool: quintics through postures along its curve."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from slidax.arms.curves import AbstractCurve, Array
+from slidax.arms.inverse import PoseTask, curvature, linearise_task, solve_singular, solve_task, tool_errors
+from slidax.core.errors import DefinitionError
+
+from .moves import TimedCurve, TimeLaw
+from .splines import quintic_hermite
+
+FAR = 0.05
+"""Largest deviation of the next posture from its prediction, rad or m; beyond it may be another branch."""
+
+SHORTEST = 1e-5
+"""Shortest step along a curve, as a part of the curve; the branch ends if a step must be shorter."""
+
+
+class PathEnd(Exception):
+    """The search finds no posture beyond a point of the curve.
+
+    - `s`: the last point [0, 1].
+    - `z`: posture and forces there [n + m].
+    """
+
+    def __init__(self, s: float, z: Array) -> None:
+        super().__init__()
+        self.s, self.z = s, z
+
+
+class BranchPoints(NamedTuple):
+    """Postures and forces at points of a branch [k n+m], with two derivatives along the curve."""
+
+    z: Array
+    first: Array
+    second: Array
+
+
+def continue_branch(task: PoseTask, curve: AbstractCurve, z: Array, s: Array) -> Array:
+    """Return postures and forces at points of a curve, one after the other [k n+m].
+
+    - `z`: solution of the equations at the curve's start [n + m].
+    - `s`: the points, from 0 on, not decreasing [k].
+
+    Raises Stuck where the search finds no next posture.
+    """
+    n = task.posture.size
+    postures, here, now = [], 0.0, z
+    slope = branch_derivatives(task, curve, now[None], np.array([here]))
+    for point in s:
+        step = float(point) - here
+        while here < point:
+            step = min(step, float(point) - here)
+            # The last step ends at the point itself.
+            there = float(point) if float(point) - here - step < 1e-12 else here + step
+            x = there - here
+            predicted = now + x * slope.first[0] + 0.5 * x * x * slope.second[0]
+            solution = solve_task(task, curve, predicted[None], np.array([there]))
+            if solution is None or np.abs(solution[0, :n] - predicted[:n]).max() > FAR:
+                step = 0.5 * x
+                if step < SHORTEST:
+                    raise PathEnd(here, now)
+                continue
+            here, now = there, solution[0]
+            slope = branch_derivatives(task, curve, now[None], np.array([here]))
+            step = 2.0 * x
+        postures.append(now)
+    return np.array(postures)
+
+
+def branch_derivatives(task: PoseTask, curve: AbstractCurve, z: Array, s: Array) -> BranchPoints:
+    """Return exact derivatives of postures and forces along the curve, from the equations that hold all along it."""
+    at = linearise_task(task, curve, z, s)
+    first = -solve_singular(at.by_z, at.by_s)
+    second = -solve_singular(at.by_z, curvature(task, curve, z, s, first))
+    return BranchPoints(z, first, second)
+
+
+FIRST = 4
+"""Pieces of each phase of a time law before halving."""
+
+MOST = 4000
+"""Pieces of one move."""
+
+BETWEEN = (0.15, 0.3, 0.5, 0.7, 0.85)
+"""Points in each piece at which the tool's error is measured."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointPath:
+    """The joint motion for one move.
+
+    - `times`: knots, from 0 on [k], s.
+    - `branch`: postures and forces at the knots, with their derivatives along the curve.
+    - `place_error`, `turn_error`: largest errors of the tool, in the pieces and at the knots, m and rad.
+    - `joints`: n.
+    """
+
+    law: TimeLaw
+    times: Array
+    branch: BranchPoints
+    place_error: float
+    turn_error: float
+    joints: int
+
+    def stretched(self, factor: float) -> JointPath:
+        """Return the same path with all times multiplied by a factor."""
+        law = self.law.stretched(factor)
+        return JointPath(law, self.times * factor, self.branch, self.place_error, self.turn_error, self.joints)
+
+    @property
+    def coefficients(self) -> Array:
+        """Coefficients of the quintics, highest power first [6 k-1 n]."""
+        return quintic_hermite(self.times, *_motion(self.law, self.times, self.branch, self.joints))
+
+
+def joint_path(task: PoseTask, move: TimedCurve, z: Array, tolerance: float) -> JointPath:
+    """Return the joint motion for one move.
+
+    - `z`: posture and forces at the start [n + m].
+    - `tolerance`: largest error of the tool between knots beyond the error at the knots, m and rad.
+
+    Raises Stuck where the search finds no next posture, DefinitionError if it needs too many pieces.
+    """
+    n, law = task.posture.size, move.law
+    ends = law.times
+    parts = [np.linspace(a, b, FIRST, endpoint=False) for a, b in pairwise(ends)]
+    times = np.concatenate([*parts, ends[-1:]])
+    s = law.at(times)[0]
+    branch = branch_derivatives(task, move.curve, continue_branch(task, move.curve, z, s), s)
+    at_knots = list(tool_errors(task, move.curve, branch.z[:, :n], s))
+    checked: set[tuple[float, float]] = set()
+    largest = [float(errors.max()) for errors in at_knots]
+    while True:
+        coefficients = quintic_hermite(times, *_motion(law, times, branch, n))
+        width = np.diff(times)
+        left = np.array([k for k, t in enumerate(times[:-1]) if (t, width[k]) not in checked], dtype=int)
+        if not len(left):
+            break
+        inside = times[left, None] + width[left, None] * np.array(BETWEEN)
+        q = _evaluated(coefficients[:, left], inside - times[left, None])
+        tool_error = tool_errors(task, move.curve, q.reshape(-1, n), law.at(inside.ravel())[0])
+        bad = np.zeros(len(left), dtype=bool)
+        worst = []
+        for errors, knots in zip(tool_error, at_knots, strict=True):
+            at_ends = np.maximum(knots[left], knots[left + 1])
+            errors = errors.reshape(len(left), -1).max(axis=1)
+            bad |= errors > tolerance + 1.05 * at_ends
+            worst.append(errors)
+        good = left[~bad]
+        checked |= {(times[k], width[k]) for k in good}
+        if len(good):
+            largest = [max(a, float(e[~bad].max())) for a, e in zip(largest, worst, strict=True)]
+        halved = left[bad]
+        if not len(halved):
+            break
+        if len(times) + len(halved) > MOST:
+            raise DefinitionError(
+                f"the motion needs more than {MOST} pieces to keep the tool within {tolerance:g} m and rad: raise "
+                "`tolerance`, or keep away from singularities"
+            )
+        middle = times[halved] + 0.5 * width[halved]
+        guess = 0.5 * (branch.z[halved] + branch.z[halved + 1])
+        guess[:, :n] = _evaluated(coefficients[:, halved], 0.5 * width[halved, None])[:, 0]
+        point = law.at(middle)[0]
+        new = solve_task(task, move.curve, guess, point)
+        if new is None or np.abs(new[:, :n] - guess[:, :n]).max() > 0.1:
+            new = continue_branch(task, move.curve, z, point)
+        more = branch_derivatives(task, move.curve, new, point)
+        order = np.argsort(np.concatenate([times, middle]), kind="stable")
+        times = np.concatenate([times, middle])[order]
+        branch = BranchPoints(*(np.concatenate([a, b])[order] for a, b in zip(branch, more, strict=True)))
+        there = tool_errors(task, move.curve, more.z[:, :n], point)
+        at_knots = [np.concatenate([a, b])[order] for a, b in zip(at_knots, there, strict=True)]
+        largest = [max(a, float(b.max())) for a, b in zip(largest, there, strict=True)]
+    return JointPath(law, times, branch, largest[0], largest[1], n)
+
+
+def _motion(law: TimeLaw, times: Array, branch: BranchPoints, n: int) -> tuple[Array, Array, Array]:
+    """Positions, velocities and accelerations at the knots."""
+    _, rate, bend = (value[:, None] for value in law.at(times))
+    q, first, second = (part[:, :n] for part in branch)
+    return q, first * rate, second * rate**2 + first * bend
+
+
+def _evaluated(coefficients: Array, x: Array) -> Array:
+    """Values of quintics [6 k n] at times within each piece [k m], as [k m n]."""
+    value = np.zeros((*x.shape, coefficients.shape[2]))
+    for power in coefficients:
+        value = value * x[:, :, None] + power[:, None, :]
+    return value

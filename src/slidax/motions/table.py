@@ -1,0 +1,337 @@
+"""A motion as a table of joint positions over time, and its checks: jumps, limits and units."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slidax.core.errors import DefinitionError, DefinitionWarning, count_noun, nearest_word
+from slidax.core.joint_names import are_numbered, match_names, quote_names
+
+from .limits import MotionLimits, joint_label
+from .trajectory import AbstractPiecewisePolynomial
+
+JOINTS = "`joints` (on the command line `--set 'trajectory.joints=[...]'`)"
+
+TIME_UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "μs": 1e-6, "ns": 1e-9}
+"""Units of time in s."""
+
+DEGREE = np.pi / 180
+
+UNITS = {
+    "positions": {"rad": 1.0, "m": 1.0, "deg": DEGREE, "°": DEGREE, "degrees": DEGREE, "mm": 1e-3},
+    "velocities": {"rad/s": 1.0, "m/s": 1.0, "deg/s": DEGREE, "°/s": DEGREE, "rpm": np.pi / 30, "mm/s": 1e-3},
+    "accelerations": {"rad/s2": 1.0, "m/s2": 1.0, "deg/s2": DEGREE, "°/s2": DEGREE, "mm/s2": 1e-3},
+}
+"""Units of the columns in SI."""
+
+CLOCK = 1e6
+"""Times beyond this [s] are a clock's, not a motion's: of their digits too few would be left for the motion."""
+
+
+@dataclass(frozen=True)
+class MotionTable:
+    """Positions over time, optionally with velocities and accelerations.
+
+    - `source`: origin of the data, for messages.
+    - `joints`: names; empty for a table of numbers alone.
+    - `rows`: label of each row in messages, such as `line 7`.
+    - `times`: [k], s.
+    - `positions`: [k n], rad or m.
+    - `velocities`, `accelerations`: [k n], or None.
+    - `unit_is_known`: True if the data or the user gives the unit of the times.
+
+    Raises DefinitionError for fewer than two rows, times that do not increase, or numbers that are not finite.
+    """
+
+    source: str
+    joints: tuple[str, ...]
+    rows: Sequence[str]
+    times: NDArray[np.float64]
+    positions: NDArray[np.float64]
+    velocities: NDArray[np.float64] | None = None
+    accelerations: NDArray[np.float64] | None = None
+    unit_is_known: bool = False
+
+    def __post_init__(self) -> None:
+        if len(self.times) < 2:
+            raise DefinitionError(
+                f"{self.source} has {count_noun(len(self.times), 'row')}: "
+                "a motion needs two or more, the first says where it starts"
+            )
+        self._require_finite("time", self.times[:, None])
+        for field in ("position", "velocity", "acceleration"):
+            values = self._values(field)
+            if values is not None:
+                self._require_finite(field, values)
+        wrong = np.diff(self.times) <= 0
+        if wrong.any():
+            row = int(np.argmax(wrong)) + 1
+            again = self.times[row] == self.times[row - 1]
+            rule = "two rows at one time would be a jump; leave one of them out" if again else "the times must increase"
+            raise DefinitionError(
+                f"{self.at(row)}: time {self.times[row]:g} s comes after {self.times[row - 1]:g} s: {rule}"
+            )
+        if self.accelerations is not None and self.velocities is None:
+            raise DefinitionError(f"{self.source} has accelerations but no velocities: give both, or neither")
+
+    def at(self, row: int) -> str:
+        """Return source and label of a row, by its index from 0."""
+        return f"{self.source}, {self.rows[row]}"
+
+    def starting(self, start: float | None) -> MotionTable:
+        """Return the table with its first row at a time [s]; None keeps the times.
+
+        Raises DefinitionError if the motion would begin before 0 or far after.
+        """
+        moved = self if start is None else replace(self, times=self.times - self.times[0] + start)
+        first = float(moved.times[0])
+        if not 0 <= first <= CLOCK:
+            what = "a motion starts at 0 or later" if first < 0 else "this looks like a clock"
+            raise DefinitionError(
+                f"{self.at(0)}: time {first:g} s: {what}; with `start=0` the table is moved to begin at 0"
+            )
+        return moved
+
+    def _values(self, field: str) -> NDArray[np.float64] | None:
+        return {"position": self.positions, "velocity": self.velocities, "acceleration": self.accelerations}[field]
+
+    def _require_finite(self, field: str, values: NDArray[np.float64]) -> None:
+        if not np.all(np.isfinite(values)):
+            row, joint = (int(index) for index in np.argwhere(~np.isfinite(values))[0])
+            of = "" if field == "time" else f" of {joint_label(joint, self.joints)}"
+            raise DefinitionError(f"{self.at(row)}: the {field}{of} must be a finite number")
+
+
+def columns_of(source: str, names: Sequence[str], joints: Sequence[str] | None) -> list[int]:
+    """Return the indices of a table's columns in the order of a robot's joints, matched by names.
+
+    - `source`: origin of the table, for messages.
+    - `names`: of the columns.
+    - `joints`: the robot's names; None for all columns in their order.
+
+    Columns of other joints are dropped with a DefinitionWarning. Raises DefinitionError for a missing joint, or a name
+    that occurs twice.
+    """
+    _require_distinct(names, f"{source} has")
+    if joints is None:
+        return list(range(len(names)))
+    _require_distinct(joints, "`joints` has")
+    places = match_names(names, joints)
+    absent = [name for name in joints if name not in places]
+    if absent == list(joints) and are_numbered(joints):
+        return _in_their_order(source, names, joints)
+    if absent:
+        hint = nearest_word(absent[0], names) if len(absent) == 1 else f"there are: {quote_names(names)}"
+        hint = hint if hint.endswith("?") else f"{hint}."
+        raise DefinitionError(
+            f"{source} lacks the joint{'s' * (len(absent) > 1)} {quote_names(absent)}; {hint} "
+            f"If the file has other names, list its names of {quote_names(joints)}, in this order, as {JOINTS}"
+        )
+    columns = [places[name] for name in joints]
+    others = [name for place, name in enumerate(names) if place not in columns]
+    if others:
+        verb = "is not a joint of the robot and is" if len(others) == 1 else "are not joints of the robot and are"
+        warnings.warn(DefinitionWarning(f"{source}: {quote_names(others)} {verb} left out"), stacklevel=2)
+    return columns
+
+
+def _in_their_order(source: str, names: Sequence[str], joints: Sequence[str]) -> list[int]:
+    """Columns for joints without names of their own."""
+    if len(names) != len(joints):
+        raise DefinitionError(
+            f"{source} moves {count_noun(len(names), 'joint')}, {quote_names(names)}, but the robot has {len(joints)}, "
+            f"which have no names of their own: list the names in the file that move them, in their order, as {JOINTS}"
+        )
+    if len(joints) > 1:
+        warning = (
+            f"{source}: the robot's joints have no names of their own, so that the columns {quote_names(names)} move "
+            f"{quote_names(joints)} in this order; to say so, or another order, list the names as {JOINTS}"
+        )
+        warnings.warn(DefinitionWarning(warning), stacklevel=2)
+    return list(range(len(names)))
+
+
+def _require_distinct(names: Sequence[str], owner: str) -> None:
+    for name in names:
+        if list(names).count(name) > 1:
+            raise DefinitionError(f"{owner} the joint `{name}` more than once")
+
+
+SIDE = 5
+"""Rows on each side of a jump that determine the velocities before and after."""
+
+CLEAR = 12.0
+"""A velocity change is a jump if it is this many times the residual of the rows around it."""
+
+PART, LEAST = 0.1, 0.01
+"""Smaller changes, as a part of the joint's top speed and in rad/s or m/s, are the rounding of a file."""
+
+
+class VelocityJump(NamedTuple):
+    """A velocity jump.
+
+    - `joint`: index from 0.
+    - `row`: index from 0 of the row at the left end of the interval.
+    - `before`, `after`: velocities, rad/s or m/s.
+    - `end`: -1 at the start of the table, 1 at its end, 0 inside.
+    """
+
+    joint: int
+    row: int
+    before: float
+    after: float
+    end: int
+
+
+def velocity_jump(times: NDArray[np.float64], positions: NDArray[np.float64]) -> VelocityJump | None:
+    """Return the largest velocity jump, or None.
+
+    Before the first row and after the last one the joints stand still. There is a jump if the velocities of the rows
+    before lie on one straight line over time, those of the rows after on another, and within one interval the two lines
+    differ much more than a jump in acceleration and the lines' residuals explain. A table of a few waypoints has no
+    jump, since it does not define the motion between them.
+
+    - `times`: [k], s, increasing.
+    - `positions`: [k n].
+    """
+    width = np.diff(times)
+    velocity = np.diff(positions, axis=0) / width[:, None]
+    width = np.concatenate([np.full(SIDE, width[0]), width, np.full(SIDE, width[-1])])
+    still = np.zeros((SIDE, positions.shape[1]))
+    velocity = np.concatenate([still, velocity, still])
+    middle = np.cumsum(width) - width / 2
+    gaps = np.arange(SIDE, len(width) - SIDE)
+    before = _line(middle, velocity, gaps[:, None] + np.arange(-SIDE, 0), middle[gaps])
+    after = _line(middle, velocity, gaps[:, None] + np.arange(1, SIDE + 1), middle[gaps])
+    change = np.abs(after.value - before.value)
+    top = np.abs(velocity).max(axis=0)
+    explained = np.maximum(
+        np.abs(after.slope - before.slope) * width[gaps][:, None], CLEAR * np.maximum(before.rest, after.rest)
+    )
+    jumps = change > np.maximum(explained, np.maximum(LEAST, PART * top))
+    if not jumps.any():
+        return None
+    row, joint = (int(index) for index in np.unravel_index(np.argmax(np.where(jumps, change, 0.0)), change.shape))
+    last = len(gaps) - 1
+    end = -1 if row == 0 else 1 if row == last else 0
+    return VelocityJump(joint, row, float(before.value[row, joint]), float(after.value[row, joint]), end)
+
+
+class _Line(NamedTuple):
+    """Straight lines through some velocities: value at a time, slope, and largest residual."""
+
+    value: NDArray[np.float64]
+    slope: NDArray[np.float64]
+    rest: NDArray[np.float64]
+
+
+def _line(
+    times: NDArray[np.float64], velocity: NDArray[np.float64], window: NDArray[np.intp], at: NDArray[np.float64]
+) -> _Line:
+    """Least squares in each window, one line per joint."""
+    t = times[window] - at[:, None]
+    mean = t.mean(axis=1, keepdims=True)
+    weights = (t - mean) / np.sum((t - mean) ** 2, axis=1, keepdims=True)
+    v = velocity[window]
+    slope = np.einsum("ws,wsn->wn", weights, v)
+    centre = v.mean(axis=1)
+    value = centre - slope * mean
+    rest = np.abs(v - (value[:, None] + slope[:, None] * t[:, :, None])).max(axis=1)
+    return _Line(value, slope, rest)
+
+
+NO_ARM = 200.0
+"""Acceleration beyond any arm, rad/s² or m/s²: a table with more has a jump."""
+
+RESTING = 1e-6
+"""Velocities at the ends of a table up to this, rad/s or m/s, are the rounding of a file."""
+
+DENSE, SLOW = 20, 0.02
+"""A table with this many rows, whose joints all stay below 0.02 rad/s, probably has another unit of time."""
+
+TWO_TURNS = 4 * np.pi
+"""Positions beyond two turns [rad] are rare for an arm and common for degrees."""
+
+
+def at_rest_outside(table: MotionTable) -> MotionTable:
+    """Return the table with velocities of exactly zero at its ends, if it has any.
+
+    Raises DefinitionError, with joint, time, value and remedy, if they are not zero there.
+    """
+    if table.velocities is None:
+        return table
+    for row, end, side in ((0, "start", "before"), (len(table.times) - 1, "end", "after")):
+        moving = np.abs(table.velocities[row])
+        if np.any(moving > RESTING):
+            joint = int(np.argmax(moving))
+            raise DefinitionError(
+                f"{table.at(row)}: {joint_label(joint, table.joints)} has a velocity of "
+                f"{table.velocities[row, joint]:g} rad/s (or m/s) at its {end}, t = {table.times[row]:g} s, but it stands still {side} that, so that "
+                "the velocity would jump: make it 0 there, or add rows in which the joint comes to rest"
+            )
+    velocities = table.velocities.copy()
+    velocities[[0, -1]] = 0.0
+    return replace(table, velocities=velocities)
+
+
+def require_no_jump(motion: AbstractPiecewisePolynomial, table: MotionTable) -> None:
+    """Raise DefinitionError, with joint, time, value and remedy, if a table without velocities jumps."""
+    jump = None if table.velocities is not None else velocity_jump(table.times, table.positions)
+    if jump is None:
+        return
+    row = jump.row if jump.end < 1 else jump.row + 1
+    where = {-1: "at its start, ", 0: "", 1: "at its end, "}[jump.end]
+    needed = motion.extremes(2).size[jump.joint]
+    raise DefinitionError(
+        f"{table.at(row)}: the velocity of {joint_label(jump.joint, table.joints)} jumps {where}t = "
+        f"{table.times[row]:g} s, from {jump.before:.3g} to {jump.after:.3g} rad/s (or m/s) within one row: add rows in which it changes, give "
+        "velocities too, or leave the times to `MinimumJerk.within`; or, if the arm can do "
+        f"{np.ceil(needed):.4g} rad/s² (or m/s²), say so with `acceleration`"
+    )
+
+
+def warn_of_slow_times(motion: AbstractPiecewisePolynomial, table: MotionTable) -> None:
+    """Warn if, by spacing and speed, times of an unknown unit may not be in seconds."""
+    spacing = float(np.median(np.diff(table.times)))
+    fastest = float(motion.extremes(1).size.max())
+    if table.unit_is_known or len(table.times) < DENSE or spacing < 0.5 or not 0.0 < fastest < SLOW:
+        return
+    unit = next(unit for unit, factor in (("ns", 1e-9), ("us", 1e-6), ("ms", 1e-3)) if spacing * factor > 1e-4)
+    warnings.warn(
+        DefinitionWarning(
+            f"{table.source} has {len(table.times)} rows, {spacing:.4g} s apart, and no joint moves faster than "
+            f"{fastest:.2g} rad/s (or m/s): are the times in {unit}? Then set `time_unit` to {unit}, otherwise to s"
+        ),
+        stacklevel=3,
+    )
+
+
+def require_within(motion: AbstractPiecewisePolynomial, table: MotionTable, limits: MotionLimits) -> None:
+    """Raise DefinitionError, with the likely cause, if the motion passes a limit."""
+    largest = float(np.abs(table.positions).max())
+    degrees = f"; positions go to {largest:.4g}: are they degrees? They must be rad or m" if largest > TWO_TURNS else ""
+    limits.require(motion, table.source, table.joints, degrees, degrees or _about_rates(table))
+
+
+def _about_rates(table: MotionTable) -> str:
+    """Likely mistake in velocities or times."""
+    rates = np.abs(np.diff(table.positions, axis=0) / np.diff(table.times)[:, None])
+    if table.velocities is not None:
+        mean_speed = float(np.abs((table.velocities[1:] + table.velocities[:-1]) / 2).mean())
+        implied = float(rates.mean())
+        if min(mean_speed, implied) > LEAST and not 0.1 * implied <= mean_speed <= 10 * implied:
+            return (
+                f"; the velocities are {mean_speed / implied:.3g} times what positions and times say: are they in "
+                "rad/s or m/s?"
+            )
+    row = int(np.argmax(rates.max(axis=1)))
+    return (
+        f"; the fastest rows are {table.rows[row]} and {table.rows[row + 1]}, "
+        f"{table.times[row + 1] - table.times[row]:.3g} s apart: is there a step in the table, or a time too short?"
+    )

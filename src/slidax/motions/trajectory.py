@@ -1,0 +1,210 @@
+"""Trajectories: the base classes, closed-form motions, piecewise polynomials and their extremes."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from numpy.typing import NDArray
+
+from slidax.core.errors import DefinitionError, is_traced
+from slidax.core.integrators import value_rate_curvature
+from slidax.core.parameter import parameter
+from slidax.core.part import AbstractPart
+from slidax.core.types import PerJoint, Reference, Scalar, Vector
+
+
+class AbstractMotion(AbstractPart):
+    """A desired motion `q_d(t)`. Subclasses define the position; velocity and acceleration are its derivatives."""
+
+    @property
+    def until(self) -> Scalar | float:
+        """Time after which the motion stands still [s]; infinite for an endless motion."""
+        return math.inf
+
+    @abstractmethod
+    def position(self, t: Scalar) -> Vector:
+        """Return `q_d(t)`, [n], rad or m, at time t [s]."""
+
+    def reference(self, t: Scalar) -> Reference:
+        """Return `q_d`, `q̇_d`, `q̈_d` at time t [s]."""
+        q, dq, ddq = value_rate_curvature(self.position, t)
+        return Reference(q=q, dq=dq, ddq=ddq)
+
+
+class ConstantPosture(AbstractMotion):
+    """`q_d(t) = c`."""
+
+    kind = "constant"
+    title = "A fixed posture."
+
+    value: Vector = parameter("c, the posture", "rad or m")
+
+    @property
+    def until(self) -> float:
+        return 0.0
+
+    def position(self, t: Scalar) -> Vector:
+        return self.value + 0.0 * t * jnp.zeros_like(self.value)
+
+
+class Sinusoid(AbstractMotion):
+    """`q_d(t) = c + a sin(ω t + φ)`, per joint. Example 4.2 follows one."""
+
+    title = "A sinusoid per joint."
+
+    offset: Vector = parameter("c, the middle", "rad or m")
+    amplitude: PerJoint = parameter("a, amplitude", "rad or m")
+    frequency: PerJoint = parameter("ω, angular frequency", "rad/s")
+    phase: PerJoint = parameter("φ, phase at t = 0", "rad", default=0.0)
+
+    def position(self, t: Scalar) -> Vector:
+        return self.offset + self.amplitude * jnp.sin(self.frequency * t + self.phase)
+
+
+MOST_TERMS = 50
+"""Of a sum: machine code computes them one by one."""
+
+
+class ExponentialSum(AbstractMotion):
+    """`q_d(t) = c + Σ_k a_k exp(-λ_k t)`: a smooth move that comes to rest at c. Example 4.1 follows one."""
+
+    title = "A sum of decaying exponentials."
+
+    offset: Vector = parameter("c, where it comes to rest", "rad or m")
+    amplitudes: Float[Array, "k n"] = parameter("a_k, one row per term", "rad or m")
+    rates: Float[Array, " k"] = parameter(
+        "λ_k, how fast each term decays", "1/s", "> 0", "so that the motion comes to rest"
+    )
+
+    def __check_init__(self) -> None:
+        if self.rates.size > MOST_TERMS:
+            raise DefinitionError(f"`ExponentialSum.rates` must be at most {MOST_TERMS}; got {self.rates.size}")
+        fits = self.amplitudes.ndim == 2 and self.amplitudes.shape == (*self.rates.shape, *self.offset.shape)
+        if not fits:
+            raise DefinitionError(
+                "`ExponentialSum.amplitudes` must have one row per rate and one column per joint; "
+                f"got shape {list(self.amplitudes.shape)}"
+            )
+
+    def position(self, t: Scalar) -> Vector:
+        return self.offset + jnp.sum(self.amplitudes * jnp.exp(-self.rates * t)[:, None], axis=0)
+
+
+NEGLIGIBLE = 1e-13
+"""A power that adds less than this part of its piece is rounding, and gives no roots."""
+
+
+class Extremes(NamedTuple):
+    """Least and largest value of each joint [n], and their times [n], s."""
+
+    least: NDArray[np.float64]
+    largest: NDArray[np.float64]
+    when_least: NDArray[np.float64]
+    when_largest: NDArray[np.float64]
+
+    @property
+    def size(self) -> NDArray[np.float64]:
+        """Largest absolute value of each joint [n]."""
+        return np.maximum(-self.least, self.largest)
+
+
+def derivative_coefficients(coefficients: NDArray[np.float64], order: int) -> NDArray[np.float64]:
+    """Return the coefficients of a derivative, at least one power.
+
+    - `coefficients`: highest power first, [powers pieces n].
+    """
+    for _ in range(order):
+        degree = len(coefficients) - 1
+        if degree == 0:
+            return np.zeros_like(coefficients)
+        coefficients = coefficients[:-1] * np.arange(degree, 0, -1)[:, None, None]
+    return coefficients
+
+
+def extremes(times: NDArray[np.float64], coefficients: NDArray[np.float64], order: int) -> Extremes:
+    """Return the extremes of a derivative between the first and the last knot.
+
+    - `times`: knots [k], s.
+    - `coefficients`: highest power first, [powers k-1 n].
+    - `order`: order of the derivative; 0 for the polynomials themselves.
+    """
+    from scipy.interpolate import PPoly
+
+    derivative = derivative_coefficients(coefficients, order)
+    widths = np.diff(times)[:, None]
+    ends = derivative[0]
+    for power in derivative[1:]:
+        ends = ends * widths + power
+    slope = derivative_coefficients(derivative, 1)
+    degrees = np.arange(len(slope) - 1, -1, -1)[:, None, None]
+    share = np.abs(slope) * widths**degrees
+    slope = np.where(share <= NEGLIGIBLE * share.max(axis=0), 0.0, slope)
+    rows = []
+    for joint in range(derivative.shape[2]):
+        turns = PPoly(slope[:, :, joint], times).roots(discontinuity=False, extrapolate=False)
+        # A piece with slope zero throughout is reported as NaN: its ends say all.
+        turns = turns[np.isfinite(turns)]
+        when = np.concatenate([times[:-1], times[1:], turns])
+        there = PPoly(derivative[:, :, joint], times)(turns)
+        value = np.concatenate([derivative[-1, :, joint], ends[:, joint], there])
+        low, high = int(np.argmin(value)), int(np.argmax(value))
+        rows.append((value[low], value[high], when[low], when[high]))
+    return Extremes(*np.array(rows).T)
+
+
+class AbstractPiecewisePolynomial(AbstractMotion):
+    """One polynomial in time per joint between two knots, and rest before the first knot and after the last.
+
+    A knot belongs to the piece that begins there, the last knot to the rest after it: where the acceleration jumps, the
+    reference has the value after the knot. Subclasses ensure that position and velocity do not jump.
+    """
+
+    times: Float[Array, " knots"] = parameter("knots, increasing", "s")
+    coefficients: Float[Array, "powers pieces n"] = parameter(
+        "of each piece in powers of `t - times[i]`, highest first"
+    )
+
+    def __check_init__(self) -> None:
+        name = type(self).__name__
+        knots, shape = np.shape(self.times), np.shape(self.coefficients)
+        if len(knots) != 1 or len(shape) != 3 or knots[0] != shape[1] + 1:
+            raise DefinitionError(
+                f"`{name}.coefficients` must be [powers pieces joints] with one piece between any two knots; "
+                f"got shape {list(shape)} for {list(knots)} knots"
+            )
+        if not is_traced(self.times) and not np.all(np.diff(self.times) > 0):
+            raise DefinitionError(f"`{name}.times` must increase")
+
+    @property
+    def until(self) -> Scalar:
+        """The last knot [s]."""
+        return self.times[-1]
+
+    def position(self, t: Scalar) -> Vector:
+        first, last = self.times[0], self.times[-1]
+        # Not `clip`: at a tie its derivative is one half, and so neither that of the motion nor that of the rest.
+        t = jnp.where(t < first, first, jnp.where(t < last, t, last))
+        pieces = self.coefficients.shape[1]
+        piece = jnp.clip(jnp.searchsorted(self.times, t, side="right") - 1, 0, pieces - 1)
+        coefficients = self.coefficients[:, piece]
+        x = t - self.times[piece]
+        value = coefficients[0]
+        for coefficient in coefficients[1:]:
+            value = value * x + coefficient
+        return value
+
+    def extremes(self, order: int) -> Extremes:
+        """Return the exact extremes of a derivative of the position.
+
+        - `order`: 0 for the position, 1 for the velocity, 2 for the acceleration, 3 for the jerk.
+        """
+        return extremes(np.asarray(self.times), np.asarray(self.coefficients), order)
+
+
+class ToolMotion(AbstractPiecewisePolynomial):
+    """A joint motion by `slidax.motions.follow`, at rest before and after; runs also record the tool's error."""

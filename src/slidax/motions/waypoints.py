@@ -1,0 +1,330 @@
+"""Motions through waypoints: minimum jerk, trapezoidal velocity, and shortest times within limits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slidax.core.errors import DefinitionError, as_array, short_repr
+
+from .limits import limit
+from .splines import quintic_spline
+from .trajectory import AbstractPiecewisePolynomial, derivative_coefficients, extremes
+
+MOST_WAYPOINTS = 10_000
+"""Waypoints of one motion; what has more is a log, and read from a file."""
+
+
+def waypoint_positions(owner: str, waypoints: object) -> NDArray[np.float64]:
+    """Return the positions [k n], finite and with equally many joints.
+
+    - `owner`: class of the motion, for the message.
+
+    Raises DefinitionError for anything else.
+    """
+    if isinstance(waypoints, Sequence) and len(waypoints) > MOST_WAYPOINTS:
+        raise DefinitionError(f"`{owner}.waypoints` must be at most {MOST_WAYPOINTS}; got {len(waypoints)}")
+    try:
+        q = np.asarray(waypoints, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        raise DefinitionError(f"`{owner}.waypoints` must be rows of numbers, all with one position per joint") from None
+    if q.ndim != 2 or len(q) < 2 or q.shape[1] < 1:
+        raise DefinitionError(
+            f"`{owner}.waypoints` must be two or more rows with one position per joint; got shape {list(q.shape)}"
+        )
+    if not np.all(np.isfinite(q)):
+        row, joint = np.argwhere(~np.isfinite(q))[0]
+        raise DefinitionError(f"`{owner}.waypoints` must be finite; waypoint {row + 1} is not, for joint {joint + 1}")
+    return q
+
+
+def distinct_waypoints(owner: str, waypoints: object) -> NDArray[np.float64]:
+    """Return the positions [k n]; raise DefinitionError also if two in a row are the same."""
+    q = waypoint_positions(owner, waypoints)
+    same = np.all(np.diff(q, axis=0) == 0, axis=1)
+    if same.any():
+        row = int(np.argmax(same)) + 1
+        raise DefinitionError(
+            f"`{owner}.waypoints` {row} and {row + 1} are the same, {short_repr(q[row])}: leave one of them out "
+            "(for a pause give times of your own, with `MinimumJerk.through`)"
+        )
+    return q
+
+
+SAMPLES = 16
+"""Samples of a piece in the search for its peaks; the exact extremes then scale the result."""
+
+SHORTEST = 0.02
+"""Least duration of a piece in the search, as a part of its first duration."""
+
+AT_REST = {1: 15 / 8, 2: 10 / math.sqrt(3), 3: 60.0}
+"""The largest velocity, acceleration and jerk of the quintic from 0 to 1 in unit time, at rest at both ends."""
+
+
+def shortest_times(waypoints: NDArray[np.float64], limits: dict[int, NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Return the times of the waypoints, [k], from 0 on, so that all limits hold and one is reached.
+
+    Stretching all times by c divides the derivative of order i by c^i, so for given proportions the shortest times are
+    known. Sequential quadratic programming finds the proportions, starting at those of the separate pieces. The search
+    is local; the shorter of its start and its result is taken.
+
+    - `waypoints`: positions [k n], no two in a row the same.
+    - `limits`: limits of the joints [n] by order of the derivative, 1, 2, 3; infinite for none.
+    """
+    steps = np.abs(np.diff(waypoints, axis=0))
+    least = np.stack([(AT_REST[order] * steps / bound) ** (1 / order) for order, bound in limits.items()])
+    begin = _stretched(np.asarray(least.max(axis=(0, 2)), dtype=float), waypoints, limits)
+    if len(begin) == 1:
+        return _times(begin)
+    searched = _stretched(_proportions(begin, waypoints, limits), waypoints, limits)
+    best = min(begin, searched, key=np.sum)
+    return _times(best)
+
+
+def _times(durations: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.concatenate([[0.0], np.cumsum(durations)])
+
+
+def _stretched(
+    durations: NDArray[np.float64], waypoints: NDArray[np.float64], limits: dict[int, NDArray[np.float64]]
+) -> NDArray[np.float64]:
+    """Durations times one factor, so that the tightest limit is reached exactly."""
+    times = _times(durations)
+    coefficients = quintic_spline(times, waypoints)
+    ratios = [np.max(extremes(times, coefficients, i).size / bound) ** (1 / i) for i, bound in limits.items()]
+    return durations * max(ratios)
+
+
+def _peak(samples: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Top of the parabola through the largest sample and its neighbours, [pieces n]."""
+    top = np.argmax(samples, axis=0)[None]
+    before, at, after = (
+        np.take_along_axis(samples, np.clip(top + step, 0, len(samples) - 1), axis=0)[0] for step in (-1, 0, 1)
+    )
+    bend = 2 * at - before - after
+    inside = (top[0] > 0) & (top[0] < len(samples) - 1) & (bend > 0)
+    rise: NDArray[np.float64] = np.where(inside, (after - before) ** 2, 0.0) / np.where(inside, 8 * bend, 1.0)
+    return at + rise
+
+
+def _proportions(
+    begin: NDArray[np.float64], waypoints: NDArray[np.float64], limits: dict[int, NDArray[np.float64]]
+) -> NDArray[np.float64]:
+    """Durations with the least sum for which the sampled points keep the limits."""
+    from scipy.optimize import minimize
+
+    z = np.linspace(0.0, 1.0, SAMPLES + 1)
+
+    def left(durations: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Remaining part of each limit, per piece and joint: 1 at rest, 0 at the limit."""
+        coefficients = quintic_spline(_times(durations), waypoints)
+        parts = []
+        for order, bound in limits.items():
+            powers = derivative_coefficients(coefficients, order)
+            degrees = np.arange(len(powers) - 1, -1, -1)
+            basis = (z[:, None] * durations) ** degrees[:, None, None]
+            peak = _peak(np.abs(np.einsum("dsp,dpn->spn", basis, powers)))
+            # The root makes all orders alike: each goes with one over the durations.
+            parts.append((1.0 - (peak / bound) ** (1 / order))[:, np.isfinite(bound)].ravel())
+        return np.concatenate(parts)
+
+    done = minimize(
+        lambda share: float(np.sum(share * begin)) / float(np.sum(begin)),
+        np.ones_like(begin),
+        jac=lambda share: begin / float(np.sum(begin)),
+        method="SLSQP",
+        bounds=[(SHORTEST, None)] * len(begin),
+        constraints={"type": "ineq", "fun": lambda share: left(share * begin)},
+        options={"maxiter": 200, "ftol": 1e-7},
+    )
+    return begin * (np.maximum(done.x, SHORTEST) if np.all(np.isfinite(done.x)) else 1.0)
+
+
+MOST_TIMED_WAYPOINTS = 100
+"""Waypoints whose times are searched together: the search takes memory by their square, and time by their cube."""
+
+
+class MinimumJerk(AbstractPiecewisePolynomial):
+    """The curve through all waypoints at their times with the least `∫ ‖d³q_d/dt³‖² dt`, at rest at both ends.
+
+    It is the quintic spline with four continuous derivatives and with zero velocity and acceleration at both ends.
+    Between two waypoints only, it is `q_0 + (q_1 - q_0)(10 z³ - 15 z⁴ + 6 z⁵)`, `z = (t - t_0)/(t_1 - t_0)` (Flash and
+    Hogan, 1985). It stands still before the first waypoint and after the last.
+
+    `MinimumJerk.through(times, waypoints)` makes it; `MinimumJerk.within(waypoints, velocity=..., acceleration=...)`
+    finds the shortest times within limits.
+    """
+
+    @staticmethod
+    def through(times: object, waypoints: object) -> MinimumJerk:
+        """Return the motion through waypoints at given times.
+
+        - `times`: [k], s, strictly increasing, at least two.
+        - `waypoints`: positions [k n], rad or m.
+
+        Raises DefinitionError if the times do not increase or do not fit the waypoints.
+        """
+        t = np.asarray(times, dtype=float)
+        if t.ndim != 1 or len(t) < 2 or not np.all(np.diff(t) > 0) or not np.all(np.isfinite(t)):
+            raise DefinitionError(f"`MinimumJerk.times` must be two or more increasing times; got {short_repr(t)}")
+        q = waypoint_positions("MinimumJerk", waypoints)
+        if len(q) != len(t):
+            raise DefinitionError(
+                f"`MinimumJerk.waypoints` must be one row of joint positions for each of the {len(t)} times; "
+                f"got {len(q)}"
+            )
+        if not np.all(np.diff(t) > 1e-9 * (t[-1] - t[0])):
+            raise DefinitionError(f"`MinimumJerk.times` lie too close together; got {short_repr(t)}")
+        return MinimumJerk(times=as_array(t), coefficients=as_array(quintic_spline(t, q)))
+
+    @staticmethod
+    def within(
+        waypoints: object,
+        *,
+        velocity: object,
+        acceleration: object,
+        jerk: object = None,
+        start: float = 0.0,
+    ) -> MinimumJerk:
+        """Return the motion through waypoints at the shortest times for which no joint passes a limit.
+
+        The limits hold exactly, since the extremes of the polynomials are compared, and one joint reaches one of its
+        limits. The times are the shortest for two waypoints; for more, they are those that a local search finds.
+
+        - `waypoints`: positions [k n], rad or m, no two in a row the same.
+        - `velocity`, `acceleration`, `jerk`: limits, [n] or one number, rad/s, rad/s², rad/s³ or m/s, m/s², m/s³;
+          infinite, or for the jerk None, for no limit.
+        - `start`: time of the first waypoint [s].
+
+        Raises DefinitionError for invalid waypoints or a limit that is not positive.
+        """
+        name = "MinimumJerk"
+        q = distinct_waypoints(name, waypoints)
+        if len(q) > MOST_TIMED_WAYPOINTS:
+            raise DefinitionError(
+                f"`{name}.within` finds the times of at most {MOST_TIMED_WAYPOINTS} waypoints; got {len(q)}; "
+                f"give their times to `{name}.through`, or move from rest to rest by `Trapezoidal.through`"
+            )
+        limits = {
+            order: limit(name, field, value, q.shape[1])
+            for order, field, value in ((1, "velocity", velocity), (2, "acceleration", acceleration), (3, "jerk", jerk))
+            if value is not None
+        }
+        bounded = np.any([np.isfinite(bound) for bound in limits.values()], axis=0)
+        unbounded = ~np.any((np.diff(q, axis=0) != 0) & bounded, axis=1)
+        if unbounded.any():
+            step = int(np.argmax(unbounded)) + 1
+            raise DefinitionError(
+                f"`{name}` needs a finite limit for a joint that moves from waypoint {step} to {step + 1}, "
+                "or it could go there in no time"
+            )
+        return MinimumJerk.through(shortest_times(q, limits) + start, q)
+
+
+SAME_KNOT = 1e-12
+"""Knots of two joints that lie closer than this part of a segment are one."""
+
+
+class Trapezoidal(AbstractPiecewisePolynomial):
+    """From waypoint to waypoint in the shortest time within limits of velocity and acceleration, at rest at each.
+
+    The slowest joint's velocity is a trapezoid over time, or a triangle if it does not reach its limit; its
+    acceleration jumps between 0 and its limit. With a jerk limit the acceleration is a ramp and the velocity an
+    S-curve. The other joints take the same time: all start and arrive together, on a straight line in joint space where
+    that is not slower.
+
+    `Trapezoidal.through(waypoints, velocity=..., acceleration=...)` makes it. `MinimumJerk.within` does not stop at its
+    waypoints.
+    """
+
+    @staticmethod
+    def through(
+        waypoints: object,
+        *,
+        velocity: object,
+        acceleration: object,
+        jerk: object = math.inf,
+        start: float = 0.0,
+    ) -> Trapezoidal:
+        """Return the motion through waypoints, computed by Ruckig (Berscheid and Kröger, 2021).
+
+        - `waypoints`: positions [k n], rad or m, no two in a row the same.
+        - `velocity`: limit, [n] or one number, rad/s or m/s; infinite for none.
+        - `acceleration`: limit, [n] or one number, rad/s² or m/s², finite.
+        - `jerk`: limit, [n] or one number, rad/s³ or m/s³; infinite for none.
+        - `start`: time of the first waypoint [s].
+
+        Raises DefinitionError for invalid waypoints, a limit that is not positive, or if ruckig is not installed.
+        """
+        name = "Trapezoidal"
+        q = distinct_waypoints(name, waypoints)
+        bounds = {
+            field: limit(name, field, value, q.shape[1])
+            for field, value in (("velocity", velocity), ("acceleration", acceleration), ("jerk", jerk))
+        }
+        if not np.all(np.isfinite(bounds["acceleration"])):
+            raise DefinitionError(f"`{name}.acceleration` must be finite, or the velocity would jump")
+        times, pieces = [float(start)], []
+        for here, there in pairwise(q):
+            knots, coefficients = _segment(here, there, bounds)
+            times.extend(times[-1] + knots[1:])
+            pieces.append(coefficients)
+        return Trapezoidal(times=as_array(times), coefficients=as_array(np.concatenate(pieces, axis=1)))
+
+
+def _segment(
+    here: NDArray[np.float64], there: NDArray[np.float64], bounds: dict[str, NDArray[np.float64]]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """A motion from rest to rest: its knots from 0 on, and its coefficients [4 pieces n]."""
+    profiles = _profiles(here, there, bounds)
+    ends = [np.cumsum([0.0, *profile.t]) for profile in profiles]
+    duration = max(end[-1] for end in ends)
+    every = np.sort(np.concatenate(ends))
+    knots = every[np.concatenate([[True], np.diff(every) > SAME_KNOT * duration])]
+    # The last knot is the end itself, also if another one lies just before it.
+    knots[-1] = duration
+    middles = (knots[:-1] + knots[1:]) / 2
+    coefficients = np.empty((4, len(middles), len(here)))
+    for joint, (profile, end) in enumerate(zip(profiles, ends, strict=True)):
+        phase = np.clip(np.searchsorted(end, middles, side="right") - 1, 0, len(profile.t) - 1)
+        j, a, v, p = (np.asarray(values)[phase] for values in (profile.j, profile.a, profile.v, profile.p))
+        x = knots[:-1] - end[phase]
+        coefficients[:, :, joint] = (
+            j / 6,
+            (a + j * x) / 2,
+            v + (a + j * x / 2) * x,
+            p + (v + (a / 2 + j * x / 6) * x) * x,
+        )
+    return knots, coefficients
+
+
+def _profiles(here: NDArray[np.float64], there: NDArray[np.float64], bounds: dict[str, NDArray[np.float64]]) -> Any:
+    """Phases of constant jerk per joint: durations, and jerk, acceleration, velocity and position at each."""
+    try:
+        import ruckig
+    except ImportError:
+        raise DefinitionError("`Trapezoidal.through` needs ruckig: pip install 'slidax[trajectories]'") from None
+    joints = len(here)
+    # No joint comes to this speed before it must brake, so that it is no limit; Ruckig wants a number.
+    free = 2.0 * np.sqrt(bounds["acceleration"] * np.abs(there - here)) + 1.0
+    question = ruckig.InputParameter(joints)
+    question.current_position = here.tolist()
+    question.target_position = there.tolist()
+    question.max_velocity = np.minimum(bounds["velocity"], free).tolist()
+    question.max_acceleration = bounds["acceleration"].tolist()
+    question.max_jerk = bounds["jerk"].tolist()
+    question.synchronization = ruckig.Synchronization.Phase
+    answer = ruckig.Trajectory(joints)
+    try:
+        ruckig.Ruckig(joints).calculate(question, answer)
+    except ruckig.RuckigError as error:
+        reason = str(error).replace("[ruckig]", "").strip()
+        raise DefinitionError(
+            f"`Trapezoidal`: no motion from {short_repr(here)} to {short_repr(there)}: {reason}"
+        ) from None
+    return answer.profiles[0]

@@ -1,0 +1,13 @@
+"""Reproduction of the paper on fixed-time terminal sliding mode control with prescribed performance.
+
+Source: Nonlinear Dynamics (2022), doi 10.1007/s11071-022-07650-w. `slidax reproduce` does it all (`reproduce.py`).
+Begin with `examples.py`, the schemes and runs, and `printed.py`, the printed values and the rule for verdicts.
+`numbers.py` and `claims.py` compare, `figures.py` draws.
+"""
+
+from .printed import DOI as DOI
+from .printed import TITLE as TITLE
+from .printed import Verdict as Verdict
+from .printed import below as below
+from .printed import compare as compare
+from .reproduce import reproduce as reproduce

@@ -1,0 +1,430 @@
+"""The paper's statements with verdicts, and the numbers behind the report's sentences."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from slidax import analysis
+from slidax.report.page import significant
+from slidax.simulation.run import Run
+
+from . import printed as indices
+from .examples import COMPARED, EXAMPLES, PROPOSED, READINGS, SCHEMES, Case, Runs
+from .numbers import (
+    chatter,
+    energy_share,
+    expected_error,
+    inverse_inertia,
+    settling_bound,
+    steady_error,
+    step_ratio,
+    table_3,
+    worst_after_deadline,
+)
+from .printed import REPRODUCED, STEADY_LIMIT, TABLE_3, Verdict, claim, unchecked
+
+CONTINUOUS = "the torque is continuous and free of chattering"
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A printed statement.
+
+    - `place`, `says`: where it is printed, and what it says.
+    - `evidence`, `verdicts`: by reading of the disturbance, or by another choice that the paper leaves open.
+    """
+
+    place: str
+    says: str
+    evidence: dict[str, str]
+    verdicts: dict[str, Verdict]
+
+
+def claims(runs: Runs) -> list[Claim]:
+    """Return the claims about the curves.
+
+    - `runs`: all runs.
+    """
+    return [make(runs, example) for make in (_inside, _settled, _continuous) for example in EXAMPLES]
+
+
+def promises(runs: Runs) -> list[Claim]:
+    """Return the claims about the parameters, for any disturbance.
+
+    - `runs`: for their scenarios.
+    """
+    result = []
+    for example, table in zip(EXAMPLES, ("Table 1", "Table 2"), strict=True):
+        inertia = inverse_inertia(runs.scenarios[Case(example, runs.readings[0])])
+        m1, m2 = inertia["m1"], inertia["m2"]
+        norms = {"spectral norm": inertia["spectral"], "Frobenius norm": inertia["frobenius"]}
+        result.append(
+            Claim(
+                f"(47), {table}",
+                f"m1 ≤ ‖M⁻¹(q)‖ ≤ m2 with m1 = {m1:g}, m2 = {m2:g}",
+                {norm: f"{_range(values)} over all q" for norm, values in norms.items()},
+                {norm: claim(m1 <= values[0] and values[1] <= m2) for norm, values in norms.items()},
+            )
+        )
+    for example in EXAMPLES:
+        bound = settling_bound(runs.scenarios[Case(example, runs.readings[0])])
+        if bound is None or bound["deadlines"] is None:
+            continue
+        deadlines = [f"{deadline:g}" for deadline in bound["deadlines"]]
+        result.append(
+            Claim(
+                f"(48)–(50), Section\u00a05, Example\u00a0{example}",
+                "T_i ≥ T_max, the condition for calling T_i a predefined time",
+                {"": f"T_max = {significant(bound['bound'], 3)} s, T = {', '.join(deadlines)} s"},
+                {"": claim(min(bound["deadlines"]) >= bound["bound"])},
+            )
+        )
+    return result
+
+
+def _inside(runs: Runs, example: str) -> Claim:
+    figure = {"4.1": "Fig. 3", "4.2": "Fig. 7(a)"}[example]
+    evidence: dict[str, str] = {}
+    verdicts: dict[str, Verdict] = {}
+    for reading in runs.readings:
+        run = runs[Case(example, reading)]
+        outside, margin = analysis.envelope_violations(run), analysis.envelope_margin(run)
+        margin = np.zeros(1) if margin is None else margin
+        evidence[reading] = (
+            f"{outside} samples outside; nearest to a bound: {significant(100 * float(margin.min()), 3)} % of the width"
+        )
+        verdicts[reading] = claim(run.outcome.ok and outside == 0)
+    return Claim(f"{figure}, Example\u00a0{example}", "the errors stay inside the envelope", evidence, verdicts)
+
+
+def _settled(runs: Runs, example: str) -> Claim:
+    evidence: dict[str, str] = {}
+    verdicts: dict[str, Verdict] = {}
+    for reading in runs.readings:
+        case = Case(example, reading)
+        worst = worst_after_deadline(runs.scenarios[case], runs[case])
+        if worst is None:
+            evidence[reading], verdicts[reading] = "–", unchecked("the run ends before T")
+            continue
+        times = ", ".join(significant(time, 3) for time in analysis.settling_time(runs[case], 1e-3))
+        evidence[reading] = (
+            f"|e| after T_i at most {significant(max(worst), 2)} of the final radius; last time above 1e-3: {times} s"
+        )
+        verdicts[reading] = claim(max(worst) < 1.0)
+    says = "from T_i on the error is inside the final radius of the envelope"
+    return Claim(f"Theorem\u00a01\u00a0(2), Example\u00a0{example}", says, evidence, verdicts)
+
+
+def _continuous(runs: Runs, example: str) -> Claim:
+    figure = {"4.1": "Fig. 4", "4.2": "Fig. 10"}[example]
+    evidence: dict[str, str] = {}
+    verdicts: dict[str, Verdict] = {}
+    for reading in runs.readings:
+        case = Case(example, reading)
+        steps, ways = step_ratio(runs[case], runs[case.halved])
+        largest = analysis.max_torque_step(runs[case])
+        unit = runs.scenarios[case].plant.robot.torque_units[int(np.argmax(largest))]
+        evidence[reading] = (
+            f"largest step between samples {significant(float(largest.max()), 2)} {unit}, at half the period at most "
+            f"{significant(max(steps), 3)} times as large; AICE then within "
+            f"{significant(100 * max(abs(way - 1) for way in ways), 2)} %"
+        )
+        smooth = runs[case].outcome.ok and max(steps) < 0.6 and all(abs(way - 1) <= REPRODUCED for way in ways)
+        verdicts[reading] = claim(smooth)
+    return Claim(f"{figure}, Example\u00a0{example}", CONTINUOUS, evidence, verdicts)
+
+
+def _range(values: list[float]) -> str:
+    low, high = (significant(value, 3) for value in values)
+    return low if low == high else f"{low} to {high}"
+
+
+PRINTED_ALPHA = 0.2
+"""ANFTSMC's α in Table 2."""
+
+QUANTITIES = ("settling_time", "steady_error", "peak_torque")
+
+
+def compared(runs: Runs) -> list[dict[str, Any]]:
+    """Every scheme's metrics, with the boundary layer as listed and with the other one.
+
+    - `runs`: all runs.
+    """
+    return [
+        {
+            "example": example,
+            "reading": reading,
+            "scheme": case.name,
+            "listed": case.layer is None,
+            "settling_time": table_3(runs[case], "settling_time", 1e-3),
+            "steady_error": _listed(analysis.steady_error(runs[case])),
+            "peak_torque": analysis.peak_torque(runs[case]).tolist(),
+            **{name: getattr(indices, name)(runs[case]).tolist() for name in ("iae", "eci", "aice")},
+            "chatters": any(chatter(runs[case], runs[case.halved])) if case.layer is None else None,
+        }
+        for example in EXAMPLES
+        for reading in runs.readings
+        for scheme in COMPARED[example]
+        for case in (Case(example, reading, scheme=scheme), Case(example, reading, scheme=scheme).relayered)
+    ]
+
+
+def bands(runs: Runs) -> list[dict[str, Any]]:
+    """For each row of Table 3, the settling times at every band in every reading, and which of them come nearest.
+
+    - `runs`: all runs.
+    """
+    result = []
+    for scheme, items in TABLE_3.items():
+        printed = items[0].values
+        lines: list[dict[str, Any]] = []
+        for reading in runs.readings:
+            case = Case("4.2", reading, scheme=scheme)
+            for item in (case, case.relayered):
+                for band in np.asarray(runs[item].windows.bands):
+                    times = table_3(runs[item], "settling_time", float(band))
+                    away = [
+                        None if time is None else time / wish - 1 for time, wish in zip(times, printed, strict=True)
+                    ]
+                    worst = None if None in away else max(abs(part) for part in away if part is not None)
+                    lines.append(
+                        {
+                            "reading": reading,
+                            "scheme": item.name,
+                            "layer": item.layer,
+                            "band": float(band),
+                            "times": times,
+                            "worst": worst,
+                        }
+                    )
+        # A run does not settle to a band that is narrower than the error it ends with.
+        error = max(items[1].values)
+        settled = [line for line in lines if line["worst"] is not None]
+        possible = [line for line in settled if line["band"] > error]
+        result.append(
+            {
+                "scheme": SCHEMES[scheme].name,
+                "printed": list(printed),
+                "band": SCHEMES[scheme].band,
+                "printed_error": error,
+                "lines": lines,
+                "nearest": min(possible, key=_worst) if possible else None,
+                "nearest_any": min(settled, key=_worst) if settled else None,
+            }
+        )
+    return result
+
+
+def sensitivity(runs: Runs) -> list[dict[str, Any]]:
+    """Changes of each scheme's numbers at half the step, with a held torque, and with another boundary layer.
+
+    - `runs`: all runs.
+    """
+    lines = []
+    for example in EXAMPLES:
+        for scheme in COMPARED[example]:
+            case, band = runs.nearest(example, scheme), SCHEMES[scheme].band if example == "4.2" else 1e-3
+            ways = {"step": case, "half": case.halved, "held": case.held, "layer": case.relayered}
+            for quantity in QUANTITIES:
+                lines.append(
+                    {
+                        "example": example,
+                        "scheme": SCHEMES[scheme].name,
+                        "reading": case.reading,
+                        "listed_layer": SCHEMES[scheme].listed,
+                        "other_layer": SCHEMES[scheme].other,
+                        "quantity": quantity,
+                        "band": band,
+                        "values": {way: table_3(runs[item], quantity, band) for way, item in ways.items()},
+                    }
+                )
+    return lines
+
+
+def settling_bounds(runs: Runs) -> list[dict[str, Any]]:
+    """(48)-(50) for every fixed-time scheme, beside its deadlines and the time that its run takes.
+
+    - `runs`: all runs.
+    """
+    first = runs.readings[0]
+    lines = []
+    for example in EXAMPLES:
+        for scheme in COMPARED[example]:
+            case = Case(example, first, scheme=scheme)
+            bound = settling_bound(runs.scenarios[case])
+            if bound is not None:
+                observed = table_3(runs[case], "settling_time", 1e-2)
+                lines.append({"example": example, "scheme": case.name, **bound, "observed": observed})
+    return lines
+
+
+def jumps(runs: Runs) -> list[dict[str, Any]] | None:
+    """When |e| of FTSMC with a boundary layer enters the core of (78), whose slope jumps, and how the torque jumps.
+
+    - `runs`: all runs.
+
+    None if a joint never enters it.
+    """
+    case = Case("4.1", runs.readings[0], scheme="ftsmc").relayered
+    run, delta = runs[case], 1e-2
+    times = table_3(run, "settling_time", delta)
+    if run.log is None or None in times:
+        return None
+    t, tau = np.asarray(run.log.t), np.asarray(run.log.tau)
+    steps = np.abs(np.diff(tau, axis=0))
+    result = []
+    for i, time in enumerate(times):
+        near = np.abs(t[1:] - (time or 0.0)) < 3 * (t[1] - t[0])
+        usual = float(np.median(steps[np.abs(t[1:] - (time or 0.0)) < 0.05, i]))
+        result.append({"joint": i + 1, "t": time, "step": float(steps[near, i].max()), "usual": usual})
+    return result
+
+
+def layers(runs: Runs, scheme: str) -> dict[str, Any]:
+    """A scheme of Example 4.1 with its boundary layer as listed and with the other one.
+
+    - `runs`: all runs.
+    - `scheme`: which.
+    """
+    case = Case("4.1", runs.readings[0], scheme=scheme)
+    ways = {
+        name: {"aice": indices.aice(runs[item]).tolist(), "steady_error": _listed(analysis.steady_error(runs[item]))}
+        for name, item in (("listed", case), ("other", case.relayered))
+    }
+    return {"layer": SCHEMES[scheme].other, **ways}
+
+
+def printed_alpha(runs: Runs) -> dict[str, Any]:
+    """Run of ANFTSMC with the printed α, which the class refuses and which is set without its check.
+
+    - `runs`: all runs.
+    """
+    case = runs.nearest("4.2", "anftsmc")
+    scenario = runs.scenarios[case]
+    changed = eqx.tree_at(lambda law: law.alpha, scenario.controller, jnp.asarray(PRINTED_ALPHA))
+    run = replace(scenario, controller=changed).simulate(progress=False)
+    return {
+        "reading": case.reading,
+        "alpha": PRINTED_ALPHA,
+        "used": float(np.max(np.asarray(getattr(scenario.controller, "alpha", np.nan)))),
+        "outcome": run.outcome.kind,
+        "message": run.outcome.message,
+        "t": run.outcome.t,
+        "settling_time": table_3(run, "settling_time", 1e-3),
+        "steady_error": _listed(analysis.steady_error(run)),
+        "peak_torque": analysis.peak_torque(run).tolist(),
+        "error_before": _last_error(run),
+    }
+
+
+def energy(runs: Runs) -> dict[str, Any]:
+    """The share of energy by reading, NFTSMC as listed and with a boundary layer.
+
+    - `runs`: all runs.
+    """
+    return {
+        reading: {
+            "listed": energy_share(runs, reading, False),
+            "layer": energy_share(runs, reading, True),
+        }
+        for reading in runs.readings
+    }
+
+
+def _worst(line: dict[str, Any]) -> float:
+    return float(line["worst"])
+
+
+def _last_error(run: Run) -> list[float] | None:
+    return None if run.log is None else np.abs(np.asarray(run.log.e)[-1]).tolist()
+
+
+def _listed(values: np.ndarray | None) -> list[float] | None:
+    return None if values is None else values.tolist()
+
+
+BAND = SCHEMES[PROPOSED].band
+
+
+def findings(runs: Runs) -> dict[str, Any]:
+    """Every number that a sentence of the report names, ready for JSON.
+
+    - `runs`: all runs.
+    """
+    accuracy = {
+        reading: steady_error(runs[Case("4.2", reading)]) if reading in runs.readings else None for reading in READINGS
+    }
+    printed = {item.quantity: list(item.values) for item in TABLE_3[PROPOSED]}
+    first = runs.readings[0]
+    return {
+        "printed": printed | {"steady_limit": float(STEADY_LIMIT)},
+        "accuracy": accuracy,
+        "expected": _expected(runs),
+        "truncation": _truncation(runs),
+        "settling": {
+            reading: analysis.summary(runs[Case("4.2", reading)])["settling_time"] for reading in runs.readings
+        },
+        "peaks": {reading: table_3(runs[Case("4.2", reading)], "peak_torque", BAND) for reading in runs.readings},
+        "sampling": [_sampled(runs, case) for case in runs.sampled],
+        "inertia": {example: inverse_inertia(runs.scenarios[Case(example, first)]) for example in EXAMPLES},
+        "bounds": {example: settling_bound(runs.scenarios[Case(example, first)]) for example in EXAMPLES},
+        "compared": compared(runs),
+        "bands": bands(runs),
+        "sensitivity": sensitivity(runs),
+        "settling_bounds": settling_bounds(runs),
+        "jumps": jumps(runs),
+        "alpha": printed_alpha(runs),
+        "energy": energy(runs),
+        "ftsmc": layers(runs, "ftsmc"),
+        "nftsmc_layer": SCHEMES["nftsmc"].other,
+        "rows": {
+            reading: {case.name: steady_error(runs[case]) for case in runs.compared("4.2", reading).values()}
+            for reading in runs.readings
+        },
+        "last_above_1e-3": max(
+            float(analysis.settling_time(runs[Case(example, first)], 1e-3).max()) for example in EXAMPLES
+        ),
+    }
+
+
+def _expected(runs: Runs) -> list[float] | None:
+    if "stated" not in runs.readings:
+        return None
+    case = Case("4.2", "stated")
+    return expected_error(runs.scenarios[case], runs[case])
+
+
+def _truncation(runs: Runs) -> dict[str, list[float]] | None:
+    """The steady error without disturbance at the step and at half of it, and how many times it falls."""
+    if "off" not in runs.readings:
+        return None
+    case = Case("4.2", "off")
+    whole, half = steady_error(runs[case]), steady_error(runs[case.halved])
+    if whole is None or half is None:
+        return None
+    return {"step": whole, "half": half, "factor": (np.asarray(whole) / np.asarray(half)).tolist()}
+
+
+def _sampled(runs: Runs, case: Case) -> dict[str, Any]:
+    """Comparison of a run at a longer period, or with a held torque, with the example itself."""
+    run = runs[case]
+    reference = runs[Case(case.example, case.reading)]
+    return {
+        "example": case.example,
+        "mode": case.mode,
+        "period": case.period,
+        "outcome": run.outcome.kind,
+        "message": run.outcome.message,
+        "t": run.outcome.t,
+        "aice": indices.aice(run).tolist(),
+        "aice_ratio": _ratio(run, reference),
+    }
+
+
+def _ratio(run: Run, reference: Run) -> list[float] | None:
+    return (indices.aice(run) / indices.aice(reference)).tolist() if run.outcome.ok else None

@@ -1,0 +1,219 @@
+"""The paper's schemes and examples, and all runs of the reproduction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+from slidax import scenarios
+from slidax.scenarios.scenario import Scenario
+from slidax.simulation.run import Run
+
+Reading = Literal["stated", "off"]
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """A scheme as the paper's examples use it.
+
+    - `key`, `name`: in scenario files, and in the paper.
+    - `listed`, `other`: half-width of the boundary layer as its table lists it (0 where it lists none), and another one
+      to try.
+    - `path`: where scenario files keep it.
+    - `band`: settling band at which the printed times are compared, rad or m; the paper prints none.
+    - `nearest`: the reading of the disturbance that comes nearer to the printed row.
+    """
+
+    key: str
+    name: str
+    listed: float
+    other: float
+    path: str = "scheme.reaching.layer"
+    band: float = 1e-3
+    nearest: Reading = "stated"
+
+    def called(self, layer: float | None) -> str:
+        """The name with the boundary layer, where it is not the listed one.
+
+        - `layer`: half-width; None for the listed one.
+        """
+        if layer is None or layer == self.listed:
+            return self.name
+        return f"{self.name}, sign" if layer == 0.0 else f"{self.name}, layer {layer:g}"
+
+
+PROPOSED = "cftsmppc"
+SCHEMES: dict[str, Scheme] = {
+    scheme.key: scheme
+    for scheme in (
+        Scheme(PROPOSED, "CFTSMPPC", 0.05, 0.0, band=1e-8, nearest="off"),
+        Scheme("ftsmppc", "FTSMPPC", 0.05, 0.0),
+        Scheme("ftsmc", "FTSMC", 0.0, 0.05),
+        Scheme("nftsmc", "NFTSMC", 0.0, 3e-4, path="scheme.layer", band=1e-4),
+        Scheme("anftsmc", "ANFTSMC", 0.0, 1e-3, path="scheme.layer", band=1e-5, nearest="off"),
+        Scheme("sfsmc", "SFSMC", 0.0, 0.05, band=1e-4),
+    )
+}
+COMPARED: dict[str, tuple[str, ...]] = {
+    "4.1": (PROPOSED, "ftsmppc", "ftsmc"),
+    "4.2": (PROPOSED, "nftsmc", "anftsmc", "sfsmc"),
+}
+"""Which schemes each example compares, the proposed one first."""
+
+
+READINGS: dict[Reading, str] = {"stated": "disturbance as stated", "off": "disturbance off"}
+EXAMPLES = ("4.1", "4.2")
+PERIOD = 1e-4
+SAMPLED = (("continuous", 1e-3), ("held", 1e-3), ("held", 1e-4))
+"""Modes and periods in which the sampling limit is looked for."""
+
+Progress = Callable[[str, float], None]
+
+
+class Case(NamedTuple):
+    """One run: which example, with which disturbance, in which mode, with which period [s], scheme and boundary layer.
+
+    The layer is the listed one if None.
+    """
+
+    example: str
+    reading: Reading
+    mode: str = "continuous"
+    period: float = PERIOD
+    scheme: str = PROPOSED
+    layer: float | None = None
+
+    @property
+    def halved(self) -> Case:
+        """The same at half the period."""
+        return self._replace(period=self.period / 2)
+
+    @property
+    def held(self) -> Case:
+        """The same with the torque held between two samples."""
+        return self._replace(mode="held")
+
+    @property
+    def relayered(self) -> Case:
+        """The same with the other boundary layer."""
+        return self._replace(layer=SCHEMES[self.scheme].other)
+
+    @property
+    def name(self) -> str:
+        """The scheme's name, with its boundary layer where that is not the listed one."""
+        return SCHEMES[self.scheme].called(self.layer)
+
+
+@dataclass(frozen=True)
+class Runs:
+    """All runs by case.
+
+    - `scenarios`: what was simulated.
+    - `runs`: their runs.
+    - `readings`: how the disturbance was read, in this order.
+    """
+
+    scenarios: dict[Case, Scenario]
+    runs: dict[Case, Run]
+    readings: tuple[Reading, ...]
+
+    def __getitem__(self, case: Case) -> Run:
+        return self.runs[case]
+
+    @property
+    def sampled(self) -> list[Case]:
+        """The cases that look for the sampling limit."""
+        return [Case(example, self.readings[0], *how) for example in EXAMPLES for how in SAMPLED]
+
+    def nearest(self, example: str, scheme: str) -> Case:
+        """The scheme as printed, in the reading that comes nearer to what is printed, if that was simulated.
+
+        - `example`, `scheme`: which.
+        """
+        return _nearest(example, scheme, self.readings)
+
+    def compared(self, example: str, reading: Reading, layers: Sequence[str] = ()) -> dict[str, Case]:
+        """The cases of an example's schemes by name, the proposed one first.
+
+        - `example`, `reading`: which.
+        - `layers`: schemes to take with the other boundary layer.
+        """
+        plain = [Case(example, reading, scheme=scheme) for scheme in COMPARED[example]]
+        chosen = [case.relayered if case.scheme in layers else case for case in plain]
+        return {case.name: case for case in chosen}
+
+
+def cases(readings: Sequence[Reading]) -> list[Case]:
+    """All cases, the same for every scheme and then more of the proposed one, which look for the sampling limit.
+
+    Each scheme: at the paper's step and at half of it, with another boundary layer, and with the torque held.
+
+    - `readings`: how to read the disturbance.
+    """
+    listed: dict[Case, None] = {}
+    for example in EXAMPLES:
+        for scheme in COMPARED[example]:
+            for reading in readings:
+                case = Case(example, reading, scheme=scheme)
+                listed |= dict.fromkeys([case, case.halved, case.relayered])
+            listed[_nearest(example, scheme, readings).held] = None
+        listed |= dict.fromkeys(Case(example, readings[0], mode, period) for mode, period in SAMPLED)
+    return list(listed)
+
+
+def simulate_all(readings: Sequence[Reading], changes: dict[str, Any], progress: Progress) -> Runs:
+    """Runs all cases, each once, two at a time.
+
+    - `readings`: how to read the disturbance.
+    - `changes`: values by dotted path that all scenarios share.
+    - `progress`: told what was done and which fraction of the runs is done.
+    """
+    built: dict[Case, Scenario] = {}
+    runs: dict[Case, Run] = {}
+    listed = cases(readings)
+    # Cases that differ in numbers only share one compiled loop, so that they go one after another.
+    groups: dict[tuple[str, str, str], list[Case]] = {}
+    for case in listed:
+        built[case] = scenario_of(case, changes)
+        groups.setdefault((case.example, case.scheme, case.mode), []).append(case)
+    progress("Example 4.1", 0.0)
+    with ThreadPoolExecutor(2) as pool:
+        waiting = {pool.submit(_simulate, {case: built[case] for case in group}): group for group in groups.values()}
+        for done in as_completed(waiting):
+            runs |= done.result()
+            case = waiting[done][0]
+            stage = f"Example {case.example}, {SCHEMES[case.scheme].name}, {case.mode}"
+            progress(stage, len(runs) / len(listed))
+    return Runs(built, {case: runs[case] for case in listed}, tuple(readings))
+
+
+def scenario_of(case: Case, changes: dict[str, Any]) -> Scenario:
+    """Return the scenario of a case.
+
+    - `case`: which.
+    - `changes`: values by dotted path, set last.
+    """
+    values: dict[str, Any] = {"simulation.mode": case.mode, "simulation.period": case.period}
+    if case.scheme != PROPOSED:
+        values["scheme.name"] = case.scheme
+    if case.layer is not None:
+        values[SCHEMES[case.scheme].path] = case.layer
+    if case.reading == "off":
+        values["disturbance.scale"] = 0.0
+    return scenarios.load(f"example-{case.example}", {**values, **changes})
+
+
+def _simulate(group: dict[Case, Scenario]) -> dict[Case, Run]:
+    # A held torque moves the arm between any two samples, so that the log of the proposed scheme leaves none out.
+    return {
+        case: scenario.simulate(progress=False, log_every=1 if case.mode == "held" and case.scheme == PROPOSED else 0)
+        for case, scenario in group.items()
+    }
+
+
+def _nearest(example: str, scheme: str, readings: Sequence[Reading]) -> Case:
+    # Only Example 4.2 has printed values.
+    wanted = SCHEMES[scheme].nearest if example == "4.2" else "stated"
+    return Case(example, wanted if wanted in readings else readings[0], scheme=scheme)

@@ -1,0 +1,379 @@
+"""Computed values next to the printed ones, with verdicts, and the values of the paper's inequalities."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from slidax import analysis
+from slidax.core.errors import DefinitionError
+from slidax.core.types import State
+from slidax.law.envelopes import FixedTime
+from slidax.law.error_transformations import PrescribedPerformance
+from slidax.law.reaching_laws import FixedTimeReaching, TwoPowerReaching
+from slidax.law.sliding_mode_controllers import SlidingMode
+from slidax.law.surfaces import LinearCoreFixedTime, SingularityFree, SmoothFixedTime
+from slidax.law.torque_bounds import UncertaintyBound
+from slidax.report.page import significant
+from slidax.scenarios.scenario import Scenario
+from slidax.simulation.run import Run
+
+from . import printed
+from . import printed as indices
+from .examples import SCHEMES, Case, Reading, Runs
+from .printed import CLOSE, ENERGY_SHARE, STEADY_LIMIT, TABLE_3, Printed, Verdict, below, compare, incomparable
+
+
+class Parts(NamedTuple):
+    """The parts of CFTSMPPC, each of its own class."""
+
+    law: SlidingMode
+    transformation: PrescribedPerformance
+    performance: FixedTime
+    surface: SmoothFixedTime
+    reaching: FixedTimeReaching
+    bound: UncertaintyBound
+
+
+def parts_of(scenario: Scenario) -> Parts:
+    """The parts of the scenario's scheme.
+
+    - `scenario`: one of the examples.
+
+    Raises DefinitionError if its scheme is not CFTSMPPC with a fixed-time envelope.
+    """
+    law = scenario.controller
+    transformation = getattr(law, "transformation", None)
+    performance = getattr(transformation, "performance", None)
+    surface = getattr(law, "surface", None)
+    reaching = getattr(law, "reaching", None)
+    bound = getattr(law, "bound", None)
+    if (
+        isinstance(law, SlidingMode)
+        and isinstance(transformation, PrescribedPerformance)
+        and isinstance(performance, FixedTime)
+        and isinstance(surface, SmoothFixedTime)
+        and isinstance(reaching, FixedTimeReaching)
+        and isinstance(bound, UncertaintyBound)
+    ):
+        return Parts(law, transformation, performance, surface, reaching, bound)
+    raise DefinitionError(f"`{scenario.name}` must have the scheme cftsmppc with a fixed-time envelope")
+
+
+def inverse_inertia(scenario: Scenario) -> dict[str, Any]:
+    """Ranges over q2 of `‖M⁻¹(q)‖`, spectral and Frobenius, and of the eigenvalues of `M⁻¹`; also `max ‖M⁻¹M0 - I‖`.
+
+    - `scenario`: its true robot, its nominal robot, and m1, m2, γ of (46), (47).
+
+    The inertia of both arms depends on q2 alone.
+    """
+    parts = parts_of(scenario)
+    law, bound = parts.law, parts.bound
+    robot, n = scenario.plant.robot, law.joints
+    turned = jnp.zeros((721, n)).at[:, 1].set(jnp.linspace(-jnp.pi, jnp.pi, 721))
+    mass, nominal = (np.asarray(jax.vmap(arm.mass)(turned)) for arm in (robot, law.nominal))
+    inverse = np.linalg.inv(mass)
+    values = np.linalg.eigvalsh(inverse)
+    frobenius = np.linalg.norm(inverse, axis=(1, 2))
+    mismatch = np.linalg.norm(inverse @ nominal - np.eye(n), ord=2, axis=(1, 2))
+    return {
+        "m1": float(bound.inverse_inertia_min),
+        "m2": float(bound.inverse_inertia_max),
+        "gamma": float(bound.gamma),
+        "eigenvalues": [float(values.min()), float(values.max())],
+        "spectral": [float(values[:, -1].min()), float(values[:, -1].max())],
+        "frobenius": [float(frobenius.min()), float(frobenius.max())],
+        "mismatch": float(mismatch.max()),
+    }
+
+
+def settling_bound(scenario: Scenario) -> dict[str, Any] | None:
+    """`T_max = T_r + T_s`, eqs. (48)-(50), s, with T_s of the slowest joint: the value of the formulas, no more.
+
+    - `scenario`: whose parameters are put in.
+
+    (50) has `ρ0/2 >= 1/β` (Proposition 5); without an envelope β = 1, so that 2 stands for ρ0. SFSMC has the exponents
+    and gains of its own powers in the same places. None if the scheme is none of the fixed-time ones.
+    """
+    law = scenario.controller
+    if not isinstance(law, SlidingMode) or not isinstance(law.bound, UncertaintyBound):
+        return None
+    surface, reaching = law.surface, law.reaching
+    if isinstance(surface, SmoothFixedTime | LinearCoreFixedTime):
+        gains, powers = (surface.k1, surface.k2), (surface.p, surface.q)
+    elif isinstance(surface, SingularityFree):
+        gains, powers = (surface.c1, surface.c2), (surface.alpha, surface.beta)
+    else:
+        return None
+    if isinstance(reaching, FixedTimeReaching):
+        r, gain = float(reaching.exponent), np.asarray(reaching.gain)
+    elif isinstance(reaching, TwoPowerReaching):
+        r, gain = float(np.max(np.asarray(reaching.v1))), np.asarray(reaching.k1)
+    else:
+        return None
+    n, both = law.joints, float(law.bound.inverse_inertia_min + law.bound.inverse_inertia_max)
+    slowest = float(np.linalg.eigvalsh(gain * np.eye(n)).min())
+    first = 2 / (float(law.bound.margin) * np.sqrt(both))
+    second = 2 / (n ** ((1 - r) / 2) * slowest * both ** ((r + 1) / 2) * (r - 1))
+    performance = getattr(law.transformation, "performance", None)
+    radius = np.asarray(performance.initial) if isinstance(performance, FixedTime) else np.asarray(2.0)
+    (k1, k2), (p, q) = (tuple(np.asarray(x) for x in pair) for pair in (gains, powers))
+    near = 2 ** (-(p + 1) / 2) * radius / (k1 * (1 - p))
+    far = 2 ** (-(q + 1) / 2) * radius / (k2 * (q - 1))
+    worst = np.argmax(np.atleast_1d(near + far))
+    terms = [float(np.broadcast_to(term, n)[worst]) for term in (near, far)]
+    return {
+        "terms": {"reaching": [float(first), float(second)], "sliding": terms},
+        "reaching": float(first + second),
+        "sliding": sum(terms),
+        "bound": float(first + second) + sum(terms),
+        "deadlines": np.broadcast_to(np.asarray(performance.deadline), n).tolist()
+        if isinstance(performance, FixedTime)
+        else None,
+    }
+
+
+def expected_error(scenario: Scenario, run: Run) -> list[float] | None:
+    """Where the boundary layer of (51) balances the disturbance, if the model is exact, [n], rad or m.
+
+    `‖s‖ ≈ s0 ‖τ_d‖/(u - ‖τ_d‖)`, and `|e| ≈ ‖s‖/(k1 l1 β)` with `l1` of (30) and `β = (1/ϑ + 1)/ρ∞`, which is (26)
+    at e = 0; the largest over the second half of the run.
+
+    - `scenario`: what was simulated.
+    - `run`: its run, with a log.
+    """
+    law, transformation, performance, surface, reaching, _ = parts_of(scenario)
+    if run.log is None or not run.outcome.ok:
+        return None
+    late = np.asarray(run.log.t) > 0.5 * float(run.t1)
+    disturbance = eqx.filter_vmap(lambda t, q, dq: scenario.plant.disturbance(t, State(q=q, dq=dq)))
+    forces = disturbance(*(jnp.asarray(x[late]) for x in (run.log.t, run.log.state.q, run.log.state.dq)))
+    force, u = np.linalg.norm(forces, axis=1), np.asarray(run.log.signals["u"])[late]
+    size = float((float(reaching.layer) * force / (u - force)).max())
+    p, delta = np.asarray(surface.p), np.asarray(surface.delta)
+    l1 = (p * p / 2 - 5 * p / 2 + 3) * delta ** (p - 1)
+    beta = (1 / np.asarray(transformation.overshoot) + 1) / np.asarray(performance.final)
+    errors = np.broadcast_to(size / (np.asarray(surface.k1) * l1 * beta), law.joints)
+    return [float(error) for error in errors]
+
+
+def steady_error(run: Run) -> list[float] | None:
+    """`max |e|` over the logged second half of the run, [n]: in Example 4.2 the last full period of the motion.
+
+    - `run`: a finished run with a log.
+
+    None if the run ended before its end.
+    """
+    if not run.outcome.ok or run.log is None:
+        return None
+    late = np.asarray(run.log.t) > 0.5 * float(run.t1)
+    return [float(size) for size in np.abs(np.asarray(run.log.e)[late]).max(axis=0)]
+
+
+def table_3(run: Run, quantity: str, band: float) -> list[float | None]:
+    """A quantity of Table 3, one per joint.
+
+    - `run`: a finished run with a log.
+    - `quantity`: `settling_time`, `steady_error` or `peak_torque`.
+    - `band`: settling band, rad or m.
+    """
+    if quantity == "steady_error":
+        errors = steady_error(run)
+        return [None] * len(run.joint_units) if errors is None else [*errors]
+    values = analysis.settling_time(run, band) if quantity == "settling_time" else analysis.peak_torque(run)
+    # Still outside the band at the end: the run has no such time.
+    late = quantity == "settling_time"
+    return [None if late and value >= float(run.t1) - 1e-9 else float(value) for value in values]
+
+
+def worst_after_deadline(scenario: Scenario, run: Run) -> list[float] | None:
+    """`max |e| / ρ∞` from the deadline T of each joint on, [n]; None if the run ended before.
+
+    - `scenario`: what was simulated.
+    - `run`: its run, with a log.
+    """
+    performance = parts_of(scenario).performance
+    if run.log is None or not run.outcome.ok:
+        return None
+    t, sizes = np.asarray(run.log.t), np.abs(np.asarray(run.log.e))
+    deadline, final = (np.broadcast_to(np.asarray(x), run.joints) for x in (performance.deadline, performance.final))
+    if t[-1] < deadline.max():
+        return None
+    return [float(sizes[t >= deadline[i], i].max() / final[i]) for i in range(run.joints)]
+
+
+def step_ratio(run: Run, halved: Run) -> tuple[list[float], list[float]]:
+    """Effect of halving the step: the largest torque step over the one before, and AICE likewise, [n] each.
+
+    For a continuous torque the first is about 1/2 and the second about 1; for one that chatters, both are not.
+
+    - `run`: at the step.
+    - `halved`: at half the step.
+    """
+    pairs = [(analysis.max_torque_step(r), printed.aice(r)) for r in (run, halved)]
+    (step, way), (half_step, half_way) = pairs
+    return (half_step / step).tolist(), (half_way / way).tolist()
+
+
+def chatter(run: Run, halved: Run) -> list[float | None]:
+    """Factor by which AICE grows when the step is halved, [n], for joints whose torque chatters, and None for others.
+
+    The way of a continuous torque does not depend on the step; that of one which jumps at every sample does. It counts
+    as chattering if it changes by more than the fraction within which numbers are called close.
+
+    - `run`: at the step.
+    - `halved`: at half the step.
+    """
+    ways = printed.aice(halved) / printed.aice(run)
+    return [float(way) if abs(way - 1.0) > CLOSE else None for way in ways]
+
+
+Values = dict[str, float | None]
+
+
+@dataclass(frozen=True)
+class Row:
+    """A printed number.
+
+    - `scheme`: whose.
+    - `quantity`: its key, as in `printed`, or `limit` or `energy`.
+    - `place`, `name`: where it is printed, and what it is called there.
+    - `joint`: which joint, as text.
+    - `unit`: of both numbers.
+    - `printed`: as printed.
+    - `compared_with`: what was computed.
+    - `computed`, `verdicts`: by reading of the disturbance.
+    """
+
+    scheme: str
+    quantity: str
+    place: str
+    name: str
+    joint: str
+    unit: str
+    printed: str
+    compared_with: str
+    computed: Values
+    verdicts: dict[str, Verdict]
+
+
+def numbers(runs: Runs) -> list[Row]:
+    """Table 3 in full, the limit of the error that the text gives, and the share of energy.
+
+    - `runs`: all runs.
+    """
+    table = [row for scheme, items in TABLE_3.items() for item in items for row in _joints(runs, scheme, item)]
+    return [*table, _limit(runs), _energy(runs, False), _energy(runs, True)]
+
+
+def energy_share(runs: Runs, reading: Reading, layered: bool) -> float:
+    """ECI of CFTSMPPC in percent of that of NFTSMC, both summed over the joints.
+
+    - `runs`: all runs.
+    - `reading`: of the disturbance.
+    - `layered`: whether NFTSMC has a boundary layer.
+    """
+    rival = _nftsmc(reading, layered)
+    return float(100 * indices.eci(runs[Case("4.2", reading)]).sum() / indices.eci(runs[rival]).sum())
+
+
+def _joints(runs: Runs, scheme: str, item: Printed) -> list[Row]:
+    robot = runs.scenarios[Case("4.2", runs.readings[0])].plant.robot
+    band = SCHEMES[scheme].band
+    result = {reading: _judged(runs, Case("4.2", reading, scheme=scheme), item, band) for reading in runs.readings}
+    units = {"settling_time": ("s",) * 3, "steady_error": robot.joint_units, "peak_torque": robot.torque_units}
+    return [
+        Row(
+            SCHEMES[scheme].name,
+            item.quantity,
+            item.place,
+            item.name,
+            str(i + 1),
+            units[item.quantity][i],
+            text,
+            item.compared_with,
+            {reading: joints[i][0] for reading, joints in result.items()},
+            {reading: joints[i][1] for reading, joints in result.items()},
+        )
+        for i, text in enumerate(item.texts)
+    ]
+
+
+def _judged(runs: Runs, case: Case, item: Printed, band: float) -> list[tuple[float | None, Verdict]]:
+    run = runs[case]
+    values = table_3(run, item.quantity, band)
+    verdicts = [
+        compare(printed, value, _absent(run, item.quantity, band))
+        for printed, value in zip(item.values, values, strict=True)
+    ]
+    if item.quantity == "peak_torque":
+        growth, first = chatter(run, runs[case.halved]), analysis.initial_torque(run)
+        # A peak at the start comes before any chattering.
+        verdicts = [
+            verdict if way is None or value == float(start) else incomparable(_growing(way))
+            for verdict, way, value, start in zip(verdicts, growth, values, first, strict=True)
+        ]
+    return list(zip(values, verdicts, strict=True))
+
+
+def _growing(way: float) -> str:
+    return f"chatters (AICE × {significant(way, 2)})"
+
+
+def _absent(run: Run, quantity: str, band: float) -> Verdict | None:
+    """A run that reached its end without settling does not lack a settling time: it differs."""
+    if quantity == "settling_time" and run.outcome.ok:
+        return Verdict("differs", f"differs: still above {significant(band, 1)} at the end")
+    return None
+
+
+def _limit(runs: Runs) -> Row:
+    errors = {reading: steady_error(runs[Case("4.2", reading)]) for reading in runs.readings}
+    worst: Values = {reading: None if joints is None else max(joints) for reading, joints in errors.items()}
+    return Row(
+        "CFTSMPPC",
+        "limit",
+        "Section 4",
+        "|e_i| in steady state",
+        "all",
+        "rad, m",
+        f"< {STEADY_LIMIT}",
+        "largest |e| over the second half of the run",
+        worst,
+        {reading: below(float(STEADY_LIMIT), value) for reading, value in worst.items()},
+    )
+
+
+def _energy(runs: Runs, layered: bool) -> Row:
+    computed: Values = {}
+    verdicts: dict[str, Verdict] = {}
+    for reading in runs.readings:
+        rival = _nftsmc(reading, layered)
+        value = energy_share(runs, reading, layered)
+        computed[reading], verdicts[reading] = value, compare(float(ENERGY_SHARE), value)
+        if not layered:
+            ways = [way for way in chatter(runs[rival], runs[rival.halved]) if way is not None]
+            if ways:
+                verdicts[reading] = incomparable("NFTSMC " + _growing(max(ways)))
+    return Row(
+        "CFTSMPPC",
+        "energy",
+        "Section 4",
+        "ECI in percent of that of NFTSMC",
+        "all",
+        "%",
+        ENERGY_SHARE,
+        f"sums over the joints; {_nftsmc(runs.readings[0], layered).name}{'' if layered else ' as listed'}",
+        computed,
+        verdicts,
+    )
+
+
+def _nftsmc(reading: Reading, layered: bool) -> Case:
+    case = Case("4.2", reading, scheme="nftsmc")
+    return case.relayered if layered else case

@@ -1,0 +1,208 @@
+"""The paper's printed values and index sums, and the rule for verdicts on them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from slidax.analysis.metric import Metric, array_of, metric
+from slidax.report.page import significant
+from slidax.simulation.run import Run
+
+from .examples import SCHEMES
+
+DOI = "10.1007/s11071-022-07650-w"
+
+
+@metric("IAE (80)", "{position}", key="paper.iae", source=DOI)
+def iae(run: Run) -> np.ndarray:
+    """`IAE = Σ |e(k)|` over the samples with t > 2 s, eq. (80).
+
+    - `run`: a finished run, or a batch.
+    """
+    return array_of(run.tally.late_error)
+
+
+@metric("ECI (81)", "({torque})²", key="paper.eci", source=DOI)
+def eci(run: Run) -> np.ndarray:
+    """`ECI = Σ |τ(k)|²` over all samples, eq. (81).
+
+    - `run`: a finished run, or a batch.
+    """
+    return array_of(run.tally.torque_square)
+
+
+@metric("AICE (82)", "{torque}", key="paper.aice", source=DOI)
+def aice(run: Run) -> np.ndarray:
+    """`AICE = Σ |τ(k+1) - τ(k)|` over all samples, eq. (82).
+
+    - `run`: a finished run, or a batch.
+    """
+    return array_of(run.tally.torque_travel)
+
+
+INDICES: tuple[Metric[np.ndarray], ...] = (iae, eci, aice)
+"""All three."""
+
+
+TITLE = (
+    "Approximate continuous fixed-time terminal sliding mode control with prescribed performance for uncertain "
+    "robotic manipulators"
+)
+JOURNAL = "Nonlinear Dynamics (2022)"
+
+
+@dataclass(frozen=True)
+class Printed:
+    """A printed quantity with one value per joint.
+
+    - `quantity`: its key: `settling_time`, `steady_error` or `peak_torque`.
+    - `place`: where it is printed.
+    - `name`: what it is called there.
+    - `texts`: the values as printed, one per joint.
+    - `compared_with`: what was computed for the comparison.
+    """
+
+    quantity: str
+    place: str
+    name: str
+    texts: tuple[str, ...]
+    compared_with: str
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """The values as numbers."""
+        return tuple(float(text) for text in self.texts)
+
+
+NAMES = {
+    "settling_time": (
+        "t_s, actual convergence time",
+        "last time with |e| above a band that is not printed, here {band}",
+    ),
+    "steady_error": ("e_ρ, steady-state error", "largest |e| over the second half of the run"),
+    "peak_torque": ("τ_max, maximum control torque", "largest |τ| over the run"),
+}
+"""Names of the columns of Table 3, and the computed quantity for each."""
+
+
+def _row(scheme: str, *columns: tuple[str, str, str]) -> tuple[Printed, ...]:
+    band = significant(SCHEMES[scheme].band, 1)
+    return tuple(
+        Printed(quantity, "Table 3", name, texts, computed.format(band=band))
+        for (quantity, (name, computed)), texts in zip(NAMES.items(), columns, strict=True)
+    )
+
+
+TABLE_3 = {
+    "cftsmppc": _row(
+        "cftsmppc", ("1.37", "1.35", "1.53"), ("4.92e-11", "6.90e-11", "2.21e-11"), ("12.19", "14.96", "15.17")
+    ),
+    "nftsmc": _row(
+        "nftsmc", ("1.77", "1.47", "1.75"), ("1.89e-5", "1.52e-5", "5.25e-6"), ("39.62", "203.39", "100.52")
+    ),
+    "anftsmc": _row(
+        "anftsmc", ("1.79", "1.47", "1.76"), ("2.81e-6", "4.21e-6", "2.60e-6"), ("26.24", "20.64", "39.44")
+    ),
+    "sfsmc": _row("sfsmc", ("2.20", "2.12", "2.35"), ("3.08e-4", "1.30e-4", "1.23e-4"), ("23.41", "29.04", "45.37")),
+}
+"""Table 3 by scheme."""
+
+STEADY_LIMIT = "8e-11"
+"""Section 4 on Fig. 7(b): "the convergence accuracy of the steady-state error satisfies |e_i| < 8 × 10⁻¹¹ even with
+time-varying external disturbances"."""
+
+ENERGY_SHARE = "8.84"
+"""Section 4: the ECI of CFTSMPPC in percent of that of NFTSMC. (The sentence cites Fig. 12; the bars are Fig. 13.)"""
+
+NOT_COVERED = (
+    "Figs. 12 to 14 as such: they print bars without values, so the computed ones stand for themselves.",
+    "The curves of the figures as such: the paper gives no data for them, so they can be compared by eye only.",
+    "The laws of the schemes that it compares with: it prints their parameters only. They were sourced or "
+    "reconstructed, and what differs may be the reconstruction.",
+)
+"""Printed content that cannot be compared."""
+
+
+REPRODUCED = 0.05
+"""A computed value within this fraction of the printed one reproduces it."""
+
+CLOSE = 0.20
+"""Within this fraction it is close; beyond, it differs."""
+
+Kind = Literal["reproduced", "close", "differs", "unchecked"]
+KINDS: tuple[Kind, ...] = ("reproduced", "close", "differs", "unchecked")
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The result of a comparison.
+
+    - `kind`: "reproduced", "close", "differs" or "unchecked".
+    - `text`: the verdict in words.
+    """
+
+    kind: Kind
+    text: str
+
+
+def compare(printed: float, computed: float | None, absent: Verdict | None = None) -> Verdict:
+    """The verdict on a printed number: reproduced within 5 %, close within 20 %, else it differs by a factor.
+
+    - `printed`: > 0.
+    - `computed`: the same quantity; None or not finite if there is none.
+    - `absent`: the verdict if there is none.
+    """
+    if computed is None or not math.isfinite(computed):
+        return absent or unchecked("the run has no such value")
+    deviation = abs(computed / printed - 1.0)
+    if deviation <= REPRODUCED + 1e-12:
+        return Verdict("reproduced", f"reproduced within {_percent(deviation)}")
+    if deviation <= CLOSE + 1e-12:
+        return Verdict("close", f"close: {_percent(deviation)} {'above' if computed > printed else 'below'}")
+    return Verdict("differs", f"differs: {significant(computed / printed, 2)} times printed")
+
+
+def below(limit: float, computed: float | None) -> Verdict:
+    """The verdict on a printed limit: reproduced if the computed value is below it.
+
+    - `limit`: > 0.
+    - `computed`: what must be below; None or not finite if there is none.
+    """
+    if computed is None or not math.isfinite(computed):
+        return unchecked("the run has no such value")
+    if computed < limit:
+        return Verdict("reproduced", f"holds: {significant(computed, 2)} is below")
+    return Verdict("differs", f"does not hold: {significant(computed / limit, 2)} times the limit")
+
+
+def claim(holds: bool) -> Verdict:
+    """The verdict on a statement that is true or not.
+
+    - `holds`: whether it is.
+    """
+    return Verdict("reproduced", "holds") if holds else Verdict("differs", "does not hold")
+
+
+def unchecked(why: str) -> Verdict:
+    """The verdict where there is nothing to compare.
+
+    - `why`: the reason.
+    """
+    return Verdict("unchecked", f"cannot be checked: {why}")
+
+
+def incomparable(why: str) -> Verdict:
+    """The verdict where the computed number is an accident of the computation.
+
+    - `why`: the reason.
+    """
+    return Verdict("unchecked", f"not compared: {why}")
+
+
+def _percent(fraction: float) -> str:
+    """Rounded up to a tenth, so that "within" stays true."""
+    return f"{max(0.1, math.ceil(fraction * 1000 - 1e-9) / 10):.1f} %"

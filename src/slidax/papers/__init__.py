@@ -1,1 +1,0 @@
-"""Published examples, computed again and compared with what was printed. One package per paper."""

@@ -1,0 +1,26 @@
+"""Sensors, actuators and disturbances: everything that surrounds the arm in a simulation.
+
+A sensor turns a sample of the true state into a measurement. An actuator turns a commanded torque into the torque at
+the joint. Disturbances are torques that no controller knows; they add up and scale.
+
+Read first: `sensors.py`, `actuators.py`, `disturbances.py`.
+"""
+
+from .actuators import Actuator as Actuator
+from .actuators import TorqueLimits as TorqueLimits
+from .disturbances import AbstractDisturbance as AbstractDisturbance
+from .disturbances import Constant as Constant
+from .disturbances import ElasticStop as ElasticStop
+from .disturbances import Friction as Friction
+from .disturbances import Harmonic as Harmonic
+from .disturbances import Samples as Samples
+from .disturbances import Scaled as Scaled
+from .disturbances import Step as Step
+from .disturbances import Sum as Sum
+from .sensors import AbstractSensor as AbstractSensor
+from .sensors import Delayed as Delayed
+from .sensors import DifferencedEncoders as DifferencedEncoders
+from .sensors import Encoders as Encoders
+from .sensors import Exact as Exact
+from .sensors import Lossy as Lossy
+from .sensors import Measurement as Measurement

@@ -1,0 +1,288 @@
+"""Sensors: exact, rounded, noisy, delayed or lossy measurements of the true state."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from slidax.core.errors import DefinitionError
+from slidax.core.parameter import parameter, piece
+from slidax.core.part import AbstractPart
+from slidax.core.types import Memory, PerJoint, Scalar, State, Vector
+
+from .noise import DELAYED, DIFFERENCED_ENCODERS, ENCODERS, LOSSY, as_integer, normal, seed, uniform
+
+
+class Measurement(eqx.Module):
+    """Measurement at one sample.
+
+    - `state`: measured positions and velocities.
+    - `fresh`: False if this sample was lost; `state` is then the last that arrived.
+    """
+
+    state: State
+    fresh: Bool[Array, ""]
+
+
+class AbstractSensor(AbstractPart):
+    """Map from the true state at a sample to a measurement.
+
+    Pure: random numbers depend on a seed and the sample's number only. Call a sensor at every sample, in order, from
+    number 0 on.
+    """
+
+    @abstractmethod
+    def init(self, state: State) -> Memory:
+        """Sensor state before the first sample: any pytree of arrays, also an empty one.
+
+        - `state`: true positions and velocities at sample 0.
+        """
+
+    @abstractmethod
+    def __call__(self, k: Int[Array, ""], state: State, period: Scalar, memory: Memory) -> tuple[Measurement, Memory]:
+        """The measurement at sample k, and the memory after it, a tree like `memory`.
+
+        - `k`: number of the sample, from 0 on.
+        - `state`: true positions and velocities at sample k.
+        - `period`: time between two samples [s], > 0.
+        - `memory`: what `init` returned, or the call at the last sample.
+        """
+
+
+class Exact(AbstractSensor):
+    """The state itself, at once and always."""
+
+    title = "A sensor without errors."
+
+    def init(self, state: State) -> tuple[()]:
+        return ()
+
+    def __call__(
+        self, k: Int[Array, ""], state: State, period: Scalar, memory: tuple[()]
+    ) -> tuple[Measurement, tuple[()]]:
+        return Measurement(state=state, fresh=jnp.asarray(True)), ()
+
+
+@jax.custom_jvp
+def round_to_resolution(q: Vector, resolution: PerJoint) -> Vector:
+    """`r round(q/r)`, the nearest multiple of the resolution, [n]; q itself for `r = 0`.
+
+    Its derivative is that of q (a straight-through estimator): the staircase itself is flat between its steps, and
+    would give a gradient of 0. A gradient through encoders is therefore that of the loop without rounding, along the
+    motion with it; with respect to the resolution it is 0.
+
+    - `q`: positions [n].
+    - `resolution`: r, in the unit of q, one number or [n], >= 0.
+    """
+    # From 2^52 steps on, there is no number between two multiples left to round; the quotient could even overflow.
+    counts = jnp.abs(q) < resolution * 2.0**52
+    step = jnp.where(counts, resolution, 1.0)
+    return jnp.where(counts, step * jnp.round(jnp.where(counts, q, 0.0) / step), q)
+
+
+@round_to_resolution.defjvp
+def _straight_through(primals: tuple[Vector, PerJoint], tangents: tuple[Vector, PerJoint]) -> tuple[Vector, Vector]:
+    counted = round_to_resolution(*primals)
+    return counted, jnp.broadcast_to(tangents[0], counted.shape)
+
+
+class Encoders(AbstractSensor):
+    """`q' = r round((q + σ_q ν)/r)`, `q̇' = q̇ + σ_v ν'`, where ν and ν' are white with mean 0 and deviation 1.
+
+    The velocity has its own sensor, such as a tachometer. For drives that difference their encoder, use
+    `DifferencedEncoders`.
+    """
+
+    title = "Position encoders with velocity sensors."
+
+    resolution: PerJoint = parameter("r, 2π over the counts per turn", "rad or m", ">= 0", "(0 for none)")
+    position_noise: PerJoint = parameter(
+        "σ_q, standard deviation before rounding", "rad or m", ">= 0", "(0 for none)", default=0.0
+    )
+    velocity_noise: PerJoint = parameter("σ_v, standard deviation", "rad/s or m/s", ">= 0", "(0 for none)", default=0.0)
+    seed: Int[Array, ""] = seed("noise")
+
+    def init(self, state: State) -> tuple[()]:
+        return ()
+
+    def __call__(
+        self, k: Int[Array, ""], state: State, period: Scalar, memory: tuple[()]
+    ) -> tuple[Measurement, tuple[()]]:
+        """Rounded positions and noisy velocities."""
+        noise = normal(self.seed, ENCODERS, k, (2, *state.q.shape))
+        measured = State(
+            q=round_to_resolution(state.q + self.position_noise * noise[0], self.resolution),
+            dq=state.dq + self.velocity_noise * noise[1],
+        )
+        return Measurement(state=measured, fresh=jnp.asarray(True)), ()
+
+
+class DifferencedEncoders(AbstractSensor):
+    """`q' = r round((q + σ ν)/r)`, and `v⁺ = v + (1 - e^{-c h}) ((q' - q'₋)/h - v)`, `q̇' = v⁺`.
+
+    There is no velocity sensor: the velocity is the difference of the last two positions after a first-order low-pass,
+    and lags by about `1/c + h/2`. At sample 0 it is the true velocity.
+    """
+
+    title = "Encoders without velocity sensors: the velocity is a filtered difference of positions."
+
+    resolution: PerJoint = parameter("r, 2π over the counts per turn", "rad or m", ">= 0", "(0 for none)")
+    position_noise: PerJoint = parameter(
+        "σ, standard deviation before rounding", "rad or m", ">= 0", "(0 for none)", default=0.0
+    )
+    cutoff: PerJoint = parameter("c, of the low-pass", "rad/s", "> 0", default=600.0)
+    seed: Int[Array, ""] = seed("noise")
+
+    def init(self, state: State) -> State:
+        """The position that was counted last, and the filtered velocity: at the start both are the true ones."""
+        return state
+
+    def __call__(self, k: Int[Array, ""], state: State, period: Scalar, memory: State) -> tuple[Measurement, State]:
+        """Rounded positions, and the velocities that follow from them."""
+        noise = normal(self.seed, DIFFERENCED_ENCODERS, k, state.q.shape)
+        q = round_to_resolution(state.q + self.position_noise * noise, self.resolution)
+        share = -jnp.expm1(-self.cutoff * period)
+        moved = memory.dq + share * ((q - memory.q) / period - memory.dq)
+        measured = State(q=q, dq=jnp.where(k > 0, moved, memory.dq))
+        return Measurement(state=measured, fresh=jnp.asarray(True)), measured
+
+
+class History(eqx.Module):
+    """The memory of `Delayed`.
+
+    - `start`: the state at sample 0.
+    - `q`, `dq`: the last states [m n]; that of sample k is in row k mod m.
+    - `inner`: the memory of the delayed sensor.
+    """
+
+    start: State
+    q: Float[Array, "m n"]
+    dq: Float[Array, "m n"]
+    inner: Memory
+
+
+class Delayed(AbstractSensor):
+    """Measurement of `sensor`, delayed by `max(periods + jitter U, 0)` sampling periods.
+
+    U is uniform in [-1/2, 1/2) and drawn anew for each sample: the sampling instants are uneven. Between two samples
+    the state follows the cubic polynomial that has both positions and velocities there (Hermite), an error of `h⁴` in
+    the position and `h³` in the velocity; before sample 0 the velocity was constant.
+    """
+
+    sensor: AbstractSensor = piece("what measures")
+    periods: float = parameter(
+        "the delay, whole or not; known when compiled, since it sets how much is kept",
+        "sampling periods",
+        "[0, 100]",
+        static=True,
+        converter=float,
+    )
+    jitter: float = parameter(
+        "width of the spread of the delay; known when compiled",
+        "sampling periods",
+        "[0, 100]",
+        default=0.0,
+        static=True,
+        converter=float,
+    )
+    seed: Int[Array, ""] = seed("instants")
+
+    @property
+    def kept(self) -> int:
+        """m, the number of stored states."""
+        return math.ceil(self.periods + 0.5 * self.jitter) + 1
+
+    def init(self, state: State) -> History:
+        """A history of the first state."""
+        shape = (self.kept, *state.q.shape)
+        return History(
+            start=state,
+            q=jnp.broadcast_to(state.q, shape),
+            dq=jnp.broadcast_to(state.dq, shape),
+            inner=self.sensor.init(state),
+        )
+
+    def __call__(self, k: Int[Array, ""], state: State, period: Scalar, memory: History) -> tuple[Measurement, History]:
+        """Measurement of the delayed state."""
+        row = k % self.kept
+        q, dq = memory.q.at[row].set(state.q), memory.dq.at[row].set(state.dq)
+        measurement, inner = self.sensor(k, self._past(k, q, dq, period, memory.start), period, memory.inner)
+        return measurement, History(start=memory.start, q=q, dq=dq, inner=inner)
+
+    def _past(
+        self, k: Int[Array, ""], q: Float[Array, "m n"], dq: Float[Array, "m n"], period: Scalar, start: State
+    ) -> State:
+        """The state at the age of this sample."""
+        age = jnp.asarray(self.periods)
+        if self.jitter:
+            age = jnp.maximum(age + self.jitter * (uniform(self.seed, DELAYED, k) - 0.5), 0.0)
+        whole_age = jnp.floor(age)
+        later = (k - whole_age.astype(k.dtype)) % self.kept
+        earlier = (later - 1) % self.kept
+        # From the later sample back by a share of the period, so that whole ages are exact.
+        back = age - whole_age
+        q1, v1, v0 = q[later], dq[later], dq[earlier]
+        mean = (q1 - q[earlier]) / period
+        square, cube = 2.0 * v1 + v0 - 3.0 * mean, 2.0 * mean - v1 - v0
+        between = State(
+            q=q1 + period * back * (back * (square + back * cube) - v1),
+            dq=v1 - back * (2.0 * square + 3.0 * back * cube),
+        )
+        before = jnp.maximum(age - k.astype(age.dtype), 0.0) * period
+        return State(
+            q=jnp.where(before > 0, start.q - before * start.dq, between.q),
+            dq=jnp.where(before > 0, start.dq, between.dq),
+        )
+
+
+class Arrived(eqx.Module):
+    """The memory of `Lossy`.
+
+    - `last`: the last state that arrived.
+    - `inner`: the memory of the inner sensor.
+    """
+
+    last: State
+    inner: Memory
+
+
+class Lossy(AbstractSensor):
+    """Measurement of `sensor`, lost at random, and always for `start <= k < start + count`.
+
+    Sample 0 always arrives. A lost sample is not fresh, and repeats the last sample that arrived. The sensor goes on
+    measuring.
+    """
+
+    sensor: AbstractSensor = piece("what measures")
+    probability: Scalar = parameter("of losing a sample, for each by itself", "", "[0, 1]", default=0.0)
+    starts: Int[Array, " m"] = parameter("number of the first sample of each outage", default=(), converter=as_integer)
+    counts: Int[Array, " m"] = parameter(
+        "how many samples each outage takes", "samples", ">= 0", default=(), converter=as_integer
+    )
+    seed: Int[Array, ""] = seed("losses")
+
+    def __check_init__(self) -> None:
+        if self.starts.ndim != 1 or self.starts.shape != self.counts.shape:
+            raise DefinitionError(
+                "`Lossy.counts` must have one entry for each of `starts`; "
+                f"got shapes {list(self.counts.shape)} and {list(self.starts.shape)}"
+            )
+
+    def init(self, state: State) -> Arrived:
+        """The first state, which is never used, for sample 0 arrives."""
+        return Arrived(last=state, inner=self.sensor.init(state))
+
+    def __call__(self, k: Int[Array, ""], state: State, period: Scalar, memory: Arrived) -> tuple[Measurement, Arrived]:
+        """Measurement at sample k, or the last one that arrived."""
+        measurement, inner = self.sensor(k, state, period, memory.inner)
+        by_chance = uniform(self.seed, LOSSY, k) < self.probability
+        since = k.astype(self.starts.dtype) - self.starts
+        by_plan = jnp.any((since >= 0) & (since < self.counts))
+        fresh = measurement.fresh & ((k == 0) | ~(by_chance | by_plan))
+        last = jax.tree.map(lambda new, old: jnp.where(fresh, new, old), measurement.state, memory.last)
+        return Measurement(state=last, fresh=fresh), Arrived(last=last, inner=inner)

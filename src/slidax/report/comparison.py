@@ -1,0 +1,261 @@
+"""Several schemes on the same task: their runs, their metrics joint by joint, and a page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby, islice
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from slidax.analysis.metric import Metric, short_names
+from slidax.analysis.metrics import metrics_of, summary
+from slidax.core.errors import DefinitionError
+from slidax.law.sampled.controller import SampledData
+from slidax.scenarios.scenario import Scenario
+from slidax.simulation.run import Run
+
+from . import figures
+from .figures.compared import LOOKS
+from .files import parameters
+from .page import Picture, picture, write_page
+from .pages import tip_paths, torque_limits
+
+
+@dataclass(frozen=True)
+class Rival:
+    """The run of one scheme in a comparison.
+
+    - `scenario`, `run`: the simulated scenario and its run.
+    - `outside`: samples outside the scheme's envelope, or for a scheme without one outside the comparison's envelope;
+      None if there is none.
+    """
+
+    scenario: Scenario
+    run: Run
+    outside: int | None = None
+
+    @property
+    def form(self) -> str:
+        """`sampled-data` for a law that is designed for its sample time, `printed` for one as its source prints it."""
+        return "sampled-data" if isinstance(self.scenario.controller, SampledData) else "printed"
+
+    @property
+    def end(self) -> float:
+        """Time of the last sample [s]."""
+        return max(0, int(self.run.tally.samples) - 1) * float(self.run.period)
+
+    @classmethod
+    def simulated(cls, scenario: Scenario, judge: Scenario, *, logged: bool) -> Rival:
+        """Simulate a scheme and count its samples outside the envelope.
+
+        - `scenario`: to simulate.
+        - `judge`: has the envelope for a scheme without one.
+        - `logged`: keep the log that the scenario requests.
+        """
+        # Of every sample, since metrics count all of them too.
+        run = scenario.simulate(log_every=1)
+        outside = int(run.tally.violations) if run.has_envelope else _outside(judge, run)
+        kept = jax.tree.map(lambda x: x[:: scenario.log_every].copy(), run.log) if logged else None
+        return cls(scenario, eqx.tree_at(lambda r: r.log, run, kept), outside)
+
+
+def _outside(judge: Scenario, run: Run) -> int | None:
+    """Logged samples with a joint at or outside another scheme's envelope."""
+    law, start = judge.controller, jnp.zeros(())
+    memory = law.init(start, judge.state0, judge.trajectory.reference(start))
+    if run.log is None or law.envelope(start, memory) is None:
+        return None
+    bounds: Any = jax.jit(jax.vmap(law.envelope, (0, None)))(jnp.asarray(run.log.t), memory)
+    inside = (np.asarray(bounds.lower) < run.log.e) & (run.log.e < np.asarray(bounds.upper))
+    return int(np.sum(~inside.all(axis=1)))
+
+
+@dataclass(frozen=True)
+class MetricRow:
+    """One metric of one joint.
+
+    - `values`: by scheme, in `unit`; None where there is none.
+    - `best`: the schemes with the least value, among the runs that reached their end.
+    - `metric`, `joint`: which.
+    """
+
+    metric: Metric[Any]
+    joint: str
+    unit: str
+    values: dict[str, float | None]
+    best: frozenset[str]
+
+
+def standings(rivals: Mapping[str, Rival], also: Sequence[Metric[Any]] = ()) -> list[MetricRow]:
+    """All metrics joint by joint.
+
+    - `rivals`: runs by scheme, all on the same arm.
+    - `also`: further metrics, such as those of a paper; listed for scenarios from their source.
+    """
+    first = next(iter(rivals.values()))
+    reached = [name for name, rival in rivals.items() if rival.run.outcome.ok]
+    rows = []
+    for metric in (*metrics_of(first.run), *also):
+        if not metric.per_joint or metric.source not in first.scenario.description.source:
+            continue
+        shown = {name: metric.shown(rival.run) for name, rival in rivals.items()}
+        for i, (joint, unit) in enumerate(zip(first.run.joint_names, metric.units(first.run), strict=True)):
+            values = {name: each[i] for name, each in shown.items()}
+            among = reached if metric.least_is_best else []
+            if metric.needs_settling:
+                # A run above the band in the last quarter has not settled, even if its last sample is below.
+                among = [name for name in among if (values[name] or 0.0) < 0.75 * first.scenario.t1]
+            rows.append(MetricRow(metric, joint, unit, values, _least(values, among)))
+    return rows
+
+
+def results(rivals: Mapping[str, Rival], also: Sequence[Metric[Any]] = ()) -> dict[str, Any]:
+    """The comparison of `rivals` by all metrics and those in `also`, ready for JSON: every number in it is finite."""
+    first = next(iter(rivals.values()))
+    scenario = first.scenario
+    best: dict[str, list[list[str]]] = {}
+    for row in standings(rivals, also):
+        best.setdefault(row.metric.key, []).append([name for name in row.values if name in row.best])
+    return {
+        "scenario": scenario.name,
+        "robot": scenario.robot,
+        "n": first.run.joints,
+        "joints": list(first.run.joint_names),
+        "period": scenario.period,
+        "t1": scenario.t1,
+        "schemes": {name: _result(rival, also) for name, rival in rivals.items()},
+        "best": best,
+    }
+
+
+def _result(rival: Rival, also: Sequence[Metric[Any]]) -> dict[str, Any]:
+    outcome, timing = rival.run.outcome, rival.run.timing
+    return {
+        "form": rival.form,
+        "outcome": outcome.kind,
+        "stopped": outcome.stopped,
+        "samples_outside": rival.outside,
+        "metrics": summary(rival.run, also),
+        "timing": {"compile_s": round(timing.compile_s, 4), "run_s": round(timing.run_s, 4)} if timing else None,
+    }
+
+
+def _least(values: Mapping[str, float | None], among: list[str]) -> frozenset[str]:
+    """Empty if there is only one scheme, or all values are equal."""
+    known = {name: value for name in among if (value := values[name]) is not None}
+    if len(values) < 2 or not known:
+        return frozenset()
+    least = min(known.values())
+    best = frozenset(name for name, value in known.items() if value == least)
+    return best if len(best) < len(values) else frozenset()
+
+
+ACROSS = 5
+"""Schemes side by side in a table."""
+
+
+def write_comparison(
+    rivals: Mapping[str, Rival], out: Path, *, also: Sequence[Metric[Any]] = (), command: str = ""
+) -> Path:
+    """Write `report.html`, `figures/*.svg` and `results.json` to the folder `out`, and return the page's path.
+
+    - `rivals`: runs by scheme; a run without a log appears in the tables only.
+    - `also`: further metrics, such as those of a paper; listed for scenarios from their source.
+    - `command`: command line, for the page.
+
+    Raises DefinitionError if there are no runs, or they belong to different arms.
+    """
+    if not rivals:
+        raise DefinitionError("nothing to compare: give at least one run")
+    first = next(iter(rivals.values()))
+    if any(rival.run.joint_names != first.run.joint_names for rival in rivals.values()):
+        raise DefinitionError("only runs of the same arm can be compared; these runs have different joints")
+    rows = standings(rivals, also)
+    timings = [rival.run.timing for rival in rivals.values() if rival.run.timing]
+    return write_page(
+        out,
+        "comparison.html.j2",
+        data={"results.json": results(rivals, also)},
+        scenario=first.scenario,
+        rivals=rivals,
+        tables=_tables(list(rivals)),
+        groups=[(metric, list(group)) for metric, group in groupby(rows, key=lambda row: row.metric)],
+        pictures=_pictures(rivals, rows, out / "figures"),
+        undrawn=[name for name in rivals if name not in _drawable(rivals)],
+        parameters={name: parameters(rival.scenario) for name, rival in rivals.items()},
+        seconds=sum(timing.compile_s + timing.run_s for timing in timings),
+        command=command,
+    )
+
+
+def _tables(names: list[str]) -> list[list[str]]:
+    """The names in as few tables as fit on paper, of nearly equal length."""
+    tables = -(-len(names) // ACROSS)
+    each = -(-len(names) // tables)
+    return [names[start : start + each] for start in range(0, len(names), each)]
+
+
+def _drawable(rivals: Mapping[str, Rival]) -> dict[str, Rival]:
+    """Runs with at least two finite samples, and no more than there are line styles."""
+    return dict(islice(((name, rival) for name, rival in rivals.items() if _has_samples(rival.run)), len(LOOKS)))
+
+
+def _has_samples(run: Run) -> bool:
+    if run.log is None:
+        return False
+    samples = np.concatenate([np.asarray(part) for part in (run.log.e, run.log.de, run.log.tau)], axis=1)
+    return int(np.isfinite(samples).all(axis=1).sum()) >= 2
+
+
+def _pictures(rivals: Mapping[str, Rival], rows: list[MetricRow], folder: Path) -> list[Picture]:
+    drawn = _drawable(rivals)
+    if not drawn:
+        return []
+    runs = {name: rival.run for name, rival in drawn.items()}
+    paths = {name: tip_paths(rival.scenario.plant.robot, rival.run) for name, rival in drawn.items()}
+    desired = max((goal for _, goal in paths.values()), key=len)
+    enveloped = [name for name, run in runs.items() if run.has_envelope]
+    behind = f" Behind them lies the envelope of {enveloped[0]}." if len(enveloped) == 1 else ""
+    specs = [
+        (
+            "tracking-errors",
+            "Tracking errors",
+            "At the beginning, and their absolute values over the run, each the largest sample of a short interval."
+            + behind,
+            figures.compared_errors(runs),
+        ),
+        (
+            "velocity-errors",
+            "Velocity errors",
+            "At the beginning, and their absolute values over the run, drawn in the same way.",
+            figures.compared_velocity_errors(runs),
+        ),
+        (
+            "torques",
+            "Torques",
+            "Over the whole run, and at the beginning. A tinted band is the range of a chattering torque; "
+            "peaks far above all others are cut off.",
+            figures.compared_torques(runs, limits=torque_limits(next(iter(drawn.values())).scenario)),
+        ),
+        (
+            "tip-paths",
+            "Paths of the tip",
+            "Over the desired path; each starts at a ring.",
+            figures.compared_tip_paths({name: path for name, (path, _) in paths.items()}, desired),
+        ),
+    ]
+    for metric, group in groupby((row for row in rows if row.metric.bars), key=lambda row: row.metric):
+        metric_rows = list(group)
+        bars = {name: [row.values[name] for row in metric_rows] for name in drawn}
+        units = ", ".join(dict.fromkeys(row.unit for row in metric_rows))
+        joints = short_names([row.joint for row in metric_rows])
+        caption = f"{metric.meaning}, joint by joint on a logarithmic axis."
+        figure = figures.metric_bars(bars, f"{metric.title}  [{units}]", joints)
+        specs.append((metric.key, metric.title.capitalize(), caption, figure))
+    return [picture(figure, folder, name, title, caption) for name, title, caption, figure in specs]

@@ -1,0 +1,279 @@
+"""The pages of a run, a study, certificates, a linearised loop and an identification."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from slidax.analysis.metric import Metric, short_names
+from slidax.analysis.metrics import envelope_violations, metrics_of, tool_error, tool_turn
+from slidax.arms.arm import AbstractRobot
+from slidax.certify.sampled_scenario import envelope_bounds
+from slidax.core.errors import DefinitionError
+from slidax.identify.identified_arm import Identification
+from slidax.scenarios.scenario import Scenario
+from slidax.scenarios.yaml_text import as_yaml
+from slidax.simulation.run import Run
+from slidax.studies.study import AbstractResult, AbstractStudy, Chart
+
+from . import figures
+from .files import parameters, write_scenario
+from .page import Picture, picture, write_page
+
+
+def tip_paths(robot: AbstractRobot, run: Run) -> tuple[np.ndarray, np.ndarray]:
+    """Actual and desired tip positions at the logged times, each [k 3], m.
+
+    - `robot`: the arm, for its kinematics.
+    - `run`: with a log.
+
+    Raises DefinitionError if the run has no log.
+    """
+    if run.log is None:
+        raise DefinitionError("the path of the tip needs the log of the run; simulate with `log_every=10`, not None")
+    places = eqx.filter_jit(eqx.filter_vmap(robot.tip))
+    actual, desired = (places(jnp.asarray(q)) for q in (run.log.state.q, run.log.reference.q))
+    return np.asarray(actual), np.asarray(desired)
+
+
+def torque_limits(scenario: Scenario) -> np.ndarray | None:
+    """Largest torque of the actuator of a `scenario` [n], N m or N; None if unlimited."""
+    actuator = scenario.plant.actuator
+    if actuator is None:
+        return None
+    limits = np.broadcast_to(np.asarray(actuator.limits.torque), scenario.plant.robot.joints)
+    return limits if np.isfinite(limits).any() else None
+
+
+def write_run_report(
+    scenario: Scenario, run: Run, out: Path, *, also: Sequence[Metric[Any]] = (), command: str = ""
+) -> Path:
+    """Write `report.html` and `figures/*.svg` to the folder `out`, and return the page's path.
+
+    - `scenario`, `run`: a scenario with its run; without a log the page has no figures.
+    - `also`: further metrics, such as those of a paper; listed for scenarios from their source.
+    - `command`: command line, for the page.
+    """
+    metrics = [m for m in (*metrics_of(run), *also) if m.per_joint and m.source in scenario.description.source]
+    return write_page(
+        out,
+        "run.html.j2",
+        scenario=scenario,
+        run=run,
+        outcome=run.outcome,
+        rows=[(metric, metric.units(run), metric.shown(run)) for metric in metrics],
+        violations=envelope_violations(run),
+        tool=tool_error(run),
+        turn=tool_turn(run),
+        pictures=_run_pictures(scenario, run, out / "figures"),
+        parameters=parameters(scenario),
+        seconds=run.timing.compile_s + run.timing.run_s if run.timing else 0.0,
+        command=command,
+    )
+
+
+def _run_pictures(scenario: Scenario, run: Run, folder: Path) -> list[Picture]:
+    if run.log is None or len(np.atleast_1d(run.log.t)) < 2:
+        return []
+    inside = " in its envelope" if run.has_envelope else ""
+    torque = figures.torque(run, limits=torque_limits(scenario))
+    specs = [
+        (
+            "tracking-error",
+            "Tracking error",
+            f"The error{inside}, and its absolute value.",
+            figures.tracking_error(run),
+        ),
+        (
+            "velocity-error",
+            "Velocity error",
+            "Its beginning, and its size over the run.",
+            figures.velocity_error(run),
+        ),
+        ("torque", "Torque", "Over the whole run, and at its beginning.", torque),
+        ("tip-path", "Path of the tip", "In the workspace.", figures.tip_path(*tip_paths(scenario.plant.robot, run))),
+    ]
+    return [picture(figure, folder, name, title, caption) for name, title, caption, figure in specs]
+
+
+def write_study_report(
+    study: AbstractStudy, result: AbstractResult, out: Path, *, seconds: float, command: str = ""
+) -> Path:
+    """Write `report.html`, `figures/*.svg`, `results.json` and scenarios to the folder `out`; return the page's path.
+
+    - `study`, `result`: a study and its result.
+    - `seconds`, `command`: computing time and command line, for the page.
+    """
+    scenarios = result.scenarios()
+    for name, description in scenarios.items():
+        write_scenario(description, out / f"{name}.yaml")
+    sections = [
+        (section, [_picture(chart, out / "figures") for chart in section.figures]) for section in result.sections()
+    ]
+    return write_page(
+        out,
+        "study.html.j2",
+        data={"results.json": result.as_json()},
+        title=study.title or f"{study.scenario}: {study.study.replace('_', ' ')}",
+        kind=study.study.replace("_", " "),
+        result=result,
+        sections=sections,
+        scenarios={name: as_yaml(description) for name, description in scenarios.items()},
+        parameters={"The study": as_yaml(study)},
+        seconds=seconds,
+        command=command,
+    )
+
+
+def _picture(chart: Chart, folder: Path) -> Picture:
+    figure = getattr(figures, chart.kind)(*chart.values)
+    return picture(figure, folder, chart.name, chart.title, chart.caption)
+
+
+if TYPE_CHECKING:
+    from slidax.certify.certify import Certificates
+
+
+def write_certificate_report(
+    scenario: Scenario, certificates: Certificates, out: Path, *, seconds: float, command: str = ""
+) -> Path:
+    """Write `report.html`, `figures/*.svg` and `certificate.json` to the folder `out`, and return the page's path.
+
+    - `scenario`, `certificates`: a scenario with its certificates.
+    - `seconds`, `command`: computing time and command line, for the page.
+    """
+    return write_page(
+        out,
+        "certificate.html.j2",
+        data={"certificate.json": certificates.as_json()},
+        scenario=scenario,
+        certificates=certificates,
+        pictures=_certificate_pictures(scenario, certificates, out / "figures"),
+        parameters={"The scenario": as_yaml(scenario.description)},
+        seconds=seconds,
+        command=command,
+    )
+
+
+def _certificate_pictures(scenario: Scenario, certificates: Certificates, folder: Path) -> list[Picture]:
+    t = np.linspace(0.0, scenario.t1, 801)
+    envelope = envelope_bounds(scenario, t)
+    if envelope is None:
+        return []
+    plant = scenario.plant
+    robot = getattr(plant, "own", plant).robot
+    radii = np.sort(np.abs(np.stack(envelope)), axis=0)
+    bounds = _bounds(certificates, scenario.t1)
+    caption = "The two sides of the envelope by their distance from zero"
+    caption += ", and the bounds of |e| with their grades." if bounds else "; there is no bound of the error."
+    figure = figures.bounded_error(t, radii, bounds, short_names(robot.joint_names), robot.joint_units)
+    return [picture(figure, folder, "bounded-error", "Bound of the error", caption)]
+
+
+def _bounds(certificates: Certificates, t1: float) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Bounds of |e| over time, of certificates that hold."""
+    bounds: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+    for verdict in certificates:
+        if not verdict.holds:
+            continue
+        bound: Any = verdict.bound
+        if "error_over_time" in bound:
+            bounds[f"at this rate, grade {verdict.grade}"] = (
+                np.asarray(bound["times"], float),
+                np.asarray(bound["error_over_time"], float),
+            )
+        elif verdict.name == "ultimate_bound":
+            error = np.asarray(bound["error"], float)
+            bounds[f"in the end, grade {verdict.grade}"] = np.array([0.75 * t1, t1]), np.stack([error, error])
+    return bounds
+
+
+if TYPE_CHECKING:
+    from slidax.analysis.linearise import LinearisedLoop
+
+LOOP_PLACES = {
+    "torque": "broken at the torque, between law and drives",
+    "measurement": "broken at the measured positions",
+}
+
+
+def write_linear_report(
+    scenario: Scenario, linear: LinearisedLoop, out: Path, *, seconds: float, command: str = ""
+) -> Path:
+    """Write `report.html`, `figures/*.svg` and `linear.json` to the folder `out`, and return the page's path.
+
+    - `scenario`, `linear`: the closed loop, and its linearisation.
+    - `seconds`, `command`: computing time and command line, for the page.
+    """
+    has_margins = linear.held and linear.stable
+    return write_page(
+        out,
+        "linear.html.j2",
+        data={"linear.json": linear.as_json()},
+        scenario=scenario,
+        linear=linear,
+        margins={where: linear.margins(where) for where in LOOP_PLACES} if has_margins else {},
+        together={where: linear.together(where) for where in LOOP_PLACES} if has_margins else {},
+        places=LOOP_PLACES,
+        joints=short_names(linear.joint_names),
+        pictures=_loop_pictures(linear, out / "figures") if has_margins else [],
+        parameters={"The scenario": as_yaml(scenario.description)},
+        seconds=seconds,
+        command=command,
+    )
+
+
+def _loop_pictures(linear: LinearisedLoop, folder: Path) -> list[Picture]:
+    # At half of the sampling frequency itself L may be 0.
+    omega = np.geomspace(1e-4, 0.99, 800) * np.pi / linear.system.period
+    names = short_names(linear.joint_names)
+    pictures = []
+    for where, title in LOOP_PLACES.items():
+        closed = linear.closed(where).response(omega)
+        loops = {name: -closed[:, k, k] / (1.0 + closed[:, k, k]) for k, name in enumerate(names)}
+        caption = "Open loop of each joint with the other joints closed, up to half of the sampling frequency."
+        figure = figures.bode(omega, loops, title)
+        pictures.append(picture(figure, folder, f"bode-{where}", f"Bode, {where}", caption))
+        disks = {margin.where: margin.disk for margin in linear.margins(where) or []}
+        caption = "The same loops in the complex plane; the circle is the disk margin of the joint nearest to -1."
+        figure = figures.nyquist(loops, disks, title)
+        pictures.append(picture(figure, folder, f"nyquist-{where}", f"Nyquist, {where}", caption))
+    return pictures
+
+
+def write_identification_report(identification: Identification, out: Path, *, command: str = "") -> Path:
+    """Write `report.html` and `figures/*.svg` for an `identification` to the folder `out`; return the page's path.
+
+    - `command`: command line, for the page.
+    """
+    torque = picture(
+        figures.identified_torques(identification),
+        out / "figures",
+        "identified-torques",
+        "Torques",
+        "Measured and predicted torques in the filter's band, and their difference. The shaded part was held out.",
+    )
+    intervals = [parameter.interval() for parameter in identification.parameters]
+    return write_page(
+        out,
+        "identification.html.j2",
+        identification=identification,
+        rows=[
+            (parameter, 0.5 * (interval[1] - interval[0]))
+            for parameter, interval in zip(identification.parameters, intervals, strict=True)
+        ],
+        torques=[
+            ("measured", identification.measured_rms),
+            ("error, fitted part", identification.fit_rms),
+            ("error, held-out part", identification.held_out_rms),
+        ],
+        pictures=[torque],
+        parameters={},
+        seconds=identification.seconds,
+        command=command,
+    )

@@ -1,0 +1,292 @@
+"""ROS 2 messages of a log and the channels that carry them (CDR, vectorised over time)."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+DTYPES = {"float64": "<f8", "int64": "<i8", "uint32": "<u4", "bool": "u1"}
+"""NumPy types of the number types in a message."""
+
+_HEADER = "=" * 80
+_STAMP = f"{_HEADER}\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
+_FRAME = f"{_HEADER}\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n"
+
+
+@dataclass(frozen=True)
+class MessageField:
+    """A number of a message, or an array of numbers.
+
+    - `kind`: one of `DTYPES`.
+    - `count`: array length; None for a scalar.
+    - `sequence`: True if the length precedes the array, as in ROS messages of variable length.
+    - `column`: its name in a log; "" if it is `name`.
+    """
+
+    name: str
+    kind: str
+    count: int | None = None
+    sequence: bool = False
+    column: str = ""
+
+    @property
+    def key(self) -> str:
+        """Its column."""
+        return self.column or self.name
+
+
+@dataclass(frozen=True)
+class Message:
+    """A message type on a channel of its own.
+
+    - `type`: such as `sensor_msgs/msg/JointState`.
+    - `fields`: after the header and the names.
+    - `names`: joint names in a field `name`; no such field if empty.
+    """
+
+    topic: str
+    type: str
+    fields: tuple[MessageField, ...]
+    names: tuple[str, ...] = ()
+
+    @property
+    def definition(self) -> str:
+        """The type in ROS 2's interface language, with all types that it contains."""
+        lines = ["std_msgs/Header header"] + (["string[] name"] if self.names else [])
+        for field in self.fields:
+            size = "" if field.count is None else "[]" if field.sequence else f"[{field.count}]"
+            lines.append(f"{field.kind}{size} {field.name}")
+        return "\n".join(lines) + f"\n{_FRAME}{_STAMP}"
+
+    @cached_property
+    def _layout(self) -> tuple[bytes, dict[str, tuple[int, int]]]:
+        """A message of zeros, and the offset and length [bytes] of each field in it."""
+        body = bytearray()
+
+        def aligned(size: int) -> None:
+            body.extend(bytes(-len(body) % size))
+
+        def text(value: str) -> None:
+            aligned(4)
+            letters = value.encode() + b"\0"
+            body.extend(struct.pack("<I", len(letters)) + letters)
+
+        body.extend(bytes(8))
+        text("")
+        if self.names:
+            aligned(4)
+            body.extend(struct.pack("<I", len(self.names)))
+            for name in self.names:
+                text(name)
+        places = {}
+        for field in self.fields:
+            size = np.dtype(DTYPES[field.kind]).itemsize
+            count = 1 if field.count is None else field.count
+            if field.sequence:
+                aligned(4)
+                body.extend(struct.pack("<I", count))
+            aligned(size)
+            places[field.name] = (4 + len(body), size * count)
+            body.extend(bytes(size * count))
+        # Encapsulation header: little-endian CDR.
+        return b"\0\1\0\0" + bytes(body), places
+
+    def packed(self, stamps: np.ndarray, columns: Mapping[str, np.ndarray]) -> list[bytes]:
+        """Encode messages.
+
+        - `stamps`: their times [ns], [m].
+        - `columns`: values of each field by column, with the message as first axis.
+        """
+        blank, places = self._layout
+        rows = np.tile(np.frombuffer(blank, np.uint8), (len(stamps), 1))
+        rows[:, 4:8] = _bytes(stamps // 1_000_000_000, "<i4")
+        rows[:, 8:12] = _bytes(stamps % 1_000_000_000, "<u4")
+        for field in self.fields:
+            offset, length = places[field.name]
+            rows[:, offset : offset + length] = _bytes(columns[field.key], DTYPES[field.kind])
+        whole, size = rows.tobytes(), len(blank)
+        return [whole[k : k + size] for k in range(0, len(whole), size)]
+
+    def unpacked(self, messages: Sequence[bytes]) -> dict[str, np.ndarray]:
+        """Decode messages from `packed`, by column.
+
+        Raises ValueError if one has another size.
+        """
+        blank, places = self._layout
+        for number, message in enumerate(messages, 1):
+            if len(message) != len(blank):
+                raise ValueError(f"message {number} on `{self.topic}` has {len(message)} bytes instead of {len(blank)}")
+        rows = np.frombuffer(b"".join(messages), np.uint8).reshape(len(messages), len(blank))
+        values = {}
+        for field in self.fields:
+            offset, length = places[field.name]
+            numbers = np.ascontiguousarray(rows[:, offset : offset + length]).view(DTYPES[field.kind])
+            values[field.key] = numbers[:, 0] if field.count is None else numbers
+        return values
+
+
+def _bytes(numbers: np.ndarray, dtype: str) -> np.ndarray:
+    plain = np.ascontiguousarray(numbers.astype(dtype))
+    return plain.reshape(len(plain), -1).view(np.uint8)
+
+
+def joint_state(topic: str, names: Sequence[str], columns: Sequence[str]) -> Message:
+    """`sensor_msgs/JointState` whose position, velocity and effort have these columns in a log."""
+    fields = tuple(
+        MessageField(name, "float64", len(names), True, column)
+        for name, column in zip(("position", "velocity", "effort"), columns, strict=True)
+    )
+    return Message(topic, "sensor_msgs/msg/JointState", fields, tuple(names))
+
+
+REFERENCE = ("q_d", "dq_d", "ddq_d", "q_d_next", "dq_d_next", "ddq_d_next")
+"""Now, and one period later."""
+
+_READABLE = {
+    "q_d": "position",
+    "dq_d": "velocity",
+    "ddq_d": "acceleration",
+    "q_d_next": "next_position",
+    "dq_d_next": "next_velocity",
+    "ddq_d_next": "next_acceleration",
+}
+OF_ENVELOPE = ("s", "eps", "eps1", "rho", "u", "margin", "assumption_violated")
+"""Signals shown together with the error and its bounds."""
+
+TIMES = ("wake", "took", "response", "logged")
+"""Times of a real-time loop [s]: delay of the law's wake-up, duration of a step, measurement to command, logging of a
+row.
+"""
+
+MOST = 10_000
+"""Largest number of joints, signals, or values of a signal in a log."""
+
+
+@dataclass(frozen=True)
+class Channels:
+    """Content of a log.
+
+    - `joints`, `units`: joint names and units of their positions.
+    - `signals`: the law's signals with their sizes; None for a scalar.
+    - `bounded`: True if the law has an envelope.
+    - `bits`: names of the status bits, lowest first.
+    """
+
+    joints: tuple[str, ...]
+    units: tuple[str, ...]
+    signals: Mapping[str, int | None]
+    bounded: bool
+    bits: tuple[str, ...]
+
+    def law(self) -> list[Message]:
+        """Messages written for each answer of the law."""
+        n = len(self.joints)
+        reference = tuple(MessageField(_READABLE[name], "float64", n, column=name) for name in REFERENCE)
+        torque = (
+            MessageField("commanded", "float64", n, column="tau"),
+            MessageField("delivered", "float64", n, column="effort"),
+        )
+        bounds = ("lower", "upper", "margin") if self.bounded else ()
+        with_error = [name for name in OF_ENVELOPE if name in self.signals]
+        return [
+            joint_state("/joint_states", self.joints, ("q", "dq", "effort")),
+            Message("/reference", "slidax_msgs/msg/Reference", reference, self.joints),
+            Message("/torque", "slidax_msgs/msg/Torque", torque, self.joints),
+            Message(
+                "/envelope",
+                "slidax_msgs/msg/Envelope",
+                (
+                    *(MessageField(name, "float64", n, column=_apart(name)) for name in ("e", *bounds)),
+                    *(self._signal(name) for name in with_error if name != "margin"),
+                ),
+            ),
+            Message(
+                "/signals",
+                "slidax_msgs/msg/Signals",
+                tuple(self._signal(name) for name in self.signals if name not in with_error or name == "margin")
+                or (MessageField("none", "bool"),),
+            ),
+            Message(
+                "/status",
+                "slidax_msgs/msg/Status",
+                (
+                    MessageField("time", "float64", column="t"),
+                    MessageField("tick", "int64", column="k"),
+                    MessageField("basis", "int64"),
+                    MessageField("status", "uint32"),
+                    *(MessageField(name.lower(), "bool") for name in self.bits),
+                    *(MessageField(f"{name}_s", "float64", column=name) for name in TIMES),
+                ),
+            ),
+        ]
+
+    def arm(self) -> list[Message]:
+        """Messages written for each tick of a simulated arm."""
+        n = len(self.joints)
+        return [
+            joint_state("/truth", self.joints, ("true_q", "true_dq", "set_tau")),
+            Message(
+                "/truth_status",
+                "slidax_msgs/msg/TruthStatus",
+                (
+                    MessageField("time", "float64", column="true_t"),
+                    MessageField("tick", "int64", column="true_k"),
+                    MessageField("error", "float64", n, column="true_e"),
+                    MessageField("applied", "int64"),
+                    MessageField("ticks_without_command", "int64", column="missing"),
+                    MessageField("wake_s", "float64", column="true_wake"),
+                    MessageField("braking", "bool"),
+                ),
+            ),
+        ]
+
+    def as_text(self) -> str:
+        """JSON, as stored in a log."""
+        return json.dumps(
+            {
+                "joints": self.joints,
+                "units": self.units,
+                "signals": dict(self.signals),
+                "bounded": self.bounded,
+                "bits": self.bits,
+            }
+        )
+
+    @classmethod
+    def of_text(cls, text: str) -> Channels:
+        """Parse the output of `as_text`.
+
+        Raises ValueError for anything else.
+        """
+        try:
+            data = json.loads(text)
+            lists = [data[name] for name in ("joints", "units", "bits")]
+            signals, bounded = data["signals"], data["bounded"]
+        except (ValueError, KeyError, TypeError, RecursionError):
+            raise ValueError("its list of channels is malformed") from None
+        texts = all(isinstance(entry, list) and all(isinstance(name, str) for name in entry) for entry in lists)
+        if not texts or not isinstance(signals, dict) or not isinstance(bounded, bool) or not lists[0]:
+            raise ValueError("its list of channels is malformed")
+        sizes = [*map(len, lists), len(signals), *(size for size in signals.values() if size is not None)]
+        if not all(isinstance(size, int) and 0 <= size <= MOST for size in sizes):
+            raise ValueError(f"its list of channels has more than {MOST} entries")
+        joints, units, bits = map(tuple, lists)
+        return cls(joints, units, signals, bounded, bits)
+
+    def _signal(self, name: str) -> MessageField:
+        return MessageField(name, "float64", self.signals[name], column=f"signal:{name}")
+
+
+def _apart(name: str) -> str:
+    """Column of the envelope's margin; a law's monitor may have a signal of that name."""
+    return "envelope_margin" if name == "margin" else name
+
+
+def names_of_bits(bits: Sequence[str], status: int) -> list[str]:
+    """Names of the bits that are set in `status`; `bits` has all names, lowest first."""
+    return [name for place, name in enumerate(bits) if status >> place & 1]

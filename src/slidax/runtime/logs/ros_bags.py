@@ -1,0 +1,282 @@
+"""Joint states from ROS 2 recordings: MCAP files, bag folders and SQLite databases."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from slidax.core.errors import DefinitionError, nearest_word, plain
+from slidax.core.files import MEGABYTE, open_file, read_text, require_file
+from slidax.core.joint_names import match_names
+
+from .mcap_files import read_contents, require_reader, require_rosbags
+from .messages import joint_state
+
+TYPES = ("sensor_msgs/msg/JointState", "sensor_msgs/JointState")
+TOPIC = "/joint_states"
+"""The usual topic."""
+
+OWN = "/truth"
+"""Topic of simulated arms in slidax's logs, meant for display."""
+
+
+@dataclass(frozen=True)
+class JointStates:
+    """Messages of one topic.
+
+    - `messages`: as mappings, decoded one by one.
+    - `notes`: sentences about skipped content.
+    """
+
+    topic: str
+    messages: Iterator[dict[str, Any]]
+    notes: tuple[str, ...] = ()
+
+
+def read_joint_states(path: Path, topic: str | None = None, joints: Sequence[str] = ()) -> JointStates:
+    """Return the joint states in an MCAP file from any writer.
+
+    - `topic`: by default the only one whose first messages have the joints, or `/joint_states`.
+    - `joints`: names that the messages must have.
+
+    Raises DefinitionError if it cannot be read, has no such messages or several topics with them, or a package is
+    missing.
+    """
+    require_reader()
+    decode = decoder()
+    contents = read_contents(path, TYPES)
+    notes = () if contents.whole else ("the file is incomplete or damaged: it is read up to the damage",)
+    return choose_topic(f"`{path.name}`", contents.bodies, contents.topics, topic, joints, decode, notes)
+
+
+def choose_topic(
+    source: str,
+    bodies: dict[str, list[bytes]],
+    topics: set[str],
+    topic: str | None,
+    joints: Sequence[str],
+    decode: Any,
+    notes: Sequence[str],
+) -> JointStates:
+    """Return the joint states of the requested topic, or of the only one that has the joints.
+
+    - `source`: the log's name in messages.
+    - `bodies`: undecoded messages by topic.
+    - `topics`: all topics of the log.
+    - `decode`: from an undecoded message to an object.
+
+    Raises DefinitionError if there is none, or there are several.
+    """
+    if topic is not None:
+        if topic not in bodies:
+            kind = "has the topic, but no joint states on it" if topic in topics else "has no such topic"
+            raise DefinitionError(
+                f"{source} has no messages of ROS 2 on the topic `{plain(topic)}`: it {kind}; "
+                f"{nearest_word(topic, bodies) if bodies else _no_joint_states(topics)}"
+            )
+        return JointStates(topic, _decoded(source, bodies[topic], decode), tuple(notes))
+    if not bodies:
+        raise DefinitionError(f"{source} has no messages of ROS 2 with joint states; {_no_joint_states(topics)}")
+    with_joints = [name for name, messages in bodies.items() if _has_joints(source, messages, joints, decode)]
+    chosen = TOPIC if TOPIC in with_joints or (not with_joints and TOPIC in bodies) else None
+    others = [name for name in with_joints or list(bodies) if name != chosen and name != OWN]
+    if chosen is None and len(others) == 1:
+        chosen, others = others[0], []
+    if chosen is None and not others:
+        chosen = OWN
+    if chosen is None:
+        names = ", ".join(f"`{plain(name)}`" for name in sorted(others)[:12])
+        raise DefinitionError(
+            f"{source} has joint states on {len(others)} topics, {names}: choose one (`--topic {sorted(others)[0]}`)"
+        )
+    notes = list(notes)
+    if chosen != TOPIC:
+        notes.append(f"reading topic `{plain(chosen)}`, the only one with joint states of the arm")
+    elif others:
+        names = ", ".join(f"`{plain(name)}`" for name in sorted(others)[:8])
+        notes.append(f"reading topic `{TOPIC}`; joint states also on {names} (`--topic`)")
+    return JointStates(chosen, _decoded(source, bodies[chosen], decode), tuple(notes))
+
+
+def _no_joint_states(topics: set[str]) -> str:
+    names = ", ".join(f"`{plain(name)}`" for name in sorted(topics)[:12])
+    return f"its topics are {names}" if names else "there are none"
+
+
+def _has_joints(source: str, messages: Sequence[bytes], joints: Sequence[str], decode: Any) -> bool:
+    """True if one of the first messages, possibly from several publishers, has all joints."""
+    return any(
+        len(match_names(message["name"], joints)) == len(joints) for message in _decoded(source, messages[:20], decode)
+    )
+
+
+def _decoded(source: str, messages: Sequence[bytes], decode: Any) -> Iterator[dict[str, Any]]:
+    for number, body in enumerate(messages, 1):
+        try:
+            message = decode(body)
+            stamp = {"sec": message.header.stamp.sec, "nanosec": message.header.stamp.nanosec}
+            parts = {name: list(getattr(message, name)) for name in ("name", "position", "velocity", "effort")}
+        # The decoder raises any kind of error on damaged bytes.
+        except Exception:
+            raise DefinitionError(
+                f"{source}, message {number}: not a `sensor_msgs/JointState`: damaged or of another type"
+            ) from None
+        yield {"header": {"stamp": stamp}, **parts}
+
+
+def decoder() -> Any:
+    """Return a decoder of joint states by slidax's own definition, as a file's definition may be anything.
+
+    Raises DefinitionError if its package is missing.
+    """
+    try:
+        from mcap_ros2.decoder import DecoderFactory
+    except ImportError:
+        raise DefinitionError(
+            "reading messages of ROS 2 needs mcap-ros2-support, which is not installed: pip install 'slidax[log]'"
+        ) from None
+    message = joint_state(TOPIC, ("a",), ("q", "dq", "effort"))
+    schema: Any = SimpleNamespace(id=1, name=message.type, encoding="ros2msg", data=message.definition.encode())
+    return DecoderFactory().decoder_for("cdr", schema)
+
+
+METADATA = "metadata.yaml"
+ENDINGS = (".mcap", ".db3")
+MOST_BYTES = 8000 * MEGABYTE
+MOST_UNPACKED, RATIO = 4000 * MEGABYTE, 30
+"""Bytes that a compressed file may unpack to: at most the first number, and the second times its size."""
+
+LONGEST_MESSAGE = MEGABYTE
+"""Bytes of a joint-state message."""
+
+
+def read_bag(path: Path, topic: str | None = None, joints: Sequence[str] = ()) -> JointStates:
+    """Return the joint states in a folder of `ros2 bag`, or in one of its `.db3` databases.
+
+    Reads MCAP and SQLite storage, also compressed by zstd. Without a readable `metadata.yaml`, which ros2 bag writes at
+    the end of a recording, the folder's files are read in the order of their numbers.
+
+    - `topic`, `joints`: as in `read_joint_states`.
+
+    Raises DefinitionError if it cannot be read, has no such messages, or a package is missing.
+    """
+    decode = decoder()
+    source = f"`{path.name}`"
+    notes: list[str] = []
+    bodies: dict[str, list[bytes]] = {}
+    topics: set[str] = set()
+    with tempfile.TemporaryDirectory(prefix="slidax-") as folder:
+        for listed in _files(path, notes):
+            file = _unpacked(listed, folder) if listed.suffix == ".zstd" else listed
+            if file.suffix == ".mcap":
+                contents = read_contents(file, TYPES)
+                part, names = contents.bodies, contents.topics
+                if not contents.whole:
+                    notes.append(f"`{file.name}` is incomplete or damaged: it is read up to the damage")
+            else:
+                part, names = _states_in_database(file)
+            topics |= names
+            for name, messages in part.items():
+                bodies.setdefault(name, []).extend(messages)
+    return choose_topic(source, bodies, topics, topic, joints, decode, notes)
+
+
+def _files(path: Path, notes: list[str]) -> list[Path]:
+    """Files of a bag in order."""
+    if not path.is_dir():
+        return [path]
+    listed = _listed(path)
+    if listed is None:
+        notes.append(f"`{path.name}` has no readable `{METADATA}`: all of its files are read")
+        files = [file for file in path.iterdir() if file.name.removesuffix(".zstd").endswith(ENDINGS)]
+        listed = sorted(files, key=lambda file: (_number(file), file.name))
+    missing = [file.name for file in listed if len(file.name) > 255 or not file.is_file()]
+    if missing:
+        raise DefinitionError(f"`{path.name}` misses the file `{plain(missing[0])}`, which its `{METADATA}` names")
+    if not listed:
+        raise DefinitionError(
+            f"`{path}` is no folder of ros2 bag: it has neither `{METADATA}` nor a file that ends in "
+            f"{' or '.join(ENDINGS)}"
+        )
+    return listed
+
+
+def _number(file: Path) -> int:
+    numbers = re.findall(r"\d{1,9}", Path(file.name.removesuffix(".zstd")).stem)
+    return int(numbers[-1]) if numbers else 0
+
+
+def _listed(path: Path) -> list[Path] | None:
+    """Files named by the metadata; None without a readable list."""
+    from ruamel.yaml import YAML
+
+    try:
+        text = read_text(path / METADATA, most=MEGABYTE // 4)
+        data = YAML(typ="safe", pure=True).load(text)
+        names = data["rosbag2_bagfile_information"]["relative_file_paths"]
+        # The name alone: a bag must not make us read outside its folder.
+        files = [path / Path(name).name for name in names]
+    # YAML readers raise all kinds of errors, and a bag can be read without its metadata.
+    except Exception:
+        return None
+    return files or None
+
+
+def _unpacked(file: Path, folder: str) -> Path:
+    """Decompress a file into another folder."""
+    import zstandard
+
+    target = Path(folder) / file.stem
+    most = min(MOST_UNPACKED, 64 * MEGABYTE + RATIO * require_file(file, most=MOST_BYTES))
+    with open_file(file, most=MOST_BYTES) as packed, target.open("wb") as out:
+        try:
+            with zstandard.ZstdDecompressor(max_window_size=1 << 27).stream_reader(packed) as stream:
+                while part := stream.read(MEGABYTE):
+                    if out.tell() > most:
+                        raise DefinitionError(
+                            f"`{file.name}` unpacks to more than {most / MEGABYTE:.3g} MB: unpack it by `zstd -d` first"
+                        )
+                    out.write(part)
+        except zstandard.ZstdError as error:
+            raise DefinitionError(f"`{file.name}` is damaged: {error}") from None
+    return target
+
+
+def _states_in_database(file: Path) -> tuple[dict[str, list[bytes]], set[str]]:
+    """Raw joint states of a database by topic, and all of its topics."""
+    reader = require_rosbags()
+    require_file(file, most=MOST_BYTES)
+    if file.suffix != ".db3":
+        raise DefinitionError(f"`{plain(file.name)}` has an unknown storage format; known: {' and '.join(ENDINGS)}")
+    bodies: dict[str, list[bytes]] = {}
+    try:
+        with reader(file) as bag:
+            topics = {connection.topic for connection in bag.connections}
+            wanted = [connection for connection in bag.connections if connection.msgtype in TYPES]
+            for connection, data in _messages(bag, wanted):
+                bodies.setdefault(connection.topic, []).append(data)
+    except DefinitionError:
+        raise
+    # The database packages raise any kind of error on damaged bytes.
+    except Exception as error:
+        reason = str(error).partition("\n")[0] or type(error).__name__
+        raise DefinitionError(f"`{file.name}` is no database of ros2 bag, or damaged: {reason}") from None
+    return bodies, topics
+
+
+def _messages(bag: Any, wanted: Sequence[Any]) -> Iterator[tuple[Any, bytes]]:
+    import zstandard
+
+    if not wanted:
+        return
+    for connection, _, data in bag.messages(connections=wanted):
+        if data[:4] == b"\x28\xb5\x2f\xfd":
+            # Each message is compressed on its own.
+            with zstandard.ZstdDecompressor(max_window_size=1 << 23).stream_reader(data) as stream:
+                data = stream.read(LONGEST_MESSAGE)
+        yield connection, data

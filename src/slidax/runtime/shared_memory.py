@@ -1,0 +1,242 @@
+"""Memory shared by the processes of a real-time loop: mailboxes, rings, and machine code with its data."""
+
+from __future__ import annotations
+
+import ctypes
+import mmap
+import os
+import sys
+import tempfile
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+NEWEST = 8
+"""Messages kept, so that the newest can be read while the next is written."""
+
+
+def create_shared_memory(size: int) -> int:
+    """Return the descriptor of shared memory that vanishes with the last process that holds it; `size` in bytes."""
+    if sys.platform == "linux":
+        descriptor = os.memfd_create("slidax")
+    else:
+        with tempfile.TemporaryFile() as file:
+            descriptor = os.dup(file.fileno())
+    os.ftruncate(descriptor, size)
+    os.set_inheritable(descriptor, True)
+    return descriptor
+
+
+def map_shared_memory(descriptor: int) -> np.ndarray:
+    """Return the shared memory of a descriptor from `anonymous`, as bytes."""
+    return np.frombuffer(mmap.mmap(descriptor, 0), np.uint8)
+
+
+FRESH = 16
+"""Rows: a processor may show the count of rows before the newest rows themselves, but never this many periods
+before.
+"""
+
+
+class Mailbox:
+    """The newest message of one process for another: bytes of one size, with a number and a checksum.
+
+    The checksum detects an incomplete message, in whatever order a processor shows its writes to others.
+
+    - `memory`: shared, `Mailbox.size(length)` bytes.
+    - `length`: of a message [bytes], a multiple of 8.
+    """
+
+    def __init__(self, memory: np.ndarray, length: int) -> None:
+        self._newest = memory[:8].view(np.int64)
+        self._rows = memory[8 : self.size(length)].reshape(NEWEST, length + 16)
+        self._numbers = [row[:8].view(np.int64) for row in self._rows]
+        self._bodies = [row[8:-8] for row in self._rows]
+        self._sums = [row[-8:].view(np.uint64) for row in self._rows]
+        self.message = np.zeros(length, np.uint8)
+
+    @staticmethod
+    def size(length: int) -> int:
+        """Bytes of shared memory for messages of this length."""
+        return 8 + NEWEST * (length + 16)
+
+    def clear(self) -> None:
+        """Remove all messages."""
+        self._newest[0] = -2
+
+    def put(self, number: int) -> None:
+        """Publish `message` as the newest; its `number` must be larger than that of the previous one."""
+        at = number % NEWEST
+        self._numbers[at][0] = number
+        self._bodies[at][:] = self.message
+        self._sums[at][0] = zlib.crc32(self.message, number & 0xFFFFFFFF)
+        self._newest[0] = number
+
+    def get(self) -> int:
+        """Copy the newest complete message into `message`; return its number.
+
+        Returns -2 if there is none; `message` may then hold anything.
+        """
+        number = int(self._newest[0])
+        if number == -2:
+            return -2
+        at = number % NEWEST
+        self.message[:] = self._bodies[at]
+        whole = int(self._sums[at][0]) == zlib.crc32(self.message, number & 0xFFFFFFFF)
+        return number if whole and int(self._numbers[at][0]) == number else -2
+
+
+class Ring:
+    """Rows from one process for another that reads them later: the writer never waits, and unread rows are overwritten.
+
+    - `memory`: shared, `Ring.size(length, rows)` bytes.
+    - `length`: of a row [bytes], a multiple of 8.
+    - `rows`: capacity.
+    """
+
+    def __init__(self, memory: np.ndarray, length: int, rows: int) -> None:
+        self._written = memory[:8].view(np.int64)
+        self._rows = memory[8 : self.size(length, rows)].reshape(rows, length)
+        self._count = rows
+        self._put = 0
+        self._taken = 0
+        self.lost = 0
+
+    @staticmethod
+    def size(length: int, rows: int) -> int:
+        """Bytes of shared memory."""
+        return 8 + length * rows
+
+    def put(self, row: np.ndarray) -> None:
+        """Write a row."""
+        self._rows[self._put % self._count] = row
+        self._put += 1
+        self._written[0] = self._put
+
+    def take(self, *, last: bool = False) -> np.ndarray:
+        """Return the new rows, [m length].
+
+        The newest few wait for the next call, unless the writer has ended (`last`).
+        """
+        written = int(self._written[0])
+        upto = written if last else written - FRESH
+        # Margin to the row that is being written.
+        oldest = written - self._count + 4 * FRESH
+        if self._taken < oldest:
+            self.lost += oldest - self._taken
+            self._taken = oldest
+        which = np.arange(self._taken, max(upto, self._taken)) % self._count
+        self._taken = max(upto, self._taken)
+        return self._rows[which]
+
+
+ALIGNED = 64
+"""Bytes: a cache line, and the strictest alignment of a vector load."""
+
+
+@dataclass(frozen=True)
+class Slot:
+    """Place of an array in the block; `offset` in bytes."""
+
+    offset: int
+    shape: tuple[int, ...]
+    dtype: str
+
+    @property
+    def end(self) -> int:
+        """End of the array in the block [bytes]."""
+        return self.offset + int(np.prod(self.shape, dtype=int)) * np.dtype(self.dtype).itemsize
+
+
+@dataclass(frozen=True)
+class MachineCode:
+    """Machine code with the places that it reads and writes.
+
+    - `object`: an object file for this machine.
+    - `entry`: the name of its function.
+    - `offsets`: of all inputs and then of all outputs in the block [bytes]; no output is an input.
+    """
+
+    object: bytes
+    entry: str
+    offsets: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class CodePlan:
+    """Description of an arena, which one process sends to another.
+
+    - `initial`: the block before the first call.
+    - `routines`, `views`: machine code and arrays, by name.
+    - `regions`: start and end of parts of the block [bytes], by name.
+    """
+
+    initial: bytes
+    routines: dict[str, MachineCode]
+    views: dict[str, Slot]
+    regions: dict[str, tuple[int, int]]
+
+
+class Arena:
+    """The block in this process, with its code ready to be called; a call costs less than 1 µs in addition to its work.
+
+    Raises ImportError if llvmlite is missing.
+    """
+
+    def __init__(self, plan: CodePlan) -> None:
+        self.plan = plan
+        whole = np.zeros(len(plan.initial) + ALIGNED, np.uint8)
+        start = -whole.ctypes.data % ALIGNED
+        self.block = whole[start : start + len(plan.initial)]
+        self.reset()
+        self._address = self.block.ctypes.data
+        self._linked = _linked(plan)
+        self._tables = {
+            name: np.array([self._address + offset for offset in code.offsets], np.uintp)
+            for name, code in plan.routines.items()
+        }
+
+    def reset(self) -> None:
+        """Restore the initial block."""
+        self.block[:] = np.frombuffer(self.plan.initial, np.uint8)
+
+    def view(self, name: str) -> np.ndarray:
+        """Return an array in the block."""
+        slot = self.plan.views[name]
+        return self.block[slot.offset : slot.end].view(slot.dtype).reshape(slot.shape)
+
+    def region(self, name: str) -> np.ndarray:
+        """Return a part of the block as bytes."""
+        start, end = self.plan.regions[name]
+        return self.block[start:end]
+
+    def routine(self, name: str) -> Callable[[], None]:
+        """Return machine code that is called without arguments."""
+        code = self.plan.routines[name]
+        return partial(self._linked[code.entry], self._tables[name].ctypes.data, 1, 0)
+
+
+def _linked(plan: CodePlan) -> dict[str, Any]:
+    """Link each function once; by the name of its entry."""
+    import llvmlite.binding as llvm
+
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    target = llvm.Target.from_default_triple().create_target_machine(reloc="pic", codemodel="small")
+    jit = llvm.create_lljit_compiler(target, use_jit_link=True)
+    signature = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64)
+    functions: dict[str, Any] = {}
+    for code in plan.routines.values():
+        if code.entry in functions:
+            continue
+        builder = llvm.JITLibraryBuilder().add_object_img(code.object).add_current_process()
+        library = builder.export_symbol(code.entry).link(jit, f"of_{code.entry}")
+        function: Any = signature(library[code.entry])
+        # The code lives as long as its holder.
+        function.held = (jit, library)
+        functions[code.entry] = function
+    return functions

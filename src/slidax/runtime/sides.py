@@ -1,0 +1,304 @@
+"""The two sides of a real-time loop, law and arm, with their job description and their clock; needs no JAX."""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import os
+import sys
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .shared_memory import Arena, CodePlan
+
+SECOND = 1_000_000_000
+"""In ns."""
+
+_ABSOLUTE, _MONOTONIC = 1, 1
+_TIMER_SLACK, _DEATH_SIGNAL, _KILL = 29, 1, 9
+_ALL_MEMORY = 3
+"""MCL_CURRENT and MCL_FUTURE, as Linux has them."""
+
+
+class _Timespec(ctypes.Structure):
+    _fields_ = (("seconds", ctypes.c_long), ("nanoseconds", ctypes.c_long))
+
+
+def now() -> int:
+    """Time of the monotonic clock [ns], which all processes of a machine share."""
+    if sys.platform == "win32":
+        return time.monotonic_ns()
+    return time.clock_gettime_ns(time.CLOCK_MONOTONIC)
+
+
+class Sleeper:
+    """Sleeps until an absolute time, so that one delay does not shift all later wake-ups."""
+
+    def __init__(self) -> None:
+        self._time = _Timespec()
+        self._reference = ctypes.byref(self._time)
+        self._sleep = None
+        if sys.platform == "linux":
+            self._sleep = ctypes.CDLL(None).clock_nanosleep
+
+    def until(self, when: int) -> None:
+        """Return at time `when` [ns, by `now`], or at once if it has passed."""
+        if self._sleep is None:
+            left = when - now()
+            if left > 0:
+                time.sleep(left / SECOND)
+            return
+        self._time.seconds, self._time.nanoseconds = divmod(when, SECOND)
+        while self._sleep(_MONOTONIC, _ABSOLUTE, self._reference, None):
+            pass  # a signal woke it
+
+
+@dataclass(frozen=True)
+class RealTimeGrant:
+    """The real-time properties that the system granted.
+
+    - `priority`: real-time priority (SCHED_FIFO); None for an ordinary process.
+    - `locked`: True if its memory stays in RAM (mlockall).
+    - `absolute`: True if it sleeps by absolute times (clock_nanosleep).
+    """
+
+    priority: int | None
+    locked: bool
+    absolute: bool
+
+
+def request_real_time(priority: int) -> RealTimeGrant:
+    """Request real-time priority (1 to 99) and locked memory, stop garbage collection, and return what was granted.
+
+    The process ends when its parent does.
+    """
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    if sys.platform != "linux":
+        return RealTimeGrant(None, False, False)
+    system = ctypes.CDLL(None, use_errno=True)
+    system.prctl(_DEATH_SIGNAL, _KILL, 0, 0, 0)
+    # Without this, a timer without real-time priority may be 50 µs late, to save power.
+    system.prctl(_TIMER_SLACK, 1, 0, 0, 0)
+    locked = system.mlockall(_ALL_MEMORY) == 0
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    except OSError:
+        return RealTimeGrant(None, locked, True)
+    return RealTimeGrant(priority, locked, True)
+
+
+KEPT_ROWS = 8192
+"""Rows of a ring: eight seconds at 1 kHz, for a recorder that is held up."""
+
+STOP = -1
+"""In a command, instead of the time at which it was sent: the law asks the arm to brake."""
+
+
+@dataclass(frozen=True)
+class MemoryLayout:
+    """Layout of the shared memory: the start of each part [bytes].
+
+    - `measurements`, `commands`: the mailboxes.
+    - `law_rows`, `arm_rows`: the rings.
+    - `start`: time of tick 0 by the monotonic clock [ns], 0 until it is set; then a flag that ends both processes.
+    - `size`: of all.
+    """
+
+    measurements: int
+    commands: int
+    law_rows: int
+    arm_rows: int
+    start: int
+    size: int
+
+
+@dataclass(frozen=True)
+class LoopJob:
+    """One side of the loop.
+
+    - `lengths`: bytes of a measurement, a command, a row of the law and a row of the arm.
+    - `period`: between two ticks [s].
+    - `ticks`: length of the loop.
+    - `patience`: ticks without a command, or without a measurement, that end the loop.
+    - `phase`: wake-up of the law after a tick [ns].
+    - `priority`: real-time priority to request.
+    - `world`: for the arm: MuJoCo's model with the joints' indices, or None.
+    - `substeps`: MuJoCo's steps in a tick.
+    - `stop_bit`: status bit of the law with which the arm must brake; 0 for none.
+    """
+
+    plan: CodePlan
+    places: MemoryLayout
+    lengths: tuple[int, int, int, int]
+    period: float
+    ticks: int
+    patience: int
+    phase: int
+    priority: int
+    world: tuple[Any, Any, Any] | None
+    substeps: int
+    stop_bit: int = 0
+
+
+@dataclass(frozen=True)
+class SideReport:
+    """A side's report at its end.
+
+    - `reason`: "done", "stopped", "no command", "stop requested", "no measurement" or "not finite".
+    - `priority`, `locked`, `absolute`: as in `Granted`.
+    - `counts`: event counters, by name.
+    """
+
+    reason: str
+    priority: int | None
+    locked: bool
+    absolute: bool
+    counts: dict[str, int]
+
+
+class LawSide:
+    """A law that answers measurements one by one.
+
+    A command takes effect at a tick. If it arrives too late, the arm holds its previous torque, and the law's memory of
+    its own command is wrong. Therefore each measurement carries the number of the last command applied, and the law
+    continues from its memory after that command. The law treats such a tick as a lost sample.
+
+    - `plan`: its code: `motion` from `t` to the reference; `step_0`, `step_1` from one of two memories to the other.
+    - `period`: between two ticks [s].
+    """
+
+    def __init__(self, plan: CodePlan, period: float) -> None:
+        self.arena = Arena(plan)
+        self._period = period
+        self._motion = self.arena.routine("motion")
+        self._steps = [self.arena.routine("step_0"), self.arena.routine("step_1")]
+        self.row = self.arena.region("row")
+        self.measured = self.arena.region("measured")
+        self._sample = self.arena.region("sample")
+        self.tau = self.arena.region("tau")
+        self._k, self._basis, self._t = (self.arena.view(name) for name in ("k", "basis", "t"))
+        for _ in range(2):
+            # A dry run loads all pages of the code.
+            self._motion()
+            for step in self._steps:
+                step()
+        self.begin()
+
+    def begin(self) -> None:
+        """Reset the law; its first command is for tick 0."""
+        self.arena.reset()
+        self._at, self._kept, self._pending = 0, -1, -1
+        self.look_ahead(0)
+
+    def look_ahead(self, k: int) -> None:
+        """Compute the reference of tick `k` before its measurement arrives."""
+        self._k[()] = k
+        self._t[()] = k * self._period
+        self._motion()
+
+    def answer(self, k: int, applied: int) -> bool:
+        """Compute the command in `tau` from `measured`; return False if the memory to continue from is not available.
+
+        - `k`: the tick at which the command takes effect.
+        - `applied`: the last tick whose command was applied, as reported by the arm; -1 before the first.
+        """
+        if self._k != k:
+            self.look_ahead(k)
+        if applied == self._pending:
+            self._at, self._kept = 1 - self._at, applied
+        self._pending = k
+        self._basis[()] = self._kept
+        self._steps[self._at]()
+        return applied == self._kept
+
+    def repeat(self, sample: np.ndarray, k: int, basis: int) -> bool:
+        """Answer a logged sample again; return False if the memory to continue from is not available.
+
+        - `sample`: time, measurement and reference, as bytes.
+        - `k`, `basis`: of the logged row.
+        """
+        self._k[()] = k
+        self._sample[:] = sample
+        return self.answer(k, basis)
+
+
+World = tuple[Any, np.ndarray, np.ndarray]
+"""MuJoCo's model, and the indices of the joints' positions and velocities in it."""
+
+
+class ArmSide:
+    """A simulated arm that is moved tick by tick.
+
+    - `plan`: its code: `set` takes a torque, `measure` measures, `move` moves the arm or computes MuJoCo's force.
+    - `world`: MuJoCo's model; None for slidax's own arm.
+    - `substeps`: MuJoCo's steps in a tick.
+    """
+
+    def __init__(self, plan: CodePlan, world: World | None, substeps: int) -> None:
+        self.arena = Arena(plan)
+        self._set, self._measure, self._move = (self.arena.routine(name) for name in ("set", "measure", "move"))
+        view = self.arena.view
+        self._k, self._i, self._brakes = (view(name) for name in ("k", "i", "brakes"))
+        self._tick, self._applied, self._braking = (view(name) for name in ("true_k", "applied", "braking"))
+        self.tau, self.fresh, self.q, self.dq = (view(name) for name in ("tau", "fresh", "q", "dq"))
+        self.measured, self.row = self.arena.region("measured"), self.arena.region("row")
+        pairs = ("delivery", "sensor", "state")
+        self._pairs = {name: (self.arena.region(name), self.arena.region(f"{name}_after")) for name in pairs}
+        self._world, self._substeps, self._force = world, substeps, view("force")
+        for _ in range(2):
+            for routine in (self._set, self._measure, self._move):
+                routine()
+        self.arena.reset()
+        self.braking = False
+        self._applied[()] = -1
+        if world is not None:
+            import mujoco
+
+            self._simulator: Any = mujoco
+            self._data = mujoco.MjData(world[0])
+            self._data.qpos[world[1]], self._data.qvel[world[2]] = self.q, self.dq
+
+    def set(self, k: int, arrived: bool) -> None:
+        """Apply the torque in `tau` at tick `k` if its command arrived in time; else the previous torque stands."""
+        self._k[()] = self._tick[()] = k
+        self._brakes[()] = self._braking[()] = self.braking
+        if arrived:
+            self._applied[()] = k
+        self._set()
+        before, after = self._pairs["delivery"]
+        before[:] = after
+
+    def measure(self, k: int) -> bool:
+        """Measure into `measured`; return False if this measurement is lost."""
+        self._k[()] = k
+        self._measure()
+        before, after = self._pairs["sensor"]
+        before[:] = after
+        return bool(self.fresh)
+
+    def move(self) -> bool:
+        """Move on to the next tick; return True if the state is finite."""
+        if self._world is None:
+            self._move()
+            before, after = self._pairs["state"]
+            before[:] = after
+        else:
+            model, places, dofs = self._world
+            for i in range(self._substeps):
+                self._i[()] = i
+                self._move()
+                self._data.qfrc_applied[dofs] = self._force
+                self._simulator.mj_step(model, self._data)
+                self._data.qpos.take(places, out=self.q, mode="clip")
+                self._data.qvel.take(dofs, out=self.dq, mode="clip")
+        return bool(np.isfinite(self.q).all())
+
+    @property
+    def rests(self) -> bool:
+        """True if the arm has come to rest."""
+        return bool(np.abs(self.dq).max() < 1e-3)

@@ -1,0 +1,250 @@
+"""Descriptions of parts in a file, derived from the declarations of their parameters."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import math
+import typing
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, Union
+
+import equinox as eqx
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model, model_validator
+from pydantic_core import PydanticCustomError
+
+from slidax.core.errors import DefinitionError, each_of, locate_errors, nearest_word, plain
+from slidax.core.parameter import REQUIRED, Parameter, Range, parameters_of
+from slidax.core.part import kind_of, members_of
+
+Numbers = Annotated[float | list[float], Field(union_mode="left_to_right")]
+"""One number for all joints, or one per joint."""
+
+
+def _from_folder(name: str, info: Any) -> str:
+    return str(Path((info.context or {}).get("folder", "")) / name)
+
+
+FileName = Annotated[str, AfterValidator(_from_folder)]
+"""A path relative to the folder of the scenario file."""
+
+CONSTRAINTS = {"exclusiveMinimum": "gt", "minimum": "ge", "exclusiveMaximum": "lt", "maximum": "le"}
+"""Pydantic's names of JSON schema keywords for the ends of a range."""
+
+
+class AbstractDescription(BaseModel):
+    """A mapping in a scenario file: immutable, with known keys."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _keys_are_known(cls, data: Any) -> Any:
+        if isinstance(data, dict):
+            known = list(cls.model_fields)
+            for key in data:
+                if key not in known:
+                    hint = nearest_word(str(key), known)
+                    raise PydanticCustomError(
+                        "unknown_key", "unknown key `{key}`; {hint}", {"key": plain(key), "hint": hint}
+                    )
+        return data
+
+    def require_joints(self, joints: int) -> None:
+        """Raise DefinitionError unless each list in the description has one entry per joint."""
+        for field, value in self:
+            if isinstance(value, list) and len(value) != joints:
+                message = f"must be one number or one for {each_of(joints, 'joint')}; got {len(value)}"
+                raise DefinitionError(message, where=field)
+
+    def parameters(self) -> dict[str, Any]:
+        """Return the arguments of the described part: all fields with a value, except its kind."""
+        return {name: value for name, value in self if name not in ("kind", "name") and value is not None}
+
+
+def described_field(parameter: Parameter, *, checked: bool = False, **changes: Any) -> Any:
+    """Return the field of a description for a declared parameter.
+
+    - `checked`: True if the file checks the range, since no part does.
+    - `changes`: `default` or `source` that replace the declaration's, or `required`.
+    """
+    default = REQUIRED if changes.get("required") else changes.get("default", parameter.default)
+    limits, bounds = parameter.limits, parameter.range.schema()
+    unit = f" [{parameter.unit}]" if parameter.unit else ""
+    # Editors use the numeric ends of a range; the part itself checks it, with the reason in the message.
+    extra = {"unit": parameter.unit, "range": limits, "source": changes.get("source", parameter.source), **bounds}
+    options: dict[str, Any] = {} if default is REQUIRED else {"default": _plain(default)}
+    if checked:
+        options |= {CONSTRAINTS[end]: value for end, value in bounds.items()}
+
+    # A symbol at the beginning keeps its case.
+    meaning = parameter.meaning
+    if meaning[:2].isascii() and meaning[:2].isalpha():
+        meaning = meaning[:1].upper() + meaning[1:]
+    text = f"{meaning}{unit}{f', {limits}' if limits else ''}."
+    return Field(
+        description=text, json_schema_extra={key: value for key, value in extra.items() if value != ""}, **options
+    )
+
+
+def same_field(part: type, name: str, **changes: Any) -> Any:
+    """Return the field of a description for a parameter of a part's class, with changes as in `described`."""
+    (parameter,) = (parameter for parameter in parameters_of(part) if parameter.name == name)
+    return described_field(parameter, **changes)
+
+
+def input_field(meaning: str, unit: str = "", range: str = "", *, default: Any = REQUIRED, source: str = "") -> Any:
+    """Declare the field of a description that is no parameter of a part; arguments as of `slidax.core.parameter`.
+
+    The range is checked when the file is read.
+    """
+    return described_field(Parameter("", meaning, unit, Range(range), default=default, source=source), checked=True)
+
+
+def _plain(value: Any) -> Any:
+    return list(value) if isinstance(value, tuple) else value
+
+
+class PartDescription(AbstractDescription):
+    """A part, described by the parameters of its class."""
+
+    part: ClassVar[type]
+
+    def build(self, **more: Any) -> Any:
+        """Build the part, with more arguments that are not in the file.
+
+        Raises DefinitionError, with the path of the field, if it is invalid.
+        """
+        values = {
+            name: build_parts(name, value) for name, value in self if name not in ("kind", "name") and value is not None
+        }
+        return self.part(**values, **more)
+
+
+def build_parts(where: str, value: Any) -> Any:
+    """Build the parts in a value of a description; other values stay as they are.
+
+    - `where`: field name for messages.
+    """
+    if isinstance(value, PartDescription):
+        with locate_errors(where):
+            return value.build()
+    return (
+        tuple(build_parts(f"{where}.{i}", member) for i, member in enumerate(value))
+        if isinstance(value, tuple)
+        else value
+    )
+
+
+@functools.cache
+def description_of(part: type) -> type[PartDescription]:
+    """Return the description of a part's class, with a required `kind`."""
+    kind = kind_of(part)
+    return _model(part, part.__name__, {"kind": (Literal[kind], Field(description="Which part it is."))})
+
+
+def preset_of(
+    part: type, owner: str, values: Mapping[str, Any], source: str, computed: Mapping[str, str] = {}
+) -> type[PartDescription]:
+    """Return the description of a part of a preset; its kind and the preset's parameter values are defaults.
+
+    - `owner`: name of the preset.
+    - `values`, `source`: the preset's values, and their source.
+    - `computed`: parameters that the scenario computes if the file lacks them, each with the source.
+    """
+    kind = kind_of(part)
+    fields = {"kind": (Literal[kind], Field(default=kind, description="Which part it is."))}
+    return _model(part, f"{owner}.{part.__name__}", fields, values, source, computed=computed)
+
+
+def plain_of(part: type, name: str, *, optional: bool = False, doc: str = "") -> type[PartDescription]:
+    """Return the description of a part without a kind.
+
+    - `optional`: True to make every parameter optional.
+    - `doc`: docstring; by default the part's title.
+    """
+    values = {parameter.name: None for parameter in parameters_of(part)} if optional else {}
+    return _model(part, name, {}, values, doc=doc)
+
+
+def union_of(family: type, *instead: type[AbstractDescription], default: type[PartDescription] | None = None) -> Any:
+    """Return the union of the descriptions of all parts of an abstract class that its package exports.
+
+    - `instead`: hand-written descriptions, each in place of the part of the same kind.
+    - `default`: the description with a default kind, in place of the derived one.
+    """
+    models: dict[str, type[AbstractDescription]] = {
+        kind: description_of(part) for kind, part in members_of(family).items() if nameable(part, family)
+    }
+    for model in (*instead, *([default] if default else [])):
+        models[typing.get_args(model.model_fields["kind"].annotation)[0]] = model
+    return Annotated[Union[tuple(models.values())], Field(discriminator="kind")]  # noqa: UP007
+
+
+def nameable(part: type, family: type) -> bool:
+    """True if a file can describe a part of this family: by numbers, choices, and parts of other families."""
+    hints = hints_of(part)
+    return all(type_of(p, hints[p.name], family) is not None for p in parameters_of(part) if p.required)
+
+
+def title_of(part: type) -> str:
+    """Title of a part: its class's `title`, else the first line of its docstring."""
+    return vars(part).get("title") or inspect.cleandoc(part.__doc__ or "").partition("\n")[0]
+
+
+def _model(
+    part: type,
+    name: str,
+    first: dict[str, Any],
+    values: Mapping[str, Any] = {},
+    source: str = "",
+    doc: str = "",
+    computed: Mapping[str, str] = {},
+) -> type[PartDescription]:
+    fields = dict(first)
+    for parameter in parameters_of(part):
+        key = parameter.name
+        annotation = type_of(parameter, hints_of(part)[key], part)
+        if annotation is None:
+            continue
+        changes = {"default": values[key], "source": source} if key in values else {}
+        if not changes and key in computed:
+            changes = {"default": None, "source": computed[key]}
+        if changes.get("default", parameter.default) in (None, math.inf):
+            # JSON has no infinity: null stands for it.
+            annotation, changes = annotation | None, {**changes, "default": None}
+        fields[key] = (annotation, described_field(parameter, **changes))
+    model: type[PartDescription] = create_model(name, __base__=PartDescription, __doc__=doc or title_of(part), **fields)
+    model.part = part
+    return model
+
+
+@functools.cache
+def hints_of(part: type) -> dict[str, Any]:
+    """Return the types of a part's fields."""
+    return typing.get_type_hints(part)
+
+
+def type_of(parameter: Parameter, hint: Any, family: type) -> Any:
+    """Return the type of a parameter's field in a description; None if a file cannot describe it.
+
+    - `hint`: its type in the part.
+    - `family`: the part, or its family, which it must not contain.
+    """
+    shape = parameter.shape
+    if shape == "one number":
+        return int if hint is int or parameter.annotation.startswith("Int[") else float
+    if shape == "one number or [n]":
+        return Numbers
+    if shape.endswith("a matrix [n n]"):
+        return float | list[float] | list[list[float]]
+    if shape in ("[n]", "[2]", "[3]", "[k]", "[m]"):
+        return list[float]
+    if shape in ("[k n]", "[m n]"):
+        return list[list[float]]
+    if hint in (bool, str) or typing.get_origin(hint) is Literal:
+        return hint
+    if inspect.isclass(hint) and issubclass(hint, eqx.Module) and inspect.isabstract(hint):
+        return None if issubclass(family, hint) or hint is family else union_of(hint)
+    return None

@@ -1,0 +1,256 @@
+"""First scenario for an arm, written with a reason for each choice (`slidax new`)."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from os.path import relpath
+from pathlib import Path
+from typing import Any
+
+from slidax.arms.articulated import Articulated
+from slidax.arms.built_in import built_in_arm, built_in_names
+from slidax.arms.coupled import Coupled
+from slidax.arms.files.find_arm import ArmInFile, find_arm
+from slidax.arms.files.mjcf import from_mjcf
+from slidax.arms.files.urdf import from_urdf
+from slidax.core.errors import DefinitionError, nearest_word
+from slidax.simulation.states import Numbers
+
+from .draft_choices import Motion, Ratings, home_of, motion_about, ratings_of
+from .yaml_text import dump_commented
+
+RADIUS = 5.0
+"""rad/s: final radius of the envelope over the period, 0.005 rad at 1 kHz, 0.02 rad at 250 Hz."""
+
+WIDTH = {"rad": 1.0, "m": 0.2}
+"""rad or m: initial radius; the final radius of a prismatic joint is smaller by the same factor."""
+
+HORIZON, PERIODS = 25e-3, 12
+"""s and periods: lower bounds of the horizon H."""
+
+RATE = 20.0
+"""1/s: torque rate over torque limit; a drive reaches its largest torque in 1/20 s."""
+
+RESOLUTION = 1e-5
+"""rad or m: encoder resolution, 19 bits per turn."""
+
+DRIFT = 0.008
+"""1/√s: √(torque density) over the torque limit, the drift of the disturbance in one second."""
+
+SURFACE = {"k1": 0.5, "k2": 1.0, "p": 0.5, "q": 1.2, "delta": 0.01}
+REACHING = {"gain": 0.1, "exponent": 1.2, "layer": 0.0}
+OVERSHOOT, EXPONENT = 0.9, 2.01
+"""Law of new scenarios, and of designs before their search."""
+
+SUBSTEPS = 10
+
+
+@dataclass(frozen=True)
+class Choices:
+    """Choices for a new scenario.
+
+    - `block`: the description of the robot.
+    - `rate`: Hz.
+    - `notes`: assumptions.
+    """
+
+    arm: Articulated
+    block: Mapping[str, Any]
+    rate: float
+    ratings: Ratings
+    home: Numbers
+    motion: Motion
+    notes: tuple[str, ...]
+
+
+ROTORS = 0.002
+"""kg m² for each N m of rated torque: rotor inertia of the simulated arm, since every drive has a rotor."""
+
+
+def draft_text(chosen: Choices) -> str:
+    """Return the text of the file."""
+    units, period = chosen.arm.joint_units, 1.0 / chosen.rate
+    ratings, motion = chosen.ratings, chosen.motion
+    wide = [WIDTH[unit] for unit in units]
+    narrow = [RADIUS * period * WIDTH[unit] for unit in units]
+    values = {
+        "title": f"{chosen.arm.name} at {chosen.rate:g} Hz",
+        "robot": {**chosen.block, "plant": {"armature": _row(ROTORS * ratings.torque)}},
+        "trajectory": {
+            "kind": "sinusoid",
+            "offset": _row(chosen.home),
+            "amplitude": _row(motion.amplitude),
+            "frequency": _row(motion.frequency),
+        },
+        "sensor": {"resolution": RESOLUTION, "velocity": "differenced", "delay": 1},
+        "actuator": {"torque": _row(ratings.torque), "rate": _row(RATE * ratings.torque)},
+        "start": {"q": _row(motion.start)},
+        "scheme": {
+            "name": "cftsmppc",
+            "performance": {
+                "kind": "fixed_time",
+                "initial": _each(wide),
+                "final": _each(narrow),
+                "deadline": 2.0,
+                "exponent": EXPONENT,
+            },
+            "overshoot": OVERSHOOT,
+            "surface": SURFACE,
+            "reaching": REACHING,
+            "sampled_data": {
+                "horizon": _number(max(HORIZON, PERIODS * period)),
+                "estimator": {"kind": "kalman", "torque_density": _row((DRIFT * ratings.torque) ** 2)},
+            },
+        },
+        "simulation": {
+            "mode": "held",
+            "integrator": "semi_implicit_euler",
+            "period": float(f"{period:.9g}"),
+            "substeps": SUBSTEPS,
+            "t1": 8.0,
+            "outside": "recover",
+        },
+    }
+    return dump_commented(values, _comments(chosen))
+
+
+def _comments(chosen: Choices) -> Iterator[tuple[str, str]]:
+    """Yield the path of each key with its comment."""
+    if chosen.notes:
+        yield "robot", "\n".join(["Assumptions:", *(f"- {note}" for note in chosen.notes)])
+    yield (
+        "robot.plant",
+        f"Differences of the true arm, which the law does not know: its rotors, {ROTORS:g} kg m² for each N m. For "
+        "example also mass_factor: 0.85, coulomb: 0.5, load: {mass: 1.0, center: [0.0, 0.0, 0.05]}. The law learns the "
+        "rotors, unless nominal: {armature: ...} gives them (kg m², seen from the joint).",
+    )
+    yield (
+        "trajectory",
+        f"Joints {', '.join(chosen.arm.joint_names)}: around a posture inside their ranges, away from singular ones, "
+        f"with up to {int(100 * max(chosen.motion.burden))} % of the torques below if 20 % of the arm's mass is at the "
+        "tip.",
+    )
+    yield "sensor", "Positions only, rounded, one period old when they arrive."
+    yield (
+        "actuator",
+        f"Torque limits and rate limits. The robot's file has no rates: from 0 to the limit in {1e3 / RATE:g} ms.",
+    )
+    yield "start", "At rest, off the motion."
+    yield (
+        "scheme.performance",
+        "The error is within `final` from the deadline on; a shorter period allows a smaller one (docs/loop-rate.md).",
+    )
+    yield "scheme.sampled_data", "`bound` is missing: it follows from the arm, its torques and the mismatch above."
+    yield (
+        "scheme.sampled_data.horizon",
+        "Long: with a load, light wrists are several times as heavy as in the law's model (docs/loop-rate.md).",
+    )
+    yield (
+        "scheme.sampled_data.estimator",
+        "Density of the white noise that drives the disturbance: a larger one follows it faster, and passes on more of "
+        "the encoders' noise.",
+    )
+
+
+def _number(value: float) -> float:
+    return float(f"{value:.6g}")
+
+
+def _row(values: Numbers) -> list[float]:
+    return [_number(value) for value in values]
+
+
+def _each(values: list[float]) -> float | list[float]:
+    numbers = [_number(value) for value in values]
+    return numbers[0] if len(set(numbers)) == 1 else numbers
+
+
+SLOWEST, FASTEST = 20.0, 20_000.0
+"""Hz: allowed loop rates."""
+
+FILES = {".urdf": "urdf", ".xacro": "urdf", ".xml": "mjcf", ".mjcf": "mjcf"}
+
+
+@dataclass(frozen=True)
+class Draft:
+    """A new scenario.
+
+    - `text`: content of the file.
+    - `notes`: assumptions, each a sentence.
+    """
+
+    text: str
+    notes: tuple[str, ...]
+
+
+def draft(robot: str | Path, rate: float = 1000.0, *, tip: str | None = None, folder: Path = Path()) -> Draft:
+    """Return a scenario for an arm that runs, with comments for a person who will edit it.
+
+    - `robot`: a built-in arm by name, or the path of a URDF or MJCF file.
+    - `rate`: loop rate, Hz.
+    - `tip`: link, body or site at the end of the arm; None to search it.
+    - `folder`: folder of the scenario file, from which it names the robot file.
+
+    Raises DefinitionError if the robot does not exist, the file is not one arm, or the rate is out of its range.
+    """
+    if not (math.isfinite(rate) and SLOWEST <= rate <= FASTEST):
+        raise DefinitionError(f"the rate must be {SLOWEST:g} to {FASTEST:g} Hz; got {rate:g}")
+    arm, block, notes = _arm(str(robot), tip, folder)
+    ratings = ratings_of(arm)
+    home = home_of(arm, ratings)
+    motion = motion_about(arm, ratings, home)
+    notes = (*notes, *ratings.notes)
+    return Draft(draft_text(Choices(arm, block, rate, ratings, home, motion, notes)), notes)
+
+
+def _arm(robot: str, tip: str | None, folder: Path) -> tuple[Articulated, dict[str, Any], tuple[str, ...]]:
+    """The arm, the scenario's `robot`, and notes about it."""
+    if robot in built_in_names():
+        if tip is not None:
+            raise DefinitionError(f"`{robot}` has its tip; `tip` is for robot files")
+        return built_in_arm(robot).robot, {"kind": robot}, ()
+    path = Path(robot)
+    kind = FILES.get(path.suffix.lower())
+    if kind is None:
+        known = ", ".join(FILES)
+        raise DefinitionError(
+            f"`{robot}` is neither a built-in arm nor a file ({known}); {nearest_word(robot, built_in_names())}"
+        )
+    chain = find_arm(path, tip)
+    read = from_urdf if kind == "urdf" else from_mjcf
+    with warnings.catch_warnings(record=True) as assumed:
+        warnings.simplefilter("always")
+        arm = read(path, tip=chain.tip, locked=chain.locked, inertias="nearest")
+    if isinstance(arm, Coupled):
+        raise DefinitionError(_with_followers(arm, kind, path, chain.tip))
+    messages = [str(warning.message).removeprefix(f"{path}: ") for warning in assumed]
+    changed = [message for message in messages if "inertias are changed" in message]
+    notes = [message.rpartition("; ")[2] for message in changed]
+    notes += [message for message in messages if message.endswith("left out")]
+    block: dict[str, Any] = {"kind": kind, "file": relpath(path, folder), "tip": chain.tip}
+    if chain.locked:
+        block["locked"] = {name: float(f"{value:.6g}") for name, value in chain.locked.items()}
+        notes.append(_held(chain))
+    if changed:
+        block["inertias"] = "nearest"
+    return arm, block, tuple(notes)
+
+
+def _with_followers(arm: Coupled, kind: str, path: Path, tip: str) -> str:
+    """The message for an arm whose joints follow others, with the remedy."""
+    follower = arm.followers[0]
+    carrier = arm.arm.parents[arm.arm.joint_names.index(follower)]
+    link = arm.arm.link_names[carrier]
+    shorter = f"`--tip {link}` ends the arm before this joint and holds it; or " if carrier >= 0 else ""
+    return (
+        f"joint `{follower}` of `{path}` follows another joint, and `slidax new` chooses no motion for such an arm; "
+        f"{shorter}write the scenario by hand with `robot: {{kind: {kind}, file: {path.name}, tip: {tip}}}`"
+    )
+
+
+def _held(chain: ArmInFile) -> str:
+    where = "held where each is" if len(chain.locked) > 1 else "held where it is"
+    return f"{', '.join(chain.locked)}: not of the arm, whose tip is `{chain.tip}`; {where} nearest to 0"

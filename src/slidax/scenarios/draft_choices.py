@@ -1,0 +1,290 @@
+"""Choices of a first scenario: drive ratings, home posture, motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import equinox as eqx
+import numpy as np
+from numpy.typing import NDArray
+
+from slidax.arms.articulated import Articulated
+from slidax.core.errors import as_array
+from slidax.simulation.states import Numbers, States, spread, states_of
+
+
+def with_tip_mass(arm: Articulated, share: float) -> Articulated:
+    """Return the arm with a share of its moving mass at the tip, in addition to its payload."""
+    mass = float(arm.payload.mass) + share * float(np.sum(np.asarray(arm.masses)))
+    return eqx.tree_at(lambda arm: arm.payload.mass, arm, as_array(mass))
+
+
+POSTURES = 256
+"""Number of postures, spread evenly over the joints' ranges."""
+
+SIZING_TIP_SHARE = 0.3
+"""Share of the moving mass at the tip for which the drives are sized."""
+
+ACCELERATION = 5.0
+"""rad/s² or m/s²: acceleration of each joint alone for which its drive is sized."""
+
+ROOM = 1.25
+"""Torque of a drive over its requirement."""
+
+SMALLEST = 0.15
+"""Least torque of a drive over the largest of the same arm, as in real wrists."""
+
+EQUAL, FAR = 5.0, 30.0
+"""Ratio of limit to requirement above which a limit is a placeholder: one limit for all joints, or any limit."""
+
+SPEED = {"rad": 2.0, "m": 0.5}
+"""rad/s or m/s: velocity limit if the file has none."""
+
+RANGE = {"rad": np.pi, "m": 0.5}
+"""rad or m to both sides: range if the file has none."""
+
+
+@dataclass(frozen=True)
+class Ratings:
+    """Ratings of the joints.
+
+    - `torque`, `velocity`: [n], N m or N, rad/s or m/s.
+    - `lower`, `upper`: ends of its range [n], rad or m.
+    - `notes`: assumptions with their reasons, each a sentence.
+    """
+
+    torque: Numbers
+    velocity: Numbers
+    lower: Numbers
+    upper: Numbers
+    notes: tuple[str, ...]
+
+
+def ratings_of(arm: Articulated) -> Ratings:
+    """Return the ratings of an arm's joints from its description, with assumptions for missing or implausible values.
+
+    A torque limit is replaced if it is missing, if it cannot hold half of the weight, if it exceeds 30 times the
+    requirement, or if all joints have the same limit and it exceeds 5 times the requirement of one of them. The
+    requirement of a joint is 1.25 times the sum of its weight in the worst of 256 postures, with 30 % of the moving
+    mass at the tip, and the torque for 5 rad/s² of its own inertia. It is at least that of the joints after it, and at
+    least 15 % of the largest.
+    """
+    limits, units = arm.limits, np.array(arm.joint_units)
+    notes: list[str] = []
+    lower, upper = np.array(limits.lower), np.array(limits.upper)
+    endless = ~(np.isfinite(lower) & np.isfinite(upper))
+    reach = np.array([RANGE[unit] for unit in units])
+    lower, upper = _ends(lower, upper, reach)
+    if endless.any():
+        notes.append(f"{_named(arm, endless)}: no ends in the file; the motion stays within those below")
+    velocity = np.array(limits.velocity)
+    unknown = ~np.isfinite(velocity)
+    velocity = np.where(unknown, [SPEED[unit] for unit in units], velocity)
+    if unknown.any():
+        notes.append(
+            f"{_named(arm, unknown)}: no velocity in the file, or 0; {SPEED['rad']:g} rad/s or {SPEED['m']:g} m/s is "
+            f"assumed"
+        )
+    elif len(velocity) > 2 and np.ptp(velocity) < 1e-9:
+        either = " or ".join(f"{unit}/s" for unit in dict.fromkeys(units))
+        notes.append(
+            f"all joints: {velocity[0]:g} {either} on every joint, which may be a placeholder; the motion takes "
+            f"40 % of it at most"
+        )
+    torque, torque_notes = _torques(arm, lower, upper)
+    return Ratings(torque, velocity, lower, upper, (*notes, *torque_notes))
+
+
+def _ends(lower: Numbers, upper: Numbers, reach: Numbers) -> tuple[Numbers, Numbers]:
+    """Finite ends of the ranges: known ends stay, missing ones are `reach` from 0 or from the other end."""
+    low = np.where(np.isfinite(lower), lower, np.where(np.isfinite(upper), upper - 2.0 * reach, -reach))
+    high = np.where(np.isfinite(upper), upper, low + 2.0 * reach)
+    return low, high
+
+
+def _torques(arm: Articulated, lower: Numbers, upper: Numbers) -> tuple[Numbers, list[str]]:
+    limits, (needed, weight) = np.array(arm.limits.torque), _needed(arm, lower, upper)
+    missing = ~np.isfinite(limits)
+    ratio = np.where(missing, 0.0, limits / needed)
+    one_for_all = bool(len(limits) > 2 and not missing.any() and np.ptp(limits) < 1e-9)
+    far = (one_for_all and ratio.max() > EQUAL) | (ratio > FAR)
+    far = np.broadcast_to(far, limits.shape)
+    weak = ~missing & (limits < 0.5 * weight)
+    if one_for_all and weak.any():
+        weak = np.ones_like(missing)
+    rounded = np.array([float(f"{value:.2g}") for value in needed])
+    notes = []
+    for which, why in (
+        (missing, "no effort in the file, or 0"),
+        (far & ~weak, _placeholder(limits, ratio, one_for_all)),
+        (
+            weak,
+            f"{_list(limits[weak])} N m, which does not hold half of the arm's own weight, {_list(weight[weak])} N m",
+        ),
+    ):
+        if which.any():
+            notes.append(f"{_named(arm, which)}: {why}; by the arm's weight {_list(rounded[which])} N m is assumed")
+    return np.where(missing | far | weak, np.where(far & ~weak, np.minimum(limits, rounded), rounded), limits), notes
+
+
+def _placeholder(limits: Numbers, ratio: Numbers, one_for_all: bool) -> str:
+    if one_for_all:
+        return f"{limits[0]:g} N m on every joint, up to {ratio.max():.0f} times what this arm needs: a placeholder"
+    far = ratio > FAR
+    return (
+        f"{_list(limits[far])} N m, up to {ratio.max():.0f} times what this arm needs: a placeholder"
+        if far.any()
+        else ""
+    )
+
+
+def _needed(arm: Articulated, lower: Numbers, upper: Numbers) -> tuple[Numbers, Numbers]:
+    """Required torque of each drive, and the arm's own weight in the worst posture, [n] and [n], N m or N."""
+    places = spread(lower, upper, POSTURES)
+    own, carrying = states_of(arm, places), states_of(with_tip_mass(arm, SIZING_TIP_SHARE), places)
+    weight, with_load = np.abs(own.bias).max(axis=0), np.abs(carrying.bias).max(axis=0)
+    needed = ROOM * (with_load + ACCELERATION * np.diagonal(carrying.mass, axis1=1, axis2=2).max(axis=0))
+    for unit in ("rad", "m"):
+        same = np.array(arm.joint_units) == unit
+        if same.any():
+            least = SMALLEST * needed[same].max()
+            needed[same] = np.maximum(np.maximum.accumulate(needed[same][::-1])[::-1], least)
+    return needed, weight
+
+
+def _named(arm: Articulated, which: NDArray[np.bool_]) -> str:
+    names = [name for name, chosen in zip(arm.joint_names, which, strict=True) if chosen]
+    return "all joints" if len(names) == arm.joints > 1 else ", ".join(names)
+
+
+def _list(values: Numbers) -> str:
+    shown = [f"{value:.3g}" for value in values]
+    return shown[0] if len(set(shown)) == 1 else ", ".join(shown)
+
+
+COUNT = 2000
+"""Number of candidate postures, in addition to the middle and 0."""
+
+TIP_SHARE = 0.2
+"""Share of the moving mass at the tip."""
+
+HELD = 0.5
+"""Share of the torque limit for holding the posture above which it has a high cost."""
+
+
+def home_of(arm: Articulated, ratings: Ratings) -> Numbers:
+    """Return a home posture [n], rad or m.
+
+    The best of 2000 postures spread over the inner half of the ranges, the middle and 0. The cost has the share of the
+    torque limits that holds the arm with 20 % of its mass at the tip, the nearness to a singularity, the distance from
+    0, and the depth of links below the base.
+    """
+    middle, half = 0.5 * (ratings.lower + ratings.upper), 0.5 * (ratings.upper - ratings.lower)
+    wide = np.where(np.array(arm.joint_units) == "rad", np.minimum(half, 2.0), half)
+    room = np.minimum(0.25 * half, 0.5)
+    zero = np.clip(0.0, ratings.lower + room, ratings.upper - room)
+    # The first joint of an arm on a table turns about the vertical and should stay near 0.
+    near = np.where(np.abs(middle) < half, zero, middle)
+    places = np.concatenate([[middle, zero], near + spread(-0.75 * wide, 0.75 * wide, COUNT)])
+    places = np.clip(places, ratings.lower + room, ratings.upper - room)
+    states = states_of(with_tip_mass(arm, TIP_SHARE), places)
+    assert states.places is not None
+    weight, points, tips = states.bias, states.places, states.tip
+    burden = (np.abs(weight) / ratings.torque).max(axis=1)
+    up = -np.asarray(arm.gravity_vector)
+    up = up / np.linalg.norm(up) if np.linalg.norm(up) > 0 else np.array([0.0, 0.0, 1.0])
+    # The tip of a single joint may be on its axis.
+    reach = max(np.abs(tips - points[:, 0]).max(), 1e-9)
+    below = np.maximum(0.0, -np.minimum((points @ up).min(axis=1), tips @ up))
+    away = (np.abs(places - zero) / wide).mean(axis=1)
+    score = (
+        np.maximum(burden - HELD, 0.0) * 10.0
+        + burden
+        + 0.5 * np.maximum(0.0, 1.0 - _dexterity(arm, states) / 0.1)
+        + 3.0 * np.minimum(below / reach, 1.0)
+        + 0.5 * away
+    )
+    return np.round(places[int(np.argmin(score))], 2)
+
+
+def _dexterity(arm: Articulated, states: States) -> Numbers:
+    """Ratio of smallest to largest singular value of the tip's Jacobian, with lengths relative to the reach."""
+    assert states.axes is not None
+    assert states.places is not None
+    axes, points, tips = states.axes, states.places, states.tip
+    turns = np.array(arm.joint_units) == "rad"
+    arms = (tips[:, None] - points) / max(np.abs(tips[:, None] - points).max(), 1e-9)
+    linear = np.where(turns[None, :, None], np.cross(axes, arms), axes)
+    angular = np.where(turns[None, :, None], axes, 0.0)
+    carries = np.array([_carries(arm, joint) for joint in range(arm.joints)])
+    rows = [linear, angular] if arm.joints >= 6 else [linear]
+    jacobian = np.concatenate(rows, axis=2) * carries[None, :, None]
+    values = np.linalg.svd(jacobian, compute_uv=False)
+    kept = min(arm.joints, values.shape[1], 6 if arm.joints >= 6 else 3)
+    # No joint moves a tip that lies on all axes.
+    return np.divide(values[:, kept - 1], values[:, 0], out=np.zeros(len(values)), where=values[:, 0] > 0.0)
+
+
+def _carries(arm: Articulated, joint: int) -> bool:
+    at = arm.tip_joint
+    while at > joint:
+        at = arm.parents[at]
+    return at == joint
+
+
+AMPLITUDE = {"rad": 0.4, "m": 0.08}
+"""rad or m, reduced if the range is too small."""
+
+FREQUENCY = (2.0, 2.4)
+"""rad/s of the slowest and the fastest joint; no two are equal, so that all combinations of joint positions occur."""
+
+RANGE_SHARE, VELOCITY_SHARE, TORQUE_SHARE = 0.5, 0.4, 0.65
+"""Largest shares of the range around the home posture, and of the limits, that the motion uses."""
+
+START = 0.2
+"""rad: initial distance from the motion; a fifth of it in m."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Sinusoids about the home.
+
+    - `amplitude`, `frequency`: [n], rad or m, rad/s.
+    - `start`: positions at t = 0 [n].
+    - `burden`: largest share of each torque limit that it needs, with 20 % of the arm's mass at the tip [n].
+    """
+
+    amplitude: Numbers
+    frequency: Numbers
+    start: Numbers
+    burden: Numbers
+
+
+def motion_about(arm: Articulated, ratings: Ratings, home: Numbers) -> Motion:
+    """Return the motion about a home posture [n], slower and smaller until it is within the ratings."""
+    units = arm.joint_units
+    left = np.minimum(home - ratings.lower, ratings.upper - home)
+    amplitude = np.minimum([AMPLITUDE[unit] for unit in units], RANGE_SHARE * left)
+    frequency = np.linspace(*FREQUENCY, arm.joints) if arm.joints > 1 else np.array(FREQUENCY[:1])
+    # Neighbours in the chain differ by more than a step.
+    frequency = np.concatenate([frequency[::2], frequency[1::2]])
+    slower = np.minimum(1.0, VELOCITY_SHARE * ratings.velocity / (amplitude * frequency))
+    frequency = frequency * slower
+    carrying = with_tip_mass(arm, TIP_SHARE)
+    times = np.linspace(0.0, 12.0, 600)[:, None]
+    held = np.abs(states_of(carrying, home[None]).bias[0]) / ratings.torque
+    allowed = np.maximum(TORQUE_SHARE, held.max() + 0.1)
+    pace = 1.0
+    for _ in range(12):
+        w = pace * frequency
+        angle = w * times
+        states = states_of(carrying, home + amplitude * np.sin(angle), amplitude * w * np.cos(angle))
+        burden = np.abs(states.torque(-amplitude * w**2 * np.sin(angle))).max(axis=0) / ratings.torque
+        if burden.max() <= allowed:
+            break
+        pace *= 0.9
+        amplitude = amplitude * 0.9
+    away = START * np.array([1.0 if unit == "rad" else 0.2 for unit in units])
+    sign = np.where(np.arange(arm.joints) % 2 == 0, 1.0, -1.0)
+    away = np.minimum(away, 0.8 * left) * sign
+    return Motion(np.round(amplitude, 2), np.round(pace * frequency, 2), np.round(home + away, 3), burden)

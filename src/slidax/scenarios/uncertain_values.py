@@ -1,0 +1,175 @@
+"""Values of a scenario by path, with their units, ranges and lengths."""
+
+from __future__ import annotations
+
+import dataclasses
+import typing
+from collections.abc import Callable, Mapping
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from slidax.core.errors import DefinitionError, nearest_word, plain, short_repr
+
+Array: TypeAlias = NDArray[Any]
+
+NUMERIC = {float, int, list[float], list[list[float]]}
+
+ENDS = (("minimum", -np.inf), ("exclusiveMinimum", -np.inf)), (("maximum", np.inf), ("exclusiveMaximum", np.inf))
+
+
+@dataclasses.dataclass(frozen=True)
+class Leaf:
+    """A number of a scenario, or a list of numbers.
+
+    - `own`: its value; None without a value.
+    - `joints`: number of joints of the arm.
+    - `per_joint`: True if it may be one number for all joints, or one for each.
+    - `one_of_joints`: True for one joint's number in a list with one for each.
+    - `open_list`: True for a list of any length.
+    - `ends`: numeric ends of its range.
+    - `envelope`: returns lower and upper positions [n] at the start; None if not needed.
+    """
+
+    path: str
+    own: Array | None
+    joints: int
+    per_joint: bool = False
+    one_of_joints: bool = False
+    open_list: bool = False
+    integer: bool = False
+    unit: str = ""
+    ends: tuple[float, float] = (-np.inf, np.inf)
+    envelope: Callable[[], tuple[Array, Array]] | None = dataclasses.field(default=None, compare=False)
+
+    @property
+    def each_joint(self) -> bool:
+        """True if each of its numbers belongs to a joint."""
+        return self.per_joint or (self.open_list and self.shape == (self.joints,))
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of its own value; of one number without a value."""
+        return () if self.own is None else self.own.shape
+
+    @property
+    def shape_of_each(self) -> tuple[int, ...]:
+        """Shape of its numbers if each has its own draw."""
+        return (self.joints,) if self.per_joint and self.shape == () else self.shape
+
+    @property
+    def size(self) -> int:
+        """Count of its numbers if each has its own draw."""
+        return int(np.prod(self.shape_of_each, dtype=int))
+
+    def own_value(self, what: str) -> Array:
+        """Return its own value, which the key `what` needs.
+
+        Raises DefinitionError if it has none.
+        """
+        if self.own is None:
+            raise DefinitionError(f"has no value of its own in the scenario, so that `{what}` means nothing: write one")
+        return self.own
+
+    def fitting(self, value: Any, what: str) -> Array:
+        """Return the value of the key `what` as an array of its own shape.
+
+        Raises DefinitionError if the value has another shape, or is not finite.
+        """
+        array = np.asarray(value, float)
+        allowed = {(), self.shape, self.shape_of_each}
+        if array.shape not in allowed and self.own is not None:
+            wanted = " or ".join("one number" if not shape else f"{list(shape)} numbers" for shape in sorted(allowed))
+            raise DefinitionError(f"`{what}` needs {wanted}; got {short_repr(value)}")
+        if not np.isfinite(array).all():
+            raise DefinitionError(f"`{what}` must be finite; got {short_repr(value)}")
+        return self.spread_out(array, False)
+
+    def spread_out(self, value: Array, each: bool) -> Array:
+        """Return a value in its own shape, or, with `each`, in the shape of separate draws."""
+        return np.broadcast_to(value, np.broadcast_shapes(value.shape, self.shape_of_each if each else self.shape))
+
+
+def leaf_of(description: BaseModel, path: str, joints: int, *, own: Any = None) -> Leaf:
+    """Return the number at a path of a scenario's description.
+
+    - `path`: dotted, as of `--set`.
+    - `joints`: number of joints of the arm.
+    - `own`: value in place of the one in the description.
+
+    Raises DefinitionError if there is none.
+    """
+    place: Any = description
+    kind: Any = None
+    schema: Mapping[str, Any] = {}
+    open_list = one_of_joints = False
+    for name in path.split("."):
+        if isinstance(place, BaseModel):
+            fields = type(place).model_fields
+            if name not in fields:
+                raise DefinitionError(f"there is no `{plain(name)}` here; {nearest_word(name, fields)}")
+            kind, extra = fields[name].annotation, fields[name].json_schema_extra
+            schema = extra if isinstance(extra, dict) else {}
+            place = getattr(place, name)
+            open_list = list[float] in _words(kind) and not _has_length(fields[name])
+        elif isinstance(place, tuple | list) and name.isdigit() and int(name) < len(place):
+            one_of_joints = open_list and len(place) == joints
+            place, kind = place[int(name)], float
+        elif name.isdigit() and isinstance(place, int | float):
+            raise DefinitionError(f"{place} is one number for all joints: write one for each into the scenario")
+        else:
+            raise DefinitionError(f"`{plain(name)}` leads nowhere in {short_repr(place)}")
+    words = _words(kind)
+    if not words & NUMERIC or isinstance(place, BaseModel | str | bool):
+        raise DefinitionError(f"is not a number of the scenario; got {short_repr(place)}")
+    value = place if own is None else own
+    try:
+        array = None if value is None else np.asarray(value, int if words == {int} else float)
+    except (TypeError, ValueError):
+        raise DefinitionError(f"is not a number of the scenario; got {short_repr(value)}") from None
+    lower, upper = (next((schema[key] for key, _ in end if key in schema), end[0][1]) for end in ENDS)
+    return Leaf(
+        path,
+        array,
+        joints,
+        per_joint=float in words and list[float] in words,
+        one_of_joints=one_of_joints,
+        open_list=open_list,
+        integer=int in words and float not in words,
+        unit=str(schema.get("unit", "")),
+        ends=(float(lower), float(upper)),
+    )
+
+
+def _has_length(field: FieldInfo) -> bool:
+    """True for a list of fixed length, such as the three numbers of a point."""
+    return "MinLen" in str(field.metadata) or "min_length" in str(field.annotation)
+
+
+def _words(kind: Any) -> set[Any]:
+    """The types of a union, without None and without annotations for pydantic."""
+    if typing.get_origin(kind) is typing.Annotated:
+        return _words(typing.get_args(kind)[0])
+    if typing.get_origin(kind) in (None, list, tuple, typing.Literal):
+        return {kind} - {type(None)}
+    return set().union(*(_words(member) for member in typing.get_args(kind)))
+
+
+def with_values(description: Any, values: Mapping[str, Any]) -> Any:
+    """Return a description with other values by path, which may be traced and are not validated."""
+    for path, value in values.items():
+        description = _with(description, path.split("."), value)
+    return description
+
+
+def _with(place: Any, names: list[str], value: Any) -> Any:
+    if not names:
+        return value
+    name, *rest = names
+    if isinstance(place, BaseModel):
+        return place.model_copy(update={name: _with(getattr(place, name), rest, value)})
+    changed = [_with(entry, rest, value) if k == int(name) else entry for k, entry in enumerate(place)]
+    return tuple(changed) if isinstance(place, tuple) else changed

@@ -1,0 +1,321 @@
+"""Uncertainty of a scenario: sets of values for its parameters, with distributions."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, Union
+
+import numpy as np
+from pydantic import BeforeValidator, Discriminator, Field, Tag, field_validator
+from pydantic_core import PydanticCustomError
+
+from slidax.core.errors import DefinitionError, plain, short_repr
+
+from .descriptions import AbstractDescription, Numbers, input_field
+from .uncertain_values import Array, Leaf
+from .yaml_text import read_yaml_file
+
+Distribution = Literal["uniform", "log_uniform", "triangular", "normal"]
+"""`log_uniform`: uniform logarithm; `triangular`: peak in the middle; `normal`: cut at both ends."""
+
+TAIL = 1e-16
+"""Distance from the faces of the cube, at which a normal distribution is infinite."""
+
+
+class Cut(NamedTuple):
+    """Mean and deviation of a truncated normal distribution; None: the middle, and a sixth of the width."""
+
+    mean: float | None = None
+    deviation: float | None = None
+
+
+def shares(u: Array, lower: Array, upper: Array, distribution: Distribution, cut: Cut) -> Array:
+    """Return the values between two ends at cumulative probabilities u in [0, 1).
+
+    Raises DefinitionError if the distribution does not exist between these ends.
+    """
+    if distribution == "log_uniform":
+        if not (lower > 0).all():
+            raise DefinitionError(f"`log_uniform` needs ends > 0; got {short_repr(lower)}")
+        values: Array = lower * (upper / lower) ** u
+    elif distribution == "triangular":
+        share = np.where(u < 0.5, np.sqrt(0.5 * u), 1.0 - np.sqrt(0.5 * (1.0 - u)))
+        values = lower + (upper - lower) * share
+    elif distribution == "normal":
+        # Imported here, since few files need it and the import takes a third of a short command's start.
+        from scipy.special import ndtr, ndtri
+
+        mean = 0.5 * (lower + upper) if cut.mean is None else cut.mean
+        width = (upper - lower) / 6.0 if cut.deviation is None else cut.deviation
+        width = np.where(np.asarray(width) > 0, width, 1.0)
+        low, high = ndtr((lower - mean) / width), ndtr((upper - mean) / width)
+        values = mean + width * ndtri(np.clip(low + u * (high - low), TAIL, 1.0 - TAIL))
+    else:
+        values = lower + (upper - lower) * u
+    # Rounding must not lead out of the set.
+    return np.clip(values, lower, upper)
+
+
+def cut_normal(u: Array, sigmas: float = 8.0) -> Array:
+    """Return standard normal numbers, cut at `sigmas` on both sides, at cumulative probabilities u in [0, 1)."""
+    from scipy.special import ndtr, ndtri
+
+    low = ndtr(-sigmas)
+    return ndtri(np.clip(low + u * (1.0 - 2.0 * low), TAIL, 1.0 - TAIL))
+
+
+MOST_SEEDS = 2**32
+
+EACH = "`joint` (or `entry`): a separate draw for each of its numbers; by default one draw for all of them"
+
+
+class AbstractSet(AbstractDescription):
+    """Base class of sets, which are images of the unit cube."""
+
+    each: Literal["joint", "entry"] | None = Field(default=None, description=EACH)
+
+    def coordinates(self, leaf: Leaf) -> int:
+        """Return the number of coordinates of the unit cube that the set takes for a leaf."""
+        return leaf.size if self.each else 1
+
+    @property
+    def example(self) -> Any:
+        """A value of the set that does not depend on a leaf; None if there is none."""
+        return None
+
+    @abstractmethod
+    def values(self, cube: Array, leaf: Leaf) -> Array:
+        """Return the values of a leaf at points of the unit cube, [rows, ...].
+
+        - `cube`: [rows, coordinates], in [0, 1).
+
+        Raises DefinitionError if the set does not fit the leaf, or is empty.
+        """
+
+    def _spread(self, cube: Array, leaf: Leaf) -> Array:
+        """The coordinates in the shape of the leaf, one for each number with a separate draw."""
+        if self.each:
+            return cube.reshape(len(cube), *leaf.shape_of_each)
+        return cube.reshape(len(cube), *[1] * len(leaf.shape))
+
+
+class Between(AbstractSet):
+    """All values between two ends."""
+
+    between: Annotated[list[Numbers], Field(min_length=2, max_length=2)]
+    """Lower and upper end, each one number or one per joint."""
+    distribution: Distribution = "uniform"
+    """Distribution of the values."""
+    mean: float | None = input_field("of `normal`", default=None, source="the middle")
+    deviation: float | None = input_field("of `normal`", "", "> 0", default=None, source="a sixth of the width")
+
+    @property
+    def example(self) -> Any:
+        return self.between[0]
+
+    def values(self, cube: Array, leaf: Leaf) -> Array:
+        lower, upper = (leaf.fitting(end, "between") for end in self.between)
+        _require_order(lower, upper)
+        if self.distribution != "normal" and (self.mean, self.deviation) != (None, None):
+            raise DefinitionError(f"`mean` and `deviation` belong to `normal`, not to `{self.distribution}`")
+        return shares(self._spread(cube, leaf), lower, upper, self.distribution, Cut(self.mean, self.deviation))
+
+
+class Around(AbstractSet):
+    """All values within a distance from the scenario's own."""
+
+    around: float | str
+    """The distance: a number in the parameter's unit, or a share of its own value, such as `20 %`."""
+    distribution: Distribution = "uniform"
+    """Distribution of the values."""
+
+    @field_validator("around")
+    @classmethod
+    def _is_a_distance(cls, value: float | str) -> float | str:
+        if isinstance(value, str):
+            _share(value)
+        elif not (np.isfinite(value) and value >= 0):
+            raise PydanticCustomError(
+                "unknown_key", "must be >= 0 and finite; got {given}", {"given": short_repr(value)}
+            )
+        return value
+
+    def values(self, cube: Array, leaf: Leaf) -> Array:
+        own = leaf.own_value("around")
+        reach = np.abs(own) * _share(self.around) if isinstance(self.around, str) else self.around
+        # One number for all joints may differ between the joints here.
+        lower, upper = (leaf.spread_out(np.asarray(own + sign * reach), bool(self.each)) for sign in (-1.0, 1.0))
+        return shares(self._spread(cube, leaf), lower, upper, self.distribution, Cut())
+
+
+class Ball(AbstractSet):
+    """All vectors within a distance from the scenario's own, such as a centre of mass."""
+
+    ball: float = input_field("its radius, in the parameter's unit", "", ">= 0")
+    distribution: Literal["uniform", "surface"] = "uniform"
+    """`uniform` in the ball, or on its `surface`."""
+
+    def coordinates(self, leaf: Leaf) -> int:
+        """One for each number, and one for the distance."""
+        return leaf.size + 1
+
+    def values(self, cube: Array, leaf: Leaf) -> Array:
+        own = leaf.own_value("ball").reshape(-1)
+        direction = cut_normal(cube[:, :-1])
+        # The middle of the cube has no direction; it is the middle of the ball.
+        direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-12)
+        far = np.ones(len(cube)) if self.distribution == "surface" else cube[:, -1] ** (1.0 / leaf.size)
+        return (own + self.ball * far[:, None] * direction).reshape(len(cube), *leaf.shape)
+
+
+class Discrete(AbstractSet):
+    """A finite set of values."""
+
+    choice: Annotated[list[float | list[float] | list[list[float]]], Field(min_length=1)] | Literal["any"]
+    """The values; `any` for a seed."""
+    weights: list[float] | None = None
+    """Probabilities of the values; by default equal."""
+
+    @property
+    def example(self) -> Any:
+        return 0 if self.choice == "any" else self.choice[0]
+
+    def values(self, cube: Array, leaf: Leaf) -> Array:
+        u = self._spread(cube, leaf)
+        if self.choice == "any":
+            if not leaf.integer:
+                raise DefinitionError("`choice: any` is for seeds; write the values, or `between`")
+            return np.floor(u * MOST_SEEDS).astype(int).reshape(len(cube), *leaf.shape)
+        weights = self._weights(len(self.choice))
+        edges = np.cumsum(weights)[:-1] / np.sum(weights)
+        which = np.searchsorted(edges, u, side="right")
+        fitting = [leaf.fitting(value, "choice") for value in self.choice]
+        shape = np.broadcast_shapes(*(value.shape for value in fitting), leaf.shape_of_each if self.each else ())
+        values = np.stack([np.broadcast_to(value, shape) for value in fitting])
+        if leaf.integer and (values != np.round(values)).any():
+            raise DefinitionError(f"needs whole numbers; got {short_repr(self.choice)}")
+        picked: Array = np.take_along_axis(values[None], which.reshape(len(cube), 1, *u.shape[1:]), axis=1)[:, 0]
+        return picked.astype(int) if leaf.integer else picked
+
+    def _weights(self, count: int) -> Array:
+        weights = np.ones(count) if self.weights is None else np.asarray(self.weights, float)
+        if len(weights) != count or not (np.isfinite(weights) & (weights >= 0)).all() or not weights.sum() > 0:
+            raise DefinitionError(f"`weights` must be {count} numbers >= 0, not all 0; got {short_repr(self.weights)}")
+        return weights
+
+
+class StandardError(AbstractSet):
+    """Estimated values with a standard error, as from `slidax identify`: normal, cut at both sides."""
+
+    standard_error: float | list[float] | list[list[float]]
+    """One standard deviation of each number."""
+    unit: str = ""
+    """Unit of the number; not used."""
+    seen: bool = True
+    """True if the log excited the parameter; not used."""
+    sigmas: float = input_field("where the normal distribution is cut, in standard errors", "", "(0, 8]", default=3.0)
+
+    def coordinates(self, leaf: Leaf) -> int:
+        """One for each number, as their errors are independent."""
+        return int(np.prod(leaf.shape, dtype=int))
+
+    def values(self, cube: Array, leaf: Leaf) -> Array:
+        own = leaf.own_value("standard_error")
+        error = np.broadcast_to(leaf.fitting(self.standard_error, "standard_error"), own.shape)
+        if not (np.isfinite(error) & (error >= 0)).all():
+            raise DefinitionError(f"`standard_error` must be >= 0 and finite; got {short_repr(self.standard_error)}")
+        reach = cut_normal(cube.reshape(len(cube), *own.shape), self.sigmas)
+        return np.clip(own + error * reach, *leaf.ends)
+
+
+class InsideEnvelope(AbstractSet):
+    """Starts inside the envelope at t = 0, with the velocities of the scenario."""
+
+    inside: Literal["envelope"]
+    """The envelope around the starts."""
+    share: float = input_field("of the distance from its middle to its bounds", "", "(0, 1)", default=0.9)
+    each: Literal["joint", "entry"] | None = Field(default="joint", description="A separate draw for each joint.")
+
+    def values(self, cube: Array, leaf: Leaf) -> Array:
+        if leaf.envelope is None:
+            raise DefinitionError("`inside` is for `start`")
+        lower, upper = leaf.envelope()
+        middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
+        return middle + self.share * half * (2.0 * self._spread(cube, leaf) - 1.0)
+
+
+KINDS: dict[str, type[AbstractSet]] = {
+    "between": Between,
+    "around": Around,
+    "ball": Ball,
+    "choice": Discrete,
+    "standard_error": StandardError,
+    "inside": InsideEnvelope,
+}
+
+
+def _kind(data: Any) -> str | None:
+    if isinstance(data, AbstractSet):
+        return next(key for key, kind in KINDS.items() if type(data) is kind)
+    keys = [key for key in KINDS if isinstance(data, dict) and key in data]
+    return keys[0] if len(keys) == 1 else None
+
+
+if TYPE_CHECKING:
+    AnySet = AbstractSet
+else:
+    AnySet = Annotated[
+        Union[tuple(Annotated[kind, Tag(key)] for key, kind in KINDS.items())],  # noqa: UP007
+        Discriminator(
+            _kind,
+            custom_error_type="unknown_key",
+            custom_error_message="needs one set of values: a mapping with one of " + ", ".join(f"`{k}`" for k in KINDS),
+        ),
+    ]
+
+
+def _share(text: str) -> float:
+    number, sign, rest = text.partition("%")
+    try:
+        share = float(number) / 100.0
+    except ValueError:
+        share = np.nan
+    if not sign or rest.strip() or not (np.isfinite(share) and share >= 0):
+        message = "must be a number, or a share >= 0 such as `20 %`; got `{given}`"
+        raise PydanticCustomError("unknown_key", message, {"given": plain(text)})
+    return share
+
+
+def _require_order(lower: Array, upper: Array) -> None:
+    if not (lower <= upper).all():
+        raise DefinitionError(f"is empty: its lower end {short_repr(lower)} is above its upper end {short_repr(upper)}")
+
+
+FILE = "file"
+"""Key for a file with a mapping `uncertainty`, as from `slidax identify`."""
+
+
+def _with_file(data: Any, info: Any) -> Any:
+    if not isinstance(data, dict) or FILE not in data:
+        return data
+    path = Path((info.context or {}).get("folder", "")) / str(data[FILE])
+    try:
+        content = read_yaml_file(path)
+    except DefinitionError as error:
+        raise _refused(str(error)) from None
+    sets = content.get("uncertainty") if isinstance(content, dict) else None
+    if not isinstance(sets, dict):
+        raise _refused(f"the file `{path}` has no mapping `uncertainty`, as `slidax identify` writes one")
+    return sets | {path: values for path, values in data.items() if path != FILE}
+
+
+def _refused(message: str) -> PydanticCustomError:
+    return PydanticCustomError("unknown_key", "{message}", {"message": message})
+
+
+if TYPE_CHECKING:
+    Uncertainty = dict[str, AbstractSet]
+else:
+    Uncertainty = Annotated[dict[str, AnySet], BeforeValidator(_with_file)]
+"""Sets by path; `file` names a file with more sets."""

@@ -1,0 +1,366 @@
+"""MuJoCo engine: the law decides by machine code or XLA, MuJoCo moves the arm."""
+
+from __future__ import annotations
+
+import functools
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from slidax.codegen import llvm
+from slidax.codegen.fold import DTYPES
+from slidax.codegen.trace.tracing import trace
+from slidax.core.types import State, Vector
+
+from .define import require_start
+from .engine import EngineResult, Progress, RunRequest, engine_for, native_or_xla
+from .loop import Carry, ClosedLoop, LoopStart, begin, decide, force
+from .mujoco_model import World, mujoco, quiet
+from .native_loop import LoopSignature
+from .plant import FreeBody, MujocoPlant
+from .run import Log, Timing
+
+
+class BoundKernel:
+    """A kernel of one run with fixed arrays, which each call reads and writes in place.
+
+    A call costs less than 1 µs; passing the arrays at each call costs 20 µs.
+
+    - `inputs`, `outputs`: contiguous arrays in the kernel's order; no output may be an input.
+    """
+
+    def __init__(self, kernel: llvm.Kernel, inputs: Sequence[np.ndarray], outputs: Sequence[np.ndarray]) -> None:
+        for array, entry in zip(inputs, kernel.inputs, strict=True):
+            assert array.shape == entry.shape
+            assert array.dtype == DTYPES[entry.type]
+            assert array.flags.c_contiguous
+        # Kept alive: the kernel has only their addresses.
+        self._arrays = [*inputs, *outputs]
+        self._inputs = len(inputs)
+        self._table = np.array([array.ctypes.data for array in self._arrays], np.uintp)
+        self._address = self._table.ctypes.data
+        self._run = kernel.function
+
+    def __call__(self) -> None:
+        self._run(self._address, 1, 0)
+
+    def shift(self, outputs: slice, by: np.ndarray) -> None:
+        """Move the addresses of some outputs, each by so many bytes."""
+        self._table[self._inputs :][outputs] += by
+
+
+def outputs_of(kernel: llvm.Kernel) -> list[np.ndarray]:
+    """Arrays for all that a kernel writes.
+
+    - `kernel`: of one run.
+    """
+    return [np.empty(output.shape, DTYPES[output.type]) for output in kernel.outputs]
+
+
+class NativeSteps:
+    """The controller's side of a run.
+
+    - `state`: at t = 0.
+    - `world`: its arrays are read and written in place.
+    - `rows`: number of logged samples.
+
+    Raises NoNativeCodeError if a part of the loop has no machine code.
+    """
+
+    def __init__(self, loop: ClosedLoop, state: State, world: World, rows: int) -> None:
+        arrays, static = eqx.partition((loop, state), eqx.is_array)
+        code = _native_code(LoopSignature.of(arrays, static, True))
+        of_loop = [np.asarray(leaf) for leaf in jax.tree.leaves(arrays[0])]
+        self._code = code
+        leaves = code.begin([*of_loop, *(np.asarray(leaf) for leaf in jax.tree.leaves(arrays[1]))])
+        start = jax.tree.unflatten(jax.tree.structure(code.start), leaves)
+        self._rest = start[1:]
+        # Two carries: each sample reads one and writes the other.
+        carries = [jax.tree.map(np.array, start[0]) for _ in range(2)]
+        moved = [eqx.tree_at(lambda c: (c.state.q, c.state.dq), carry, (world.q, world.dq)) for carry in carries]
+        self._log = jax.tree.map(lambda x: np.zeros((rows + 1, *x.shape), x.dtype), code.log)
+        held = jax.tree.map(lambda x: np.zeros(x.shape, x.dtype), code.held)
+        # x[0] is no array where a line holds one number.
+        line = jax.tree.leaves(jax.tree.map(lambda x: x[0, ...], self._log))
+        self._decide = [
+            BoundKernel(
+                code.decide,
+                [*of_loop, *jax.tree.leaves(moved[at])],
+                [*jax.tree.leaves(carries[1 - at]), *line, *jax.tree.leaves(held)],
+            )
+            for at in range(2)
+        ]
+        first = len(jax.tree.leaves(carries[0]))
+        self._lines = slice(first, first + len(line))
+        self._strides = np.array([x.strides[0] for x in jax.tree.leaves(self._log)], np.uintp)
+        self._carries = carries
+        self._k, self._i = np.zeros((), int), np.zeros((), int)
+        self._force = BoundKernel(
+            code.force, [*of_loop, *jax.tree.leaves(held), self._k, self._i, world.q, world.dq], [world.force]
+        )
+        self._at = 0
+        self._kept = 0
+
+    @property
+    def start(self) -> LoopStart:
+        """The start of the loop, with the present carry."""
+        return (self._carries[self._at], *self._rest)
+
+    @property
+    def log(self) -> Log:
+        """The logged samples."""
+        return jax.tree.map(lambda x: x[: self._kept], self._log)
+
+    def decide(self, k: int, keep: bool) -> bool:
+        """Decide at sample k, log it if `keep`, and return True if the run continues."""
+        self._k[...] = k
+        self._decide[self._at]()
+        self._at = 1 - self._at
+        if keep:
+            # Until the next line, each sample overwrites the previous one.
+            self._kept += 1
+            for kernel in self._decide:
+                kernel.shift(self._lines, self._strides)
+        return not self._carries[self._at].fault.kind
+
+    def set_force(self, i: int) -> None:
+        """Write the force on the joints at the start of substep i after the sample."""
+        self._i[...] = i
+        self._force()
+
+
+@dataclass(frozen=True)
+class _NativeCode:
+    """Kernels, and the results of their functions with shapes for arrays."""
+
+    begin: llvm.Kernel
+    decide: llvm.Kernel
+    force: llvm.Kernel
+    start: Any
+    log: Any
+    held: Any
+
+
+@functools.lru_cache(maxsize=16)
+def _native_code(signature: LoopSignature) -> _NativeCode:
+    join = signature.join
+    arrays = signature.arrays
+
+    def loop_of(leaves: Any) -> ClosedLoop:
+        return join((leaves, arrays[1]))[0]
+
+    begin_code, start = _kernel(lambda leaves, state: begin(loop_of(leaves), state), *arrays)
+    decide_code, (_, log, held) = _kernel(lambda leaves, carry: decide(loop_of(leaves), carry), arrays[0], start[0])
+    number = jax.ShapeDtypeStruct((), int)
+    force_code, _ = _kernel(
+        lambda leaves, held, k, i, state: force(loop_of(leaves), held, k, i, state),
+        *(arrays[0], held, number, number, arrays[1]),
+    )
+    return _NativeCode(begin_code, decide_code, force_code, start, log, held)
+
+
+def _kernel(function: Callable[..., Any], *args: Any) -> tuple[llvm.Kernel, Any]:
+    """Machine code of a function of arrays, and its result with shapes for arrays."""
+    parts: list[Any] = []
+
+    def arrays_of(*args: Any) -> Any:
+        arrays, static = eqx.partition(function(*args), eqx.is_array)
+        # Recorded during the only trace, since tracing a law takes seconds.
+        parts[:] = [jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype), arrays), static]
+        return arrays
+
+    kernel = llvm.compile(trace(arrays_of, *args, named=False))
+    return kernel, eqx.combine(*parts, is_leaf=lambda x: x is None)
+
+
+Packed = tuple[Any, ...]
+"""All floating-point values in one array, then the other arrays."""
+
+
+class Packing:
+    """Layout of a tree in packed arrays.
+
+    - `shapes`: the tree, with objects that have shape and dtype for arrays.
+    """
+
+    def __init__(self, shapes: Any) -> None:
+        leaves, self._tree = jax.tree.flatten(shapes)
+        self._real = [np.issubdtype(leaf.dtype, np.floating) for leaf in leaves]
+        self._shapes = [leaf.shape for leaf in leaves]
+        sizes = [int(np.prod(leaf.shape)) for leaf, real in zip(leaves, self._real, strict=True) if real]
+        self._ends = np.cumsum(sizes).tolist()
+
+    def pack(self, tree: Any) -> Packed:
+        leaves = list(zip(jax.tree.leaves(tree), self._real, strict=True))
+        numbers = jnp.concatenate([jnp.ravel(leaf) for leaf, real in leaves if real])
+        return numbers, *(leaf for leaf, real in leaves if not real)
+
+    def unpack(self, packed: Packed) -> Any:
+        """Return the tree; the packed arrays may have more axes in front."""
+        numbers, *others = packed
+        starts = [0, *self._ends]
+        real = (numbers[..., start:end] for start, end in zip(starts, self._ends, strict=False))
+        rest = iter(others)
+        before = numbers.shape[:-1]
+        leaves = [
+            next(real).reshape((*before, *shape)) if is_real else next(rest)
+            for shape, is_real in zip(self._shapes, self._real, strict=True)
+        ]
+        return jax.tree.unflatten(self._tree, leaves)
+
+
+class XlaSteps:
+    """The controller's side of a run, as `NativeSteps`."""
+
+    def __init__(self, loop: ClosedLoop, state: State, world: World) -> None:
+        arrays, static = eqx.partition((loop, state), eqx.is_array)
+        self._code = _xla_code(LoopSignature.of(arrays, static, True))
+        self._known = self._code.of_loop.pack(arrays[0])
+        carry, *self._rest = self._code.begin(self._known, state)
+        # By NumPy, which has no weak types: they vanish after one sample, and all would be compiled again.
+        self._carry = tuple(jax.device_put(np.asarray(part)) for part in self._code.of_carry.pack(carry))
+        self._held = self._code.held
+        self._lines: list[Packed] = []
+        self._world = world
+        self._k = 0
+        # Compiled by these calls, before the run.
+        self._code.decide(*self._decide_arguments)
+        self._code.force(*self._force_arguments(0))
+
+    @property
+    def start(self) -> LoopStart:
+        return (self._code.of_carry.unpack(self._carry), *self._rest)
+
+    @property
+    def log(self) -> Log:
+        return self._code.of_log.unpack(tuple(np.stack(column) for column in zip(*self._lines, strict=True)))
+
+    def decide(self, k: int, keep: bool) -> bool:
+        self._k = k
+        self._carry, line, self._held, fault = self._code.decide(*self._decide_arguments)
+        if keep:
+            self._lines.append(tuple(np.asarray(part) for part in line))
+        return not int(fault)
+
+    def set_force(self, i: int) -> None:
+        self._world.force[:] = self._code.force(*self._force_arguments(i))
+
+    @property
+    def _decide_arguments(self) -> tuple[Any, ...]:
+        # Copies: JAX may use NumPy's memory, which changes.
+        return self._known, self._carry, self._world.q.copy(), self._world.dq.copy()
+
+    def _force_arguments(self, i: int) -> tuple[Any, ...]:
+        return self._known, self._held, self._k, i, self._world.q.copy(), self._world.dq.copy()
+
+
+@dataclass(frozen=True)
+class _XlaCode:
+    """Functions of packed arrays, a packed zero torque, and the packings."""
+
+    begin: Callable[..., Any]
+    decide: Callable[..., Any]
+    force: Callable[..., Any]
+    held: Packed
+    of_loop: Packing
+    of_carry: Packing
+    of_log: Packing
+
+
+@functools.lru_cache(maxsize=16)
+def _xla_code(signature: LoopSignature) -> _XlaCode:
+    join, arrays = signature.join, signature.arrays
+    of_loop = Packing(arrays[0])
+
+    def loop_of(known: Packed) -> ClosedLoop:
+        return join((of_loop.unpack(known), arrays[1]))[0]
+
+    def start(known: Packed, state: State) -> LoopStart:
+        return begin(loop_of(known), state)
+
+    known = eqx.filter_eval_shape(of_loop.pack, arrays[0])
+    carry = eqx.filter_eval_shape(start, known, arrays[1])[0]
+    _, log, held = eqx.filter_eval_shape(lambda known, carry: decide(loop_of(known), carry), known, carry)
+    of_carry, of_log, of_held = Packing(carry), Packing(log), Packing(held)
+
+    def decide_packed(known: Packed, packed: Packed, q: Vector, dq: Vector) -> tuple[Packed, Packed, Packed, Array]:
+        before: Carry = of_carry.unpack(packed)
+        moved = eqx.tree_at(lambda carry: carry.state, before, State(q=q, dq=dq))
+        after, log, held = decide(loop_of(known), moved)
+        return of_carry.pack(after), of_log.pack(log), of_held.pack(held), after.fault.kind
+
+    def force_packed(known: Packed, held: Packed, k: Array, i: Array, q: Vector, dq: Vector) -> Vector:
+        return force(loop_of(known), of_held.unpack(held), k, i, State(q=q, dq=dq))
+
+    nothing = of_held.pack(jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), held))
+    return _XlaCode(jax.jit(start), jax.jit(decide_packed), jax.jit(force_packed), nothing, of_loop, of_carry, of_log)
+
+
+CHUNK = 1_000
+"""Samples between two updates of the bar."""
+
+
+def drive(plant: MujocoPlant, engine: str, request: RunRequest) -> EngineResult:
+    """Run a loop in held mode, in which MuJoCo moves the arm in place of slidax's own plant.
+
+    - `engine`: of the law.
+
+    Raises DefinitionError if MuJoCo is missing or rejects the arm, NoNativeCodeError if `engine` is `native` and a
+    part of the law has no machine code.
+    """
+    loop, state0, samples, every = request.loop, request.state0, request.samples, request.log_every
+    period, substeps = float(loop.period), loop.substeps
+    # The times of slidax's own plant, to the bit.
+    h = period / substeps
+    with quiet():
+        world = World(plant, h, state0)
+        steps: Any = native_or_xla(
+            engine,
+            engine_for(engine),
+            lambda: NativeSteps(loop, state0, world, request.rows),
+            lambda: XlaSteps(loop, state0, world),
+            stacklevel=5,
+        )
+        require_start(loop, state0, *steps.start[1:])
+        ready = time.perf_counter()
+        poses: list[tuple[float, np.ndarray]] = []
+        with Progress(-(-samples // CHUNK), request.progress) as bar:
+            for k in range(samples):
+                t = k * period
+                keep = every is not None and k % every == 0
+                world.advance_to(t)
+                pose = world.body if keep else None
+                if pose is not None:
+                    poses.append((t, pose))
+                running = steps.decide(k, keep)
+                if (k + 1) % CHUNK == 0:
+                    bar.advance()
+                if not running or k == samples - 1:
+                    break
+                for i in range(substeps):
+                    steps.set_force(i)
+                    world.step(t + i * h)
+    log = None if every is None else steps.log.without_padding()
+    start: LoopStart = jax.tree.map(jax.device_put, steps.start)
+    timing = Timing(compile_s=ready - request.started, run_s=time.perf_counter() - ready)
+    return EngineResult(start, log, timing, _path(poses))
+
+
+def _path(poses: list[tuple[float, np.ndarray]]) -> FreeBody | None:
+    if not poses:
+        return None
+    rotation = np.empty((len(poses), 9))
+    for row, (_, pose) in zip(rotation, poses, strict=True):
+        mujoco().mju_quat2Mat(row, pose[3:])
+    return FreeBody(
+        t=np.array([t for t, _ in poses]),
+        rotation=rotation.reshape(-1, 3, 3),
+        place=np.stack([pose[:3] for _, pose in poses]),
+    )

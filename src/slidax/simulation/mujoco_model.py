@@ -1,0 +1,310 @@
+"""MuJoCo's model of an arm with payload and table, and the world that it moves step by step."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from slidax.arms.arm import Payload
+from slidax.arms.articulated import Articulated
+from slidax.core.errors import DefinitionError
+from slidax.core.types import State
+
+from .plant import Box, MujocoPlant, Table, box_like, principal
+
+
+def mujoco() -> Any:
+    """Return the package. Raises DefinitionError if it is not installed."""
+    try:
+        import mujoco as package
+    except ImportError:
+        raise DefinitionError(
+            "a MujocoPlant needs MuJoCo, which is not installed: pip install 'slidax[robots]'"
+        ) from None
+    return package
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Keep MuJoCo's warnings off the terminal and out of its log file; the outcome has the facts."""
+    package = mujoco()
+    before = package.get_mju_user_warning()
+    package.set_mju_user_warning(lambda message: None)
+    try:
+        yield
+    finally:
+        package.set_mju_user_warning(before)
+
+
+INTEGRATORS = {
+    "implicitfast": "mjINT_IMPLICITFAST",
+    "implicit": "mjINT_IMPLICIT",
+    "euler": "mjINT_EULER",
+    "rk4": "mjINT_RK4",
+}
+
+STIFF = (0.99, 0.99, 1e-3, 0.5, 2.0)
+"""MuJoCo's impedance of rigid constraints: 1 % of the load shows as motion (its default: 10 %). A sticking joint creeps
+at 1 % of the velocity that its torque would cause in one step."""
+
+CONTACT = 2e-3
+"""MuJoCo's time constant of a contact [s]: a tenth of its default. A pressed tip sinks in by less than 0.1 mm. MuJoCo
+takes no less than twice its step of 1 ms."""
+
+LEAST = 1e-12
+"""Mass and moments of a massless link, kg and kg m²: MuJoCo requires some of each moving body."""
+
+
+class Built(NamedTuple):
+    """A compiled model, and the indices of the arm's quantities.
+
+    - `places`, `dofs`: of the joints among MuJoCo's positions and velocities [n].
+    - `tip`: of the site at the tip.
+    - `body`: first position and velocity of the free body; None without one.
+    """
+
+    model: Any
+    places: np.ndarray
+    dofs: np.ndarray
+    tip: int
+    body: tuple[int, int] | None
+
+
+def build(plant: MujocoPlant, robot: Articulated, load: Payload | None, *, free: bool, timestep: float) -> Built:
+    """Compile MuJoCo's model.
+
+    - `plant`: options and surroundings.
+    - `robot`: the arm, with everything that it carries as its payload.
+    - `load`: payload with a shape that meets the table.
+    - `free`: True if the load is released, and no part of the robot's payload.
+    - `timestep`: of MuJoCo [s].
+
+    Raises DefinitionError if MuJoCo rejects the arm.
+    """
+    mj = mujoco()
+    spec = mj.MjSpec()
+    spec.modelname = robot.name
+    spec.compiler.degree = False
+    spec.compiler.boundmass = spec.compiler.boundinertia = LEAST
+    option = spec.option
+    option.timestep = timestep
+    option.gravity = np.asarray(robot.gravity_vector)
+    option.integrator = getattr(mj.mjtIntegrator, INTEGRATORS[plant.integrator])
+    option.cone = mj.mjtCone.mjCONE_ELLIPTIC
+    # Without this, MuJoCo resets infinite states, which must end the run.
+    option.disableflags |= mj.mjtDisableBit.mjDSBL_AUTORESET
+    links, joints = _links(spec, robot, plant, timestep=timestep)
+    carrier = links[robot.tip_joint]
+    tip = {"pos": np.asarray(robot.tip_translation), "quat": _quaternion(robot.tip_rotation)}
+    site = carrier.add_site(name="tip", **tip)
+    if plant.surroundings is not None:
+        _add_table(spec.worldbody, plant.surroundings, np.asarray(robot.gravity_vector))
+    _add_shape(carrier, mj.mjtGeom.mjGEOM_SPHERE, pos=tip["pos"], size=[float(plant.tip_radius), 0.0, 0.0])
+    carried, shaped, body = robot.payload, None, None
+    if float(carried.mass) > 0:
+        # A body without a joint: MuJoCo adds its inertia to the link.
+        shaped = carrier.add_body(**tip)
+        _with_inertia(shaped, carried.mass, carried.center, carried.inertia)
+    if load is not None and free:
+        shaped = spec.worldbody.add_body(name="released load")
+        _with_inertia(shaped, load.mass, load.center, load.inertia)
+        shaped.inertia = _box(load).moments
+        # MuJoCo would otherwise move the frame to the centre of mass.
+        body = shaped.add_freejoint(align=mj.mjtAlignFree.mjALIGNFREE_FALSE)
+    if load is not None:
+        _add_box(shaped, load)
+    try:
+        model = spec.compile()
+    except ValueError as error:
+        raise DefinitionError(f"MuJoCo rejects {robot.name}: {error}") from error
+    return Built(
+        model=model,
+        places=np.array([model.jnt_qposadr[joint.id] for joint in joints]),
+        dofs=np.array([model.jnt_dofadr[joint.id] for joint in joints]),
+        tip=site.id,
+        body=None if body is None else (int(model.jnt_qposadr[body.id]), int(model.jnt_dofadr[body.id])),
+    )
+
+
+def _links(spec: Any, robot: Articulated, plant: MujocoPlant, *, timestep: float) -> tuple[list[Any], list[Any]]:
+    """The links and their joints in slidax's order; MuJoCo's differs in branched arms."""
+    mj = mujoco()
+    links: list[Any] = []
+    joints: list[Any] = []
+    for i, parent in enumerate(robot.parents):
+        link = (links[parent] if parent >= 0 else spec.worldbody).add_body(
+            name=robot.link_names[i],
+            pos=np.asarray(robot.translations[i]),
+            quat=_quaternion(robot.rotations[i]),
+        )
+        _with_inertia(link, robot.masses[i], robot.centers[i], robot.inertias[i])
+        hinge = robot.joint_units[i] == "rad"
+        joint = link.add_joint(
+            name=robot.joint_names[i],
+            type=mj.mjtJoint.mjJNT_HINGE if hinge else mj.mjtJoint.mjJNT_SLIDE,
+            axis=[0.0, 0.0, 1.0],
+            armature=float(robot.armature[i]),
+            frictionloss=float(robot.coulomb[i]) if plant.dry else 0.0,
+            # The stiffest that the step allows.
+            solref_friction=[2.0 * timestep, 1.0],
+            solimp_friction=STIFF,
+        )
+        joint.damping[0] = float(robot.viscous[i])
+        lower, upper = float(robot.limits.lower[i]), float(robot.limits.upper[i])
+        if plant.stops and (np.isfinite(lower) or np.isfinite(upper)):
+            joint.limited = mj.mjtLimited.mjLIMITED_TRUE
+            joint.range = np.clip([lower, upper], -1e6, 1e6)
+            joint.solref_limit = [CONTACT, 1.0]
+            joint.solimp_limit = STIFF
+        links.append(link)
+        joints.append(joint)
+    return links, joints
+
+
+def _with_inertia(body: Any, mass: Any, center: Any, inertia: Any) -> None:
+    moments, axes = principal(np.asarray(inertia))
+    body.explicitinertial = True
+    body.mass = float(mass)
+    body.ipos = np.asarray(center)
+    body.iquat = _quaternion(axes)
+    body.inertia = moments
+
+
+def _add_table(world: Any, table: Table, gravity: np.ndarray) -> None:
+    size = float(np.linalg.norm(gravity))
+    up = -gravity / size if size > 0 else np.array([0.0, 0.0, 1.0])
+    geom = world.add_geom(name="table", type=mujoco().mjtGeom.mjGEOM_PLANE, size=[1.0, 1.0, 0.1])
+    geom.pos = float(table.height) * up
+    geom.alt.zaxis = up
+    geom.contype, geom.conaffinity = 1, 0
+    # The table's parameters hold for all contacts.
+    geom.priority = 1
+    geom.friction = [float(table.friction), 0.005, 1e-4]
+    geom.solref = [CONTACT, 1.0]
+    geom.solimp = STIFF
+
+
+def _add_box(body: Any, load: Payload) -> None:
+    quaternion = _quaternion(principal(np.asarray(load.inertia)).axes)
+    kind = mujoco().mjtGeom.mjGEOM_BOX
+    _add_shape(body, kind, pos=np.asarray(load.center), size=_box(load).sides, quat=quaternion)
+
+
+def _box(load: Payload) -> Box:
+    return box_like(float(load.mass), principal(np.asarray(load.inertia)).moments)
+
+
+def _add_shape(body: Any, kind: Any, **where: Any) -> None:
+    """A shape that meets only the table: the links of an arm overlap at the joints."""
+    body.add_geom(type=kind, contype=0, conaffinity=1, mass=0.0, **where)
+
+
+def _quaternion(rotation: Any) -> np.ndarray:
+    quaternion = np.empty(4)
+    mujoco().mju_mat2Quat(quaternion, np.asarray(rotation, float).reshape(9))
+    return quaternion
+
+
+class World:
+    """The arm and its surroundings at one time.
+
+    To attach or release a payload, the world changes to another model, in which the payload is part of the last link
+    or a body of its own: exact, and as stiff as the link. Weld constraints, which MuJoCo can switch, are springs: they
+    transmit the payload only as far as they are stiff, and add six unknown forces to every step.
+
+    - `timestep`: of MuJoCo [s].
+    - `state`: of the arm, at t = 0.
+    """
+
+    def __init__(self, plant: MujocoPlant, timestep: float, state: State) -> None:
+        self._mujoco = mujoco()
+        self._plant = plant
+        self._timestep = timestep
+        self.q = np.array(state.q, float)
+        self.dq = np.array(state.dq, float)
+        self.force = np.zeros_like(self.q)
+        load = plant.load
+        self._changes: list[float] = []
+        if load is not None and float(load.payload.mass) > 0:
+            self._changes = [float(load.attached), float(load.released)]
+        self._enter(0)
+        self.advance_to(0.0)
+
+    @property
+    def model(self) -> Any:
+        """MuJoCo's present model."""
+        return self._built.model
+
+    @property
+    def places(self) -> np.ndarray:
+        """Indices of the joints among MuJoCo's positions [n]."""
+        return self._built.places
+
+    @property
+    def dofs(self) -> np.ndarray:
+        """Indices of the joints among MuJoCo's velocities [n]."""
+        return self._built.dofs
+
+    @property
+    def data(self) -> Any:
+        """MuJoCo's data."""
+        return self._data
+
+    @property
+    def body(self) -> np.ndarray | None:
+        """Position and quaternion of the released payload [7]; None before the release."""
+        if self._built.body is None:
+            return None
+        at = self._built.body[0]
+        return self._data.qpos[at : at + 7].copy()
+
+    def advance_to(self, time: float) -> None:
+        """Attach or release the payload if that is due at this time [s]."""
+        while self._changes and time >= self._changes[0]:
+            self._changes.pop(0)
+            self._enter(self._phase + 1)
+
+    def step(self, time: float) -> None:
+        """Take one step of MuJoCo from this time [s] under `force`, and update `q` and `dq`."""
+        self.advance_to(time)
+        built = self._built
+        self._applied[built.dofs] = self.force
+        self._mujoco.mj_step(built.model, self._data)
+        # The mode "raise" would need a copy.
+        self._positions.take(built.places, out=self.q, mode="clip")
+        self._velocities.take(built.dofs, out=self.dq, mode="clip")
+
+    def _enter(self, phase: int) -> None:
+        """Change to the model without the payload (0), with it attached (1), or with it released (2)."""
+        plant, load = self._plant, self._plant.load
+        robot = plant.robot
+        assert isinstance(robot, Articulated)
+        if load is not None and phase == 1:
+            carried = load.on(robot, load.attached)
+            assert isinstance(carried, Articulated)
+            robot = carried
+        shaped = None if load is None or phase == 0 else load.payload
+        built = build(plant, robot, shaped, free=phase == 2, timestep=self._timestep)
+        data = self._mujoco.MjData(built.model)
+        data.qpos[built.places] = self.q
+        data.qvel[built.dofs] = self.dq
+        if built.body is not None:
+            at, by = built.body
+            data.qpos[at : at + 7], data.qvel[by : by + 6] = self._tip()
+        self._phase, self._built, self._data = phase, built, data
+        # Views of MuJoCo's memory: each access to the attributes costs as much as a copy.
+        self._positions, self._velocities, self._applied = data.qpos, data.qvel, data.qfrc_applied
+
+    def _tip(self) -> tuple[np.ndarray, np.ndarray]:
+        """Pose and velocity of the tip, as of MuJoCo's free bodies: linear in the base frame, angular in its own."""
+        mj, model, data, tip = self._mujoco, self._built.model, self._data, self._built.tip
+        mj.mj_forward(model, data)
+        pose, motion = np.empty(7), np.empty(6)
+        pose[:3] = data.site_xpos[tip]
+        mj.mju_mat2Quat(pose[3:], data.site_xmat[tip])
+        mj.mj_objectVelocity(model, data, mj.mjtObj.mjOBJ_SITE, tip, motion, 0)
+        turning = data.site_xmat[tip].reshape(3, 3).T @ motion[:3]
+        return pose, np.concatenate([motion[3:], turning])

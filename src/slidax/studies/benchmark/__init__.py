@@ -1,0 +1,19 @@
+"""Benchmark of schemes: common tasks, one tuner for all, and scores on cases that no tuner has seen.
+
+Begin with `entries.py`: a task is a file in `tasks/`, an entry is a scheme in one form, and `gains.yaml` lists the
+tuned gains. `rounds.py` tunes and scores all entries, `ranking.py` compares them. `slidax.report` writes the page.
+"""
+
+from .entries import VERSION as VERSION
+from .entries import BenchmarkEntry as BenchmarkEntry
+from .entries import BenchmarkTask as BenchmarkTask
+from .entries import entries as entries
+from .entries import forms_of as forms_of
+from .entries import names as names
+from .entries import task as task
+from .ranking import Ranking as Ranking
+from .ranking import Score as Score
+from .ranking import ranking as ranking
+from .rounds import BenchmarkRound as BenchmarkRound
+from .rounds import RoundResults as RoundResults
+from .rounds import TaskResult as TaskResult

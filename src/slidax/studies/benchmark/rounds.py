@@ -1,0 +1,324 @@
+"""Rounds of the benchmark: each scheme tuned and scored on each task, in processes, with results that are kept."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import time
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slidax.core.errors import DefinitionError
+from slidax.core.writing import write_text
+from slidax.scenarios.family import Family, as_changes
+
+from ..cases import OUTCOMES, Cases, Columns, Values, points
+from ..search import lowest
+from .entries import VERSION, BenchmarkEntry, BenchmarkTask, CasesDescription, Form
+
+ENDED = [OUTCOMES.index("left_envelope"), OUTCOMES.index("not_finite")]
+
+KEPT = ("steady_error", "peak_torque", "max_torque_step", "steady_torque_step", "torque_energy", "tolerance_margin")
+"""Metrics that are kept of each held-out case, each of its worst joint."""
+
+Tuner = Callable[[Callable[[NDArray[Any]], NDArray[Any]], int, int], NDArray[Any]]
+"""From an objective on points of the unit cube, its dimension and a budget of points, to the best point."""
+
+
+@dataclass(frozen=True)
+class TaskResult:
+    """Result of a scheme on a task.
+
+    - `gains`: the tuned ones, by path.
+    - `cost`: mean of `costs` over the training cases.
+    - `inside`: True if the held-out case never left the tolerance band [cases].
+    - `failed`: True if the case was lost: not finite, or steady errors above the band's initial radius [cases].
+    - `metrics`: `KEPT`, by name [cases].
+    - `seconds`: wall-clock time.
+    """
+
+    gains: dict[str, Any]
+    cost: float
+    inside: NDArray[np.bool_]
+    failed: NDArray[np.bool_]
+    metrics: dict[str, NDArray[Any]]
+    seconds: float
+
+
+def run_task(
+    entry: BenchmarkEntry, task: BenchmarkTask, tuner: Tuner, budget: int, threads: int | None = None
+) -> TaskResult:
+    """Tune a scheme on a task's training cases, and score it on the held-out cases.
+
+    - `budget`: largest number of points for the tuner.
+    - `threads`: of the native engine.
+
+    Raises DefinitionError if the scheme does not fit the task.
+    """
+    started = time.perf_counter()
+    with warnings.catch_warnings():
+        # Some gains in the ranges only suit other arms.
+        warnings.simplefilter("ignore")
+        base = entry.described(task)
+        family = Family.of(base, task.uncertainty, entry.gains().sets(base))
+        cases = Cases(family, threads=threads, name=entry.file)
+        training, scale = drawn(family, task.training), Scale.of(family)
+
+        def objective(cube: NDArray[Any]) -> NDArray[Any]:
+            count, each = len(cube), task.training.cases
+            tried = family.varied.values(cube)
+            values = {path: np.tile(array, (count, *[1] * (array.ndim - 1))) for path, array in training.items()}
+            values |= {path: np.repeat(array, each, axis=0) for path, array in tried.items()}
+            return costs(cases.run(values), scale).reshape(count, each).mean(axis=1)
+
+        dimension = family.varied.dimensions
+        best = np.clip(tuner(objective, dimension, budget), 0.0, np.nextafter(1.0, 0.0))
+        gains = {path: array[0] for path, array in family.varied.values(best[None]).items()}
+        held = drawn(family, task.held_out)
+        fixed = {path: np.broadcast_to(array, (task.held_out.cases, *array.shape)) for path, array in gains.items()}
+        columns = cases.run({**held, **fixed})
+        cost = float(objective(best[None])[0])
+    inside, failed = inside_of(columns), failed_of(columns, scale)
+    kept = {name: np.asarray(columns[name], float) for name in KEPT}
+    return TaskResult(as_changes(gains), cost, inside, failed, kept, time.perf_counter() - started)
+
+
+def drawn(family: Family, cases: CasesDescription) -> Values:
+    """Draw the uncertain values of each case."""
+    space = family.uncertain
+    return space.values(points(cases.seed, 0, cases.cases, space.dimensions))
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Scales of a task's errors and torques, each the largest of all joints.
+
+    - `initial`, `final`: radii of the tolerance band [rad or m].
+    - `torque`: limit of the drives [N m or N]; infinite without limits.
+    """
+
+    initial: float
+    final: float
+    torque: float
+
+    @classmethod
+    def of(cls, family: Family) -> Scale:
+        """Return the scales of a family.
+
+        Raises DefinitionError if its scenarios have no tolerance band.
+        """
+        tolerance = family.base.tolerance
+        if tolerance is None:
+            raise DefinitionError("a task of the benchmark needs a tolerance band")
+        performance: Any = tolerance.build().performance
+        torque = family.base.moving().drive.limits().torque
+        return cls(*(float(np.max(np.asarray(each))) for each in (performance.initial, performance.final, torque)))
+
+
+def inside_of(columns: Columns) -> NDArray[np.bool_]:
+    """Return True for each case that reached its end and never left the tolerance band."""
+    return (columns["tolerance_violations"] == 0) & ~np.isin(columns["outcome"], ENDED)
+
+
+def failed_of(columns: Columns, scale: Scale) -> NDArray[np.bool_]:
+    """Return True for each lost case: not finite, or a steady error above the tolerance band's initial radius."""
+    return np.isin(columns["outcome"], ENDED) | ~(columns["steady_error"] <= scale.initial)
+
+
+def costs(columns: Columns, scale: Scale) -> NDArray[Any]:
+    """Return the tuner's cost of each case.
+
+    Inside the tolerance band `½ √(e/ρ∞) + ½ √(Δτ/τ_max)`, below 1, with the worst joint's steady error and steady
+    torque step. Outside `1 + min(8, -m) + n/(n + 100)`, with the margin m and n samples outside: below 10. For a run
+    that ended at t `20 - t/(1 s + t)`.
+    """
+    error = np.sqrt(np.minimum(columns["steady_error"] / scale.final, 1.0))
+    step = np.sqrt(np.minimum(columns["steady_torque_step"] / scale.torque, 1.0))
+    good = 0.5 * np.nan_to_num(error, nan=1.0) + 0.5 * np.nan_to_num(step, nan=1.0)
+    depth = np.clip(-np.nan_to_num(columns["tolerance_margin"], nan=-8.0), 0.0, 8.0)
+    outside = columns["tolerance_violations"]
+    bad = 1.0 + depth + outside / (outside + 100.0)
+    ended = np.isin(columns["outcome"], ENDED)
+    early = 20.0 - np.nan_to_num(columns["t"] / (1.0 + columns["t"]), nan=0.0)
+    return np.where(ended, early, np.where(inside_of(columns), good, bad))
+
+
+SEED = 7
+
+
+def tuned(objective: Callable[[NDArray[Any]], NDArray[Any]], dimension: int, budget: int) -> NDArray[Any]:
+    """Return the best gains of spread points and CMA-ES (`lowest`), as a point of the unit cube.
+
+    - `objective`: from points [points, dimension] to costs [points].
+    - `budget`: largest number of points.
+    """
+    search = lowest(objective, dimension, evaluations=budget, seed=SEED, islands=2, keep=1)
+    return search.points[0] if len(search.points) else np.full(dimension, 0.5)
+
+
+BUDGET = 48
+"""Largest number of gain sets that the tuner tries for each scheme, form and task."""
+
+Key = tuple[str, BenchmarkEntry]
+"""A task's name and an entry."""
+OnResult = Callable[[str, BenchmarkEntry, float], None]
+
+
+@dataclass(frozen=True)
+class BenchmarkRound:
+    """`tasks` by name, `entries`, and the tuner's `budget`."""
+
+    tasks: Mapping[str, BenchmarkTask]
+    entries: Sequence[BenchmarkEntry]
+    budget: int = BUDGET
+
+    def small(self) -> BenchmarkRound:
+        """Return a trial round: few cases, short runs and hardly any tuning, so that its numbers mean nothing."""
+
+        def short(task: BenchmarkTask) -> BenchmarkTask:
+            simulation = dict(task.scenario["simulation"], t1=0.2, substeps=1)
+            return task.model_copy(
+                update={
+                    "scenario": {**task.scenario, "simulation": simulation},
+                    "training": task.training.model_copy(update={"cases": 2}),
+                    "held_out": task.held_out.model_copy(update={"cases": 8}),
+                }
+            )
+
+        return BenchmarkRound({name: short(task) for name, task in self.tasks.items()}, self.entries, 4)
+
+    def run(
+        self, out: Path | None, processes: int | None = None, on_result: OnResult = lambda *_: None
+    ) -> RoundResults:
+        """Run every entry on every task; results that the folder already has are read.
+
+        - `out`: folder that keeps each result; None keeps nothing.
+        - `processes`: number of parallel processes; None: one for each core; 0: this process.
+        - `on_result`: called after each new result, with its seconds.
+        """
+        results: dict[Key, TaskResult | str] = {}
+        left: list[Key] = []
+        for name, task in self.tasks.items():
+            for entry in self.entries:
+                kept = None if out is None else _read(self._path(out, name, entry), self._identity(task, entry))
+                if kept is None:
+                    left.append((name, entry))
+                else:
+                    results[name, entry] = kept
+
+        def done(key: Key, result: TaskResult | str) -> None:
+            results[key] = result
+            if out is not None:
+                _write(self._path(out, *key), self._identity(self.tasks[key[0]], key[1]), result)
+            on_result(*key, 0.0 if isinstance(result, str) else result.seconds)
+
+        if processes == 0:
+            for name, entry in left:
+                done((name, entry), _run_entry(_text(self.tasks[name]), entry.scheme, entry.form, self.budget))
+        elif left:
+            self._in_processes(left, processes or os.cpu_count() or 1, done)
+        return RoundResults(self, results)
+
+    def _in_processes(self, left: list[Key], count: int, done: Callable[[Key, TaskResult | str], None]) -> None:
+        # One task after another: compiled code of an arm serves the next entry on it, and takes memory.
+        for task in self.tasks:
+            pool = ProcessPoolExecutor(count, mp_context=get_context("spawn"))
+            jobs = {
+                pool.submit(_run_entry, _text(self.tasks[name]), entry.scheme, entry.form, self.budget): (name, entry)
+                for name, entry in left
+                if name == task
+            }
+            try:
+                for job in as_completed(jobs):
+                    done(jobs[job], job.result())
+            finally:
+                # Also after an error or an interrupt.
+                pool.shutdown(wait=False, cancel_futures=True)
+
+    def _identity(self, task: BenchmarkTask, entry: BenchmarkEntry) -> dict[str, Any]:
+        gains = entry.gains()
+        ranges = {path: gain.model_dump() for path, gain in gains.tuned.items()}
+        text = json.dumps([_text(task), ranges, gains.fixed], sort_keys=True)
+        return {
+            "version": VERSION,
+            "scheme": entry.scheme,
+            "form": entry.form,
+            "budget": self.budget,
+            "asked": hashlib.sha256(text.encode()).hexdigest()[:16],
+        }
+
+    @staticmethod
+    def _path(out: Path, name: str, entry: BenchmarkEntry) -> Path:
+        return out / "runs" / name / f"{entry.file}.json"
+
+
+@dataclass(frozen=True)
+class RoundResults:
+    """Results of a `round`.
+
+    - `by_key`: by task and entry; a message where a scheme cannot be run.
+    """
+
+    round: BenchmarkRound
+    by_key: Mapping[Key, TaskResult | str]
+
+    def on(self, task: str) -> dict[BenchmarkEntry, TaskResult]:
+        """Return the results on a `task`, without schemes that cannot be run."""
+        results = {entry: self.by_key.get((task, entry)) for entry in self.round.entries}
+        return {entry: result for entry, result in results.items() if isinstance(result, TaskResult)}
+
+
+def _text(task: BenchmarkTask) -> str:
+    values = task.model_dump(mode="json", exclude={"uncertainty"}, exclude_unset=True)
+    sets = {path: each.model_dump(mode="json", exclude_unset=True) for path, each in task.uncertainty.items()}
+    return json.dumps({**values, "uncertainty": sets})
+
+
+def _run_entry(task: str, scheme: str, form: Form, budget: int) -> TaskResult | str:
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    try:
+        entry = BenchmarkEntry(scheme, form)
+        return run_task(entry, BenchmarkTask.model_validate_json(task), tuned, budget, threads=1)
+    except DefinitionError as error:
+        return str(error)
+
+
+def _write(path: Path, identity: dict[str, Any], result: TaskResult | str) -> None:
+    values: dict[str, Any] = {**identity}
+    if isinstance(result, str):
+        values["refused"] = result
+    else:
+        values |= {"gains": result.gains, "cost": result.cost, "seconds": result.seconds}
+        values |= {"inside": result.inside.astype(int).tolist(), "failed": result.failed.astype(int).tolist()}
+        values["metrics"] = {
+            name: [float(v) if np.isfinite(float(v)) else None for v in np.asarray(column, object)]
+            for name, column in result.metrics.items()
+        }
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_text(path, json.dumps(values, allow_nan=False))
+
+
+def _read(path: Path, identity: dict[str, Any]) -> TaskResult | str | None:
+    """Return a kept result; None without one, or if it is of another request."""
+    try:
+        values = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    if any(values.get(key) != value for key, value in identity.items()):
+        return None
+    if "refused" in values:
+        return str(values["refused"])
+    metrics = {name: np.array(values["metrics"][name], float) for name in KEPT}
+    inside, failed = (np.array(values[name], bool) for name in ("inside", "failed"))
+    return TaskResult(values["gains"], values["cost"], inside, failed, metrics, values["seconds"])

@@ -1,0 +1,128 @@
+"""Study files, the rows of a study as a data frame, and a row as a scenario."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Union
+
+import numpy as np
+from pydantic import Field, TypeAdapter, ValidationError
+
+from slidax.core.errors import DefinitionError
+from slidax.scenarios.scenario import ScenarioDescription
+from slidax.scenarios.uncertain_values import Array
+from slidax.scenarios.yaml_text import read_yaml_file, require_readable, validation_error
+from slidax.simulation.run import Kind, data_frame
+
+from .cases import COLUMNS, Columns, StudyTask
+from .compare import Compare
+from .falsify import Falsify
+from .monte_carlo import MonteCarlo
+from .sensitivity import Sensitivity
+from .store import ROWS, digest_of, read_identity, read_rows, study_of_rows
+from .study import AbstractStudy
+from .sweep import Sweep
+from .tune import Tune
+
+KINDS: tuple[type[AbstractStudy], ...] = (MonteCarlo, Sweep, Falsify, Sensitivity, Tune, Compare)
+"""The kinds of studies, in the order of their use."""
+
+if TYPE_CHECKING:
+    AnyStudy = AbstractStudy
+else:
+    AnyStudy = Annotated[Union[KINDS], Field(discriminator="study")] if len(KINDS) > 1 else KINDS[0]  # noqa: UP007
+
+
+def read_study(path: str | Path, changes: dict[str, Any] | None = None) -> AbstractStudy:
+    """The study in a YAML file.
+
+    - `path`: of the file; scenarios and files that it names are found from its folder.
+    - `changes`: values of its own fields by name, such as `{"runs": 100}`.
+
+    Raises DefinitionError with the path of the first field that is wrong.
+    """
+    path = Path(path)
+    return study_of(read_yaml_file(path, "the study file"), changes, folder=path.parent)
+
+
+def study_of(data: Any, changes: dict[str, Any] | None = None, *, folder: Path = Path()) -> AbstractStudy:
+    """The study that a mapping says.
+
+    - `data`: mappings, lists and values.
+    - `changes`: as in `read_study`.
+    - `folder`: from where files are found.
+
+    Raises DefinitionError with the path of the first field that is wrong.
+    """
+    if not isinstance(data, dict):
+        raise DefinitionError("a study is a mapping with the keys study, scenario, uncertainty, ...")
+    require_readable(data)
+    data = {**data, **(changes or {})}
+    scenario = data.get("scenario")
+    if isinstance(scenario, str) and Path(scenario).suffix in (".yaml", ".yml"):
+        data["scenario"] = str(folder / scenario)
+    try:
+        result: AbstractStudy = TypeAdapter(AnyStudy).validate_python(data, context={"folder": folder})
+    except ValidationError as error:
+        raise validation_error(error, data) from None
+    return result
+
+
+TASK = ("scenario", "uncertain", "varied", "engine")
+"""Keys of `study.json` from which rows are computed."""
+
+
+def scenario_of_row(folder: str | Path, row: int) -> ScenarioDescription:
+    """The scenario of one row, which `slidax run` replays, bit for bit on the same machine.
+
+    - `folder`: with `study.json` and `rows.parquet`, as a study writes them.
+    - `row`: its number.
+
+    Raises DefinitionError if there is no such row.
+    """
+    rows, identity = read_rows(folder), read_identity(Path(folder))
+    if "row" not in rows or any(key not in identity for key in TASK):
+        raise DefinitionError(
+            f"the folder `{folder}` is not of a study: `rows.parquet` has no column `row`, or `study.json` no sets"
+        )
+    if study_of_rows(Path(folder) / ROWS) != digest_of(identity):
+        raise DefinitionError(
+            f"`{Path(folder) / ROWS}` has rows of another study than `study.json` says: "
+            f"`slidax study FILE --out {folder} --resume` writes them again"
+        )
+    if not 0 <= row < len(rows["row"]):
+        raise DefinitionError(f"there are rows 0 to {len(rows['row']) - 1}; got {row}")
+    family = StudyTask(json.dumps({key: identity[key] for key in TASK})).cases().family
+    return family.case({path: _value(rows, path, row) for path in family.space.sets})
+
+
+def _value(rows: Columns, path: str, row: int) -> Array:
+    """One number, or those of the columns `path[0]`, `path[1]`, ..."""
+    if path in rows:
+        return np.asarray(rows[path][row])
+    places = {name: name[len(path) + 1 : -1] for name in rows if name.startswith(f"{path}[")}
+    indices = {name: tuple(int(k) for k in place.split(",")) for name, place in places.items()}
+    array = np.zeros(np.max(list(indices.values()), axis=0) + 1)
+    for name, index in indices.items():
+        array[index] = rows[name][row]
+    return array
+
+
+def frame(rows: str | Path | Columns, kind: Kind = "pandas") -> Any:
+    """A data frame with a row per case: its values by path, outcome and metrics; pandas has units in `attrs`.
+
+    - `rows`: a folder or a file of a study, or its columns by name, such as `result.table`.
+    - `kind`: "pandas" or "polars".
+
+    Raises DefinitionError if there is no such file, or the library is another or is not installed.
+    """
+    columns = rows if isinstance(rows, dict) else read_rows(rows)
+    return data_frame(columns, kind, {name: _unit(COLUMNS.get(name, "")) for name in columns})
+
+
+def _unit(meaning: str) -> str:
+    """The unit in brackets at the end of a meaning."""
+    result = re.search(r"\[([^\]]*)\]$", meaning)
+    return result[1] if result else ""

@@ -1,0 +1,153 @@
+"""Properties of runs, and the rule that stops a study as soon as one is shown."""
+
+from __future__ import annotations
+
+import operator
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from slidax.core.errors import DefinitionError, count_noun, nearest_word, plain
+from slidax.scenarios.descriptions import AbstractDescription, input_field
+
+from .cases import Columns
+from .statistics import confidence_sequence
+from .study import all_done
+
+ENVELOPE = "envelope"
+"""The predicate that the envelope holds from the beginning to the end."""
+
+SIGNS: dict[str, Callable[[Any, Any], Any]] = {
+    "<": operator.lt,
+    "<=": operator.le,
+    ">": operator.gt,
+    ">=": operator.ge,
+}
+
+FORM = re.compile(r"\s*([A-Za-z_][\w.\-]*)\s*(<=|>=|<|>)\s*([-+.\deE]+)\s*")
+
+
+@dataclass(frozen=True)
+class Predicate:
+    """A property of a run.
+
+    - `text`: `envelope`, or a metric, a sign and a number, such as `steady_error < 1e-3`; of the worst joint.
+    """
+
+    text: str
+
+    def __post_init__(self) -> None:
+        self._parsed()
+
+    def holds(self, columns: Columns) -> NDArray[np.bool_]:
+        """Return True for each row with the property; a run that ended early, or lacks the metric, has no property.
+
+        - `columns`: outcome and metrics.
+
+        Raises DefinitionError if there is no such metric.
+        """
+        outcome = np.asarray(columns["outcome"])
+        parsed = self._parsed()
+        if parsed is None:
+            if np.isnan(columns["margin"]).all() and not outcome.any():
+                raise DefinitionError("the scheme draws no envelope: ask for a metric, such as `steady_error < 1e-3`")
+            return outcome == 0
+        name, sign, limit = parsed
+        if name not in columns:
+            raise DefinitionError(f"there is no metric `{plain(name)}`; {nearest_word(name, columns)}", where="holds")
+        ended = (outcome == 1) | (outcome == 2)
+        return SIGNS[sign](columns[name], limit) & ~ended
+
+    def _parsed(self) -> tuple[str, str, float] | None:
+        if self.text == ENVELOPE:
+            return None
+        match = FORM.fullmatch(self.text)
+        try:
+            name, sign, number = match.groups() if match else ("", "", "")
+            limit = float(number)
+        except ValueError:
+            raise DefinitionError(
+                f"must be `{ENVELOPE}`, or a metric, a sign and a number, such as `steady_error < 1e-3`; "
+                f"got `{plain(self.text)}`",
+                where="holds",
+            ) from None
+        return name, sign, limit
+
+
+class UntilDescription(AbstractDescription):
+    """When to stop before all runs are done."""
+
+    probability: float = input_field("that is to be shown: at least so many of all cases hold", "", "(0, 1)")
+    failures: Annotated[int, Field(ge=1)] = 1
+    """Stop at so many failures."""
+
+
+class SequentialStop:
+    """Looks at the rows in order, and says when there are enough.
+
+    - `until`: when that is; None: never.
+    - `confidence`: of the sequence.
+    """
+
+    def __init__(self, until: UntilDescription | None, confidence: float) -> None:
+        self.until = until
+        self.confidence = confidence
+        self.runs = 0
+        self._failures = 0
+        self._shown = False
+
+    def enough(self, parts: dict[int, Columns], predicate: Predicate) -> bool:
+        """Return True to stop; looks at the rows that have none missing before them, one after the other.
+
+        - `parts`: the rows that are done, by the number of the first.
+        - `predicate`: what is counted.
+        """
+        if self.until is None:
+            return False
+        while (part := next((p for f, p in parts.items() if f <= self.runs < f + len(p["row"])), None)) is not None:
+            held = predicate.holds(part)[self.runs - int(part["row"][0]) :]
+            for item in held.tolist():
+                self.runs += 1
+                self._failures += not item
+                if self._failures >= self.until.failures:
+                    return True
+                if item and self._is_shown():
+                    self._shown = True
+                    return True
+        return False
+
+    def _is_shown(self) -> bool:
+        if self.until is None:
+            return False
+        # So few runs cannot show it, whatever they are: the search for the interval is spared.
+        if self.runs * (1.0 - self.until.probability) < 1.0:
+            return False
+        return 1.0 - confidence_sequence(self._failures, self.runs, self.confidence).upper >= self.until.probability
+
+    def stored(self, parts: dict[int, Columns]) -> int:
+        """Number of rows before the first missing row.
+
+        - `parts`: the rows that are done.
+        """
+        count = 0
+        while count in parts:
+            count += len(parts[count]["row"])
+        return count
+
+    def ended(self, runs: int) -> str:
+        """Why it ended.
+
+        - `runs`: how many there were to be.
+        """
+        if self.until is None:
+            return all_done(runs)
+        if self._shown:
+            return f"shown after {count_noun(self.runs, 'run')}"
+        if self._failures >= self.until.failures:
+            return f"stopped at failure {self._failures}, in run {self.runs}"
+        return f"not decided by all of {count_noun(runs, 'run')}"

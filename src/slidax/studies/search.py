@@ -1,0 +1,377 @@
+"""Searches for the lowest values on the unit cube: spread points, CMA-ES and quasi-Newton steps."""
+
+from __future__ import annotations
+
+import math
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from scipy.optimize import minimize
+from scipy.stats import qmc
+
+from slidax.core.errors import DefinitionError, short_repr
+
+Stop = Literal["evaluations", "seconds", "enough", "settled"]
+"""Reason for the end of a search: its budget, its time, a value low enough, or islands that have all settled."""
+
+
+@dataclass(frozen=True)
+class SearchResult:
+    """The lowest points of a search.
+
+    - `points`: the lowest first, each at a distance from those before it [points dimension].
+    - `values`: their values [points].
+    - `evaluations`: number of evaluated points.
+    - `history`: number of evaluations, and lowest value so far [batches 2].
+    - `stop`: reason for the end of the search.
+    """
+
+    points: np.ndarray
+    values: np.ndarray
+    evaluations: int
+    history: np.ndarray
+    stop: Stop
+
+
+def distinct_minima(points: np.ndarray, values: np.ndarray, count: int, distance: float) -> np.ndarray:
+    """Indices of the lowest points, each at a distance from all lower ones, so that they are different cases.
+
+    - `points`: of the unit cube [points dimension].
+    - `values`: their values [points].
+    - `count`: largest number of points.
+    - `distance`: least difference in one coordinate.
+    """
+    chosen: list[int] = []
+    left = np.ones(len(values), bool)
+    for place in np.argsort(values, kind="stable"):
+        if not left[place]:
+            continue
+        chosen.append(int(place))
+        if len(chosen) == count:
+            break
+        left &= np.max(np.abs(points - points[place]), axis=1) >= distance
+    return np.array(chosen, int)
+
+
+Objective = Callable[[np.ndarray], np.ndarray]
+"""Function of points in the unit cube [points dimension] to their values [points]; nonfinite values count as +∞."""
+
+
+class EvaluatedPoints:
+    """Evaluates the objective, and records every point and value.
+
+    - `evaluations`: largest number of points.
+    - `seconds`: no batch begins after so many; None: any number.
+    - `enough`: value below which the search ends; None: no such value.
+    """
+
+    def __init__(self, objective: Objective, evaluations: int, seconds: float | None, enough: float | None) -> None:
+        self._objective = objective
+        self._most = evaluations
+        self._until = None if seconds is None else time.monotonic() + seconds
+        self._enough = enough
+        self._points: list[np.ndarray] = []
+        self._values: list[np.ndarray] = []
+        self._history: list[tuple[int, float]] = []
+        self.evaluations = 0
+        self.lowest = np.inf
+
+    @property
+    def over(self) -> Stop | None:
+        """The reason to end the search now; None to go on."""
+        if self._enough is not None and self.lowest < self._enough:
+            return "enough"
+        if self.evaluations >= self._most:
+            return "evaluations"
+        if self._until is not None and time.monotonic() >= self._until:
+            return "seconds"
+        return None
+
+    @property
+    def left(self) -> int:
+        """Number of evaluations that are left."""
+        return self._most - self.evaluations
+
+    def ask(self, points: np.ndarray) -> np.ndarray:
+        """Evaluate points in one batch; +∞ for each beyond the budget.
+
+        - `points`: of the cube [points dimension]; points outside are moved to the nearest point inside.
+        """
+        wanted = np.clip(points[: self.left], 0.0, 1.0)
+        values = np.full(len(points), np.inf)
+        if len(wanted):
+            got = np.asarray(self._objective(wanted), float)
+            if got.shape != (len(wanted),):
+                raise DefinitionError(f"an objective gives one number for each point, {len(wanted)}; got {got.shape}")
+            values[: len(wanted)] = np.where(np.isfinite(got), got, np.inf)
+            self._points.append(wanted)
+            self._values.append(values[: len(wanted)])
+            self.evaluations += len(wanted)
+            self.lowest = min(self.lowest, float(values.min()))
+            self._history.append((self.evaluations, self.lowest))
+        return values
+
+    @property
+    def all(self) -> tuple[np.ndarray, np.ndarray]:
+        """Every point [points dimension] and its value [points]."""
+        return np.concatenate(self._points), np.concatenate(self._values)
+
+    def result(self, keep: int, distance: float, stop: Stop) -> SearchResult:
+        """The lowest points.
+
+        - `keep`: their largest number.
+        - `distance`: their smallest distance from each other.
+        - `stop`: reason for the end of the search.
+        """
+        points, values = self.all
+        chosen = distinct_minima(points, values, keep, distance)
+        chosen = chosen[np.isfinite(values[chosen])]
+        return SearchResult(points[chosen], values[chosen], self.evaluations, np.array(self._history), stop)
+
+
+def require_budget(dimension: int, evaluations: int) -> None:
+    """Raise DefinitionError if the cube's dimension or the number of evaluations is less than 1."""
+    if dimension < 1:
+        raise DefinitionError(f"a search needs at least one number that is uncertain; got {short_repr(dimension)}")
+    if evaluations < 1:
+        raise DefinitionError(f"a search needs at least one evaluation; got {short_repr(evaluations)}")
+
+
+FAR = 10.0
+"""Penalty of a point outside the cube, per squared distance, in spreads of the values."""
+
+
+def population(dimension: int, lanes: int = 8) -> int:
+    """Population of each generation: CMA-ES's own number, filled up to whole vectors.
+
+    - `dimension`: of the cube.
+    - `lanes`: runs that are computed side by side.
+    """
+    return -(-(4 + math.floor(3 * math.log(dimension))) // lanes) * lanes
+
+
+class Island:
+    """CMA-ES (N. Hansen, A. Ostermeier, Evol. Comput. 9, 2001) in the unit cube, by the package `cmaes`.
+
+    Points beyond a face are asked for at the nearest point inside, with a penalty that grows with the distance, so that
+    the faces and corners, where the worst cases often are, can be reached.
+
+    - `start`: its first mean [dimension].
+    - `size`: its first standard deviation.
+    - `points`: of each generation.
+    - `seed`: of its random numbers.
+
+    Raises DefinitionError if `cmaes` is not installed.
+    """
+
+    def __init__(self, start: np.ndarray, size: float, points: int, seed: int) -> None:
+        cma = _cmaes().CMA
+        self._search = cma(mean=np.array(start, float), sigma=size, seed=seed, population_size=points)
+        self._points: list[np.ndarray] = []
+
+    def ask(self) -> np.ndarray:
+        """The points of the next generation [points dimension], also such outside of the cube."""
+        self._points = [self._search.ask() for _ in range(self._search.population_size)]
+        return np.array(self._points)
+
+    def tell(self, values: np.ndarray) -> None:
+        """Set the values of the last generation.
+
+        - `values`: at the nearest points inside [points]; of those that are +∞ each is as bad as the other.
+        """
+        good = values[np.isfinite(values)]
+        spread = float(np.ptp(good)) if good.size else 1.0
+        worst = float(good.max()) if good.size else 0.0
+        points = np.array(self._points)
+        beyond = np.sum((points - np.clip(points, 0.0, 1.0)) ** 2, axis=1)
+        told = np.where(np.isfinite(values), values, worst + (spread or 1.0)) + FAR * (spread or 1e-9) * beyond
+        self._search.tell(list(zip(self._points, map(float, told), strict=True)))
+
+    @property
+    def settled(self) -> bool:
+        """True if it will not find anything more."""
+        return bool(self._search.should_stop())
+
+
+def require_cmaes() -> None:
+    """Raises DefinitionError if `cmaes` is not installed."""
+    _cmaes()
+
+
+def _cmaes() -> Any:
+    try:
+        import cmaes
+    except ImportError:
+        raise DefinitionError("a search needs cmaes, which is not installed: pip install 'slidax[studies]'") from None
+    return cmaes
+
+
+STEP = 1e-5
+"""Of the differences, in parts of the cube: far above the rounding of a run, far below what bends it."""
+
+TURNS = 10
+"""Iterations at most; where the function is not smooth it ends before."""
+
+
+def refine(evaluated: EvaluatedPoints, start: np.ndarray) -> None:
+    """Goes down from a point by L-BFGS-B (R. H. Byrd and others, SIAM J. Sci. Comput. 16, 1995) with differences.
+
+    The points of one gradient are asked for at once. `evaluated` keeps all points.
+
+    - `evaluated`: asks and remembers.
+    - `start`: a point of the cube [dimension].
+    """
+
+    def value_and_slope(x: np.ndarray) -> tuple[float, np.ndarray]:
+        # Inwards, so that all points are in the cube.
+        steps = np.where(x < 0.5, STEP, -STEP)
+        if evaluated.over or evaluated.left < x.size + 1:
+            raise StopIteration
+        values = evaluated.ask(np.concatenate([x[None], x + np.diag(steps)]))
+        if not np.isfinite(values).all():
+            raise StopIteration
+        return float(values[0]), (values[1:] - values[0]) / steps
+
+    try:
+        minimize(
+            value_and_slope,
+            start,
+            jac=True,
+            method="L-BFGS-B",
+            bounds=[(0.0, 1.0)] * start.size,
+            options={"maxiter": TURNS, "maxls": 8},
+        )
+    except StopIteration:
+        return
+
+
+CORNERS = 4
+"""One in so many of the first points is a corner of the cube, where worst cases like to be."""
+
+
+def spread(dimension: int, count: int, *, seed: int) -> np.ndarray:
+    """Points of the unit cube [count, dimension]: its middle, some corners, and Sobol's sequence, scrambled.
+
+    - `dimension`: of the cube.
+    - `count`: how many points.
+    - `seed`: of the scrambling and of the choice of corners.
+    """
+    rng = np.random.default_rng(seed)
+    middle = np.full((1, dimension), 0.5)
+    chosen = _corners(dimension, count // CORNERS, rng)
+    left = max(0, count - 1 - len(chosen))
+    with warnings.catch_warnings(action="ignore"):
+        # Its balance wants a power of two; the search does not.
+        between = qmc.Sobol(dimension, rng=rng).random(left)
+    return np.concatenate([middle, chosen, between])[:count]
+
+
+def _corners(dimension: int, most: int, rng: np.random.Generator) -> np.ndarray:
+    """All of them if they are so few, else some, each once in all likelihood."""
+    if 2**dimension <= most:
+        return (np.arange(2**dimension)[:, None] >> np.arange(dimension) & 1).astype(float)
+    return rng.integers(0, 2, (most, dimension)).astype(float)
+
+
+FIRST = 0.3
+"""Largest share of the budget for the spread points."""
+
+LAST = 0.1
+"""Share of the budget that is reserved for the quasi-Newton steps."""
+
+SIZE = 0.15
+"""The first standard deviation of an island."""
+
+
+def lowest(
+    objective: Objective,
+    dimension: int,
+    *,
+    evaluations: int,
+    seed: int = 0,
+    seconds: float | None = None,
+    enough: float | None = None,
+    islands: int = 4,
+    keep: int = 5,
+    distance: float = 0.2,
+    settled: float = 1e-7,
+) -> SearchResult:
+    """The lowest points of a function on the unit cube, by batches.
+
+    A third of the budget, at most 2048 points, is spread over the cube. Several CMA-ES islands start at the best of
+    these points that are distant from each other. Each batch contains the points of all islands. An island that has
+    settled restarts with twice as many points, at the lowest point that is distant from all settled islands. The rest
+    of the budget goes to quasi-Newton steps with finite differences from the lowest points.
+
+    The same seed gives the same points, unless the time ends the search.
+
+    - `objective`: function of points [points dimension] to values [points]; nonfinite values count as +∞.
+    - `evaluations`: largest number of points.
+    - `seconds`: no batch begins after so many; None: any number.
+    - `enough`: the search ends below this value; None: no such value.
+    - `islands`: number of CMA-ES islands.
+    - `keep`, `distance`: number of returned points, and the least difference in one of their coordinates.
+    - `settled`: an island has settled if the values of a generation differ by less than this.
+
+    Raises DefinitionError if the dimension or the budget is less than 1, or `cmaes` is not installed.
+    """
+    require_budget(dimension, evaluations)
+    require_cmaes()
+    known = EvaluatedPoints(objective, evaluations, seconds, enough)
+    count = min(2048, max(population(dimension), int(FIRST * evaluations)))
+    batch = islands * population(dimension)
+    first = spread(dimension, count, seed=seed)
+    for begin in range(0, count, max(batch, 256)):
+        if known.over:
+            break
+        known.ask(first[begin : begin + max(batch, 256)])
+    stop = known.over or _by_islands(known, dimension, seed, islands, distance, settled, int(LAST * evaluations))
+    if stop == "settled":
+        points, values = known.all
+        for place in distinct_minima(points, values, islands, distance):
+            stop = known.over or stop
+            if stop != "settled":
+                break
+            refine(known, points[place])
+        stop = known.over or stop
+    return known.result(keep, distance, stop)
+
+
+def _by_islands(
+    known: EvaluatedPoints, dimension: int, seed: int, islands: int, distance: float, settled: float, reserve: int
+) -> Stop:
+    """Search by islands; return "settled" when only the reserve is left."""
+    seeds = iter(np.random.SeedSequence(seed).generate_state(10_000))
+    size = population(dimension)
+    points, values = known.all
+    starts = [points[place] for place in distinct_minima(points, values, islands, distance)]
+    at_work = [(Island(start, SIZE, size, int(next(seeds))), start, size) for start in starts]
+    ended: list[np.ndarray] = []
+    while known.left > reserve:
+        if known.over:
+            return known.over
+        request = [island.ask() for island, *_ in at_work]
+        told = np.split(known.ask(np.concatenate(request)), np.cumsum([len(a) for a in request])[:-1])
+        for k, (island, start, points_each) in enumerate(at_work):
+            island.tell(told[k])
+            low = request[k][int(np.argmin(told[k]))]
+            finite = told[k][np.isfinite(told[k])]
+            if island.settled or (finite.size > 1 and np.ptp(finite) <= settled):
+                ended += [start, np.clip(low, 0.0, 1.0)]
+                again = _elsewhere(known, ended, distance)
+                at_work[k] = Island(again, SIZE, 2 * points_each, int(next(seeds))), again, 2 * points_each
+    return known.over or "settled"
+
+
+def _elsewhere(known: EvaluatedPoints, ended: list[np.ndarray], distance: float) -> np.ndarray:
+    """The lowest point that is distant from all settled islands; the lowest of all if there is none."""
+    points, values = known.all
+    far = np.ones(len(values), bool)
+    for place in ended:
+        far &= np.max(np.abs(points - place), axis=1) >= distance
+    chosen = np.where(far, values, np.inf) if np.isfinite(values[far]).any() else values
+    return np.asarray(points[int(np.argmin(chosen))])

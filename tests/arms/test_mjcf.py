@@ -1,0 +1,224 @@
+"""Arms from MJCF files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from slidax.arms import from_mjcf
+from slidax.core.errors import DefinitionError
+from tests.arms.bad_file import changed
+from tests.arms.bad_mjcf import COMPILER, ELBOW, END, FORE, GOOD, INERTIAL, MOTOR, OPTION, SITE, WORLD
+from tests.arms.mjcf_trees import random_mjcf
+from tests.paper_examples import TWO_LINK
+from tests.peers.motion import Motion, States, assert_same, by_slidax, random_states
+
+mujoco = pytest.importorskip("mujoco")
+EXAMPLES = Path(__file__).parents[2] / "examples" / "robots"
+HELD = {"locked": 0.3}
+TREES = [pytest.param(seed, 4, 100, id=f"tree {seed}") for seed in range(1)] + [
+    pytest.param(seed, 8, 1000, id=f"tree {seed}-full", marks=pytest.mark.full) for seed in range(1, 22)
+]
+TETRAHEDRON = "v 0 0 0\nv .1 0 0\nv 0 .1 0\nv 0 0 .1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+
+def by_mujoco(text: str, joint_names: tuple[str, ...], states: States) -> Motion:
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    at = [int(model.joint(name).dofadr[0]) for name in joint_names]
+    full, found = np.zeros((model.nv, model.nv)), []
+    for name, position in HELD.items():
+        data.joint(name).qpos = position
+    for q, dq, tau in zip(*states, strict=True):
+        data.qpos[at], data.qvel[at] = q, 0.0
+        mujoco.mj_forward(model, data)
+        gravity = data.qfrc_bias[at].copy()
+        data.qvel[at] = dq
+        mujoco.mj_forward(model, data)
+        mujoco.mj_fullM(model, data, full)
+        mass, bias = full[np.ix_(at, at)], data.qfrc_bias[at].copy()
+        tip = data.site("tip")
+        acceleration = np.linalg.solve(mass, tau - bias)
+        found.append((mass, bias, gravity, acceleration, tip.xpos.copy(), tip.xmat.reshape(3, 3).copy()))
+    return Motion(*(np.stack(part) for part in zip(*found, strict=True)))
+
+
+@pytest.mark.parametrize(("seed", "joints", "count"), TREES)
+def test_random_tree_agrees_with_mujoco(seed, joints, count):
+    text = random_mjcf(seed, joints)
+    arm = from_mjcf(text, tip="tip", locked=HELD)
+    assert arm.joints >= 4 and "locked" not in arm.joint_names
+    states = random_states(arm, count)
+    assert_same(by_slidax(arm, states), by_mujoco(text, arm.joint_names, states))
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_friction_of_a_random_tree_agrees_with_mujoco(seed):
+    text = random_mjcf(seed, 4)
+    arm = from_mjcf(text, tip="tip", locked=HELD)
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    at = [int(model.joint(name).dofadr[0]) for name in arm.joint_names]
+    data.qvel[at] = np.linspace(-1.0, 1.0, arm.joints)
+    mujoco.mj_forward(model, data)
+    np.testing.assert_allclose(data.qfrc_passive[at], -arm.viscous * data.qvel[at], rtol=1e-13)
+    np.testing.assert_array_equal(arm.coulomb, model.dof_frictionloss[at])
+
+
+def test_the_two_link_arm_of_the_paper_is_the_same_as_mjcf():
+    arm = from_mjcf(EXAMPLES / "two_link.xml")
+    q, dq = np.random.default_rng(3).uniform(-3.0, 3.0, (2, 50, 2))
+    motions = jax.jit(jax.vmap(lambda robot, q, dq: (robot.mass(q), robot.bias(q, dq), robot.tip(q)), (None, 0, 0)))
+    for one, other in zip(motions(arm, q, dq), motions(TWO_LINK, q, dq), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
+
+
+def test_arm_has_the_numbers_of_the_file():
+    arm = from_mjcf(GOOD)
+    assert arm.name == "arm" and arm.link_names == ("upper", "fore")
+    np.testing.assert_allclose(arm.limits.lower, np.deg2rad([-100.0, -60.0]), rtol=1e-14)
+    np.testing.assert_allclose(arm.limits.upper, np.deg2rad([120.0, 80.0]), rtol=1e-14)
+    np.testing.assert_array_equal(arm.limits.torque, [50.0, 20.0])
+    np.testing.assert_array_equal(arm.armature, [0.1, 0.0])
+    np.testing.assert_array_equal(arm.viscous, [0.5, 0.5])
+    np.testing.assert_allclose(from_mjcf(GOOD, tip="tool").tip_translation, arm.tip_rotation @ jnp.array([0.2, 0, 0]))
+
+
+def test_a_reference_shifts_the_positions_of_a_joint():
+    turned = from_mjcf(changed(GOOD, ELBOW, ELBOW.replace("/>", ' ref="30"/>')), tip="tool")
+    plain = from_mjcf(GOOD, tip="tool")
+    q, at = jnp.array([0.2, 0.1]), jnp.array([0.2, 0.1 - np.deg2rad(30.0)])
+    np.testing.assert_allclose(turned.tip(q), plain.tip(at), rtol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("actuator", "torque"),
+    [
+        ('<motor joint="elbow" gear="-10" ctrlrange="-1 2"/>', 10.0),
+        ('<motor joint="elbow" gear="10" ctrlrange="-2 2" forcerange="-1.5 1.5"/>', 15.0),
+        ('<position joint="elbow" kp="100" ctrlrange="-1 1" forcerange="-7 8"/>', 7.0),
+        ('<position joint="elbow" kp="100" ctrlrange="-1 1"/>', np.inf),
+        ('<motor joint="elbow" ctrlrange="0 3"/><motor joint="elbow" ctrlrange="-4 0"/>', 3.0),
+        ("", np.inf),
+    ],
+)
+def test_the_torque_limit_is_what_the_actuators_can_give(actuator, torque):
+    assert float(from_mjcf(changed(GOOD, MOTOR, actuator)).limits.torque[1]) == torque
+
+
+def test_gravity_is_the_files_unless_another_is_given():
+    moon = changed(GOOD, OPTION, '<option gravity="0 0 -1.62"/>')
+    np.testing.assert_array_equal(from_mjcf(moon).gravity_vector, [0.0, 0.0, -1.62])
+    np.testing.assert_array_equal(from_mjcf(moon, gravity=(0.0, 0.0, -9.8)).gravity_vector, [0.0, 0.0, -9.8])
+    off = changed(GOOD, OPTION, '<option><flag gravity="disable"/></option>')
+    np.testing.assert_array_equal(from_mjcf(off).gravity_vector, [0.0, 0.0, 0.0])
+
+
+def test_unsupported_features_of_held_joints_are_ignored():
+    spring = changed(GOOD, ELBOW, ELBOW.replace("/>", ' stiffness="3"/>'))
+    tied = changed(spring, END, '<equality><joint joint1="elbow"/></equality>' + END)
+    arm = from_mjcf(tied, locked={"elbow": 0.5})
+    assert arm.joint_names == ("shoulder",)
+    assert float(arm.masses[0]) == 3.25
+
+
+def test_mujocos_warnings_are_passed_on():
+    twin = changed(GOOD, ELBOW, ELBOW + '<joint name="twin" axis="0 1 0"/>')
+    with pytest.warns(UserWarning, match="arm: MuJoCo says: Inertia matrix is too close to singular"):
+        assert from_mjcf(twin, locked={"twin": 0.0}).joint_names == ("shoulder", "elbow")
+
+
+def test_bodies_and_joints_without_a_name_get_one():
+    arm = from_mjcf(changed(GOOD, FORE, '<body pos="0.4 0 0">', 'name="elbow" ', "", MOTOR, ""))
+    assert arm.joint_names == ("shoulder", "joint 1") and arm.link_names == ("upper", "body 3")
+
+
+def test_a_body_and_a_joint_may_have_one_name():
+    arm = from_mjcf(changed(GOOD, FORE, FORE.replace("fore", "elbow")), tip="elbow")
+    assert arm.joint_names[1] == arm.link_names[1] == "elbow"
+
+
+def with_mesh(where: str, name: str) -> str:
+    asset = f'<asset><mesh name="hull" file="{name}"/></asset>'
+    shape = '<geom type="mesh" mesh="hull"/>'
+    text = changed(GOOD, COMPILER, '<compiler angle="degree" meshdir="shapes"/>', WORLD, asset + WORLD)
+    return changed(text, SITE, SITE + shape) if where == "beside" else changed(text, INERTIAL, shape)
+
+
+def test_weightless_mesh_is_neither_required_nor_read(tmp_path):
+    (tmp_path / "shapes").mkdir()
+    (tmp_path / "shapes" / "hull.stl").write_text("no mesh at all")
+    path = tmp_path / "arm.mjcf"
+    path.write_text(with_mesh("beside", "hull.stl"))
+    np.testing.assert_array_equal(from_mjcf(path, meshes=True).inertias, from_mjcf(GOOD).inertias)
+    path.write_text(with_mesh("beside", "lost.stl"))
+    with pytest.raises(
+        DefinitionError, match=r"body `fore` is not there; looked for .*/shapes/lost\.stl; meshes=False"
+    ):
+        from_mjcf(path, meshes=True)
+    np.testing.assert_array_equal(from_mjcf(path).inertias, from_mjcf(GOOD).inertias)
+
+
+def test_mesh_that_defines_an_inertia_is_read(tmp_path):
+    (tmp_path / "shapes").mkdir()
+    (tmp_path / "shapes" / "hull.obj").write_text(TETRAHEDRON)
+    path = tmp_path / "arm.xml"
+    path.write_text(with_mesh("alone", "hull.obj"))
+    arm = from_mjcf(path, meshes=False)
+    # A sixth of the cube of .1 m, of 1000 kg/m³; MuJoCo has vertices in single precision.
+    np.testing.assert_allclose(arm.masses[1], 1000.0 * 0.1**3 / 6.0, rtol=1e-7)
+    np.testing.assert_allclose(np.linalg.norm(arm.centers[1]), np.sqrt(3.0) * 0.025, rtol=1e-6)
+    path.write_text(with_mesh("alone", "lost.obj"))
+    with pytest.raises(DefinitionError, match=r"body `fore` is not there.*lost\.obj; .* give the body an <inertial>"):
+        from_mjcf(path, meshes=False)
+
+
+def test_a_file_may_include_and_attach_others(tmp_path):
+    body = GOOD[GOOD.index("<worldbody>") : GOOD.index("</worldbody>") + len("</worldbody>")]
+    (tmp_path / "arm.xml").write_text(f"<mujoco>{body}</mujoco>".replace('class="strong" ', ""))
+    path = tmp_path / "scene.xml"
+    path.write_text('<mujoco><compiler angle="degree"/><include file="arm.xml"/></mujoco>')
+    assert from_mjcf(path).joint_names == ("shoulder", "elbow")
+    (tmp_path / "part.xml").write_text(changed(GOOD, OPTION, ""))
+    attach = '<attach model="arm" body="base" prefix="left-"/>'
+    path.write_text(
+        f'<mujoco><asset><model name="arm" file="part.xml"/></asset><worldbody><frame pos="0 1 0">{attach}</frame>'
+        "</worldbody></mujoco>"
+    )
+    arm = from_mjcf(path)
+    assert arm.joint_names == ("left-shoulder", "left-elbow")
+    np.testing.assert_allclose(arm.limits.upper, np.deg2rad([120.0, 80.0]), rtol=1e-14)
+
+
+def test_a_nan_in_an_included_file_is_found_too(tmp_path, monkeypatch, capfd):
+    # MuJoCo would say so on the terminal and in a log in the working directory, and go on.
+    monkeypatch.chdir(tmp_path)
+    body = GOOD[GOOD.index("<worldbody>") : GOOD.index("</worldbody>") + len("</worldbody>")]
+    (tmp_path / "arm.xml").write_text(f"<mujoco>{body}</mujoco>".replace('pos="0.4 0 0"', 'pos="nan 0 0"'))
+    (tmp_path / "scene.xml").write_text(GOOD.replace(body, '<include file="arm.xml"/>'))
+    with pytest.raises(DefinitionError, match=r"scene\.xml: a file that this one includes has a number that is NaN"):
+        from_mjcf("scene.xml")
+    assert capfd.readouterr() == ("", "")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["arm.xml", "scene.xml"]
+
+
+def test_bodies_keep_their_names_where_mujoco_would_join_them():
+    tool = '<body name="tool" pos="0.2 0 0"><geom size="0.01" mass="0.5"/></body>'
+    fused = changed(GOOD, COMPILER, '<compiler angle="degree" fusestatic="true"/>', SITE, tool)
+    arm = from_mjcf(fused)
+    np.testing.assert_array_equal(arm.masses, [2.0, 1.75])
+    np.testing.assert_allclose(arm.tip_translation, arm.tip_rotation @ jnp.array([0.2, 0.0, 0.0]))
+
+
+def test_default_tip_is_the_only_moving_body_that_carries_none():
+    beside = from_mjcf(changed(GOOD, WORLD, WORLD + '<body name="table"><geom size="0.1"/></body>'))
+    np.testing.assert_array_equal(beside.tip_translation, from_mjcf(GOOD, tip="fore").tip_translation)
+
+
+def test_text_in_another_encoding_is_read(tmp_path):
+    (tmp_path / "wide.xml").write_bytes(GOOD.encode("utf-16"))
+    np.testing.assert_array_equal(from_mjcf(tmp_path / "wide.xml").inertias, from_mjcf(GOOD).inertias)

@@ -1,0 +1,236 @@
+"""The description files of the built-in arms against physics and against other people's files of the same arms.
+
+The kinematics are worked out here in plain NumPy: what is tested are the numbers, not what reads them.
+"""
+
+import sys
+import xml.etree.ElementTree as ElementTree
+from importlib import metadata
+from itertools import pairwise
+from pathlib import Path
+
+import equinox as eqx
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+
+from slidax import arms
+from slidax.core.errors import DefinitionError
+
+FOLDER = Path(arms.__file__).parent / "ready"
+FILES = {path.stem: YAML(typ="safe", pure=True).load(path) for path in sorted(FOLDER.glob("*.yaml"))}
+
+KEYS = {"name", "title", "rate", "joints", "tip", "home", "sources"}
+JOINT_KEYS = {"name", "kind", "parent", "translation", "turn", "axis", "velocity", "torque", "link"}
+JOINT_OPTIONS = {"position", "torque_rate", "armature"}
+
+every_arm = pytest.mark.parametrize("name", FILES)
+
+
+def turned(axis, angle):
+    """The rotation by an angle about a unit axis."""
+    x, y, z = axis
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+
+
+def axes_of(turn):
+    """Roll, pitch and yaw about fixed axes as a rotation."""
+    roll, pitch, yaw = turn
+    return turned([0, 0, 1], yaw) @ turned([0, 1, 0], pitch) @ turned([1, 0, 0], roll)
+
+
+def frames(description, q):
+    """Rotation and place of every link's frame in the base frame, and the tip's last."""
+    rotation, place = np.eye(3), np.zeros(3)
+    found = []
+    for joint, angle in zip(description["joints"], q, strict=True):
+        place = place + rotation @ joint["translation"]
+        rotation = rotation @ axes_of(joint["turn"]) @ turned(joint["axis"], angle)
+        found.append((rotation, place))
+    tip = description["tip"]
+    return [*found, (rotation @ axes_of(tip["turn"]), place + rotation @ tip["translation"])]
+
+
+def gravity_torques(description, q):
+    """What every joint must hold at rest [N m]."""
+    joints, places = description["joints"], frames(description, q)[:-1]
+    centers = [
+        place + rotation @ joint["link"]["center"] for (rotation, place), joint in zip(places, joints, strict=True)
+    ]
+    forces = [[0, 0, -9.81 * joint["link"]["mass"]] for joint in joints]
+    return [
+        -(rotation @ joint["axis"]) @ np.cross(np.array(centers[i:]) - place, forces[i:]).sum(axis=0)
+        for i, ((rotation, place), joint) in enumerate(zip(places, joints, strict=True))
+    ]
+
+
+def tensor(inertia):
+    xx, yy, zz, xy, xz, yz = inertia
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def limits(description):
+    """Lower and upper positions; a joint without end gets one turn each way."""
+    return np.array([joint.get("position", [-2 * np.pi, 2 * np.pi]) for joint in description["joints"]]).T
+
+
+def postures(description):
+    return np.random.default_rng(11).uniform(*limits(description), (100, len(description["joints"])))
+
+
+ARMS = {"panda", "ur5e", "iiwa14", "xarm7", "gen3"}
+"""One word here enrols a new file."""
+
+
+def test_every_file_has_a_function_of_its_name():
+    assert set(FILES) == ARMS == set(arms.built_in_names())
+    for name in ARMS:
+        make = getattr(arms, name)
+        assert make.__name__ == name
+        assert FILES[name]["title"] in make.__doc__
+        assert eqx.tree_equal(make(), arms.built_in_arm(name).robot)
+        assert make().joints == len(FILES[name]["joints"])
+
+
+def test_a_further_file_is_a_further_arm(tmp_path, monkeypatch):
+    text = (FOLDER / "ur5e.yaml").read_text(encoding="utf-8")
+    (tmp_path / "scratch.yaml").write_text(text.replace("title: Universal Robots UR5e", "title: Scratch arm"))
+    monkeypatch.setattr(sys.modules["slidax.arms.built_in"], "FILES", tmp_path)
+    assert arms.built_in_names() == ("scratch",)
+    assert arms.built_in_title("scratch") == "Scratch arm, 6 joints"
+    arm = arms.built_in_arm("scratch").robot
+    np.testing.assert_array_equal(arm.masses, [joint["link"]["mass"] for joint in FILES["ur5e"]["joints"]])
+    assert arm.name == "scratch"
+
+
+def test_unknown_arm_is_an_error_with_the_nearest_name():
+    with pytest.raises(DefinitionError, match="no built-in arm `pandas`; did you mean `panda`"):
+        arms.built_in_arm("pandas")
+
+
+@every_arm
+def test_a_file_has_its_keys_and_no_others(name):
+    description = FILES[name]
+    assert set(description) == KEYS
+    assert description["name"] == name
+    assert set(description["sources"]) == {"kinematics", "inertia", "limits", "rotors"}
+    assert all(description["sources"].values())
+    for joint in description["joints"]:
+        without_end = joint["kind"] == "continuous"
+        needed = JOINT_KEYS if without_end else JOINT_KEYS | {"position"}
+        assert needed <= set(joint) <= needed | (JOINT_OPTIONS - {"position"} if without_end else JOINT_OPTIONS)
+        assert joint["kind"] in ("revolute", "continuous")
+        assert set(joint["link"]) == {"name", "mass", "center", "inertia"}
+
+
+@every_arm
+def test_the_joints_are_one_chain_from_the_base_to_the_tip(name):
+    joints = FILES[name]["joints"]
+    assert joints[0]["parent"] is None
+    assert all(after["parent"] == before["name"] for before, after in pairwise(joints))
+    assert FILES[name]["tip"]["joint"] == joints[-1]["name"]
+    assert len({joint["name"] for joint in joints} | {joint["link"]["name"] for joint in joints}) == 2 * len(joints)
+
+
+@every_arm
+def test_every_link_has_a_possible_inertia(name):
+    for joint in FILES[name]["joints"]:
+        smallest, middle, largest = np.linalg.eigvalsh(tensor(joint["link"]["inertia"]))
+        assert joint["link"]["mass"] > 0
+        assert smallest > 0, joint["name"]
+        assert smallest + middle > largest, joint["name"]
+
+
+@every_arm
+def test_the_posture_of_rest_is_within_the_limits(name):
+    lower, upper = limits(FILES[name])
+    assert np.all(lower < FILES[name]["home"])
+    assert np.all(upper > FILES[name]["home"])
+
+
+@every_arm
+def test_an_arm_can_hold_itself_everywhere(name):
+    torque = [joint["torque"] for joint in FILES[name]["joints"]]
+    for q in postures(FILES[name]):
+        assert np.all(np.abs(gravity_torques(FILES[name], q)) < torque)
+
+
+@pytest.mark.parametrize("name", ["panda", "ur5e", "iiwa14", "xarm7"])
+def test_at_rest_the_flange_looks_down(name):
+    rotation, _ = frames(FILES[name], FILES[name]["home"])[-1]
+    np.testing.assert_allclose(rotation @ [0, 0, 1], [0, 0, -1], atol=2e-3)
+
+
+SAME_ARM = [
+    pytest.param("panda", "panda_description/urdf/panda.urdf", id="panda"),
+    pytest.param("xarm7", "xarm_description/urdf/xarm7.urdf", id="xarm7"),
+]
+
+
+def other_file(path):
+    """A URDF of example-robot-data as text, its quarter turns written out."""
+    try:
+        package = metadata.distribution("example-robot-data")
+    except metadata.PackageNotFoundError:
+        pytest.skip("example-robot-data is not installed")
+    file = package.locate_file(f"cmeel.prefix/share/example-robot-data/robots/{path}")
+    text = Path(str(file)).read_text(encoding="utf-8")
+    return text.replace("1.5708 ", f"{np.pi / 2!r} ")
+
+
+def loaded(text):
+    pinocchio = pytest.importorskip("pinocchio")
+    model = pinocchio.buildModelFromXML(text)
+    return pinocchio, model, model.createData()
+
+
+@pytest.mark.parametrize(("name", "path"), SAME_ARM)
+def test_tip_agrees_with_another_description_of_the_arm(name, path):
+    pinocchio, model, data = loaded(other_file(path))
+    description = FILES[name]
+    tip = model.getFrameId(description["tip"]["name"])
+    assert tip < model.nframes
+    for q in postures(description):
+        other = pinocchio.neutral(model)
+        other[: len(q)] = q
+        pinocchio.framesForwardKinematics(model, data, other)
+        rotation, place = frames(description, q)[-1]
+        np.testing.assert_allclose(place, data.oMf[tip].translation, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(rotation, data.oMf[tip].rotation, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize(("name", "path"), SAME_ARM)
+def test_links_and_limits_agree_with_another_description(name, path):
+    tree = ElementTree.fromstring(other_file(path))
+    for joint in FILES[name]["joints"]:
+        inertial = tree.find(f"./link[@name='{joint['link']['name']}']/inertial")
+        inertia, origin = inertial.find("inertia"), inertial.find("origin")
+        assert [float(x) for x in origin.get("rpy").split()] == [0, 0, 0]
+        assert joint["link"]["mass"] == float(inertial.find("mass").get("value"))
+        assert joint["link"]["center"] == [float(x) for x in origin.get("xyz").split()]
+        assert joint["link"]["inertia"] == [float(inertia.get(k)) for k in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")]
+        limit = tree.find(f"./joint[@name='{joint['name']}']/limit")
+        assert [*joint["position"], joint["velocity"], joint["torque"]] == [
+            float(limit.get(k)) for k in ("lower", "upper", "velocity", "effort")
+        ]
+
+
+def test_the_axes_of_the_ur5e_are_those_of_the_ur5():
+    """The UR5 is the older arm of the same build: other offsets along the axes, the same directions and almost the
+    same lengths of upper arm and forearm.
+    """
+    pinocchio, model, data = loaded(other_file("ur_description/urdf/ur5_robot.urdf"))
+    description = FILES["ur5e"]
+    names = [joint["name"] for joint in description["joints"]]
+    assert list(model.names)[1:] == names
+    for q in postures(description):
+        jacobian = pinocchio.computeJointJacobians(model, data, q)
+        ours = frames(description, q)[:-1]
+        axes = np.array([rotation[:, 2] for rotation, _ in ours])
+        np.testing.assert_allclose(axes, jacobian[3:].T, rtol=0, atol=1e-6)
+        for first, second in ((1, 2), (2, 3)):  # along the arm, across the three axes that stay parallel
+            across = np.eye(3) - np.outer(axes[1], axes[1])
+            length = np.linalg.norm(across @ (ours[second][1] - ours[first][1]))
+            theirs = np.linalg.norm(across @ (data.oMi[second + 1].translation - data.oMi[first + 1].translation))
+            assert length == pytest.approx(theirs, abs=1e-4)

@@ -1,0 +1,232 @@
+"""Faults of URDF files whose meaning is clear: the file is read, and a warning names file, element and remedy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from slidax.arms import from_urdf
+from slidax.core.errors import DefinitionError, DefinitionWarning
+from tests.arms.bad_file import changed
+from tests.arms.bad_urdf import (
+    AXIS,
+    CENTER,
+    END,
+    GOOD,
+    INERTIA,
+    LIMIT,
+    MASS,
+    ORIGIN,
+    SPARE,
+    TOOL,
+    inertia,
+    joint,
+    limit,
+)
+
+pytest.importorskip("mujoco")
+HAND = (
+    SPARE.replace("spare", "left")
+    + SPARE.replace("spare", "right")
+    + joint("prismatic", "finger1", "tool", "left", '<axis xyz="0 1 0"/><limit lower="0.01" upper="0.04"/>')
+    + joint(
+        "prismatic",
+        "finger2",
+        "tool",
+        "right",
+        '<axis xyz="0 1 0"/><limit lower="-0.04" upper="-0.01"/>'
+        '<mimic joint="finger1" multiplier="-1" offset="0.005"/>',
+    )
+)
+FLANGE = '<child link="tool"/>'
+TIP = joint("fixed", "to tip", "tool", "tcp") + '<link name="tcp"/>'
+GRIPPED = changed(GOOD, END, HAND + TIP + END)
+CYLINDER = changed(
+    GOOD,
+    END,
+    SPARE + joint("revolute", "cylinder", "upper", "spare", '<mimic joint="shoulder" multiplier="-0.5"/>') + END,
+)
+TWICE = changed(GOOD, TOOL, TOOL + TOOL)
+ON_A_WORLD = changed(GOOD, '<link name="base"/>', "").replace('link="base"', 'link="world"')
+
+READ = {
+    "an attribute of no meaning in the inertia": (INERTIA, INERTIA.replace("iyy", 'iyx="0" iyy'), ["`iyx`", "`fore`"]),
+    "an attribute that is like no other": (AXIS, '<axis xyz="0 1 0" rpy="0 0 0"/>', ["`rpy` in <axis>", "`elbow`"]),
+    "an element that is like a known one": (END, '<RefLink ref="fore"/>' + END, ["<RefLink>", "the robot"]),
+    "an axis without numbers in a fixed joint": (FLANGE, FLANGE + "<axis/>", ["<axis>", "`flange`", "fixed"]),
+    "an axis of words in a fixed joint": (FLANGE, FLANGE + '<axis xyz="a b c"/>', ["<axis>", "`flange`", "`a`"]),
+    "a limit of words in a fixed joint": (FLANGE, FLANGE + '<limit effort="x"/>', ["<limit>", "`flange`"]),
+    "a link that is there twice": (TOOL, TOOL + TOOL, ["link `tool` is there twice", "remove"]),
+    "a prefix that nothing declares": (END, "<gazebo><a:b/></gazebo>" + END, ["<a:b>", "xmlns:a"]),
+}
+
+
+@pytest.mark.parametrize(("old", "new", "words"), READ.values(), ids=READ)
+def test_a_fault_without_effect_is_a_warning_and_the_arm_is_the_same(old, new, words, tmp_path):
+    path = tmp_path / "my.urdf"
+    path.write_text(changed(GOOD, old, new))
+    with pytest.warns(DefinitionWarning) as caught:
+        arm = from_urdf(path)
+    (warning,) = caught
+    message = str(warning.message)
+    assert message.startswith(f"{path}: ")
+    assert not [word for word in words if word not in message], message
+    good = from_urdf(GOOD)
+    for field in ("inertias", "masses", "centers", "rotations", "translations", "tip_translation"):
+        np.testing.assert_array_equal(getattr(arm, field), getattr(good, field))
+
+
+def test_one_warning_lists_all_owners_of_a_fault():
+    text = GOOD.replace("/>\n    <limit", ' rpy="0 0 0"/>\n    <limit')
+    with pytest.warns(DefinitionWarning) as caught:
+        from_urdf(text)
+    assert [str(one.message) for one in caught] == [
+        "arm: `rpy` in <axis> of joint `shoulder` and joint `elbow` is not read, as URDF has no such attribute; "
+        "remove it"
+    ]
+
+
+@pytest.mark.parametrize(("velocity", "effort"), [("-1", "20"), ("4", "-1"), ("-1.0", "-1")])
+def test_a_limit_of_minus_1_is_not_given(velocity, effort):
+    with pytest.warns(DefinitionWarning) as caught:
+        arm = from_urdf(changed(GOOD, LIMIT, limit(velocity=velocity, effort=effort)))
+    assert float(arm.limits.velocity[1]) == (np.inf if velocity.startswith("-") else 4.0)
+    assert float(arm.limits.torque[1]) == (np.inf if effort == "-1" else 20.0)
+    told = " ".join(str(one.message) for one in caught)
+    assert "-1 in <limit> of joint `elbow` is read as not given" in told
+
+
+@pytest.mark.parametrize("velocity", ["-2", "-0.5"])
+def test_another_negative_limit_is_refused(velocity):
+    with pytest.raises(DefinitionError, match=f"velocity in <limit> of joint `elbow` must be > 0; got {velocity}"):
+        from_urdf(changed(GOOD, LIMIT, limit(velocity=velocity)))
+
+
+def test_exchanged_ends_of_a_range_around_0_are_corrected():
+    with pytest.warns(
+        DefinitionWarning, match="`elbow` has lower 1.5 > upper -1: they are read as exchanged, -1 to 1.5"
+    ):
+        arm = from_urdf(changed(GOOD, LIMIT, limit(lower="1.5", upper="-1")))
+    assert (float(arm.limits.lower[1]), float(arm.limits.upper[1])) == (-1.0, 1.5)
+
+
+def test_a_range_of_one_position_is_refused_with_a_remedy_that_works():
+    text = changed(GOOD, LIMIT, limit(lower="1.5", upper="1.5"))
+    with pytest.raises(DefinitionError, match=r"locked=\{'elbow': 1.5\} holds"):
+        from_urdf(text)
+    assert from_urdf(text, locked={"elbow": 1.5}).joint_names == ("shoulder",)
+
+
+def test_a_bad_limit_of_a_joint_that_is_held_does_not_matter():
+    assert from_urdf(changed(GOOD, LIMIT, limit(velocity="-7")), locked={"elbow": 0.0}).joints == 1
+
+
+def test_a_link_that_only_a_joint_names_is_the_base_if_every_other_is_carried():
+    with pytest.warns(
+        DefinitionWarning, match='link `world`, the parent of joint `shoulder`.* write <link name="world"/>'
+    ):
+        arm = from_urdf(ON_A_WORLD)
+    np.testing.assert_array_equal(arm.inertias, from_urdf(GOOD).inertias)
+
+
+def test_a_quaternion_turns_a_frame_as_its_angles_do():
+    angles = from_urdf(changed(GOOD, ORIGIN, '<origin xyz="0.4 0 0" rpy="0.3 -1.2 2.5"/>'))
+    half = np.array([0.15, -0.6, 1.25])
+    (cr, cp, cy), (sr, sp, sy) = np.cos(half), np.sin(half)
+    quaternion = [
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+        cr * cp * cy + sr * sp * sy,
+    ]
+    words = " ".join(repr(2.0 * float(part)) for part in quaternion)
+    turned = from_urdf(changed(GOOD, ORIGIN, f'<origin xyz="0.4 0 0" quat_xyzw="{words}"/>'))
+    np.testing.assert_allclose(turned.rotations, angles.rotations, rtol=0, atol=1e-14)
+
+
+def test_a_quaternion_that_points_straight_up_keeps_its_yaw():
+    quarter = 0.5**0.5
+    angles = from_urdf(changed(GOOD, ORIGIN, '<origin xyz="0.4 0 0" rpy="0 1.5707963267948966 0"/>'))
+    turned = from_urdf(changed(GOOD, ORIGIN, f'<origin xyz="0.4 0 0" quat_xyzw="0 {quarter!r} 0 {quarter!r}"/>'))
+    np.testing.assert_allclose(turned.rotations, angles.rotations, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("moment", ["-4e-22", "0", "4e-22"])
+def test_a_thin_rod_is_a_body_and_rounding_below_0_is_0(moment):
+    arm = from_urdf(changed(GOOD, INERTIA, inertia(moment, "0.0125", "0.0125")))
+    np.testing.assert_allclose(np.linalg.eigvalsh(arm.inertias[1]), [0.0, 0.0125, 0.0125], rtol=0, atol=1e-15)
+
+
+def test_rounding_is_relative_to_the_links_own_moments():
+    small = changed(GOOD, INERTIA, inertia("-4e-13", "5e-13", "5e-13"))
+    with pytest.raises(DefinitionError, match=r"link `fore` must be positive definite.*inertias=\"nearest\""):
+        from_urdf(small)
+
+
+def test_an_error_over_an_inertia_carries_its_setting():
+    with pytest.raises(DefinitionError) as caught:
+        from_urdf(changed(GOOD, INERTIA, inertia("0.01", "0.01", "0.1")))
+    setting = caught.value.setting
+    assert (setting.name, setting.value) == ("inertias", "nearest")
+    assert 'inertias="nearest" takes the nearest' in str(caught.value)
+    reworded = str(caught.value.reworded(setting.as_option))
+    assert "--inertias nearest takes the nearest" in reworded and "inertias=" not in reworded
+
+
+def test_fingers_that_are_coupled_are_held_and_the_warning_says_where():
+    with pytest.warns(DefinitionWarning) as caught:
+        arm = from_urdf(GRIPPED, tip="tcp", limits=False)
+    assert arm.joint_names == ("shoulder", "elbow")
+    (warning,) = caught
+    message = str(warning.message)
+    assert "joint `finger1` leads `finger2`, which is not between the base and the tip `tcp`" in message
+    assert "locked={'finger1': 0.01, 'finger2': -0.005} is assumed" in message
+    held = from_urdf(GRIPPED, tip="tcp", limits=False, locked={"finger1": 0.01, "finger2": -0.005})
+    np.testing.assert_array_equal(arm.inertias, held.inertias)
+
+
+def test_a_finger_that_mimics_a_locked_one_is_held_at_its_ratio():
+    with pytest.warns(
+        DefinitionWarning, match="joint `finger2` mimics joint `finger1`, which does not move: .* -0.025"
+    ):
+        arm = from_urdf(GRIPPED, tip="tcp", limits=False, locked={"finger1": 0.03})
+    held = from_urdf(GRIPPED, tip="tcp", limits=False, locked={"finger1": 0.03, "finger2": -0.025})
+    np.testing.assert_allclose(arm.inertias, held.inertias, rtol=1e-14, atol=1e-16)
+
+
+def test_cylinder_next_to_the_arm_is_held_and_its_leader_moves():
+    with pytest.warns(DefinitionWarning, match=r"`shoulder` leads `cylinder`.*locked=\{'cylinder': 0\} is assumed"):
+        arm = from_urdf(CYLINDER, tip="tool", limits=False)
+    assert arm.joint_names == ("shoulder", "elbow")
+
+
+@pytest.mark.parametrize("leader", ["nobody", "cylinder"])
+def test_invalid_mimic_outside_the_arm_is_held(leader):
+    with pytest.warns(DefinitionWarning, match=r"`cylinder` is held at 0; locked=\{'cylinder': POSITION\}"):
+        arm = from_urdf(CYLINDER.replace('joint="shoulder"', f'joint="{leader}"'), tip="tool", limits=False)
+    assert arm.joint_names == ("shoulder", "elbow")
+
+
+def test_a_mimic_of_a_fixed_joint_is_held_at_its_offset():
+    with pytest.warns(
+        DefinitionWarning, match="`cylinder` mimics joint `flange`, which does not move: it is held at 0.2"
+    ):
+        from_urdf(
+            CYLINDER.replace('joint="shoulder" multiplier="-0.5"', 'joint="flange" offset="0.2"'),
+            tip="tool",
+            limits=False,
+        )
+
+
+def test_error_includes_the_notes_on_the_elements_that_it_names():
+    text = changed(
+        GOOD, END, '<RefLink ref="fore"/>' + END, CENTER, CENTER + '<Mass value="2"/>', MASS, '<mass value="-1"/>'
+    )
+    with pytest.raises(DefinitionError, match=r"the mass of link `fore` must be >= 0.*; note that <Mass> in") as caught:
+        from_urdf(text)
+    assert "RefLink" not in str(caught.value)
+
+
+def test_a_joint_of_the_arm_that_mimics_itself_is_refused_with_a_remedy():
+    with pytest.raises(DefinitionError, match=r"`elbow`, which follows it in turn; locked=\{'elbow': 0\} holds"):
+        from_urdf(changed(GOOD, LIMIT, LIMIT + '<mimic joint="elbow"/>'))

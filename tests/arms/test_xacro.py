@@ -1,0 +1,260 @@
+"""Robot files that are written as xacro macros."""
+
+from __future__ import annotations
+
+import math
+import sys
+
+import numpy as np
+import pytest
+
+from slidax.arms import from_urdf
+from slidax.arms.files import expression, source
+from slidax.arms.files.expression import ExpressionError, evaluate
+from slidax.core.errors import DefinitionError
+from tests.arms.bad_file import changed
+from tests.arms.bad_urdf import GOOD, LIMIT, MASS, ORIGIN
+
+pytest.importorskip("xacrodoc")
+HEAD = '<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+
+
+def as_xacro(*changes: str, head: str = "") -> str:
+    return changed(GOOD, '<robot name="arm">', HEAD + head, *changes)
+
+
+@pytest.fixture
+def package(tmp_path):
+    folder = tmp_path / "arm_description"
+    (folder / "urdf").mkdir(parents=True)
+    (folder / "config").mkdir()
+    (folder / "config" / "arm.yaml").write_text("elbow: {effort: 20, upper: !degrees 90}\n")
+    (folder / "urdf" / "sizes.xacro").write_text(
+        f'{HEAD}<xacro:property name="reach" value="0.4"/><xacro:property name="mass" value="${{5 / 4}}"/></robot>'
+    )
+    return folder
+
+
+def test_macros_properties_arguments_and_includes_are_expanded(package):
+    path = package / "urdf" / "arm.urdf.xacro"
+    head = (
+        '<xacro:arg name="effort" default="7"/><xacro:include filename="sizes.xacro"/>'
+        '<xacro:include filename="$(find arm_description)/urdf/sizes.xacro"/>'
+        '<xacro:property name="all" value="${xacro.load_yaml(\'$(find arm_description)/config/arm.yaml\')}"/>'
+        '<xacro:macro name="reach" params="x"><origin xyz="${x} 0 0"/></xacro:macro>'
+    )
+    limits = LIMIT.replace('effort="20"', 'effort="$(arg effort)"').replace('"1.5"', "\"${all['elbow']['upper']}\"")
+    path.write_text(
+        as_xacro(MASS, '<mass value="${mass}"/>', ORIGIN, '<xacro:reach x="${reach}"/>', LIMIT, limits, head=head)
+    )
+    arm = from_urdf(path)
+    good = from_urdf(GOOD)
+    for field in ("masses", "inertias", "rotations", "translations"):
+        np.testing.assert_array_equal(getattr(arm, field), getattr(good, field))
+    assert float(arm.limits.torque[1]) == 7.0
+    assert float(arm.limits.upper[1]) == pytest.approx(math.pi / 2)
+    assert float(from_urdf(path, arguments={"effort": "12"}).limits.torque[1]) == 12.0
+
+
+def test_a_package_is_found_where_the_user_says(package, tmp_path):
+    path = tmp_path / "apart.xacro"
+    path.write_text(as_xacro(head='<xacro:include filename="$(find sizes)/urdf/sizes.xacro"/>'))
+    with pytest.raises(DefinitionError, match=r"package `sizes` is not found; packages=\{'sizes': FOLDER\}"):
+        from_urdf(path)
+    assert from_urdf(path, packages={"sizes": package}).joints == 2
+
+
+HOSTILE = {
+    "a lambda": "(lambda: ().__class__.__base__.__subclasses__())()",
+    "a lambda without underscores": "(lambda x: x)(1)",
+    "an attribute of a class": "().__class__",
+    "vars": "python.vars(python.type(1))",
+    "type": "python.type(1).mro()",
+    "a frame": "(x for x in [1]).gi_frame.f_back",
+    "import": "__import__('os').system('true')",
+    "open": "open('/etc/passwd').read()",
+    "format": "'{0.__class__}'.format(1)",
+    "a formatted text": "f'{().__class__}'",
+    "a large power": "9 ** 9 ** 9",
+    "a long text": "'a' * 10 ** 9",
+    "a long list": "list(range(10 ** 9))",
+    "loops in loops": "[[x for x in range(9999)] for y in range(9999)]",
+    "a wide format": "'%99999999d' % 1",
+    "a long text of bytes": "len(b'a' * 10 ** 9)",
+    "a power by rounding": "round(5, -10 ** 8)",
+    "a product of many integers": "math.prod([9 ** 1000] * 99999)",
+    "a sum of lists": "sum([[1]] * 99999, [])",
+    "squares of squares": "[(9 ** 1200) * (9 ** 1200)]",
+}
+
+
+@pytest.mark.parametrize("words", HOSTILE.values(), ids=HOSTILE)
+@pytest.mark.parametrize("form", ["${%s}", "$(eval %s)"])
+def test_an_expression_cannot_run_code_or_take_the_memory(words, form, tmp_path):
+    path = tmp_path / "arm.xacro"
+    mass = MASS.replace("1.25", (form % words).replace("<", "&lt;").replace('"', "&quot;"))
+    path.write_text(as_xacro(MASS, mass))
+    with pytest.raises(DefinitionError, match="xacro does not expand the robot file") as caught:
+        from_urdf(path)
+    assert "\n" not in str(caught.value)
+
+
+def chain(first, *, times):
+    """Properties a0 to aN, each of which has the one before it twice."""
+    later = (f'<xacro:property name="a{i}" value="${{[a{i - 1}, a{i - 1}]}}"/>' for i in range(1, times + 1))
+    return f'<xacro:property name="a0" value="{first}"/>' + "".join(later) + f'<link name="${{a{times}}}"/>'
+
+
+def macros(body, *, times):
+    """Macros m0 to mN, each of which calls the one before it twice, and a call of the last."""
+    later = (f'<xacro:macro name="m{i}"><xacro:m{i - 1}/><xacro:m{i - 1}/></xacro:macro>' for i in range(1, times + 1))
+    return f'<xacro:macro name="m0">{body}</xacro:macro>' + "".join(later) + f"<xacro:m{times}/>"
+
+
+def blocks(*, times):
+    """Blocks b0 to bN, each of which has the one before it twice, and the last of them."""
+    later = (
+        f'<xacro:property name="b{i}"><xacro:insert_block name="b{i - 1}"/><xacro:insert_block name="b{i - 1}"/>'
+        "</xacro:property>"
+        for i in range(1, times + 1)
+    )
+    first = '<xacro:property name="b0"><link name="x"/></xacro:property>'
+    return first + "".join(later) + f'<xacro:insert_block name="b{times}"/>'
+
+
+REPEATED = {
+    "macros": macros('<link name="x"/>', times=40),
+    "blocks": blocks(times=40),
+    "lists": chain("1", times=40),
+    "a large macro": f'<xacro:macro name="a"><xacro:a/>{"<b/>" * 3000}</xacro:macro><xacro:a/>',
+    "texts": '<xacro:property name="t" value="${\'x\' * 90000}"/>' + '<b c="${t}${t}${t}"/>' * 100,
+    "dollars": f'<link name="{"$ " * 20000}"/>',
+    "elements": "<b/>" * 5000,
+    "attributes": "<b {}/>".format(" ".join(f'c{i}=""' for i in range(5000))),
+}
+
+
+@pytest.mark.parametrize("body", REPEATED.values(), ids=REPEATED)
+def test_an_expansion_without_end_is_refused(body, tmp_path, monkeypatch):
+    monkeypatch.setattr(expression, "MOST_STEPS", 100_000)
+    path = tmp_path / "arm.xacro"
+    path.write_text(as_xacro(head=body))
+    with pytest.raises(
+        DefinitionError, match=r"more than 100000 steps; does .* repeat itself\?.*`xacro FILE"
+    ) as caught:
+        from_urdf(path)
+    assert len(str(caught.value)) < 1000
+
+
+@pytest.mark.parametrize(
+    "body",
+    ['<xacro:macro name="a"><xacro:a/></xacro:macro><xacro:a/>', '<xacro:include filename="arm.xacro"/>'],
+    ids=["macro", "file"],
+)
+def test_a_macro_or_file_that_contains_itself_is_refused(body, tmp_path):
+    path = tmp_path / "arm.xacro"
+    path.write_text(as_xacro(head=body))
+    with pytest.raises(DefinitionError, match="nested too deeply; does one of them contain itself"):
+        from_urdf(path)
+
+
+def test_an_expansion_longer_than_the_limit_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(source, "MOST_BYTES", 10_000)
+    path = tmp_path / "arm.xacro"
+    path.write_text(as_xacro(head=macros(f"<b>{'x' * 1000}</b>", times=4)))
+    with pytest.raises(DefinitionError, match="its expansion has more than"):
+        from_urdf(path)
+
+
+def test_a_macro_may_call_itself_a_hundred_times(tmp_path):
+    path = tmp_path / "arm.xacro"
+    head = (
+        '<xacro:macro name="count" params="n"><b c="${n}"/><xacro:if value="${n > 0}"><xacro:count n="${n - 1}"/>'
+        '</xacro:if></xacro:macro><xacro:count n="100"/>'
+    )
+    path.write_text(as_xacro(head=head))
+    assert from_urdf(path).joints == 2
+
+
+def test_patterns_of_texts_and_parameters_take_no_exponential_time(tmp_path):
+    path = tmp_path / "arm.xacro"
+    words = "'" + "a" * 60 + "!'"
+    head = (
+        f'<xacro:macro name="m" params="a:={"x" * 60}&apos;"/>'
+        f"<b c=\"${{xacro.tokenize({words}, 'x](a+)+b[x')}}\" d=\"${{xacro.tokenize('1, 2')[1]}}\"/>"
+    )
+    path.write_text(as_xacro(head=head))
+    assert from_urdf(path).joints == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "value"),
+    [
+        ("2 * pi / 3", 2 * math.pi / 3),
+        ("-radians(90) if side == 'left' else 1", -math.pi / 2),
+        ("[2 * x for x in sizes if x > 1][0]", 4),
+        ("all.elbow.effort + all['elbow']['effort']", 40),
+        ("'_'.join(['a', str(3)])", "a_3"),
+        ("math.sqrt(4) ** 3 % 5 // 2", 1.0),
+        ("max(1, 2) > 1 and not False", True),
+        ("side in ['left', 'right']", True),
+    ],
+)
+def test_expressions_of_robot_files_have_pythons_values(words, value):
+    names = {
+        **vars(math),
+        "math": vars(math),
+        "side": "left",
+        "sizes": [1, 2],
+        "all": {"elbow": {"effort": 20}},
+        **{name: __builtins__[name] for name in ("str", "max", "len")},
+    }
+    assert evaluate(words, names, {}) == pytest.approx(value)
+
+
+def test_an_undefined_name_is_named(tmp_path):
+    path = tmp_path / "arm.xacro"
+    path.write_text(as_xacro(MASS, '<mass value="${heavy}"/>'))
+    with pytest.raises(DefinitionError, match=r"arm\.xacro`: .*heavy"):
+        from_urdf(path)
+
+
+@pytest.mark.parametrize("words", ["1 +", "x: int", "", "lambda: 1"])
+def test_a_text_that_is_no_expression_is_refused(words):
+    with pytest.raises(ExpressionError):
+        evaluate(words, {}, {})
+
+
+def test_an_included_device_or_entity_is_refused(tmp_path):
+    path = tmp_path / "arm.xacro"
+    path.write_text(as_xacro(head='<xacro:include filename="/dev/zero"/>'))
+    with pytest.raises(DefinitionError, match="only regular files are read"):
+        from_urdf(path)
+    path.write_text("<!DOCTYPE robot [<!ENTITY a 'b'>]>" + as_xacro().partition("?>")[2])
+    with pytest.raises(DefinitionError, match="DOCTYPE"):
+        from_urdf(path)
+
+
+def test_without_xacrodoc_the_error_says_what_to_install(monkeypatch, tmp_path):
+    (tmp_path / "arm.xacro").write_text(as_xacro())
+    monkeypatch.setitem(sys.modules, "xacrodoc", None)
+    with pytest.raises(DefinitionError, match=r"xacrodoc.*pip install 'slidax\[robots\]'"):
+        from_urdf(tmp_path / "arm.xacro")
+
+
+def test_a_xacro_that_evaluates_in_another_way_is_not_used(monkeypatch, tmp_path):
+    import xacro
+
+    (tmp_path / "arm.xacro").write_text(as_xacro())
+    monkeypatch.delattr(xacro, "safe_eval")
+    with pytest.raises(DefinitionError, match=r"no `xacro\.safe_eval`.*could run code"):
+        from_urdf(tmp_path / "arm.xacro")
+
+
+def test_xacro_is_as_before_once_a_file_is_read(tmp_path):
+    import xacro
+
+    before = xacro.safe_eval, xacro.parse, xacro.substitution_args._eval
+    (tmp_path / "arm.xacro").write_text(as_xacro())
+    from_urdf(tmp_path / "arm.xacro")
+    assert (xacro.safe_eval, xacro.parse, xacro.substitution_args._eval) == before

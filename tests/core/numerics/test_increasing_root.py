@@ -1,0 +1,89 @@
+"""Roots of increasing functions: found from anywhere, and differentiated as roots are."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from slidax.core import increasing_root
+from slidax.core.root_finding import STEPS
+
+
+def cubic(parameters, x):
+    """`a x³ + b x`, flat where b is small: where a plain Newton step is thrown far out."""
+    a, b = parameters
+    return a * x**3 + b * x, 3.0 * a * x**2 + b
+
+
+def stiff(parameters, x):
+    """A steep step on a slope, as a narrow envelope is: Newton steps from outside it jump to and fro."""
+    width, rate = parameters
+    return jnp.tanh(x / width) + rate * x, (1.0 - jnp.tanh(x / width) ** 2) / width + rate
+
+
+def solved(function, parameters, target, guess):
+    bracket = (jnp.full_like(target, -1e6), jnp.full_like(target, 1e6))
+    at_guess = function(parameters, guess)
+    return increasing_root(function, parameters, target, guess, at_guess, bracket, 1e-12 * (1 + jnp.abs(target)))
+
+
+def test_roots_are_found_from_any_guess():
+    rng = np.random.default_rng(0)
+    target, guess = (
+        jnp.asarray(rng.normal(size=500) * 10),
+        jnp.asarray(rng.normal(size=500) * 10 ** rng.uniform(-6, 5, 500)),
+    )
+    for function, parameters in ((cubic, (jnp.asarray(2.0), jnp.asarray(1e-3))), (stiff, (jnp.asarray(1e-3), 1e-2))):
+        x = jax.jit(lambda t, g, f=function, p=parameters: solved(f, p, t, g))(target, guess)
+        np.testing.assert_allclose(function(parameters, x)[0], target, rtol=2e-12, atol=2e-12)
+
+
+def test_a_guess_that_is_the_root_stays_as_it_is():
+    guess = jnp.array([1.5, -0.2])
+    parameters = (jnp.asarray(2.0), jnp.asarray(1.0))
+    target = cubic(parameters, guess)[0]
+    np.testing.assert_array_equal(solved(cubic, parameters, target, guess), guess)
+
+
+@settings(max_examples=6, deadline=None)
+@given(st.lists(st.floats(-9, 2), min_size=1, max_size=5), st.floats(-1, 1), st.floats(-1, 1), st.floats(-8, -1))
+def test_it_ends_within_its_turns_and_then_the_root_is_as_near_as_it_says(steepness, where, guess, rate):
+    """Stairs, on each of which a Newton step learns nothing of the next."""
+    turns = 0
+
+    def stairs(parameters, x):
+        nonlocal turns
+        turns += 1
+        width = 10.0**parameters
+        places = jnp.linspace(-0.9, 0.9, len(steepness))
+        up = jnp.tanh((x[:, None] - places) / width)
+        slope = jnp.sum((1.0 - up**2) / width, axis=1) + 10.0**rate
+        return jnp.sum(up, axis=1) + 10.0**rate * x, slope
+
+    wanted, parameters = jnp.array([where]), jnp.asarray(steepness)
+    target, start = stairs(parameters, wanted)[0], jnp.array([guess])
+    with jax.disable_jit():
+        at_guess = stairs(parameters, start)
+        turns = 1
+        bracket = (jnp.array([-1.0]), jnp.array([1.0]))
+        found = increasing_root(stairs, parameters, target, start, at_guess, bracket, jnp.array([1e-15]))
+    assert turns <= STEPS
+    left = abs(float(stairs(parameters, found)[0][0] - target[0]))
+    # Where a step is steep the rounding of x alone is this much.
+    assert left <= 1e-15 or abs(float(found[0] - where)) <= 2 * 2.0**-52 + 1e-15 / 10.0**rate
+
+
+def test_the_derivative_is_that_of_the_root_forwards_and_backwards():
+    target, guess = jnp.array([5.0, -1.0]), jnp.zeros(2)
+    a, b = jnp.array([2.0, 3.0]), jnp.array([1.0, 0.5])
+
+    def root(a, b, target):
+        return solved(cubic, (a, b), target, guess)
+
+    x = root(a, b, target)
+    slope = cubic((a, b), x)[1]
+    for jacobian in (jax.jacfwd, jax.jit(jax.jacrev(root, argnums=(0, 1, 2)))):
+        found = jacobian(a, b, target) if jacobian is not jax.jacfwd else jax.jacfwd(root, (0, 1, 2))(a, b, target)
+        for seen, expected in zip(found, (-(x**3) / slope, -x / slope, 1 / slope), strict=True):
+            np.testing.assert_allclose(seen, np.diag(expected), rtol=1e-9)

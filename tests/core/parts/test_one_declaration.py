@@ -1,0 +1,161 @@
+"""What is said once of a parameter is what docstring, checks, files, lists and exported C say of it."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from slidax.core import AbstractPart, PerJoint, Scalar, Vector, kind_of, parameter, parameters_of, piece
+from slidax.core.errors import DefinitionError
+from slidax.export.c_structures import members
+from slidax.law import AbstractSurface, Linear
+from slidax.scenarios.catalogue import BLOCKS, KINDS, _rows, explained
+from slidax.scenarios.catalogue import members as described
+from slidax.scenarios.descriptions import description_of
+
+
+def scratch(meaning: str, unit: str, range: str, default: float, source: str) -> type[AbstractSurface]:
+    """A surface whose one gain is declared as it is said here."""
+
+    class Scratch(AbstractSurface):
+        """`g e`, for this test."""
+
+        gain: PerJoint = parameter(meaning, unit, range, "(eq. 99)", default=default, source=source)
+
+        def pull_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
+            return self.gain * eps, self.gain * jnp.ones_like(eps)
+
+        def reach(self, pull: Vector) -> Vector:
+            return pull / self.gain
+
+    return Scratch
+
+
+SAID = [
+    ("g, how hard it pulls", "1/s", "> 0", 2.0, "Table 9", -1.0),
+    ("g, another gain", "1/min", ">= 3", 5.0, "a guess", 2.0),
+]
+
+
+@pytest.mark.parametrize(("meaning", "unit", "range", "default", "source", "wrong"), SAID)
+def test_a_change_of_the_declaration_is_seen_everywhere(
+    meaning: str, unit: str, range: str, default: float, source: str, wrong: float
+) -> None:
+    part = scratch(meaning, unit, range, default, source)
+    assert f"- `gain`: {meaning}, one number or [n], {unit}, {range}; {default:g} if not given." in part.__doc__
+    with pytest.raises(
+        DefinitionError, match=re.escape(f"`Scratch.gain` must be {range} {unit} (eq. 99); got {wrong:g}")
+    ):
+        part(wrong)
+    (row,) = _rows(description_of(part), "")
+    assert row == {
+        "path": "gain",
+        "unit": unit,
+        "range": f"{range} (eq. 99)",
+        "default": default,
+        "required": False,
+        "source": source,
+        "meaning": meaning,
+    }
+    field = description_of(part).model_json_schema()["properties"]["gain"]
+    end = {"> 0": ("exclusiveMinimum", 0.0), ">= 3": ("minimum", 3.0)}[range]
+    assert field["description"] == f"{meaning} [{unit}], {range} (eq. 99)."
+    assert (field["default"], field["unit"], field["source"], field[end[0]]) == (default, unit, source, end[1])
+    (member,) = members(part(), values=True)
+    assert member.meaning.startswith(f"{meaning}, {unit}, {range}")
+    assert float(member.values) == default
+    assert kind_of(part) == "scratch"
+
+
+@pytest.mark.parametrize(
+    ("range", "inside", "outside"),
+    [
+        ("> 0", [1e-300], [0.0, -1.0, np.inf, np.nan]),
+        (">= 0", [0.0], [-1e-300, np.nan]),
+        ("(0, 1)", [0.5], [0.0, 1.0]),
+        ("[0, 1]", [0.0, 1.0], [1.0000001, -0.1]),
+        ("(0, 1]", [1.0], [0.0]),
+        ("(1/2, 1)", [0.51], [0.5]),
+        ("(0, inf]", [np.inf, 1.0], [0.0, np.nan]),
+        ("< 2", [1.0], [2.0]),
+        ("", [1e300, -1.0], [np.inf, np.nan]),
+    ],
+)
+def test_a_range_means_what_it_says(range: str, inside: list[float], outside: list[float]) -> None:
+    class One(AbstractPart):
+        """One number."""
+
+        value: Scalar = parameter("a number", "", range)
+
+    for value in inside:
+        assert float(One(value).value) == value
+    for value in outside:
+        with pytest.raises(DefinitionError, match=r"`One.value` must be"):
+            One(value)
+
+
+def test_an_end_may_be_another_parameter_and_shapes_are_those_of_the_annotation() -> None:
+    class Pair(AbstractPart):
+        """Two numbers."""
+
+        low: PerJoint = parameter("the lower")
+        high: PerJoint = parameter("the higher", "m", "> low", "so that there is room")
+
+    assert Pair(1.0, [2.0, 3.0]).high.shape == (2,)
+    with pytest.raises(DefinitionError, match=r"must be > `low` = 2.0 m, so that there is room; got 1 for joint 1"):
+        Pair(2.0, [1.0, 3.0])
+    with pytest.raises(DefinitionError, match="3 entries, but `low` has 2"):
+        Pair([1.0, 2.0], [3.0, 3.0, 3.0])
+    with pytest.raises(DefinitionError, match="one number or one per joint"):
+        Pair([[1.0]], 2.0)
+
+
+def every_description() -> list[Any]:
+    named = {f"{kind}.{name}": model for kind in KINDS for name, model in described(kind).items()} | BLOCKS
+    return [pytest.param(model, id=name) for name, model in named.items()]
+
+
+@pytest.mark.parametrize("model", every_description())
+def test_every_parameter_that_a_file_can_name_says_what_it_is(model: Any) -> None:
+    for row in _rows(model, ""):
+        assert len(row["meaning"]) > 3, row["path"]
+        assert row["required"] or "default" in row
+
+
+@pytest.mark.parametrize("kind", ["surfaces", "reaching", "bounds", "performance", "transformations"])
+def test_every_parameter_of_a_part_is_declared(kind: str) -> None:
+    for model in described(kind).values():
+        for one in parameters_of(model.part):
+            assert one.meaning, (model.part, one.name)
+            assert one.piece or one.range.text or one.why or one.unit or not one.shape, (model.part, one.name)
+
+
+def test_presets_say_where_their_numbers_come_from() -> None:
+    rows = {row["path"]: row for row in explained("cftsmppc")["parameters"]}
+    assert rows["surface.k1"]["default"] == 0.2
+    assert rows["surface.k1"]["source"] == "Table 1"
+    assert "(eq. 40)" in rows["surface.k1"]["range"]
+    assert rows["transformation.overshoot"]["required"]
+
+
+def test_a_name_of_several_is_asked_for_with_its_kind() -> None:
+    with pytest.raises(DefinitionError, match=r"several: say `performance.fixed_time` or `reaching.fixed_time`"):
+        explained("fixed_time")
+    assert explained("reaching.fixed_time")["parameters"][0]["path"] == "gain"
+    with pytest.raises(DefinitionError, match="did you mean `computed_torque`"):
+        explained("computd_torque")
+
+
+def test_pieces_are_documented_and_not_checked() -> None:
+    class Holder(AbstractPart):
+        """Something."""
+
+        surface: AbstractSurface = piece("what it holds")
+
+    assert "- `surface`: what it holds." in (Holder.__doc__ or "")
+    assert "Raises" not in (Holder.__doc__ or "")
+    assert isinstance(Holder(Linear(1.0)).surface, Linear)

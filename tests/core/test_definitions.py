@@ -1,0 +1,230 @@
+"""What cannot be is refused at construction, with the field, the rule, its equation, the value and the joint."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from slidax.arms import Scara, TwoLink
+from slidax.core.errors import DefinitionError, locate_errors
+from slidax.law import (
+    Exponential,
+    FiniteTime,
+    FixedTime,
+    FixedTimeReaching,
+    PrescribedPerformance,
+    SmoothFixedTime,
+    UncertaintyBound,
+)
+from slidax.motions import ConstantPosture as Posture
+from slidax.motions import ExponentialSum, MinimumJerk, Sinusoid
+from slidax.plant import Constant, Friction, Harmonic, Scaled, Step
+from tests.paper_examples import ENVELOPE_4_1, law_4_1, law_4_2
+
+NAN = float("nan")
+
+
+def fixed_time(**changes):
+    return FixedTime(**({"initial": [0.8, 0.6], "final": 0.002, "deadline": [5.0, 6.0], "exponent": 2.01} | changes))
+
+
+def surface(**changes):
+    return SmoothFixedTime(**({"k1": 0.2, "k2": 0.6, "p": 0.5, "q": 1.2, "delta": 0.01} | changes))
+
+
+def bound(**changes):
+    right = {"inverse_inertia_min": 0.09, "inverse_inertia_max": 0.2, "b0": 12.0, "b1": 2.2, "b2": 2.8, "margin": 1.0}
+    return UncertaintyBound(**(right | changes))
+
+
+def reaching(**changes):
+    return FixedTimeReaching(**({"gain": 0.1, "exponent": 1.2, "layer": 0.05} | changes))
+
+
+def two_link(**changes):
+    return TwoLink(**({"lengths": [1.0, 0.8], "masses": [0.5, 1.5], "inertias": [5.0, 5.0]} | changes))
+
+
+def scara(**changes):
+    return Scara(**({"lengths": [0.3, 0.4], "masses": [2.0, 2.0, 1.0]} | changes))
+
+
+WRONG = [
+    (fixed_time, "deadline", [5.0, 0.0], "must be > 0 s (eq. 20)", "got 0 for joint 2"),
+    (fixed_time, "deadline", -1.0, "must be > 0 s (eq. 20)", "got -1"),
+    (
+        fixed_time,
+        "exponent",
+        [2.01, 1.5],
+        "must be > 2, so that the second derivative is continuous",
+        "got 1.5 for joint 2",
+    ),
+    (fixed_time, "exponent", 2.0, "(eq. 20)", "got 2"),
+    (fixed_time, "final", [0.002, 0.0], "must be > 0 (Definition 4, eq. 20)", "got 0 for joint 2"),
+    (fixed_time, "final", -0.1, "must be > 0", "got -0.1"),
+    (fixed_time, "initial", [0.8, 0.001], "must be > `final`", "got 0.001 for joint 2"),
+    (fixed_time, "initial", 0.002, "(eq. 20)", "got 0.002"),
+    (fixed_time, "initial", [NAN, 0.6], "must be", "got nan for joint 1"),
+    (fixed_time, "deadline", NAN, "must be > 0 s", "got nan"),
+    (
+        lambda **c: Exponential(**({"initial": 1.0, "final": 0.1, "rate": 1.0} | c)),
+        "rate",
+        0.0,
+        "Definition 4",
+        "got 0",
+    ),
+    (
+        lambda **c: FiniteTime(**({"initial": 1.0, "final": 0.1, "rate": 1.0, "exponent": 0.6} | c)),
+        "exponent",
+        [0.6, 0.5],
+        "must be in (1/2, 1)",
+        "got 0.5 for joint 2",
+    ),
+    (lambda **c: PrescribedPerformance(ENVELOPE_4_1, **c), "overshoot", 0.0, "must be in (0, 1) (eq. 13)", "got 0"),
+    (lambda **c: PrescribedPerformance(ENVELOPE_4_1, **c), "overshoot", [0.2, 1.0], "(eq. 13)", "got 1 for joint 2"),
+    (surface, "p", 0.0, "must be in (0, 1) (eq. 29)", "got 0"),
+    (surface, "p", [0.5, 1.0], "(eq. 29)", "got 1 for joint 2"),
+    (surface, "q", [1.0, 1.2], "must be > 1 (eq. 34)", "got 1 for joint 1"),
+    (surface, "delta", 0.0, "must be in (0, 1] (eq. 29)", "got 0"),
+    (surface, "delta", [0.01, 1.5], "(eq. 29)", "got 1.5 for joint 2"),
+    (surface, "k1", [0.2, 0.0], "diagonal positive definite (eq. 40)", "got 0 for joint 2"),
+    (surface, "k2", -0.6, "diagonal positive definite (eq. 40)", "got -0.6"),
+    (surface, "k1", NAN, "must be > 0", "got nan"),
+    (reaching, "exponent", 1.0, "must be > 1 (r, eq. 43)", "got 1"),
+    (reaching, "gain", [0.1, 0.0], "symmetric positive definite (K0, eq. 43)", "got 0 for joint 2"),
+    (
+        reaching,
+        "gain",
+        [[1.0, 2.0], [2.0, 1.0]],
+        "symmetric positive definite (K0, eq. 43)",
+        "[[1.0, 2.0], [2.0, 1.0]]",
+    ),
+    (reaching, "gain", [[1.0, 0.5], [0.0, 1.0]], "symmetric positive definite", "[[1.0, 0.5], [0.0, 1.0]]"),
+    (reaching, "gain", [[1.0, NAN], [NAN, 1.0]], "symmetric positive definite", "nan"),
+    (reaching, "layer", -0.05, "must be >= 0 (s0, eq. 51", "got -0.05"),
+    (bound, "inverse_inertia_min", 0.0, "must be > 0 1/(kg m²) (m1, eq. 47)", "got 0"),
+    (bound, "inverse_inertia_max", 0.05, "(m2, eq. 47)", "got 0.05"),
+    (bound, "margin", 0.0, "must be > 0 N m (k, eq. 45)", "got 0"),
+    (bound, "b0", -1.0, "must be >= 0 N m (eq. 19)", "got -1"),
+    (bound, "b1", -1.0, "must be >= 0 N m/rad (eq. 19)", "got -1"),
+    (bound, "b2", NAN, "must be >= 0 N m s²/rad² (eq. 19)", "got nan"),
+    (two_link, "masses", [0.5, 0.0], "must be > 0 kg", "got 0 for"),
+    (two_link, "lengths", [-1.0, 0.8], "must be > 0 m", "got -1 for"),
+    (two_link, "inertias", [5.0, -5.0], "must be >= 0 kg m²", "got -5 for"),
+    (scara, "masses", [2.0, -2.0, 1.0], "must be > 0 kg", "got -2 for"),
+    (scara, "lengths", [0.3, NAN], "must be > 0 m", "got nan for"),
+    (lambda **c: Friction(**({"coulomb": 0.3} | c)), "coulomb", [0.3, -0.1], "must be >= 0", "got -0.1 for joint 2"),
+    (lambda **c: Friction(**({"coulomb": 0.3} | c)), "smoothing", 0.0, "must be > 0", "got 0"),
+    (
+        lambda **c: Harmonic(**({"amplitude": [1.0], "frequency": 1.0} | c)),
+        "frequency",
+        NAN,
+        "must be finite",
+        "got nan",
+    ),
+    (lambda **c: Constant(**c), "value", [1.0, NAN], "must be finite", "got nan for joint 2"),
+    (lambda **c: Posture(**c), "value", [NAN, 1.0], "must be finite", "got nan for joint 1"),
+    (lambda **c: Step(**({"value": [1.0], "start": 2.0} | c)), "end", 1.0, "must be > `start` = 2.0 s", "got 1"),
+    (lambda **c: Scaled(Constant([1.0]), **c), "factor", NAN, "must be finite", "got nan"),
+    (
+        lambda **c: Sinusoid(**({"offset": [0.0, 0.0], "amplitude": 1.0, "frequency": 1.0} | c)),
+        "amplitude",
+        [1.0, NAN],
+        "must be finite",
+        "got nan for joint 2",
+    ),
+    (
+        lambda **c: ExponentialSum(**({"offset": [0.0], "amplitudes": [[1.0]]} | c)),
+        "rates",
+        [0.0],
+        "must be > 0",
+        "got 0",
+    ),
+]
+
+
+@pytest.mark.parametrize(
+    ("make", "field", "value", "rule", "found"), WRONG, ids=[f"{field}={value}" for _, field, value, _, _ in WRONG]
+)
+def test_a_wrong_parameter_is_refused_by_field_rule_value_and_joint(make, field, value, rule, found):
+    with pytest.raises(DefinitionError) as refused:
+        make(**{field: value})
+    message = str(refused.value)
+    assert f".{field}` " in message
+    assert rule in message
+    assert found in message
+
+
+@pytest.mark.parametrize("make", [fixed_time, surface, bound, reaching, two_link, scara])
+def test_right_parameters_pass(make):
+    assert jax.tree.leaves(make())
+
+
+@pytest.mark.parametrize(
+    ("make", "value"),
+    [(surface, {"delta": 1.0}), (reaching, {"layer": 0.0}), (bound, {"inverse_inertia_max": 0.09, "b2": 0.0})],
+    ids=["delta", "layer", "inverse_inertia_max"],
+)
+def test_the_closed_ends_of_the_ranges_pass(make, value):
+    make(**value)
+
+
+@pytest.mark.parametrize(
+    ("change", "name"),
+    [
+        ({"k1": [0.2, 0.2, 0.2]}, "k1"),
+        ({"overshoot": [0.2, 0.2, 0.2]}, "overshoot"),
+        ({"gain": [0.1, 0.1, 0.1]}, "gain"),
+        ({"gain": np.eye(3)}, "gain"),
+        ({"performance": FixedTime(1.0, 0.1, [1.0, 2.0, 3.0], 2.1)}, "deadline"),
+    ],
+)
+def test_a_parameter_with_the_wrong_number_of_joints_is_refused(change, name):
+    with pytest.raises(DefinitionError) as refused:
+        law_4_1(**change)
+    assert name in str(refused.value)
+    assert "TwoLink has 2 joints" in str(refused.value)
+
+
+def test_a_parameter_that_is_no_number_is_refused():
+    with pytest.raises(DefinitionError, match="a number or a list of numbers is needed; got 'wide'"):
+        fixed_time(initial="wide")
+
+
+@pytest.mark.parametrize(
+    ("times", "waypoints", "message"),
+    [
+        ([0.0], [[0.0]], "two or more increasing times"),
+        ([0.0, 0.0], [[0.0], [1.0]], "two or more increasing times"),
+        ([1.0, 0.0], [[0.0], [1.0]], "two or more increasing times"),
+        ([0.0, NAN], [[0.0], [1.0]], "two or more increasing times"),
+        ([0.0, 1.0], [[0.0]], "two or more rows with one position per joint; got shape"),
+        ([0.0, 1.0], [0.0, 1.0], "two or more rows with one position per joint"),
+        ([0.0, 1.0], [[0.0], [NAN]], "must be finite; waypoint 2 is not, for joint 1"),
+        ([0.0, 1e-320, 1.0], [[0.0], [1.0], [2.0]], "too close|increasing"),
+    ],
+)
+def test_waypoints_that_no_motion_can_pass_are_refused(times, waypoints, message):
+    with pytest.raises(DefinitionError, match=message):
+        MinimumJerk.through(times, waypoints)
+
+
+def test_amplitudes_that_do_not_fit_their_rates_are_refused():
+    with pytest.raises((DefinitionError, TypeError)):
+        ExponentialSum([0.0, 0.0], [[1.0, 1.0]], [1.0, 2.0])
+
+
+def test_a_refusal_says_where_in_a_scenario_it_happened():
+    with pytest.raises(DefinitionError, match=r"^scheme\.performance: `FixedTime\.exponent`") as refused:  # noqa: SIM117
+        with locate_errors("scheme"), locate_errors("performance"):
+            fixed_time(exponent=1.0)
+    assert refused.value.where == "scheme.performance"
+
+
+def test_unknown_values_are_not_judged_inside_a_transformation():
+    assert float(jax.jit(lambda s: fixed_time(exponent=s).radius(jnp.asarray(1.0))[0])(1.5)) > 0
+
+
+def test_the_law_of_three_joints_is_not_that_of_two():
+    assert law_4_2().joints == 3
+    assert law_4_1().joints == 2

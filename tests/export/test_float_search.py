@@ -1,0 +1,96 @@
+"""The search for a plan, in floats: how long it can be, and why."""
+
+from __future__ import annotations
+
+import ctypes
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from slidax.codegen import c_code, trace
+from slidax.export.programs import float_constant, with_float_constants
+from slidax.law import EnvelopeFrame, Sides
+from slidax.law.implicit_steps import ROUNDING, Barrier
+from tests.codegen.compiled_c import needs_a_compiler
+from tests.export.exported import compiled
+from tests.law.surfaces.members import SURFACES
+
+pytestmark = needs_a_compiler
+
+FLOAT = 2.0**-23
+CASES = 20_000
+NEAR = 10
+"""Turns from a guess within a tenth."""
+
+FAR = 20
+"""Turns from anywhere."""
+
+
+def barrier(surface, now, upper, horizon):
+    sides = Sides(lower=-jnp.ones(2), upper=jnp.broadcast_to(upper, (2,)))
+    return Barrier(EnvelopeFrame(now=now, ahead=now, sides=sides), surface, horizon)
+
+
+def in_c(function, arguments, folder, real):
+    """A function of arrays of two, and of numbers, in C; counts the turns of its search."""
+    program = trace(function, *arguments)
+    lines = c_code(with_float_constants(program) if real == "float" else program, real=real).splitlines()
+    counted = [part for one in lines for part in ([one, "++turns;"] if one.strip() == "for (;;) {" else [one])]
+    (folder / f"{real}.c").write_text("long turns;\n" + "\n".join(counted) + "\n")
+    compiled("gcc", folder, f"{real}.c", "-O1", "-ffp-contract=off", "-shared", "-fPIC", "-o", f"{real}.so", "-lm")
+    library = ctypes.CDLL(str(folder / f"{real}.so"))
+    turns = ctypes.c_long.in_dll(library, "turns")
+    dtype = np.float32 if real == "float" else np.float64
+
+    def call(*given):
+        left = [np.zeros(2, dtype) for _ in program.outputs]
+        arrays = [np.ascontiguousarray(one, dtype) for one in given]
+        turns.value = 0
+        library.run(*[ctypes.c_void_p(one.ctypes.data) for one in (*arrays, *left)])
+        return left, turns.value
+
+    return call
+
+
+def cases(seed):
+    """Envelopes, horizons and plans, wide and narrow, near the goal and far."""
+    rng = np.random.default_rng(seed)
+    for _ in range(CASES):
+        now = 10.0 ** rng.uniform(-3, 0, 2)
+        eps = rng.normal(size=2) * 10.0 ** rng.uniform(-4, 0.7)
+        yield now, rng.uniform(0.1, 1.0), 10.0 ** rng.uniform(-3, -1.3), eps, rng
+
+
+@pytest.mark.full
+@pytest.mark.parametrize(("name", "surface"), SURFACES, ids=[name for name, _ in SURFACES])
+def test_it_takes_few_turns_and_never_many(name, surface, tmp_path):
+    def value(now, upper, horizon, eps):
+        return barrier(surface, now, upper, horizon).value_and_slope(eps)[0]
+
+    def solve(now, upper, horizon, target, guess):
+        sought = barrier(surface, now, upper, horizon)
+        return sought.solve(target, guess, sought.value_and_slope(guess))
+
+    two, one = jnp.ones(2), jnp.asarray(0.5)
+    exact = in_c(value, (two, one, one, two), tmp_path, "double")
+    rounded = in_c(value, (two, one, one, two), tmp_path, "float")
+    (tmp_path / "search").mkdir()
+    search = in_c(solve, (two, one, one, two, two), tmp_path / "search", "float")
+    worst, near, far = 0.0, 0, 0
+    for now, upper, horizon, eps, rng in cases(3):
+        now, upper, horizon, eps = (np.float32(one) for one in (now, upper, horizon, eps))
+        (target,), _ = exact(now, upper, horizon, eps)
+        (seen,), _ = rounded(now, upper, horizon, eps)
+        worst = max(worst, float(np.max(np.abs(seen - target) / np.abs(target))) / FLOAT)
+        wanted = np.float32(target)
+        for guess, is_near in ((eps * (1.0 + 0.1 * rng.normal(size=2)), True), (rng.normal(size=2) * 3.0, False)):
+            (found,), turns = search(now, upper, horizon, wanted, np.float32(guess))
+            (there,), _ = exact(now, upper, horizon, found)
+            assert np.all(np.abs(there - wanted) <= 16 * FLOAT * (np.abs(wanted) + horizon))
+            near, far = (max(near, turns), far) if is_near else (near, max(far, turns))
+    print(f"\n{name}: rounding {worst:.1f} units, {near} turns, {far} from anywhere")
+    # What the search may leave is more than what the sum's rounding can hide.
+    assert worst <= float_constant(ROUNDING) / FLOAT
+    assert near <= NEAR
+    assert far <= FAR

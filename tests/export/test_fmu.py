@@ -1,0 +1,275 @@
+"""The law as an FMU: what importers read of it, set in it, and get from it."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import zipfile
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.targets import importers
+from slidax.core.errors import DefinitionError
+from slidax.export import fmu as platforms
+from slidax.export.fmu import ABSENT, export_fmu
+from slidax.export.golden_samples import record_closed_loop
+from slidax.scenarios import load
+from tests.cli.commands import in_process
+
+from .exported import STRICT
+
+fmpy = pytest.importorskip("fmpy")
+validate_fmu = pytest.importorskip("fmpy.validation").validate_fmu
+needs_a_compiler = pytest.mark.skipif(
+    not shutil.which("cc") or platforms.this_platform() not in platforms.NAMES, reason="no C compiler is here"
+)
+HELD = {"simulation.mode": "held", "simulation.integrator": "semi_implicit_euler", "simulation.period": 1e-3}
+PERIOD = 1e-3
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    return load("example-4.1", HELD)
+
+
+@pytest.fixture(scope="module")
+def units(scenario, tmp_path_factory):
+    """The law in FMI 3.0 and 2.0, by this machine's own compiler."""
+    folder = tmp_path_factory.mktemp("fmu")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(platforms, "zig", lambda: False)
+        return {
+            fmi: (folder / f"law{fmi}.fmu", export_fmu(scenario, folder / f"law{fmi}.fmu", name="law", fmi=fmi))
+            for fmi in (3, 2)
+        }
+
+
+@pytest.fixture(scope="module")
+def run(scenario, units):
+    return record_closed_loop(scenario, units[3][1].project.guard, 0.5)
+
+
+@contextmanager
+def opened(file):
+    """An instance in FMPy, and what it logs."""
+    description = fmpy.read_model_description(str(file))
+    folder, said = fmpy.extract(str(file)), []
+
+    def log(*given):
+        said.append(given[-1].decode())
+
+    fmu = fmpy.instantiate_fmu(folder, description, "CoSimulation", logger=log)
+    place = {each.name: each.valueReference for each in description.modelVariables}
+    try:
+        yield fmu, place, said
+    finally:
+        fmu.freeInstance()
+        shutil.rmtree(folder)
+
+
+@contextmanager
+def running(file, run):
+    with opened(file) as (fmu, place, said):
+        fmu.enterInitializationMode()
+        fmu.exitInitializationMode()
+        columns = importers.inputs(run)
+
+        def sample(k):
+            fmu.setFloat64([place[name] for name in columns], [float(values[k]) for values in columns.values()])
+
+        def torque():
+            return fmu.getFloat64([place[name] for name in importers.outputs(2)])
+
+        yield fmu, place, said, sample, torque
+
+
+@needs_a_compiler
+@pytest.mark.parametrize("fmi", [3, 2])
+def test_it_is_valid_and_gives_the_torques_of_our_run(units, run, fmi):
+    file, _ = units[fmi]
+    assert validate_fmu(str(file)) == []
+    # All starts are set as they are declared, too.
+    tau, status = importers.by_fmpy(file, run, PERIOD, apply_default_start_values=True)
+    assert len(tau) == 500
+    np.testing.assert_allclose(tau, run.tau[:500], rtol=0, atol=1e-9)
+    assert (status == run.status[:500]).all()
+
+
+@needs_a_compiler
+def test_a_second_importer_gives_them_as_well(units, run):
+    pytest.importorskip("libcosimpy")
+    step = importers.libcosim_steps(units[2][0], 2, PERIOD)
+    rows = np.stack(list(importers.inputs(run).values()), 1)[:100]
+    tau = np.array([step(k * PERIOD, row) for k, row in enumerate(rows)])
+    np.testing.assert_allclose(tau, run.tau[:100], rtol=0, atol=1e-9)
+
+
+@needs_a_compiler
+@pytest.mark.parametrize("fmi", [3, 2])
+def test_gains_have_units_ranges_starts_and_meanings(units, fmi):
+    description = fmpy.read_model_description(str(units[fmi][0]))
+    found = {each.name: each for each in description.modelVariables}
+    gain = found["parameters.surface_k1"]
+    assert (gain.unit, gain.min, gain.causality, gain.variability) == ("rad/s", "0.0", "parameter", "tunable")
+    assert float(gain.start) == load("example-4.1").description.scheme.surface.k1
+    assert "diagonal of K1" in gain.description
+    assert (found["parameters.surface_p"].min, found["parameters.surface_p"].max) == ("0.0", "1.0")
+    assert found["parameters.limits_torque[2]"].start == "1e+300"
+    assert found["command.tau[2]"].unit == "N.m" and found["measurement.dq[1]"].unit == "rad/s"
+    assert found["envelope.margin[1]"].unit is None
+    torque = next(each.baseUnit for each in description.unitDefinitions if each.name == "N.m")
+    assert (torque.kg, torque.m, torque.s, torque.rad) == (1, 2, -2, 0)
+    parameters = [each for each in found.values() if each.causality == "parameter"]
+    members = units[fmi][1].project.parameters
+    assert len(parameters) == sum(member.size for member in members)
+    assert {re.sub(r"parameters\.|\[.*", "", each.name) for each in parameters} == {each.name for each in members}
+
+
+@needs_a_compiler
+def test_a_gain_acts_from_the_next_sample_on_and_keeps_its_range(units, run):
+    with running(units[3][0], run) as (fmu, place, said, sample, torque):
+        sample(0)
+        fmu.doStep(0.0, PERIOD)
+        before = torque()
+        with pytest.raises(Exception, match="fmi3SetFloat64"):
+            fmu.setFloat64([place["parameters.surface_p"]], [1.0])
+        assert said == ["`parameters.surface_p` must be in (0, 1); got 1"]
+        with pytest.raises(Exception, match="fmi3SetFloat64"):
+            fmu.setFloat64([place["parameters.surface_p"]], [0.0])
+        assert said[-1] == "`parameters.surface_p` must be in (0, 1); got 0"
+        for bad, rule in ((float("nan"), "must be a number"), (1e300, "must be in (0, inf); got inf")):
+            with pytest.raises(Exception, match="fmi3SetFloat64"):
+                fmu.setFloat64([place["parameters.surface_k1"]], [bad])
+            assert said[-1] == f"`parameters.surface_k1` {rule}"
+        fmu.setFloat64([place["parameters.limits_torque[1]"]], [1e300])
+        assert fmu.getFloat64([place["parameters.limits_torque[1]"]]) == [1e300]
+        with pytest.raises(Exception, match="fmi3SetFloat64"):
+            fmu.setFloat64([place["command.tau[1]"]], [1.0])
+        assert said[-1] == "`command.tau[1]` is not to be set"
+        fmu.setFloat64([place["parameters.surface_k1"]], [3.0])
+        assert torque() == before
+        sample(1)
+        fmu.doStep(PERIOD, PERIOD)
+        assert np.abs(np.array(torque()) - run.tau[1]).max() > 0.1
+
+
+@needs_a_compiler
+def test_smaller_steps_hold_the_torque_and_larger_ones_are_refused(units, run):
+    with running(units[3][0], run) as (fmu, _, said, sample, torque):
+        for k in range(8):
+            sample(k // 4 if k % 4 == 0 else 400)
+            fmu.doStep(k * PERIOD / 4, PERIOD / 4)
+            np.testing.assert_allclose(torque(), run.tau[k // 4], rtol=0, atol=1e-9)
+        with pytest.raises(Exception, match="fmi3DoStep"):
+            fmu.doStep(2 * PERIOD, 1.5 * PERIOD)
+        assert "passes over the sample at 0.003 s: take the period, 0.001 s, or a whole part of it" in said[-1]
+        with pytest.raises(Exception, match="fmi3DoStep"):
+            fmu.doStep(5 * PERIOD, PERIOD)
+        assert said[-1] == "the step begins at 0.005 s, but the time is 0.002 s"
+        with pytest.raises(Exception, match="fmi3DoStep"):
+            fmu.doStep(2 * PERIOD, 0.0)
+        fmu.doStep(2 * PERIOD, PERIOD)
+
+
+@needs_a_compiler
+def test_a_state_can_be_taken_kept_as_bytes_and_put_back(units, run):
+    with running(units[3][0], run) as (fmu, _, _, sample, torque):
+        sample(0)
+        fmu.doStep(0.0, PERIOD)
+        state = fmu.getFMUState()
+        text = fmu.serializeFMUState(state)
+        sample(1)
+        fmu.doStep(PERIOD, PERIOD)
+        once = torque()
+        sample(2)
+        fmu.doStep(2 * PERIOD, PERIOD)
+        assert torque() != once
+        for back in (state, fmu.deserializeFMUState(text)):
+            fmu.setFMUState(back)
+            sample(1)
+            fmu.doStep(PERIOD, PERIOD)
+            assert torque() == once
+            fmu.freeFMUState(back)
+
+
+@needs_a_compiler
+def test_a_bad_measurement_holds_the_torque_and_says_so(units, run):
+    with running(units[3][0], run) as (fmu, place, _, sample, torque):
+        sample(0)
+        fmu.doStep(0.0, PERIOD)
+        before, margin = torque(), fmu.getFloat64([place["envelope.margin[1]"]])[0]
+        # 20 % of a width of 1 + 0.3... of the radius: somewhere inside.
+        assert 0.0 < margin < 0.5
+        sample(1)
+        fmu.setFloat64([place["measurement.q[2]"]], [float("nan")])
+        fmu.doStep(PERIOD, PERIOD)
+        assert torque() == before
+        assert fmu.getInt32([place["command.status"]]) == [1]
+        names = ("measurement_not_finite", "held", "envelope_left")
+        assert fmu.getBoolean([place[f"status.{name}"] for name in names]) == [True, True, False]
+        assert fmu.getFloat64([place["envelope.margin[1]"]]) == [0.0]
+
+
+@needs_a_compiler
+def test_a_restart_draws_the_envelope_anew_and_a_late_start_does_not_matter(units, run):
+    with running(units[3][0], run) as (fmu, place, _, sample, torque):
+        for k in range(3):
+            fmu.setBoolean([place["restart"]], [k == 2])
+            sample(0 if k == 2 else k)
+            fmu.doStep(k * PERIOD, PERIOD)
+        np.testing.assert_allclose(torque(), run.tau[0], rtol=0, atol=1e-9)
+    with opened(units[3][0]) as (fmu, place, _):
+        fmu.enterInitializationMode(startTime=7.0)
+        fmu.exitInitializationMode()
+        columns = importers.inputs(run)
+        fmu.setFloat64([place[name] for name in columns], [float(values[0]) for values in columns.values()])
+        fmu.doStep(7.0, PERIOD)
+        found = fmu.getFloat64([place[name] for name in importers.outputs(2)])
+        np.testing.assert_allclose(found, run.tau[0], rtol=0, atol=1e-9)
+
+
+@needs_a_compiler
+@pytest.mark.parametrize("fmi", [3, 2])
+def test_the_sources_build_without_a_warning_and_are_those_of_the_standard(units, fmi, tmp_path):
+    file, _ = units[fmi]
+    with zipfile.ZipFile(file) as archive:
+        archive.extractall(tmp_path)
+    sources = tmp_path / "sources"
+    names = [path.name for path in sources.glob("*.c")]
+    subprocess.run(["cc", *STRICT, "-O0", "-fsyntax-only", *names], cwd=sources, check=True)
+    standard = Path(fmpy.__file__).parent / "c-code"
+    both = ["-O0", "-c", "-I", str(standard), "-include", f"fmi{fmi}Functions.h", f"fmi{fmi}.c", "-o", "both.o"]
+    subprocess.run(["cc", "-std=c99", "-Wall", "-Werror", *both], cwd=sources, check=True)
+    said = (standard / f"fmi{fmi}Functions.h").read_text()
+    if fmi == 3:
+        text = (sources / "fmi3.c").read_text()
+        assert set(re.findall(r"^FMI3_Export .*?(fmi3\w+);", said, re.M)) == set(
+            re.findall(r"^FMI3_Export [\w ]+\W(fmi3\w+)\(", text, re.M)
+        )
+        assert set(ABSENT) <= set(re.findall(r"fmi3\w+", said))
+        build = (sources / "buildDescription.xml").read_text()
+        assert all(f'name="{name}"' in build for name in names)
+
+
+def test_what_cannot_be_is_one_line(scenario, tmp_path, monkeypatch):
+    for given, word in (
+        ({"fmi": 1}, "must be 3 or 2"),
+        ({"platforms": ["riscv"]}, "no binary can be built for `riscv`"),
+    ):
+        with pytest.raises(DefinitionError, match=word):
+            export_fmu(scenario, tmp_path / "law.fmu", **given)
+    with pytest.raises(DefinitionError, match=r"end in \.fmu"):
+        export_fmu(scenario, tmp_path / "law")
+    monkeypatch.setattr(platforms, "zig", lambda: False)
+    with pytest.raises(DefinitionError, match=r"pip install 'slidax\[fmu\]'"):
+        export_fmu(scenario, tmp_path / "law.fmu", platforms=["x86_64-windows"])
+    monkeypatch.setattr(platforms.shutil, "which", lambda name: None)
+    with pytest.raises(DefinitionError, match=r"pip install 'slidax\[fmu\]'"):
+        export_fmu(scenario, tmp_path / "law.fmu")
+    done = in_process("export", "fmu", "example-4.1", "--out", str(tmp_path / "law.fmu"), "--fmi", "4")
+    assert done.exit_code == 2 and len(done.output.strip().splitlines()) == 1
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,43 @@
+"""Names and units of an FMU's variables."""
+
+from __future__ import annotations
+
+import pytest
+
+from slidax.export.c_project import project
+from slidax.export.fmu_variables import parse_unit, variables
+from slidax.export.programs import envelope_function
+from slidax.scenarios import load
+
+
+@pytest.mark.parametrize(
+    ("declared", "name", "base"),
+    [
+        ("kg m²", "kg.m2", {"kg": 1, "m": 2}),
+        ("N m s²/rad²", "N.m.s2/rad2", {"kg": 1, "m": 2, "rad": -2}),
+        ("1/(kg m²)", "1/(kg.m2)", {"kg": -1, "m": -2}),
+        ("(rad/s²)² s or (m/s²)² s", "(rad/s2)2.s", {"rad": 2, "s": -3}),
+        ("N m/(rad s) or N/(m s)", "N.m/(rad.s)", {"kg": 1, "m": 2, "s": -3, "rad": -1}),
+    ],
+)
+def test_declared_units_have_the_names_and_base_units_of_the_importers(declared, name, base):
+    found = parse_unit(declared)
+    assert found.name == name and dict(found.base) == base
+    if " or " in declared:
+        assert dict(parse_unit(declared, revolute=False).base) != base
+        assert parse_unit(declared, revolute=None) is None
+
+
+@pytest.mark.parametrize("declared", ["", "periods", "1, 1/s or 1/s²", "rad^(1-κ)/s", "rad^½/s^(3/2) or m^½/s^(3/2)"])
+def test_what_has_no_unit_of_its_own_gets_none(declared):
+    assert parse_unit(declared) is None
+
+
+def test_a_law_without_an_envelope_has_none_to_show():
+    made = project(
+        load("example-4.1", {"simulation.mode": "held", "scheme": {"name": "ftsmc"}}), name="law", with_golden=False
+    )
+    assert envelope_function(made.guard, made.step) is None
+    found = {each.name: each for each in variables(made, with_envelope=False)}
+    assert not [name for name in found if name.startswith("envelope")]
+    assert found["command.eps1[1]"].unit.name == "rad" and "transformed" not in found["command.eps1[1]"].description

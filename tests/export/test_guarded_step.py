@@ -1,0 +1,348 @@
+"""The step that a robot runs: it answers as the law does, and always with a torque and a status."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from slidax.core.types import Reference, State
+from slidax.export import GuardedStep
+from slidax.export.status import (
+    CONDITIONS,
+    ENVELOPE_LEFT,
+    HELD,
+    MEASUREMENT_NOT_FINITE,
+    MEASUREMENT_OUT_OF_RANGE,
+    MEASUREMENT_REJECTED,
+    MISSED_PERIOD,
+    RECOVERY_OVERDUE,
+    REFERENCE_NOT_FINITE,
+    STOP_REQUESTED,
+    TORQUE_LIMITED,
+    TORQUE_NOT_FINITE,
+)
+from slidax.plant import TorqueLimits
+from slidax.scenarios import load
+from slidax.simulation import simulate
+from tests.paper_examples import MOTION_4_1, MOTION_4_2, START_4_1, law_4_1, plant_4_1
+from tests.rivals import anftsmc_4_2, computed_torque_4_1
+
+PERIOD = 1e-3
+T = jnp.asarray(0.1)
+NOW, NEXT = MOTION_4_1.reference(T), MOTION_4_1.reference(T + PERIOD)
+STATE = State(q=NOW.q + jnp.array([0.3, -0.2]), dq=NOW.dq + jnp.array([0.1, 0.0]))
+
+
+_step = eqx.filter_jit(lambda guard, *sample: guard.step(*sample))
+_init = eqx.filter_jit(lambda guard, *sample: guard.init(*sample))
+
+
+@cache
+def unlimited():
+    return GuardedStep.around(law_4_1(), TorqueLimits(), PERIOD)
+
+
+@cache
+def sampled():
+    scenario = load("example-4.1-1khz")
+    return GuardedStep.around(scenario.controller, scenario.plant.actuator.limits, scenario.period)
+
+
+def guarded(torque=np.inf, rate=np.inf):
+    limits = TorqueLimits(jnp.full(2, torque), jnp.full(2, rate))
+    return eqx.tree_at(lambda g: g.limits, unlimited(), limits)
+
+
+def begun(guard, t=T, state=STATE):
+    return _init(guard, t, state, NOW)
+
+
+def step(guard, memory, t=T, state=STATE, now=NOW, following=NEXT):
+    command, status = _step(guard, t, state, now, following, memory)
+    return command, int(status)
+
+
+def after_one(guard):
+    """The memory after a good sample, and the sample after that."""
+    return step(guard, begun(guard))[0].memory, T + PERIOD
+
+
+def test_the_bits_are_powers_of_two_of_their_own():
+    assert [condition.bit for condition in CONDITIONS] == [2**k for k in range(len(CONDITIONS))]
+
+
+def test_a_good_sample_is_answered_as_the_law_answers_it():
+    guard = guarded()
+    law = guard.controller
+    memory = law.init(T, STATE, NOW)
+    expected = law(T, STATE, NOW, NEXT, memory)
+    command, status = step(guard, begun(guard))
+    assert status == 0
+    np.testing.assert_allclose(command.tau, expected.tau, rtol=1e-14)
+    assert {"s", "eps1", "eps2", "u", "rho"} == set(command.signals)
+    np.testing.assert_allclose(command.signals["s"], expected.signals["s"], rtol=1e-13)
+    np.testing.assert_allclose(command.signals["rho"], law.transformation.performance.radius(T), rtol=1e-15)
+
+
+def test_a_run_of_the_guarded_step_is_the_run_of_the_law():
+    alone, behind_guards = (
+        simulate(plant_4_1(), law, MOTION_4_1, START_4_1, t1=0.2, period=PERIOD, substeps=5, engine="xla")
+        for law in (law_4_1(), guarded())
+    )
+    np.testing.assert_allclose(behind_guards.log.tau, alone.log.tau, rtol=1e-9)
+    assert not behind_guards.log.signals["status"].any()
+
+
+def test_the_first_good_sample_starts_the_law():
+    guard = guarded()
+    forgotten = jax.tree.map(jnp.zeros_like, begun(guard))
+    by_itself, status = step(guard, forgotten)
+    assert status == 0
+    assert bool(by_itself.memory.started)
+    np.testing.assert_array_equal(by_itself.tau, step(guard, begun(guard))[0].tau)
+
+
+def test_a_bad_first_sample_starts_nothing_and_commands_nothing():
+    guard = guarded()
+    forgotten = jax.tree.map(jnp.zeros_like, begun(guard))
+    command, status = step(guard, forgotten, state=eqx.tree_at(lambda s: s.q, STATE, STATE.q * jnp.nan))
+    assert status == MEASUREMENT_NOT_FINITE.bit
+    assert not bool(command.memory.started)
+    assert not command.tau.any()
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("place", ["t", "q", "dq"])
+def test_a_measurement_that_is_not_finite_holds_the_last_command_and_is_not_remembered(place, number):
+    guard = guarded()
+    memory, t = after_one(guard)
+    state = STATE
+    if place == "t":
+        t = jnp.asarray(number)
+    else:
+        state = eqx.tree_at(lambda s: getattr(s, place), STATE, getattr(STATE, place).at[1].set(number))
+    command, status = step(guard, memory, t=t, state=state)
+    assert status == MEASUREMENT_NOT_FINITE.bit
+    np.testing.assert_array_equal(command.tau, memory.tau)
+    assert eqx.tree_equal(command.memory, eqx.tree_at(lambda kept: kept.held, memory, jnp.ones(())))
+    assert not any(np.any(signal) for signal in command.signals.values())
+
+
+def test_more_than_a_sensor_can_mean_is_held_too():
+    guard = eqx.tree_at(lambda g: g.gate.q_max, guarded(), jnp.array([10.0, 10.0]))
+    memory, t = after_one(guard)
+    far = eqx.tree_at(lambda s: s.q, STATE, jnp.array([0.0, -10.1]))
+    command, status = step(guard, memory, t=t, state=far)
+    assert status == MEASUREMENT_OUT_OF_RANGE.bit
+    np.testing.assert_array_equal(command.tau, memory.tau)
+
+
+def test_what_the_law_does_not_read_may_be_anything():
+    guard = guarded()
+    unknown = Reference(*[jnp.full(2, jnp.nan)] * 3)
+    assert step(guard, begun(guard), following=unknown)[1] == 0
+    assert step(guard, begun(guard), now=unknown)[1] == REFERENCE_NOT_FINITE.bit
+    assert "next.q" not in guard.reads
+
+
+def test_a_law_that_has_no_answer_outside_its_envelope_says_both():
+    # The gate would reject a jump of the arm itself: here it is the reference that jumps.
+    guard = guarded()
+    memory, t = after_one(guard)
+    far = Reference(NOW.q - jnp.array([0.9, 0.0]), NOW.dq, NOW.ddq)
+    command, status = step(guard, memory, t=t, now=far)
+    assert status == ENVELOPE_LEFT.bit | TORQUE_NOT_FINITE.bit
+    np.testing.assert_array_equal(command.tau, memory.tau)
+    assert float(command.memory.t) == float(memory.t)
+
+
+@pytest.mark.full
+def test_a_law_that_has_one_goes_on_outside():
+    guard = sampled()
+    outside = State(q=NOW.q + jnp.array([0.9, 0.0]), dq=NOW.dq)
+    command, status = step(guard, begun(guard), state=outside)
+    assert status & ENVELOPE_LEFT.bit
+    assert not status & HELD
+    assert float(command.memory.t) == float(T)
+
+
+@pytest.mark.full
+def test_a_measurement_that_is_late_is_compared_with_what_was_wanted_then():
+    scenario = load("example-4.2-1khz")
+    assert scenario.controller.delay == 1.0
+    guard = GuardedStep.around(scenario.controller, scenario.plant.actuator.limits, scenario.period)
+    t = jnp.asarray(20.0)
+    past, now, following = (scenario.trajectory.reference(t + k * scenario.period) for k in (-1, 0, 1))
+    late = State(q=past.q, dq=past.dq)
+    radius = guard.controller.step.transformation.performance.radius(t)
+    overshoot = guard.controller.step.transformation.overshoot
+    assert jnp.any(jnp.abs(late.q - now.q) > overshoot * radius)
+    _, status = guard.step(t, late, now, following, guard.init(t, late, now))
+    assert not int(status) & ENVELOPE_LEFT.bit
+
+
+def test_a_torque_beyond_its_limit_is_limited():
+    free = step(guarded(), begun(guarded()))[0].tau
+    limit = 0.5 * float(jnp.abs(free).max())
+    command, status = step(guarded(torque=limit), begun(guarded(torque=limit)))
+    assert status == TORQUE_LIMITED.bit
+    np.testing.assert_allclose(command.tau, jnp.clip(free, -limit, limit))
+    np.testing.assert_array_equal(command.memory.tau, command.tau)
+
+
+def test_the_first_command_respects_the_rate_limit_counted_from_the_weight_of_the_nominal_arm():
+    guard = guarded(rate=10.0)
+    command, status = step(guard, begun(guard))
+    assert status == TORQUE_LIMITED.bit
+    weight = guard.controller.nominal.bias(STATE.q, STATE.dq)
+    np.testing.assert_allclose(jnp.abs(command.tau - weight), 10.0 * PERIOD)
+
+
+@pytest.mark.parametrize("make", [lambda: guarded(rate=10.0), sampled])
+def test_the_first_command_after_bad_samples_respects_the_rate_limit_counted_from_their_zero(make):
+    guard = make()
+    nothing = jax.tree.map(jnp.zeros_like, begun(guard))
+    bad = eqx.tree_at(lambda s: s.q, STATE, STATE.q * jnp.nan)
+    held, _ = step(guard, nothing, t=T - PERIOD, state=bad)
+    assert not held.tau.any()
+    first, status = step(guard, held.memory)
+    assert not status & HELD
+    rate = (guard.limits or guard.controller.limits).rate
+    assert jnp.all(jnp.abs(first.tau) <= rate * PERIOD * (1 + 1e-12))
+
+
+def test_the_rate_is_limited_from_one_command_to_the_next():
+    guard = guarded(rate=10.0)
+    first, _ = step(guard, begun(guard))
+    far = State(q=STATE.q, dq=STATE.dq + 1.0)
+    second, status = step(guard, first.memory, t=T + PERIOD, state=far)
+    assert status == TORQUE_LIMITED.bit
+    np.testing.assert_allclose(jnp.abs(second.tau - first.tau), 10.0 * PERIOD)
+
+
+def test_a_held_command_keeps_a_limit_that_was_lowered_since():
+    guard = guarded()
+    memory, t = after_one(guard)
+    limit = 0.5 * float(jnp.abs(memory.tau).min())
+    lower = guarded(torque=limit)
+    command, status = step(lower, memory, t=t * jnp.nan)
+    assert status == MEASUREMENT_NOT_FINITE.bit
+    np.testing.assert_allclose(jnp.abs(command.tau), limit)
+
+
+@pytest.mark.full
+def test_absurd_parameters_hold_the_last_command():
+    guard = guarded()
+    memory, t = after_one(guard)
+    for absurd in (
+        eqx.tree_at(lambda g: g.controller.surface.k1, guard, jnp.asarray(jnp.nan)),
+        eqx.tree_at(lambda g: g.limits.torque, guard, jnp.full(2, jnp.nan)),
+        eqx.tree_at(lambda g: g.period, guard, jnp.asarray(jnp.nan)),
+    ):
+        absurd = eqx.tree_at(lambda g: g.limits.rate, absurd, jnp.full(2, 1e3))
+        command, status = step(absurd, memory, t=t)
+        assert status & TORQUE_NOT_FINITE.bit
+        np.testing.assert_array_equal(command.tau, memory.tau)
+
+
+@pytest.mark.parametrize(
+    ("periods", "condition"),
+    [
+        (1.0, 0),
+        (1.4, 0),
+        (1.6, MISSED_PERIOD.bit),
+        (99.0, MISSED_PERIOD.bit),
+        (101.0, MEASUREMENT_REJECTED.bit),
+        (0.0, MEASUREMENT_REJECTED.bit),
+        (-3.0, MEASUREMENT_REJECTED.bit),
+    ],
+)
+def test_a_gap_is_reported_and_an_implausible_time_stamp_is_a_lost_sample(periods, condition):
+    guard = guarded()
+    memory, _ = after_one(guard)
+    command, status = step(guard, memory, t=T + periods * PERIOD)
+    assert status == condition
+    if condition & HELD:
+        np.testing.assert_array_equal(command.tau, memory.tau)
+        assert not any(np.any(signal) for signal in command.signals.values())
+
+
+@pytest.mark.parametrize("make", [guarded, sampled])
+def test_an_impossible_jump_is_held_like_a_lost_sample_and_the_next_good_sample_goes_on(make):
+    guard = make()
+    memory, t = after_one(guard)
+    jump = State(q=STATE.q + jnp.array([2.0, 0.0]), dq=STATE.dq)
+    held, status = step(guard, memory, t=t, state=jump)
+    assert status == MEASUREMENT_REJECTED.bit
+    np.testing.assert_array_equal(held.tau, memory.tau)
+    assert float(held.memory.t) == float(memory.t)
+    assert not any(np.any(signal) for name, signal in held.signals.items() if name != "rejected")
+    _, status = step(guard, held.memory, t=t + PERIOD)
+    assert not status & HELD
+
+
+@pytest.mark.parametrize("fault", ["NaN", "far", "jumping", "clock stands still"])
+@pytest.mark.parametrize("make", [guarded, sampled])
+def test_the_host_is_asked_to_stop_after_five_held_commands_and_until_the_reset(make, fault):
+    guard = make()
+    memory, t = after_one(guard)
+    for count in range(1, 8):
+        offset = {"NaN": np.nan, "far": 1e5, "jumping": (-1.0) ** count * 3.0, "clock stands still": 0.0}[fault]
+        when = T if fault == "clock stands still" else t
+        command, status = step(guard, memory, t=when, state=State(q=STATE.q + offset, dq=STATE.dq))
+        assert status & HELD
+        assert bool(status & STOP_REQUESTED.bit) is (count >= 5)
+        memory, t = command.memory, t + PERIOD
+    _, status = step(guard, memory, t=t)
+    assert not status & HELD
+    assert status & STOP_REQUESTED.bit
+
+
+def test_recovery_is_overdue_once_a_joint_was_outside_for_longer_than_the_envelope_takes_to_settle():
+    guard = sampled()
+    guard = eqx.tree_at(
+        lambda g: g.controller.step.transformation.performance.deadline, guard, jnp.full(2, 2.5 * PERIOD)
+    )
+    far = Reference(NOW.q - jnp.array([0.9, 0.0]), NOW.dq, NOW.ddq)
+    memory, t, seen = begun(guard), T, []
+    for k in range(4):
+        moved = State(q=STATE.q + k * PERIOD * STATE.dq, dq=STATE.dq)
+        command, status = step(guard, memory, t=t, state=moved, now=far)
+        assert status & ENVELOPE_LEFT.bit
+        seen.append(bool(status & RECOVERY_OVERDUE.bit))
+        memory, t = command.memory, t + PERIOD
+    assert seen == [False, False, True, True]
+
+
+def test_a_memory_with_a_rate_moves_on_as_in_the_simulation():
+    law = anftsmc_4_2()
+    guard = GuardedStep.around(law, TorqueLimits(), PERIOD)
+    now = MOTION_4_2.reference(T)
+    state = State(q=now.q + 0.1, dq=now.dq + 0.2)
+    command, _ = guard.step(T, state, now, now, guard.init(T, state, now))
+    rate = law(T, state, now, now, law.init(T, state, now)).rate
+    assert rate.any()
+    np.testing.assert_allclose(command.memory.law, law.initial + PERIOD * rate)
+
+
+def test_a_law_without_an_envelope_never_leaves_one():
+    guard = GuardedStep.around(computed_torque_4_1(), TorqueLimits(), PERIOD)
+    far = State(q=NOW.q + 100.0, dq=NOW.dq)
+    assert step(guard, begun(guard, state=far), state=far)[1] == 0
+
+
+def test_a_sampled_data_law_shares_its_limits_and_its_period_with_its_guards():
+    guard = sampled()
+    arrays = [
+        jax.tree_util.keystr(path)
+        for path, _ in jax.tree_util.tree_leaves_with_path(guard)
+        if "limits" in jax.tree_util.keystr(path) or "period" in jax.tree_util.keystr(path)
+    ]
+    assert arrays == [".controller.limits.torque", ".controller.limits.rate", ".controller.period"]
+    fast = State(q=STATE.q, dq=STATE.dq + 5.0)
+    assert step(guard, begun(guard), state=fast)[1] == TORQUE_LIMITED.bit

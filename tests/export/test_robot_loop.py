@@ -1,0 +1,287 @@
+"""The exported step against an arm: without a clock, in real time, and again from a log."""
+
+import json
+import os
+import signal
+import subprocess
+import threading
+import time
+from dataclasses import replace
+from functools import cache, partial
+from importlib import import_module
+
+import numpy as np
+import pytest
+
+import slidax as sx
+from slidax.analysis import read_saved
+from slidax.export.lockstep import lockstep, replay, write_lockstep_log
+from slidax.export.loop_plans import arm_plan, law_plan
+from slidax.export.real_time_loop import run_loop
+from slidax.export.status import MISSED_PERIOD
+from slidax.identify import read_log
+from slidax.runtime import ArmSide, LawSide
+from slidax.runtime.logs import read_mcap
+from slidax.runtime.processes import run_law
+from slidax.scenarios import portable
+from slidax.simulation import columns_of
+from tests.cli.commands import in_process
+
+pytest.importorskip("llvmlite")
+NAME, T1 = "example-4.1-1khz", 0.6
+
+
+@cache
+def scenario(**changes):
+    return sx.scenarios.load(NAME, {"simulation.t1": T1, **changes})
+
+
+PLANS = {}
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _plans_are_made_once():
+    """To trace a law takes seconds, and all of these have the same."""
+    patch = pytest.MonkeyPatch()
+    for module in ("lockstep", "replay", "loop"):
+        user = import_module(f"slidax.export.{module}")
+        for name, make in (("law_plan", law_plan), ("arm_plan", arm_plan)):
+            if hasattr(user, name):
+                patch.setattr(user, name, partial(_made_once, make))
+    yield
+    patch.undo()
+
+
+def _made_once(make, scenario, **how):
+    key = make, portable(scenario.description)[0], *how.items()
+    if key not in PLANS:
+        PLANS[key] = make(scenario, **how)
+    return PLANS[key]
+
+
+@cache
+def simulated():
+    return scenario().simulate(log_every=1)
+
+
+@cache
+def stepped():
+    return lockstep(scenario(), len(simulated().log.t), transport=1)
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    pytest.importorskip("foxglove")
+    pytest.importorskip("mcap")
+    path = tmp_path_factory.mktemp("logs") / "log.mcap"
+    write_lockstep_log(scenario(), stepped(), path)
+    return path
+
+
+@pytest.mark.parametrize("transport", [pytest.param(0, marks=pytest.mark.full), 1])
+def test_a_loop_in_which_nobody_is_late_is_the_simulated_run(transport):
+    run, found = simulated(), stepped() if transport else lockstep(scenario(), len(simulated().log.t))
+    np.testing.assert_allclose(found.arm["true_q"], run.log.state.q, atol=1e-12)
+    np.testing.assert_allclose(found.arm["set_tau"], run.log.tau, atol=1e-8)
+    np.testing.assert_allclose(found.arm["true_e"], run.log.e, atol=1e-12)
+    np.testing.assert_allclose(found.law["lower"], run.log.envelope.lower, atol=1e-12)
+    np.testing.assert_allclose(found.law["signal:s"], run.log.signals["s"], atol=1e-8)
+    assert not (found.law["status"] & MISSED_PERIOD.bit).any()
+
+
+@pytest.mark.full
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        (NAME, {"sensor.delay": 2}),
+        (NAME, {"sensor.delay": 1.5}),
+        (NAME, {"sensor.loss": {"probability": 0.1}}),
+        (NAME, {"actuator.dead_time": 1}),
+        ("panda-payload", {"simulation.plant": "mujoco", "simulation.t1": 0.3}),
+    ],
+    ids=["later", "between samples", "lossy", "dead time", "mujoco"],
+)
+def test_so_it_is_for_every_sensor_drive_and_arm(name, changes):
+    if "simulation.plant" in changes:
+        pytest.importorskip("mujoco")
+    one = sx.scenarios.load(name, {"simulation.t1": T1, **changes})
+    run = one.simulate(log_every=1)
+    found = lockstep(one, len(run.log.t), transport=1)
+    np.testing.assert_allclose(found.arm["true_q"], run.log.state.q, atol=1e-11)
+    np.testing.assert_allclose(found.arm["set_tau"], run.log.tau, atol=1e-8)
+    assert (len(found.law["k"]) < len(run.log.t)) == (changes == {"sensor.loss": {"probability": 0.1}})
+
+
+def driven(late):
+    """The loop, in which the law answers each measurement, but some commands come too late for their tick."""
+    of_law, of_arm = _made_once(law_plan, scenario()), _made_once(arm_plan, scenario(), transport=1)
+    law, arm = LawSide(of_law.plan, 1e-3), ArmSide(of_arm.plan, None, of_arm.substeps)
+    rows, taus, applied = [], [], -1
+    for k in range(400):
+        law.measured[:] = arm.measured
+        assert law.answer(k, applied)
+        rows.append(law.row.copy())
+        arm.tau[:] = law.tau.view(float)
+        if k not in late:
+            applied = k
+        else:
+            # What the drives go on with.
+            arm.tau[:] = taus[-1]
+        arm.set(k, k not in late)
+        arm.measure(k)
+        taus.append(arm.arena.view("set_tau").copy())
+        arm.move()
+    return of_law.columns(np.stack(rows)), np.stack(taus)
+
+
+def test_a_command_that_came_late_is_to_the_law_as_a_sample_that_was_lost():
+    """So the arm gets the torques of a run whose sensor loses just those samples."""
+    late = [50, 51, 52, 120, 200]
+    law, taus = driven(set(late))
+    outages = [{"start": k * 1e-3, "samples": 1} for k in late]
+    lost = sx.scenarios.load(NAME, {"simulation.t1": T1, "sensor.loss": {"outages": outages}}).simulate(log_every=1)
+    np.testing.assert_allclose(taus, lost.log.tau[: len(taus)], atol=1e-8)
+    missed = np.nonzero(law["status"] & MISSED_PERIOD.bit)[0].tolist()
+    assert missed == [51, 52, 53, 121, 201]
+    assert law["basis"][[50, 51, 52, 53, 54]].tolist() == [49, 49, 49, 49, 53]
+
+
+def test_a_log_gives_the_same_bits_again_and_a_changed_one_does_not(log):
+    done = in_process("replay", str(log), "--json")
+    assert done.exit_code == 0, done.output
+    said = json.loads(done.stdout)
+    assert said["first"] is None and said["same"] == said["answers"] == len(simulated().log.t)
+    # The last digit of one torque.
+    read = read_mcap(log)
+    tau = read.law["tau"].copy()
+    tau[123, 1] = np.nextafter(tau[123, 1], np.inf)
+    other = replay(replace(read, law={**read.law, "tau": tau}))
+    assert (other.first.tick, other.first.joint, other.same) == (123, 1, said["same"] - 1)
+    assert 0 < other.largest < 1e-13
+    assert "at tick 123, t = 0.123 s" in other.sentence()
+
+
+@pytest.mark.full
+def test_with_another_measurement_the_law_remembers_something_else_from_there_on(log):
+    read = read_mcap(log)
+    q = read.law["q"].copy()
+    q[200, 0] += 1e-9
+    other = replay(replace(read, law={**read.law, "q": q}))
+    assert other.first.tick == 200 and other.same < 210
+
+
+@pytest.mark.full
+def test_answers_after_a_lost_one_are_not_compared(log):
+    read = read_mcap(log)
+    kept = np.arange(len(read.law["k"])) != 300
+    found = replay(replace(read, law={name: column[kept] for name, column in read.law.items()}))
+    assert (found.same, found.first) == (300, None)
+    assert found.unknown == kept.sum() - 300
+
+
+def test_a_log_is_explained_and_identified_as_the_run(log):
+    done = in_process("explain", str(log))
+    assert done.exit_code == 0 and "Nothing to explain" in done.output
+    _, columns, each = read_saved(log)
+    assert each
+    for name, (values, _) in columns_of(simulated(), ["_1", "_2"]).items():
+        np.testing.assert_allclose(columns[name], values, atol=1e-8, err_msg=name)
+    read = read_log(log, simulated().joint_names)
+    np.testing.assert_allclose(read.t, simulated().log.t, atol=1e-9)
+    np.testing.assert_allclose(read.q[1:], simulated().log.state.q[:-1], atol=1e-12)
+    np.testing.assert_allclose(read.tau[1:], simulated().log.tau[:-1], atol=1e-8)
+
+
+def test_a_run_is_logged_as_the_step_sees_it(tmp_path):
+    pytest.importorskip("foxglove")
+    done = in_process("run", NAME, "--set", f"simulation.t1={T1}", "--out", str(tmp_path / "x.mcap"))
+    assert done.exit_code == 0, done.output
+    read = read_mcap(tmp_path / "x.mcap")
+    # A measurement is one period old, and with it comes the torque that the drives set then.
+    np.testing.assert_allclose(read.law["q"][1:], read.arm["true_q"][:-1], atol=1e-12)
+    np.testing.assert_array_equal(read.law["effort"][1:], read.arm["set_tau"][:-1])
+    assert [path.name for path in tmp_path.iterdir()] == ["x.mcap"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("run", "example-4.1", "--out", "x.mcap"), "simulation.mode=held"),
+        (("loop", NAME, "--set", "sensor.delay=0"), "--set sensor.delay=1"),
+        (("loop", NAME, "--arm", "mujoco"), "MuJoCo needs an articulated arm"),
+        (("replay", "no.mcap"), "cannot read the file"),
+    ],
+)
+def test_what_cannot_be_is_one_line_and_exit_code_2(tmp_path, monkeypatch, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    done = in_process(*arguments)
+    assert done.exit_code == 2
+    assert words in done.output and len(done.output.strip().splitlines()) == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_in_real_time_the_log_has_each_tick_and_gives_the_same_bits(tmp_path):
+    pytest.importorskip("foxglove")
+    log, picture = tmp_path / "log.mcap", tmp_path / "latency.svg"
+    where = ("--out", str(log), "--histogram", str(picture))
+    done = in_process("loop", NAME, "--time", str(T1), "--patience", "500", *where, "--json")
+    assert done.exit_code == 0, done.output
+    said = json.loads(done.stdout)
+    ticks = round(T1 / 1e-3) + 1
+    assert (said["ticks"], said["ended"], said["envelope"]["outside"]) == (ticks, "done", 0)
+    assert said["answers"] == ticks - said["missed"]["skipped"]
+    assert said["log"] == {"bytes": log.stat().st_size, "recorder_us": said["log"]["recorder_us"], "rows_lost": 0}
+    for shares in said["latency_us"].values():
+        assert 0 <= shares["p50"] <= shares["p99"] <= shares["p99.9"] <= shares["max"]
+    assert picture.read_text().count("<path") > 10
+    read = read_mcap(log)
+    assert read.whole and read.arm["true_k"].tolist() == list(range(ticks))
+    again = replay(read)
+    assert (again.first, again.unknown) == (None, 0)
+
+
+def test_arm_brakes_when_the_law_requests_a_stop():
+    """The gate takes every motion of this arm for a fault of its sensor."""
+    done = in_process("loop", NAME, "--set", "scheme.sampled_data.gate.speed=0.02", "--time", "20", "--patience", "500")
+    assert done.exit_code == 3
+    assert "the arm braked, as the law asked for a stop (STOP_REQUESTED)" in " ".join(done.output.split())
+
+
+@pytest.mark.full
+def test_when_the_arm_is_killed_the_law_ends(tmp_path):
+    killed = threading.Thread(target=_kill, args=("arm",))
+    killed.start()
+    done = run_loop(scenario(**{"simulation.t1": 20.0}), patience=200)
+    killed.join()
+    assert not done.good and done.arm is None and done.law.reason == "no measurement"
+    assert 100 < done.answers < 19_000
+
+
+@pytest.mark.full
+def test_when_the_law_is_killed_the_arm_brakes_and_the_log_has_it_all(tmp_path):
+    pytest.importorskip("foxglove")
+    killed = threading.Thread(target=_kill, args=("law",))
+    killed.start()
+    done = run_loop(scenario(**{"simulation.t1": 20.0}), log=tmp_path / "log.mcap", patience=200)
+    killed.join()
+    assert not done.good and done.law is None and "killed" in done.reason
+    read = read_mcap(tmp_path / "log.mcap")
+    braking = read.arm["braking"].astype(bool)
+    assert braking.any() and read.arm["missing"][braking].min() == 201
+    # The disturbance goes on pushing.
+    assert np.abs(read.arm["true_dq"][-1]).max() < 0.02
+    assert replay(read).first is None
+
+
+def _kill(side):
+    """Once it has begun."""
+    for _ in range(600):
+        time.sleep(0.1)
+        found = subprocess.run(
+            ["ps", "--ppid", str(os.getpid()), "-o", "pid=,args="], capture_output=True, text=True, check=False
+        ).stdout
+        processes = [line.split()[0] for line in found.splitlines() if f"{run_law.__module__} {side} " in line]
+        if processes:
+            time.sleep(2.0)
+            os.kill(int(processes[0]), signal.SIGKILL)
+            return

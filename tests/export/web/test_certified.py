@@ -1,0 +1,128 @@
+"""The lights of a page: what the certificates say, and on which numbers each stands."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slidax.certify import CERTIFICATES, Verdict
+from slidax.certify.certificate import certificate
+from slidax.core.errors import DefinitionError
+from slidax.export.web import playground
+from slidax.export.web import settings as certified
+from slidax.export.web.tunables import tunables_of
+from slidax.scenarios import Scenario, load
+from slidax.scenarios.load import altered
+
+DECLARED = [one for one in CERTIFICATES if one.reads is not None]
+
+SCENARIOS = [
+    "example-4.1",
+    pytest.param("example-4.1-1khz", marks=pytest.mark.full),
+    pytest.param("example-4.2-1khz", marks=pytest.mark.full),
+    pytest.param("panda-payload", marks=pytest.mark.full),
+]
+
+
+@cache
+def loaded(name: str) -> Scenario:
+    return load(name)
+
+
+@cache
+def movable(name: str) -> dict[str, Any]:
+    """All that a page can change, each to another value."""
+    scenario = loaded(name)
+    described = scenario.description.model_copy(update={"robot": scenario.description.robot.resolved()})
+    found: dict[str, Any] = {}
+    for tunable in tunables_of(described, scenario.plant.robot.joints):
+        own = tunable.defaults if tunable.each else np.asarray(tunable.leaf.own)
+        moved = np.where(own == 0.0, 0.3 * tunable.high, own + 0.07 * (tunable.high - own))
+        found[tunable.path] = moved.tolist()
+    if scenario.description.scheme.sampled_data is not None:
+        found["sensor.delay"] = 1.0 - scenario.description.sensor.delay
+        found["sensor.resolution"] = 3e-5
+    found["simulation.period"] = 0.5 * scenario.period
+    return found
+
+
+def all_but(name: str, certificate: Any) -> tuple[Scenario, list[str]]:
+    """The scenario in which everything was moved that the certificate does not read, as far as it goes together."""
+    scenario, done = loaded(name), []
+    for path, value in movable(name).items():
+        if certificate.may_read(path):
+            continue
+        try:
+            scenario = altered(scenario, {path: value})
+        except DefinitionError:
+            continue
+        done.append(path)
+    return scenario, done
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+@pytest.mark.parametrize("certificate", DECLARED, ids=lambda one: one.name)
+def test_what_a_certificate_does_not_declare_moves_no_digit_of_its_answer(certificate: Any, name: str) -> None:
+    other, moved = all_but(name, certificate)
+    assert moved, "nothing was moved, so that nothing was shown"
+    assert certificate(other).as_json() == certificate(loaded(name)).as_json()
+
+
+def test_one_that_reads_what_it_does_not_declare_is_found_out() -> None:
+    @certificate("forgetful", "", covers=(), reads=("robot",))
+    def forgetful(scenario: Scenario) -> Verdict:
+        gain = float(np.max(np.asarray(scenario.controller.surface.k1)))
+        return Verdict("forgetful", "", True, gain, {}, (), "")
+
+    other, _ = all_but("example-4.1", forgetful)
+    assert forgetful(other).as_json() != forgetful(loaded("example-4.1")).as_json()
+
+
+def test_one_that_declares_nothing_stands_on_everything(monkeypatch: pytest.MonkeyPatch) -> None:
+    @certificate("fresh", "new", covers=())
+    def fresh(scenario: Scenario) -> Verdict:
+        return Verdict("fresh", "new", True, 0.5, {"bound": [1.0, 2.0]}, (), "It is so.")
+
+    monkeypatch.setattr(certified, "CERTIFICATES", (fresh,))
+    monkeypatch.setattr(certified, "certify", lambda scenario, runs, without: [fresh(scenario)])
+    paths = ["scheme.surface.k1", "robot.plant.masses", "sensor.delay"]
+    (light,) = certified.certificates_of(loaded("example-4.1"), paths)
+    assert light["reads"] == paths
+    assert (light["certificate"], light["title"], light["holds"], light["margin"]) == ("fresh", "new", True, 0.5)
+    assert light["words"] == ["bound 2"]
+
+
+def test_a_light_that_was_not_computed_says_so_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Any] = []
+    monkeypatch.setattr(certified, "certify", lambda scenario, runs, without: asked.append(without) or [])
+    monkeypatch.setattr(certified, "SLOW", 1)
+    scenario = loaded("example-4.1")
+    monkeypatch.setattr(certified, "CERTIFICATES", tuple(one for one in CERTIFICATES if one.name == "loop_rate"))
+    (light,) = certified.certificates_of(scenario, ["scheme.surface.k1"])
+    assert asked == [["loop_rate"]]
+    assert light["holds"] is None and "Not computed" in light["statement"] and "2 joints" in light["statement"]
+    assert "--certify-rate" in light["statement"] and light["reads"] == ["scheme.surface.k1"]
+    certified.certificates_of(scenario, ["scheme.surface.k1"], rate=True)
+    assert asked[1:] == [[]]
+
+
+def test_the_rate_is_certified_of_the_scenarios_own_law_where_it_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(playground, "playground", lambda title, settings, arms: [one.rate for one in settings])
+    scenario = load("example-4.1-1khz")
+    assert playground.of_scenario(scenario, ["printed", "slotine_li"], rate=True) == [True, False, False]
+    assert playground.of_scenario(scenario) == [False]
+
+
+@pytest.mark.full
+def test_the_lights_say_what_slidax_certify_says() -> None:
+    scenario = loaded("example-4.1-1khz")
+    lights = {
+        light["certificate"]: light for light in certified.certificates_of(scenario, list(movable(scenario.name)))
+    }
+    for each in CERTIFICATES:
+        theirs, light = each(scenario), lights[each.name]
+        assert (light["holds"], light["statement"], light["title"]) == (theirs.holds, theirs.statement, theirs.title)
+        assert light["margin"] == theirs.as_json()["margin"]

@@ -1,0 +1,221 @@
+"""The playground's page in a browser: every control, the keyboard alone, addresses, files, and what a run's end says.
+
+The programs here only play back a log, which the first slider scales: what is tested is the page.
+"""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import slidax as sx
+from slidax.export.web.playground import page_text
+
+from .browser import Visit, served, typed
+from .fixture import FAKE_LOOP, RIVAL
+
+SCALE = "[data-path='disturbance.scale']"
+FRICTION = "[data-path='robot.plant.coulomb']"
+
+
+def test_one_request_and_no_other(chromium: Any, site: Path) -> None:
+    with served(site) as (address, asked):
+        visit = Visit(chromium, f"{address}/index.html")
+        visit.page.click("#printed")
+        visit.settle()
+        assert asked == ["/index.html"]
+        assert [url for url in visit.requests if not url.startswith(("blob:", "data:"))] == [f"{address}/index.html"]
+        visit.close()
+
+
+def test_a_slider_moves_everything_and_resets(visit: Visit) -> None:
+    before = visit.page.evaluate("slidaxPage.result('A').signals.e[2000]")
+    visit.page.locator(f"{SCALE} > .slider .bar").focus()
+    visit.page.keyboard.press("PageUp")
+    visit.settle()
+    value = visit.state()["values"]["disturbance.scale"]
+    assert 1 < value < 10
+    assert visit.page.evaluate("slidaxPage.result('A').signals.e[2000]") == pytest.approx(value * before, rel=1e-12)
+    assert visit.page.locator(f"{SCALE} > .slider .box").input_value() == str(value)
+    assert "moved" in visit.page.get_attribute(SCALE, "class")
+    visit.page.click(f"{SCALE} .reset")
+    visit.settle()
+    assert visit.state()["values"] == {}
+    assert visit.page.is_disabled("#reset")
+
+
+def test_a_number_out_of_range_is_refused_with_a_line(visit: Visit) -> None:
+    box = visit.page.locator(f"{SCALE} > .slider .box")
+    box.fill("1000")
+    box.press("Enter")
+    assert box.get_attribute("aria-invalid") == "true"
+    assert "0.01" in box.evaluate("box => box.validationMessage")
+    assert visit.state()["values"] == {}
+
+
+def test_each_joint_has_its_own_slider(visit: Visit) -> None:
+    visit.page.click(f"{FRICTION} .each summary")
+    second = visit.page.locator(f"{FRICTION} .joint .box").nth(1)
+    second.fill("2.5")
+    second.press("Enter")
+    visit.settle()
+    assert visit.state()["values"]["robot.plant.coulomb"] == [0.5, 2.5]
+    typed(visit, FRICTION, "1")
+    assert visit.state()["values"]["robot.plant.coulomb"] == [1, 5], "the slider for all keeps their proportions"
+
+
+def test_choices_and_schemes(visit: Visit) -> None:
+    visit.page.select_option("#tunables .choice select", "1")
+    visit.settle()
+    assert visit.state()["choices"] == {"sensor.delay": 0}
+    assert "one was broken" in visit.text("#seen")
+    visit.page.select_option("#scheme", RIVAL)
+    visit.settle()
+    assert visit.state()["scheme"] == RIVAL
+    assert visit.state()["choices"] == {"sensor.delay": 0}, "the world stays as it was set"
+
+
+def test_two_settings_beside_each_other(visit: Visit) -> None:
+    assert not visit.page.is_visible("#drop")
+    visit.page.click("#printed")
+    visit.settle()
+    assert visit.page.locator("#outcomes li").count() == 2
+    assert visit.page.evaluate("slidaxPage.pictures.scene.runs.length") == 2
+    assert visit.page.evaluate("slidaxPage.pictures.rows.errors[0].lines.length") == 2
+    assert "CFTSMPPC as printed" in visit.text("#numbers thead")
+    typed(visit, FRICTION, "2")
+    assert visit.page.evaluate("slidaxPage.session.b.values")["robot.plant.coulomb"] == [2, 2], "both live in one world"
+    visit.page.click("#swap")
+    visit.settle()
+    assert visit.state()["scheme"] == "printed"
+    visit.page.click("#drop")
+    visit.settle()
+    assert visit.page.locator("#outcomes li").count() == 1
+    visit.page.click("#keep")
+    typed(visit, SCALE, "0.5")
+    assert visit.page.evaluate("slidaxPage.session.b.values")["robot.plant.coulomb"] == [2, 2]
+    assert "disturbance.scale" not in visit.page.evaluate("slidaxPage.session.b.values"), "what is kept stays"
+
+
+def test_lights_go_grey_with_their_reason(visit: Visit) -> None:
+    lights = visit.page.locator("#certificates .light")
+    assert [lights.nth(k).get_attribute("data-state") for k in range(3)] == ["good", "bad", "open"]
+    typed(visit, "[data-path='scheme.surface.k1']", "0.3")
+    assert [lights.nth(k).get_attribute("data-state") for k in range(3)] == ["grey", "bad", "grey"]
+    assert "k₁ moved" in lights.nth(0).inner_text()
+
+
+def test_leaving_the_envelope_and_breaking_off_are_said(visit: Visit) -> None:
+    typed(visit, SCALE, "20")
+    assert "Joint 1 was outside the envelope" in visit.text("#outcomes")
+    assert "no: joint 1 was outside at 0 s" in visit.text("#seen")
+    typed(visit, SCALE, "60")
+    assert "Joint 1 became infinite or undefined at t = 3.332 s." in visit.text("#outcomes")
+    visit.page.click("#errors .data summary")
+    for word in ("NaN", "Infinity", "undefined "):
+        assert word not in visit.text("main").replace("infinite or undefined", "")
+
+
+def test_the_address_holds_everything(chromium: Any, site: Path, visit: Visit) -> None:
+    typed(visit, SCALE, "2")
+    visit.page.click("#rival")
+    visit.settle()
+    address = visit.page.url
+    assert address.split("#")[1] == (
+        f"v=1&arm=two-link&scheme=cftsmppc&disturbance.scale=2&b:scheme={RIVAL}&b:disturbance.scale=2"
+    )
+    other = Visit(chromium, address)
+    assert other.state() == visit.state()
+    assert other.page.evaluate("slidaxPage.result('B').signals.e[500]") == visit.page.evaluate(
+        "slidaxPage.result('B').signals.e[500]"
+    )
+    other.close()
+    visit.page.go_back()
+    visit.settle()
+    assert visit.page.locator("#outcomes li").count() == 1
+    visit.page.go_back()
+    visit.settle()
+    assert visit.state()["values"] == {}
+    visit.page.go_forward()
+    visit.settle()
+    assert visit.state()["values"] == {"disturbance.scale": 2}
+
+
+@pytest.mark.parametrize(
+    ("hash_", "said"),
+    [
+        ("#v=2&arm=two-link", "version 2"),
+        ("#what", "no version"),
+        ("#v=1&arm=five-link", 'no arm "five-link"'),
+        ("#v=1&arm=two-link&scheme=pid", 'no scheme "pid"'),
+        ("#v=1&disturbance.scale=1e9", "0.01 to 100"),
+        ("#v=1&disturbance.scale=NaN", "cannot be"),
+        ("#v=1&robot.plant.coulomb=1,2,3", "cannot be"),
+        ("#v=1&no.such=1", 'no "no.such"'),
+        ("#v=1&sensor.delay=7", 'no value "7"'),
+        ("#v=1&%E0%A4%A=1", "is no text"),
+    ],
+)
+def test_a_broken_link_is_a_line_and_the_default(
+    chromium: Any, site: Path, visit: Visit, hash_: str, said: str
+) -> None:
+    visit.page.evaluate("hash => { location.hash = hash; }", hash_)
+    visit.page.wait_for_timeout(60)
+    visit.settle()
+    assert said in visit.text("#fault")
+    assert visit.state()["values"] == {}
+    assert visit.state()["arm"] == "two-link"
+
+
+def test_the_scenario_is_the_same_run(visit: Visit) -> None:
+    typed(visit, "[data-path='scheme.surface.k1']", "0.3")
+    visit.page.select_option("#tunables .choice select", "1")
+    visit.settle()
+    file = visit.saved("#scenario")
+    assert file.suggested_filename == "two-link-cftsmppc.yaml"
+    path = Path(file.path())
+    named = path.with_suffix(".yaml")
+    named.write_bytes(path.read_bytes())
+    changes = {"scheme.surface.k1": 0.3, "sensor.delay": 0, "simulation.t1": 1.0}
+    theirs = sx.scenarios.load(named, {"simulation.t1": 1.0}).simulate()
+    ours = sx.scenarios.load("example-4.1-1khz", changes).simulate()
+    np.testing.assert_array_equal(theirs.log.tau, ours.log.tau)
+
+
+def test_c_has_the_numbers_and_says_which_it_has_not(visit: Visit) -> None:
+    typed(visit, "[data-path='scheme.surface.k1']", "0.3")
+    visit.page.select_option("#tunables .choice select", "1")
+    visit.settle()
+    archive = zipfile.ZipFile(io.BytesIO(Path(visit.saved("#c").path()).read_bytes()))
+    assert archive.testzip() is None
+    assert archive.read("law/law.h").decode() == "#define K1 0.3\n"
+    assert "sensor.delay" in archive.read("READ-ME.txt").decode()
+    assert "k1: 0.3" in archive.read("scenario.yaml").decode()
+
+
+def test_a_chart_as_csv_and_as_a_table(visit: Visit) -> None:
+    text = Path(visit.saved("[data-csv=errors]").path()).read_text(encoding="utf-8")
+    head, *rows = text.strip().split("\n")
+    assert head.startswith('t [s],"joint 1 lower [rad]"')
+    assert len(rows) == 10001
+    column = head.split(",").index('"joint 1 A [rad]"')
+    log = sx.scenarios.load("example-4.1-1khz").simulate().log
+    np.testing.assert_array_equal([float(row.split(",")[column]) for row in rows], log.e[:, 0])
+    visit.page.click("#errors .data summary")
+    assert visit.page.locator("#errors tbody tr").count() == 21
+
+
+def test_a_playground_of_another_format_is_refused_with_a_line(chromium: Any, tmp_path: Path) -> None:
+    file = tmp_path / "index.html"
+    file.write_text(page_text({"format": 2, "title": "</script><b>x"}, loop=FAKE_LOOP), encoding="utf-8")
+    context = chromium.new_context()
+    page = context.new_page()
+    page.goto(file.as_uri())
+    assert "of format 1, not 2" in page.inner_text("#fault")
+    assert page.title() == "</script><b>x"
+    context.close()

@@ -1,0 +1,126 @@
+"""The sliders of a page: from which numbers they are made, and how far they reach."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slidax.core.errors import DefinitionError, DefinitionWarning
+from slidax.export.web.playground import ARMS
+from slidax.export.web.tunables import NEVER, ORDER, Tunable, tunables_of
+from slidax.scenarios import ScenarioDescription
+from slidax.scenarios.load import validated
+
+SCENARIOS = {shown.arm: shown for shown in ARMS}
+
+
+@cache
+def described(arm: str) -> ScenarioDescription:
+    found = SCENARIOS[arm].description
+    return found.model_copy(update={"robot": found.robot.resolved()})
+
+
+@cache
+def tunables(arm: str) -> tuple[Tunable, ...]:
+    return tuple(tunables_of(described(arm), len(described(arm).start.q)))
+
+
+EVERY_ARM = pytest.mark.parametrize("arm", SCENARIOS)
+
+
+def refused(arm: str, some: list[Tunable]) -> dict[tuple[str, float], str]:
+    data = described(arm).model_dump(exclude_unset=True)
+    found = {}
+    for tunable in some:
+        for value in (tunable.low, tunable.high):
+            try:
+                validated(data, {tunable.path: np.full(() if tunable.each else tunable.shape, value).tolist()}).build(
+                    "end"
+                )
+            except (DefinitionError, DefinitionWarning) as error:
+                # A bound that is of no use is the visitor's to see; it runs.
+                if isinstance(error, DefinitionWarning) and "scheme.bound" in str(error):
+                    continue
+                found[tunable.path, value] = str(error)
+    return found
+
+
+@pytest.mark.full
+@EVERY_ARM
+def test_each_end_of_each_slider_is_a_value_that_a_scenario_takes(arm: str) -> None:
+    # The noise of a velocity sensor is no slider where there is none: no loop varies it.
+    some = [tunable for tunable in tunables(arm) if tunable.path != "sensor.velocity_noise"]
+    assert refused(arm, some) == {}
+
+
+def test_sliders_stay_above_and_below_the_other_numbers_that_they_must() -> None:
+    some = [
+        tunable
+        for tunable in tunables("two_link")
+        if tunable.path.endswith((".exponent", ".inverse_inertia_max", ".window"))
+    ]
+    assert len(some) >= 3
+    assert refused("two_link", some) == {}
+
+
+@EVERY_ARM
+def test_a_slider_has_its_default_within_its_reach_and_stays_in_the_declared_range(arm: str) -> None:
+    for tunable in tunables(arm):
+        lower, upper = tunable.leaf.ends
+        own = np.ravel(tunable.defaults)
+        assert lower <= tunable.low < tunable.high <= upper, tunable.path
+        assert (tunable.low <= own).all() and (own <= tunable.high).all(), tunable.path
+        assert not tunable.logarithmic or tunable.low > 0, tunable.path
+
+
+def test_the_numbers_that_a_visitor_looks_for_are_there_with_their_units() -> None:
+    found = {tunable.path: tunable for tunable in tunables("panda")}
+    wanted = {
+        "scheme.transformation.performance.deadline": ("s", "Envelope"),
+        "scheme.surface.k1": ("rad/s or m/s", "Law"),
+        "robot.plant.load.mass": ("kg", "The arm as it is"),
+        "robot.plant.armature": ("kg m² or kg", "The arm as it is"),
+        "actuator.time_constant": ("s", "Drives"),
+    }
+    for path, (unit, group) in wanted.items():
+        assert path in found, (path, sorted(found))
+        assert found[path].group == group
+        assert found[path].leaf.unit == unit
+
+
+@EVERY_ARM
+def test_names_of_noise_and_what_would_be_another_arm_are_no_sliders(arm: str) -> None:
+    for tunable in tunables(arm):
+        assert not {*tunable.path.split(".")} & {*NEVER}
+        assert not tunable.path.startswith(("robot.nominal", "simulation", "start", "trajectory", "uncertainty"))
+        assert tunable.group in ORDER and tunable.title and "[" not in tunable.title
+    groups = [ORDER.index(tunable.group) for tunable in tunables(arm)]
+    assert groups == sorted(groups)
+
+
+@pytest.mark.parametrize(
+    ("changes", "path", "low", "high", "logarithmic"),
+    [
+        ({"disturbance.scale": 0.0}, "disturbance.scale", 0.0, 3.0, False),
+        ({"disturbance.scale": 1.0}, "disturbance.scale", 0.1, 10.0, True),
+        ({"scheme.bound.inverse_inertia_min": 0.15}, "scheme.bound.inverse_inertia_max", 0.1515, 2.0, True),
+        ({"scheme.surface.k1": 2.0}, "scheme.surface.k1", 0.2, 20.0, True),
+        ({"scheme.overshoot": 0.5}, "scheme.transformation.overshoot", 0.01, 0.99, False),
+    ],
+)
+def test_how_far_a_slider_reaches_follows_from_its_range_and_its_default(
+    changes: dict[str, Any], path: str, low: float, high: float, logarithmic: bool
+) -> None:
+    found = validated(described("two_link").model_dump(exclude_unset=True), changes)
+    tunable = next(one for one in tunables_of(found, 2) if one.path == path)
+    assert (tunable.low, tunable.high, tunable.logarithmic) == (pytest.approx(low), pytest.approx(high), logarithmic)
+
+
+def test_a_tunable_of_a_page_says_where_its_numbers_are_among_the_inputs() -> None:
+    tunable = next(one for one in tunables("panda") if one.each)
+    entry = tunable.entry(5)
+    assert entry["inputs"] == [5, 7] and entry["each"]
+    assert np.broadcast_to(entry["default"], 7).tolist() == tunable.defaults.tolist()

@@ -1,0 +1,78 @@
+"""Motions that show an arm's numbers."""
+
+import numpy as np
+import pytest
+
+import slidax as sx
+from slidax.arms import Payload
+from slidax.core.errors import DefinitionError, as_array
+from slidax.identify import excitation, excite
+from slidax.identify.excitation import FourierSeries
+from slidax.identify.regressor import parameters_of_links, parameters_of_payload, rigid_torque
+from slidax.motions import Tabulated
+
+ARM = sx.arms.ur5e()
+LOAD = Payload(mass=as_array(3.0))
+
+
+@pytest.fixture(scope="module")
+def motion():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(excitation, "STARTS", 10)
+        patch.setattr(excitation, "STEPS", 40)
+        return excite(ARM, seed=1, duration=10.0, payload=LOAD, share=0.7)
+
+
+def test_excitation_begins_and_ends_at_rest_at_one_place(motion):
+    for part in (motion.motion.dq, motion.motion.ddq):
+        np.testing.assert_allclose(part[[0, -1]], 0.0, atol=1e-12)
+    np.testing.assert_allclose(motion.motion.q[0], motion.motion.q[-1], atol=1e-12)
+
+
+def test_positions_velocities_and_torques_keep_their_share_of_the_limits(motion):
+    limits, q = ARM.limits, motion.motion.q
+    assert (q >= np.asarray(limits.lower)).all() and (q <= np.asarray(limits.upper)).all()
+    assert (np.abs(motion.motion.dq) <= 0.7 * np.asarray(limits.velocity) * (1 + 1e-9)).all()
+    torque = rigid_torque(ARM, motion.motion, parameters_of_links(ARM), parameters_of_payload(LOAD))
+    assert (np.abs(torque) <= 0.7 * np.asarray(limits.torque) * (1 + 1e-9)).all()
+    # Each joint is as fast as something allows.
+    assert (motion.share[:3].max(axis=0) > 0.7 * 0.98).all()
+
+
+def test_the_velocity_is_the_positions_slope(motion):
+    slope = np.gradient(motion.motion.q, motion.t, axis=0)[2:-2]
+    np.testing.assert_allclose(slope, motion.motion.dq[2:-2], atol=0.02)
+
+
+def test_a_scenario_reads_the_file(motion, tmp_path):
+    motion.write(tmp_path / "motion.csv")
+    read = Tabulated.from_csv(tmp_path / "motion.csv", joints=list(ARM.joint_names), velocity=ARM.limits.velocity)
+    assert float(read.until) == pytest.approx(10.0)
+    np.testing.assert_allclose(read.position(as_array(motion.t[37])), motion.motion.q[37], atol=1e-8)
+
+
+def test_excitation_is_more_informative_than_a_random_motion_and_follows_the_seed(motion):
+    series = FourierSeries(5.0, 10)
+    of = excitation.ExcitationSearch(ARM, 0.7, None, None, LOAD, links=False)
+    chance = [of.score(of.fitted(series, series.random(np.random.default_rng(seed), 6), 100)) for seed in range(10)]
+    assert motion.information > max(chance)
+    assert "bits" in str(motion) and ARM.joint_names[0] in str(motion)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"harmonics": 2}, "rest at both ends takes two"),
+        ({"share": 1.5}, r"`share` of a motion that excites must be in \(0, 1\]"),
+        ({"duration": 0.0}, "`duration`"),
+        ({"acceleration": -1.0}, "> 0 and finite"),
+        ({"center": np.zeros(3)}, "one position for each of the 6 joints"),
+        ({"center": np.full(6, 9.0)}, "within the joints' limits"),
+        ({"payload": Payload(mass=as_array(300.0))}, "no motion was found that joint"),
+    ],
+)
+def test_excitation_out_of_range_is_refused(changes, words, monkeypatch):
+    monkeypatch.setattr(excitation, "STARTS", 2)
+    monkeypatch.setattr(excitation, "STEPS", 2)
+    with pytest.raises(DefinitionError, match=words):
+        excite(ARM, seed=0, **changes)

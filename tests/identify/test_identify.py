@@ -1,0 +1,104 @@
+"""What a log says of an arm whose numbers are known."""
+
+import numpy as np
+import pytest
+
+import slidax as sx
+from slidax.core.errors import DefinitionError
+from slidax.identify import JointLog, identify
+from tests.identify.recorded import PAYLOAD, recorded, true_arm
+
+
+@pytest.fixture(scope="module")
+def found():
+    return identify(recorded(true_arm(), offset=0.2, lag=2e-3), sx.arms.ur5e())
+
+
+def test_rotors_friction_and_payload_are_found_to_what_the_noise_allows(found):
+    arm = true_arm()
+    for name in ("armature", "coulomb", "viscous"):
+        off = found.values(name) - np.asarray(getattr(arm, name))
+        assert (np.abs(off) < 4.0 * found.standard_errors(name)).all(), name
+    np.testing.assert_allclose(found.values("coulomb"), arm.coulomb, rtol=0.1)
+    np.testing.assert_allclose(found.values("offset"), 0.2, atol=0.2)
+    assert found.values("payload.mass") == pytest.approx(1.4, rel=0.02)
+    center = [found.values(f"payload.center.{axis}")[0] for axis in "xyz"]
+    np.testing.assert_allclose(center, PAYLOAD.center, atol=5e-3)
+
+
+def test_the_time_by_which_torques_lag_is_found(found):
+    assert found.lag == pytest.approx(2e-3, abs=5e-4)
+    assert abs(found.lag - 2e-3) < 4.0 * found.lag_error
+
+
+def test_the_identified_arm_has_these_numbers_and_predicts_the_part_that_was_held_out(found):
+    np.testing.assert_array_equal(found.robot.armature, found.values("armature"))
+    assert float(found.robot.payload.mass) == found.values("payload.mass")[0]
+    assert (found.held_out_rms < 0.1 * found.measured_rms).all()
+    assert "payload.mass" in str(found) and "held out" in str(found)
+    assert not found.unseen or {one.name.split(".")[0] for one in found.unseen} == {"payload"}
+
+
+def test_intervals_hold_the_truth_about_as_often_as_they_say():
+    arm, inside = true_arm(), []
+    for seed in range(8):
+        one = identify(recorded(arm, seconds=8.0, noise=0.02, seed=seed), sx.arms.ur5e(), cut_off=8.0)
+        for name in ("armature", "coulomb", "viscous"):
+            off = one.values(name) - np.asarray(getattr(arm, name))
+            inside.append(np.abs(off) < 1.96 * one.standard_errors(name))
+    assert 0.88 <= np.mean(inside) <= 0.995
+
+
+def test_a_joint_that_stands_is_said_to_be_unseen_by_name():
+    log = recorded(true_arm(), still=(5,))
+    found = identify(log, sx.arms.ur5e())
+    unseen = {(one.name, one.joint) for one in found.unseen}
+    last = sx.arms.ur5e().joint_names[5]
+    assert {("armature", last), ("coulomb", last), ("viscous", last)} <= unseen
+    assert ("armature", sx.arms.ur5e().joint_names[0]) not in unseen
+    assert f"armature of {last}" in str(found) and "not seen in this log" in str(found)
+    assert found.unseen_directions >= 3
+
+
+def test_links_that_are_wrong_in_the_file_are_found_as_far_as_they_show():
+    arm = true_arm()
+    off = identify(recorded(arm), sx.arms.Mismatch(mass_factor=0.8).applied(sx.arms.ur5e()), links=True)
+    wrong = identify(recorded(arm), sx.arms.Mismatch(mass_factor=0.8).applied(sx.arms.ur5e()))
+    assert (off.held_out_rms[:3] < 0.8 * wrong.held_out_rms[:3]).all()
+    # Of 60 numbers of six links 36 combinations move the joints at most.
+    assert off.unseen_directions >= 10
+    for inertia, mass in zip(np.asarray(off.robot.inertias), np.asarray(off.robot.masses), strict=True):
+        moments = np.linalg.eigvalsh(inertia)
+        assert mass > 0 and moments[0] > 0 and moments[0] + moments[1] >= moments[2] * (1 - 1e-9)
+
+
+def test_an_empty_hand_gets_a_payload_that_a_body_can_have():
+    found = identify(recorded(sx.arms.ur5e(), noise=0.05), sx.arms.ur5e())
+    load = found.robot.payload
+    assert 0.0 <= float(load.mass) < 0.2
+    assert np.linalg.eigvalsh(np.asarray(load.inertia)).min() >= 0.0
+    assert (np.asarray(found.robot.armature) >= 0).all()
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"q": 57.3}, "are they degrees"),
+        ({"held_out": 0.95}, r"`held_out` must be in \(0, 0.9\]"),
+        ({"cut_off": 100.0}, "a quarter of the rate"),
+        ({"keep": 150}, "at least 200 are needed"),
+        ({"keep": 220}, "too short"),
+        ({"dq": 57.3}, "is not the slope of `q`"),
+        ({"nan": 7}, "is not finite for joint"),
+    ],
+)
+def test_unusable_log_is_refused_with_the_reason(changed, words):
+    log = recorded(true_arm())
+    k = changed.get("keep", len(log.t))
+    q, tau = log.q[:k] * changed.get("q", 1.0), log.tau[:k].copy()
+    dq = None if "dq" not in changed else changed["dq"] * np.gradient(log.q, log.t, axis=0)
+    if "nan" in changed:
+        tau[changed["nan"], 2] = np.nan
+    asked = {key: changed[key] for key in ("held_out", "cut_off") if key in changed}
+    with pytest.raises(DefinitionError, match=words):
+        identify(JointLog("a log", log.joints, log.t[:k], q, tau, dq), sx.arms.ur5e(), **asked)

@@ -1,0 +1,192 @@
+"""Limits, dead time and lag against their definitions."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slidax.core.errors import DefinitionError
+from slidax.plant import Actuator, TorqueLimits
+
+INF = float("inf")
+PERIOD = jnp.asarray(1e-2)
+COMMANDS = np.random.default_rng(1).normal(size=(8, 2))
+
+
+def memories(actuator, commands, period=PERIOD):
+    """The memory after each command."""
+    memory, after = actuator.init(jnp.zeros(commands.shape[1])), []
+    for tau in commands:
+        _, memory = actuator.set(jnp.asarray(tau), period, memory)
+        after.append(memory)
+    return after
+
+
+def test_without_limits_a_command_passes():
+    tau = jnp.array([1e300, -5.0])
+    np.testing.assert_array_equal(TorqueLimits()(tau, jnp.zeros(2), PERIOD), tau)
+
+
+def test_a_command_is_limited_in_size_per_joint():
+    limited = TorqueLimits([10.0, INF])(jnp.array([-12.0, 12.0]), jnp.zeros(2), PERIOD)
+    np.testing.assert_array_equal(limited, [-10.0, 12.0])
+
+
+def test_a_command_is_limited_in_its_change_from_the_last():
+    limited = TorqueLimits(INF, [100.0, 1000.0])(jnp.array([12.0, 12.0]), jnp.array([5.0, 5.0]), PERIOD)
+    np.testing.assert_allclose(limited, [6.0, 12.0], rtol=1e-15)
+
+
+def test_the_size_is_limited_before_the_change_so_that_both_hold():
+    limits = TorqueLimits(10.0, 300.0)
+    np.testing.assert_allclose(limits(jnp.array([40.0]), jnp.array([9.0]), PERIOD), [10.0], rtol=1e-15)
+    np.testing.assert_allclose(limits(jnp.array([-40.0]), jnp.array([9.0]), PERIOD), [6.0], rtol=1e-15)
+
+
+NUMBERS = st.floats(allow_nan=False, width=64)
+LIMIT = st.floats(min_value=0.0, exclude_min=True, allow_nan=False)
+
+
+@given(LIMIT, LIMIT, NUMBERS, st.floats(-1e100, 1e100))
+def test_the_torque_limit_always_holds(torque, rate, wanted, last):
+    """Whatever came before; and if that was within the limit, the rate's limit holds as well."""
+    limits = TorqueLimits(torque, rate)
+    found = limits(jnp.array([wanted]), jnp.array([last]), PERIOD)[0]
+    assert abs(found) <= torque
+    if abs(last) <= torque:
+        assert abs(found - last) <= rate * PERIOD * (1 + 1e-12) + 1e-12 * abs(last)
+        if abs(wanted) <= torque and abs(wanted - last) <= rate * PERIOD * (1 - 1e-12) - 1e-12 * abs(last):
+            assert found == wanted
+
+
+def test_a_drive_never_delivers_more_than_its_limit_also_of_what_it_held_before():
+    actuator = Actuator(TorqueLimits([5.0, 2.0], 100.0), time_constant=0.01, dead_time=1.5)
+    memory = actuator.init(jnp.array([12.0, -9.0]))
+    for _ in range(4):
+        tau, memory = actuator.set(jnp.array([20.0, -1.5]), PERIOD, memory)
+        delivered = [actuator.delivered(memory, share * PERIOD, PERIOD) for share in (0.0, 0.4, 1.0)]
+        assert np.all(np.abs([tau, *delivered]) <= [5.0, 2.0])
+    np.testing.assert_allclose(tau, [5.0, -1.5])
+
+
+def test_the_change_is_counted_from_what_was_set_and_not_from_what_was_asked():
+    actuator = Actuator(TorqueLimits(INF, 100.0))
+    memory = actuator.init(jnp.zeros(1))
+    given = []
+    for tau in (5.0, 5.0, -5.0, -0.5):
+        tau_set, memory = actuator.set(jnp.array([tau]), PERIOD, memory)
+        given.append(float(tau_set[0]))
+    np.testing.assert_allclose(given, [1.0, 2.0, 1.0, 0.0], atol=1e-14)
+
+
+def test_what_was_held_before_goes_on_until_the_first_command_gets_through():
+    """Through the dead time as it was, from there on as the lag lets go of it; the rate is counted from it, too."""
+    held = jnp.array([8.0, -3.0])
+    actuator = Actuator(TorqueLimits(INF, 50.0), time_constant=[0.02, 0.0], dead_time=1.25)
+    memory, felt = actuator.init(held), []
+    for _ in range(3):
+        tau, memory = actuator.set(jnp.zeros(2), PERIOD, memory)
+        felt.append([actuator.delivered(memory, share * PERIOD, PERIOD) for share in (0.1, 0.75)])
+        if len(felt) == 1:
+            np.testing.assert_allclose(tau, [7.5, -2.5], rtol=1e-14)
+    np.testing.assert_array_equal(felt[0], [held, held])
+    np.testing.assert_allclose(felt[1][0], held, rtol=1e-14)
+    # Half a period after the command of 7.5, -2.5 got through.
+    np.testing.assert_allclose(felt[1][1], [7.5 + 0.5 * np.exp(-0.25), -2.5], rtol=1e-14)
+
+
+def test_an_ideal_drive_delivers_each_command_through_its_whole_period():
+    actuator = Actuator()
+    for memory, tau in zip(memories(actuator, COMMANDS), COMMANDS, strict=True):
+        for share in (0.0, 0.5, 1.0):
+            np.testing.assert_array_equal(actuator.delivered(memory, share * PERIOD, PERIOD), tau)
+
+
+@pytest.mark.parametrize("dead_time", [1, 3, 0.25, 1.75, 2.5])
+def test_a_dead_time_shifts_the_commands_to_the_instant(dead_time):
+    actuator = Actuator(dead_time=dead_time)
+    for k, memory in enumerate(memories(actuator, COMMANDS)):
+        for share in (0.0, 0.1, 0.249, 0.251, 0.49, 0.51, 0.74, 0.76, 0.999):
+            age = int(np.floor(k + share - dead_time))
+            expected = COMMANDS[age] if age >= 0 else np.zeros(2)
+            np.testing.assert_array_equal(actuator.delivered(memory, share * PERIOD, PERIOD), expected)
+
+
+def test_at_the_very_instant_the_new_command_applies():
+    actuator = Actuator(dead_time=1.5)
+    memory = memories(actuator, COMMANDS)[4]
+    np.testing.assert_array_equal(actuator.delivered(memory, 0.5 * PERIOD, PERIOD), COMMANDS[3])
+    np.testing.assert_array_equal(
+        actuator.delivered(memory, np.nextafter(0.005, 0) * jnp.ones(()), PERIOD), COMMANDS[2]
+    )
+
+
+def test_a_lag_answers_a_step_with_an_exponential():
+    actuator = Actuator(time_constant=[0.02, 0.05])
+    commands = np.tile([3.0, -2.0], (8, 1))
+    for k, memory in enumerate(memories(actuator, commands)):
+        for share in (0.0, 0.3, 1.0):
+            expected = commands[0] * (1 - np.exp(-(k + share) * 1e-2 / np.array([0.02, 0.05])))
+            np.testing.assert_allclose(actuator.delivered(memory, share * PERIOD, PERIOD), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("dead_time", [0, 1, 0.3, 2.6])
+def test_the_torque_is_that_of_a_fine_integration(dead_time):
+    """Classical Runge-Kutta on 1000 steps a period, each within one command."""
+    actuator, constant = Actuator(time_constant=[3e-3, 2e-2], dead_time=dead_time), np.array([3e-3, 2e-2])
+    steps, h, torque = 1000, 1e-5, np.zeros(2)
+    for k, memory in enumerate(memories(actuator, COMMANDS)):
+        for i in range(steps):
+            age = int(np.floor(k + (i + 0.5) / steps - dead_time))
+            command = COMMANDS[age] if age >= 0 else np.zeros(2)
+            k1 = (command - torque) / constant
+            k2 = (command - torque - 0.5 * h * k1) / constant
+            k3 = (command - torque - 0.5 * h * k2) / constant
+            k4 = (command - torque - h * k3) / constant
+            torque = torque + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+            if i % 100 == 99:
+                given = actuator.delivered(memory, jnp.asarray((i + 1) / steps) * PERIOD, PERIOD)
+                np.testing.assert_allclose(given, torque, atol=1e-12)
+
+
+def test_the_lag_starts_each_period_from_the_period_that_has_passed():
+    """Also where periods are of different length: the last one counts, as `set` is told."""
+    actuator = Actuator(time_constant=0.02)
+    _, memory = actuator.set(jnp.array([1.0]), jnp.asarray(1e-2), actuator.init(jnp.zeros(1)))
+    _, memory = actuator.set(jnp.array([1.0]), jnp.asarray(3e-2), memory)
+    np.testing.assert_allclose(memory.lagged, [1 - np.exp(-1.5)], rtol=1e-14)
+
+
+def test_the_gradient_by_the_time_constant_is_that_of_the_exponential():
+    def torque(constant):
+        actuator = Actuator(time_constant=constant)
+        _, memory = actuator.set(jnp.array([1.0]), PERIOD, actuator.init(jnp.zeros(1)))
+        return actuator.delivered(memory, PERIOD, PERIOD)[0]
+
+    expected = -np.exp(-0.5) * 1e-2 / 0.02**2
+    np.testing.assert_allclose(jax.grad(torque)(jnp.asarray(0.02)), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("make", "field", "value", "rule"),
+    [
+        (TorqueLimits, "torque", 0.0, r"must be > 0 \(infinite for no limit\); got 0"),
+        (TorqueLimits, "torque", [1.0, -2.0], "got -2 for joint 2"),
+        (TorqueLimits, "torque", [INF, float("nan")], "got nan for joint 2"),
+        (TorqueLimits, "rate", -1.0, "got -1"),
+        (Actuator, "time_constant", [0.0, -1.0], "must be >= 0 s"),
+        (Actuator, "time_constant", INF, "must be >= 0 s"),
+        (Actuator, "dead_time", -0.5, r"must be in \[0, 100\]; got -0.5"),
+        (Actuator, "dead_time", float("nan"), r"must be in \[0, 100\]"),
+    ],
+)
+def test_what_cannot_be_is_refused(make, field, value, rule):
+    with pytest.raises(DefinitionError, match=rf"`{make.__name__}\.{field}` .*{rule}"):
+        make(**{field: value})
+
+
+def test_limits_of_different_length_are_refused():
+    with pytest.raises(DefinitionError, match=r"`TorqueLimits\.rate` has 3 entries"):
+        TorqueLimits([1.0, 2.0], [1.0, 2.0, 3.0])

@@ -1,0 +1,220 @@
+"""Logs as MCAP files: read by other people's software, read back to the bit, and read where they break off."""
+
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from slidax.core.errors import DefinitionError
+from slidax.runtime.logs import (
+    Channels,
+    LogWriter,
+    Message,
+    MessageField,
+    joint_state,
+    names_of_bits,
+    read_joint_states,
+    read_mcap,
+)
+from tests.cli.commands import in_process
+
+pytest.importorskip("foxglove")
+pytest.importorskip("mcap")
+ros2 = pytest.importorskip("mcap_ros2.decoder")
+
+CHANNELS = Channels(("shoulder", "élbow"), ("rad", "rad"), {"s": 2, "u": None, "push": 2}, True, ("BAD", "LATE"))
+ROWS = 700
+
+
+def columns(messages, rng, t_name, t):
+    found = {}
+    for message in messages:
+        for field in message.fields:
+            shape = (ROWS,) if field.count is None else (ROWS, field.count)
+            if field.kind == "float64":
+                found[field.key] = rng.normal(size=shape)
+            else:
+                found[field.key] = rng.integers(0, 2 if field.kind == "bool" else 1000, shape)
+    return found | {t_name: t}
+
+
+def written(path, rng, *, close=True):
+    t = 1e-3 * np.arange(ROWS)
+    law, arm = columns(CHANNELS.law(), rng, "t", t), columns(CHANNELS.arm(), rng, "true_t", t)
+    law["q"][3, 1] = np.nan
+    attachments = {"scenario.yaml": b"title: none", "robot-arm.urdf": b"<robot/>"}
+    writer = LogWriter(path, CHANNELS, {"scenario": "x"}, attachments, start=1_700_000_000_000_000_000)
+    for first in range(0, ROWS, 100):
+        writer.law({name: column[first : first + 100] for name, column in law.items()})
+        writer.arm({name: column[first : first + 100] for name, column in arm.items()})
+        writer.flush()
+    if close:
+        writer.close()
+    return law, arm, writer
+
+
+def test_what_was_written_is_read_back_in_the_same_bits(tmp_path):
+    law, arm, _ = written(tmp_path / "log.mcap", np.random.default_rng(1))
+    read = read_mcap(tmp_path / "log.mcap")
+    assert read.whole and read.channels == CHANNELS and read.metadata["scenario"] == "x"
+    assert read.scenario == "title: none" and read.files == {"robot-arm.urdf": b"<robot/>"}
+    for found, given in ((read.law, law), (read.arm, arm)):
+        assert set(found) == set(given)
+        for name, column in given.items():
+            np.testing.assert_array_equal(found[name], column)
+
+
+def test_a_message_is_what_other_software_reads_in_it():
+    """The decoder is not ours."""
+    rng = np.random.default_rng(2)
+    message = Message(
+        "/x",
+        "slidax_msgs/msg/X",
+        (
+            MessageField("flag", "bool"),
+            MessageField("a", "float64", 3),
+            MessageField("n", "uint32"),
+            MessageField("k", "int64"),
+            MessageField("f", "bool"),
+        ),
+        ("one", "näme"),
+    )
+    given = {
+        "flag": np.array([True, False]),
+        "a": rng.normal(size=(2, 3)),
+        "n": np.array([7, 8]),
+        "k": np.array([-1, 1 << 40]),
+        "f": np.array([False, True]),
+    }
+    packed = message.packed(np.array([1_500_000_000, 7]), given)
+    schema = SimpleNamespace(id=1, name=message.type, encoding="ros2msg", data=message.definition.encode())
+    decode = ros2.DecoderFactory().decoder_for("cdr", schema)
+    for row, body in enumerate(packed):
+        said = decode(body)
+        assert list(said.name) == ["one", "näme"]
+        assert list(said.a) == given["a"][row].tolist()
+        assert (said.flag, said.n, said.k, said.f) == tuple(given[name][row] for name in ("flag", "n", "k", "f"))
+    assert (decode(packed[0]).header.stamp.sec, decode(packed[0]).header.stamp.nanosec) == (1, 500_000_000)
+
+
+def test_joint_states_are_read_by_that_software_too(tmp_path):
+    law, _, _ = written(tmp_path / "log.mcap", np.random.default_rng(3))
+    messages = list(read_joint_states(tmp_path / "log.mcap").messages)
+    assert len(messages) == ROWS
+    assert messages[5]["name"] == ["shoulder", "élbow"]
+    assert messages[5]["position"] == law["q"][5].tolist()
+    assert messages[5]["effort"] == law["effort"][5].tolist()
+    assert messages[5]["header"]["stamp"] == {"sec": 1_700_000_000, "nanosec": 5_000_000}
+
+
+def test_a_file_that_breaks_off_is_read_as_far_as_it_goes(tmp_path):
+    law, _, writer = written(tmp_path / "log.mcap", np.random.default_rng(4), close=False)
+    body = (tmp_path / "log.mcap").read_bytes()
+    read = read_mcap(tmp_path / "log.mcap")
+    assert not read.whole
+    np.testing.assert_array_equal(read.law["q"], law["q"])
+    counts = []
+    for share in np.linspace(0.2, 0.97, 23):
+        (tmp_path / "cut.mcap").write_bytes(body[: int(share * len(body))])
+        cut = read_mcap(tmp_path / "cut.mcap")
+        rows = len(cut.law["k"])
+        np.testing.assert_array_equal(cut.law["tau"], law["tau"][:rows])
+        assert rows % 100 == 0 and not cut.whole
+        counts.append(rows)
+    assert counts == sorted(counts) and counts[0] < 200 and counts[-1] == ROWS - 100
+    writer.close()
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [(b"", "is no MCAP file"), (b"t,q1\n0,1\n", "is no MCAP file"), (None, "cannot read the file")],
+)
+def test_what_is_no_log_is_said(tmp_path, content, words):
+    if content is not None:
+        (tmp_path / "log.mcap").write_bytes(content)
+    with pytest.raises(DefinitionError, match=words):
+        read_mcap(tmp_path / "log.mcap")
+
+
+@pytest.mark.parametrize("command", ["replay", "explain"])
+def test_a_log_whose_scenario_is_no_text_is_refused_in_one_line(tmp_path, command):
+    """One flipped bit is enough for that."""
+    path = tmp_path / "flip.mcap"
+    writer = LogWriter(path, CHANNELS, {"scenario": "x"}, {"scenario.yaml": b"title: n\xefne"}, start=0)
+    writer.close()
+    result = in_process(command, str(path))
+    assert result.exit_code == 2
+    lines = result.output.strip().splitlines()
+    assert len(lines) == 1
+    assert lines[0].startswith("slidax: ") and "flip.mcap" in lines[0] and "scenario.yaml" in lines[0]
+    assert "no UTF-8 text" in lines[0]
+
+
+def test_a_log_of_others_is_not_taken_for_ours(tmp_path):
+    import foxglove
+
+    context = foxglove.Context()
+    with foxglove.open_mcap(tmp_path / "other.mcap", context=context):
+        message = joint_state("/joint_states", ("a",), ("q", "dq", "tau"))
+        schema = foxglove.Schema(name=message.type, encoding="ros2msg", data=message.definition.encode())
+        channel = foxglove.Channel(message.topic, schema=schema, message_encoding="cdr", context=context)
+        numbers = {name: np.array([[0.5]]) for name in ("q", "dq", "tau")}
+        channel.log(message.packed(np.array([0]), numbers)[0], log_time=0)
+    assert next(read_joint_states(tmp_path / "other.mcap").messages)["position"] == [0.5]
+    with pytest.raises(DefinitionError, match="no messages of ROS 2 on the topic `/x`"):
+        read_joint_states(tmp_path / "other.mcap", "/x")
+    with pytest.raises(DefinitionError, match="is not a slidax log"):
+        read_mcap(tmp_path / "other.mcap")
+
+
+@pytest.mark.parametrize(
+    ("package", "call"),
+    [
+        ("foxglove", lambda path: LogWriter(path, CHANNELS, {}, {})),
+        ("mcap.stream_reader", read_mcap),
+        ("mcap_ros2.decoder", read_joint_states),
+    ],
+)
+def test_without_the_package_there_is_one_line_with_the_remedy(tmp_path, monkeypatch, package, call):
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(DefinitionError, match=r"which is not installed: pip install 'slidax\[log\]'"):
+        call(tmp_path / "x.mcap")
+
+
+def test_live_data_has_the_channels_of_the_log():
+    connect = pytest.importorskip("websockets.sync.client").connect
+    import json
+
+    port = 18765
+    writer = LogWriter(None, CHANNELS, {}, {}, port=port)
+    try:
+        with pytest.raises(DefinitionError, match=f"cannot start a server at 127.0.0.1:{port}"):
+            LogWriter(None, CHANNELS, {}, {}, port=port)
+        with connect(f"ws://127.0.0.1:{port}", subprotocols=["foxglove.sdk.v1"], proxy=None) as socket:
+            topics = {}
+            while len(topics) < 8:
+                said = json.loads(socket.recv(timeout=10))
+                topics |= {channel["topic"]: channel["id"] for channel in said.get("channels", ())}
+            assert set(topics) == {message.topic for message in (*CHANNELS.law(), *CHANNELS.arm())}
+    finally:
+        writer.close()
+
+
+def test_bits_are_told_by_their_names():
+    assert names_of_bits(("BAD", "LATE"), 2) == ["LATE"]
+    assert names_of_bits(("BAD", "LATE"), 3) == ["BAD", "LATE"]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="has no such device")
+@pytest.mark.parametrize("large", [False, True])
+def test_a_full_disk_is_an_error_with_the_name_of_the_file_and_no_panic(large, capfd):
+    rng, t = np.random.default_rng(5), 1e-3 * np.arange(ROWS)
+    writer = LogWriter(Path("/dev/full"), CHANNELS, {"x": "y" * (100_000 if large else 1)}, {})
+    writer.law(columns(CHANNELS.law(), rng, "t", t))
+    with pytest.raises(OSError, match="No space left on device: '/dev/full'"):
+        writer.flush()
+    with pytest.raises(OSError, match="No space left on device"):
+        writer.close()
+    assert "panic" not in capfd.readouterr().err

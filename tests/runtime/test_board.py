@@ -1,0 +1,68 @@
+"""What the processes of a loop share."""
+
+import os
+
+import numpy as np
+
+from slidax.runtime import Mailbox, Ring, Sleeper, create_shared_memory, map_shared_memory, now
+
+
+def shared(size):
+    descriptor = create_shared_memory(size)
+    sides = map_shared_memory(descriptor), map_shared_memory(descriptor)
+    os.close(descriptor)
+    return sides
+
+
+def test_the_newest_message_arrives_whole_and_with_its_number():
+    here, there = (Mailbox(memory, 24) for memory in shared(Mailbox.size(24)))
+    here.clear()
+    assert there.get() == -2
+    for number in range(-1, 30):
+        here.message[:] = number + 1
+        here.put(number)
+        assert there.get() == number
+        assert (there.message == number + 1).all()
+
+
+def test_a_message_that_is_written_just_now_is_none():
+    memory, other = shared(Mailbox.size(24))
+    here, there = Mailbox(memory, 24), Mailbox(other, 24)
+    here.clear()
+    here.message[:] = 3
+    here.put(4)
+    row = memory[8:].reshape(8, 40)[4]
+    row[20] ^= 1
+    assert there.get() == -2
+    row[20] ^= 1
+    assert there.get() == 4
+    # The body of another number in its place.
+    row[:8].view(np.int64)[0] = 12
+    assert there.get() == -2
+
+
+def test_all_rows_of_a_ring_are_read_once_and_lost_ones_are_counted():
+    here, there = (Ring(memory, 8, 256) for memory in shared(Ring.size(8, 256)))
+    seen = []
+    for number in range(150):
+        here.put(np.array([number]).view(np.uint8))
+        if number % 37 == 0:
+            seen += there.take().view(np.int64).ravel().tolist()
+    seen += there.take(last=True).view(np.int64).ravel().tolist()
+    assert seen == list(range(150)) and there.lost == 0
+    for number in range(150, 650):
+        here.put(np.array([number]).view(np.uint8))
+    late = there.take(last=True).view(np.int64).ravel().tolist()
+    assert late == list(range(650 - len(late), 650))
+    assert there.lost == 500 - len(late) > 0
+
+
+def test_nobody_wakes_up_early():
+    sleeper = Sleeper()
+    for wait in (0, 100_000, 2_000_000):
+        due = now() + wait
+        sleeper.until(due)
+        assert now() >= due
+    before = now()
+    sleeper.until(before - 1_000_000_000)
+    assert now() - before < 500_000_000
