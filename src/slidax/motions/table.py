@@ -272,8 +272,9 @@ def at_rest_outside(table: MotionTable) -> MotionTable:
             joint = int(np.argmax(moving))
             raise DefinitionError(
                 f"{table.at(row)}: {joint_label(joint, table.joints)} has a velocity of "
-                f"{table.velocities[row, joint]:g} rad/s (or m/s) at its {end}, t = {table.times[row]:g} s, but it stands still {side} that, so that "
-                "the velocity would jump: make it 0 there, or add rows in which the joint comes to rest"
+                f"{table.velocities[row, joint]:g} rad/s (or m/s) at its {end}, t = {table.times[row]:g} s, but it "
+                f"stands still {side} that, so that the velocity would jump: make it 0 there, or add rows in which the "
+                "joint comes to rest"
             )
     velocities = table.velocities.copy()
     velocities[[0, -1]] = 0.0
@@ -290,8 +291,8 @@ def require_no_jump(motion: AbstractPiecewisePolynomial, table: MotionTable) -> 
     needed = motion.extremes(2).size[jump.joint]
     raise DefinitionError(
         f"{table.at(row)}: the velocity of {joint_label(jump.joint, table.joints)} jumps {where}t = "
-        f"{table.times[row]:g} s, from {jump.before:.3g} to {jump.after:.3g} rad/s (or m/s) within one row: add rows in which it changes, give "
-        "velocities too, or leave the times to `MinimumJerk.within`; or, if the arm can do "
+        f"{table.times[row]:g} s, from {jump.before:.3g} to {jump.after:.3g} rad/s (or m/s) within one row: add rows "
+        "in which it changes, give velocities too, or leave the times to `MinimumJerk.within`; or, if the arm can do "
         f"{np.ceil(needed):.4g} rad/s² (or m/s²), say so with `acceleration`"
     )
 

@@ -134,9 +134,9 @@ def _judged(assembly: BoundProblem, certified: CertifiedBounds, listed: list[Ass
     if holds:
         each = ", ".join(f"{value:.2g}" for value in error)
         statement = (
-            f"For {covered_members(assembly)}, at each sample from t = {since:.3g} s on the error is inside its envelope, "
-            f"and from t = {narrow:.3g} s on at most {each} {' or '.join(dict.fromkeys(units))}, under the assumptions "
-            f"below: {statement}"
+            f"For {covered_members(assembly)}, at each sample from t = {since:.3g} s on the error is inside its "
+            f"envelope, and from t = {narrow:.3g} s on at most {each} {' or '.join(dict.fromkeys(units))}, under the "
+            f"assumptions below: {statement}"
         )
     bound = {
         "w_bar": np.max(missed[settled:], axis=0),
