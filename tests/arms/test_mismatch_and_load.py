@@ -203,7 +203,7 @@ def test_timed_payload_acts_always_by_default():
 
 @pytest.mark.parametrize("released", [1.0, 0.5])
 def test_release_before_pick_up_is_an_error(released):
-    with pytest.raises(DefinitionError, match=r"`Load.released` must be .*`attached` = 1.0.*; got"):
+    with pytest.raises(DefinitionError, match=r"`TimedPayload.released` must be .*`attached` = 1.0.*; got"):
         TimedPayload(PAYLOAD, 1.0, released)
 
 

@@ -17,7 +17,7 @@ from ruamel.yaml import YAML
 from slidax import arms
 from slidax.core.errors import DefinitionError
 
-FOLDER = Path(arms.__file__).parent / "ready"
+FOLDER = Path(arms.__file__).parent / "built_in_arms"
 FILES = {path.stem: YAML(typ="safe", pure=True).load(path) for path in sorted(FOLDER.glob("*.yaml"))}
 
 KEYS = {"name", "title", "rate", "joints", "tip", "home", "sources"}

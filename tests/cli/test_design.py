@@ -48,7 +48,7 @@ def test_what_it_writes_runs_as_it_is_and_holds_in_cases_that_it_has_not_seen(
     # Fewer of everything; the certificates have tests of their own.
     monkeypatch.setattr(search, "SLOPES", (1.0, 2.0))
     monkeypatch.setattr(importlib.import_module("slidax.certify.certify"), "CERTIFICATES", (admissibility,))
-    monkeypatch.setattr(importlib.import_module("slidax.design.design"), "of_the_rate", lambda *_: None)
+    monkeypatch.setattr(importlib.import_module("slidax.design.design"), "loop_rate_verdict", lambda *_: None)
     out = tmp_path / "law.yaml"
     done = in_process("design", str(requirements), "--out", str(out), "--json", "--runs", "16")
     assert done.exit_code == 0, done.output

@@ -118,5 +118,5 @@ def test_a_panic_of_a_foreign_library_is_one_line(monkeypatch: pytest.MonkeyPatc
     def panic(*_: object) -> None:
         raise PanicException("called `Result::unwrap()` on an `Err` value\nnote: run with RUST_BACKTRACE=1")
 
-    monkeypatch.setattr("slidax.runtime.logs.read_mcap", panic)
+    monkeypatch.setattr("slidax.runtime.logs.mcap_files.read_mcap", panic)
     assert_one_line(["a library crashed (called `Result::unwrap()`"], "replay", str(tmp_path / "x.mcap"))

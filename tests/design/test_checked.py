@@ -48,12 +48,12 @@ def checked(monkeypatch: pytest.MonkeyPatch) -> Any:
         trials.with_harder = lambda cases: harder.append(cases) or trials
         laws = iter(SimpleNamespace(choice=Law(np.full(1, 1.0), k)) for k in range(1, 4))
         aims.clear()
-        monkeypatch.setattr(design, "tried", tried)
-        monkeypatch.setattr(design, "fine", lambda _, __, aim: aims.append(aim))
+        monkeypatch.setattr(design, "statistical_with_cases", tried)
+        monkeypatch.setattr(design, "fine_search", lambda _, __, aim: aims.append(aim))
         monkeypatch.setattr(design, "_aim", lambda *_: Objective(1.0, required is not None, None))
         monkeypatch.setattr(design, "_sized", lambda *_: next(laws))
         monkeypatch.setattr(design, "_described", lambda *_: SimpleNamespace(build=lambda _: None))
-        monkeypatch.setattr(design, "of_accuracy", lambda *_: Refusal("no", [], None))
+        monkeypatch.setattr(design, "accuracy_refusal", lambda *_: Refusal("no", [], None))
         requirements = SimpleNamespace(accuracy=accuracy, proof="tested", torque_step=required)
         first = SimpleNamespace(choice=Law(np.full(1, 1.0), 0))
         built = design._checked(SimpleNamespace(requirements=requirements), trials, first, None, 10, lambda _: None)
@@ -122,7 +122,7 @@ def certified(monkeypatch: pytest.MonkeyPatch) -> Any:
             return Verdict("loop_rate", "", bool(laws[-1].final[0] > request[-1]), 0.0, bound, (), "")
 
         laws = []
-        monkeypatch.setattr(design, "of_the_rate", rate)
+        monkeypatch.setattr(design, "loop_rate_verdict", rate)
 
         def described(choice: Any) -> Any:
             laws.append(choice)

@@ -50,7 +50,7 @@ def certified(monkeypatch: pytest.MonkeyPatch) -> Any:
             bound = {"required_radius": np.full(6, radius)}
             return Verdict("loop_rate", "", bool((final >= radius).all()), 0.0, bound, (), "")
 
-        monkeypatch.setattr(refusal, "of_the_rate", rate)
+        monkeypatch.setattr(refusal, "loop_rate_verdict", rate)
         return request
 
     return with_radius

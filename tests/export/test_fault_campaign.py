@@ -69,7 +69,7 @@ class Disturbed(AbstractSensor):
     inner: AbstractSensor | None
     q: Any
     dq: Any
-    kind: Any
+    fault: Any
 
     @classmethod
     def drawn(cls, inner: AbstractSensor | None, joints: int, samples: int, seed: int) -> Disturbed:
@@ -89,8 +89,8 @@ class Disturbed(AbstractSensor):
         if self.inner is not None:
             measurement, inner = self.inner(k, state, period, inner)
             state, fresh = measurement.state, measurement.fresh
-        at = jnp.minimum(k, self.kind.shape[0] - 1)
-        kind = self.kind[at]
+        at = jnp.minimum(k, self.fault.shape[0] - 1)
+        kind = self.fault[at]
         outlier = State(q=state.q + self.q[at], dq=state.dq + self.dq[at])
         swapped = State(q=state.q[::-1], dq=state.dq[::-1])
 

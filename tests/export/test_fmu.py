@@ -41,7 +41,7 @@ def units(scenario, tmp_path_factory):
     """The law in FMI 3.0 and 2.0, by this machine's own compiler."""
     folder = tmp_path_factory.mktemp("fmu")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(platforms, "zig", lambda: False)
+        patch.setattr(platforms, "has_zig", lambda: False)
         return {
             fmi: (folder / f"law{fmi}.fmu", export_fmu(scenario, folder / f"law{fmi}.fmu", name="law", fmi=fmi))
             for fmi in (3, 2)
@@ -264,7 +264,7 @@ def test_what_cannot_be_is_one_line(scenario, tmp_path, monkeypatch):
             export_fmu(scenario, tmp_path / "law.fmu", **given)
     with pytest.raises(DefinitionError, match=r"end in \.fmu"):
         export_fmu(scenario, tmp_path / "law")
-    monkeypatch.setattr(platforms, "zig", lambda: False)
+    monkeypatch.setattr(platforms, "has_zig", lambda: False)
     with pytest.raises(DefinitionError, match=r"pip install 'slidax\[fmu\]'"):
         export_fmu(scenario, tmp_path / "law.fmu", platforms=["x86_64-windows"])
     monkeypatch.setattr(platforms.shutil, "which", lambda name: None)

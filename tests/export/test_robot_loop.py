@@ -43,7 +43,7 @@ PLANS = {}
 def _plans_are_made_once():
     """To trace a law takes seconds, and all of these have the same."""
     patch = pytest.MonkeyPatch()
-    for module in ("lockstep", "replay", "loop"):
+    for module in ("lockstep", "real_time_loop"):
         user = import_module(f"slidax.export.{module}")
         for name, make in (("law_plan", law_plan), ("arm_plan", arm_plan)):
             if hasattr(user, name):

@@ -13,7 +13,7 @@ from slidax import arms
 from tests.peers.by_mujoco import mujoco
 from tests.peers.by_pinocchio import pinocchio
 
-FOLDER = Path(arms.__file__).parent / "ready"
+FOLDER = Path(arms.__file__).parent / "built_in_arms"
 DESCRIPTIONS: dict[str, Any] = {path.stem: YAML(typ="safe", pure=True).load(path) for path in FOLDER.glob("*.yaml")}
 
 

@@ -34,7 +34,7 @@ COMMANDS = []
 
 def work(monkeypatch, number, sent):
     """The arm's loop with one command, sent at a time relative to tick 0, or at no time: a request to stop."""
-    monkeypatch.setattr(processes, "Arm", Still)
+    monkeypatch.setattr(processes, "ArmSide", Still)
     sizes = np.cumsum(
         [0, Mailbox.size(FORTH), Mailbox.size(BACK), Ring.size(ROW, KEPT_ROWS), Ring.size(ROW, KEPT_ROWS)]
     )

@@ -146,7 +146,7 @@ REFUSED = [
     ),
     (
         {"kind": "panda", "plant": {"load": {"mass": 1, "attached": 2.0, "released": 1.0}}},
-        "robot.plant.load: `Load.released` must be ",
+        "robot.plant.load: `TimedPayload.released` must be ",
     ),
     (
         {"kind": "panda", "plant": {"load": {"mass": 1, "inertia": [0.1, 0.1, -0.1]}}},

@@ -44,7 +44,7 @@ def swinging(**changes):
     ],
 )
 def test_a_motion_beyond_a_limit_is_refused_with_joint_time_and_value(natively, motion, message, monkeypatch):
-    monkeypatch.setattr(motion_limits.llvm, "available", lambda: natively)
+    monkeypatch.setattr(states.llvm, "available", lambda: natively)
     with pytest.raises(DefinitionError, match=message) as refused:
         swinging(**motion).simulate()
     assert "simulation.limits: ignore" in str(refused.value)

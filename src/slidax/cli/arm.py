@@ -7,8 +7,6 @@ from typing import Annotated
 
 import typer
 
-from slidax.core.writing import write_text
-
 from .common import (
     AsJson,
     Gravity,
@@ -42,6 +40,7 @@ def new(
     with errors_as_lines():
         prepare()
         from slidax.core.errors import DefinitionError
+        from slidax.core.writing import write_text
         from slidax.scenarios.draft import draft
 
         if out is not None and out.suffix not in (".yaml", ".yml"):

@@ -13,8 +13,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from slidax.core.writing import NO_ROOM
-
 from .common import AsJson, Engine, command_line, errors_as_lines, prepare, print_json, say_where
 
 if TYPE_CHECKING:
@@ -138,6 +136,7 @@ def _with_saved_rows(out: Path | None) -> Iterator[None]:
         yield
     except OSError as error:
         from slidax.core.errors import DefinitionError
+        from slidax.core.writing import NO_ROOM
         from slidax.studies.store import rows_kept
 
         if out is None or error.filename is None or not out.is_dir():

@@ -212,10 +212,6 @@ def main() -> None:
     import_module(module).main()
 
 
-if __name__ == "__main__":
-    main()
-
-
 CREATE, ADD, RESTRICT = 444, 445, 446
 """System call numbers, the same on all processors."""
 
@@ -277,3 +273,7 @@ def _allow(kernel: ctypes.CDLL, rules: int, path: Path, rights: int) -> None:
         kernel.syscall(ADD, rules, BENEATH, ctypes.byref(_Beneath(allowed, place)), 0)
     finally:
         os.close(place)
+
+
+if __name__ == "__main__":
+    main()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+
 import numpy as np
 import pytest
 
@@ -61,7 +63,7 @@ def test_many_runs_are_numbered_and_rows_of_studies_have_units(kind):
 
 def test_another_library_is_refused(monkeypatch):
     with pytest.raises(DefinitionError, match='of "pandas" or of "polars"'):
-        data_frame({}, "arrow")
+        inspect.unwrap(data_frame)({}, "arrow")
     monkeypatch.setitem(__import__("sys").modules, "polars", None)
     with pytest.raises(DefinitionError, match=r"pip install 'slidax\[frame\]'"):
         data_frame({}, "polars")

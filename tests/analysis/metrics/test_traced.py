@@ -81,7 +81,7 @@ def test_a_metric_of_the_user_that_computes_by_numpy_is_refused_by_name() -> Non
         """`max |e|`."""
         return np.asarray(run.tally.steady_error)
 
-    with pytest.raises(DefinitionError, match=r"`largest` is computed by NumPy.*`slidax\.metrics\.arrays\(run\)`"):
+    with pytest.raises(DefinitionError, match=r"`largest` is computed by NumPy.*`slidax\.analysis\.arrays\(run\)`"):
         traced(largest)
     np.testing.assert_array_equal(largest(finished()), analysis.steady_error(finished()))
 

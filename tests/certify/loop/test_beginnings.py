@@ -28,9 +28,9 @@ def begun(monkeypatch):
             return SimpleNamespace(entry=entry, holds=entry in holding, assembly=SimpleNamespace(stable=True))
 
         approach = SimpleNamespace(late=0, samples=200, entry=Sample)
-        monkeypatch.setattr(proved, "approached", lambda _: approach)
+        monkeypatch.setattr(proved, "simulate_cases", lambda _: approach)
         monkeypatch.setattr(proved, "_narrow", lambda *_: 100)
-        monkeypatch.setattr(proved, "ideal_of", lambda *_: SimpleNamespace(motion=None))
+        monkeypatch.setattr(proved, "planned_run", lambda *_: SimpleNamespace(motion=None))
         monkeypatch.setattr(proved, "compute_demand", lambda *_, **__: None)
         monkeypatch.setattr(proved, "_bounded", bounded)
         subject = SimpleNamespace(law=SimpleNamespace(joints=2), scenario=None)

@@ -70,7 +70,7 @@ def _greek(name: str) -> str:
     return word.capitalize() if "CAPITAL" in name else word
 
 
-IDENTITIES = frozenset({"once", "asarray"})
+IDENTITIES = frozenset({"barrier", "asarray"})
 """Functions that return their argument."""
 
 STACKS = frozenset({"array", "stack", "asarray"})
