@@ -17,7 +17,7 @@ from slidax.core.writing import create_text, is_temporary, remove_leftovers, rep
 WRITER = """
 import sys, time
 from slidax.core.writing import replace_file
-with replacing(sys.argv[1]) as file:
+with replace_file(sys.argv[1]) as file:
     file.write(b"half")
     file.flush()
     print("writing", flush=True)

@@ -34,8 +34,8 @@ def test_the_page_of_a_room_has_all_that_it_exports(
         assert first in text
 
 
-def test_a_preset_is_not_taken_for_the_module_that_defines_it(reference: tuple[dict[str, str], dict[str, str]]) -> None:
-    assert "\n::: slidax.law.presets.cftsmppc\n" in reference[0]["api/law.md"]
+def test_a_function_is_not_taken_for_the_module_of_its_name(reference: tuple[dict[str, str], dict[str, str]]) -> None:
+    assert "\n::: slidax.analysis.explain.explain\n" in reference[0]["api/analysis.md"]
     assert "\n::: slidax.law.SlidingMode\n" in reference[0]["api/law.md"]
 
 

@@ -51,14 +51,14 @@ def export_micro(
     def summary(project: Any) -> str:
         return f"at most {project.stack} bytes of stack; test it with `make test` in this folder"
 
-    _export("micro", "slidax.export", scenario, changes, out, summary, name=name, single=single)
+    _export("micro", "slidax.export.micro", scenario, changes, out, summary, name=name, single=single)
 
 
 def export_franka(
     scenario: Named, out: Folder, name: LawName = None, single: Floats = False, changes: Changes = None
 ) -> None:
     """Export the law as a program for a Franka arm: C++ for libfranka, Python for pylibfranka, and a rehearsal."""
-    _export("franka", "slidax.export", scenario, changes, out, "for a Franka arm", name=name, single=single)
+    _export("franka", "slidax.export.robots", scenario, changes, out, "for a Franka arm", name=name, single=single)
 
 
 def export_ur(
@@ -66,7 +66,7 @@ def export_ur(
 ) -> None:
     """Export the law as a program for a Universal Robots arm: Python for ur_rtde's directTorque, and a rehearsal."""
     arm = "for a Universal Robots arm"
-    _export("ur", "slidax.export", scenario, changes, out, arm, name=name, single=single)
+    _export("ur", "slidax.export.robots", scenario, changes, out, arm, name=name, single=single)
 
 
 def export_ros2(
@@ -81,7 +81,7 @@ def export_ros2(
 ) -> None:
     """Export the law as a ROS 2 package: a ros2_control controller with its parameters, and a node in Python."""
     options = {"name": name, "single": single, "gravity": gravity.value}
-    _export("ros2", "slidax.export", scenario, changes, out, "for ros2_control", **options)
+    _export("ros2", "slidax.export.ros2", scenario, changes, out, "for ros2_control", **options)
 
 
 def export_fmu(

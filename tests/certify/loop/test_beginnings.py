@@ -34,7 +34,7 @@ def begun(monkeypatch):
         monkeypatch.setattr(proved, "compute_demand", lambda *_, **__: None)
         monkeypatch.setattr(proved, "_bounded", bounded)
         subject = SimpleNamespace(law=SimpleNamespace(joints=2), scenario=None)
-        return proved.proved(subject).entry, tried
+        return proved.set_bound(subject).entry, tried
 
     return of
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -11,11 +12,12 @@ import pytest
 from slidax.certify import CERTIFICATES, Verdict
 from slidax.certify.certificate import certificate
 from slidax.core.errors import DefinitionError
-from slidax.export.web import playground
 from slidax.export.web import settings as certified
 from slidax.export.web.tunables import tunables_of
 from slidax.scenarios import Scenario, load
 from slidax.scenarios.load import altered
+
+playground = import_module("slidax.export.web.playground")
 
 DECLARED = [one for one in CERTIFICATES if one.reads is not None]
 
