@@ -54,7 +54,8 @@ def judged(seed: int, laws: int, runs: int, joints: int, count: Counted, *, kalm
     run = simulated(watched, (arms, torques, starts), parts, t1=first.t1, stepping=stepping)
     log = run.log
     outside = ((log.e >= log.envelope.upper) | (log.e <= log.envelope.lower)).any(axis=-1)
-    warned = np.asarray(log.signals["assumption_violated"]) > 0
+    # A sample that the gate rejects is a warning of its own: nothing else is computed from it.
+    warned = (np.asarray(log.signals["assumption_violated"]) > 0) | (np.asarray(log.signals["rejected"]) > 0)
     left = outside.any(axis=1)
     when = np.argmax(outside, axis=1)
     before = np.array([flags[: k + 1].any() for flags, k in zip(warned, when, strict=True)])
