@@ -124,7 +124,7 @@ class Identification:
                     "unit": parameter.unit,
                     "value": parameter.value,
                     "standard_error": parameter.standard_error,
-                    "seen": parameter.identifiable,
+                    "identifiable": parameter.identifiable,
                 }
                 for parameter in self.parameters
             ],
@@ -340,7 +340,7 @@ def arm_as_yaml(identification: Identification, robot: Mapping[str, Any], folder
     lines = [
         f"# {identification.robot.name}, identified from {identification.log.source}: "
         f"{len(identification.log.t)} samples.",
-        "# Standard errors are of one sigma; `seen: false` means that the log does not show it.",
+        "# Standard errors are of one sigma; `identifiable: false` means that the log does not show it.",
         *(f"# Warning: {sentence}." for sentence in identification.warnings),
         "robot:",
         *_block(described | ({"nominal": nominal} if nominal else {}) | ({"plant": plant} if plant else {}), 1),
@@ -357,9 +357,9 @@ def arm_as_yaml(identification: Identification, robot: Mapping[str, Any], folder
 
 
 def _line(parameter: EstimatedParameter) -> str:
-    is_seen = "true" if parameter.identifiable else "false"
+    is_identifiable = "true" if parameter.identifiable else "false"
     error = _flow(_rounded(parameter.standard_error, 4))
-    return f'  robot.{parameter.path}: {{standard_error: {error}, unit: "{parameter.unit}", seen: {is_seen}}}'
+    return f'  robot.{parameter.path}: {{standard_error: {error}, unit: "{parameter.unit}", identifiable: {is_identifiable}}}'
 
 
 def _block(mapping: Mapping[str, Any], depth: int) -> list[str]:

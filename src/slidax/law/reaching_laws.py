@@ -98,7 +98,7 @@ def proximal_step(reaching: Reaching, metric: Matrix, s: Vector, u: Scalar) -> V
     - `s`: sliding variable [n], rad/s or m/s.
     - `u`: size of the robust torque, >= 0, N m.
     """
-    return _proximal_step_step(reaching, metric, s, u)
+    return _solve_proximal_step(reaching, metric, s, u)
 
 
 def _residual_and_jacobian(
@@ -131,7 +131,7 @@ def _direction(
 
 
 @eqx.filter_custom_jvp
-def _proximal_step_step(reaching: Any, metric: Matrix, s: Vector, u: Scalar) -> Vector:
+def _solve_proximal_step(reaching: Any, metric: Matrix, s: Vector, u: Scalar) -> Vector:
     push = matvec(metric, s)
     size = vector_norm(push)
     layer = reaching.layer
@@ -183,10 +183,10 @@ def _proximal_step_step(reaching: Any, metric: Matrix, s: Vector, u: Scalar) -> 
     return jax.lax.cond(held, lambda: jnp.zeros_like(s), search)
 
 
-@_proximal_step_step.def_jvp  # type: ignore[untyped-decorator]
-def _proximal_step_step_jvp(primals: Any, tangents: Any) -> tuple[Vector, Vector]:
+@_solve_proximal_step.def_jvp  # type: ignore[untyped-decorator]
+def _solve_proximal_step_jvp(primals: Any, tangents: Any) -> tuple[Vector, Vector]:
     moving, still = eqx.partition(primals, tangent_mask(primals, tangents))
-    root = _proximal_step_step(*primals)
+    root = _solve_proximal_step(*primals)
 
     def residual(moving: Any) -> Vector:
         reaching, metric, s, u = eqx.combine(moving, still)

@@ -212,7 +212,7 @@ class StandardError(AbstractSet):
     """One standard deviation of each number."""
     unit: str = ""
     """Unit of the number; not used."""
-    seen: bool = True
+    identifiable: bool = True
     """True if the log excited the parameter; not used."""
     sigmas: float = input_field("where the normal distribution is cut, in standard errors", "", "(0, 8]", default=3.0)
 

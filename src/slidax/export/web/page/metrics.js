@@ -1,4 +1,4 @@
-// The metrics of a run from its statistics, as slidax.metrics computes them; what is not known is NaN.
+// The metrics of a run from its statistics, as slidax.analysis computes them; what is not known is NaN.
 
 function metricsBand(band) {
   const [mantissa, exponent] = band.toExponential().split("e");
