@@ -357,9 +357,9 @@ def arm_as_yaml(identification: Identification, robot: Mapping[str, Any], folder
 
 
 def _line(parameter: EstimatedParameter) -> str:
-    is_identifiable = "true" if parameter.identifiable else "false"
+    known = "true" if parameter.identifiable else "false"
     error = _flow(_rounded(parameter.standard_error, 4))
-    return f'  robot.{parameter.path}: {{standard_error: {error}, unit: "{parameter.unit}", identifiable: {is_identifiable}}}'
+    return f'  robot.{parameter.path}: {{standard_error: {error}, unit: "{parameter.unit}", identifiable: {known}}}'
 
 
 def _block(mapping: Mapping[str, Any], depth: int) -> list[str]:
