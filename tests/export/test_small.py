@@ -50,7 +50,7 @@ def test_it_is_short_and_what_is_asked_for_often_stands_in_it_once(panda):
     text = (folder / "slidax_law.c").read_text()
     assert len(text.splitlines()) < 3400
     names = {program.name for program in functions(made.step.answered.program)}
-    assert names >= {"joint_frames", "links", "inertia", "bias", "factors", "substituted", "matvec"}
+    assert names >= {"frames", "links", "inertia", "bias", "factors", "substituted", "matvec"}
     for name in names:
         assert len(re.findall(rf"^static void {name}\(", text, re.MULTILINE)) >= 1, name
     assert all(len(line) <= 140 for line in text.splitlines())
