@@ -124,7 +124,7 @@ def test_what_identify_writes_can_be_used_as_it_stands(tmp_path: Path) -> None:
         'robot:\n  kind: "panda"\n  nominal: {armature: [0.1, 0.1, 0.1, 0.1, 0.05, 0.05, 0.05]}\n'
         "  plant: {coulomb: 0.4}\n"
         "uncertainty:\n"
-        '  robot.nominal.armature: {standard_error: [.01, .01, .01, .01, .3, .01, 0.01], identifiable: true}\n'
+        "  robot.nominal.armature: {standard_error: [.01, .01, .01, .01, .3, .01, 0.01], identifiable: true}\n"
         '  robot.plant.coulomb: {standard_error: 0.05, unit: "N m", identifiable: false}\n',
         encoding="utf-8",
     )
