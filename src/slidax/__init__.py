@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from slidax import scenarios as scenarios
     from slidax import simulation as simulation
     from slidax import studies as studies
+    from slidax.analysis import metrics as metrics
     from slidax.core import Command as Command
     from slidax.core import DefinitionError as DefinitionError
     from slidax.core import DefinitionWarning as DefinitionWarning
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
     from slidax.core import OutcomeError as OutcomeError
     from slidax.core import Reference as Reference
     from slidax.core import State as State
+    from slidax.report import figures as figures
     from slidax.simulation import MujocoPlant as MujocoPlant
     from slidax.simulation import Plant as Plant
     from slidax.simulation import Run as Run
@@ -60,16 +62,18 @@ _EXPORTED = {
     "simulation": ("MujocoPlant", "Plant", "Run", "Stepping", "simulate", "simulate_batch"),
 }
 _HOME = {name: package for package, names in _EXPORTED.items() for name in names}
+_SHORT = {"figures": "report.figures", "metrics": "analysis.metrics"}
+"""Modules that are used after nearly every run, under a short name."""
 _SUBPACKAGES = [module.name for module in iter_modules(__path__) if not module.name.startswith("_")]
 
 
 def __getattr__(name: str) -> Any:
     if name in _HOME:
         return getattr(import_module(f".{_HOME[name]}", __name__), name)
-    if name in _SUBPACKAGES:
-        return import_module(f".{name}", __name__)
+    if name in _SUBPACKAGES or name in _SHORT:
+        return import_module(f".{_SHORT.get(name, name)}", __name__)
     raise AttributeError(f"module `slidax` has no `{name}`")
 
 
 def __dir__() -> list[str]:
-    return sorted([*_SUBPACKAGES, *_HOME, "__version__"])
+    return sorted([*_SUBPACKAGES, *_SHORT, *_HOME, "__version__"])

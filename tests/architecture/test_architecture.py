@@ -192,3 +192,8 @@ for ask in (lambda: states_of(robot, np.zeros((1, 2))), lambda: certify(scenario
         print(error)
 """
     assert in_a_fresh_interpreter(code).count('jax.config.update("jax_enable_x64", True)') == 3
+
+
+def test_metrics_and_figures_have_short_names():
+    assert slidax.metrics.settling_time is importlib.import_module("slidax.analysis").settling_time
+    assert slidax.figures.tracking_error is importlib.import_module("slidax.report.figures").tracking_error

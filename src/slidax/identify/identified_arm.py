@@ -124,7 +124,7 @@ class Identification:
                     "unit": parameter.unit,
                     "value": parameter.value,
                     "standard_error": parameter.standard_error,
-                    "identifiable": parameter.identifiable,
+                    "seen": parameter.identifiable,
                 }
                 for parameter in self.parameters
             ],
