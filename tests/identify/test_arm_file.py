@@ -32,7 +32,7 @@ def test_the_file_has_each_number_under_its_path_with_an_uncertainty(written):
             continue
         said = data["uncertainty"][f"robot.{one.path}"]
         assert said["standard_error"] == pytest.approx(one.standard_error, rel=1e-3)
-        assert (said["seen"], said["unit"]) == (one.identifiable, one.unit)
+        assert (said["identifiable"], said["unit"]) == (one.identifiable, one.unit)
         place = data["robot"]
         for key in one.path.split("."):
             place = place[int(key)] if isinstance(place, list) else place[key]
