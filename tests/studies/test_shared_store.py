@@ -32,7 +32,7 @@ text, out, part = sys.argv[1:]
 print("begin", flush=True)
 part = Part.parsed(part) if part else None
 try:
-    study_of(json.loads(text)).run(How(Path(out), True, part=part))
+    study_of(json.loads(text)).run(RunOptions(Path(out), True, part=part))
 except PartDone as done:
     print("missing", done.missing, flush=True)
 else:
