@@ -70,17 +70,11 @@ BAD_JOINTS = {
         {"rotation": np.diag([1.0, 1.0, -1.0])},
         "the frame of joint `elbow` must have orthonormal axes, right-handed",
     ),
-    "place": (
-        {"translation": np.array([INF, 0.0, 0.0])},
-        "the place of joint `elbow` must be three finite numbers",
-    ),
+    "place": ({"translation": np.array([INF, 0.0, 0.0])}, "the place of joint `elbow` must be three finite numbers"),
     "no axis": ({"axis": np.zeros(3)}, r"the axis of joint `elbow` must have a direction; got \[0.0, 0.0, 0.0\]"),
     "axis that is no number": ({"axis": np.array([0.0, NAN, 1.0])}, "the axis of joint `elbow` must have a direction"),
     "axis of two numbers": ({"axis": np.ones(2)}, r"the axis of joint `elbow` must have a direction; got \[1.0, 1.0\]"),
-    "limits": (
-        {"lower": 1.0, "upper": -1.0},
-        "the limits of joint `elbow` must be lower < upper; got 1 and -1",
-    ),
+    "limits": ({"lower": 1.0, "upper": -1.0}, "the limits of joint `elbow` must be lower < upper; got 1 and -1"),
     "limits that are no numbers": ({"lower": NAN}, "the limits of joint `elbow` must be lower < upper"),
     "velocity": ({"velocity": 0.0}, "the velocity limit of joint `elbow` must be > 0; got 0"),
     "torque": ({"torque": -5.0}, "the torque limit of joint `elbow` must be > 0; got -5"),
@@ -105,11 +99,7 @@ def still(**more) -> Joint:
 BAD_ARMS = {
     "no joints": ([], TIP, "arm has no joint that moves"),
     "nothing moves": ([Joint("flange", "fixed", None, "tool")], TIP, "arm has no joint that moves"),
-    "two joints of one name": (
-        [SHOULDER, a_joint(name="shoulder")],
-        TIP,
-        "there are two joints named `shoulder`",
-    ),
+    "two joints of one name": ([SHOULDER, a_joint(name="shoulder")], TIP, "there are two joints named `shoulder`"),
     "two joints of one link": (
         [SHOULDER, a_joint(link="upper arm")],
         TIP,

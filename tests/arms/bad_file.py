@@ -30,10 +30,7 @@ class BadFile:
     arguments: dict[str, Any] = field(default_factory=dict)
 
     def source(self, folder: Path) -> str | Path:
-        """What is given: the text, or the path of a file with it.
-
-        - `folder`: where it is written.
-        """
+        """What is given: the text, or the path of a file with it."""
         if isinstance(self.text, str):
             return self.text
         (folder / "robot.xml").write_bytes(self.text)
@@ -41,10 +38,7 @@ class BadFile:
 
 
 def changed(text: str, *changes: str) -> str:
-    """A text with pieces replaced.
-
-    - `changes`: old, new, old, new, ...; each old one must be there exactly once.
-    """
+    """A text with pieces replaced."""
     for old, new in zip(changes[::2], changes[1::2], strict=True):
         assert text.count(old) == 1, f"{old!r} is there {text.count(old)} times"
         text = text.replace(old, new)
@@ -52,11 +46,7 @@ def changed(text: str, *changes: str) -> str:
 
 
 def damaged(text: str, rng: np.random.Generator) -> str:
-    """A text of XML with one to three things in it changed, left out or doubled.
-
-    - `text`: the good one.
-    - `rng`: chance.
-    """
+    """A text of XML with one to three things in it changed, left out or doubled."""
     for _ in range(rng.integers(1, 4)):
         value, attribute, element, other = (
             (found := list(re.finditer(pattern, text)))[rng.integers(len(found))].span()

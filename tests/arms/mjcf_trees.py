@@ -6,11 +6,7 @@ import numpy as np
 
 
 def random_mjcf(seed: int, joints: int) -> str:
-    """A tree whose tip is the site `tip`, and whose joint `locked` is to be held.
-
-    - `seed`: of the random numbers.
-    - `joints`: with so many, besides the one to be held, no further body is begun.
-    """
+    """A tree whose tip is the site `tip`, and whose joint `locked` is to be held."""
     return _Writer(np.random.default_rng(seed), joints).text()
 
 

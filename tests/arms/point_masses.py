@@ -9,10 +9,7 @@ Points = tuple[np.ndarray, np.ndarray]
 
 
 def points_of(mass: float, center: np.ndarray, inertia: np.ndarray) -> Points:
-    """Six points with the same mass, centre of mass and inertia.
-
-    - `mass`, `center`, `inertia`: of the body; the inertia about the centre of mass.
-    """
+    """Six points with the same mass, centre of mass and inertia."""
     if mass == 0:
         return np.zeros(0), np.zeros((0, 3))
     moments, axes = np.linalg.eigh(inertia)
@@ -22,19 +19,12 @@ def points_of(mass: float, center: np.ndarray, inertia: np.ndarray) -> Points:
 
 
 def seen_from(rotation: np.ndarray, translation: np.ndarray, points: Points) -> Points:
-    """The same points in another frame.
-
-    - `rotation`, `translation`: of their frame in the other.
-    - `points`: as they are in their own.
-    """
+    """The same points in another frame."""
     return points[0], points[1] @ rotation.T + translation
 
 
 def body_of(*bodies: Points) -> tuple[float, np.ndarray, np.ndarray]:
-    """Mass, centre of mass, and inertia about it.
-
-    - `bodies`: in one frame.
-    """
+    """Mass, centre of mass, and inertia about it."""
     masses, places = (np.concatenate(part) for part in zip(*bodies, strict=True))
     center = masses @ places / masses.sum()
     arms = places - center

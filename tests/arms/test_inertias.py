@@ -29,9 +29,7 @@ READERS = [
     pytest.param(
         from_mjcf,
         changed(
-            bad_mjcf.GOOD,
-            bad_mjcf.INERTIAL,
-            '<inertial pos="0.1 0.01 0" mass="1.25" diaginertia="0.01 0.02 0.1"/>',
+            bad_mjcf.GOOD, bad_mjcf.INERTIAL, '<inertial pos="0.1 0.01 0" mass="1.25" diaginertia="0.01 0.02 0.1"/>'
         ),
         "body `fore`",
         id="MJCF, moments",

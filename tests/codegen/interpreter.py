@@ -14,11 +14,7 @@ SPLITTER = 2.0**27 + 1.0
 
 
 def interpreted(program, *inputs):
-    """The program's outputs, a list of arrays [samples, *shape]; logged ones [samples, rows, *shape].
-
-    - `program`: see `slidax.codegen.ir`.
-    - `inputs`: one array [samples, *shape] for each of its inputs.
-    """
+    """The program's outputs, a list of arrays [samples, *shape]; logged ones [samples, rows, *shape]."""
     samples = len(inputs[0]) if inputs else 1
     run = _Run(program, [np.asarray(x).reshape(samples, -1) for x in inputs], samples)
     with np.errstate(all="ignore"):
@@ -27,10 +23,7 @@ def interpreted(program, *inputs):
 
 
 class _Run:
-    """The values that are known so far.
-
-    - `program`, `inputs`, `samples`: see `interpreted`.
-    """
+    """The values that are known so far."""
 
     def __init__(self, program, inputs, samples):
         self.program = program

@@ -12,12 +12,7 @@ COMPARED = ["lt", "le", "gt", "ge", "eq", "ne"]
 
 
 class RandomProgram:
-    """A program in the making.
-
-    - `seed`: of all that is random in it.
-    - `size`: how many operations a region has, about.
-    - `varying`: whether each run of a batch has inputs of its own.
-    """
+    """A program in the making."""
 
     def __init__(self, seed, size=16, varying=False):
         self.random = np.random.default_rng(seed)

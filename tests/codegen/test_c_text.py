@@ -163,9 +163,7 @@ def test_a_loop_updates_what_it_carries_all_at_once():
     b = Builder()
     x = b.input("x", "f64", (2,))
     left = b.loop(
-        list(x),
-        lambda c: b.apply("lt", c[0], b.constant(9.0, "f64")),
-        lambda c: [c[1], b.apply("add", c[0], c[1])],
+        list(x), lambda c: b.apply("lt", c[0], b.constant(9.0, "f64")), lambda c: [c[1], b.apply("add", c[0], c[1])]
     )
     assert [line.strip() for line in lines_of(b, *left)] == [
         "double v1 = x[0];",

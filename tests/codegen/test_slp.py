@@ -20,10 +20,7 @@ def folder(monkeypatch, tmp_path):
 
 
 class Joints:
-    """A random program of vectors with an element for each joint, mixed, turned round and summed now and then.
-
-    - `seed`: of all that is random in it.
-    """
+    """A random program of vectors with an element for each joint, mixed, turned round and summed now and then."""
 
     def __init__(self, seed):
         self.random = np.random.default_rng(seed)

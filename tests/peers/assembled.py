@@ -18,11 +18,7 @@ KINDS = {
 
 
 def for_pinocchio(joints: Sequence[Joint], locked: Mapping[str, float]) -> Any:
-    """Pinocchio's model; the tip can be any link.
-
-    - `joints`: each after the one that carries it.
-    - `locked`: positions of joints that do not move.
-    """
+    """Pinocchio's model; the tip can be any link."""
     model = pinocchio.Model()
     for joint in joints:
         axis = np.array([1.0, 0.0, 0.0]) if joint.kind == "fixed" else joint.axis / np.linalg.norm(joint.axis)

@@ -15,14 +15,7 @@ mujoco = pytest.importorskip("mujoco")
 def by_mujoco(
     model: Any, tip: str, joint_names: tuple[str, ...], states: States, locked: dict[str, float] | None = None
 ) -> Motion:
-    """Without friction and without stops.
-
-    - `model`: MuJoCo's; its joints may be in another order.
-    - `tip`: name of the tip's body.
-    - `joint_names`: in the order of the states.
-    - `states`: positions, velocities and torques.
-    - `locked`: positions of the joints that do not move.
-    """
+    """Without friction and without stops."""
     model.dof_damping[:], model.dof_frictionloss[:] = 0.0, 0.0
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     data = mujoco.MjData(model)

@@ -13,13 +13,7 @@ pinocchio = pytest.importorskip("pinocchio")
 
 
 def by_pinocchio(model: Any, tip: str, joint_names: tuple[str, ...], states: States) -> Motion:
-    """Without friction.
-
-    - `model`: Pinocchio's; its joints may be in another order.
-    - `tip`: name of the tip's body.
-    - `joint_names`: in the order of the states.
-    - `states`: positions, velocities and torques.
-    """
+    """Without friction."""
     model.damping = np.zeros(model.nv)
     data = model.createData()
     joints = [model.joints[model.getJointId(name)] for name in joint_names]
@@ -55,11 +49,7 @@ def by_pinocchio(model: Any, tip: str, joint_names: tuple[str, ...], states: Sta
 
 
 def held(model: Any, positions: dict[str, float]) -> Any:
-    """The model with some joints held, their links joined to what carries them.
-
-    - `model`: Pinocchio's.
-    - `positions`: of the joints that are held.
-    """
+    """The model with some joints held, their links joined to what carries them."""
     if not positions:
         return model
     still = pinocchio.neutral(model)

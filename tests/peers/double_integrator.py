@@ -41,10 +41,7 @@ NEXT_TO_NOTHING = 1e-300
 
 
 class OneJoint(AbstractRobot):
-    """`J q̈ = τ + τ_d`: a slide on a level rail.
-
-    - `inertia`: J, kg.
-    """
+    """`J q̈ = τ + τ_d`: a slide on a level rail."""
 
     joint_units: ClassVar[tuple[str, ...]] = ("m",)
     joint_names: ClassVar[tuple[str, ...]] = ("joint 1",)
@@ -147,10 +144,7 @@ GOAL, START, PUSH = 0.3, (-0.4, 0.5), 0.8
 
 
 def by_opensmc(pair: Pair, period: float, steps: int, method: str = "rk4", push: Any = PUSH) -> dict[str, np.ndarray]:
-    """The closed loop by OpenSMC's own simulator.
-
-    - `push`: the disturbance, a number or a function of time.
-    """
+    """The closed loop by OpenSMC's own simulator."""
     # Its number of steps is int(T/dt), so half a step is added that is cut off again.
     simulator = Simulator(dt=period, T=(steps + 0.5) * period, method=method)
     force = push if callable(push) else lambda t: push
@@ -164,11 +158,7 @@ def by_opensmc(pair: Pair, period: float, steps: int, method: str = "rk4", push:
 
 
 def by_slidax(pair: Pair, period: float, steps: int, disturbance: Any = None, **options: Any) -> Any:
-    """The same closed loop by `slidax.simulate`: the finished run.
-
-    - `disturbance`: the same force on the joint; the constant one by default.
-    - `options`: for `simulate`.
-    """
+    """The same closed loop by `slidax.simulate`: the finished run."""
     return simulate(
         Plant(OneJoint(pair.inertia), disturbance or ConstantForce([PUSH])),
         pair.ours,

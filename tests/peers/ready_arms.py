@@ -18,10 +18,7 @@ DESCRIPTIONS: dict[str, Any] = {path.stem: YAML(typ="safe", pure=True).load(path
 
 
 def for_pinocchio(name: str) -> Any:
-    """Pinocchio's model.
-
-    - `name`: of the robot.
-    """
+    """Pinocchio's model."""
     description, model = DESCRIPTIONS[name], pinocchio.Model()
     for joint in description["joints"]:
         link = joint["link"]
@@ -45,10 +42,7 @@ def _place(described: dict[str, Any]) -> Any:
 
 
 def for_mujoco(name: str) -> Any:
-    """MuJoCo's model.
-
-    - `name`: of the robot.
-    """
+    """MuJoCo's model."""
     description, spec = DESCRIPTIONS[name], mujoco.MjSpec()
     spec.compiler.degree = False
     bodies = {None: spec.worldbody}

@@ -8,16 +8,7 @@ from slidax.core.types import State
 from slidax.law import sampled_data
 from slidax.plant import Actuator, Constant, Exact, TorqueLimits
 from slidax.simulation import Plant, simulate
-from tests.paper_examples import (
-    MOTION_4_1,
-    MOTION_4_2,
-    SCARA,
-    START_4_1,
-    TWO_LINK,
-    law_4_1,
-    law_4_2,
-    plant_4_1,
-)
+from tests.paper_examples import MOTION_4_1, MOTION_4_2, SCARA, START_4_1, TWO_LINK, law_4_1, law_4_2, plant_4_1
 from tests.simulation.simple import SMOOTH_PLANT, SPRING
 
 

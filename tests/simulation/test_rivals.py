@@ -7,15 +7,7 @@ import pytest
 
 from slidax.law import Linear
 from slidax.simulation import BANDS, simulate
-from tests.paper_examples import (
-    DISTURBANCE_4_2,
-    MOTION_4_1,
-    MOTION_4_2,
-    START_4_1,
-    START_4_2,
-    plant_4_1,
-    plant_4_2,
-)
+from tests.paper_examples import DISTURBANCE_4_2, MOTION_4_1, MOTION_4_2, START_4_1, START_4_2, plant_4_1, plant_4_2
 from tests.rivals import (
     AROUND_4_1,
     AROUND_4_2,

@@ -7,16 +7,10 @@ from slidax.simulation import Run
 
 FIXED_TIME = {"kind": "fixed_time", "initial": [0.8, 0.6], "final": 0.002, "deadline": [5.0, 6.0], "exponent": 2.01}
 
-OWN = {
-    "performance": FIXED_TIME,
-    "overshoot": 0.2,
-}
+OWN = {"performance": FIXED_TIME, "overshoot": 0.2}
 """The envelope of the scenario's own scheme, as a tolerance band."""
 
-NARROW = {
-    "performance": {"kind": "exponential", "initial": 1.0, "final": 0.05, "rate": 20.0},
-    "overshoot": 0.5,
-}
+NARROW = {"performance": {"kind": "exponential", "initial": 1.0, "final": 0.05, "rate": 20.0}, "overshoot": 0.5}
 
 
 def run(tolerance, engine="auto", **changes) -> Run:

@@ -15,13 +15,7 @@ def home(name: str) -> np.ndarray:
 
 
 def drawn(arm: Articulated, seed: int, count: int, room: float = 0.1) -> np.ndarray:
-    """Postures within the limits, and not near them.
-
-    - `arm`: whose.
-    - `seed`: of the draw.
-    - `count`: how many.
-    - `room`: to the limits, as a part of each joint's range.
-    """
+    """Postures within the limits, and not near them."""
     low, high = np.maximum(arm.limits.lower, -np.pi), np.minimum(arm.limits.upper, np.pi)
     share = np.random.default_rng(seed).uniform(room, 1 - room, (count, arm.joints))
     return low + share * (high - low)

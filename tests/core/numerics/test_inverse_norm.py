@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from slidax.core import inverse_norm
-from tests.paper_examples import SCARA, TWO_LINK
 
 norm = jax.jit(inverse_norm)
 gradient = jax.jit(jax.grad(inverse_norm))
@@ -60,15 +59,8 @@ def test_its_gradient_matches_differences(n):
     along = symmetric(np.linspace(-1.0, 1.0, n), 4)
     h = 1e-6
     difference = (of_numpy(a + h * along) - of_numpy(a - h * along)) / (2 * h)
-    found = np.sum(np.asarray(jax.jvp(norm, (jnp.asarray(a),), (jnp.asarray(along),))[1]))
-    assert float(found) == pytest.approx(difference, rel=1e-6)
-
-
-@pytest.mark.parametrize("robot", [TWO_LINK, SCARA])
-def test_of_the_papers_arms_it_is_that_of_numpy_at_any_posture(robot):
-    for angle in np.linspace(-np.pi, np.pi, 41):
-        m = robot.mass(jnp.full(robot.joints, angle))
-        np.testing.assert_allclose(norm(m), of_numpy(np.asarray(m)), rtol=1e-9)
+    derivative = np.sum(np.asarray(jax.jvp(norm, (jnp.asarray(a),), (jnp.asarray(along),))[1]))
+    assert float(derivative) == pytest.approx(difference, rel=1e-6)
 
 
 def test_it_makes_no_library_call():

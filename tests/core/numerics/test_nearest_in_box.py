@@ -19,8 +19,8 @@ def arm(n, rng):
 
 def test_what_is_inside_stays_to_the_bit():
     wanted = jnp.array([0.3, -1.0])
-    given = nearest(wanted, jnp.full(2, -jnp.inf), jnp.array([0.3, jnp.inf]), arm(2, np.random.default_rng(0)))
-    np.testing.assert_array_equal(given, wanted)
+    torque = nearest(wanted, jnp.full(2, -jnp.inf), jnp.array([0.3, jnp.inf]), arm(2, np.random.default_rng(0)))
+    np.testing.assert_array_equal(torque, wanted)
 
 
 @pytest.mark.parametrize("n", [2, 3, 7])
@@ -29,8 +29,8 @@ def test_no_other_torque_within_the_limits_is_nearer_in_acceleration(n):
     for _ in range(20):
         mass, wanted = arm(n, rng), jnp.asarray(rng.normal(size=n) * 5)
         lower, upper = jnp.asarray(-rng.uniform(0.1, 3, n)), jnp.asarray(rng.uniform(0.1, 3, n))
-        given = np.asarray(nearest(wanted, lower, upper, mass))
-        assert np.all((given >= lower) & (given <= upper))
+        torque = np.asarray(nearest(wanted, lower, upper, mass))
+        assert np.all((torque >= lower) & (torque <= upper))
         inverse, goal = np.linalg.inv(mass), np.asarray(wanted)
 
         def cost(x, inverse=inverse, goal=goal):
@@ -38,15 +38,15 @@ def test_no_other_torque_within_the_limits_is_nearer_in_acceleration(n):
 
         bounds = list(zip(np.asarray(lower), np.asarray(upper), strict=True))
         reference = minimize(cost, np.clip(wanted, lower, upper), bounds=bounds, tol=1e-14)
-        assert cost(given) <= reference.fun * (1 + 1e-3) + 1e-9
+        assert cost(torque) <= reference.fun * (1 + 1e-3) + 1e-9
 
 
 def test_a_joint_that_is_free_gets_the_acceleration_it_wants_although_another_lacks_torque():
     mass = jnp.array([[2.0, 0.9], [0.9, 1.0]])
     wanted = mass @ jnp.array([10.0, -1.0])
     limit = jnp.array([5.0, jnp.inf])
-    given = nearest(wanted, -limit, limit, mass)
-    assert given[0] == 5.0
-    np.testing.assert_allclose(np.linalg.solve(mass, given)[1], -1.0, rtol=1e-12)
+    torque = nearest(wanted, -limit, limit, mass)
+    assert torque[0] == 5.0
+    np.testing.assert_allclose(np.linalg.solve(mass, torque)[1], -1.0, rtol=1e-12)
     clipped = np.linalg.solve(mass, np.clip(wanted, -limit, limit))[1]
     assert abs(clipped + 1.0) > 3.0

@@ -35,32 +35,24 @@ def scratch(meaning: str, unit: str, range: str, default: float, source: str) ->
     return Scratch
 
 
-SAID = [
+DECLARATIONS = [
     ("g, how hard it pulls", "1/s", "> 0", 2.0, "Table 9", -1.0),
     ("g, another gain", "1/min", ">= 3", 5.0, "a guess", 2.0),
 ]
 
 
-@pytest.mark.parametrize(("meaning", "unit", "range", "default", "source", "wrong"), SAID)
+@pytest.mark.parametrize(("meaning", "unit", "range", "default", "source", "wrong"), DECLARATIONS)
 def test_a_change_of_the_declaration_is_seen_everywhere(
     meaning: str, unit: str, range: str, default: float, source: str, wrong: float
 ) -> None:
     part = scratch(meaning, unit, range, default, source)
     assert f"- `gain`: {meaning}, one number or [n], {unit}, {range}; {default:g} if not given." in part.__doc__
-    with pytest.raises(
-        DefinitionError, match=re.escape(f"`Scratch.gain` must be {range} {unit} (eq. 99); got {wrong:g}")
-    ):
+    message = f"`Scratch.gain` must be {range} {unit} (eq. 99); got {wrong:g}"
+    with pytest.raises(DefinitionError, match=re.escape(message)):
         part(wrong)
     (row,) = _rows(description_of(part), "")
-    assert row == {
-        "path": "gain",
-        "unit": unit,
-        "range": f"{range} (eq. 99)",
-        "default": default,
-        "required": False,
-        "source": source,
-        "meaning": meaning,
-    }
+    numbers = {"unit": unit, "range": f"{range} (eq. 99)", "default": default, "required": False}
+    assert row == {"path": "gain", "source": source, "meaning": meaning, **numbers}
     field = description_of(part).model_json_schema()["properties"]["gain"]
     end = {"> 0": ("exclusiveMinimum", 0.0), ">= 3": ("minimum", 3.0)}[range]
     assert field["description"] == f"{meaning} [{unit}], {range} (eq. 99)."
@@ -129,9 +121,10 @@ def test_every_parameter_that_a_file_can_name_says_what_it_is(model: Any) -> Non
 @pytest.mark.parametrize("kind", ["surfaces", "reaching", "bounds", "performance", "transformations"])
 def test_every_parameter_of_a_part_is_declared(kind: str) -> None:
     for model in described(kind).values():
-        for one in parameters_of(model.part):
-            assert one.meaning, (model.part, one.name)
-            assert one.piece or one.range.text or one.why or one.unit or not one.shape, (model.part, one.name)
+        for entry in parameters_of(model.part):
+            assert entry.meaning, (model.part, entry.name)
+            known = entry.piece or entry.range.text or entry.why or entry.unit or not entry.shape
+            assert known, (model.part, entry.name)
 
 
 def test_presets_say_where_their_numbers_come_from() -> None:

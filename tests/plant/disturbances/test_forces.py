@@ -18,14 +18,14 @@ def at_rest(n):
 def test_example_4_1_is_disturbed_as_printed():
     fast = 0.5 * np.sin(200 * np.pi * TIMES)
     expected = np.stack([2 * np.sin(TIMES) + fast, np.cos(2 * TIMES) + fast], axis=1)
-    given = jax.vmap(lambda t: DISTURBANCE_4_1(t, at_rest(2)))(jnp.asarray(TIMES))
-    np.testing.assert_allclose(given, expected, atol=1e-11)
+    forces = jax.vmap(lambda t: DISTURBANCE_4_1(t, at_rest(2)))(jnp.asarray(TIMES))
+    np.testing.assert_allclose(forces, expected, atol=1e-11)
 
 
 def test_example_4_2_is_disturbed_as_printed():
     s, c = np.sin(TIMES), np.cos(TIMES)
-    given = jax.vmap(lambda t: DISTURBANCE_4_2(t, at_rest(3)))(jnp.asarray(TIMES))
-    np.testing.assert_allclose(given, np.stack([s + 1, 2 * c + 0.5, 2 * s + 1], axis=1), atol=1e-13)
+    forces = jax.vmap(lambda t: DISTURBANCE_4_2(t, at_rest(3)))(jnp.asarray(TIMES))
+    np.testing.assert_allclose(forces, np.stack([s + 1, 2 * c + 0.5, 2 * s + 1], axis=1), atol=1e-13)
 
 
 def test_friction_opposes_the_velocity_and_takes_energy():
@@ -35,26 +35,17 @@ def test_friction_opposes_the_velocity_and_takes_energy():
     assert np.all(np.asarray(tau * dq) < 0)
 
 
-def test_fast_friction_is_coulomb_plus_viscous_and_none_at_rest():
-    friction = Friction([0.3, 0.2], [0.1, 0.05], 0.01)
-    fast = State(q=jnp.zeros(2), dq=jnp.array([2.0, -3.0]))
-    np.testing.assert_allclose(friction(jnp.asarray(0.0), fast), [-0.5, 0.35], rtol=1e-14)
-    np.testing.assert_array_equal(friction(jnp.asarray(0.0), at_rest(2)), [0.0, 0.0])
+def test_friction_is_smoothed_coulomb_plus_viscous_and_none_at_rest():
+    friction = Friction([0.3, 0.2, 0.3], [0.1, 0.05, 0.0], 0.01)
+    moving = State(q=jnp.zeros(3), dq=jnp.array([2.0, -3.0, 0.01]))
+    np.testing.assert_allclose(friction(jnp.asarray(0.0), moving), [-0.5, 0.35, -0.3 * np.tanh(1.0)], rtol=1e-14)
+    np.testing.assert_array_equal(friction(jnp.asarray(0.0), at_rest(3)), np.zeros(3))
 
 
-def test_friction_turns_smoothly_within_its_smoothing_velocity():
-    friction = Friction([0.3], 0.0, 0.01)
-    slow = State(q=jnp.zeros(1), dq=jnp.array([0.01]))
-    np.testing.assert_allclose(friction(jnp.asarray(0.0), slow), [-0.3 * np.tanh(1.0)], rtol=1e-14)
-
-
-def test_a_step_lasts_from_its_start_until_before_its_end():
+def test_step_lasts_from_its_start_until_before_its_end():
     step = Step([3.0, -1.0], 0.5, 1.5)
     for t, factor in ((0.0, 0), (np.nextafter(0.5, 0), 0), (0.5, 1), (1.49, 1), (1.5, 0), (9.0, 0)):
         np.testing.assert_array_equal(step(jnp.asarray(t), at_rest(2)), np.array([3.0, -1.0]) * factor)
-
-
-def test_a_step_without_an_end_lasts_for_ever():
     np.testing.assert_array_equal(Step([2.0], 0.5)(jnp.asarray(1e9), at_rest(1)), [2.0])
 
 

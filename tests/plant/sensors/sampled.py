@@ -8,20 +8,11 @@ from slidax.core.types import State
 
 def moving(t):
     """A smooth motion of two joints."""
-    return State(
-        q=jnp.stack([jnp.sin(3.0 * t), 0.5 - t]),
-        dq=jnp.stack([3.0 * jnp.cos(3.0 * t), -jnp.ones_like(t)]),
-    )
+    return State(q=jnp.stack([jnp.sin(3.0 * t), 0.5 - t]), dq=jnp.stack([3.0 * jnp.cos(3.0 * t), -jnp.ones_like(t)]))
 
 
 def sampled(sensor, motion=moving, samples=12, period=1e-2):
-    """The measurements at samples 0, 1, ..., stacked.
-
-    - `sensor`: what measures.
-    - `motion`: from a time to a state.
-    - `samples`: how many.
-    - `period`: time between two [s].
-    """
+    """The measurements at samples 0, 1, ..., stacked."""
 
     def sample(memory, k):
         measurement, memory = sensor(k, motion(k.astype(float) * period), jnp.asarray(period), memory)

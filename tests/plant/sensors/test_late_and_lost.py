@@ -16,6 +16,14 @@ def truth(times):
     return jax.vmap(moving)(jnp.asarray(times))
 
 
+def clock(t):
+    return State(q=t[None], dq=jnp.ones(1))
+
+
+def one_outage(sensor, **numbers):
+    return Lossy(sensor, starts=[1], **numbers)
+
+
 def cubic(t):
     """A polynomial of third order, which the interpolation keeps."""
     return State(q=jnp.stack([t * t * t - t, 2.0 - t * t]), dq=jnp.stack([3.0 * t * t - 1.0, -2.0 * t]))
@@ -23,47 +31,44 @@ def cubic(t):
 
 @pytest.mark.parametrize("periods", [0, 1, 2, 7])
 def test_a_whole_delay_gives_the_very_samples_of_before(periods):
-    seen = sampled(Delayed(Exact(), periods), samples=30).state
+    measured = sampled(Delayed(Exact(), periods), samples=30).state
     right = jax.tree.map(np.asarray, sampled(Exact(), samples=30).state)
-    np.testing.assert_allclose(seen.q[periods:], right.q[: 30 - periods], atol=1e-15)
-    np.testing.assert_allclose(seen.dq[periods:], right.dq[: 30 - periods], atol=1e-15)
+    np.testing.assert_allclose(measured.q[periods:], right.q[: 30 - periods], atol=1e-15)
+    np.testing.assert_allclose(measured.dq[periods:], right.dq[: 30 - periods], atol=1e-15)
 
 
 @pytest.mark.parametrize("periods", [0.3, 1.5, 3.99])
 def test_a_motion_of_third_order_is_late_without_error(periods):
-    seen = sampled(Delayed(Exact(), periods), cubic, samples=200).state
+    measured = sampled(Delayed(Exact(), periods), cubic, samples=200).state
     old = jax.vmap(cubic)(jnp.asarray((np.arange(200) - periods) * 1e-2))
-    np.testing.assert_allclose(seen.q[4:], old.q[4:], atol=1e-14)
-    np.testing.assert_allclose(seen.dq[4:], old.dq[4:], atol=1e-12)
+    np.testing.assert_allclose(measured.q[4:], old.q[4:], atol=1e-14)
+    np.testing.assert_allclose(measured.dq[4:], old.dq[4:], atol=1e-12)
 
 
 def test_between_samples_the_error_is_of_order_four_in_the_position_and_three_in_the_velocity():
     errors = []
     for period in (0.04, 0.02):
         samples = round(4.0 / period)
-        seen = sampled(Delayed(Exact(), 1.4), samples=samples, period=period).state
+        measured = sampled(Delayed(Exact(), 1.4), samples=samples, period=period).state
         right = truth((np.arange(samples) - 1.4) * period)
-        errors.append([np.max(np.abs(a - b)[2:]) for a, b in ((seen.q, right.q), (seen.dq, right.dq))])
+        errors.append([np.max(np.abs(a - b)[2:]) for a, b in ((measured.q, right.q), (measured.dq, right.dq))])
     orders = np.log2(np.array(errors[0]) / errors[1])
     np.testing.assert_allclose(orders, [4.0, 3.0], atol=0.1)
 
 
 @pytest.mark.parametrize("periods", [1.0, 2.5, 6.0])
 def test_before_the_start_the_velocity_was_constant(periods):
-    seen = sampled(Delayed(Exact(), periods)).state
+    measured = sampled(Delayed(Exact(), periods)).state
     start = moving(jnp.zeros(()))
     for k in range(int(np.ceil(periods))):
-        np.testing.assert_allclose(seen.q[k], start.q - (periods - k) * 1e-2 * start.dq, rtol=1e-13)
-        np.testing.assert_array_equal(seen.dq[k], start.dq)
+        np.testing.assert_allclose(measured.q[k], start.q - (periods - k) * 1e-2 * start.dq, rtol=1e-13)
+        np.testing.assert_array_equal(measured.dq[k], start.dq)
 
 
 def test_uneven_instants_fill_their_spread_and_never_lie_ahead():
-    def clock(t):
-        return State(q=t[None], dq=jnp.ones(1))
-
     def ages(periods, jitter):
-        seen = np.asarray(sampled(Delayed(Exact(), periods, jitter), clock, 5000).state.q)[:, 0]
-        return np.arange(5000) - seen / 1e-2
+        measured = np.asarray(sampled(Delayed(Exact(), periods, jitter), clock, 5000).state.q)[:, 0]
+        return np.arange(5000) - measured / 1e-2
 
     spread = ages(2.0, 3.0)
     assert 0.5 - 1e-6 <= spread.min() < 0.52 and 3.48 < spread.max() <= 3.5 + 1e-6
@@ -75,12 +80,9 @@ def test_uneven_instants_fill_their_spread_and_never_lie_ahead():
 def test_uneven_instants_follow_a_motion_of_third_order_at_the_age_that_the_seed_gives():
     """The age is read off a clock with the same seed."""
 
-    def clock(t):
-        return State(q=t[None], dq=jnp.ones(1))
-
     times = np.asarray(sampled(Delayed(Exact(), 2.2, 3.0, seed=5), clock, 100).state.q)[:, 0]
-    seen = sampled(Delayed(Exact(), 2.2, 3.0, seed=5), cubic, samples=100).state
-    np.testing.assert_allclose(seen.q[4:], jax.vmap(cubic)(jnp.asarray(times)).q[4:], atol=1e-12)
+    measured = sampled(Delayed(Exact(), 2.2, 3.0, seed=5), cubic, samples=100).state
+    np.testing.assert_allclose(measured.q[4:], jax.vmap(cubic)(jnp.asarray(times)).q[4:], atol=1e-12)
 
 
 def test_the_late_sensor_measures_the_old_state():
@@ -92,14 +94,14 @@ def test_the_late_sensor_measures_the_old_state():
 
 
 def test_planned_outages_last_as_long_as_planned_and_repeat_the_last_that_arrived():
-    seen = sampled(Lossy(Exact(), starts=[0, 3, 8], counts=[2, 2, 1]))
+    measured = sampled(Lossy(Exact(), starts=[0, 3, 8], counts=[2, 2, 1]))
     lost = [1, 3, 4, 8]
-    np.testing.assert_array_equal(np.flatnonzero(~np.asarray(seen.fresh)), lost)
+    np.testing.assert_array_equal(np.flatnonzero(~np.asarray(measured.fresh)), lost)
     right = sampled(Exact()).state
     for k in range(12):
         last = k - 1 if k in (1, 3, 8) else k - 2 if k == 4 else k
-        np.testing.assert_array_equal(seen.state.q[k], right.q[last])
-        np.testing.assert_array_equal(seen.state.dq[k], right.dq[last])
+        np.testing.assert_array_equal(measured.state.q[k], right.q[last])
+        np.testing.assert_array_equal(measured.state.dq[k], right.dq[last])
 
 
 def test_samples_are_lost_by_chance_each_for_itself():
@@ -109,21 +111,21 @@ def test_samples_are_lost_by_chance_each_for_itself():
 
 
 def test_with_probability_one_only_the_first_arrives():
-    seen = sampled(Lossy(Exact(), 1.0))
-    np.testing.assert_array_equal(seen.fresh, [True] + [False] * 11)
-    np.testing.assert_array_equal(seen.state.q, np.tile(moving(jnp.zeros(())).q, (12, 1)))
+    measured = sampled(Lossy(Exact(), 1.0))
+    np.testing.assert_array_equal(measured.fresh, [True] + [False] * 11)
+    np.testing.assert_array_equal(measured.state.q, np.tile(moving(jnp.zeros(())).q, (12, 1)))
 
 
 def test_a_sample_is_lost_if_any_sensor_of_the_chain_loses_it():
-    seen = sampled(Lossy(Lossy(Exact(), starts=[2], counts=[2]), starts=[3], counts=[2]))
-    np.testing.assert_array_equal(np.flatnonzero(~np.asarray(seen.fresh)), [2, 3, 4])
-    np.testing.assert_array_equal(seen.state.q[4], sampled(Exact()).state.q[1])
+    measured = sampled(Lossy(Lossy(Exact(), starts=[2], counts=[2]), starts=[3], counts=[2]))
+    np.testing.assert_array_equal(np.flatnonzero(~np.asarray(measured.fresh)), [2, 3, 4])
+    np.testing.assert_array_equal(measured.state.q[4], sampled(Exact()).state.q[1])
 
 
 def test_a_lossy_drive_goes_on_differencing_while_its_words_are_lost():
     drive = DifferencedEncoders(1e-3, 0.0, 100.0)
-    seen, right = sampled(Lossy(drive, starts=[4], counts=[3])), sampled(drive)
-    np.testing.assert_array_equal(seen.state.dq[7:], right.state.dq[7:])
+    measured, right = sampled(Lossy(drive, starts=[4], counts=[3])), sampled(drive)
+    np.testing.assert_array_equal(measured.state.dq[7:], right.state.dq[7:])
 
 
 def test_outages_vary_in_a_batch():
@@ -145,13 +147,9 @@ def test_outages_vary_in_a_batch():
         (Lossy, "probability", [0.1, 0.2], "must be one number"),
         (Lossy, "starts", [1], "must have one entry for each of `starts`"),
         (Lossy, "starts", [0.5], "whole"),
+        (one_outage, "counts", [-1], r"`Lossy\.counts` must be >= 0 samples; got -1 for entry 1"),
     ],
 )
-def test_what_cannot_be_is_refused(make, field, value, rule):
+def test_impossible_numbers_are_refused(make, field, value, rule):
     with pytest.raises(DefinitionError, match=rule):
         make(Exact(), **({"periods": 1.0} if make is Delayed else {}) | {field: value})
-
-
-def test_an_outage_of_less_than_no_sample_is_refused():
-    with pytest.raises(DefinitionError, match=r"`Lossy\.counts` must be >= 0 samples; got -1 for entry 1"):
-        Lossy(Exact(), starts=[1], counts=[-1])
