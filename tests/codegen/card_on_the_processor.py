@@ -48,12 +48,12 @@ class CardOnTheProcessor(cuda.CudaKernel):
         self.code = ctypes.CDLL(str(library))
 
     def batch(self, inputs, runs, rows=0):
-        given = pack_inputs(self.program, inputs, runs, self.real)
+        packed = pack_inputs(self.program, inputs, runs, self.real)
         left = [
             np.zeros((rows if entry.values is None else 1, entry.size, runs), dtype_on_card(entry.type, self.real))
             for entry in self.program.outputs
         ]
-        places = [ctypes.c_void_p(array.ctypes.data) for array in (*given, *left)]
+        places = [ctypes.c_void_p(array.ctypes.data) for array in (*packed, *left)]
         for run in range(-(-runs // THREADS) * THREADS):
             self.code.choose(*[ctypes.c_longlong(k) for k in (run // THREADS, THREADS, run % THREADS)])
             self.code.run_all(*places, ctypes.c_longlong(runs))

@@ -35,9 +35,9 @@ def compiled(program, folder: Path, *, compiler="gcc", real="double", flags=()):
 
     def call(arrays):
         with np.errstate(over="ignore"):
-            given = [np.ascontiguousarray(x, dtype(i.type)) for x, i in zip(arrays, program.inputs, strict=True)]
+            inputs = [np.ascontiguousarray(x, dtype(i.type)) for x, i in zip(arrays, program.inputs, strict=True)]
         left = [np.zeros(output.shape, dtype(output.type)) for output in program.outputs]
-        run(*[ctypes.c_void_p(array.ctypes.data) for array in (*given, *left)])
+        run(*[ctypes.c_void_p(array.ctypes.data) for array in (*inputs, *left)])
         return left
 
     return call

@@ -20,3 +20,10 @@ def _optimised(monkeypatch):
         yield
     machine.host.cache_clear()
     jax.config.update("jax_disable_most_optimizations", before)
+
+
+@pytest.fixture
+def folder(monkeypatch, tmp_path):
+    """A folder of the test's own for the object code that is kept."""
+    monkeypatch.setattr(machine, "folder", lambda: tmp_path / "native")
+    return tmp_path / "native"

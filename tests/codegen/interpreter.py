@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from fractions import Fraction
+import ctypes
+import ctypes.util
 
 import numpy as np
 import scipy.special
 
 from slidax.codegen.fold import DTYPES
 from slidax.codegen.ir import Branch, Loop
-
-SPLITTER = 2.0**27 + 1.0
 
 
 def interpreted(program, *inputs):
@@ -120,65 +119,15 @@ def converted(x, dtype):
     return np.where(above, dtype(ends.max), np.where(below, dtype(ends.min), inside))
 
 
+_libm = ctypes.CDLL(ctypes.util.find_library("m"))
+_libm.fma.argtypes, _libm.fma.restype = [ctypes.c_double] * 3, ctypes.c_double
+_libm.fmaf.argtypes, _libm.fmaf.restype = [ctypes.c_float] * 3, ctypes.c_float
+_fma, _fmaf = np.frompyfunc(_libm.fma, 3, 1), np.frompyfunc(_libm.fmaf, 3, 1)
+
+
 def fma(a, b, c):
-    """`a b + c`, rounded once."""
-    if a.dtype == np.float32:
-        product = a.astype(np.float64) * b
-        return _to_odd(*_two_sum(product, c.astype(np.float64))).astype(np.float32)
-    result = a * b + c
-    plain = (a == 0) | (b == 0) | ~np.isfinite(a) | ~np.isfinite(b)
-    magnitudes = [np.abs(x) for x in (a, b, c)]
-    moderate = np.logical_and.reduce(
-        [(x > 2.0**-400) & (x < 2.0**400) | (x == 0) for x in magnitudes] + [~plain], dtype=bool
-    )
-    k = np.flatnonzero(moderate)
-    result[k] = _moderate_fma(a[k], b[k], c[k])
-    for k in np.flatnonzero(~plain & ~moderate):
-        result[k] = _slow_fma(float(a[k]), float(b[k]), float(c[k]))
-    return result
-
-
-def _moderate_fma(a, b, c):
-    # The parts of the product and the sum, added so that the last rounding is the only one (Boldo and Melquiond, 2008).
-    high = a * b
-    low = _product_error(a, b, high)
-    top, rest = _two_sum(c, low)
-    total, error = _two_sum(high, top)
-    return total + _to_odd(*_two_sum(rest, error))
-
-
-def _slow_fma(a, b, c):
-    if not np.isfinite(c):
-        return c
-    exact = Fraction(a) * Fraction(b) + Fraction(c)
-    if exact == 0:
-        return a * b + c
-    try:
-        return float(exact)
-    except OverflowError:
-        return np.inf if exact > 0 else -np.inf
-
-
-def _two_sum(a, b):
-    total = a + b
-    added = total - a
-    return total, (a - (total - added)) + (b - added)
-
-
-def _product_error(a, b, product):
-    def split(x):
-        high = SPLITTER * x
-        high = high - (high - x)
-        return high, x - high
-
-    (a1, a2), (b1, b2) = split(a), split(b)
-    return ((a1 * b1 - product) + a1 * b2 + a2 * b1) + a2 * b2
-
-
-def _to_odd(rounded, error):
-    """The sum of both, inexact ones rounded to the neighbour whose last bit is set."""
-    even = (rounded.view(np.int64) & 1) == 0
-    return np.where((error != 0) & even, np.nextafter(rounded, np.copysign(np.inf, error)), rounded)
+    """`a b + c`, rounded once, by the C library."""
+    return (_fmaf if a.dtype == np.float32 else _fma)(a, b, c).astype(a.dtype)
 
 
 def _divided(x, y):
@@ -194,51 +143,17 @@ def _shifted_right(x, by):
 
 
 OPERATIONS = {
-    "add": np.add,
-    "sub": np.subtract,
-    "mul": np.multiply,
-    "div": _divided,
-    "rem": np.fmod,
-    "neg": np.negative,
-    "abs": np.abs,
-    "min": np.minimum,
-    "max": np.maximum,
-    "and": np.bitwise_and,
-    "or": np.bitwise_or,
-    "xor": np.bitwise_xor,
-    "not": np.invert,
-    "shl": np.left_shift,
-    "shr": _shifted_right,
-    "sar": np.right_shift,
-    "fma": fma,
-    "sqrt": np.sqrt,
-    "floor": np.floor,
-    "ceil": np.ceil,
-    "rint": np.rint,
-    "exp": np.exp,
-    "expm1": np.expm1,
-    "log": np.log,
-    "log1p": np.log1p,
-    "pow": np.power,
-    "sin": np.sin,
-    "cos": np.cos,
-    "tan": np.tan,
-    "asin": np.arcsin,
-    "acos": np.arccos,
-    "atan": np.arctan,
-    "atan2": np.arctan2,
-    "sinh": np.sinh,
-    "cosh": np.cosh,
-    "tanh": np.tanh,
-    "erf": scipy.special.erf,
-    "erf_inv": scipy.special.erfinv,
-    "cbrt": np.cbrt,
-    "eq": np.equal,
-    "ne": np.not_equal,
-    "lt": np.less,
-    "le": np.less_equal,
-    "gt": np.greater,
-    "ge": np.greater_equal,
-    "select": np.where,
-    "isfinite": np.isfinite,
+    **{
+        name: getattr(np, name)
+        for name in ["abs", "sqrt", "floor", "ceil", "rint", "exp", "expm1", "log", "log1p", "sin", "cos", "tan"]
+    },
+    **{name: getattr(np, name) for name in ["sinh", "cosh", "tanh", "cbrt", "isfinite"]},
+    **{name: getattr(np, "arc" + name[1:]) for name in ("asin", "acos", "atan", "atan2")},
+    **{"add": np.add, "sub": np.subtract, "mul": np.multiply, "div": _divided, "rem": np.fmod, "neg": np.negative},
+    **{"min": np.minimum, "max": np.maximum, "fma": fma, "pow": np.power, "select": np.where},
+    **{"and": np.bitwise_and, "or": np.bitwise_or, "xor": np.bitwise_xor, "not": np.invert},
+    **{"shl": np.left_shift, "shr": _shifted_right, "sar": np.right_shift},
+    **{"erf": scipy.special.erf, "erf_inv": scipy.special.erfinv},
+    **{"eq": np.equal, "ne": np.not_equal, "lt": np.less, "le": np.less_equal},
+    **{"gt": np.greater, "ge": np.greater_equal},
 }

@@ -66,11 +66,11 @@ class RandomProgram:
                 self.operation()
 
     def inside(self, make):
-        """What is made inside a block is not known after it."""
+        """Values of a block are not known after it."""
         before = {type: list(values) for type, values in self.known.items()}
-        made = make()
+        values = make()
         self.known = before
-        return made
+        return values
 
     def leaves(self, types):
         return [self.pick(type) for type in types]
@@ -88,7 +88,7 @@ class RandomProgram:
     def loop(self, depth):
         """A loop of a few turns, known beforehand or not."""
         types = [str(t) for t in self.random.choice(["f64", "i32", "b1"], int(self.random.integers(1, 4)))]
-        zero, one = (self.builder.constant(k, "i32") for k in (0, 1))
+        zero, step = (self.builder.constant(k, "i32") for k in (0, 1))
         turns = self.builder.apply("and", self.pick("i32"), self.builder.constant(3, "i32"))
         known = bool(self.random.integers(2))
         start = [zero, *self.leaves(types)]
@@ -105,7 +105,7 @@ class RandomProgram:
                 for value in carried:
                     self.known[value.type].append(value)
                 self.region(depth + 1)
-                return [self.builder.apply("add", carried[0], one), *self.leaves(types)]
+                return [self.builder.apply("add", carried[0], step), *self.leaves(types)]
 
             return self.inside(make)
 

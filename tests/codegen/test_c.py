@@ -14,30 +14,22 @@ from slidax.core.types import Reference
 
 from .compiled_c import COMPILERS, GUARDS, compiled, needs_a_compiler
 from .random_programs import random_arrays, random_program
+from .test_trace import EXACT, N, P, X, Y
 
-X = jnp.array([0.3, -1.7, 2.5])
-Y = jnp.array([1.1, 0.4, -0.6])
-P = jnp.abs(Y) + 0.1
-N = jnp.array([4, -7, 3])
 WITH_NAN = X.at[0].set(jnp.nan)
 DIVIDED = jnp.array([7, -7, -(2**63), 5])
 EXTREME = jnp.array([jnp.nan, jnp.inf, -jnp.inf, 1e300, -1e300, 2.0**31, -(2.0**31) - 0.9, 2.0**63, -0.9, 2.9])
 
 
+SHARED = ("sums and products", "integers", "unsigned", "roundings", "roots", "truths", "conversions", "bits", "choices")
 COMPUTED = {
-    "sums": lambda: (lambda x, y: (x + y, x - y, x * y, x / y, -x, jnp.abs(x), jnp.sqrt(jnp.abs(x))), X, Y),
-    "integers": lambda: (lambda n: (n + 2, n * 3, n // 2, n % 3, -n, jnp.abs(n), n & 5, n | 8, n ^ 3, ~n), N),
+    **{name: EXACT[name] for name in SHARED},
     "division": lambda: (lambda n, m: (lax.div(n, m), lax.rem(n, m)), DIVIDED, jnp.array([2, 0, -1, -3])),
     "shifts": lambda: (lambda n, m: (n << m, n >> m, lax.shift_right_logical(n, m)), N, jnp.array([3, 63, 64])),
     "overflow": lambda: (lambda n: (n + n, n * n, -n, jnp.abs(n), n - 1), jnp.array([2**62, -(2**63), 2**63 - 1])),
-    "unsigned": lambda: (lambda n: (n.astype(jnp.uint32) * 3 - 7, n.astype(jnp.uint64) >> 5), N),
     "extremes": lambda: (lambda x, y: (jnp.maximum(x, y), jnp.minimum(y, x), jnp.minimum(x, y)), WITH_NAN, Y),
-    "roundings": lambda: (lambda x: (jnp.floor(x), jnp.ceil(x), jnp.round(x), jnp.sign(x)), X * 2),
-    "truths": lambda: (lambda b: (b & True, b | ~b, b ^ True, jnp.any(b), jnp.all(b), b.astype(float)), X > 0),
     "to integers": lambda: (lambda x: (x.astype(jnp.int32), x.astype(jnp.int64), x.astype(jnp.uint32)), EXTREME),
     "to unsigned": lambda: (lambda x: x.astype(jnp.uint64), EXTREME),
-    "from integers": lambda: (lambda n: (n.astype(float), n.astype(bool), n.astype(jnp.int32)), N),
-    "bits": lambda: (lambda x: lax.bitcast_convert_type(x, jnp.uint64), X),
     "bits back": lambda: (lambda n: lax.bitcast_convert_type(n, jnp.float64), jnp.array([0x3FF8000000000000])),
     "finite": lambda: (lambda x: (jnp.isfinite(x), jnp.isnan(x), x != x), EXTREME),
     "a table": lambda: (lambda t, i: (t[i], t[i + 90]), jnp.arange(80.0), 17),
@@ -73,12 +65,12 @@ BITS = ("bits", "bits back")
 
 def all_at_once(names):
     """One function of all arguments of some cases that gives all of their results."""
-    made = {name: CASES[name]() for name in names}
+    cases = {name: CASES[name]() for name in names}
 
     def everything(args):
-        return {name: made[name][0](*args[name]) for name in names}
+        return {name: cases[name][0](*args[name]) for name in names}
 
-    return everything, {name: list(made[name][1:]) for name in names}
+    return everything, {name: list(cases[name][1:]) for name in names}
 
 
 def results(names, folder, **options):

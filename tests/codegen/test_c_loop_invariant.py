@@ -13,11 +13,11 @@ def split(function, *args):
     """The statements for what lasts of the first argument alone, and those of the rest."""
     program = trace(function, *args)
     kept = loop_invariant(program, {0})
-    given = {value: f"workspace->kept{k}" for k, value in enumerate(kept)}
+    places = {value: f"workspace->kept{k}" for k, value in enumerate(kept)}
     read = lambda k, e: f"{'pxyz'[k]}[{e}]"  # noqa: E731
     outputs = [(f"out[{k}]", value) for k, value in enumerate(v for o in program.outputs for v in o.values)]
-    first = statements(program, [(text, value) for value, text in given.items()], read)
-    return "\n".join(first.lines), "\n".join(statements(program, outputs, read, precomputed=given).lines)
+    first = statements(program, [(text, value) for value, text in places.items()], read)
+    return "\n".join(first.lines), "\n".join(statements(program, outputs, read, precomputed=places).lines)
 
 
 def test_what_follows_from_parameters_is_computed_apart():

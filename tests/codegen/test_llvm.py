@@ -11,7 +11,6 @@ from slidax.codegen.builder import Builder
 from slidax.codegen.fold import DTYPES
 from slidax.codegen.ir import Branch
 from slidax.codegen.llvm import machine
-from slidax.codegen.llvm import machine as cache
 from slidax.codegen.llvm.blocks import varying_values
 from slidax.codegen.llvm.machine import host
 from slidax.codegen.llvm.vectorise import lower_and_fuse
@@ -22,19 +21,14 @@ from .random_programs import RandomProgram, random_arrays
 
 RUNS = 11  # no multiple of any number of lanes
 LANES = (1, 4, 8)
-
-
-@pytest.fixture(autouse=True)
-def folder(monkeypatch, tmp_path):
-    """Object code that is kept goes into a folder of the test's own."""
-    monkeypatch.setattr(cache, "folder", lambda: tmp_path)
+pytestmark = pytest.mark.usefixtures("folder")
 
 
 def bits(arrays):
     return [array.tobytes() for array in arrays]
 
 
-def one_of_each_run(make, type, *arrays, lanes):
+def per_run(make, type, *arrays, lanes):
     """`make(b, x, y, ...)`, a value of `type`, for each element of the arrays, as a batch."""
     b = Builder()
     inputs = [b.input(f"x{k}", _type(array), (), varying=True).item() for k, array in enumerate(arrays)]
@@ -44,9 +38,6 @@ def one_of_each_run(make, type, *arrays, lanes):
 
 def _type(array):
     return next(name for name, dtype in DTYPES.items() if np.dtype(dtype) == array.dtype)
-
-
-# ---- operations -----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -84,10 +75,10 @@ NAN, INF = float("nan"), float("inf")
 def test_the_smaller_and_the_larger_of_nan_and_a_number_are_nan(lanes, type):
     x, y = np.array([[1.0, 2.0], [NAN, 2.0], [1.0, NAN], [3.0, 2.0], [-INF, NAN]], DTYPES[type]).T.copy()
     for op, compute in (("min", np.minimum), ("max", np.maximum)):
-        done = one_of_each_run(lambda b, x, y, op=op: b.apply(op, x, y), type, x, y, lanes=lanes)
+        done = per_run(lambda b, x, y, op=op: b.apply(op, x, y), type, x, y, lanes=lanes)
         np.testing.assert_array_equal(done, compute(x, y))
-        with_one = one_of_each_run(lambda b, x, op=op: b.apply(op, x, b.constant(1.5, type)), type, x, lanes=lanes)
-        np.testing.assert_array_equal(with_one, compute(x, np.asarray(1.5, x.dtype)))
+        with_constant = per_run(lambda b, x, op=op: b.apply(op, x, b.constant(1.5, type)), type, x, lanes=lanes)
+        np.testing.assert_array_equal(with_constant, compute(x, np.asarray(1.5, x.dtype)))
 
 
 @pytest.mark.parametrize("lanes", LANES)
@@ -99,7 +90,7 @@ def test_a_float_becomes_the_nearest_integer_that_there_is_towards_zero(lanes):
             0 if math.isnan(v) else max(ends.min, min(ends.max, math.trunc(v) if math.isfinite(v) else v)) for v in x
         ]
         exact = [ends.max if v == INF else ends.min if v == -INF else v for v in exact]
-        done = one_of_each_run(lambda b, x, type=type: b.apply("convert", x, type=type), type, x, lanes=lanes)
+        done = per_run(lambda b, x, type=type: b.apply("convert", x, type=type), type, x, lanes=lanes)
         assert done.tolist() == exact
 
 
@@ -107,8 +98,8 @@ def test_a_float_becomes_the_nearest_integer_that_there_is_towards_zero(lanes):
 def test_no_division_of_integers_is_undefined(lanes):
     least = np.iinfo(np.int64).min
     x, y = np.array([[7, 2], [-7, 2], [7, 0], [least, -1], [least, 0], [5, -3]], np.int64).T.copy()
-    quotient = one_of_each_run(lambda b, x, y: b.apply("div", x, y), "i64", x, y, lanes=lanes)
-    rest = one_of_each_run(lambda b, x, y: b.apply("rem", x, y), "i64", x, y, lanes=lanes)
+    quotient = per_run(lambda b, x, y: b.apply("div", x, y), "i64", x, y, lanes=lanes)
+    rest = per_run(lambda b, x, y: b.apply("rem", x, y), "i64", x, y, lanes=lanes)
     assert quotient.tolist() == [3, -3, -1, least, -1, -1]
     assert rest.tolist() == [1, -1, 7, 0, least, 2]
 
@@ -117,7 +108,7 @@ def test_no_division_of_integers_is_undefined(lanes):
 def test_shifting_out_all_bits_leaves_none_or_the_sign(lanes):
     x, by = np.array([[5, 1], [-5, 1], [5, 32], [-5, 31], [-5, 40]], np.int32).T.copy()
     done = [
-        one_of_each_run(lambda b, x, y, op=op: b.apply(op, x, y, type="i32"), "i32", x, by, lanes=lanes).tolist()
+        per_run(lambda b, x, y, op=op: b.apply(op, x, y, type="i32"), "i32", x, by, lanes=lanes).tolist()
         for op in ("shl", "shr", "sar")
     ]
     assert done == [[10, -10, 0, -(2**31), 0], [2, 2**31 - 3, 0, 1, 0], [2, -3, 0, -1, -1]]
@@ -127,7 +118,7 @@ def test_shifting_out_all_bits_leaves_none_or_the_sign(lanes):
 def test_functions_that_are_not_written_out_are_those_of_the_c_library(type):
     x = np.linspace(-0.9, 0.9, RUNS).astype(DTYPES[type])
     for op in ("tan", "tanh", "erf", "asin"):
-        many, one = (one_of_each_run(lambda b, x, op=op: b.apply(op, x), type, x, lanes=lanes) for lanes in (8, 1))
+        many, one = (per_run(lambda b, x, op=op: b.apply(op, x), type, x, lanes=lanes) for lanes in (8, 1))
         assert many.tobytes() == one.tobytes()
         np.testing.assert_allclose(one, [getattr(math, op)(v) for v in x], rtol=4 * np.finfo(x.dtype).eps)
 
@@ -135,11 +126,8 @@ def test_functions_that_are_not_written_out_are_those_of_the_c_library(type):
 @pytest.mark.parametrize("lanes", LANES)
 def test_truth_values_come_in_and_go_out_as_bytes(lanes):
     x, y = np.array([[True, True], [True, False], [False, True], [False, False]] * 3).T.copy()
-    done = one_of_each_run(lambda b, x, y: b.apply("and", x, b.apply("not", y)), "b1", x, y, lanes=lanes)
+    done = per_run(lambda b, x, y: b.apply("and", x, b.apply("not", y)), "b1", x, y, lanes=lanes)
     assert done.dtype == np.bool_ and done.tolist() == (x & ~y).tolist()
-
-
-# ---- what is the same in all runs -----------------------------------------------------------------------------------
 
 
 def loop_over_time(b, count, body, *start):
@@ -213,9 +201,6 @@ def test_a_side_of_a_branch_that_no_run_takes_is_jumped_over():
             assert y.tolist() == expected.tolist()
 
 
-# ---- logs -----------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("size", [1, 3, 8, 21])
 def test_each_run_has_the_rows_that_it_wanted_where_it_wanted_them(size):
     b = Builder()
@@ -239,12 +224,9 @@ def test_each_run_has_the_rows_that_it_wanted_where_it_wanted_them(size):
         expected[run, : len(range(0, 6, stride))] = numbers[run] + np.arange(0, 6, stride)[:, None] / 8
         marked[run] = [[k % stride == 0, True] for k in range(6)]
     for lanes in LANES:
-        rows, seen = llvm.compile(program, lanes).batch([numbers, strides], RUNS, rows=6)
+        rows, kept = llvm.compile(program, lanes).batch([numbers, strides], RUNS, rows=6)
         np.testing.assert_array_equal(rows, expected)
-        np.testing.assert_array_equal(seen, marked)
-
-
-# ---- calls ----------------------------------------------------------------------------------------------------------
+        np.testing.assert_array_equal(kept, marked)
 
 
 def scaled():

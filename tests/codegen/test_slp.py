@@ -5,18 +5,13 @@ import pytest
 
 from slidax.codegen import llvm
 from slidax.codegen.builder import Builder
-from slidax.codegen.llvm import machine
 from slidax.codegen.llvm.order import put_in_order
 from slidax.codegen.llvm.slp import Bundles, keep_profitable
 from slidax.codegen.llvm.vectorise import Vector, lower_and_fuse, vectorise
 
 from .interpreter import interpreted
 
-
-@pytest.fixture(autouse=True)
-def folder(monkeypatch, tmp_path):
-    """Object code that is kept goes into a folder of the test's own."""
-    monkeypatch.setattr(machine, "folder", lambda: tmp_path)
+pytestmark = pytest.mark.usefixtures("folder")
 
 
 class Joints:
@@ -102,9 +97,9 @@ class Joints:
 
 @pytest.mark.parametrize("seed", range(12))
 def test_joints_computed_side_by_side_keep_every_bit(seed):
-    made = Joints(seed)
-    program = made.finish()
-    numbers = np.random.default_rng(seed).normal(size=(3, made.joints))
+    joints = Joints(seed)
+    program = joints.finish()
+    numbers = np.random.default_rng(seed).normal(size=(3, joints.joints))
     arrays = [*numbers, np.array(1.5)]
     expected = interpreted(lower_and_fuse(program), *(array[None] for array in arrays))
     done = llvm.compile(program)(arrays)
@@ -115,12 +110,17 @@ def vectors_of(program):
     return [value for value in program.walk() if isinstance(value, Vector)]
 
 
-def arm(joints, law):
-    """The program of `law(b, q, dq, gain)` with vectors of joints, packed."""
+def scalars(joints, law):
+    """The program of `law(b, q, dq, gain)` with vectors of joints."""
     b = Builder()
     q, dq = b.input("q", "f64", (joints,)), b.input("dq", "f64", (joints,))
     b.output("tau", "f64", np.array(law(b, q, dq, b.input("gain", "f64", ()).item()), object))
-    program = b.finish()
+    return b.finish()
+
+
+def packed(joints, law):
+    """The same, with its vectors packed."""
+    program = scalars(joints, law)
     vectorise(program)
     put_in_order(program)
     return program
@@ -131,12 +131,9 @@ def test_what_each_joint_does_alike_is_one_operation(joints):
     def law(b, q, dq, gain):
         return [b.apply("sqrt", b.apply("add", b.apply("mul", gain, x), v)) for x, v in zip(q, dq, strict=True)]
 
-    program = arm(joints, law)
-    assert [(v.op, v.lanes) for v in vectors_of(program) if v.op in ("mul", "add", "sqrt")] == [
-        ("mul", joints),
-        ("add", joints),
-        ("sqrt", joints),
-    ]
+    program = packed(joints, law)
+    lanes = [(v.op, v.lanes) for v in vectors_of(program) if v.op in ("mul", "add", "sqrt")]
+    assert lanes == [("mul", joints), ("add", joints), ("sqrt", joints)]
     assert not [v for v in program.walk() if v.op in ("mul", "add", "sqrt") and not isinstance(v, Vector)]
 
 
@@ -147,8 +144,7 @@ def test_numbers_from_elsewhere_are_brought_together_for_what_follows():
         dq = [b.apply("fma", gain, a, v) for a, v in zip(ddq, dq, strict=True)]
         return [b.apply("sqrt", b.apply("mul", v, v)) for v in dq]
 
-    made = vectors_of(arm(2, law))
-    assert {"gather", "fma", "mul", "sqrt"} <= {value.op for value in made}
+    assert {"gather", "fma", "mul", "sqrt"} <= {value.op for value in vectors_of(packed(2, law))}
 
 
 def test_a_sum_may_name_its_parts_in_any_order():
@@ -157,7 +153,7 @@ def test_a_sum_may_name_its_parts_in_any_order():
         later = b.apply("floor", b.apply("mul", squares[0], gain))
         return [b.apply("sqrt", x) for x in (b.apply("add", squares[0], later), b.apply("add", gain, squares[1]))]
 
-    program = arm(2, law)
+    program = packed(2, law)
     (total,) = [value for value in vectors_of(program) if value.op == "add"]
     assert [value.op for value in total.args] == ["mul", "gather"]
 
@@ -170,17 +166,10 @@ def test_a_value_that_needs_its_neighbour_is_not_computed_beside_it():
         low = b.apply("add", first, b.constant(1.0, "f64"))
         return [low, b.apply("add", b.apply("mul", second, low), b.constant(1.0, "f64"))]
 
-    program = arm(2, law)
-    (tau,) = interpreted(_scalars(law), np.array([[2.0, 3.0]]), np.zeros((1, 2)), np.array([0.5]))
+    program = packed(2, law)
+    (tau,) = interpreted(scalars(2, law), np.array([[2.0, 3.0]]), np.zeros((1, 2)), np.array([0.5]))
     assert tau.tolist() == [[2.0, 4.0]]
     assert not [v for v in vectors_of(program) if v.op == "add"]
-
-
-def _scalars(law):
-    b = Builder()
-    q, dq = b.input("q", "f64", (2,)), b.input("dq", "f64", (2,))
-    b.output("tau", "f64", np.array(law(b, q, dq, b.input("gain", "f64", ()).item()), object))
-    return b.finish()
 
 
 def test_packs_that_wait_for_each_other_are_taken_apart():

@@ -288,6 +288,6 @@ def test_a_branch_inside_of_one_that_asked_the_same_is_decided():
 def test_the_example_of_the_documentation_runs():
     text = (Path(__file__).parents[2] / "docs" / "native.md").read_text()
     (example,) = re.findall(r"```python\n(import jax.numpy.*?)```", text, re.DOTALL)
-    given = {}
-    exec(example, given)
-    np.testing.assert_allclose(given["tau"], -2.0 * np.sin([0.1, 0.2]), rtol=1e-15)
+    names = {}
+    exec(example, names)
+    np.testing.assert_allclose(names["tau"], -2.0 * np.sin([0.1, 0.2]), rtol=1e-15)

@@ -42,11 +42,11 @@ def test_a_module_has_its_one_function_and_says_what_that_takes():
 
 def test_each_multiply_add_is_found_and_no_constant_is_taken_for_one():
     module = wasm_module(PROGRAM)
-    found = {start + at for start, body in bodies(module.bytes) for at in find_multiply_adds(body)}
+    multiply_adds = {start + at for start, body in bodies(module.bytes) for at in find_multiply_adds(body)}
     first, last = module.code
-    seen = {at for at in range(first, last) if module.bytes[at : at + 3] == MADD}
-    assert len(found) > 20
-    assert found == seen - set(module.others)
+    bytes_of_one = {at for at in range(first, last) if module.bytes[at : at + 3] == MADD}
+    assert len(multiply_adds) > 20
+    assert multiply_adds == bytes_of_one - set(module.others)
     # a constant that has their bytes is none
     body = bytes([0, 0x44, 0, *MADD, 0, 0, 0, 0, 0x1A, 0x0B])
     assert find_multiply_adds(body) == []

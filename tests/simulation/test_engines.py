@@ -180,60 +180,28 @@ def test_a_law_that_solves_an_equation_of_its_own_has_native_code():
     np.testing.assert_allclose(native.log.tau, xla.log.tau, rtol=1e-12)
 
 
-def around(inner):
-    """A root that is found by what there is no native code for."""
-
-    def law(e):
-        return jax.lax.custom_root(lambda x: x - e, e, lambda f, x: inner(x - f(x)), lambda g, y: y)
-
-    return law
-
-
-WITHOUT_CODE = {
-    "sort": jnp.sort,
-    "top_k": lambda e: jax.lax.top_k(e, 2)[0],
-    "convert_element_type to complex numbers": lambda e: jnp.real(jnp.fft.fft(e)),
-    "fft": lambda e: jnp.fft.irfft(jnp.fft.rfft(e)),
-    "lu": lambda e: jnp.linalg.solve(jnp.eye(2) + jnp.outer(e, e), e),
-    "cholesky": lambda e: jnp.linalg.cholesky(jnp.eye(2) + jnp.outer(e, e)) @ e,
-    "lgamma": lambda e: jax.lax.lgamma(2.0 + e * e) * e,
-    "sort inside a root": around(jnp.sort),
-    "sort inside a loop": lambda e: jax.lax.fori_loop(0, 2, lambda _, e: jnp.sort(e), e),
-    "sort inside a branch": lambda e: jax.lax.cond(e[0] > 0, jnp.sort, lambda e: e, e),
-    "reduce_precision": lambda e: jax.lax.reduce_precision(e, 8, 10),
-}
-
-
-def spoken(simulated):
+def with_its_warning(simulated):
     """What a simulation gives, and the one warning on the way."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         run = simulated()
-    (said,) = [str(each.message) for each in caught]
-    assert said.startswith("simulating with the engine `xla`, as there is no native code for ")
-    assert "\n" not in said
-    return run, said
+    (message,) = [str(each.message) for each in caught]
+    assert message.startswith("simulating with the engine `xla`, as there is no native code for ")
+    assert "\n" not in message
+    return run, message
 
 
-@pytest.mark.parametrize("name", WITHOUT_CODE)
-def test_a_law_without_native_code_is_refused_by_the_primitive_that_has_none(name):
-    loop = SMOOTH_PLANT, Written(WITHOUT_CODE[name]), MOTION_4_1, START_4_1
-    with pytest.raises(NoNativeCodeError, match=f"the JAX primitive `{name.split()[0]}` \\(line "):
-        simulate(*loop, t1=0.1, period=0.01, engine="native")
+def test_a_law_without_native_code_runs_by_xla_with_one_warning_and_is_refused_if_it_must_be_native():
+    def law(e):
+        return jax.lax.custom_root(lambda x: x - e, e, lambda f, x: jnp.sort(x - f(x)), lambda g, y: y)
 
-
-# Each is compiled by XLA; what is refused, and with which words, is tried for all of them above.
-RUN = ("sort inside a root",)
-
-
-@pytest.mark.parametrize("name", [pytest.param(n, marks=[] if n in RUN else [pytest.mark.full]) for n in WITHOUT_CODE])
-def test_a_law_without_native_code_runs_by_xla_with_one_word_about_it(name):
-    loop = SMOOTH_PLANT, Written(WITHOUT_CODE[name]), MOTION_4_1, START_4_1
-    how = {"t1": 0.1, "period": 0.01}
-    auto, said = spoken(lambda: simulate(*loop, **how))
-    assert f"the JAX primitive `{name.split()[0]}` (line " in said
-    xla = simulate(*loop, **how, engine="xla")
+    loop, times = (SMOOTH_PLANT, Written(law), MOTION_4_1, START_4_1), {"t1": 0.1, "period": 0.01}
+    auto, message = with_its_warning(lambda: simulate(*loop, **times))
+    assert "the JAX primitive `sort` (line " in message
+    xla = simulate(*loop, **times, engine="xla")
     np.testing.assert_array_equal(auto.tally.torque_square, xla.tally.torque_square)
+    with pytest.raises(NoNativeCodeError, match="the JAX primitive `sort` \\(line "):
+        simulate(*loop, **times, engine="native")
 
 
 def starts(shift):
@@ -255,10 +223,10 @@ def test_whatever_fails_on_the_way_to_native_code_is_named_and_xla_runs(monkeypa
     monkeypatch.setattr(native_engine, "_compiled", native_engine._compiled.__wrapped__)
     monkeypatch.setattr(native_engine, "_compiled_batch", native_engine._compiled_batch.__wrapped__)
     how = {"t1": 0.1, "period": 0.01}
-    one, said = spoken(lambda: simulate(*starts(0.0), **how))
-    assert said.endswith(": AssertionError: never thought of")
-    many, said = spoken(lambda: simulate_batch(starts, jnp.array([0.0, 0.1]), **how))
-    assert said.endswith(": AssertionError: never thought of")
+    one, message = with_its_warning(lambda: simulate(*starts(0.0), **how))
+    assert message.endswith(": AssertionError: never thought of")
+    many, message = with_its_warning(lambda: simulate_batch(starts, jnp.array([0.0, 0.1]), **how))
+    assert message.endswith(": AssertionError: never thought of")
     np.testing.assert_allclose(many.tally.torque_square[0], one.tally.torque_square, rtol=1e-12)
     for run in (
         lambda: simulate(*starts(0.0), **how, engine="native"),
