@@ -1,0 +1,1 @@
+"""Error bound along any motion of an identified arm."""

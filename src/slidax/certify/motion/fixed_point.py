@@ -1,0 +1,447 @@
+"""Error bounds along a motion as a fixed point of monotone inequalities.
+
+All joints have the same scalar loop, so that a bound of the disturbance w in a norm gives a bound of every output in
+that norm. With `M = M0 + E` and `K = M⁻¹ M0` the arm obeys `ë = K (s + w) + ρ`, and w depends on the outputs itself.
+Two bounds of each output are used, and the smaller one counts:
+
+- small gain: `ë = s + w - M0⁻¹ E (ë - ρ) + ρ`, with the nominal loop and `‖M0⁻¹ E x‖ <= p ‖x‖`;
+- modes: K is self-adjoint in the metric of M0, with eigenvalues κ in [1/(1+p), 1/(1-p)], and the loop of a constant K is
+  a function of it. For one joint the nominal response counts in full and its departure over κ in the metric; the change
+  of K since an earlier instant is a further disturbance (drift).
+
+Values in cells are bounds for all instants of a cell. A vector of values that the inequalities do not enlarge is a
+bound, as each inequality at a time needs the outputs before it only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .loop_kernels import OUTPUTS, JointLoop, Kernel, Spread, spread_kernels
+from .path_suprema import Band, Path, Suprema, Tube, size_in
+
+Floats = NDArray[np.float64]
+
+ROUNDS = 200
+"""Rounds after which an iteration that still grows has no bound."""
+
+SETTLED = 1e-3
+"""Relative change at which an iteration is extrapolated and verified."""
+
+TUBES = 12
+"""Tubes that are tried."""
+
+MEMORY = 2e-4
+"""Share of a kernel that is charged to the largest value of the whole motion, and not to the time it belongs to."""
+
+TERMS = (
+    "friction",
+    "disturbance",
+    "inertial band",
+    "band feedback",
+    "velocity prediction",
+    "position prediction",
+    "sampling",
+    "encoder",
+    "start",
+)
+"""Shares of a bound."""
+
+USED = (
+    "error",
+    "velocity",
+    "command",
+    "acceleration",
+    "position_miss",
+    "velocity_miss",
+    "model_position",
+    "model_velocity",
+)
+
+
+DIRECT_SHARE = {"position_miss": 0.5, "velocity_miss": 1.0}
+"""Largest direct effect of an acceleration in its own period, in units of the period."""
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """Bounds of what acts on the joints.
+
+    - `coulomb`: size of Coulomb friction that is not compensated [n], N m or N.
+    - `viscous`: viscous friction that is fed forward [n], N m s/rad; `viscous_band`: its relative uncertainty.
+    - `torque`: disturbance torque of any form [n]; `torque_rate`: bound of its rate [n], inf for none.
+    - `resolution`: of the encoders [n], rad or m.
+    - `start_error`, `start_speed`: |e| and |v| at the start [n].
+    - `settled`: True if the estimate has settled at rest before the start; False for a start with ŵ = 0.
+    """
+
+    coulomb: Floats
+    viscous: Floats
+    viscous_band: float
+    torque: Floats
+    torque_rate: Floats
+    resolution: Floats
+    start_error: Floats
+    start_speed: Floats
+    settled: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Bounds:
+    """Bounds in each of N cells; all hold at every time of it.
+
+    - `error`, `velocity`: |e| and |v| [N n].
+    - `outputs`: all outputs of the loop per joint [N n]; `norms`: in the metric [N].
+    - `terms`: the shares of `error` by name [N n]; their sum is at least `error`.
+    - `disturbance`: bound of w [N n]; `disturbance_norm`: in the metric [N].
+    """
+
+    error: Floats
+    velocity: Floats
+    outputs: Mapping[str, Floats]
+    norms: Mapping[str, Floats]
+    terms: Mapping[str, Floats]
+    disturbance: Floats
+    disturbance_norm: Floats
+
+    def times(self, factor: float) -> Bounds:
+        """Return larger bounds."""
+        return replace(
+            self,
+            error=self.error * factor,
+            velocity=self.velocity * factor,
+            outputs={name: value * factor for name, value in self.outputs.items()},
+            norms={name: value * factor for name, value in self.norms.items()},
+        )
+
+    def within(self, other: Bounds) -> bool:
+        """True if no bound is larger than another's."""
+        return (
+            bool(np.all(self.error <= other.error) and np.all(self.velocity <= other.velocity))
+            and all(np.all(self.outputs[name] <= other.outputs[name]) for name in USED)
+            and all(np.all(self.norms[name] <= other.norms[name]) for name in USED)
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Lags:
+    """Weights of past cells for several outputs at once, [J + 1 outputs]; the last row is for the largest value."""
+
+    weights: Floats
+
+    @classmethod
+    def of(cls, kernels: list[Floats], cell: int, count: int) -> Lags:
+        """Sum kernels over cells; what is further back than `count` cells goes to the last row."""
+        columns = []
+        for kernel in kernels:
+            value = np.pad(kernel, (0, -kernel.size % cell)).reshape(-1, cell).sum(axis=1)
+            head = np.zeros(count + 1)
+            head[: min(count, value.size)] = value[:count]
+            head[count] = value[count:].sum()
+            columns.append(head)
+        return cls(np.stack(columns, axis=1))
+
+    @classmethod
+    def of_steps(cls, kernels: list[Floats], cell: int, count: int) -> Lags:
+        """The largest responses to a step or a start in a cell, for each later one."""
+        columns = []
+        for kernel in kernels:
+            value = np.pad(kernel, (0, -kernel.size % cell), mode="edge").reshape(-1, cell).max(axis=1)
+            head = np.full(count + 1, value[count:].max(initial=value[-1]))
+            head[: min(count, value.size)] = value[:count]
+            # A step late in its cell is less than j cells ago.
+            columns.append(np.maximum(head, np.concatenate([head[:1], head[:-1]])))
+        return cls(np.stack(columns, axis=1))
+
+    def past(self, values: Floats) -> Floats:
+        """Return `Σ_j weights_j values_{m-j}` for each cell m, [N k outputs], for values in cells [N k].
+
+        An instant that is between j and j+1 cells' lengths before one in cell m lies in cell m-j or in the one before,
+        so the larger of the two counts. Before the first cell its value stands.
+        """
+        both = np.maximum(values, np.concatenate([values[:1], values[:-1]]))
+        return self._sums(both, values[:1], values.max(axis=0))
+
+    def since(self, sizes: Floats) -> Floats:
+        """Return the same for steps, of which there is none before the first cell."""
+        return self._sums(sizes, np.zeros_like(sizes[:1]), sizes.sum(axis=0))
+
+    def _sums(self, values: Floats, before: Floats, rest: Floats) -> Floats:
+        count = len(self.weights) - 1
+        padded = np.concatenate([np.repeat(before, count, axis=0), values])
+        windows = np.lib.stride_tricks.sliding_window_view(padded, count, axis=0)[1:]
+        flat = np.ascontiguousarray(windows).reshape(-1, count) @ self.weights[count - 1 :: -1]
+        return flat.reshape(*values.shape, -1) + rest[None, :, None] * self.weights[count]
+
+
+@lru_cache(maxsize=64)
+def _spreads(loop: JointLoop, p: float, growth: float) -> dict[str, Spread]:
+    return spread_kernels(loop, p, growth)
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Kernels of all outputs that the inequalities need, over cells."""
+
+    any_form: Lags
+    ramp: Lags
+    step: Lags
+    pulse: Lags
+    noise: Lags
+    start_error: Lags
+    start_speed: Lags
+    beyond: Floats
+
+    @classmethod
+    def of(cls, kernels: list[Kernel], cell: int, count: int) -> Table:
+        return cls(
+            *(Lags.of([getattr(k, name) for k in kernels], cell, count) for name in ("any_form", "ramp")),
+            Lags.of_steps([k.step for k in kernels], cell, count),
+            *(Lags.of([getattr(k, name) for k in kernels], cell, count) for name in ("pulse", "noise")),
+            Lags.of_steps([k.start_error for k in kernels], cell, count),
+            Lags.of_steps([k.start_speed for k in kernels], cell, count),
+            np.array([k.beyond for k in kernels]),
+        )
+
+
+class Problem:
+    """The inequalities for one path and one tube."""
+
+    def __init__(self, loop: JointLoop, path: Path, band: Band, inputs: Inputs, at: Suprema) -> None:
+        """Compute what does not depend on the outputs."""
+        self.path, self.band, self.inputs, self.at = path, band, inputs, at
+        self.p = band.largest
+        cells, h = path.cells, loop.period
+        # Rounded up, so that motions share their kernels.
+        growth = float(np.ceil(4.0 * np.max(at.growth)) / 4.0)
+        spreads = _spreads(loop, self.p, growth)
+        grown = _spreads(loop, 0.0, growth)
+        count = max(1, int(np.ceil(_memory(spreads["error"].largest) / cells.per_cell)))
+        cut = (cells.per_cell, count)
+        self.nominal = Table.of([spreads[name].nominal for name in USED], *cut)
+        self.weighted = Table.of([grown[name].largest for name in USED], *cut)
+        self.departure = Table.of([spreads[name].departure for name in USED], *cut)
+        self.largest = Table.of([spreads[name].largest for name in USED], *cut)
+        # The change of K in the time of a lag, which is at most one period longer than its number.
+        ages = h * (1.0 + np.arange(spreads["error"].largest.any_form.size))
+        change = self.p * np.minimum(
+            float(np.max(at.slide)) * ages * np.exp(2.0 * growth * ages), 1.0 + np.exp(2.0 * growth * ages)
+        )
+        self.drift = Lags.of([spreads[name].largest.any_form * change for name in USED], *cut)
+        self.h = h
+        self.fixed_joints, self.fixed_norms, self.acting = self._acting()
+        self.small_gain, self.modes = self._constant()
+
+    def _acting(self) -> tuple[dict[str, Floats], dict[str, Floats], Floats]:
+        """Shares of w that do not depend on the outputs, per joint and in the metric; and ‖ρ‖."""
+        at, inputs, cells = self.at, self.inputs, self.path.cells
+        friction = inputs.coulomb + inputs.viscous * (
+            inputs.viscous_band * cells.speed
+            + (1.0 + inputs.viscous_band) * (0.5 * self.h * cells.acceleration)
+        )
+        joints, norms = {}, {}
+        for name, torque in {"friction": friction, "disturbance": inputs.torque}.items():
+            values = np.broadcast_to(torque, cells.speed.shape)
+            joints[name] = np.einsum("nij,nj->ni", at.inverse, values)
+            norms[name] = np.sqrt(np.einsum("ni,ni->n", joints[name], values))
+        norms["sampling"] = at.held + at.reference
+        joints["sampling"] = at.conversion * norms["sampling"][:, None]
+        norms["inertial band"] = at.band_tube
+        joints["inertial band"] = at.conversion * at.band_tube[:, None]
+        mean = 0.5 * self.h * cells.jerk + cells.jump
+        return joints, norms, size_in(mean, at.inertia)
+
+    def _constant(self) -> tuple[dict[str, tuple[Floats, Floats]], dict[str, tuple[Floats, Floats]]]:
+        """Shares of the outputs that do not depend on them: by the band along the motion, encoders, pulses and start."""
+        at, inputs, cells = self.at, self.inputs, self.path.cells
+        shape = cells.speed.shape
+        conversion = at.conversion[..., None]
+        noise = np.broadcast_to(0.5 * inputs.resolution, shape)
+        pulse = cells.pulse + self.h**3 / 12.0 / (1.0 - self.p) * at.conversion * at.odd[:, None]
+        begun, begun_norm = np.zeros(shape), np.zeros((shape[0], 1))
+        if not inputs.settled:
+            begun[0], begun_norm[0] = at.band_joints[0], at.band[0]
+        jump = self.p * size_in(cells.jump, at.inertia)
+        begun, begun_norm = begun + at.conversion * jump[:, None], begun_norm + jump[:, None]
+        starts = np.zeros((2, *shape))
+        starts[0, 0], starts[1, 0] = inputs.start_error, inputs.start_speed
+
+        def shares(table: Table, joints: bool) -> dict[str, Floats]:
+            """By name [N k outputs]; k = n for joints, 1 for the metric."""
+            size = (lambda x: x) if joints else (lambda x: size_in(x, at.inertia)[:, None])
+            slow = at.band_joints if joints else at.band[:, None]
+            rate = (at.conversion if joints else np.ones((shape[0], 1))) * at.band_rate[:, None]
+            step = begun if joints else begun_norm
+            moving = table.ramp.past(rate) + slow[..., None] * table.beyond + table.step.since(step)
+            return {
+                "inertial band": np.minimum(table.any_form.past(slow), moving),
+                "encoder": table.noise.past(size(noise)),
+                "sampling": table.pulse.past(size(pulse)),
+                "start": table.start_error.since(size(starts[0])) + table.start_speed.since(size(starts[1])),
+            }
+
+        nominal, weighted = shares(self.nominal, True), shares(self.weighted, False)
+        apart, largest = shares(self.departure, False), shares(self.largest, False)
+        small_gain = {name: (nominal[name], weighted[name]) for name in nominal}
+        modes = {name: (nominal[name] + conversion * apart[name], largest[name]) for name in nominal}
+        return small_gain, modes
+
+    def round(self, last: Bounds | None) -> Bounds:
+        """Return the bounds that follow from bounds of the outputs before."""
+        at, inputs, cells = self.at, self.inputs, self.path.cells
+        conversion = at.conversion
+        joints, norms = dict(self.fixed_joints), dict(self.fixed_norms)
+        nothing = np.zeros_like(cells.speed)
+        if last is None:
+            parts = {name: (nothing, nothing[:, 0]) for name in USED}
+            velocity = nothing
+        else:
+            parts = {name: (last.outputs[name], last.norms[name]) for name in USED}
+            velocity = last.velocity
+        damping = (1.0 + inputs.viscous_band) * inputs.viscous * velocity
+        damped = np.einsum("nij,nj->ni", at.inverse, damping)
+        joints["friction"] = joints["friction"] + damped
+        norms["friction"] = norms["friction"] + np.sqrt(np.einsum("ni,ni->n", damped, damping))
+        miss, miss_norm = parts["velocity_miss"]
+        joints["velocity prediction"] = np.minimum(
+            at.coriolis_rows * miss_norm[:, None], np.einsum("nij,nj->ni", at.coriolis_entries, miss)
+        )
+        norms["velocity prediction"] = at.coriolis * miss_norm
+        miss, miss_norm = parts["position_miss"]
+        further = np.sum(at.per_command * miss, axis=1) * parts["command"][1]
+        joints["position prediction"] = conversion * further[:, None] + np.minimum(
+            conversion * (at.stiffness * miss_norm)[:, None], np.einsum("nij,nj->ni", at.stiffness_entries, miss)
+        )
+        norms["position prediction"] = at.stiffness * miss_norm + further
+        acceleration = parts["acceleration"][1]
+        total, total_norm = sum(joints.values(), nothing), sum(norms.values(), nothing[:, 0])
+
+        by_gain = self._by_small_gain(joints, norms, acceleration)
+        by_modes = self._by_modes(joints, norms, acceleration)
+        outputs, sizes = {}, {}
+        for i, name in enumerate(USED):
+            outputs[name] = np.minimum(*(sum(way[0].values(), 0.0)[..., i] for way in (by_gain, by_modes)))
+            sizes[name] = np.minimum(*(sum(way[1].values(), 0.0)[:, 0, i] for way in (by_gain, by_modes)))
+            sizes[name] = np.minimum(sizes[name], size_in(outputs[name], at.inertia))
+        # The odd part of w within a period: its own size, and that of its integral.
+        odd = at.conversion * at.odd[:, None]
+        for name, share in {"acceleration": 0.5 * self.h, "velocity_miss": self.h**2 / 8.0, "position_miss": self.h**3 / 8.0}.items():
+            outputs[name] = outputs[name] + share * odd
+            sizes[name] = sizes[name] + share * at.odd
+        # Between two samples e departs from its chord by h²/8 |ë|, and v from its own by h/2 |w|.
+        mean = 0.5 * self.h * cells.jerk + cells.jump
+        within = self.h**2 / 8.0 * (outputs["acceleration"] + mean)
+        band = conversion * (self.p * (acceleration + self.acting))[:, None]
+        error = outputs["error"] + within
+        velocity = outputs["velocity"] + self.h * (0.5 * (total + at.band_joints + band + self.h * odd) + mean)
+        better = by_gain if np.sum(sum(by_gain[0].values())[..., 0]) <= np.sum(sum(by_modes[0].values())[..., 0]) else by_modes
+        terms = {name: better[0][name][..., 0] for name in TERMS}
+        terms["sampling"] = terms["sampling"] + within
+        return Bounds(error, velocity, outputs, sizes, terms, total, total_norm)
+
+    def _by_small_gain(
+        self, joints: Mapping[str, Floats], norms: Mapping[str, Floats], acceleration: Floats
+    ) -> tuple[dict[str, Floats], dict[str, Floats]]:
+        """Shares of all outputs per joint [N n outputs] and in the metric [N 1 outputs] by the small gain."""
+        band = self.p * acceleration + self.p * self.acting
+        joints = {**joints, "band feedback": self.at.conversion * band[:, None]}
+        norms = {**norms, "band feedback": band}
+        return (
+            _joined({name: self.nominal.any_form.past(value) for name, value in joints.items()}, self.small_gain, 0),
+            _joined(
+                {"all": self.weighted.any_form.past(sum(norms.values(), np.zeros_like(band))[:, None])},
+                self.small_gain,
+                1,
+            ),
+        )
+
+    def _by_modes(
+        self, joints: Mapping[str, Floats], norms: Mapping[str, Floats], acceleration: Floats
+    ) -> tuple[dict[str, Floats], dict[str, Floats]]:
+        """The same by the modes of K."""
+        total = sum(norms.values(), np.zeros_like(acceleration))
+        # ρ acts on M: by the band it is a further w of at most p ‖ρ‖.
+        total = total + self.p * self.acting
+        drift = self.drift.past(acceleration[:, None])
+        apart = self.departure.any_form.past(total[:, None]) + drift
+        # A velocity or position within the period that K has moved.
+        direct = self.p * acceleration[:, None, None] * np.array([DIRECT_SHARE.get(name, 0.0) * self.h ** (2 - OUTPUTS[name]) for name in USED])
+        own = {name: self.nominal.any_form.past(value) for name, value in joints.items()}
+        own["band feedback"] = self.at.conversion[..., None] * (apart + direct)
+        return (
+            _joined(own, self.modes, 0),
+            _joined({"all": self.largest.any_form.past(total[:, None]) + drift + direct}, self.modes, 1),
+        )
+
+    def solve(self, start: Bounds | None, cap: float) -> Bounds | None:
+        """Return bounds that satisfy the inequalities; None if there are none below `cap`, in rad or m."""
+        bounds = self.round(start)
+        last_change = 0.0
+        for _ in range(ROUNDS):
+            following = self.round(bounds)
+            size = float(following.error.max())
+            if not np.isfinite(size) or size > cap:
+                return None
+            change = float(np.max([np.max(following.norms[name] / bounds.norms[name]) for name in USED])) - 1.0
+            bounds = following
+            if change < SETTLED:
+                # A geometric series with the ratio of the last two changes, and some more.
+                ratio = min(change / last_change, 0.98) if last_change > 0.0 else 0.5
+                grown = bounds.times(1.0 + 1e-6 + 1.5 * change / (1.0 - ratio))
+                following = self.round(grown)
+                if following.within(grown):
+                    return following
+            last_change = max(change, 0.0)
+        return None
+
+
+def _joined(own: dict[str, Floats], fixed: Mapping[str, tuple[Floats, Floats]], which: int) -> dict[str, Floats]:
+    for name, value in fixed.items():
+        own[name] = own[name] + value[which] if name in own else value[which]
+    return own
+
+
+def bounds_along(loop: JointLoop, path: Path, band: Band, inputs: Inputs, *, cap: float = 0.05) -> Bounds | None:
+    """Return the bounds along a path, with a tube that contains them; None if there are none below `cap`."""
+    tube = Tube.none(path.cells)
+    bounds: Bounds | None = None
+    for _ in range(TUBES):
+        suprema = path.suprema(band, tube)
+        if suprema is None:
+            return None
+        bounds = Problem(loop, path, band, inputs, suprema).solve(bounds, cap)
+        if bounds is None:
+            return None
+        needed = tube_of(bounds, path, loop.period, suprema)
+        if all(np.all(getattr(needed, name) <= getattr(tube, name)) for name in vars(tube)):
+            return bounds
+        tube = Tube(**{name: value * 1.01 for name, value in vars(needed).items()})
+    return None
+
+
+def tube_of(bounds: Bounds, path: Path, h: float, at: Suprema) -> Tube:
+    """Return the tube that contains the arm and the model's arguments within the bounds."""
+    cells, outputs, norms = path.cells, bounds.outputs, bounds.norms
+    # The reference's own miss at the middle of a period.
+    missed = h * h / 8.0 * cells.jerk + 0.25 * h * cells.jump
+    speed_norm = norms["velocity"] + h * (norms["acceleration"] + size_in(0.5 * h * cells.jerk + cells.jump, at.inertia))
+    return Tube(
+        position=np.maximum(bounds.error, outputs["model_position"] + h * missed),
+        speed=bounds.velocity,
+        speed_norm=np.minimum(size_in(bounds.velocity, at.inertia), speed_norm),
+        model_speed=outputs["model_velocity"] + missed,
+        model_norm=norms["model_velocity"] + size_in(missed, at.inertia),
+        command=outputs["command"],
+        command_norm=norms["command"],
+    )
+
+
+def _memory(kernel: Kernel) -> int:
+    """Periods after which less than a small share of a kernel is left."""
+    left = np.cumsum(kernel.any_form[::-1])[::-1]
+    return int(np.count_nonzero(left > MEMORY * left[0])) + 1

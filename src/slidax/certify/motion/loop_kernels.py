@@ -1,0 +1,400 @@
+"""Worst-case kernels of one joint's linear loop: the largest response to inputs of which only the size is known.
+
+The loop of docs/any-motion: a double integrator `ë = s + w + ρ` under a computed torque with a steady Kalman filter,
+
+    r = y - ê⁻,  ê = ê⁻ + L1 r,  v̂ = v̂⁻ + L2 r,  ŵ = ŵ⁻ + L3 r        (measurement y = e + n)
+    s = -(ê_p + c v̂_p)/H² - v̂_p/H - ŵ,  c = H - h/2                     (decided D periods before it acts)
+
+where `ê_p, v̂_p` is the estimate, moved over the delay with `s + ŵ`. The state at the start of a period is
+`(e, v, ê⁻, v̂⁻, ŵ⁻)` and `(ê_p, v̂_p, ŵ)` of each pending command. Inside this module the unit of time is the period.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slidax._errors import DefinitionError
+
+Floats = NDArray[np.float64]
+
+OUTPUTS: dict[str, int] = {
+    "error": 0,
+    "velocity": 1,
+    "command": 2,
+    "acceleration": 2,
+    "command_step": 2,
+    "position_miss": 0,
+    "velocity_miss": 1,
+    "model_position": 0,
+    "model_velocity": 1,
+    "estimate": 2,
+}
+"""Outputs with their order in time: 0 for rad, 1 for rad/s, 2 for rad/s².
+
+- `error`, `velocity`: e and v when a period starts. `command`: s. `acceleration`: `s + w`, at any time.
+- `command_step`: s less the s before it.
+- `position_miss`, `velocity_miss`: q and q̇ less those at which the model is evaluated, at any time of the period, but
+  for what is odd about its middle.
+- `model_position`, `model_velocity`: those at which the model is evaluated, relative to the reference.
+- `estimate`: ŵ.
+"""
+
+DIRECT: dict[str, tuple[float, float]] = {
+    "acceleration": (1.0, 0.0),
+    "velocity_miss": (0.5, 0.5),
+    "position_miss": (0.125, 0.375),
+}
+"""Direct effect of w in the same period: share of a constant w, and the further share by the time in the period."""
+
+SMALLEST = 1e-9
+"""Truncation: kernels end once a state has decayed to this part of its size; the rest is bounded, not dropped."""
+
+LONGEST = 2**15
+"""Periods; a loop that takes longer to settle is refused."""
+
+
+@dataclass(frozen=True)
+class JointLoop:
+    """The linear loop of every joint; all joints have the same.
+
+    - `period`: h [s]; `horizon`: H [s].
+    - `gains`: L1, L2 [1/s], L3 [1/s²] of the Kalman filter.
+    - `delay`: age of a measurement when its torque sets in, whole periods.
+
+    Raises DefinitionError if a value is out of its range or the loop is unstable.
+    """
+
+    period: float
+    horizon: float
+    gains: tuple[float, float, float]
+    delay: int = 1
+
+    def __post_init__(self) -> None:
+        if not self.period > 0:
+            raise DefinitionError(f"`period` must be > 0 s; got {self.period:g}")
+        if not self.horizon >= self.period:
+            raise DefinitionError(f"`horizon` must be at least the period; got {self.horizon:g} s")
+        if self.delay != int(self.delay) or not 0 <= self.delay <= 10:
+            raise DefinitionError(f"`delay` must be 0 to 10 whole periods; got {self.delay:g}")
+        radius = float(np.max(np.abs(np.linalg.eigvals(self.maps.step))))
+        if not radius < 1.0 - 1e-6:
+            raise DefinitionError(
+                f"the loop of a joint is unstable: its largest eigenvalue is {radius:.4f}; choose a longer horizon "
+                "or a slower filter"
+            )
+
+    @classmethod
+    def with_density(
+        cls, period: float, horizon: float, density: float, resolution: float, delay: int = 1
+    ) -> JointLoop:
+        """Return the loop with the steady Kalman filter of a disturbance that drifts as a random walk.
+
+        - `density`: spectral density of the acceleration's rate, (rad/s³)² s.
+        - `resolution`: r of the encoders [rad]; the filter's variance is r²/12.
+        """
+        from slidax.estimators.steady_gains import steady_gains
+
+        first, second, third = np.asarray(steady_gains(density, resolution**2 / 12.0, period)).tolist()
+        return cls(period, horizon, (first, second, third), delay)
+
+    @property
+    def maps(self) -> LoopMaps:
+        """One period of the nominal loop as linear maps."""
+        return self.maps_for(1.0)
+
+    def maps_for(self, ratio: float) -> LoopMaps:
+        """One period of the loop of a joint with `ë = κ (s + w)` as linear maps.
+
+        - `ratio`: κ, nominal over true inertia.
+        """
+        size = 5 + 3 * self.delay
+        columns = [self._next(ratio, *parts) for parts in _unit_inputs(size)]
+        states = np.stack([state for state, _ in columns], axis=1)
+        outputs = np.stack([output for _, output in columns], axis=1)
+        return LoopMaps(
+            step=states[:, :size], enters=states[:, size:], outputs=outputs[:, :size], direct=outputs[:, size]
+        )
+
+    def _next(self, ratio: float, x: Floats, noise: float, pulse: float, velocity: float) -> tuple[Floats, Floats]:
+        """State after a period, and the outputs in it, in periods as the unit of time."""
+        h = self.period
+        first, second, third = self.gains[0], self.gains[1] * h, self.gains[2] * h * h
+        horizon = self.horizon / h
+        lead = horizon - 0.5
+
+        def aim(position: float, speed: float) -> float:
+            return -(position + lead * speed) / horizon**2 - speed / horizon
+
+        e, v, position, speed, push = (float(value) for value in x[:5])
+        residual = e + noise - position
+        position, speed, push = position + first * residual, speed + second * residual, push + third * residual
+        pending = [(float(x[i]), float(x[i + 1]), float(x[i + 2])) for i in range(5, x.size, 3)]
+        prior = None
+        for one_position, one_speed, one_push in pending:
+            acceleration = aim(one_position, one_speed) - one_push + push
+            position, speed = position + speed + 0.5 * acceleration, speed + acceleration
+            prior = prior or (position, speed)
+        pending.append((position, speed, push))
+        if prior is None:
+            acceleration = aim(position, speed)
+            prior = position + speed + 0.5 * acceleration, speed + acceleration
+        at, rate, known = pending[0]
+        aimed = aim(at, rate)
+        s = aimed - known
+        after = [e + v + 0.5 * ratio * s + pulse, v + ratio * s + velocity, *prior, push]
+        for entry in pending[1:]:
+            after.extend(entry)
+        outputs = {
+            "error": e,
+            "velocity": v,
+            "command": s,
+            "acceleration": ratio * s,
+            "command_step": s,
+            "position_miss": e - at + 0.5 * (v - rate) - 0.125 * known,
+            "velocity_miss": v - rate - 0.5 * known,
+            "model_position": at + 0.5 * rate + 0.125 * aimed,
+            "model_velocity": rate + 0.5 * aimed,
+            "estimate": known,
+        }
+        return np.array(after), np.array([outputs[name] for name in OUTPUTS])
+
+
+@dataclass(frozen=True)
+class LoopMaps:
+    """`x⁺ = step x + enters (n, ∫(1-τ) w, ∫w)`, `y = outputs x + direct n`, with y in the order of `OUTPUTS`."""
+
+    step: Floats
+    enters: Floats
+    outputs: Floats
+    direct: Floats
+
+
+def _unit_inputs(size: int) -> list[tuple[Floats, float, float, float]]:
+    nothing = np.zeros(size)
+    states = [(row, 0.0, 0.0, 0.0) for row in np.eye(size)]
+    return [*states, (nothing, 1.0, 0.0, 0.0), (nothing, 0.0, 1.0, 0.0), (nothing, 0.0, 0.0, 1.0)]
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """Bounds of one output per lag in periods, in SI units; each [L].
+
+    - `any_form`: for an acceleration w of size 1, of any form within and between periods.
+    - `ramp`: for a continuous w whose rate has the size 1; with it goes `beyond` times the size of w itself.
+    - `step`: for a w that is 1 from some time on.
+    - `pulse`: for a position pulse of size 1 in each period.
+    - `noise`: for a measurement error of size 1 at each sample.
+    - `start_error`, `start_speed`: for an initial e, which the filter knows, or v, which it does not, of size 1.
+    """
+
+    any_form: Floats
+    ramp: Floats
+    beyond: float
+    step: Floats
+    pulse: Floats
+    noise: Floats
+    start_error: Floats
+    start_speed: Floats
+
+    @property
+    def gain(self) -> float:
+        """l1 norm of the response to a w of any form."""
+        return float(np.sum(self.any_form))
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Kernels of one output over all inertia ratios κ of a band.
+
+    - `nominal`: for κ = 1. `departure`: largest departure from it over κ. `largest`: largest response over κ.
+    """
+
+    nominal: Kernel
+    departure: Kernel
+    largest: Kernel
+
+
+def loop_kernels(loop: JointLoop) -> dict[str, Kernel]:
+    """Return the kernels of all outputs of the nominal loop."""
+    return {name: spread.nominal for name, spread in spread_kernels(loop, 0.0).items()}
+
+
+def spread_kernels(loop: JointLoop, p: float, growth: float = 0.0) -> dict[str, Spread]:
+    """Return the kernels of all outputs over κ from 1/(1 + p) to 1/(1 - p).
+
+    Between two of the ratios that are computed, a response departs from its chord by at most Δκ²/8 times its second
+    derivative by κ. With `T(κ)` the response of ë/κ to w, `T' = T * (T - δ)/κ`, so that second derivative is at most
+    `2 (‖T‖₁ + 1)²/κ²` times the response in the l1 norm. This share is added to the last lag.
+
+    - `growth`: rate of a weight `exp(growth k h)` of lag k in `departure` and `largest` [1/s].
+
+    Raises DefinitionError if the loop is unstable for a κ of the band.
+    """
+    ratios = np.array([1.0]) if p == 0.0 else np.concatenate([[1.0], np.linspace(1 / (1 + p), 1 / (1 - p), RATIOS)])
+    all_maps = [loop.maps_for(ratio) for ratio in ratios]
+    for ratio, maps in zip(ratios, all_maps, strict=True):
+        if not np.max(np.abs(np.linalg.eigvals(maps.step * np.exp(growth * loop.period)))) < 1.0 - 1e-6:
+            raise DefinitionError(
+                f"the loop of a joint is unstable where the true inertia is 1/{ratio:.3g} of the nominal one; identify "
+                "the arm better, or choose a longer horizon"
+            )
+    length = max(_length(maps.step * np.exp(growth * loop.period)) for maps in all_maps)
+    traces = [_Trace.of(loop, maps, ratio, length, growth) for maps, ratio in zip(all_maps, ratios, strict=True)]
+    nominal = _Trace.of(loop, all_maps[0], 1.0, length, 0.0)
+    between = 0.0
+    if p > 0.0:
+        size = max(float(np.sum(trace.kernel("acceleration").any_form)) for trace in traces) * (1 + p)
+        between = (ratios[2] - ratios[1]) ** 2 / 8.0 * 2.0 * (1.1 * size + 1.0) ** 2 * (1 + p) ** 2
+    results = {}
+    for name in OUTPUTS:
+        own = [trace.kernel(name) for trace in traces]
+        apart = [trace.less(traces[0]).kernel(name) for trace in traces]
+        largest = _largest(own, own, between)
+        results[name] = Spread(nominal.kernel(name), _largest(apart, own, between), largest)
+    return results
+
+
+RATIOS = 9
+"""Inertia ratios κ at which the responses of a band are computed."""
+
+
+@dataclass(frozen=True)
+class _Trace:
+    """Responses of all outputs in periods as the unit of time.
+
+    - `response`: [L outputs 5] to noise, position pulse, velocity pulse, and the two starts; `rest`: [outputs 5].
+    - `own`: effect in the same period of noise, of a constant w, and further by the time in it [outputs 3].
+    """
+
+    period: float
+    response: Floats
+    rest: Floats
+    own: Floats
+    ratio: float
+    weight: Floats
+
+    @classmethod
+    def of(cls, loop: JointLoop, maps: LoopMaps, ratio: float, length: int, growth: float) -> _Trace:
+        size = maps.step.shape[0]
+        state = np.concatenate([maps.enters, _starts(size)], axis=1)
+        response = np.empty((length, len(OUTPUTS), state.shape[1]))
+        for k in range(length):
+            response[k] = maps.outputs @ state
+            state = maps.step @ state
+        rest = _rest(maps, length, state, growth * loop.period)
+        own = np.zeros((len(OUTPUTS), 3))
+        for i, name in enumerate(OUTPUTS):
+            own[i] = maps.direct[i], *DIRECT.get(name, (0.0, 0.0))
+            if name == "acceleration":
+                own[i, 1] = ratio
+            if name == "command_step":
+                direct = own[i, 0]
+                response[:, i, :3] = np.diff(response[:, i, :3], axis=0, prepend=0.0)
+                response[0, i, 0] -= direct
+                rest[i] *= 2.0
+        # A w acts by κ.
+        response[:, :, 2] *= ratio
+        w_pulse = response[:, :, 1:2] * ratio
+        response = np.concatenate([response, w_pulse], axis=2)
+        rest = np.concatenate([rest, rest[:, 1:2] * ratio], axis=1)
+        weight = np.exp(growth * loop.period * np.arange(length + 1))
+        return cls(loop.period, response, rest, own, ratio, weight)
+
+    def less(self, other: _Trace) -> _Trace:
+        """The difference of two responses."""
+        own = self.own - other.own
+        return _Trace(self.period, self.response - other.response, self.rest + other.rest, own, self.ratio, self.weight)
+
+    def kernel(self, name: str) -> Kernel:
+        i, h = list(OUTPUTS).index(name), self.period
+        response, rest, weight = self.response[:, i], self.rest[i], self.weight
+        direct, constant, beyond = self.own[i]
+        noise, pulse, velocity, start_error, start_speed, late = response.T
+        # A w at the start of its period acts by `late + velocity`, at its end by `velocity`; a maximum over κ of the
+        # size of such a line is convex in time.
+        ends = np.stack([np.abs(velocity), np.abs(velocity + late)])
+        reached = constant + np.concatenate([[0.0], np.cumsum(0.5 * late + velocity)])
+        between = 0.5 * (np.abs(reached[:-1]) + np.abs(reached[1:])) + np.abs(late) / 12.0
+        unit = h ** -OUTPUTS[name]
+        w_rest = float(rest[5] + rest[2])
+
+        def joined(own: float, later: Floats, rest: float) -> Floats:
+            value = np.concatenate([[abs(own)], np.abs(later)]) * weight
+            value[-1] += rest
+            return value
+
+        areas = _area(velocity, velocity + late) if self.ratio == 1.0 else 0.5 * np.sum(ends, axis=0)
+        return Kernel(
+            any_form=joined(abs(constant) + abs(beyond), areas, w_rest) * (unit * h**2),
+            ramp=joined(constant, between, w_rest * len(response)) * (unit * h**3),
+            beyond=float(abs(beyond)) * unit * h**2,
+            step=np.abs(reached) * weight * (unit * h**2) + w_rest * (unit * h**2),
+            pulse=joined(0.0, pulse, float(rest[1])) * unit,
+            noise=joined(float(direct), noise, float(rest[0])) * unit,
+            start_error=np.append(np.abs(start_error) * weight[:-1], float(rest[3])) * unit,
+            start_speed=np.append(np.abs(start_speed) * weight[:-1], float(rest[4])) * (unit * h),
+        )
+
+
+def _largest(kernels: list[Kernel], whole: list[Kernel], between: float) -> Kernel:
+    """The largest of several kernels at each lag, with a share of the whole ones at the last lag."""
+
+    def most(name: str) -> Floats:
+        value = np.max([getattr(kernel, name) for kernel in kernels], axis=0)
+        value[-1] += between * max(float(np.sum(getattr(kernel, name))) for kernel in whole)
+        return np.asarray(value)
+
+    return Kernel(
+        any_form=most("any_form"),
+        ramp=most("ramp"),
+        beyond=max(kernel.beyond for kernel in kernels),
+        step=most("step"),
+        pulse=most("pulse"),
+        noise=most("noise"),
+        start_error=most("start_error"),
+        start_speed=most("start_speed"),
+    )
+
+
+def _starts(size: int) -> Floats:
+    """Initial states: an error e that the filter has measured, and a velocity v that it does not know."""
+    starts = np.zeros((size, 2))
+    starts[[0, 2], 0] = 1.0
+    starts[5::3, 0] = 1.0
+    starts[1, 1] = 1.0
+    return starts
+
+
+def _length(step: Floats) -> int:
+    """Number of periods after which powers of the step are small."""
+    power, length = step, 1
+    while np.max(np.abs(power)) > SMALLEST:
+        power, length = power @ power, 2 * length
+        if length > LONGEST:
+            raise DefinitionError(f"the loop of a joint takes more than {LONGEST} periods to settle")
+    return max(length, 16)
+
+
+def _rest(maps: LoopMaps, length: int, state: Floats, growth: float) -> Floats:
+    """Sums of all responses after the truncation, in size, [outputs inputs].
+
+    With `A^L` after L periods, `Σ_{k >= L} |C A^k B| <= (Σ_{k < L} |C A^k|) (I - |A^L|)⁻¹ |A^L B|`.
+    """
+    step = maps.step * np.exp(growth)
+    total, row = np.zeros_like(maps.outputs), maps.outputs
+    power = np.linalg.matrix_power(step, length)
+    for _ in range(length):
+        total += np.abs(row)
+        row = row @ step
+    after = np.abs(state) * np.exp(growth * length)
+    return np.asarray(total @ np.linalg.solve(np.eye(len(step)) - np.abs(power), after))
+
+
+def _area(a: Floats, b: Floats) -> Floats:
+    """`∫₀¹ |a + (b - a) x| dx`."""
+    both = np.abs(a) + np.abs(b)
+    safe = np.where(both > 0.0, both, 1.0)
+    return np.where(a * b >= 0.0, 0.5 * both, 0.5 * (a * a + b * b) / safe)
