@@ -8,8 +8,8 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-import slidax.robots as arms
-from slidax.trajectories import Tabulated
+import slidax.arms as arms
+from slidax.motions.tabulated import Tabulated
 
 
 def panda(payload: float = 2.0) -> Any:
@@ -44,7 +44,7 @@ def quintic(arm: Any, rng: np.random.Generator, share: float, acceleration: floa
 
 
 def knotted(arm: Any, rng: np.random.Generator, share: float, acceleration: float = 10.0) -> Any:
-    """Along three straight stretches with a stop at none of their corners: like a time-optimal path, knots each 0.1 s."""
+    """Like a time-optimal path along three straight stretches with blends, with knots each 0.1 s."""
     lower, upper = box(arm)
     points = rng.uniform(lower, upper, size=(3, arm.joints))
     # A blended polygon by its length, with a trapezoid in time.

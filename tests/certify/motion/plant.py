@@ -54,7 +54,9 @@ class Chain:
     @classmethod
     def of(cls, arm: Any) -> Chain:
         n = arm.joints
-        bodies = [_pseudo(float(arm.masses[i]), np.asarray(arm.centers[i]), np.asarray(arm.inertias[i])) for i in range(n)]
+        bodies = [
+            _pseudo(float(arm.masses[i]), np.asarray(arm.centers[i]), np.asarray(arm.inertias[i])) for i in range(n)
+        ]
         carrier = list(range(n))
         if float(arm.payload.mass) > 0:
             turn = np.asarray(arm.tip_rotation)
@@ -161,9 +163,24 @@ def simulate(
     real, unreal = truth.struct(), model.struct()
     gains = np.array(loop.gains)
     library().run(
-        ctypes.byref(real), ctypes.byref(unreal), ctypes.c_double(loop.period), ctypes.c_double(loop.horizon),
-        _pointer(gains), loop.delay, slots, sub, _pointer(desired), _pointer(push), int(coulomb is None),
-        _pointer(friction), ctypes.c_double(resolution), _pointer(grid), _pointer(begin), int(settled),
-        _pointer(sizes), _pointer(traced), _pointer(torque),
+        ctypes.byref(real),
+        ctypes.byref(unreal),
+        ctypes.c_double(loop.period),
+        ctypes.c_double(loop.horizon),
+        _pointer(gains),
+        loop.delay,
+        slots,
+        sub,
+        _pointer(desired),
+        _pointer(push),
+        int(coulomb is None),
+        _pointer(friction),
+        ctypes.c_double(resolution),
+        _pointer(grid),
+        _pointer(begin),
+        int(settled),
+        _pointer(sizes),
+        _pointer(traced),
+        _pointer(torque),
     )
     return Run(sizes[:, 0], sizes[:, 1], traced, torque)

@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slidax._errors import DefinitionError
-from slidax.robots import Articulated
+from slidax.arms.articulated import Articulated
+from slidax.core.errors import DefinitionError
 
 Floats = NDArray[np.float64]
 
@@ -74,7 +74,7 @@ class Bodies:
         return cls(
             rotations=np.asarray(arm.rotations),
             translations=np.asarray(arm.translations),
-            revolute=np.asarray([unit == "rad" for unit in arm.joint_units]),
+            revolute=np.array([unit == "rad" for unit in arm.joint_units], bool),
             before=before,
             parents=arm.parents,
             carrier=np.array([link[0] for link in links]),
@@ -209,6 +209,6 @@ def _leibniz(a: Jet, b: Jet) -> Jet:
     """Derivatives of a product of matrices."""
     choose = ((1,), (1, 1), (1, 2, 1), (1, 3, 3, 1))
     return [
-        sum((row[i] * (a[i] @ b[order - i]) for i in range(order + 1)), np.zeros(()))  # type: ignore[misc]
+        sum((row[i] * (a[i] @ b[order - i]) for i in range(order + 1)), np.zeros(()))
         for order, row in enumerate(choose)
     ]

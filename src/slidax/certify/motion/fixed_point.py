@@ -5,9 +5,9 @@ that norm. With `M = M0 + E` and `K = M⁻¹ M0` the arm obeys `ë = K (s + w) +
 Two bounds of each output are used, and the smaller one counts:
 
 - small gain: `ë = s + w - M0⁻¹ E (ë - ρ) + ρ`, with the nominal loop and `‖M0⁻¹ E x‖ <= p ‖x‖`;
-- modes: K is self-adjoint in the metric of M0, with eigenvalues κ in [1/(1+p), 1/(1-p)], and the loop of a constant K is
-  a function of it. For one joint the nominal response counts in full and its departure over κ in the metric; the change
-  of K since an earlier instant is a further disturbance (drift).
+- modes: K is self-adjoint in the metric of M0, with eigenvalues κ in [1/(1+p), 1/(1-p)], and the loop of a constant K
+  is a function of it. For one joint the nominal response counts in full and its departure over κ in the metric; the
+  change of K since an earlier instant is a further disturbance (drift).
 
 Values in cells are bounds for all instants of a cell. A vector of values that the inequalities do not enlarge is a
 bound, as each inequality at a time needs the outputs before it only.
@@ -16,7 +16,7 @@ bound, as each inequality at a time needs the outputs before it only.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -35,6 +35,8 @@ SETTLED = 1e-3
 
 TUBES = 12
 """Tubes that are tried."""
+
+TINY = 1e-300
 
 MEMORY = 2e-4
 """Share of a kernel that is charged to the largest value of the whole motion, and not to the time it belongs to."""
@@ -98,7 +100,8 @@ class Bounds:
     - `error`, `velocity`: |e| and |v| [N n].
     - `outputs`: all outputs of the loop per joint [N n]; `norms`: in the metric [N].
     - `terms`: the shares of `error` by name [N n]; their sum is at least `error`.
-    - `disturbance`: bound of w [N n]; `disturbance_norm`: in the metric [N].
+    - `disturbance`: bound of w without its slow parts [N n]; `disturbance_norm`: in the metric [N].
+    - `verified`: True if the inequalities do not enlarge them; else they have been abandoned while they grew.
     """
 
     error: Floats
@@ -108,6 +111,7 @@ class Bounds:
     terms: Mapping[str, Floats]
     disturbance: Floats
     disturbance_norm: Floats
+    verified: bool = False
 
     def times(self, factor: float) -> Bounds:
         """Return larger bounds."""
@@ -199,13 +203,21 @@ class Table:
 
     @classmethod
     def of(cls, kernels: list[Kernel], cell: int, count: int) -> Table:
+        def sums(name: str) -> Lags:
+            return Lags.of([getattr(kernel, name) for kernel in kernels], cell, count)
+
+        def steps(name: str) -> Lags:
+            return Lags.of_steps([getattr(kernel, name) for kernel in kernels], cell, count)
+
         return cls(
-            *(Lags.of([getattr(k, name) for k in kernels], cell, count) for name in ("any_form", "ramp")),
-            Lags.of_steps([k.step for k in kernels], cell, count),
-            *(Lags.of([getattr(k, name) for k in kernels], cell, count) for name in ("pulse", "noise")),
-            Lags.of_steps([k.start_error for k in kernels], cell, count),
-            Lags.of_steps([k.start_speed for k in kernels], cell, count),
-            np.array([k.beyond for k in kernels]),
+            any_form=sums("any_form"),
+            ramp=sums("ramp"),
+            step=steps("step"),
+            pulse=sums("pulse"),
+            noise=sums("noise"),
+            start_error=steps("start_error"),
+            start_speed=steps("start_speed"),
+            beyond=np.array([kernel.beyond for kernel in kernels]),
         )
 
 
@@ -241,11 +253,13 @@ class Problem:
         """Shares of w that do not depend on the outputs, per joint and in the metric; and ‖ρ‖."""
         at, inputs, cells = self.at, self.inputs, self.path.cells
         friction = inputs.coulomb + inputs.viscous * (
-            inputs.viscous_band * cells.speed
-            + (1.0 + inputs.viscous_band) * (0.5 * self.h * cells.acceleration)
+            inputs.viscous_band * cells.speed + (1.0 + inputs.viscous_band) * (0.5 * self.h * cells.acceleration)
         )
         joints, norms = {}, {}
-        for name, torque in {"friction": friction, "disturbance": inputs.torque}.items():
+        acting = {"friction": friction}
+        if not np.all(np.isfinite(inputs.torque_rate)):
+            acting["disturbance"] = inputs.torque
+        for name, torque in acting.items():
             values = np.broadcast_to(torque, cells.speed.shape)
             joints[name] = np.einsum("nij,nj->ni", at.inverse, values)
             norms[name] = np.sqrt(np.einsum("ni,ni->n", joints[name], values))
@@ -257,7 +271,7 @@ class Problem:
         return joints, norms, size_in(mean, at.inertia)
 
     def _constant(self) -> tuple[dict[str, tuple[Floats, Floats]], dict[str, tuple[Floats, Floats]]]:
-        """Shares of the outputs that do not depend on them: by the band along the motion, encoders, pulses and start."""
+        """Shares of the outputs by the band along the motion, encoders, pulses and the start."""
         at, inputs, cells = self.at, self.inputs, self.path.cells
         shape = cells.speed.shape
         conversion = at.conversion[..., None]
@@ -271,15 +285,37 @@ class Problem:
         starts = np.zeros((2, *shape))
         starts[0, 0], starts[1, 0] = inputs.start_error, inputs.start_speed
 
+        torque, torque_rate = (np.broadcast_to(value, shape) for value in (inputs.torque, inputs.torque_rate))
+        limited = bool(np.all(np.isfinite(inputs.torque_rate)))
+        pushed, pushed_rate = (
+            np.einsum("nij,nj->ni", at.inverse, value) if limited else np.zeros(shape)
+            for value in (torque, torque_rate)
+        )
+        pushed_norm, rate_norm = (
+            np.sqrt(np.einsum("ni,ni->n", accelerated, value)) if limited else np.zeros(shape[0])
+            for accelerated, value in ((pushed, torque), (pushed_rate, torque_rate))
+        )
+        turned = 2.0 * at.growth * pushed_norm
+        first = np.zeros((shape[0], 1))
+        first[0] = 0.0 if inputs.settled else 1.0
+        self.pushed = pushed
+
+        def slow_share(table: Table, slow: Floats, rate: Floats, step: Floats) -> Floats:
+            """Response to a w of bounded size and rate, by the better of the two."""
+            moving = table.ramp.past(rate) + slow[..., None] * table.beyond + table.step.since(step)
+            return np.minimum(table.any_form.past(slow), moving)
+
         def shares(table: Table, joints: bool) -> dict[str, Floats]:
             """By name [N k outputs]; k = n for joints, 1 for the metric."""
             size = (lambda x: x) if joints else (lambda x: size_in(x, at.inertia)[:, None])
             slow = at.band_joints if joints else at.band[:, None]
             rate = (at.conversion if joints else np.ones((shape[0], 1))) * at.band_rate[:, None]
             step = begun if joints else begun_norm
-            moving = table.ramp.past(rate) + slow[..., None] * table.beyond + table.step.since(step)
+            push = pushed if joints else pushed_norm[:, None]
+            push_rate = pushed_rate + at.conversion * turned[:, None] if joints else (rate_norm + turned)[:, None]
             return {
-                "inertial band": np.minimum(table.any_form.past(slow), moving),
+                "inertial band": slow_share(table, slow, rate, step),
+                "disturbance": slow_share(table, push, push_rate, push * first),
                 "encoder": table.noise.past(size(noise)),
                 "sampling": table.pulse.past(size(pulse)),
                 "start": table.start_error.since(size(starts[0])) + table.start_speed.since(size(starts[1])),
@@ -298,7 +334,7 @@ class Problem:
         joints, norms = dict(self.fixed_joints), dict(self.fixed_norms)
         nothing = np.zeros_like(cells.speed)
         if last is None:
-            parts = {name: (nothing, nothing[:, 0]) for name in USED}
+            parts = dict.fromkeys(USED, (nothing, nothing[:, 0]))
             velocity = nothing
         else:
             parts = {name: (last.outputs[name], last.norms[name]) for name in USED}
@@ -323,14 +359,19 @@ class Problem:
 
         by_gain = self._by_small_gain(joints, norms, acceleration)
         by_modes = self._by_modes(joints, norms, acceleration)
+        (gain_joints, gain_norms), (mode_joints, mode_norms) = (map(_total, way) for way in (by_gain, by_modes))
         outputs, sizes = {}, {}
         for i, name in enumerate(USED):
-            outputs[name] = np.minimum(*(sum(way[0].values(), 0.0)[..., i] for way in (by_gain, by_modes)))
-            sizes[name] = np.minimum(*(sum(way[1].values(), 0.0)[:, 0, i] for way in (by_gain, by_modes)))
+            outputs[name] = np.minimum(gain_joints[..., i], mode_joints[..., i])
+            sizes[name] = np.minimum(gain_norms[:, 0, i], mode_norms[:, 0, i])
             sizes[name] = np.minimum(sizes[name], size_in(outputs[name], at.inertia))
         # The odd part of w within a period: its own size, and that of its integral.
         odd = at.conversion * at.odd[:, None]
-        for name, share in {"acceleration": 0.5 * self.h, "velocity_miss": self.h**2 / 8.0, "position_miss": self.h**3 / 8.0}.items():
+        for name, share in {
+            "acceleration": 0.5 * self.h,
+            "velocity_miss": self.h**2 / 8.0,
+            "position_miss": self.h**3 / 8.0,
+        }.items():
             outputs[name] = outputs[name] + share * odd
             sizes[name] = sizes[name] + share * at.odd
         # Between two samples e departs from its chord by h²/8 |ë|, and v from its own by h/2 |w|.
@@ -338,8 +379,10 @@ class Problem:
         within = self.h**2 / 8.0 * (outputs["acceleration"] + mean)
         band = conversion * (self.p * (acceleration + self.acting))[:, None]
         error = outputs["error"] + within
-        velocity = outputs["velocity"] + self.h * (0.5 * (total + at.band_joints + band + self.h * odd) + mean)
-        better = by_gain if np.sum(sum(by_gain[0].values())[..., 0]) <= np.sum(sum(by_modes[0].values())[..., 0]) else by_modes
+        velocity = outputs["velocity"] + self.h * (
+            0.5 * (total + at.band_joints + self.pushed + band + self.h * odd) + mean
+        )
+        better = by_gain if gain_joints[..., 0].sum() <= mode_joints[..., 0].sum() else by_modes
         terms = {name: better[0][name][..., 0] for name in TERMS}
         terms["sampling"] = terms["sampling"] + within
         return Bounds(error, velocity, outputs, sizes, terms, total, total_norm)
@@ -370,7 +413,11 @@ class Problem:
         drift = self.drift.past(acceleration[:, None])
         apart = self.departure.any_form.past(total[:, None]) + drift
         # A velocity or position within the period that K has moved.
-        direct = self.p * acceleration[:, None, None] * np.array([DIRECT_SHARE.get(name, 0.0) * self.h ** (2 - OUTPUTS[name]) for name in USED])
+        direct = (
+            self.p
+            * acceleration[:, None, None]
+            * np.array([DIRECT_SHARE.get(name, 0.0) * self.h ** (2 - OUTPUTS[name]) for name in USED])
+        )
         own = {name: self.nominal.any_form.past(value) for name, value in joints.items()}
         own["band feedback"] = self.at.conversion[..., None] * (apart + direct)
         return (
@@ -378,16 +425,17 @@ class Problem:
             _joined({"all": self.largest.any_form.past(total[:, None]) + drift + direct}, self.modes, 1),
         )
 
-    def solve(self, start: Bounds | None, cap: float) -> Bounds | None:
-        """Return bounds that satisfy the inequalities; None if there are none below `cap`, in rad or m."""
+    def solve(self, start: Bounds | None, cap: float) -> Bounds:
+        """Return bounds that satisfy the inequalities, or unverified ones if none is below `cap`, in rad or m."""
         bounds = self.round(start)
         last_change = 0.0
         for _ in range(ROUNDS):
             following = self.round(bounds)
             size = float(following.error.max())
-            if not np.isfinite(size) or size > cap:
-                return None
-            change = float(np.max([np.max(following.norms[name] / bounds.norms[name]) for name in USED])) - 1.0
+            if not size < cap:
+                return following if np.isfinite(size) else bounds
+            changes = [np.max(following.norms[name] / np.maximum(bounds.norms[name], TINY)) for name in USED]
+            change = max(float(np.max(changes)) - 1.0, 0.0)
             bounds = following
             if change < SETTLED:
                 # A geometric series with the ratio of the last two changes, and some more.
@@ -395,9 +443,13 @@ class Problem:
                 grown = bounds.times(1.0 + 1e-6 + 1.5 * change / (1.0 - ratio))
                 following = self.round(grown)
                 if following.within(grown):
-                    return following
-            last_change = max(change, 0.0)
-        return None
+                    return replace(following, verified=True)
+            last_change = change
+        return bounds
+
+
+def _total(shares: Mapping[str, Floats]) -> Floats:
+    return np.asarray(sum(shares.values(), np.zeros(())))
 
 
 def _joined(own: dict[str, Floats], fixed: Mapping[str, tuple[Floats, Floats]], which: int) -> dict[str, Floats]:
@@ -406,22 +458,24 @@ def _joined(own: dict[str, Floats], fixed: Mapping[str, tuple[Floats, Floats]], 
     return own
 
 
-def bounds_along(loop: JointLoop, path: Path, band: Band, inputs: Inputs, *, cap: float = 0.05) -> Bounds | None:
-    """Return the bounds along a path, with a tube that contains them; None if there are none below `cap`."""
+def bounds_along(loop: JointLoop, path: Path, band: Band, inputs: Inputs, *, cap: float = 0.05) -> Bounds:
+    """Return the bounds along a path, with a tube that contains them; unverified if there are none below `cap`."""
     tube = Tube.none(path.cells)
     bounds: Bounds | None = None
     for _ in range(TUBES):
         suprema = path.suprema(band, tube)
         if suprema is None:
-            return None
+            assert bounds is not None
+            return replace(bounds, verified=False)
         bounds = Problem(loop, path, band, inputs, suprema).solve(bounds, cap)
-        if bounds is None:
-            return None
+        if not bounds.verified:
+            return bounds
         needed = tube_of(bounds, path, loop.period, suprema)
         if all(np.all(getattr(needed, name) <= getattr(tube, name)) for name in vars(tube)):
             return bounds
         tube = Tube(**{name: value * 1.01 for name, value in vars(needed).items()})
-    return None
+    assert bounds is not None
+    return replace(bounds, verified=False)
 
 
 def tube_of(bounds: Bounds, path: Path, h: float, at: Suprema) -> Tube:
@@ -429,7 +483,9 @@ def tube_of(bounds: Bounds, path: Path, h: float, at: Suprema) -> Tube:
     cells, outputs, norms = path.cells, bounds.outputs, bounds.norms
     # The reference's own miss at the middle of a period.
     missed = h * h / 8.0 * cells.jerk + 0.25 * h * cells.jump
-    speed_norm = norms["velocity"] + h * (norms["acceleration"] + size_in(0.5 * h * cells.jerk + cells.jump, at.inertia))
+    speed_norm = norms["velocity"] + h * (
+        norms["acceleration"] + size_in(0.5 * h * cells.jerk + cells.jump, at.inertia)
+    )
     return Tube(
         position=np.maximum(bounds.error, outputs["model_position"] + h * missed),
         speed=bounds.velocity,

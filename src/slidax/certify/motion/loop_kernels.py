@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slidax._errors import DefinitionError
+from slidax.core.errors import DefinitionError
 
 Floats = NDArray[np.float64]
 
@@ -95,7 +95,7 @@ class JointLoop:
         - `density`: spectral density of the acceleration's rate, (rad/s³)² s.
         - `resolution`: r of the encoders [rad]; the filter's variance is r²/12.
         """
-        from slidax.estimators.steady_gains import steady_gains
+        from slidax.law.kalman import steady_gains
 
         first, second, third = np.asarray(steady_gains(density, resolution**2 / 12.0, period)).tolist()
         return cls(period, horizon, (first, second, third), delay)

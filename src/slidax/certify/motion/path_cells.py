@@ -8,17 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slidax._errors import DefinitionError
-from slidax.trajectories import AbstractTrajectory
-from slidax.trajectories.extremes import derived
-from slidax.trajectories.piecewise_polynomial import AbstractPiecewisePolynomial
+from slidax.core.errors import DefinitionError
+from slidax.motions.trajectory import AbstractMotion, AbstractPiecewisePolynomial, derivative_coefficients
 
 Floats = NDArray[np.float64]
 
-CELL_TRAVEL = 0.02
+CELL_TRAVEL = 0.08
 """rad or m: all joints together travel at most this far in a cell, so that its remainders are some per cent."""
 
-SHORTEST_CELL, LONGEST_CELL = 0.004, 0.024
+SHORTEST_CELL, LONGEST_CELL = 0.006, 0.032
 """s."""
 
 
@@ -55,10 +53,10 @@ class PathCells:
     @property
     def centres(self) -> Floats:
         """Times of the centres [N], s."""
-        return (np.arange(len(self.q)) + 0.5) * (self.period * self.per_cell)
+        return np.asarray((np.arange(len(self.q)) + 0.5) * (self.period * self.per_cell), float)
 
     @classmethod
-    def of(cls, motion: AbstractTrajectory, period: float, *, per_cell: int | None = None, rest: float = 0.1) -> PathCells:
+    def of(cls, motion: AbstractMotion, period: float, *, per_cell: int | None = None, rest: float = 0.1) -> PathCells:
         """Cut a motion into cells.
 
         - `motion`: ends at rest; the sample times are the multiples of the period.
@@ -75,15 +73,26 @@ class PathCells:
         per_cell = per_cell or pieces.per_cell(period)
         end = float(pieces.knots[-1]) + rest
         count = int(np.ceil(end / (period * per_cell) - 1e-9))
-        ticks = np.arange(count * per_cell + 1) * period
-        centres = (np.arange(count) + 0.5) * (period * per_cell)
+        ticks = np.asarray(np.arange(count * per_cell + 1) * period, float)
+        centres = np.asarray((np.arange(count) + 0.5) * (period * per_cell), float)
         q, dq, ddq, dddq = pieces.at(centres)
         speed, acceleration, jerk = pieces.sizes(ticks, per_cell)
         positions, velocities = pieces.at(ticks)[:2]
         miss = np.diff(positions, axis=0) - 0.5 * period * (velocities[1:] + velocities[:-1])
         pulse = np.abs(miss).reshape(count, per_cell, -1).max(axis=1)
         return cls(
-            period, per_cell, q, dq, ddq, dddq, speed, acceleration, jerk, pieces.jumps(count, period * per_cell), pulse, True
+            period,
+            per_cell,
+            q,
+            dq,
+            ddq,
+            dddq,
+            speed,
+            acceleration,
+            jerk,
+            pieces.jumps(count, period * per_cell),
+            pulse,
+            True,
         )
 
 
@@ -110,13 +119,13 @@ class Pieces:
 
         - `last`: at a knot, take the piece that ends there, and not the one that begins.
         """
-        side = "left" if last else "right"
-        piece = np.clip(np.searchsorted(self.knots, t, side=side) - 1, 0, len(self.knots) - 2)
+        piece = np.searchsorted(self.knots, t, side="left" if last else "right")
+        piece = np.clip(piece - 1, 0, len(self.knots) - 2)
         inside = (t >= self.knots[0]) & ((t <= self.knots[-1]) if last else (t < self.knots[-1]))
         local = np.clip(t, self.knots[0], self.knots[-1]) - self.knots[piece]
         values = []
         for order in range(4):
-            value = _horner(derived(self.coefficients, order)[:, piece], local)
+            value = _horner(derivative_coefficients(self.coefficients, order)[:, piece], local)
             values.append(value if order == 0 else np.where(inside[:, None], value, 0.0))
         return values
 
@@ -157,7 +166,7 @@ class Pieces:
             # The second derivative is itself at most its values at the ends and its own departure from its chord.
             bend = np.zeros_like(begin[0])
             for extra, factor in ((2, 1.0), (4, 1.0 / 8.0)):
-                powers = derived(self.coefficients, order + extra)[:, piece]
+                powers = derivative_coefficients(self.coefficients, order + extra)[:, piece]
                 ends = np.maximum(*(np.abs(_horner(powers, side)) for side in local))
                 bend = bend + factor * widths ** (extra - 2) * ends
             bend = np.where(inside[:, None], bend, 0.0)

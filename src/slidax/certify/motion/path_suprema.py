@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from slidax._errors import DefinitionError
+from slidax.core.errors import DefinitionError
 
 from .body_points import Bodies, PointMotion, point_motion
 from .path_cells import PathCells
@@ -84,8 +84,8 @@ class Suprema:
     - `per_command`: norm of its share of the command s, per joint and norm of s [N n].
     - `band`: norm of `M0⁻¹ (E q̈_d + Δn)` along the motion [N]; `band_joints`: per joint [N n]; `band_rate`: norm of its
       rate, but for jumps of the acceleration [N]; `band_tube`: further norm by the tube, without ë [N].
-    - `held`: norm of the disturbance by travel within a period that is even about its middle [N]; `odd`: rate of the odd
-      part [N]. `reference`: norm of the disturbance by the reference's own miss between samples [N].
+    - `held`: norm of the disturbance by travel within a period that is even about its middle [N]; `odd`: rate of the
+      odd part [N]. `reference`: norm of the disturbance by the reference's own miss between samples [N].
     """
 
     conversion: Floats
@@ -373,9 +373,11 @@ def _suprema(cell: Cell, band: Band) -> Suprema:
     stiff = _norm(path.root.swapaxes(1, 2) @ at.stiffness_matrix @ path.root)
     stiff_sum = stiff + np.sqrt(np.sum((stiff_shift * conversion) ** 2, axis=1) * speed.shape[1])
     stiffness = stiff_sum * inflated
-    stiffness_entries = np.abs(path.inverse @ at.stiffness_matrix) + conversion[:, :, None] * (
-        (1.0 + spread)[:, None] * stiff_shift + (spread * stiff)[:, None] * diagonal
-    )[:, None]
+    stiffness_entries = (
+        np.abs(path.inverse @ at.stiffness_matrix)
+        + conversion[:, :, None]
+        * ((1.0 + spread)[:, None] * stiff_shift + (spread * stiff)[:, None] * diagonal)[:, None]
+    )
     per_command = 2.0 * (at.turning + (1.0 + along)[:, None] * turned + along[:, None] * cell.outer)
 
     # The band.

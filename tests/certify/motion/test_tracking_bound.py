@@ -1,0 +1,218 @@
+"""Certified errors along motions, attacked on an independent plant."""
+
+import itertools
+import time
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from slidax.arms.articulated import Articulated
+from slidax.certify.motion.body_points import Bodies
+from slidax.certify.motion.loop_kernels import JointLoop
+from slidax.certify.motion.path_suprema import Band
+from slidax.certify.motion.tracking_bound import ArmUncertainty, CertifiedPath, certified_path, tracking_bound
+from slidax.core.errors import DefinitionError
+from slidax.motions.tabulated import Tabulated
+
+from .cases import desired, knotted, panda, quintic, ur5e
+from .plant import Chain, simulate
+
+LOOP = JointLoop.with_density(1e-3, 0.007, 3.0, 1e-5, 1)
+SLOW = JointLoop.with_density(2e-3, 0.02, 1.0, 1e-5, 1)
+
+
+def uncertainty(p: float, **changes: Any) -> ArmUncertainty:
+    return replace(ArmUncertainty(Band(p, p), 0.3 * (1 + p), p, resolution=1e-5), **changes)
+
+
+@cache
+def arm_of(name: str) -> Any:
+    return {"panda": panda, "ur5e": ur5e}[name]()
+
+
+def short(arm: Articulated, seed: int, share: float = 0.6) -> Any:
+    """A motion of about half a second."""
+    rng = np.random.default_rng(seed)
+    lower, upper = np.asarray(arm.limits.lower), np.asarray(arm.limits.upper)
+    middle = np.clip(0.5 * (lower + upper), -2.0, 2.0)
+    ends = middle + rng.uniform(-0.4, 0.4, size=(2, arm.joints))
+    duration = max(0.3, float(np.max(1.875 * np.abs(ends[1] - ends[0]) / (share * np.asarray(arm.limits.velocity)))))
+    return Tabulated.through([0.0, duration], ends, np.zeros_like(ends), np.zeros_like(ends))
+
+
+def attack(
+    arm: Articulated, motion: Any, certified: CertifiedPath, rng: np.random.Generator, runs: int, sub: int = 4
+) -> np.ndarray:
+    """The largest ratio of error and speed to their bounds in each run, of members at the edge of the band."""
+    loop, cells, p = certified.loop, certified.path.cells, certified.uncertainty.band.bodies
+    slots = len(cells.q) * cells.per_cell
+    reference = desired(motion, loop.period, slots, sub, loop.delay)
+    nominal, coulomb = Chain.of(arm), np.asarray(certified.inputs.coulomb)
+    worst = []
+    for run in range(runs):
+        truth = nominal.member(rng, p)
+        push, friction = None, coulomb
+        kind = run % 3
+        if kind:
+            # Any form within the bound: reversals of all joints at once, at random or at the pace of the loop.
+            pace = rng.integers(2, 40)
+            signs = rng.choice([-1.0, 1.0], size=(slots * sub // pace + 1, arm.joints if kind == 1 else 1))
+            push = np.repeat(signs, pace, axis=0)[: slots * sub] * coulomb
+            friction = None
+        seen = simulate(
+            truth,
+            nominal,
+            loop,
+            reference,
+            slots,
+            sub,
+            push=push,
+            coulomb=friction,
+            resolution=float(np.max(certified.inputs.resolution)),
+            phase=rng.random(arm.joints),
+        )
+        ratios = [
+            getattr(seen, name).reshape(len(cells.q), -1, arm.joints).max(axis=1) / getattr(certified.bounds, name)
+            for name in ("error", "velocity")
+        ]
+        worst.append(float(np.max(ratios)))
+    return np.array(worst)
+
+
+@pytest.mark.parametrize("name", ["panda", "ur5e"])
+def test_no_attack_passes_the_bounds(name: str) -> None:
+    arm, rng = arm_of(name), np.random.default_rng(0)
+    loop = LOOP if name == "panda" else SLOW
+    for seed in range(2):
+        motion = short(arm, seed)
+        certified = certified_path(arm, motion, loop, uncertainty(0.03))
+        assert certified.bounds.verified
+        ratios = attack(arm, motion, certified, rng, 6)
+        assert np.all(ratios <= 1.0)
+        assert np.max(ratios) > 0.1
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("make", [quintic, knotted])
+@pytest.mark.parametrize("name", ["panda", "ur5e"])
+def test_no_long_attack_passes_the_bounds(name: str, make: Any) -> None:
+    arm, rng = arm_of(name), np.random.default_rng(1)
+    loop = LOOP if name == "panda" else SLOW
+    for _ in range(10):
+        motion = make(arm, rng, rng.uniform(0.2, 1.0))
+        for p in (0.02, 0.05):
+            certified = certified_path(arm, motion, loop, uncertainty(p))
+            if certified.bounds.verified:
+                assert np.all(attack(arm, motion, certified, rng, 9) <= 1.0)
+
+
+@pytest.mark.parametrize("joint", [0, 3, 6])
+def test_a_disturbance_with_the_signs_of_the_kernel_attains_the_bound_of_a_known_arm(joint: int) -> None:
+    # Without viscous friction, which damps the true arm.
+    arm = eqx.tree_at(lambda arm: arm.viscous, arm_of("panda"), jnp.zeros(7))
+    place = np.array([0.3, -0.4, 0.2, -1.9, 0.1, 1.7, 0.5])
+    motion = Tabulated.through([0.0, 0.3], np.stack([place, place]), np.zeros((2, 7)), np.zeros((2, 7)))
+    push = 0.02
+    known = ArmUncertainty(Band(0.0, 0.0), torque=push, settled=True)
+    bound = certified_path(arm, motion, LOOP, known).bounds.error.max(axis=0)
+    slots, sub = 301, 8
+    nominal = Chain.of(arm)
+    reference = desired(motion, LOOP.period, slots, sub, LOOP.delay)
+    # The signs of the joint's response to a push in each substep before the last.
+    towards = np.sign(np.linalg.inv(np.asarray(arm.mass(jnp.asarray(place))))[joint])
+    responses = np.zeros((slots - 1, sub))
+    for i in range(sub):
+        pulse = np.zeros((slots * sub, 7))
+        pulse[i] = 1e-3 * towards
+        seen = simulate(nominal, nominal, LOOP, reference, slots, sub, push=pulse, settled=True, trace=True)
+        assert seen.trace is not None
+        responses[:, i] = seen.trace[1:, 0, 0, joint] - place[joint]
+    signs = np.sign(responses)[::-1].reshape(-1, 1) * towards
+    worst = simulate(
+        nominal,
+        nominal,
+        LOOP,
+        reference,
+        slots,
+        sub,
+        settled=True,
+        push=push * np.concatenate([signs, np.zeros((sub, 7))]),
+    )
+    reached = worst.error.max(axis=0)[joint]
+    assert 0.99 * bound[joint] <= reached <= bound[joint]
+
+
+def test_bounds_grow_with_what_is_not_known() -> None:
+    arm = arm_of("panda")
+    motion = short(arm, 1)
+    base: dict[str, Any] = {}
+
+    def error(p: float = 0.02, rotors: float | None = None, **changes: Any) -> np.ndarray:
+        band = Band(p, p if rotors is None else rotors)
+        return certified_path(arm, motion, LOOP, uncertainty(0.02, band=band, **base | changes)).bounds.error
+
+    ladders: list[list[dict[str, Any]]] = [
+        [{"p": 0.0, "rotors": 0.02}, {"p": 0.01, "rotors": 0.02}, {}, {"p": 0.03, "rotors": 0.02}],
+        [{"rotors": 0.0}, {"rotors": 0.01}, {}, {"rotors": 0.03}],
+        [{"coulomb": 0.0}, {"coulomb": 0.1}, {"coulomb": 0.3}],
+        [{"viscous_band": 0.0}, {"viscous_band": 0.1}],
+        [{"resolution": 0.0}, {"resolution": 1e-6}, {}, {"resolution": 2e-5}],
+        [{}, {"torque": 0.1, "torque_rate": 0.1}, {"torque": 0.1, "torque_rate": 1.0}, {"torque": 0.1}],
+        [{"settled": True}, {}, {"start_error": 1e-4}, {"start_error": 1e-4, "start_speed": 1e-2}],
+    ]
+    for ladder in ladders:
+        errors = [error(**step) for step in ladder]
+        for less, more in itertools.pairwise(errors):
+            # Bounds are found to a part in 1000, and from 1000 up by the step that verifies them.
+            assert np.all(less <= more * 1.004)
+        assert np.max(errors[0]) < np.max(errors[-1])
+
+
+def test_the_verdict_names_the_joint_and_the_term() -> None:
+    arm = arm_of("panda")
+    motion = short(arm, 1)
+    verdict = tracking_bound(arm, motion, LOOP, uncertainty(0.02), allowed=1e-3)
+    assert verdict.holds
+    assert verdict.grade == "B"
+    assert verdict.margin is not None and 0.0 < verdict.margin < 1.0
+    assert "friction" in verdict.statement and "panda_joint" in verdict.statement
+    terms = verdict.bound["terms"]
+    assert np.max(verdict.bound["error"]) <= sum(terms.values()) * (1 + 1e-9)
+    assert verdict.as_json()["bound"]["terms"]["friction"] > 0.0
+    assert tracking_bound(arm, motion, LOOP, uncertainty(0.02), allowed=1e-5).holds is False
+
+
+def test_a_wide_band_is_refused_by_name() -> None:
+    arm = arm_of("panda")
+    verdict = tracking_bound(arm, short(arm, 1), LOOP, uncertainty(0.2))
+    assert verdict.holds is False
+    assert "band feedback" in verdict.statement
+    assert verdict.assumptions[0].status == "fails"
+
+
+def test_wrong_arguments_are_named() -> None:
+    arm = arm_of("panda")
+    with pytest.raises(DefinitionError, match="coulomb"):
+        ArmUncertainty(Band(0.0, 0.0), coulomb=-1.0)
+    with pytest.raises(DefinitionError, match="bodies"):
+        Band(1.0, 0.0)
+    with pytest.raises(DefinitionError, match="one per joint"):
+        tracking_bound(arm, short(arm, 1), LOOP, ArmUncertainty(Band(0.0, 0.0), coulomb=[0.1, 0.2]))
+
+
+@pytest.mark.full
+def test_a_motion_of_seven_joints_takes_less_than_a_third_of_a_second() -> None:
+    arm, rng = arm_of("panda"), np.random.default_rng(5)
+    bodies = Bodies.of(arm)
+    times = []
+    for _ in range(5):
+        motion = knotted(arm, rng, 0.6)
+        begin = time.perf_counter()
+        tracking_bound(arm, motion, LOOP, uncertainty(0.02), bodies=bodies)
+        times.append(time.perf_counter() - begin)
+    assert np.median(times) < 0.35
