@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Band:
-    """How far the true arm may be from the nominal one.
+    """Band of inertial parameters around the nominal arm.
 
     - `bodies`: p with `(1 - p) J0 <= J <= (1 + p) J0` for the pseudo-inertia of every link and the payload.
     - `rotors`: the same for the inertia of the rotors.
@@ -48,7 +48,7 @@ class Band:
 
 @dataclass(frozen=True, eq=False)
 class Tube:
-    """How far the arm and the model's arguments are from the motion in each cell; vectors [N n], norms [N].
+    """Deviation of the arm and of the model's arguments from the motion in each cell; vectors [N n], norms [N].
 
     - `position`: of the arm and of where the model is evaluated, |q - q_d|.
     - `speed`: of the arm, |q̇ - q̇_d|; `model_speed`: of where the model is evaluated; `speed_norm`, `model_norm`: in
@@ -396,23 +396,23 @@ def _suprema(cell: Cell, band: Band) -> Suprema:
     band_tube = (band.largest * force_tube + (drift + 2.0 * drift * (1.0 + drift)) * band_force) * inflated
 
     # Travel within a period, for the acceleration that the model is given: odd and even about the middle.
-    given = (size_in(acceleration, inertia) + tube.command_norm) * grown
+    fed = (size_in(acceleration, inertia) + tube.command_norm) * grown
     whole = acceleration + tube.command
     fastest = speed + np.maximum(tube.speed, tube.model_speed)
     travelled = size_in(wide, inertia) * grown
-    pulled = force + model_force + given
+    pulled = force + model_force + fed
     faster = first + moved + np.maximum(slope, model_slope)
     second_tube = second + sums(place, fastest, fastest) + sums(place, whole) + sums(tube.command)
     second_tube = second_tube + 2.0 * sums(fastest, fastest - speed)
     bending = vectors(fastest, fastest, fastest) + vectors(fastest, whole)
     second_rate = 2.0 * (faster**2 + (1.0 + along) * second_tube)
-    stiff_rate = second_tube * pulled + 2.0 * faster * (bending + 2.0 * faster * given)
+    stiff_rate = second_tube * pulled + 2.0 * faster * (bending + 2.0 * faster * fed)
     stiff_rate = stiff_rate + vectors(fastest, fastest, fastest, fastest) + 3.0 * vectors(fastest, fastest, whole)
     stiff_rate = stiff_rate + vectors(whole, whole)
     whole_stiffness = (stiff_sum + np.sum(per_command, axis=1) * tube.command_norm) * inflated
-    odd = whole_stiffness * travelled + coriolis * given
-    held = 0.25 * h * h * (second_rate * given + stiff_rate + change * odd) * inflated
-    held = held + 0.375 * h * h * whole_stiffness * given
+    odd = whole_stiffness * travelled + coriolis * fed
+    held = 0.25 * h * h * (second_rate * fed + stiff_rate + change * odd) * inflated
+    held = held + 0.375 * h * h * whole_stiffness * fed
     missed = h * h / 8.0 * jerk + 0.25 * h * jump
     return Suprema(
         conversion=conversion_sup,

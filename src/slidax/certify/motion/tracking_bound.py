@@ -30,7 +30,7 @@ WIDEST = 0.05
 
 @dataclass(frozen=True, eq=False)
 class ArmUncertainty:
-    """What is known of the true arm, its sensors and its surroundings; numbers, or one per joint.
+    """Uncertainty of the true arm, its sensors and its surroundings; numbers, or one per joint.
 
     - `band`: of the inertial parameters and the rotors.
     - `coulomb`: largest Coulomb friction that is not compensated, N m or N. A feed-forward of it may have the wrong

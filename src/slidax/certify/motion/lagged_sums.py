@@ -1,0 +1,96 @@
+"""Convolutions of kernels with bounds that are constant in cells of time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .loop_kernels import Kernel
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Lags:
+    """Weights of past cells for several outputs at once, [J + 1 outputs]; the last row is for the largest value."""
+
+    weights: Floats
+
+    @classmethod
+    def of(cls, kernels: list[Floats], cell: int, count: int) -> Lags:
+        """Sum kernels over cells; what is further back than `count` cells goes to the last row."""
+        columns = []
+        for kernel in kernels:
+            value = np.pad(kernel, (0, -kernel.size % cell)).reshape(-1, cell).sum(axis=1)
+            head = np.zeros(count + 1)
+            head[: min(count, value.size)] = value[:count]
+            head[count] = value[count:].sum()
+            columns.append(head)
+        return cls(np.stack(columns, axis=1))
+
+    @classmethod
+    def of_steps(cls, kernels: list[Floats], cell: int, count: int) -> Lags:
+        """The largest responses to a step or a start in a cell, for each later one."""
+        columns = []
+        for kernel in kernels:
+            value = np.pad(kernel, (0, -kernel.size % cell), mode="edge").reshape(-1, cell).max(axis=1)
+            head = np.full(count + 1, value[count:].max(initial=value[-1]))
+            head[: min(count, value.size)] = value[:count]
+            # A step late in its cell is less than j cells ago.
+            columns.append(np.maximum(head, np.concatenate([head[:1], head[:-1]])))
+        return cls(np.stack(columns, axis=1))
+
+    def past(self, values: Floats) -> Floats:
+        """Return `Σ_j weights_j values_{m-j}` for each cell m, [N k outputs], for values in cells [N k].
+
+        An instant that is between j and j+1 cells' lengths before one in cell m lies in cell m-j or in the one before,
+        so the larger of the two counts. Before the first cell its value stands.
+        """
+        both = np.maximum(values, np.concatenate([values[:1], values[:-1]]))
+        return self._sums(both, values[:1], values.max(axis=0))
+
+    def since(self, sizes: Floats) -> Floats:
+        """Return the same for steps, of which there is none before the first cell."""
+        return self._sums(sizes, np.zeros_like(sizes[:1]), sizes.sum(axis=0))
+
+    def _sums(self, values: Floats, before: Floats, rest: Floats) -> Floats:
+        count = len(self.weights) - 1
+        padded = np.concatenate([np.repeat(before, count, axis=0), values])
+        windows = np.lib.stride_tricks.sliding_window_view(padded, count, axis=0)[1:]
+        flat = np.ascontiguousarray(windows).reshape(-1, count) @ self.weights[count - 1 :: -1]
+        return flat.reshape(*values.shape, -1) + rest[None, :, None] * self.weights[count]
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Kernels of all outputs that the inequalities need, over cells."""
+
+    any_form: Lags
+    ramp: Lags
+    step: Lags
+    pulse: Lags
+    noise: Lags
+    start_error: Lags
+    start_speed: Lags
+    beyond: Floats
+
+    @classmethod
+    def of(cls, kernels: list[Kernel], cell: int, count: int) -> Table:
+        def sums(name: str) -> Lags:
+            return Lags.of([getattr(kernel, name) for kernel in kernels], cell, count)
+
+        def steps(name: str) -> Lags:
+            return Lags.of_steps([getattr(kernel, name) for kernel in kernels], cell, count)
+
+        return cls(
+            any_form=sums("any_form"),
+            ramp=sums("ramp"),
+            step=steps("step"),
+            pulse=sums("pulse"),
+            noise=sums("noise"),
+            start_error=steps("start_error"),
+            start_speed=steps("start_speed"),
+            beyond=np.array([kernel.beyond for kernel in kernels]),
+        )
