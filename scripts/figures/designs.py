@@ -168,7 +168,7 @@ def by_hand() -> Any:
             required *= CALMER * before["step"] / after["step"]
 
 
-def deadline_of(scenario: sx.Scenario) -> float:
+def deadline_of(scenario: sx.scenarios.Scenario) -> float:
     """When the last of its joints' envelopes is narrow [s]."""
     return float(np.max(scenario.description.scheme.transformation.performance.deadline))
 

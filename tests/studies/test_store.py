@@ -27,7 +27,8 @@ from slidax.studies import RunOptions, study_of
 from slidax.studies import runner
 runner.LEAST = runner.MOST = 64
 print("begin", flush=True)
-study_of(json.loads(sys.argv[1])).run(RunOptions(Path(sys.argv[2]), True, progress=lambda rows: print(rows, flush=True)))
+options = RunOptions(Path(sys.argv[2]), True, progress=lambda rows: print(rows, flush=True))
+study_of(json.loads(sys.argv[1])).run(options)
 """
 
 
