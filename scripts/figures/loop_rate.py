@@ -53,21 +53,21 @@ TITLES = {"example-4.1-1khz": "two-link arm", "example-4.2-1khz": "SCARA"}
 ARM_PERIODS = (5e-4, 1e-3, 2e-3, 4e-3, 1.1e-2)
 
 
-def radius_needed(law: SampledData, push: float) -> float:
+def radius_needed(law: SampledData, disturbance: float) -> float:
     """The final radius of the rule, `(H + D h)² w/(β - ψ(ε̄))` [rad].
 
     - `law`: with its period, horizon, delay, surface and overshoot.
-    - `push`: w, largest acceleration that the estimate misses [rad/s²].
+    - `disturbance`: w, largest acceleration that the estimate misses [rad/s²].
     """
     h, horizon, delay = float(law.period), float(law.horizon), law.delay
     square = (horizon + delay * h) ** 2
-    return square * push / (float(law.step.transformation.overshoot) * (1.0 - taken(law, push)))
+    return square * disturbance / (float(law.step.transformation.overshoot) * (1.0 - taken(law, disturbance)))
 
 
-def taken(law: SampledData, push: float) -> float:
+def taken(law: SampledData, disturbance: float) -> float:
     """Share of the overshoot that ψ(ε̄) takes."""
     h, horizon, delay = float(law.period), float(law.horizon), law.delay
-    target = (2.0 if delay else 1.0) * (horizon + delay * h) ** 2 / horizon * push
+    target = (2.0 if delay else 1.0) * (horizon + delay * h) ** 2 / horizon * disturbance
     side = float(law.step.transformation.overshoot)
     sides = Sides(jnp.asarray(-1.0), jnp.asarray(side))
     pull = law.step.surface.pull_and_slope
@@ -76,14 +76,14 @@ def taken(law: SampledData, push: float) -> float:
 
 
 def residual(scenario: Scenario, since: float = 5.0) -> float:
-    """w: the largest `|residual|` plus D times the largest change of `push` in a run, from some time on [rad/s²].
+    """w: the largest `|residual|` plus D times the largest change of `disturbance`, from some time on [rad/s²].
 
     - `since`: from when [s].
     """
     log = scenario.simulate(log_every=1).log
     late = np.asarray(log.t)[1:] > since
     missed = np.abs(np.asarray(log.signals["residual"]))[1:]
-    changed = np.abs(np.diff(np.asarray(log.signals["push"]), axis=0))
+    changed = np.abs(np.diff(np.asarray(log.signals["disturbance"]), axis=0))
     return float(np.max((missed + scenario.controller.delay * changed)[late]))
 
 
@@ -98,14 +98,14 @@ def _smallest_radius(
 
 
 def constant_push(horizon: int, delay: int) -> tuple[list[float], list[float]]:
-    """The rule's radius and the smallest one that holds under a constant push, for each of PERIODS [rad]."""
+    """The rule's radius and the smallest one that holds under a constant disturbance, for each of PERIODS [rad]."""
     rule, held = [], []
     for h in RULE_PERIODS:
         changes = CONSTANT | {"scheme.sampled_data.horizon": horizon * h, "sensor.delay": delay}
         scenario = loop("example-4.1", h, changes)
         mass = scenario.plant.robot.mass(scenario.trajectory.reference(jnp.asarray(10.0)).q)
-        push = float(np.max(np.abs(np.linalg.solve(mass, np.asarray(PUSH)))))
-        rule.append(radius_needed(scenario.controller, push))
+        disturbance = float(np.max(np.abs(np.linalg.solve(mass, np.asarray(PUSH)))))
+        rule.append(radius_needed(scenario.controller, disturbance))
         held.append(_smallest_radius("example-4.1", h, changes, 0.5 * rule[-1], 1.05 * rule[-1], 7))
     return rule, held
 
@@ -115,13 +115,13 @@ class Rate:
     """An arm at one period.
 
     - `horizon`: H [s].
-    - `push`: w [rad/s²].
+    - `disturbance`: w [rad/s²].
     - `share`: of the overshoot that ψ(ε̄) takes.
     - `rule`, `held`: final radius by the rule, and the smallest one that holds [rad].
     """
 
     horizon: float
-    push: float
+    disturbance: float
     share: float
     rule: float
     held: float
@@ -133,12 +133,12 @@ def of_arm(name: str, period: float) -> Rate:
     - `period`: h [s].
     """
     scenario = loop(name, period)
-    push = residual(scenario)
-    rule = radius_needed(scenario.controller, push)
+    disturbance = residual(scenario)
+    rule = radius_needed(scenario.controller, disturbance)
     return Rate(
         horizon=float(scenario.controller.horizon),
-        push=push,
-        share=taken(scenario.controller, push),
+        disturbance=disturbance,
+        share=taken(scenario.controller, disturbance),
         rule=rule,
         held=_smallest_radius(name, period, {}, rule / 300.0, 2.0 * rule, 7),
     )
@@ -148,7 +148,7 @@ def of_arm(name: str, period: float) -> Rate:
 def draw_loop_rate(
     pushed: dict[tuple[int, int], tuple[list[float], list[float]]], arms: dict[str, list[Rate]]
 ) -> Figure:
-    """The picture: final radius over the period, to the left under a constant push, to the right the two arms.
+    """The picture: final radius over the period, to the left under a constant disturbance, to the right the two arms.
 
     - `pushed`: by horizon and delay in periods, the rule and what was found.
     - `arms`: by name of the scenario, for each of ARM_PERIODS.
@@ -177,7 +177,7 @@ def draw_loop_rate(
             color=look["color"],
             fontsize=8,
         )
-    left.set_title("constant push, no estimate")
+    left.set_title("constant disturbance, no estimate")
     right.set_title("the two arms at their own disturbance")
     for axes in (left, right):
         axes.set_xscale("log")
@@ -217,14 +217,14 @@ def write_loop_rate() -> None:
         for h, rule, held in zip(RULE_PERIODS, *radii, strict=True)
         if h in SHOWN
     ]
-    head = ["constant push", "h [ms]", "ρ∞ by the rule [rad]", "smallest that held, over it"]
-    write_table("loop-rate.md", "constant push", table(head, rows))
+    head = ["constant disturbance", "h [ms]", "ρ∞ by the rule [rad]", "smallest that held, over it"]
+    write_table("loop-rate.md", "constant disturbance", table(head, rows))
     rows = [
         [
             name,
             milliseconds(h),
             milliseconds(rate.horizon),
-            f"{rate.push:.2g}",
+            f"{rate.disturbance:.2g}",
             f"{100.0 * rate.share:.2g} %",
             small(rate.rule),
             small(rate.held),
@@ -311,7 +311,7 @@ SENSORS: dict[str, dict[str, Any]] = {
     "encoders": {"resolution": 1e-5, "velocity": "differenced"},
     "velocity sensor": {"velocity": "measured"},
 }
-CHANGES = ("nothing", "half the torque", "2 kg grasped", "push")
+CHANGES = ("nothing", "half the torque", "2 kg grasped", "disturbance")
 
 CHANGE, END, WINDOW = 3.0, 12.0, 3.0
 """Time of the change, end of the run, and length of its last windows [s]."""
@@ -404,13 +404,13 @@ def draw(scenario: Scenario, arms: int, seed: int, changes: tuple[str, ...] = CH
                 "payload": filled * (BEFORE_GRASP[scenario.name] if grasps else HEAVIEST),
                 "grasped": 2.0 if grasps else 0.0,
                 "share": np.ones(n),
-                "push": np.zeros(n),
+                "disturbance": np.zeros(n),
             }
             if change == "half the torque":
                 needed = _needed(scenario, row)
                 row["share"][next(j for j in order if needed[j] < SHARE_NEEDED * limit[j])] = 0.5
-            if change == "push":
-                row["push"][pushed] = side * 0.3 * limit[pushed]
+            if change == "disturbance":
+                row["disturbance"][pushed] = side * 0.3 * limit[pushed]
             rows.append(row)
     return {name: jnp.asarray(np.stack([row[name] for row in rows])) for name in rows[0]}
 
@@ -469,9 +469,11 @@ def _plant(scenario: Scenario, row: dict[str, Any]) -> Weakened:
         lambda arm: arm.payload, mismatch.applied(nominal), Payload(row["payload"], center, 0.002 * row["payload"])
     )
     grasped = TimedPayload(Payload(row["grasped"], center, 0.002 * row["grasped"]), attached=CHANGE)
-    push = Step(row["push"], CHANGE, CHANGE + 0.1)
+    disturbance = Step(row["disturbance"], CHANGE, CHANGE + 0.1)
     since = jnp.asarray(CHANGE)
-    return Weakened(carrying, push, own.sensor, own.actuator, grasped, share=jnp.asarray(row["share"]), since=since)
+    return Weakened(
+        carrying, disturbance, own.sensor, own.actuator, grasped, share=jnp.asarray(row["share"]), since=since
+    )
 
 
 def _needed(scenario: Scenario, row: dict[str, Any]) -> np.ndarray:
@@ -509,6 +511,6 @@ def write_defaults() -> None:
                     largest.append(largest_errors(run)[2].reshape(ARMS_DRAWN, len(CHANGES)).max(axis=0))
                 row += [f"{x:.1e}" for x in np.max(largest, axis=0)]
             rows.append([f"{rate}", f"{delay}", f"{horizon:.3g}", *row, f"{count}"])
-    short = ("nothing", "half torque", "2 kg", "push")
+    short = ("nothing", "half torque", "2 kg", "disturbance")
     head = ["rate [Hz]", "D", "H [ms]", *(f"{sensor}: {change}" for sensor in SENSORS for change in short), "diverge"]
     write_table("sampled-data.md", "defaults", table(head, rows))

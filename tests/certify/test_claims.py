@@ -105,8 +105,8 @@ def test_brief_contact_counts_with_its_uncertain_stiffness(position: Any) -> Non
     pressed = compute_demand(load(NAME, {**BRIEF, "disturbance.terms": [{"kind": "constant", "value": [-20.0, 0.0]}]}))
     k = round(0.25 * np.pi / 0.001)
     assert touched.effects is not None
-    bound = np.abs(touched.push[:, k]).max(axis=0) + np.abs(touched.effects[:, :, k]).sum(axis=1).max(axis=0)
-    assert (bound >= 0.999 * np.abs(pressed.push[0, k])).all()
+    bound = np.abs(touched.disturbance[:, k]).max(axis=0) + np.abs(touched.effects[:, :, k]).sum(axis=1).max(axis=0)
+    assert (bound >= 0.999 * np.abs(pressed.disturbance[0, k])).all()
 
 
 def test_ripple_that_vanishes_at_each_sample_counts_between_samples() -> None:
@@ -123,7 +123,7 @@ def test_step_between_two_samples_counts_in_full() -> None:
     assert request.jumps is not None
     k = round(1.0 / 0.001)
     bare = compute_demand(load(NAME, {"disturbance.terms": [], "simulation.t1": 3.0, **WITHOUT}))
-    assert request.jumps[k].max() > 0.3 and np.array_equal(request.push[:, k], bare.push[:, k])
+    assert request.jumps[k].max() > 0.3 and np.array_equal(request.disturbance[:, k], bare.disturbance[:, k])
     assert not request.jumps[k + 2 :].any() and not request.jumps[: k - 1].any()
 
 

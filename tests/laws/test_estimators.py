@@ -1,4 +1,4 @@
-"""What every estimator must be: a pure function of arrays that finds a constant push, and is finite always."""
+"""What every estimator must be: a pure function of arrays that finds a constant disturbance, and is finite always."""
 
 import equinox as eqx
 import jax
@@ -24,7 +24,7 @@ def arrays_of(q, dq):
 
 
 MEASURED = arrays_of([0.5, -0.3], [1.0, 2.0])
-PRIOR = Estimate(state=arrays_of([0.49999, -0.3001], [1.01, 1.9]), push=jnp.array([3.0, -1.0]))
+PRIOR = Estimate(state=arrays_of([0.49999, -0.3001], [1.01, 1.9]), disturbance=jnp.array([3.0, -1.0]))
 
 
 FIRST = arrays_of([0.499, -0.302], [1.0, 2.0])
@@ -70,7 +70,7 @@ def test_a_batch_over_parameters_is_the_loop_over_them(estimator):
     alone = [jax.tree.map(lambda x: x[:20], driven(each, acceleration)) for each in given]
     looped = jax.tree.map(lambda *parts: jnp.stack(parts), *alone)
     assert_same(many, looped, rtol=1e-8)
-    assert np.all(np.ptp(looped.push, axis=0)[0] > 0)
+    assert np.all(np.ptp(looped.disturbance, axis=0)[0] > 0)
 
 
 @EVERY
@@ -95,8 +95,8 @@ def test_whatever_is_measured_the_estimate_is_finite(estimator, size, missed):
         measured, none = State(q=far, dq=far), jnp.zeros(2)
         for prior in (
             PRIOR,
-            Estimate(state=State(q=-far, dq=far), push=-far),
-            Estimate(state=State(q=none, dq=none), push=none),
+            Estimate(state=State(q=-far, dq=far), disturbance=-far),
+            Estimate(state=State(q=none, dq=none), disturbance=none),
         ):
             found = answer(estimator, measured, prior, missed=missed)
             assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(found))
@@ -124,11 +124,11 @@ def test_numbers_are_arrays_that_a_batch_can_vary(estimator):
 @every("estimator", ESTIMATORS + WITHOUT_PUSH, full=LIKE_OTHERS)
 def test_what_was_predicted_is_believed(estimator):
     """A measurement that agrees with the prediction changes nothing."""
-    last = Estimate(state=arrays_of([0.2, 0.1], [1.0, -2.0]), push=jnp.array([3.0, -1.0]))
+    last = Estimate(state=arrays_of([0.2, 0.1], [1.0, -2.0]), disturbance=jnp.array([3.0, -1.0]))
     prior = predicted(last, PERIOD)
     found, _ = answer(estimator, prior.state, prior, first=last.state)
     assert_same(found.state, prior.state, rtol=1e-13)
-    np.testing.assert_allclose(found.push, last.push, rtol=1e-9)
+    np.testing.assert_allclose(found.disturbance, last.disturbance, rtol=1e-9)
 
 
 @every("estimator", ESTIMATORS + WITHOUT_PUSH, full=LIKE_OTHERS)
@@ -137,20 +137,20 @@ def test_a_constant_velocity_is_followed_without_error(estimator):
     times = np.arange(1, 201)[:, None] * 1e-3
     np.testing.assert_allclose(found.state.q, times * [1.0, -2.0], atol=1e-13)
     np.testing.assert_allclose(found.state.dq, np.tile([1.0, -2.0], (200, 1)), atol=1e-11)
-    np.testing.assert_allclose(found.push, 0.0, atol=1e-8)
+    np.testing.assert_allclose(found.disturbance, 0.0, atol=1e-8)
 
 
 @EVERY
 def test_a_constant_push_is_found_and_then_all_is_exact(estimator):
     found = driven(estimator, PUSH)
-    np.testing.assert_allclose(found.push[-1], PUSH, atol=1e-6)
+    np.testing.assert_allclose(found.disturbance[-1], PUSH, atol=1e-6)
     np.testing.assert_allclose(found.state.dq[-1], [9.0, -3.0], atol=1e-8)
     np.testing.assert_allclose(found.state.q[-1], [10.0, -5.0], atol=1e-10)
 
 
 @EVERY
 def test_a_constant_push_is_approached_and_not_overshot_by_half(estimator):
-    found = np.asarray(driven(estimator, PUSH).push) / np.asarray(PUSH)
+    found = np.asarray(driven(estimator, PUSH).disturbance) / np.asarray(PUSH)
     assert np.all(found > -0.01) and np.all(found < 1.5)
 
 
@@ -164,21 +164,21 @@ def test_a_slowly_changing_push_is_followed(estimator):
     found = swung(estimator)
     times = jnp.asarray(np.arange(1, 8001) * 1e-3)
     right = jax.vmap(swinging)(times)
-    np.testing.assert_allclose(found.push[3000:], -right.q[3000:], atol=0.1)
+    np.testing.assert_allclose(found.disturbance[3000:], -right.q[3000:], atol=0.1)
     np.testing.assert_allclose(found.state.dq[3000:], right.dq[3000:], atol=2e-3)
     np.testing.assert_allclose(found.state.q[3000:], right.q[3000:], atol=2e-5)
 
 
 @every("estimator", WITHOUT_PUSH)
 def test_a_gain_of_zero_leaves_the_push_as_it_is(estimator):
-    found = followed(estimator, accelerated(PUSH), 100, push=0.25)
-    np.testing.assert_array_equal(found.push, 0.25)
+    found = followed(estimator, accelerated(PUSH), 100, disturbance=0.25)
+    np.testing.assert_array_equal(found.disturbance, 0.25)
 
 
 @EVERY
 def test_after_a_long_gap_the_push_stays_and_the_measured_position_is_believed(estimator):
     found, _ = answer(estimator, elapsed=jnp.asarray(1.0), missed=True)
-    np.testing.assert_array_equal(found.push, PRIOR.push)
+    np.testing.assert_array_equal(found.disturbance, PRIOR.disturbance)
     np.testing.assert_allclose(found.state.q, MEASURED.q, rtol=1e-6)
 
 
@@ -186,7 +186,7 @@ def test_after_a_long_gap_the_push_stays_and_the_measured_position_is_believed(e
 def test_after_a_gap_with_a_push_that_nobody_knew_the_velocity_is_nearer_than_the_prediction(estimator):
     true = accelerated(PUSH)
     for elapsed in (jnp.asarray(0.002), jnp.asarray(0.02), jnp.asarray(0.5)):
-        last = Estimate(state=true(jnp.asarray(0.5)), push=jnp.zeros(2))
+        last = Estimate(state=true(jnp.asarray(0.5)), disturbance=jnp.zeros(2))
         measured, prior = true(0.5 + elapsed), predicted(last, elapsed)
         found, _ = answer(estimator, measured, prior, elapsed, missed=True, first=last.state)
         before = np.abs(prior.state.dq - measured.dq)

@@ -78,8 +78,8 @@ class _Ahead:
         return mass, bias + friction
 
     @cached_property
-    def pushed(self) -> np.ndarray:
-        """Torque from outside along the motion."""
+    def external_torque(self) -> np.ndarray:
+        """External torque along the motion."""
         moving = State(q=jnp.asarray(self.q), dq=jnp.asarray(self.dq))
         return np.asarray(
             jax.jit(jax.vmap(lambda t, state: self.plant.disturbance(t, state)))(jnp.asarray(self.t), moving)
@@ -88,7 +88,7 @@ class _Ahead:
     def torques(self) -> Iterator[str]:
         """The torque that the motion needs."""
         mass, bias = self.true
-        needed = np.einsum("kij,kj->ki", mass, self.ddq) + bias - self.pushed
+        needed = np.einsum("kij,kj->ki", mass, self.ddq) + bias - self.external_torque
         limit = np.broadcast_to(np.asarray(self.law.limits.torque), self.law.joints)
         over = np.abs(needed) / limit
         k, joint = np.unravel_index(int(np.argmax(over)), over.shape)
@@ -173,7 +173,7 @@ class _Ahead:
         if bound is None:
             return
         difference = np.einsum("kij,kj->ki", self.true[0] - self.believed[0], self.ddq)
-        lacks = np.linalg.norm(difference + self.true[1] - self.believed[1] - self.pushed, axis=1)
+        lacks = np.linalg.norm(difference + self.true[1] - self.believed[1] - self.external_torque, axis=1)
         feedforward = np.einsum("kij,kj->ki", self.believed[0], self.ddq) + self.believed[1]
         moving = State(q=jnp.asarray(self.q), dq=jnp.asarray(self.dq))
         u = np.asarray(jax.jit(jax.vmap(lambda state, tau: bound(state, tau)))(moving, jnp.asarray(feedforward)))

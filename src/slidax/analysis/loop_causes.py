@@ -287,7 +287,7 @@ class PeriodCause(AbstractCause):
         unit = record.units[joint]
         evidence = (
             f"{record.named(joint)}: at a period of {1e3 * record.period:g} ms the estimate misses up to "
-            f"{record.missed[joint]:.3g} {unit}/s², which pushes the error (H + D h)² w = "
+            f"{record.missed[joint]:.3g} {unit}/s², which moves the error by (H + D h)² w = "
             f"{reached[joint]:.2g} {unit} far, "
             f"and the envelope allows {record.room[joint]:.2g} {unit}"
         )

@@ -245,7 +245,7 @@ class RunRecord:
         t = np.asarray(columns.get("t", ()), float)
         if len(t) < 3 or np.any(np.abs(np.diff(t) / scenario.period - 1.0) > 0.01):
             raise DefinitionError(EACH)
-        signals = {name: wide(name) for name in ("push", "residual")}
+        signals = {name: wide(name) for name in ("disturbance", "residual")}
         if "u" in columns:
             signals["u"] = np.asarray(columns["u"], float)
         if law.adaptation is not None:
@@ -333,7 +333,7 @@ class RunRecord:
     @cached_property
     def lumped(self) -> np.ndarray:
         """`M0 w`, the torque by which the law makes up for what its model does not explain [N n]."""
-        return np.einsum("kij,kj->ki", self.mass_and_bias[0], self.signals["push"])
+        return np.einsum("kij,kj->ki", self.mass_and_bias[0], self.signals["disturbance"])
 
     @cached_property
     def loops(self) -> tuple[LinearLoop | None, ...]:
@@ -354,7 +354,7 @@ class RunRecord:
     def missed(self) -> np.ndarray:
         """w̄ of the loop-rate rule, what the estimate misses [n]: while the envelope is narrow, rad/s² or m/s²."""
         d = float(self.law.delay)
-        missed = np.abs(self.signals["residual"][1:]) + d * np.abs(np.diff(self.signals["push"], axis=0))
+        missed = np.abs(self.signals["residual"][1:]) + d * np.abs(np.diff(self.signals["disturbance"], axis=0))
         narrow = self.narrow[1:]
         return missed[narrow].max(axis=0) if narrow.any() else missed.max(axis=0)
 

@@ -128,10 +128,10 @@ class SampledReference:
         return mass, bias + BatchedFunction(self.plant.robot.friction)(self.states[1])[0]
 
     @cached_property
-    def pushed(self) -> Floats:
+    def external_torque(self) -> Floats:
         """External torque along the motion, [N n], N m or N."""
-        push = BatchedFunction(lambda t, q, dq: self.plant.disturbance(t, State(q=q, dq=dq)))
-        return push(self.times, *self.states[:2])[0]
+        disturbance = BatchedFunction(lambda t, q, dq: self.plant.disturbance(t, State(q=q, dq=dq)))
+        return disturbance(self.times, *self.states[:2])[0]
 
 
 def has_envelope(scenario: Scenario) -> bool:

@@ -182,8 +182,8 @@ def error_in_cases(trials: Trials, choice: DesignPoint) -> EstimationError:
         assert log.envelope is not None
         width = np.asarray(log.envelope.upper) - np.asarray(log.envelope.lower)
         narrow = np.all(width <= NARROW * width[-1], axis=1)[1:]
-        residual, push = (np.asarray(log.signals[name]) for name in ("residual", "push"))
-        each = np.abs(residual[1:]) + delay * np.abs(np.diff(push, axis=0))
+        residual, disturbance = (np.asarray(log.signals[name]) for name in ("residual", "disturbance"))
+        each = np.abs(residual[1:]) + delay * np.abs(np.diff(disturbance, axis=0))
         worst.append(np.max(each[narrow] if narrow.any() else each, axis=0))
     arm = trials.problem.robot.build().nominal
     allowed = choice.overshoot * np.asarray(choice.final) / (choice.horizon + delay * h) ** 2

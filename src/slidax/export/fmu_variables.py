@@ -100,7 +100,7 @@ SIGNALS = {
     "rho": ("radius of the envelope as prescribed", "rad or m"),
     "u": ("magnitude of the robust part", ""),
     "margin": ("remaining margin of the guarantee; below 0 where it is void", ""),
-    "push": ("estimated acceleration that the nominal model does not explain", "rad/s² or m/s²"),
+    "disturbance": ("estimated acceleration that the nominal model does not explain", "rad/s² or m/s²"),
     "residual": ("acceleration error of the last plan", "rad/s² or m/s²"),
     "rotor": ("learned rotor inertia", "kg m² or kg"),
     "coulomb": ("learned Coulomb friction", "N m or N"),

@@ -367,7 +367,7 @@ def arm_plan(scenario: Scenario, *, transport: int) -> ArmPlan:
         current = loop_of(arrays)
         return moved(current, state, k.astype(float) * current.period, HeldTorque(tau, delivery))
 
-    def push(arrays: Any, k: Any, i: Any, state: State, tau: Vector, delivery: Any) -> Vector:
+    def external_torque(arrays: Any, k: Any, i: Any, state: State, tau: Vector, delivery: Any) -> Vector:
         return force(loop_of(arrays), HeldTorque(tau, delivery), k, i, state)
 
     delivery = None if own.actuator is None else own.actuator.init(held)
@@ -417,7 +417,7 @@ def arm_plan(scenario: Scenario, *, transport: int) -> ArmPlan:
     force_slot = planner.view("force", vector)
     world = None
     if isinstance(arrays, MujocoPlant):
-        code, _ = kernel(push, of_loop, WHOLE, WHOLE, of_state, vector, of_delivery)
+        code, _ = kernel(external_torque, of_loop, WHOLE, WHOLE, of_state, vector, of_delivery)
         planner.code("move", code, (numbers, k, i, state, set_tau, memories["delivery"]), force_slot)
         world = _world(arrays, float(period) / stepping.substeps, start, scenario.t1)
     else:

@@ -19,11 +19,11 @@ class Estimate(eqx.Module):
     """Estimated state and unmodelled acceleration at one sample.
 
     - `state`: estimated positions and velocities.
-    - `push`: estimated acceleration that the nominal model does not explain [n], rad/s² or m/s².
+    - `disturbance`: ŵ, the estimated acceleration that the nominal model does not explain [n], rad/s² or m/s².
     """
 
     state: State
-    push: Vector
+    disturbance: Vector
 
 
 class AbstractEstimator(AbstractPart):
@@ -39,7 +39,7 @@ class AbstractEstimator(AbstractPart):
     def init(self, measured: State) -> Memory:
         """Estimator state after the first measurement: any pytree of arrays, also an empty one.
 
-        The first estimate is that measurement, with `push = 0`.
+        The first estimate is that measurement, with `disturbance = 0`.
 
         - `measured`: the first measurement.
         """
@@ -51,10 +51,10 @@ class AbstractEstimator(AbstractPart):
         """The estimate at the time of a measurement, and the memory after it, a tree like `memory`.
 
         - `measured`: measured positions and velocities.
-        - `prior`: the last estimate, moved by the nominal model and with its push to the time of this measurement.
+        - `prior`: the last estimate, moved by the nominal model and its disturbance to the time of this measurement.
         - `elapsed`: time since the last measurement [s], > 0.
-        - `missed`: True if that is more than one period. The push then stays as it was, because other errors add up to
-          it over a long time.
+        - `missed`: True if that is more than one period. The disturbance then stays as it was, because over a long
+          time other errors add up to it.
         - `memory`: what `init` returned, or the call at the last measurement.
         """
 
@@ -69,7 +69,7 @@ class AbstractEstimator(AbstractPart):
 def reset_position(
     measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, "..."], usual: Estimate
 ) -> Estimate:
-    """After missed samples, the measured position, `q̇ + 2 (q' - q)/T`, and the previous push; else `usual`.
+    """After missed samples, the measured position, `q̇ + 2 (q' - q)/T`, and the previous disturbance; else `usual`.
 
     The velocity is exact if the acceleration error was constant since the last measurement.
 
@@ -85,7 +85,7 @@ def reset_position(
             q=jnp.where(missed, measured.q, usual.state.q),
             dq=jnp.where(missed, dq, usual.state.dq),
         ),
-        push=jnp.where(missed, prior.push, usual.push),
+        disturbance=jnp.where(missed, prior.disturbance, usual.disturbance),
     )
 
 
@@ -95,19 +95,21 @@ loop is then stable for believed inertias of 1/3 to 3/2 of the true one."""
 
 
 class Measured(AbstractEstimator):
-    """`q = q'`, `q̇ = q̇'`, and the push by an α-β filter of what the velocity did beyond the prediction.
+    """`q = q'`, `q̇ = q̇'`, and the disturbance by an α-β filter of what the velocity did beyond the prediction.
 
-    With `r = (q̇' - q̇_predicted)/h`: `w⁺ = w + h d + g (r + push - w - h d)`, `d⁺ = d + b (r + push - w - h d)/h`,
-    `push⁺ = w⁺ + ahead h d⁺`. Here w is the unexplained acceleration in the middle of the last period and d its rate;
-    push is what it will be when the next torque acts, so that a push that grows evenly is compensated without a lag.
-    For sensors with a good velocity.
+    With `r = (q̇' - q̇_predicted)/h`: `w⁺ = w + h d + g (r + ŵ - w - h d)`, `d⁺ = d + b (r + ŵ - w - h d)/h`,
+    `ŵ⁺ = w⁺ + ahead h d⁺`. Here w is the unexplained acceleration in the middle of the last period and d its rate.
+    The disturbance ŵ is extrapolated to the time when the next torque acts, which compensates a steady growth without
+    a lag. For sensors with a good velocity.
     """
 
     title = "Measured positions and velocities, and an α-β filter of the disturbance."
 
     reads_velocity: ClassVar[bool] = True
 
-    gain: PerJoint = parameter("g, of the push; 0 with trend 0 leaves it as it is", "", "[0, 1]", default=WITHOUT_TREND)
+    gain: PerJoint = parameter(
+        "g, of the disturbance; 0 with trend 0 leaves it as it is", "", "[0, 1]", default=WITHOUT_TREND
+    )
     trend: PerJoint = parameter(
         "b, of its rate; 0 for a filter of first order; `critical` gives the one that is critically damped",
         "",
@@ -138,9 +140,9 @@ class Measured(AbstractEstimator):
     def tolerant(cls, delay: float, most: Any = 1.0) -> Measured:
         """The default for a joint whose inertia or drive torque may be far from the nominal one.
 
-        Extrapolating the push by its trend costs tolerance, the more the longer the delay. Up to one period the filter
-        is `critical` with g = 1/6; beyond, it has no trend, and g = 0.3. docs/learning.md has the inertia ratios that
-        the loop tolerates.
+        Extrapolating the disturbance by its trend costs tolerance, the more the longer the delay. Up to one period the
+        filter is `critical` with g = 1/6; beyond, it has no trend, and g = 0.3. docs/learning.md has the inertia ratios
+        that the loop tolerates.
 
         - `delay`: age of a measurement when its torque sets in [periods].
         - `most`: g is not larger than this.
@@ -150,27 +152,27 @@ class Measured(AbstractEstimator):
         return cls.critical(jnp.minimum(WITH_TREND, most), delay + 1.0)
 
     def init(self, measured: State) -> Vector:
-        """The push's rate d, zero at the start."""
+        """The disturbance's rate d, zero at the start."""
         return jnp.zeros_like(measured.q)
 
     def __call__(
         self, measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, ""], memory: Vector
     ) -> tuple[Estimate, Vector]:
-        """The measurement, and the push."""
+        """The measurement, and the disturbance."""
         unexplained = (measured.dq - prior.state.dq) / elapsed
         grown = (1.0 - self.ahead) * elapsed * memory
-        # w + h d, what the filter expected of this period, is `push + (1 - ahead) h d`.
+        # w + h d, what the filter expected of this period, is `ŵ + (1 - ahead) h d`.
         surprise = unexplained - grown
         rate = memory + self.trend * surprise / elapsed
-        push = prior.push + grown + self.gain * surprise + self.ahead * elapsed * rate
+        disturbance = prior.disturbance + grown + self.gain * surprise + self.ahead * elapsed * rate
         return (
-            Estimate(state=measured, push=jnp.where(missed, prior.push, push)),
+            Estimate(state=measured, disturbance=jnp.where(missed, prior.disturbance, disturbance)),
             jnp.where(missed, memory, rate),
         )
 
 
 class FilteredDifference(AbstractEstimator):
-    """`q = q'`, `q̇ = q̇_predicted + a d`, `push⁺ = push + g a² d/h`, with `a = 1 - e^{-c h}`.
+    """`q = q'`, `q̇ = q̇_predicted + a d`, `ŵ⁺ = ŵ + g a² d/h`, with `a = 1 - e^{-c h}`.
 
     The model's velocity error is `d = (q' - q'₋)/h - (q̇_predicted + q̇₋)/2`. A complementary filter: slow changes of
     the velocity come from the measured positions, and fast changes from the model. The filter therefore lags only
@@ -184,7 +186,7 @@ class FilteredDifference(AbstractEstimator):
 
     cutoff: PerJoint = parameter("c, of the filter on the velocity", "rad/s", "> 0")
     gain: PerJoint = parameter(
-        "g, of the push; 0 leaves it as it is", "", "[0, 1]", default=0.25, source="critical damping"
+        "g, of the disturbance; 0 leaves it as it is", "", "[0, 1]", default=0.25, source="critical damping"
     )
 
     def init(self, measured: State) -> State:
@@ -194,15 +196,15 @@ class FilteredDifference(AbstractEstimator):
     def __call__(
         self, measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, ""], memory: State
     ) -> tuple[Estimate, State]:
-        """The measured positions, the filtered velocities, and the push."""
+        """The measured positions, the filtered velocities, and the disturbance."""
         share = -jnp.expm1(-self.cutoff * elapsed)
         correction = share * ((measured.q - memory.q) / elapsed - 0.5 * (prior.state.dq + memory.dq))
         usual = Estimate(
             state=State(q=measured.q, dq=prior.state.dq + correction),
-            push=prior.push + self.gain * share * correction / elapsed,
+            disturbance=prior.disturbance + self.gain * share * correction / elapsed,
         )
-        # Over a gap the mean velocity is as good as ever, the push is not.
-        estimate = Estimate(state=usual.state, push=jnp.where(missed, prior.push, usual.push))
+        # Over a gap the mean velocity is as good as ever, the disturbance is not.
+        estimate = Estimate(state=usual.state, disturbance=jnp.where(missed, prior.disturbance, usual.disturbance))
         return estimate, estimate.state
 
 
@@ -212,17 +214,17 @@ NEWTON_STEPS = 5
 
 
 class RobustDifferentiator(AbstractEstimator):
-    """`σ̇0 = σ1 - λ0 L^⅓ sig^⅔(σ0)`, `σ̇1 = σ2 - λ1 L^⅔ sig^⅓(σ0)`, `σ̇2 ∈ -λ2 L Sgn(σ0) - d(push)/dt`, implicit in time.
+    """`σ̇0 = σ1 - λ0 L^⅓ sig^⅔(σ0)`, `σ̇1 = σ2 - λ1 L^⅔ sig^⅓(σ0)`, `σ̇2 ∈ -λ2 L Sgn(σ0) - dŵ/dt`, implicit in time.
 
-    σ0, σ1, σ2 are the errors of position, velocity and push. They reach zero in finite time if the push changes no
-    faster than L. Measured velocities are not used.
+    σ0, σ1, σ2 are the errors of position, velocity and disturbance. They reach zero in finite time if the disturbance
+    changes no faster than L. Measured velocities are not used.
 
     With `r = q' - q_predicted`, `R = |r|/(L h³)` and the error left in the position, `σ0 = L h³ y³ sgn(r)`, a step of
     implicit Euler is `y³ + λ0 y² + λ1 y + λ2 s = R`, where `s = min(R/λ2, 1)` is selected from the set-valued sign.
-    Then `q = q' - σ0`, `q̇ = q̇_predicted + L h² (λ1 y + 3/2 λ2 s) sgn(r)`, `push⁺ = push + L h λ2 s sgn(r)`. While
+    Then `q = q' - σ0`, `q̇ = q̇_predicted + L h² (λ1 y + 3/2 λ2 s) sgn(r)`, `ŵ⁺ = ŵ + L h λ2 s sgn(r)`. While
     `R <= λ2`, y is 0 and the estimate is the one whose error is gone after three samples, without chattering. The 3/2
     is 1 for the Euler step, whose velocity lags by half a period, and 1/2 for that half (Seeber): what is predicted
-    exactly with a constant push is then estimated exactly.
+    exactly with a constant disturbance is then estimated exactly.
 
     Source: Levant, Higher-order sliding modes, differentiation and output-feedback control, 2003; implicit in time:
     Acary, Brogliato, Orlov, 2012, and Mojallizadeh, Brogliato, Acary, 2021; without bias: Seeber, Proper implicit
@@ -231,7 +233,9 @@ class RobustDifferentiator(AbstractEstimator):
 
     title = "Levant's second-order differentiator, implicit in time, around the model's prediction."
 
-    lipschitz: PerJoint = parameter("L, how fast the push may change", "rad/s³ or m/s³", "> 0", "(L, Levant, 2003)")
+    lipschitz: PerJoint = parameter(
+        "L, how fast the disturbance may change", "rad/s³ or m/s³", "> 0", "(L, Levant, 2003)"
+    )
 
     def init(self, measured: State) -> tuple[()]:
         return ()
@@ -239,7 +243,7 @@ class RobustDifferentiator(AbstractEstimator):
     def __call__(
         self, measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, ""], memory: tuple[()]
     ) -> tuple[Estimate, tuple[()]]:
-        """The estimate with the smallest position error that a change of the push can explain."""
+        """The estimate with the smallest position error that a change of the disturbance can explain."""
         residual = measured.q - prior.state.q
         sign = jnp.sign(residual)
         # The bounds are out of reach of any arm; they keep the quotient finite for all numbers.
@@ -254,10 +258,10 @@ class RobustDifferentiator(AbstractEstimator):
                 q=measured.q - pull * y * y * y,
                 dq=prior.state.dq + pull * (l1 * y + 1.5 * selection) / elapsed,
             ),
-            push=prior.push + pull * selection / elapsed / elapsed,
+            disturbance=prior.disturbance + pull * selection / elapsed / elapsed,
         )
-        # A step over a gap is as exact as any in the state; the push is not learnt from it.
-        return Estimate(state=usual.state, push=jnp.where(missed, prior.push, usual.push)), ()
+        # A step over a gap is as exact as any in the state; the disturbance is not learnt from it.
+        return Estimate(state=usual.state, disturbance=jnp.where(missed, prior.disturbance, usual.disturbance)), ()
 
 
 def _root(rest: Vector) -> Vector:

@@ -11,7 +11,7 @@ from .estimators import Measured
 from .kalman import Kalman
 from .sampled.controller import SampledData
 
-INPUTS = ("position noise", "velocity noise", "place", "push", "push at the end")
+INPUTS = ("position noise", "velocity noise", "target", "disturbance", "disturbance at the end")
 """Inputs: noise of a measurement, the target `A ψ(ε)` of a plan, and an acceleration disturbance of
 the arm, linear over the period."""
 
@@ -155,17 +155,17 @@ class LinearLoop:
         delay = self.believed if delay is None else delay
         delayed, believed = math.ceil(delay), math.ceil(self.believed)
         queue = max(1, delayed, believed)
-        # q, q̇, the commands (newest first), the prediction of q and q̇, the push, its rate, the last measurement.
+        # q, q̇, the commands (newest first), the prediction of q and q̇, the estimate ŵ, its rate, the last measurement.
         size = 2 + queue + 6
         columns = np.eye(size + len(INPUTS))
         state = columns[:size]
-        noise_q, noise_v, place, pushed, pushed_next = columns[size:]
+        noise_q, noise_v, target, disturbance, disturbance_next = columns[size:]
         q, v, commands = state[0], state[1], list(state[2 : 2 + queue])
-        prior_q, prior_v, push, rate, last_q, last_v = state[2 + queue :]
+        prior_q, prior_v, estimate, rate, last_q, last_v = state[2 + queue :]
         read_q, read_v = q + noise_q, v + noise_v
         if self.follows is not None:
             read_v = last_v + self.follows * (read_q - last_q - last_v)
-        estimate_q, estimate_v, push, rate = self._estimated(read_q, read_v, prior_q, prior_v, push, rate)
+        estimate_q, estimate_v, estimate, rate = self._estimated(read_q, read_v, prior_q, prior_v, estimate, rate)
         if self.follows is None or not self.measures_velocity:
             # Unused memory is set to zero: it would count as a loop that never settles.
             last_q, last_v = 0.0 * read_q, 0.0 * read_v
@@ -175,32 +175,32 @@ class LinearLoop:
         whole, part = int(self.believed), self.believed % 1.0
         now_q, now_v, following = estimate_q, estimate_v, None
         if part > 0:
-            now_q, now_v = self._moved(now_q, now_v, commands[whole] + push, part)
+            now_q, now_v = self._moved(now_q, now_v, commands[whole] + estimate, part)
         if whole > 0:
-            following = self._moved(now_q, now_v, commands[whole - 1] + push, 1.0 - part)
-            now_q, now_v = self._moved(now_q, now_v, commands[whole - 1] + push, 1.0)
+            following = self._moved(now_q, now_v, commands[whole - 1] + estimate, 1.0 - part)
+            now_q, now_v = self._moved(now_q, now_v, commands[whole - 1] + estimate, 1.0)
         for i in range(whole - 1, 0, -1):
-            now_q, now_v = self._moved(now_q, now_v, commands[i - 1] + push, 1.0)
+            now_q, now_v = self._moved(now_q, now_v, commands[i - 1] + estimate, 1.0)
         lead = self.horizon - 0.5
         led = now_q + lead * now_v
-        planned = ((place - led) / self.horizon - now_v) / self.horizon
-        command = planned - push
+        planned = ((target - led) / self.horizon - now_v) / self.horizon
+        command = planned - estimate
         if following is None:
             following = self._moved(now_q, now_v, planned, 1.0 - part)
 
-        # The arm itself, under the commands that really are under way and a push that is linear over the period.
+        # The arm itself, under the commands that really are under way and a disturbance that is linear over the period.
         sent = [command, *commands]
         whole, part = int(delay), delay % 1.0
-        change = pushed_next - pushed
+        change = disturbance_next - disturbance
         within_q, within_v = q, v
         if part > 0:
             q, v = self._moved(q, v, kappa * sent[whole + 1], part)
-            within_q = q + part * part * (0.5 * pushed + part / 6.0 * change)
-            within_v = v + part * (pushed + 0.5 * part * change)
+            within_q = q + part * part * (0.5 * disturbance + part / 6.0 * change)
+            within_v = v + part * (disturbance + 0.5 * part * change)
         q, v = self._moved(q, v, kappa * sent[whole], 1.0 - part)
-        q, v = q + 0.5 * pushed + change / 6.0, v + 0.5 * (pushed + pushed_next)
-        after = np.array([q, v, *sent[:queue], *following, push, rate, last_q, last_v])
-        outputs = np.array([within_q, within_v, led, now_v, command, planned, push])
+        q, v = q + 0.5 * disturbance + change / 6.0, v + 0.5 * (disturbance + disturbance_next)
+        after = np.array([q, v, *sent[:queue], *following, estimate, rate, last_q, last_v])
+        outputs = np.array([within_q, within_v, led, now_v, command, planned, estimate])
         return LoopMaps(after[:, :size], after[:, size:], outputs[:, :size], outputs[:, size:])
 
     def _estimated(
@@ -209,20 +209,20 @@ class LinearLoop:
         read_v: np.ndarray,
         prior_q: np.ndarray,
         prior_v: np.ndarray,
-        push: np.ndarray,
+        estimate: np.ndarray,
         rate: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         gain, two, three = self.gains
         if not self.measures_velocity:
             residual = read_q - prior_q
-            return prior_q + gain * residual, prior_v + two * residual, push + three * residual, 0.0 * rate
+            return prior_q + gain * residual, prior_v + two * residual, estimate + three * residual, 0.0 * rate
         if two == 0.0:
             # A rate that nothing changes is no part of the loop: it would count as one that never settles.
             rate = 0.0 * rate
         grown = (1.0 - three) * rate
         surprise = read_v - prior_v - grown
         rate = rate + two * surprise
-        return read_q, read_v, push + grown + gain * surprise + three * rate, rate
+        return read_q, read_v, estimate + grown + gain * surprise + three * rate, rate
 
     def _moved(self, q: np.ndarray, v: np.ndarray, a: np.ndarray, periods: float) -> tuple[np.ndarray, np.ndarray]:
         return q + periods * v + 0.5 * periods * periods * a, v + periods * a

@@ -114,7 +114,7 @@ of the inertia (docs/learning.md)."""
 
 
 class Kalman(AbstractEstimator):
-    """`q = q_predicted + L1 r`, `q̇ = q̇_predicted + L2 r`, `push⁺ = push + L3 r`, with `r = q' - q_predicted`.
+    """`q = q_predicted + L1 r`, `q̇ = q̇_predicted + L2 r`, `ŵ⁺ = ŵ + L3 r`, with `r = q' - q_predicted`.
 
     Measured velocities are not used. After a gap that is longer than the filter's memory, 2/L2, it begins anew.
     """
@@ -137,10 +137,10 @@ class Kalman(AbstractEstimator):
 
     @classmethod
     def steady(cls, *, density: Any, variance: Any, period: Any) -> Kalman:
-        """The steady-state filter for a push that drifts as a random walk.
+        """The steady-state filter for a disturbance that drifts as a random walk.
 
-        - `density`: spectral density of d(push)/dt, one number or [n], (rad/s³)² s or (m/s³)² s, > 0. The standard
-          deviation of what the push drifts by in a time t is `√(density t)`.
+        - `density`: spectral density of dŵ/dt, one number or [n], (rad/s³)² s or (m/s³)² s, > 0. The standard
+          deviation of what the disturbance drifts by in a time t is `√(density t)`.
         - `variance`: of a measured position, one number or [n], rad² or m², > 0; `r²/12` for a resolution r.
         - `period`: time between two samples [s], > 0.
 
@@ -181,7 +181,7 @@ class Kalman(AbstractEstimator):
     def for_inertia(self, inertia: Vector) -> Kalman:
         """The gains for joints of another inertia.
 
-        The density of the push is that of the torque over Î², and the pace d of a filter is the sixth root of its
+        The disturbance's density is that of the torque over Î², and the pace d of a filter is the sixth root of its
         density: it becomes `d (I/Î)^(1/3)`. The gains change as those of `paced` do: by `(I/Î)^(1/3)` and its square
         and cube for a slow filter, and hardly for a fast one.
         """
@@ -204,7 +204,7 @@ class Kalman(AbstractEstimator):
                 q=prior.state.q + self.gains[0] * residual,
                 dq=prior.state.dq + self.gains[1] * residual,
             ),
-            push=prior.push + self.gains[2] * residual,
+            disturbance=prior.disturbance + self.gains[2] * residual,
         )
         # A gap that is shorter than what the filter remembers changes little of what it knows.
         forgotten = missed & (self.gains[1] * elapsed > 2.0)
@@ -232,7 +232,7 @@ def paced(pace: Vector) -> Float[Array, "3 n"]:
 # As one program: JAX would compile each of its operations alone.
 @jax.jit
 def _paces(mass: Any, torque_density: Any, variance: Any, period: Any) -> tuple[Any, Any, Any]:
-    """The diagonal of the inertia, the density of the push, and d."""
+    """The diagonal of the inertia, the density of the disturbance, and d."""
     inertia = jnp.diagonal(mass)
     density = torque_density / (inertia * inertia)
     return inertia, density, jnp.clip(density / variance * period**5, 1e-18, 1e18) ** (1.0 / 6.0)

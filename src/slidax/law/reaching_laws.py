@@ -102,7 +102,7 @@ def proximal_step(reaching: Reaching, metric: Matrix, s: Vector, u: Scalar) -> V
 
 
 def _residual_and_jacobian(
-    reaching: Any, metric: Matrix, push: Vector, u: Scalar, s: Vector, careful: Any = False
+    reaching: Any, metric: Matrix, target: Vector, u: Scalar, s: Vector, careful: Any = False
 ) -> tuple[Vector, Matrix]:
     """Residual of the equation at s, and its derivative.
 
@@ -114,7 +114,7 @@ def _residual_and_jacobian(
     slope = jnp.where(careful & (chord > slope), chord, slope)
     size = vector_norm(s)
     share = u / jnp.maximum(size + reaching.layer, TINY)
-    residual = matvec(metric, s) + power + share * s - push
+    residual = matvec(metric, s) + power + share * s - target
     # The derivative of the unit vector: share (I - s sᵀ/(‖s‖ (‖s‖ + s0))).
     turned = share / jnp.maximum(size * (size + reaching.layer), TINY)
     return residual, metric + jnp.eye(s.shape[0]) * (slope + share) - turned * s[:, None] * s[None, :]
@@ -123,36 +123,36 @@ def _residual_and_jacobian(
 # Traced once, and a function in exported C.
 @jax.jit
 def _direction(
-    reaching: Any, metric: Matrix, push: Vector, u: Scalar, s: Vector, careful: Bool[Array, ""]
+    reaching: Any, metric: Matrix, target: Vector, u: Scalar, s: Vector, careful: Bool[Array, ""]
 ) -> tuple[Vector, Scalar]:
     """Newton's step from s, and the residual's length there."""
-    residual, jacobian = _residual_and_jacobian(reaching, metric, push, u, s, careful)
+    residual, jacobian = _residual_and_jacobian(reaching, metric, target, u, s, careful)
     return -solve_symmetric(jacobian, residual), vector_norm(residual)
 
 
 @eqx.filter_custom_jvp
 def _solve_proximal_step(reaching: Any, metric: Matrix, s: Vector, u: Scalar) -> Vector:
-    push = matvec(metric, s)
-    size = vector_norm(push)
+    target = matvec(metric, s)
+    size = vector_norm(target)
     layer = reaching.layer
 
     def search() -> Vector:
-        # Along the push alone the equation is a quadratic one for the length of s⁺, without the powers.
-        stiffness = jnp.sum(push * matvec(metric, push)) / jnp.maximum(size * size, TINY)
+        # Along the target alone the equation is a quadratic one for the length of s⁺, without the powers.
+        stiffness = jnp.sum(target * matvec(metric, target)) / jnp.maximum(size * size, TINY)
         half = 0.5 * (stiffness * layer + u - size)
         root = jnp.sqrt(half * half + stiffness * layer * size)
         # The form without a difference of like numbers.
         length = jnp.where(half > 0, layer * size / jnp.maximum(half + root, TINY), (root - half) / stiffness)
         # With that length in the unit vector's denominator the equation is linear, and turns the start to the right.
         share = u / jnp.maximum(jnp.maximum(length, 0.0) + layer, TINY)
-        start = solve_symmetric(metric + share * jnp.eye(s.shape[0]), push)
+        start = solve_symmetric(metric + share * jnp.eye(s.shape[0]), target)
         tolerance = PRECISION * (1.0 + size)
 
         def unfinished(now: _Search) -> jax.Array:
             return (now.size > tolerance) & (now.step < STEPS)
 
         def direction_from(s: Vector, careful: Bool[Array, ""]) -> tuple[Vector, Scalar]:
-            return _direction(reaching, metric, push, u, s, careful)
+            return _direction(reaching, metric, target, u, s, careful)
 
         def step(now: _Search) -> _Search:
             change = now.fraction * now.direction
@@ -314,7 +314,7 @@ SWEEPS = 2000
 """At most so many sweeps; for arms ten to fifty are enough."""
 
 PRECISION = 2e-13
-"""The residual that is reached, relative to 1 and the push."""
+"""The residual that is reached, relative to 1 and the target."""
 
 
 class SaturatedReaching(AbstractReaching):
@@ -360,17 +360,17 @@ def _parts(law: SaturatedReaching, u: Scalar, n: int) -> tuple[Vector, Vector, V
 def _step(law: Any, metric: Matrix, s: Vector, u: Scalar) -> Vector:
     n = s.shape[0]
     damping, gain, layer = _parts(law, u, n)
-    push = matvec(metric, s)
+    target = matvec(metric, s)
     stiffness = jnp.diagonal(metric) + damping
     edge = gain + stiffness * layer
     inner = jnp.where(layer > 0, 1.0 / (stiffness + gain / jnp.where(layer > 0, layer, 1.0)), 0.0)
-    tolerance = 0.1 * PRECISION * (1.0 + jnp.max(jnp.abs(push)))
+    tolerance = 0.1 * PRECISION * (1.0 + jnp.max(jnp.abs(target)))
 
     def sweep(now: _Sweep) -> _Sweep:
         x = [now.s[i] for i in range(n)]
         change = jnp.zeros(())
         for i in range(n):
-            rest = push[i] - sum((metric[i, j] * x[j] for j in range(n) if j != i), start=jnp.zeros(()))
+            rest = target[i] - sum((metric[i, j] * x[j] for j in range(n) if j != i), start=jnp.zeros(()))
             outer = (rest - jnp.sign(rest) * gain[i]) / stiffness[i]
             new = jnp.where(jnp.abs(rest) <= edge[i], rest * inner[i], outer)
             change = jnp.maximum(change, stiffness[i] * jnp.abs(new - x[i]))

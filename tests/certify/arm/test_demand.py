@@ -60,7 +60,7 @@ def test_demand_bounds_every_member(name):
     bounds = compute_demand(scenario, family)
     exact_demand = asked_by(scenario)
     random = np.random.default_rng(5)
-    shape = bounds.push.shape[1:]
+    shape = bounds.disturbance.shape[1:]
     radius, speed = 1e-3 * random.uniform(0.1, 3.0, shape[1]), 1e-2 * random.uniform(0.1, 3.0, shape[1])
     room = bounds.deviation(radius, speed)
     assert np.isfinite(room).all()

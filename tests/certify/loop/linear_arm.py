@@ -123,7 +123,7 @@ def demand(
     n = case.controller.joints
     return Demand(
         times=times,
-        push=np.zeros((1, times.size, n)),
+        disturbance=np.zeros((1, times.size, n)),
         stray=np.broadcast_to(stray, (times.size, n)),
         kappa=np.array([[kappa[0]] * n, [kappa[1]] * n]),
         coupling=coupling * (1.0 - np.eye(n)),

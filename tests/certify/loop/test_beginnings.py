@@ -62,7 +62,7 @@ class Growing:
     """Bounds that grow each round with their demand."""
 
     demand = SimpleNamespace(
-        push=np.zeros((1, 4, 2)), deviation=lambda *_: np.ones((4, 2)), prediction_error=lambda *_: 0.0
+        disturbance=np.zeros((1, 4, 2)), deviation=lambda *_: np.ones((4, 2)), prediction_error=lambda *_: 0.0
     )
     subject = SimpleNamespace(law=SimpleNamespace(delay=1.0))
     confirmed = False

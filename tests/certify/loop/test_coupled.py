@@ -48,7 +48,7 @@ def test_coupled_responses_without_coupling_equal_single_responses():
     along = LoopsAlongMotion(LOOPS, np.repeat(np.diag(kappa)[None], 700, axis=0))
     kernels, _ = told(along, np.array([600]), np.zeros((1, 700, 2)), np.zeros((1, 9, 2)), 512)
     alone = JointResponses.of(LOOPS, kappa[:, None])
-    for kind, single in enumerate((alone.of_push, alone.of_place, alone.of_change)):
+    for kind, single in enumerate((alone.of_disturbance, alone.of_place, alone.of_change)):
         whole = (kernels.older[kind, 0].sum(axis=0) + kernels.newest[kind, 0]).reshape(OUTPUTS, 2, 2)
         if kind < 2:
             assert np.abs(whole[:, 0, 1]).max() == np.abs(whole[:, 1, 0]).max() == 0.0
@@ -73,33 +73,33 @@ def moved():
     return MATRIX + 0.1 * np.sin(t / 30.0)[:, None, None] * np.array([[0.3, 1.0], [1.0, 0.2]])
 
 
-def started(push, beside):
+def started(disturbance, beside):
     """A state in which all loops rest under a disturbance, plus a deviation of each joint."""
     own = CoupledMaps.of(LOOPS, MATRIX).own
     states = np.zeros((2, own))
-    states[:, 2], states[:, 5] = -push[0], push[0]
+    states[:, 2], states[:, 5] = -disturbance[0], disturbance[0]
     return (states + beside).reshape(-1)
 
 
-def run_of(matrices, push, start):
+def run_of(matrices, disturbance, start):
     """The loops with another K in each period: e and each joint's `a + w*` when torques start [N n]."""
     state, rows = start, []
     for k, matrix in enumerate(matrices):
         maps = CoupledMaps.of(LOOPS, matrix)
         rows.append(maps.rows @ state)
-        state = maps.step @ state + maps.enters[3] @ push[k] + maps.enters[4] @ push[k + 1]
+        state = maps.step @ state + maps.enters[3] @ disturbance[k] + maps.enters[4] @ disturbance[k + 1]
     outputs = np.array(rows)
     command = outputs[:-1, 4]
-    ends = [command + push[k : k + len(command)] for k in (1, 2)]
+    ends = [command + disturbance[k : k + len(command)] for k in (1, 2)]
     return outputs[1:, 0], np.max(np.abs(ends), axis=0)
 
 
 @pytest.mark.parametrize("memory", [256, 512])
 def test_known_disturbance_has_its_exact_response_for_a_varying_coupling(memory):
     matrices, t = moved(), np.arange(COUNT + 8)
-    push = 1e-6 * np.stack([np.sin(t / 30.0), np.cos(t / 17.0)], axis=1)
-    e, _ = run_of(matrices[: COUNT + 2], push, started(push, 0.0))
-    _, known = told(LoopsAlongMotion(LOOPS, matrices), DECISIONS, push[None], np.zeros((1, 9, 2)), memory)
+    disturbance = 1e-6 * np.stack([np.sin(t / 30.0), np.cos(t / 17.0)], axis=1)
+    e, _ = run_of(matrices[: COUNT + 2], disturbance, started(disturbance, 0.0))
+    _, known = told(LoopsAlongMotion(LOOPS, matrices), DECISIONS, disturbance[None], np.zeros((1, 9, 2)), memory)
     sizes, _ = known.told(COUNT, 1, 1, False)
     at = DECISIONS
     # Inputs beyond the memory count with their last value.
@@ -112,17 +112,17 @@ def test_known_disturbance_has_its_exact_response_for_a_varying_coupling(memory)
 def test_no_run_with_a_varying_coupling_exceeds_its_bound():
     matrices, t = moved(), np.arange(COUNT + 8)
     later = np.maximum(t - 3, 0)
-    push = 1e-6 * np.stack([np.cos(later / 30.0), np.sign(np.cos(later / 40.0))], axis=1)
+    disturbance = 1e-6 * np.stack([np.cos(later / 30.0), np.sign(np.cos(later / 40.0))], axis=1)
     # The error of the model's K exceeds its change within a window.
     along = LoopsAlongMotion(LOOPS, matrices - 0.05)
     beside = np.zeros((1, 9, 2))
     beside[0, 0] = 1e-7
-    kernels, known = told(along, DECISIONS, push[None], beside)
+    kernels, known = told(along, DECISIONS, disturbance[None], beside)
     start = np.zeros((2, along.own))
     for j in range(2):
         column = initial_columns(along, LOOPS, np.zeros(2), beside)[0][:, j]
         start.reshape(-1)[along.kept] += column
-    e, accelerations = run_of(matrices[: COUNT + 1], push, started(push, start))
+    e, accelerations = run_of(matrices[: COUNT + 1], disturbance, started(disturbance, start))
     # A torque sets in one sample after its decision, and the K of a window is up to half of one away.
     around = [np.roll(along.matrices, -1 + k, axis=0)[:COUNT] for k in range(-WIDTH // 2, WIDTH // 2 + 1)]
     off = np.max([np.abs(matrices[1 : COUNT + 1] - near) for near in around], axis=0)

@@ -21,12 +21,12 @@ def demand(scenario, *, until=5.5, ratio=1.2, amplitude=1.0, stray=0.05, couplin
     n, h = scenario.controller.joints, scenario.period
     times = np.arange(round(until / h) + 1) * h
     rng = np.random.default_rng(0)
-    push = [
+    disturbance = [
         amplitude * np.sin(rng.uniform(0.5, 4.0, n) * times[:, None] + rng.uniform(0.0, 6.0, n)) for _ in range(members)
     ]
     return Demand(
         times=times,
-        push=np.stack(push),
+        disturbance=np.stack(disturbance),
         stray=np.full((times.size, n), stray),
         kappa=np.array([[1.0 / ratio] * n, [ratio] * n]),
         coupling=coupling * (1.0 - np.eye(n)),
@@ -86,7 +86,7 @@ def test_tails_bound_the_responses_beyond_their_length(scenario):
     last = responses.of_change[2:, ..., -half:].sum(axis=-1)
     assert np.all(last < responses.of_change[2:, ..., :half].sum(axis=-1))
     assert np.all(responses.of_change[2:, ..., -1] <= responses.change_tail[2:])
-    assert np.all(responses.push_tail >= 0.0) and np.all(np.isfinite(responses.noise))
+    assert np.all(responses.disturbance_tail >= 0.0) and np.all(np.isfinite(responses.noise))
 
 
 def test_premises_of_the_closed_form_are_distinguished(scenario):

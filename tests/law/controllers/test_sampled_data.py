@@ -137,7 +137,7 @@ def run_sides(law, run):
 def test_the_disturbance_estimate_takes_a_constant_push_away():
     _, run = mass_run(5e-3, 1e-2, push=2.0, gain=0.5, final=0.05, t1=4.0)
     assert abs(run.log.e[-1, 0]) < 1e-12
-    np.testing.assert_allclose(run.log.signals["push"][-1], 2.0, rtol=1e-9)
+    np.testing.assert_allclose(run.log.signals["disturbance"][-1], 2.0, rtol=1e-9)
 
 
 def test_as_the_period_goes_to_nothing_the_law_goes_to_the_printed_one_with_order_one():
@@ -220,8 +220,8 @@ def test_after_lost_samples_the_plan_is_made_anew_and_nothing_is_learnt_from_the
         memory = asked(law, jnp.asarray(1e-3 * k), state, still, still, memory).memory
     moved = State(q=jnp.array([0.1 + 1e-8]), dq=jnp.array([0.5]))
     near, far = (asked(law, jnp.asarray(t), moved, still, still, memory) for t in (3e-3, 23e-3))
-    assert float(jnp.abs(near.memory.prior.push - memory.prior.push)[0]) > 1.0
-    np.testing.assert_array_equal(far.memory.prior.push, memory.prior.push)
+    assert float(jnp.abs(near.memory.prior.disturbance - memory.prior.disturbance)[0]) > 1.0
+    np.testing.assert_array_equal(far.memory.prior.disturbance, memory.prior.disturbance)
     np.testing.assert_array_equal(far.signals["residual"], 0.0)
 
 

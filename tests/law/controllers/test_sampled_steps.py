@@ -46,36 +46,36 @@ def test_the_super_twisting_step_solves_its_inclusion_and_is_exactly_zero_where_
 
 
 class Believed(AbstractEstimator):
-    """Says the measured state, and always the same push."""
+    """Says the measured state, and always the same disturbance."""
 
-    push: jax.Array
+    disturbance: jax.Array
 
     def init(self, measured):
         return ()
 
     def __call__(self, measured, prior, elapsed, missed, memory):
-        return Estimate(state=measured, push=self.push), ()
+        return Estimate(state=measured, disturbance=self.disturbance), ()
 
 
-def first_torque(push, limit):
+def first_torque(disturbance, limit):
     law = sampled_data(
-        computed_torque_4_1(), period=PERIOD, limits=TorqueLimits(limit), estimator=Believed(jnp.asarray(push))
+        computed_torque_4_1(), period=PERIOD, limits=TorqueLimits(limit), estimator=Believed(jnp.asarray(disturbance))
     )
     t = jnp.zeros(())
     now, ahead = MOTION_4_1.reference(t), MOTION_4_1.reference(t + PERIOD)
     state = State(q=now.q, dq=now.dq)
-    return law(t, state, now, ahead, law.init(t, state, now)), TWO_LINK_NOMINAL.mass(now.q) @ jnp.asarray(push)
+    return law(t, state, now, ahead, law.init(t, state, now)), TWO_LINK_NOMINAL.mass(now.q) @ jnp.asarray(disturbance)
 
 
 def test_a_law_without_a_bound_makes_up_for_a_push_as_far_as_the_drives_can():
     still, _ = first_torque([0.0, 0.0], 1e9)
     pushed, lumped = first_torque([0.5, -0.3], 1e9)
     np.testing.assert_allclose(still.tau - pushed.tau, lumped, rtol=1e-9)
-    np.testing.assert_allclose(pushed.signals["push"], [0.5, -0.3])
+    np.testing.assert_allclose(pushed.signals["disturbance"], [0.5, -0.3])
     astray, lumped = first_torque([500.0, -300.0], 60.0)
     share = 60.0 / float(jnp.abs(lumped).max())
-    np.testing.assert_allclose(astray.signals["push"], share * jnp.array([500.0, -300.0]), rtol=1e-12)
-    np.testing.assert_array_equal(astray.memory.prior.push, astray.signals["push"])
+    np.testing.assert_allclose(astray.signals["disturbance"], share * jnp.array([500.0, -300.0]), rtol=1e-12)
+    np.testing.assert_array_equal(astray.memory.prior.disturbance, astray.signals["disturbance"])
 
 
 @pytest.mark.parametrize("law", [super_twisting_4_2(), anftsmc_4_2(layer=0.01)], ids=["super_twisting", "anftsmc"])

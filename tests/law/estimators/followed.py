@@ -1,4 +1,4 @@
-"""A motion as an estimator follows it, with free joints as its model: all acceleration is a push to it."""
+"""A motion as an estimator follows it, with free joints as its model: all acceleration is a disturbance to it."""
 
 import jax
 import jax.numpy as jnp
@@ -8,17 +8,17 @@ from slidax.law import Estimate
 
 
 def predicted(last, elapsed):
-    """The last estimate, moved by its push."""
+    """The last estimate, moved by its disturbance."""
     return Estimate(
         state=State(
-            q=last.state.q + elapsed * (last.state.dq + 0.5 * elapsed * last.push),
-            dq=last.state.dq + elapsed * last.push,
+            q=last.state.q + elapsed * (last.state.dq + 0.5 * elapsed * last.disturbance),
+            dq=last.state.dq + elapsed * last.disturbance,
         ),
-        push=last.push,
+        disturbance=last.disturbance,
     )
 
 
-def followed(estimator, motion, samples, period=1e-3, noise=0.0, push=0.0):
+def followed(estimator, motion, samples, period=1e-3, noise=0.0, disturbance=0.0):
     """The estimates at samples 1, 2, ..., stacked; the first measurement is at sample 0.
 
     - `estimator`: what estimates.
@@ -26,7 +26,7 @@ def followed(estimator, motion, samples, period=1e-3, noise=0.0, push=0.0):
     - `samples`: how many.
     - `period`: time between two [s].
     - `noise`: what is added to the positions, one number or [samples n].
-    - `push`: the first estimate of it.
+    - `disturbance`: the first estimate of it.
     """
     elapsed = jnp.asarray(period)
     first = motion(jnp.zeros(()))
@@ -39,7 +39,7 @@ def followed(estimator, motion, samples, period=1e-3, noise=0.0, push=0.0):
         estimate, memory = estimator(measured, predicted(last, elapsed), elapsed, jnp.asarray(False), memory)
         return (estimate, memory), estimate
 
-    start = Estimate(state=first, push=jnp.full_like(first.q, push))
+    start = Estimate(state=first, disturbance=jnp.full_like(first.q, disturbance))
     off = jnp.broadcast_to(jnp.asarray(noise), (samples, *first.q.shape))
     return jax.lax.scan(sample, (start, estimator.init(first)), (jnp.arange(1, samples + 1), off))[1]
 
@@ -51,5 +51,5 @@ def accelerated(acceleration):
 
 
 def swinging(t):
-    """A motion whose push is the sine itself, with the opposite sign."""
+    """A motion whose disturbance is the sine itself, with the opposite sign."""
     return State(q=jnp.stack([jnp.sin(t), jnp.cos(t)]), dq=jnp.stack([jnp.cos(t), -jnp.sin(t)]))

@@ -100,13 +100,13 @@ def test_gains_can_be_found_and_differentiated_inside_a_compiled_function():
 
 def test_a_residual_is_divided_as_the_gains_say():
     none = jnp.zeros(2)
-    prior = Estimate(state=State(q=jnp.array([1.0, 2.0]), dq=none), push=jnp.ones(2))
+    prior = Estimate(state=State(q=jnp.array([1.0, 2.0]), dq=none), disturbance=jnp.ones(2))
     measured = State(q=jnp.array([1.1, 1.8]), dq=none)
     kalman = Kalman([[0.5, 0.25], [10.0, 20.0], [100.0, 300.0]])
     found, _ = kalman(measured, prior, jnp.asarray(1e-3), jnp.asarray(False), kalman.init(measured))
     np.testing.assert_allclose(found.state.q, [1.05, 1.95], rtol=1e-12)
     np.testing.assert_allclose(found.state.dq, [1.0, -4.0], rtol=1e-12)
-    np.testing.assert_allclose(found.push, [11.0, -59.0], rtol=1e-12)
+    np.testing.assert_allclose(found.disturbance, [11.0, -59.0], rtol=1e-12)
 
 
 def test_no_scaled_gains_estimate_a_drifting_push_better():
@@ -116,10 +116,10 @@ def test_no_scaled_gains_estimate_a_drifting_push_better():
     moved, drift = system(density, period)
     noise = rng.multivariate_normal(np.zeros(3), drift / np.diag(drift).max(), size=samples) * np.sqrt(drift[2, 2])
     x, q = np.zeros(3), np.zeros(samples + 1)
-    push = np.zeros(samples + 1)
+    disturbance = np.zeros(samples + 1)
     for k in range(samples):
         x = moved @ x + noise[k]
-        q[k + 1], push[k + 1] = x[0], x[2]
+        q[k + 1], disturbance[k + 1] = x[0], x[2]
     measured = jnp.asarray(q + deviation * rng.normal(size=samples + 1))
 
     def motion(t):
@@ -129,8 +129,8 @@ def test_no_scaled_gains_estimate_a_drifting_push_better():
     best = Kalman.steady(density=density, variance=deviation**2, period=period).gains
 
     def error(factor):
-        found = followed(Kalman(factor * best), motion, samples, period).push[:, 0]
-        return float(jnp.sqrt(jnp.mean((found - push[1:])[2000:] ** 2)))
+        found = followed(Kalman(factor * best), motion, samples, period).disturbance[:, 0]
+        return float(jnp.sqrt(jnp.mean((found - disturbance[1:])[2000:] ** 2)))
 
     found = error(1.0)
     for factor in ([0.5, 0.5, 0.5], [2.0, 2.0, 2.0], [1.0, 1.0, 0.3], [1.0, 1.0, 2.0]):
@@ -183,9 +183,9 @@ def test_a_torque_that_cannot_drift_so_is_refused(value):
 def test_after_a_gap_longer_than_its_memory_the_velocity_is_right_if_the_push_was_wrong_by_a_constant():
     kalman, elapsed = Kalman.steady(density=1.0, variance=1e-11, period=1e-3), jnp.asarray(0.4)
     assert float(kalman.gains[1]) * 0.4 > 2.0
-    push = jnp.array([3.0, -1.0])
-    measured = State(q=0.5 * push * elapsed**2, dq=push * elapsed)
-    prior = Estimate(state=State(q=jnp.zeros(2), dq=jnp.zeros(2)), push=jnp.zeros(2))
+    disturbance = jnp.array([3.0, -1.0])
+    measured = State(q=0.5 * disturbance * elapsed**2, dq=disturbance * elapsed)
+    prior = Estimate(state=State(q=jnp.zeros(2), dq=jnp.zeros(2)), disturbance=jnp.zeros(2))
     found, _ = kalman(measured, prior, elapsed, jnp.asarray(True), ())
     np.testing.assert_allclose(found.state.dq, measured.dq, rtol=1e-12)
     np.testing.assert_array_equal(found.state.q, measured.q)
@@ -194,7 +194,7 @@ def test_after_a_gap_longer_than_its_memory_the_velocity_is_right_if_the_push_wa
 def test_a_gap_shorter_than_its_memory_is_filtered_as_any_sample_is():
     kalman = Kalman.steady(density=1e-3, variance=1e-11, period=1e-3)
     measured = State(q=jnp.full(2, 1e-5), dq=jnp.zeros(2))
-    prior = Estimate(state=State(q=jnp.zeros(2), dq=jnp.zeros(2)), push=jnp.zeros(2))
+    prior = Estimate(state=State(q=jnp.zeros(2), dq=jnp.zeros(2)), disturbance=jnp.zeros(2))
     usual, _ = kalman(measured, prior, jnp.asarray(1e-3), jnp.asarray(False), ())
     found, _ = kalman(measured, prior, jnp.asarray(2e-3), jnp.asarray(True), ())
     np.testing.assert_array_equal(found.state.dq, usual.state.dq)

@@ -14,12 +14,12 @@ L0, L1, L2 = GAINS
 
 
 def step(lipschitz, residual, period=1e-3):
-    """The correction of position, velocity and push by one measurement."""
+    """The correction of position, velocity and disturbance by one measurement."""
     none = jnp.zeros(1)
-    prior = Estimate(state=State(q=none, dq=none), push=none)
+    prior = Estimate(state=State(q=none, dq=none), disturbance=none)
     measured = State(q=jnp.array([residual]), dq=none)
     found, _ = RobustDifferentiator(lipschitz)(measured, prior, jnp.asarray(period), jnp.asarray(False), ())
-    return float(found.state.q[0]), float(found.state.dq[0]), float(found.push[0])
+    return float(found.state.q[0]), float(found.state.dq[0]), float(found.disturbance[0])
 
 
 def test_the_root_solves_its_cubic_to_rounding_over_all_sizes():
@@ -33,9 +33,9 @@ def test_the_root_solves_its_cubic_to_rounding_over_all_sizes():
 @pytest.mark.parametrize("lipschitz", [1.0, 30.0])
 @pytest.mark.parametrize("h", [1e-3, 1e-2])
 def test_a_step_is_one_of_implicit_euler_of_levants_differentiator(residual, lipschitz, h):
-    """In Euler's own states, whose velocity is half a period behind: z0 = q, z1 = dq - h/2 push, z2 = push."""
-    q, dq, push = step(lipschitz, residual, h)
-    z0, z1, z2 = q, dq - h / 2 * push, push
+    """In Euler's own states, whose velocity is half a period behind: z0 = q, z1 = dq - h/2 ŵ, z2 = ŵ."""
+    q, dq, disturbance = step(lipschitz, residual, h)
+    z0, z1, z2 = q, dq - h / 2 * disturbance, disturbance
     error = z0 - residual
     root = np.cbrt(abs(error)) * np.sign(error)
     if abs(error) > 1e-12 * abs(residual):
@@ -53,8 +53,8 @@ def test_within_the_selection_of_the_sign_the_measured_position_is_believed():
     h, lipschitz = 1e-3, 7.0
     edge = L2 * lipschitz * h**3
     for share in (-1.0, -0.5, 0.25, 0.99):
-        q, dq, push = step(lipschitz, share * edge, h)
-        np.testing.assert_allclose([q, dq, push], share * edge * np.array([1, 1.5 / h, 1 / h**2]), rtol=1e-12)
+        q, dq, disturbance = step(lipschitz, share * edge, h)
+        np.testing.assert_allclose([q, dq, disturbance], share * edge * np.array([1, 1.5 / h, 1 / h**2]), rtol=1e-12)
     assert 0 < step(lipschitz, 1.01 * edge, h)[0] < 1.01 * edge
 
 
@@ -71,15 +71,15 @@ def test_the_push_changes_no_faster_than_its_bound():
 
 
 def test_small_errors_are_gone_after_three_samples():
-    """All three of them: the estimate is that whose error dies at once, as long as the push may explain it."""
+    """All three of them: the estimate is that whose error dies at once, as long as the disturbance may explain it."""
     true = accelerated(jnp.array([4.0, -0.5]))
     estimator, period = RobustDifferentiator(1e5), jnp.asarray(1e-3)
     start = true(jnp.zeros(()))
-    last = Estimate(state=State(q=start.q + 1e-6, dq=start.dq - 1e-3), push=jnp.zeros(2))
+    last = Estimate(state=State(q=start.q + 1e-6, dq=start.dq - 1e-3), disturbance=jnp.zeros(2))
     for k in range(1, 4):
         found, _ = estimator(true(k * period), predicted(last, period), period, jnp.asarray(False), ())
         last = found
-    np.testing.assert_allclose(last.push, [4.0, -0.5], atol=1e-7)
+    np.testing.assert_allclose(last.disturbance, [4.0, -0.5], atol=1e-7)
     np.testing.assert_allclose(last.state.dq, true(3 * period).dq, atol=1e-10)
 
 
@@ -87,14 +87,16 @@ def test_small_errors_are_gone_after_three_samples():
 def test_a_constant_push_is_found_in_finite_time_and_kept_without_chattering(period):
     """In about 1.7 times its size over L; rounding of the position over h² is all that is left."""
     samples = round(8.0 / period)
-    found = np.asarray(followed(RobustDifferentiator(4.0), accelerated(jnp.array([4.0, -0.5])), samples, period).push)
+    found = np.asarray(
+        followed(RobustDifferentiator(4.0), accelerated(jnp.array([4.0, -0.5])), samples, period).disturbance
+    )
     late = np.arange(1, samples + 1) * period > 2.0
     np.testing.assert_allclose(found[late], np.tile([4.0, -0.5], (np.sum(late), 1)), atol=1e-13 / period**2 + 1e-10)
 
 
 @pytest.mark.parametrize("lipschitz", [1.0, 3.0, 100.0])
 def test_a_push_whose_rate_is_bounded_is_followed_exactly_but_for_the_sampling(lipschitz):
-    """The push is a period behind, the velocity off by a third of `h²` times the push's rate, whatever the bound is."""
+    """The disturbance is a period behind, and the velocity is off by a third of `h²` times its rate, for any bound."""
     errors = []
     for period in (0.02, 0.01):
         samples = round(8.0 / period)
@@ -104,13 +106,13 @@ def test_a_push_whose_rate_is_bounded_is_followed_exactly_but_for_the_sampling(l
         dq = np.concatenate([np.cos(times), -np.sin(times)], axis=1)
         late = times[:, 0] > 4.0
         np.testing.assert_array_less(np.abs(found.state.q - q)[late], 1e-14)
-        errors.append([np.max(np.abs(a - b)[late]) for a, b in ((found.state.dq, dq), (found.push, -q))])
+        errors.append([np.max(np.abs(a - b)[late]) for a, b in ((found.state.dq, dq), (found.disturbance, -q))])
         np.testing.assert_allclose(errors[-1], [period**2 / 3, period], rtol=0.01)
     np.testing.assert_allclose(np.log2(np.array(errors[0]) / errors[1]), [2.0, 1.0], atol=0.01)
 
 
 def test_noise_is_bounded_in_its_effect_and_gentler_with_a_smaller_bound():
-    """Levant's accuracy: errors of the velocity as the power 2/3 of the noise, of the push as the power 1/3."""
+    """Levant's accuracy: errors of the velocity as the power 2/3 of the noise, of the disturbance as the power 1/3."""
     rng = np.random.default_rng(0)
     rough, errors = jnp.asarray(rng.uniform(-1.0, 1.0, (8000, 2))), []
     right = np.stack([np.cos(np.arange(1, 8001) * 1e-3), -np.sin(np.arange(1, 8001) * 1e-3)], axis=1)

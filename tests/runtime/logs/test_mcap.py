@@ -24,7 +24,7 @@ pytest.importorskip("foxglove")
 pytest.importorskip("mcap")
 ros2 = pytest.importorskip("mcap_ros2.decoder")
 
-CHANNELS = Channels(("shoulder", "élbow"), ("rad", "rad"), {"s": 2, "u": None, "push": 2}, True, ("BAD", "LATE"))
+CHANNELS = Channels(("shoulder", "élbow"), ("rad", "rad"), {"s": 2, "u": None, "disturbance": 2}, True, ("BAD", "LATE"))
 ROWS = 700
 
 

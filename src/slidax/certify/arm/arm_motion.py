@@ -105,7 +105,7 @@ def friction_torque(robot: AbstractRobot, dq: Floats) -> Floats:
 
 def external_torque(plant: Plant, t: Floats, q: Floats, dq: Floats) -> Floats:
     """Return the external torque `τ_d` [N n], N m or N."""
-    return np.asarray(_pushed(plant.disturbance, jnp.asarray(t), jnp.asarray(q), jnp.asarray(dq)))
+    return np.asarray(_external_torques(plant.disturbance, jnp.asarray(t), jnp.asarray(q), jnp.asarray(dq)))
 
 
 @eqx.filter_jit
@@ -114,7 +114,7 @@ def _friction(robot: AbstractRobot, dq: Any) -> Any:
 
 
 @eqx.filter_jit
-def _pushed(disturbance: Any, t: Any, q: Any, dq: Any) -> Any:
+def _external_torques(disturbance: Any, t: Any, q: Any, dq: Any) -> Any:
     return jax.vmap(lambda t, q, dq: disturbance(t, State(q=q, dq=dq)))(t, q, dq)
 
 

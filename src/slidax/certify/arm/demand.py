@@ -36,16 +36,16 @@ class Demand:
     With `K = M⁻¹ M0` the error obeys `ë = K (a - q̈_r + w* - ŵ)`. Here a is the commanded acceleration, ŵ the estimate,
     and `w* = M0⁻¹ ((M0 - M) q̈_r + n0 - n + d)` the disturbance that the law must compensate; n is the arm's torque
     without inertia, d the external torque. Along the reference the disturbance of each member is, as a signal,
-    `Σ λ_m (push_m + Σ x_k effects_mk)` with `λ >= 0`, `Σ λ = 1` and `|x_k| <= 1`, the same for all times and joints.
+    `Σ λ_m (w*_m + Σ x_k effects_mk)` with `λ >= 0`, `Σ λ = 1` and `|x_k| <= 1`, the same for all times and joints.
 
     - `times`: samples, a period apart [N], s.
-    - `push`: w* along the reference for each extreme member [members N n], rad/s² or m/s².
+    - `disturbance`: w* along the reference for each extreme member [members N n], rad/s² or m/s².
     - `stray`: bound of the rest of w* at each time and joint, without any smoothness, anywhere in the envelope [N n],
       rad/s² or m/s²; inf if none is known. `deviation` gives a smaller one for smaller errors.
     - `kappa`: the least and the largest diagonal of K [2 n].
     - `coupling`: bounds of |K_ij/K_jj| for i ≠ j, the effect of other joints' accelerations [n n].
-    - `assumptions`: of `push`, `stray` and their bounds; `of_kappa`: of `kappa` and `coupling`.
-    - `effects`: change of each `push` by half the width of an uncertain value [members values N n], rad/s² or m/s².
+    - `assumptions`: of `disturbance`, `stray` and their bounds; `of_kappa`: of `kappa` and `coupling`.
+    - `effects`: change of each w* by half the width of an uncertain value [members values N n], rad/s² or m/s².
     - `deviation`: from bounds of the error and its rate, each [n] or [N n], to the bound of `stray` [N n].
     - `prediction_error`: from bounds of the prediction errors of q and q̇ [N n] to the error of the torque [N n].
     - `jumps`: part of `stray`: forces off the line between two samples, and jumps of payloads [N n].
@@ -54,7 +54,7 @@ class Demand:
     """
 
     times: Floats
-    push: Floats
+    disturbance: Floats
     stray: Floats
     kappa: Floats
     coupling: Floats
@@ -84,7 +84,7 @@ class Demand:
 
         - `through`: from signals [... N n] to such signals: the loops' response, or the identity.
         """
-        size = np.abs(through(self.push))
+        size = np.abs(through(self.disturbance))
         if self.effects is not None and self.effects.shape[1]:
             size = size + np.abs(through(self.effects)).sum(axis=1)
         return size.max(axis=0)
@@ -135,7 +135,7 @@ def compute_demand(
         stray = stray + jumps
     return Demand(
         times=motion.t,
-        push=request.push,
+        disturbance=request.disturbance,
         stray=stray,
         kappa=request.kappa,
         coupling=request.coupling,
@@ -161,19 +161,19 @@ def _before(
     kinds, which = distinct_inertias(plants)
     masses, torques = rigid_body_torque(kinds, motion)
     lacks = believed - torques[which] + outer_torque(plants, motion)
-    push = np.linalg.solve(mass[None], lacks[..., None])[..., 0]
-    corners, effects = hull.of(push)
+    disturbance = np.linalg.solve(mass[None], lacks[..., None])[..., 0]
+    corners, effects = hull.of(disturbance)
     arms, _ = distinct_inertias(members.plants(members.ends(hull.without)))
     kappa, coupling, matrices = inertia_ratios(arms, [belief] * len(arms), motion)
     return SetDemand(
-        push=corners,
+        disturbance=corners,
         effects=np.broadcast_to(effects, (len(corners), *effects.shape)),
         kappa=kappa,
         coupling=coupling,
-        deviation=deviation_bound(belief, motion, plants, hull, push),
+        deviation=deviation_bound(belief, motion, plants, hull, disturbance),
         arms=len(arms),
         lacking=hull.merged(which).largest(np.eye(motion.joints) - np.linalg.solve(mass[None], masses)),
-        held=held_torque_error(belief, motion, hull.largest(push)),
+        held=held_torque_error(belief, motion, hull.largest(disturbance)),
         beliefs=[belief],
         relearning=None,
         matrices=matrices,
@@ -188,7 +188,7 @@ def deviation_between_samples(request: SetDemand, motion: StateSequence) -> Floa
     at the end of a period, `|1 - M̂⁻¹M| |Δq̈|`; and of the change of M̂ and the bias while the torque is held.
     """
     bend = np.zeros_like(motion.q)
-    for signal in [*request.push, *(part for each in request.effects for part in each)]:
+    for signal in [*request.disturbance, *(part for each in request.effects for part in each)]:
         bend[1:-1] = np.maximum(bend[1:-1], np.abs(np.diff(signal, 2, axis=0)) / 8.0)
     bend[:-1] = np.maximum(bend[:-1], bend[1:])
     jump = np.abs(np.diff(motion.ddq, axis=0, append=motion.ddq[-1:]))
@@ -218,7 +218,7 @@ def forces_between_samples(
         for time in (float(load.attached), float(load.released)):
             jumps |= samples.jumps(time, time)
     if jumps.any():
-        parts = [*request.push, *(part for each in request.effects for part in each)]
+        parts = [*request.disturbance, *(part for each in request.effects for part in each)]
         steps = np.max([np.abs(np.diff(part, axis=0, append=part[-1:])) for part in parts], axis=0)
         bound = bound + jumps[:, None] * steps
     return bound

@@ -92,20 +92,20 @@ def deviation_bound(
     motion: StateSequence,
     plants: list[Plant],
     hull: Hull,
-    push: Floats,
+    disturbance: Floats,
     learnt: Sequence[NominalModel] = (),
 ) -> DeviationBound:
     """Return the deviation bound around a motion.
 
     - `plants`, `hull`: the members.
-    - `push`: w* of each of these along the motion [P N n]; with `learnt` a bound for all [1 N n].
+    - `disturbance`: w* of each of these along the motion [P N n]; with `learnt` a bound for all [1 N n].
     - `learnt`: in place of `belief`, the learned model of each of some members.
     """
     beliefs = learnt or [belief]
     alike = distinct_inertias(plants)
-    along_q, along_dq, mass_slope = _slopes(belief, motion, alike, hull, None if learnt else push)
+    along_q, along_dq, mass_slope = _slopes(belief, motion, alike, hull, None if learnt else disturbance)
     mass, difference, weight, coriolis, rates = _anywhere(belief, motion, alike[0], hull.merged(alike[1]))
-    size = push[0] if learnt else hull.largest(push)
+    size = disturbance[0] if learnt else hull.largest(disturbance)
     if learnt:
         along_q = along_q + np.einsum("kijl,kj->kil", mass_slope, size)
     dq, ddq = np.abs(motion.dq), np.abs(motion.ddq)
@@ -128,7 +128,11 @@ def deviation_bound(
 
 
 def _slopes(
-    belief: NominalModel, motion: StateSequence, members: tuple[list[Plant], list[int]], hull: Hull, push: Floats | None
+    belief: NominalModel,
+    motion: StateSequence,
+    members: tuple[list[Plant], list[int]],
+    hull: Hull,
+    disturbance: Floats | None,
 ) -> tuple[Floats, Floats, Floats]:
     """Bounds of |∂(D - M̂ w_d)/∂q|, or of |∂D/∂q| without w_d, of |∂D/∂q̇| and |∂M̂/∂q| along the motion."""
     n = motion.joints
@@ -148,10 +152,10 @@ def _slopes(
             lacked_slope[..., joint] += sign * (mass - masses)
             torques.append(sign * (np.einsum("kij,kj->ki", mass, there.ddq) + bias - needs))
         slope = torques[0] + torques[1]
-        if push is None:
+        if disturbance is None:
             along_q[..., joint] = (1.0 + SPARE) * hull.merged(which).largest(slope)
         else:
-            lumped = np.einsum("kij,pkj->pki", own_slope[..., joint], push)
+            lumped = np.einsum("kij,pkj->pki", own_slope[..., joint], disturbance)
             along_q[..., joint] = (1.0 + SPARE) * hull.largest(slope[which] - lumped)
     # The bias is Γ_ijk q̇_j q̇_k, with Christoffel's Γ of the mass; its slope along q̇_j is 2 Γ_ijk q̇_k.
     turned = np.einsum("pkijl,kl->pkij", lacked_slope, motion.dq)
@@ -230,11 +234,11 @@ class PredictionErrorBound:
     along_dq: Floats
 
     @classmethod
-    def of(cls, beliefs: Sequence[NominalModel], motion: StateSequence, push: Floats) -> PredictionErrorBound:
+    def of(cls, beliefs: Sequence[NominalModel], motion: StateSequence, disturbance: Floats) -> PredictionErrorBound:
         """The slopes by central differences.
 
         - `beliefs`: models that the law may have, all learned from one arm.
-        - `push`: bounds of |w*| [N n], which the command compensates.
+        - `disturbance`: bounds of |w*| [N n], which the command compensates.
         """
         n, first = motion.joints, beliefs[0]
         slopes = np.zeros((2, *motion.q.shape, n))
@@ -249,7 +253,7 @@ class PredictionErrorBound:
                     moved = belief.learnt(most, motion.t) - belief.learnt(least, motion.t)
                     torque = np.einsum("kij,kj->ki", moved, motion.ddq) + (above - below)
                     slope = np.abs(np.einsum("kij,kj->ki", back, torque))
-                    slope += np.einsum("kij,kj->ki", np.abs(back @ moved), push)
+                    slope += np.einsum("kij,kj->ki", np.abs(back @ moved), disturbance)
                     slope /= 2.0 * STEP
                     slopes[k, ..., joint] = np.maximum(slopes[k, ..., joint], (1.0 + SPARE) * slope)
         return cls(slopes[0], slopes[1])

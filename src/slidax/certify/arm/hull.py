@@ -239,30 +239,36 @@ SPARE = 1.5
 class SetPart:
     """Some members of a set along a motion.
 
-    - `push`: w* of each extreme member [M N n], rad/s² or m/s²; `effects`: its change by half the width of an uncertain
-      value [E N n].
+    - `disturbance`: w* of each extreme member [M N n], rad/s² or m/s².
+    - `effects`: its change by half the width of an uncertain value [E N n], rad/s² or m/s².
     - `low`, `high`: the least and the largest of each entry of `K = M⁻¹M̂` [N n n].
     - `slope`: bounds of |∂K_ij/∂q_l| along the motion [N n n n].
     - `arms`: number of members evaluated for K; 0 if K is enclosed for all of the part.
     """
 
     members: Members
-    push: Floats
+    disturbance: Floats
     effects: Floats
     low: Floats
     high: Floats
     slope: Floats
     arms: int
 
-    def shrunk(self, share: float, push: Floats) -> SetPart:
+    def shrunk(self, share: float, disturbance: Floats) -> SetPart:
         """The part scaled around its middle.
 
-        - `push`: w* of the middle [N n].
+        - `disturbance`: w* of the middle [N n].
         """
         middle = 0.5 * (self.low + self.high)
         low, high = (middle + share * (side - middle) for side in (self.low, self.high))
         return SetPart(
-            self.members, push + share * (self.push - push), share * self.effects, low, high, self.slope, self.arms
+            self.members,
+            disturbance + share * (self.disturbance - disturbance),
+            share * self.effects,
+            low,
+            high,
+            self.slope,
+            self.arms,
         )
 
 
@@ -271,16 +277,16 @@ def set_part(
     members: Members,
     motion: StateSequence,
     cases: Sequence[tuple[Plant, NominalModel]],
-    push: Floats | None,
+    disturbance: Floats | None,
 ) -> SetPart:
     """Return a part of a scenario's set along a motion.
 
-    - `cases`: for a law that learns, arms with their learned models, and `push` w* of these.
+    - `cases`: for a law that learns, arms with their learned models, and `disturbance` w* of these.
     """
-    if cases and push is not None:
+    if cases and disturbance is not None:
         low, high = _range([arm for arm, _ in cases], [known for _, known in cases], motion)
         slope = _slopes(cases, motion)
-        return SetPart(members, push, np.zeros((0, *motion.q.shape)), low, high, slope, len(cases))
+        return SetPart(members, disturbance, np.zeros((0, *motion.q.shape)), low, high, slope, len(cases))
     belief = NominalModel.of(scenario, members.plant)
     hull = convex_hull(lambda points: probed(members, points), len(members.axes))
     plants = members.plants(hull.points)

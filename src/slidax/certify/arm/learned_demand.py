@@ -50,7 +50,7 @@ class SetDemand:
     - `matrices`: K of some members at some instants [I n n].
     """
 
-    push: Floats
+    disturbance: Floats
     effects: Floats
     kappa: Floats
     coupling: Floats
@@ -66,7 +66,7 @@ class SetDemand:
     @property
     def largest(self) -> Floats:
         """Bound of |w*| [N n], rad/s² or m/s²."""
-        return (np.abs(self.push) + np.abs(self.effects).sum(axis=1)).max(axis=0)
+        return (np.abs(self.disturbance) + np.abs(self.effects).sum(axis=1)).max(axis=0)
 
 
 def learns_inertia(scenario: Scenario) -> bool:
@@ -103,25 +103,25 @@ def demand_after_learning(
     few = motion.every(64)
     outside = convex_hull(lambda shares: outer_torque(at(shares), few).reshape(len(shares), -1), len(free))
     sides, parts = outside.of(rubbed(at(outside.points)))
-    push, effects, lacking = [], [], np.zeros((*motion.q.shape, motion.joints))
+    disturbance, effects, lacking = [], [], np.zeros((*motion.q.shape, motion.joints))
     for arm, known in zip(arms, beliefs, strict=True):
         mass, bias = known.mass_and_bias(motion.t, motion.q, motion.dq)
         masses, torques = rigid_body_torque([arm], motion)
         lacks = np.einsum("kij,kj->ki", mass, motion.ddq) + bias - torques[0]
         lacking = np.maximum(lacking, np.abs(np.eye(motion.joints) - np.linalg.solve(mass, masses[0])))
-        push.append(np.linalg.solve(mass[None], (lacks + sides)[..., None])[..., 0])
+        disturbance.append(np.linalg.solve(mass[None], (lacks + sides)[..., None])[..., 0])
         effect = np.linalg.solve(mass[None], parts[..., None])[..., 0] if len(parts) else parts
         effects += [effect] * len(sides)
     kappa, coupling, matrices = inertia_ratios(arms, beliefs, motion)
-    pushes = np.concatenate(push)
-    largest = (np.abs(pushes) + np.abs(np.array(effects)).sum(axis=1)).max(axis=0)
+    disturbances = np.concatenate(disturbance)
+    largest = (np.abs(disturbances) + np.abs(np.array(effects)).sum(axis=1)).max(axis=0)
     learnt = (
         "the law has learned each joint's mean inertia along the motion and its Coulomb friction, within its learning "
         "limits"
     )
     between = f"the set between its ends in inertia: {len(arms)} members were evaluated"
     return SetDemand(
-        push=pushes,
+        disturbance=disturbances,
         effects=np.array(effects),
         kappa=kappa,
         coupling=coupling,
@@ -136,10 +136,10 @@ def demand_after_learning(
     )
 
 
-def held_torque_error(belief: NominalModel, motion: StateSequence, push: Floats) -> Floats:
+def held_torque_error(belief: NominalModel, motion: StateSequence, disturbance: Floats) -> Floats:
     """`|M̂⁻¹ Δ(M̂ (q̈ - w*) + C0 q̇ + G0 + F̂)|` from each sample to the next [N n], because the torque is held.
 
-    - `push`: bounds of |w*| [N n], which the torque compensates.
+    - `disturbance`: bounds of |w*| [N n], which the torque compensates.
     """
     mass, bias = belief.mass_and_bias(motion.t, motion.q, motion.dq)
     bias = bias + belief.friction(motion.t, motion.wanted_dq)
@@ -147,7 +147,7 @@ def held_torque_error(belief: NominalModel, motion: StateSequence, push: Floats)
     bound = np.zeros_like(bias)
     bound[:-1] = np.abs(np.linalg.solve(mass[:-1], change[..., None])[..., 0])
     moved = np.abs(np.linalg.solve(mass[:-1], np.diff(mass, axis=0)))
-    bound[:-1] += np.einsum("kij,kj->ki", moved, push[:-1])
+    bound[:-1] += np.einsum("kij,kj->ki", moved, disturbance[:-1])
     bound[-1] = bound[-2]
     return bound
 
@@ -171,20 +171,20 @@ def demand_of_cases(
     lacking = np.zeros((*motion.q.shape, motion.joints))
     at_first, bias = belief.at_first(motion.t, motion.q, motion.dq)
     free, outside, sides, parts = _disturbed(members, motion)
-    push, effects = [], []
+    disturbance, effects = [], []
     for arm, known in cases:
         mass = known.learnt(at_first, motion.t)
         masses, torques = rigid_body_torque([arm], motion)
         believed = np.einsum("kij,kj->ki", mass, motion.ddq) + bias + known.friction(motion.t, motion.wanted_dq)
         lacks = believed - torques[0] - friction_torque(arm.robot, motion.dq) + sides
-        push.append(np.linalg.solve(mass[None], lacks[..., None])[..., 0])
+        disturbance.append(np.linalg.solve(mass[None], lacks[..., None])[..., 0])
         effects.append(np.linalg.solve(mass[None], parts[..., None])[..., 0] if len(parts) else parts)
         lacking = np.maximum(lacking, np.abs(np.eye(motion.joints) - np.linalg.solve(mass, masses[0])))
     arms, beliefs = [arm for arm, _ in cases], [known for _, known in cases]
     kappa, coupling, matrices = inertia_ratios(arms, beliefs, motion)
-    pushes = np.concatenate(push)
+    disturbances = np.concatenate(disturbance)
     every = np.repeat(np.array(effects), len(sides), axis=0)
-    largest: Floats = (np.abs(pushes) + np.abs(every).sum(axis=1)).max(axis=0)
+    largest: Floats = (np.abs(disturbances) + np.abs(every).sum(axis=1)).max(axis=0)
     tied = [k for k in range(len(members.axes)) if k not in free]
     listed = [
         Assumption(
@@ -206,7 +206,7 @@ def demand_of_cases(
     if outside.sampled:
         listed.append(Assumption(f"{len(outside.sampled)} of these numbers at 5 values each", "tested"))
     return SetDemand(
-        push=pushes,
+        disturbance=disturbances,
         effects=every,
         kappa=kappa,
         coupling=coupling,
@@ -240,10 +240,10 @@ def _disturbed(members: Members, motion: StateSequence) -> tuple[list[int], Hull
     return free, outside, sides, parts
 
 
-def _relearnt(belief: NominalModel, motion: StateSequence, push: Floats) -> Floats:
+def _relearnt(belief: NominalModel, motion: StateSequence, disturbance: Floats) -> Floats:
     """`|M̂⁻¹ ΔM̂ ŵ|` from each sample to the next [N n], where ΔM̂ was learned in between."""
     rotor = belief.rotor_at(motion.t)
-    step = np.abs(np.diff(rotor, axis=0, prepend=rotor[:1])) * push
+    step = np.abs(np.diff(rotor, axis=0, prepend=rotor[:1])) * disturbance
     mass, _ = belief.mass_and_bias(motion.t, motion.q, motion.dq)
     return np.einsum("kij,kj->ki", np.abs(np.linalg.inv(mass)), step)
 

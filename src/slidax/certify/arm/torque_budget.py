@@ -292,7 +292,7 @@ def motion_torques(scenario: Scenario, demand: Demand, members: Members) -> tupl
     belief, motion = NominalModel.of(scenario, members.plant), StateSequence.of(scenario)
     mass, bias = belief.mass_and_bias(motion.t, motion.q, motion.dq)
     known = np.einsum("kij,kj->ki", mass, motion.ddq) + bias + belief.coulomb * np.tanh(motion.dq / belief.smoothing)
-    torques = known - np.einsum("kij,mkj->mki", mass, demand.push)
+    torques = known - np.einsum("kij,mkj->mki", mass, demand.disturbance)
     parts = np.zeros((len(torques), 0, *known.shape))
     if demand.effects is not None:
         parts = np.einsum("kij,mekj->meki", mass, demand.effects)

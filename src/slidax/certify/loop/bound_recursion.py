@@ -22,7 +22,7 @@ from .joint_responses import ACCELERATION, ERROR, ESTIMATE, LAPSE, LED, MISSED, 
 from .problem import LoopProblem, SensorNoise
 from .sliding_variable import SlidingVariableBounds
 
-PUSH, PLACE, CHANGE = range(3)
+DISTURBANCE, TARGET, CHANGE = range(3)
 """Inputs of a loop: an acceleration, the target of its plan, and a change of that target."""
 
 
@@ -140,12 +140,12 @@ class LoopResponses:
 
     - `before`: present effect of all earlier inputs: accelerations, targets, changes of target [9 n j] each.
     - `newest`: from the kind of input and its size now [n j] to its immediate effect [9 n j].
-    - `pushed`: from bounds of each joint's acceleration to those of its unmodelled part and of ë [n j] each.
+    - `split_acceleration`: from bounds of each joint's acceleration to those of its unmodelled part and ë [n j].
     """
 
     before: tuple[Any, Any, Any]
     newest: Callable[[int, Any], Any]
-    pushed: Callable[[Any], tuple[Any, Any]]
+    split_acceleration: Callable[[Any], tuple[Any, Any]]
 
 
 def bound_step(
@@ -161,18 +161,18 @@ def bound_step(
     led_next, last, slid = carried
     coupled_last, side = last["coupled"], last["begun_at"]
     # 1. State before this decision: ŷ, y - ŷ, e, ė.
-    by_push, by_place, by_change = answers.before
+    by_disturbance, by_place, by_change = answers.before
     own = course.part * (0.5 * course.part + lead) * coupled_last
 
     def either(output: int) -> Any:
         """From p itself, and from its changes: the less [2 n j]."""
         by_itself, by_turns = at.free[:, output] + by_place[output], at.held[:, output] + by_change[output]
-        return jnp.minimum(by_itself, by_turns) + by_push[output]
+        return jnp.minimum(by_itself, by_turns) + by_disturbance[output]
 
     shift = jnp.max(either(SHIFT), axis=0) + own
-    linear = at.free[:, LED] + by_push[LED] + by_place[LED]
+    linear = at.free[:, LED] + by_disturbance[LED] + by_place[LED]
     led = jnp.maximum(jnp.where(begun, jnp.minimum(led_next, linear), linear), 0.0)
-    linear = at.free[:, ERROR] + by_push[ERROR] + by_place[ERROR] + 0.5 * course.part**2 * coupled_last
+    linear = at.free[:, ERROR] + by_disturbance[ERROR] + by_place[ERROR] + 0.5 * course.part**2 * coupled_last
     around = led + shift
     mean = ((1.0 - eta) * last["error"] + eta * (last["around"] + around) + last["bent"]) / (1.0 + eta)
     error = jnp.where(begun, jnp.maximum(jnp.minimum(mean, linear), 0.0), side)
@@ -212,11 +212,11 @@ def bound_step(
     change_now = jnp.where(begun, change_now, spread)
     back = jnp.minimum(back, jnp.where(begun, jnp.maximum(*going) + bent, first.back[:, None]))
     by_change = by_change + answers.newest(CHANGE, change_now)
-    by_place = by_place + answers.newest(PLACE, most_aim)
+    by_place = by_place + answers.newest(TARGET, most_aim)
     # 4. The joint's acceleration, and with it what it does to itself and the others beyond the loop of one κ.
-    coupled, accelerated = answers.pushed(jnp.max(either(ACCELERATION), axis=0))
+    coupled, accelerated = answers.split_acceleration(jnp.max(either(ACCELERATION), axis=0))
     both = jnp.where(course.part > 0, jnp.maximum(coupled, coupled_last), coupled)
-    by_push = by_push + answers.newest(PUSH, both)
+    by_disturbance = by_disturbance + answers.newest(DISTURBANCE, both)
     # 5. The next ŷ and s.
     missed = either(MISSED)
     led_after = (1.0 - r) * led + r * jnp.maximum(aim + missed, 0.0)
@@ -332,8 +332,8 @@ class BoundProblem:
     def lumped(self) -> Floats:
         """‖M0 w*‖ when each torque starts, the largest of all members [N], N m."""
         first = self.late
-        push = self.demand.push[:, first : first + self.samples]
-        sizes = np.linalg.norm(np.einsum("kij,mkj->mki", self.sliding.inertia, push), axis=2).max(axis=0)
+        disturbance = self.demand.disturbance[:, first : first + self.samples]
+        sizes = np.linalg.norm(np.einsum("kij,mkj->mki", self.sliding.inertia, disturbance), axis=2).max(axis=0)
         if self.requested.effects is not None and self.requested.effects.shape[1]:
             parts = self.requested.effects[:, :, first : first + self.samples]
             each = np.linalg.norm(np.einsum("kij,mekj->meki", self.sliding.inertia, parts), axis=3)
@@ -386,13 +386,13 @@ class BoundProblem:
 
         - `more`: beyond `demand.stray`, at each sample of the arm [N n], rad/s² or m/s².
         """
-        push, first, n = self.demand.push, self.late, self.samples
-        stray = np.broadcast_to(self.demand.stray, push.shape[1:]) + (0.0 if more is None else more)
+        disturbance, first, n = self.demand.disturbance, self.late, self.samples
+        stray = np.broadcast_to(self.demand.stray, disturbance.shape[1:]) + (0.0 if more is None else more)
         if self.ideal is None:
             # Between two samples w* is off the line by an eighth of its second difference.
-            curved = np.zeros(push.shape[1:])
-            if push.shape[1] > 2:
-                curved[1:-1] = np.max(np.abs(np.diff(push, 2, axis=1)), axis=0) / 8.0
+            curved = np.zeros(disturbance.shape[1:])
+            if disturbance.shape[1] > 2:
+                curved[1:-1] = np.max(np.abs(np.diff(disturbance, 2, axis=1)), axis=0) / 8.0
                 curved[:-1] = np.maximum(curved[:-1], curved[1:])
             stray = stray + curved
         later = np.concatenate([stray, np.repeat(stray[-1:], 3, axis=0)]) * self.period**2

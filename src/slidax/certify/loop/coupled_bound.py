@@ -63,11 +63,13 @@ class CoupledLoops:
         """
         count, n = aims.shape
         answers = np.empty((count, 3, OUTPUTS, n))
-        pushes = np.einsum("kij,kj->ki", self.off, acceleration + stray) + np.einsum("kij,kj->ki", self.size, stray)
+        disturbances = np.einsum("kij,kj->ki", self.off, acceleration + stray) + np.einsum(
+            "kij,kj->ki", self.size, stray
+        )
         if part > 0:
-            pushes[1:] = np.maximum(pushes[1:], pushes[:-1])
+            disturbances[1:] = np.maximum(disturbances[1:], disturbances[:-1])
         begun = self.under_way @ self.off[0].T
-        for kind, (values, first) in enumerate(((pushes, begun), (aims, None), (changes, None))):
+        for kind, (values, first) in enumerate(((disturbances, begun), (aims, None), (changes, None))):
             recent = self._recent(values, first)
             most = np.maximum.accumulate(values, axis=0)
             if first is not None:
@@ -130,7 +132,7 @@ def _scanned(
         at, known_size, number, lacking, past = inputs
         known: list[Any] = []
 
-        def pushed(acceleration: Any) -> tuple[Any, Any]:
+        def split_acceleration(acceleration: Any) -> tuple[Any, Any]:
             known.append(acceleration[:, 0])
             moved = acceleration[:, 0] + at.stray
             others = lacking @ moved
@@ -139,7 +141,7 @@ def _scanned(
         answers = LoopResponses(
             before=(past[0][..., None], past[1][..., None], past[2][..., None]),
             newest=lambda kind, value: (newest[number, kind] @ value[:, 0])[..., None],
-            pushed=pushed,
+            split_acceleration=split_acceleration,
         )
         carried, entered, bounds = bound_step(course, first, at, k > 0, carried, answers)
         return (k + 1, carried), (bounds, (known[0], entered[1][:, 0], entered[2][:, 0]))
@@ -174,8 +176,8 @@ class CoupledProblem(BoundProblem):
         # Effects of uncertain values stay signals, each with its part of the set.
         self.demand = self.requested
         ideal = since.ideal
-        nothing = np.zeros_like(demand.push[0])
-        self.shared = nothing if ideal.push is None else ideal.push
+        nothing = np.zeros_like(demand.disturbance[0])
+        self.shared = nothing if ideal.disturbance is None else ideal.disturbance
         self.rest = nothing if ideal.rest is None else ideal.rest
         self.part, loops = part, subject.loops
         n, late = self.samples, self.late
@@ -200,7 +202,7 @@ class CoupledProblem(BoundProblem):
         off, size = (np.array([values[end] for end in ends]).max(axis=0) for values in (off, size))
         self.together = CoupledLoops(kernels, width, size, off, under_way)
         self.slope = np.max([part.slope[late + k : late + k + n] for k in range(len(ends) + 1)], axis=0)
-        self.assumed, self.tube = np.zeros((3, n, len(loops))), np.zeros_like(part.push[0])
+        self.assumed, self.tube = np.zeros((3, n, len(loops))), np.zeros_like(part.disturbance[0])
 
     @property
     def stable(self) -> bool:
@@ -249,22 +251,22 @@ class CoupledProblem(BoundProblem):
         joints, part = len(loops), self.subject.dead_time % 1.0
         slope = self.course.slopes.between(*(jnp.asarray(self.since.ideal.eps[0]),) * 2)[0]
         follows = self.narrowing.ahead[0] / (self.narrowing.now[0] + self.horizon * np.asarray(slope))
-        pushes = np.concatenate([self.part.push - self.shared, self.part.effects]) * h * h
+        disturbances = np.concatenate([self.part.disturbance - self.shared, self.part.effects]) * h * h
         decisions = np.arange(0, n, self.width) + self.width // 2
         kernels = CoupledResponses(self.along, len(decisions), memory)
         starts = initial_columns(self.along, loops, follows, self.since.states)
-        known = KnownOutputs(self.along, decisions, self.width, pushes, starts, memory)
+        known = KnownOutputs(self.along, decisions, self.width, disturbances, starts, memory)
         for back in adjoint_responses(self.along, decisions, memory):
             kernels.take(back)
             known.take(back)
         kernels.finish()
         known.finish(kernels.later)
-        sizes, bend = known.told(n, len(self.part.push), self.late, part > 0)
+        sizes, bend = known.told(n, len(self.part.disturbance), self.late, part > 0)
         self.bend = bend / (12.0 if part == 0 else 4.0)
-        # Pushes of long ago differ by no more than this from what they are taken as.
+        # Disturbances of long ago differ by no more than this from what they are taken as.
         older = 2.0 * (
-            np.abs(pushes[: len(self.part.push)]).max()
-            + np.abs(pushes[len(self.part.push) :]).sum(axis=0).max(initial=0.0)
+            np.abs(disturbances[: len(self.part.disturbance)]).max()
+            + np.abs(disturbances[len(self.part.disturbance) :]).sum(axis=0).max(initial=0.0)
         )
         widest = max(1.0, float(np.abs(self.along.matrices).sum(axis=2).max()))
         self.noise_size = self._noise(kernels, n * joints * OUTPUTS, chance)

@@ -203,7 +203,7 @@ class KnownOutputs:
     - `free`, `held`: size of the initial states' effect, without p and with the first p held [Z W 9n].
 
     - `along`, `decisions`: the loops and outputs; `width`: W, samples, of which the middle one is carried back.
-    - `pushes`: w* at the arm's samples, linear in between [M T n], units of periods.
+    - `disturbances`: w* at the arm's samples, linear in between [M T n], units of periods.
     - `starts`: from `beginnings`.
     - `memory`: largest age.
     """
@@ -213,22 +213,22 @@ class KnownOutputs:
         along: LoopsAlongMotion,
         decisions: NDArray[np.integer[Any]],
         width: int,
-        pushes: Floats,
+        disturbances: Floats,
         starts: tuple[Floats, Floats],
         memory: int,
     ) -> None:
         self.along, self.decisions, self.memory = along, decisions, memory
         self.offsets = np.arange(width) - width // 2
-        self.pushes, self.starts = np.moveaxis(pushes, 0, -1), starts
+        self.disturbances, self.starts = np.moveaxis(disturbances, 0, -1), starts
         # Time is the last axis. The initial states contain everything before the first sample.
-        lasting = np.moveaxis(pushes, 1, -1).swapaxes(0, 1)
+        lasting = np.moveaxis(disturbances, 1, -1).swapaxes(0, 1)
         before = np.zeros((*lasting.shape[:2], memory + 2 * width))
         after = np.repeat(lasting[..., -1:], decisions[-1] + width, axis=-1)
         self._before = before.shape[-1]
         self._now = np.concatenate([before, lasting, after], axis=-1)
         self._then = np.concatenate([before, lasting[..., 1:], after], axis=-1)
         count, outputs = len(decisions), OUTPUTS * along.joints
-        self._answers = np.zeros((count, outputs, width * len(pushes)))
+        self._answers = np.zeros((count, outputs, width * len(disturbances)))
         self.free, self.held = np.zeros((2, count, width, outputs))
         self._resting = along.resting
 
@@ -242,16 +242,18 @@ class KnownOutputs:
         """Add the inputs at one sample before each decision."""
         if back.age < self.memory:
             answers = np.concatenate([back.entering(3), back.entering(4)], axis=2)
-            pushes_there = [self._around(pushes, back.samples - 1) for pushes in (self._now, self._then)]
-            self._answers[back.which] += answers @ np.concatenate(pushes_there, axis=1)
+            disturbances_there = [
+                self._around(disturbances, back.samples - 1) for disturbances in (self._now, self._then)
+            ]
+            self._answers[back.which] += answers @ np.concatenate(disturbances_there, axis=1)
             self._begun(back)
         else:
             rests = back.rows @ self._resting
             self._answers[back.which] += rests @ self._around(self._now, back.samples)
 
-    def _around(self, pushes: Floats, samples: NDArray[np.integer[Any]]) -> Floats:
+    def _around(self, disturbances: Floats, samples: NDArray[np.integer[Any]]) -> Floats:
         """The disturbances around some samples [Z n M W]."""
-        windows = sliding_window_view(pushes, self.offsets.size, axis=-1)
+        windows = sliding_window_view(disturbances, self.offsets.size, axis=-1)
         around = windows[:, :, self._before + samples + self.offsets[0]]
         return np.moveaxis(around, 2, 0).reshape(len(samples), self.along.joints, -1)
 
@@ -263,7 +265,7 @@ class KnownOutputs:
         for k in np.flatnonzero((w >= 0) & (w < self.offsets.size)):
             at, rows = back.which.start + k, back.rows[k]
             self._answers[at].reshape(len(rows), -1, self.offsets.size)[..., w[k]] += (
-                rows @ self._resting @ self.pushes[0]
+                rows @ self._resting @ self.disturbances[0]
             )
             self.free[at, w[k]], self.held[at, w[k]] = (np.abs(rows @ columns).sum(axis=1) for columns in self.starts)
 
@@ -280,11 +282,11 @@ class KnownOutputs:
     def told(self, count: int, corners: int, late: int, part: bool) -> tuple[Floats, Floats]:
         """Return the effect of a set's disturbances, below and above zero [N 2 9 n], and their bend of e [N n]."""
         n = self.along.joints
-        answers = self.responses.reshape(-1, OUTPUTS, n, self.pushes.shape[2])[:count]
-        last = self.pushes.shape[0] - 1
+        answers = self.responses.reshape(-1, OUTPUTS, n, self.disturbances.shape[2])[:count]
+        last = self.disturbances.shape[0] - 1
         # When the torque of a decision sets in, and until the next does.
         at = np.arange(count) + late
-        knots = np.array([self.pushes[np.minimum(at + k, last)] for k in range(2 + part)])
+        knots = np.array([self.disturbances[np.minimum(at + k, last)] for k in range(2 + part)])
         answers[:, ESTIMATE] -= knots[0]
         corner, effect = answers[..., :corners], answers[..., corners:]
         moves, adds = knots[..., :corners], knots[..., corners:]

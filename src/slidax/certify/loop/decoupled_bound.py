@@ -104,7 +104,7 @@ def _scanned(course: LoopConstants, apart: DecoupledLoops, passing: StepInputs, 
         windowed = jnp.concatenate([history, padding], axis=-1)[..., windows]
         return jnp.einsum("onjl,njbl->bonj", kernel, windowed)
 
-    def pushed(acceleration: Any, stray: Any) -> tuple[Any, Any]:
+    def split_acceleration(acceleration: Any, stray: Any) -> tuple[Any, Any]:
         strayed = apart.kappa * stray[:, None]
         moved = acceleration + strayed
         others = apart.coupling @ jnp.max((1.0 + apart.spread) * moved, axis=1)
@@ -121,7 +121,7 @@ def _scanned(course: LoopConstants, apart: DecoupledLoops, passing: StepInputs, 
         answers = LoopResponses(
             before=tuple(past(*arrays) for arrays in parts),
             newest=lambda kind, value: apart.kernels[kind][..., -1] * value,
-            pushed=lambda acceleration: pushed(acceleration, at.stray),
+            split_acceleration=lambda acceleration: split_acceleration(acceleration, at.stray),
         )
         carried, entered, bounds = bound_step(course, first, at, begun, carried, answers)
         recent = tuple(_shifted(arrays, new[..., None]) for arrays, new in zip(recent, entered, strict=True))
@@ -187,7 +187,7 @@ class DecoupledProblem(BoundProblem):
     def signed_error(self) -> Floats:
         """Effect on e of an acceleration that is constant over a period, by the lag, for the middle κ [n L]."""
         assert self.kernels is not None
-        length = self.kernels.of_push.shape[-1]
+        length = self.kernels.of_disturbance.shape[-1]
         responses = []
         for loop, row in zip(self.subject.loops, self.kappa, strict=True):
             maps = loop.maps(float(row[row.size // 2]))
@@ -213,12 +213,16 @@ class DecoupledProblem(BoundProblem):
     def _apart(self) -> DecoupledLoops:
         kernels = self.kernels
         assert kernels is not None
-        push, place, change = (
-            jnp.asarray(kernel[..., ::-1]) for kernel in (kernels.of_push, kernels.of_place, kernels.of_change)
+        disturbance, place, change = (
+            jnp.asarray(kernel[..., ::-1]) for kernel in (kernels.of_disturbance, kernels.of_place, kernels.of_change)
         )
         return DecoupledLoops(
-            kernels=(push, place, change),
-            tails=(jnp.asarray(kernels.push_tail), jnp.asarray(kernels.place_tail), jnp.asarray(kernels.change_tail)),
+            kernels=(disturbance, place, change),
+            tails=(
+                jnp.asarray(kernels.disturbance_tail),
+                jnp.asarray(kernels.place_tail),
+                jnp.asarray(kernels.change_tail),
+            ),
             fading=jnp.asarray(kernels.fading),
             spread=jnp.asarray(self.spread),
             kappa=jnp.asarray(self.kappa),
@@ -240,7 +244,7 @@ class DecoupledProblem(BoundProblem):
     def _misled(self, misread: Floats) -> Floats:
         """Bound of the effect of commands computed for wrong predictions."""
         assert self.kernels is not None
-        length = self.kernels.of_push.shape[-1]
+        length = self.kernels.of_disturbance.shape[-1]
         extra: Floats = self.recent(misread, length)[:, None, None, :, None] * self.kernels.of_command[None, None]
         if self.demand.relearning is not None:
             moved = self.recent(self.demand.relearning, length)
@@ -268,7 +272,7 @@ def started(assembly: DecoupledProblem) -> tuple[Known, InitialBounds]:
 def entered(assembly: DecoupledProblem) -> tuple[Known, InitialBounds]:
     """Return the known responses of the loops, and bounds at the first sample, from the initial set."""
     assert assembly.since is not None
-    free, bend = _pushed(assembly)
+    free, bend = _known_response(assembly)
     held = free.copy()
     known = np.max(free[0, :, LED], axis=(0, 2))
     narrowing = assembly.narrowing
@@ -303,7 +307,7 @@ def _known_of(assembly: DecoupledProblem, aims: Floats) -> Known:
 
     Below and above zero, in size.
     """
-    free, bend = _pushed(assembly)
+    free, bend = _known_response(assembly)
     alone = np.empty((assembly.samples, OUTPUTS, *assembly.kappa.shape))
     nothing = np.zeros((1, 2))
     for i, loop in enumerate(assembly.subject.loops):
@@ -314,21 +318,21 @@ def _known_of(assembly: DecoupledProblem, aims: Floats) -> Known:
     return free, free + alone[:, None] * np.array([-1.0, 1.0])[:, None, None, None], bend
 
 
-def _pushed(assembly: DecoupledProblem) -> tuple[Floats, Floats]:
+def _known_response(assembly: DecoupledProblem) -> tuple[Floats, Floats]:
     """Response of the loops from their start to the known disturbances, with noise."""
     h, (n, cells) = assembly.period, assembly.kappa.shape
     known = np.empty((assembly.samples, 2, OUTPUTS, n, cells))
     bend = np.empty((assembly.samples, n, cells))
     curve = 12.0 if assembly.subject.dead_time % 1.0 == 0 else 4.0
     for i, loop in enumerate(assembly.subject.loops):
-        push = assembly.demand.push[:, :, i] * h * h
-        begun = _begun(assembly, i) if assembly.since is None else steady_states(loop, push[:, 0])
+        disturbance = assembly.demand.disturbance[:, :, i] * h * h
+        begun = _begun(assembly, i) if assembly.since is None else steady_states(loop, disturbance[:, 0])
         for j, kappa in enumerate(assembly.kappa[i]):
-            signals = simulate_loop(loop, kappa, push, 0.0, begun, assembly.samples, assembly.quiet)
+            signals = simulate_loop(loop, kappa, disturbance, 0.0, begun, assembly.samples, assembly.quiet)
             extra = assembly.noise_size[:, i, j, None] + _first_noise(assembly, i, kappa)
             outputs = signals.outputs.copy()
-            # Of the estimate what it misses of the push as it is when the torque sets in.
-            outputs[ESTIMATE] -= push[:, assembly.late : assembly.late + assembly.samples]
+            # Of the estimate what it misses of the disturbance as it is when the torque sets in.
+            outputs[ESTIMATE] -= disturbance[:, assembly.late : assembly.late + assembly.samples]
             outputs[ACCELERATION] += kappa * signals.least
             known[:, 0, :, i, j] = (np.max(-outputs, axis=1) + extra).T
             outputs[ACCELERATION] += kappa * (signals.most - signals.least)

@@ -40,7 +40,7 @@ def fixed_point(assembly: DecoupledProblem | CoupledProblem, enough: float = FAR
     assert demand.deviation is not None
     assert demand.prediction_error is not None
     late = assembly.subject.law.delay > 0.0
-    more = misread = np.zeros(demand.push.shape[1:])
+    more = misread = np.zeros(demand.disturbance.shape[1:])
     for _ in range(ROUNDS if isinstance(assembly, DecoupledProblem) else 2 * ROUNDS):
         bounds = assembly.certified(more, misread)
         if not np.max(bounds.share) < min(enough, FAR):
@@ -114,7 +114,9 @@ def partitioned_bound(
     results: list[tuple[CoupledProblem, CertifiedBounds]] = []
     while waiting:
         piece, left = waiting.pop()
-        part = set_part(scenario, piece, motion, entry.arms, demand.push) if isinstance(piece, Members) else piece
+        part = (
+            set_part(scenario, piece, motion, entry.arms, demand.disturbance) if isinstance(piece, Members) else piece
+        )
         divided = split_part(part, scenario, motion) if left and not entry.arms and not known_parts else []
         if divided and left > fineness.halvings - AT_ONCE:
             waiting += [(half, left - 1) for half in divided]

@@ -59,8 +59,8 @@ class LoggingLaw(AbstractController):
         signals = {
             "prior_q": kept.prior.state.q,
             "prior_dq": kept.prior.state.dq,
-            "prior_push": kept.prior.push,
-            "push_rate": rate,
+            "prior_disturbance": kept.prior.disturbance,
+            "disturbance_rate": rate,
             "measured_q": state.q,
             "measured_dq": state.dq,
             "kept_s": kept.step.s,
@@ -194,7 +194,7 @@ class CaseTrace:
     command: Floats
     prior: tuple[Floats, Floats]
     last: tuple[Floats, Floats]
-    push: Floats
+    disturbance: Floats
     rate: Floats
     s: Floats
     room: Floats
@@ -241,8 +241,8 @@ class CaseTrace:
             command=command - mean[at],
             prior=(signals["prior_q"] - want_q[then], signals["prior_dq"] * h - want_v[then] * h),
             last=(signals["measured_q"] - want_q[measured], (signals["measured_dq"] - want_v[measured]) * h),
-            push=signals["prior_push"] * h * h,
-            rate=signals["push_rate"] * h**3,
+            disturbance=signals["prior_disturbance"] * h * h,
+            rate=signals["disturbance_rate"] * h**3,
             s=signals["kept_s"],
             room=room,
             belief=belief,
@@ -261,12 +261,12 @@ class CaseTrace:
         for i in range(queue):
             sets_in = before - i + dead
             moved = middle.v[sets_in + 1] - middle.v[sets_in]
-            rows.append(self.command[before - i] + self.push[before] - moved)
+            rows.append(self.command[before - i] + self.disturbance[before] - moved)
         rows += [self.prior[0][before] - self.e[m], self.prior[1][before] - self.v[m]]
         # In the last whole period: what the arm did beyond the command that acted.
         acted = m - 1 - dead
         unexplained = (self.v[m] - self.v[m - 1]) - self.command[acted]
-        rows += [self.push[before] - unexplained, self.rate[before]]
+        rows += [self.disturbance[before] - unexplained, self.rate[before]]
         loop = subject.loops[0]
         if loop.measures_velocity and loop.follows is not None:
             rows += [self.last[0][before] - self.e[m - 1], self.last[1][before] - self.v[m - 1]]
@@ -294,8 +294,8 @@ class NominalRun:
     - `eps`: its ε [K n].
     - `sliding`: s in the law's memory [K n], rad/s or m/s; `s_next`: s⁺ [K n].
     - `cover`: u [K], N m; inf for a law without one.
-    - `push`: w* of this run itself [N n], and `rest`: its unexplained change in a period [N n], rad/s² or m/s²; None
-      for a run without them.
+    - `disturbance`: w* of this run itself [N n], and `rest`: its unexplained change in a period [N n], rad/s² or m/s²;
+      None for a run without them.
     """
 
     motion: StateSequence
@@ -305,7 +305,7 @@ class NominalRun:
     sliding: Floats
     s_next: Floats
     cover: Floats
-    push: Floats | None = None
+    disturbance: Floats | None = None
     rest: Floats | None = None
 
 
@@ -451,7 +451,7 @@ class NominalMember:
         error = trace.e[at] + part * (trace.v[at] + 0.5 * part * (trace.v[at + 1] - trace.v[at]))
         assert self.run.log is not None
         signals = {name: np.asarray(self.run.log.signals[name])[decided] for name in ("s", "s_next", "eps1", "u")}
-        push = self._disturbance(motion)
+        disturbance = self._disturbance(motion)
         return NominalRun(
             motion=motion,
             error=error,
@@ -460,8 +460,8 @@ class NominalMember:
             sliding=signals["s"],
             s_next=signals["s_next"],
             cover=signals["u"] if signals["u"].ndim == 1 else signals["u"][:, 0],
-            push=push,
-            rest=self._unexplained(motion, samples[:-1], push),
+            disturbance=disturbance,
+            rest=self._unexplained(motion, samples[:-1], disturbance),
         )
 
     def _disturbance(self, motion: StateSequence) -> Floats:
@@ -472,15 +472,15 @@ class NominalMember:
         lacks = believed - rigid_body_torque([self.plant], motion)[1][0] + outer_torque([self.plant], motion)[0]
         return np.linalg.solve(mass, lacks[..., None])[..., 0]
 
-    def _unexplained(self, motion: StateSequence, samples: NDArray[np.integer[Any]], push: Floats) -> Floats:
+    def _unexplained(self, motion: StateSequence, samples: NDArray[np.integer[Any]], disturbance: Floats) -> Floats:
         """`|a - q̈ + w*|` in the mean of each period [N n], rad/s² or m/s²: the effect of holding the torque."""
         h, dead = self.subject.scenario.period, self.subject.dead_time
         whole, part = int(dead), dead % 1.0
         decided = [np.maximum(samples - whole - k, 0) for k in (0, 1)]
         command = (1.0 - part) * self.trace.command[decided[0]] + part * self.trace.command[decided[1]]
         acceleration = (command + self.trace.wanted[samples]) / h**2
-        later = np.concatenate([push[1:], push[-1:]])
-        return np.abs(acceleration - motion.ddq + 0.5 * (push + later))
+        later = np.concatenate([disturbance[1:], disturbance[-1:]])
+        return np.abs(acceleration - motion.ddq + 0.5 * (disturbance + later))
 
 
 def _silent(scenario: Scenario) -> Scenario:

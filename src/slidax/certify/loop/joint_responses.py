@@ -53,12 +53,12 @@ LITTLE = 0.05
 class JointResponses:
     """Responses of the joints' loops, each for some κ; in units of periods. The last axis is the lag, in periods.
 
-    - `of_push`: largest effect on each output of an acceleration within [-1, 1] over one period, by the lag from the
-      decision of that period's torque [9 n j L].
+    - `of_disturbance`: largest effect on each output of an acceleration within [-1, 1] over one period, by the lag from
+      the decision of that period's torque [9 n j L].
     - `of_place`: effect of p on each output, in size, by the lag from its decision; `of_change`: effect of a lasting
       change of p [9 n j L].
-    - `push_tail`, `place_tail`, `change_tail`: bounds of the effect beyond L, times the largest input, each faded by
-      `fading` a period.
+    - `disturbance_tail`, `place_tail`, `change_tail`: bounds of the effect beyond L, times the largest input, each
+      faded by `fading` a period.
     - `fading`: of old inputs [n j].
     - `of_command`: sums of the sizes of the effect of a command error that the prediction shares [9 n j];
       `of_estimate`: of a step of ŵ that w* did not make.
@@ -66,10 +66,10 @@ class JointResponses:
       their squares.
     """
 
-    of_push: Floats
+    of_disturbance: Floats
     of_place: Floats
     of_change: Floats
-    push_tail: Floats
+    disturbance_tail: Floats
     place_tail: Floats
     change_tail: Floats
     fading: Floats
@@ -121,9 +121,9 @@ def _of_one(loop: LinearLoop, kappa: float, length: int) -> dict[str, Floats]:
     # Of p held from some time on, less where it leads in the end.
     held = -np.linalg.solve(np.eye(size) - maps.step, place)
     noise = [maps.enters[:, i] for i in range(2)]
-    kick_push = np.eye(size)[-4]
+    kick_estimate = np.eye(size)[-4]
     powers = np.empty((steps, size, 6))
-    powers[0] = np.stack([kick_q, kick_v, place, *noise, kick_push], axis=1)
+    powers[0] = np.stack([kick_q, kick_v, place, *noise, kick_estimate], axis=1)
     for i in range(1, steps):
         powers[i] = maps.step @ powers[i - 1]
     # raw[row, k, source]: k periods after it came; at 0 what goes through at once.
@@ -142,14 +142,14 @@ def _of_one(loop: LinearLoop, kappa: float, length: int) -> dict[str, Floats]:
     noise_tail = np.array([beyond(source, length) for source in noise])
     size_of_noise = np.sum(np.abs(by_noise), axis=2)
     return {
-        "of_push": largest_over_period(by_v, by_q),
+        "of_disturbance": largest_over_period(by_v, by_q),
         "of_place": np.abs(placed),
         "of_change": np.abs(np.cumsum(placed, axis=1)),
-        "push_tail": beyond(kick_v, length - whole) + beyond(kick_q, length - whole),
+        "disturbance_tail": beyond(kick_v, length - whole) + beyond(kick_q, length - whole),
         "place_tail": beyond(place, length),
         "change_tail": beyond(held, length),
         "fading": np.asarray(max(beyond.left, 1e-300) ** (0.5 / length)),
-        "of_estimate": np.sum(np.abs(jumped), axis=1) + beyond(kick_push, length),
+        "of_estimate": np.sum(np.abs(jumped), axis=1) + beyond(kick_estimate, length),
         "of_command": loop.horizon**2 * _summed(placed, beyond(place, length)),
         "noise": size_of_noise + noise_tail,
         "noise_square": np.sum(by_noise**2, axis=2) + noise_tail**2,
@@ -256,20 +256,22 @@ class LoopSignals:
 
 
 def simulate_loop(
-    loop: LinearLoop, kappa: float, push: Floats, place: float, start: Floats, samples: int, quiet: int = 0
+    loop: LinearLoop, kappa: float, disturbance: Floats, place: float, start: Floats, samples: int, quiet: int = 0
 ) -> LoopSignals:
     """Simulate a loop with disturbances and constant p.
 
-    - `push`: w* at each sample of the arm, linear in between [m K], K > N + delay + 2, units of periods.
+    - `disturbance`: w* at each sample of the arm, linear in between [m K], K > N + delay + 2, units of periods.
     - `place`: p [rad or m].
     - `start`: the loop's state [s], or of each member [s m].
     - `samples`: N.
     - `quiet`: periods before the first disturbance.
     """
     maps, whole = loop.maps(kappa), int(loop.believed)
-    members, steps = push.shape[0], samples + whole + 2 - quiet
+    members, steps = disturbance.shape[0], samples + whole + 2 - quiet
     blocks = -(-steps // BLOCK)
-    padded = np.concatenate([push, np.repeat(push[:, -1:], max(blocks * BLOCK + 1 - push.shape[1], 0), axis=1)], axis=1)
+    padded = np.concatenate(
+        [disturbance, np.repeat(disturbance[:, -1:], max(blocks * BLOCK + 1 - disturbance.shape[1], 0), axis=1)], axis=1
+    )
     lifted = _Lifted(maps, kappa)
     state = np.repeat(start[:, None], members, axis=1) if start.ndim == 1 else start
     rows = np.empty((7, quiet + blocks * BLOCK, members))
@@ -293,12 +295,12 @@ def simulate_loop(
     return LoopSignals(outputs, np.min(knots, axis=0), np.max(knots, axis=0), change)
 
 
-def steady_states(loop: LinearLoop, push: Floats) -> Floats:
+def steady_states(loop: LinearLoop, disturbance: Floats) -> Floats:
     """Return the states [s m] of a loop at rest under constant disturbances [m]."""
     queue = _queue(loop)
-    state = np.zeros((2 + queue + 6, push.size))
-    state[2 : 2 + queue] = -push
-    state[4 + queue] = push
+    state = np.zeros((2 + queue + 6, disturbance.size))
+    state[2 : 2 + queue] = -disturbance
+    state[4 + queue] = disturbance
     return state
 
 

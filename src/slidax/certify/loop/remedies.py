@@ -97,7 +97,7 @@ def scale_demand(demand: Demand, part: float) -> Demand:
     deviation, relearning = demand.deviation, demand.relearning
     return replace(
         demand,
-        push=part * demand.push,
+        disturbance=part * demand.disturbance,
         stray=part * demand.stray,
         kappa=np.asarray(demand.kappa) ** part,
         coupling=part * demand.coupling,
@@ -114,8 +114,8 @@ def resample_demand(demand: Demand, period: float) -> Demand:
     def at(values: Floats) -> Floats:
         return np.stack([np.interp(times, demand.times, signal) for signal in values.T], axis=1)
 
-    push = np.stack([at(signal) for signal in demand.push])
-    return replace(demand, times=times, push=push, stray=at(np.asarray(demand.stray)))
+    disturbance = np.stack([at(signal) for signal in demand.disturbance])
+    return replace(demand, times=times, disturbance=disturbance, stray=at(np.asarray(demand.stray)))
 
 
 def nearest_value(share: Callable[[float], float], now: float, end: float) -> float | None:

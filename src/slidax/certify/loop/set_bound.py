@@ -279,7 +279,7 @@ def bound_of_smaller_set(whole: SetBound, part: float, chance: float = 1e-3) -> 
 
     - `part`: factor of each of its values.
     """
-    subject, shared = whole.assembly.subject, whole.ideal.push
+    subject, shared = whole.assembly.subject, whole.ideal.disturbance
     parts = [] if shared is None else [own.shrunk(part, shared) for own in whole.parts]
     # The demand of deviations from the nominal run does not depend on the size of the set.
     demand = whole.demand if parts else scale_demand(whole.demand, part)

@@ -110,7 +110,7 @@ class _Member:
         mass, bias = self.motion.truth
         mass0 = self.motion.of_arm(self.printed.law.nominal)[0]
         reached = np.einsum("kij,kj->ki", mass0 - mass, self.motion.states[2])
-        return np.linalg.norm(reached + bias0 - bias + self.motion.pushed, axis=1)
+        return np.linalg.norm(reached + bias0 - bias + self.motion.external_torque, axis=1)
 
     @property
     def largest(self) -> float:

@@ -80,8 +80,8 @@ class SampledData(AbstractController):
 
     A sample that the gate rejects counts as a lost one: the last torque stands, and only the gate's memory changes.
 
-    Signals: those of the step, `push` (w), `residual` (the acceleration that the last prediction missed) [n], and
-    `rejected`, 1 for a sample that the gate did not accept, where all other signals are 0; with an adaptation
+    Signals: those of the step, `disturbance` (ŵ), `residual` (the acceleration that the last prediction missed) [n],
+    and `rejected`, 1 for a sample that the gate did not accept, where all other signals are 0; with an adaptation
     `rotor` (J) and `coulomb` (f) [n]; with a monitor `margin` and `assumption_violated`.
     """
 
@@ -128,7 +128,7 @@ class SampledData(AbstractController):
 
     def _require_an_estimator_of_these_joints(self) -> None:
         state = State(q=jnp.zeros(self.joints), dq=jnp.zeros(self.joints))
-        prior, number, flag = Estimate(state=state, push=state.q), jnp.zeros(()), jnp.zeros((), bool)
+        prior, number, flag = Estimate(state=state, disturbance=state.q), jnp.zeros(()), jnp.zeros((), bool)
         try:
             estimate = eqx.filter_eval_shape(
                 lambda estimator: estimator(state, prior, number, flag, estimator.init(state))[0], self.estimator
@@ -160,7 +160,7 @@ class SampledData(AbstractController):
         kept = commands_kept(self.delay) + (0 if self.adaptation is None else 2)
         return LawMemory(
             t=t - self.period,
-            prior=Estimate(state=state, push=jnp.zeros(self.joints)),
+            prior=Estimate(state=state, disturbance=jnp.zeros(self.joints)),
             estimator=self.estimator.init(state),
             torques=jnp.broadcast_to(held, (kept, self.joints)),
             dq=state.dq,
@@ -207,7 +207,7 @@ class SampledData(AbstractController):
         state = State(q=measured.q, dq=admission.dq)
         anew = LawMemory(
             t=t - self.period,
-            prior=Estimate(state=state, push=memory.prior.push),
+            prior=Estimate(state=state, disturbance=memory.prior.disturbance),
             estimator=self.estimator.init(state),
             torques=memory.torques,
             dq=admission.dq,
@@ -257,7 +257,7 @@ class SampledData(AbstractController):
             net = under_way[-friction.shape[0] :] - friction
             adapted = AdaptationMemory(self.adaptation(experience, adapted.memory), friction, recovering)
             # The disturbance is a torque: with another inertia it is another acceleration.
-            lumped = matvec(robot.mass(estimate.state.q), estimate.push)
+            lumped = matvec(robot.mass(estimate.state.q), estimate.disturbance)
             robot = self._robot(adapted)
             estimate = Estimate(estimate.state, solve_symmetric(robot.mass(estimate.state.q), lumped))
 
@@ -280,9 +280,9 @@ class SampledData(AbstractController):
         )
         decision = self.step(moment, memory.step)
 
-        lumped = matvec(m0, estimate.push)
+        lumped = matvec(m0, estimate.disturbance)
         share = self._share(lumped, decision)
-        push = share * estimate.push
+        disturbance = share * estimate.disturbance
         wanted = decision.tau - share * lumped
         if self.adaptation is not None and adapted is not None:
             friction = self.adaptation.friction(adapted.memory, moment.reference.dq)
@@ -301,7 +301,7 @@ class SampledData(AbstractController):
         watched, monitor_signals = self._monitor(moment, state.q - estimate.state.q, decision, ~missed, learnt, memory)
         kept = LawMemory(
             t=jnp.asarray(t, memory.t.dtype),
-            prior=Estimate(state=following, push=push),
+            prior=Estimate(state=following, disturbance=disturbance),
             estimator=estimated,
             torques=jnp.concatenate([under_way[1:], tau[None]]),
             dq=now.dq + h * moved,
@@ -312,7 +312,7 @@ class SampledData(AbstractController):
             gate=memory.gate,
         )
         residual = jnp.where(planned, (now.dq - memory.dq) / h, 0.0)
-        signals = {**decision.signals, "push": push, "residual": residual, **monitor_signals}
+        signals = {**decision.signals, "disturbance": disturbance, "residual": residual, **monitor_signals}
         if learnt is not None:
             signals |= {"rotor": learnt.rotor, "coulomb": learnt.coulomb}
         return Command(tau=tau, memory=kept, signals=signals)
@@ -353,14 +353,14 @@ class SampledData(AbstractController):
         prior, net = memory.prior, memory.torques[-1]
         if memory.adapted is not None:
             net = net - memory.adapted.friction[-1]
-        acceleration = free_acceleration(robot, prior.state, net) + prior.push
-        return Estimate(state=advance(prior.state, acceleration, gap), push=prior.push)
+        acceleration = free_acceleration(robot, prior.state, net) + prior.disturbance
+        return Estimate(state=advance(prior.state, acceleration, gap), disturbance=prior.disturbance)
 
     def _within_reason(self, estimate: Estimate) -> Estimate:
         """The estimate, bounded, so that no gains of an estimator lead to infinite values."""
         fastest = self.gate.speed
         state = State(q=estimate.state.q, dq=jnp.clip(estimate.state.dq, -fastest, fastest))
-        return Estimate(state=state, push=jnp.clip(estimate.push, -STRONGEST, STRONGEST))
+        return Estimate(state=state, disturbance=jnp.clip(estimate.disturbance, -STRONGEST, STRONGEST))
 
     def _share(self, lumped: Vector, decision: Decision) -> Scalar:
         """Share of the disturbance torque `M0 w` that is compensated.

@@ -48,7 +48,7 @@ def predict_state(
     """
 
     def move(state: State, tau: Vector, duration: Scalar) -> State:
-        return advance(state, free_acceleration(nominal, state, tau) + estimate.push, duration)
+        return advance(state, free_acceleration(nominal, state, tau) + estimate.disturbance, duration)
 
     whole, part = int(delay), delay % 1.0
     now, following = estimate.state, None
