@@ -156,7 +156,7 @@ def _shown(default: Any) -> str:
 
 def parameters_page() -> str:
     """All that a scenario file may have, part by part: the tables of `slidax list NAME`."""
-    from slidax.scenarios import catalogue, explained
+    from slidax.scenarios import catalogue, explain_parameters
 
     lines = [
         "# Parameters of scenario files",
@@ -169,7 +169,7 @@ def parameters_page() -> str:
             continue
         lines += ["", f"## {kind}", ""]
         for name, first in members.items():
-            part = explained(f"{kind}.{name}")
+            part = explain_parameters(f"{kind}.{name}")
             lines += [f"### `{name}` {{ #{kind}.{name} }}", "", f"{first}", ""]
             rows = [
                 [

@@ -42,7 +42,7 @@ from slidax.design import Refusal, design
 from slidax.design.problem import read_problem
 from slidax.design.search import MOST, POLISH, TOP, cmaes_search
 from slidax.scenarios import draft
-from slidax.scenarios.load import validated
+from slidax.scenarios.load import validate_text
 from slidax.studies import Predicate
 from slidax.studies.cases import StudyTask, points
 from slidax.studies.predicates import ENVELOPE
@@ -190,7 +190,7 @@ def numbers(data: dict[str, Any]) -> dict[str, float]:
 
 def cases_of(data: dict[str, Any], count: int) -> Any:
     """Measured rows of random cases of a scenario's set."""
-    scenario = validated(data).build("scenario")
+    scenario = validate_text(data).build("scenario")
     family, simulation = family_of(scenario), scenario.description.simulation
     drawn = points(5, 0, count, family.space.dimensions)
     runner = Runner(StudyTask.of(family, "auto"), Runner.rows_of_chunk(round(simulation.t1 / simulation.period)))

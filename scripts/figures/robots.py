@@ -34,7 +34,7 @@ from slidax.arms.files.urdf_tree import urdf_tree
 from slidax.arms.joint import is_rigid, nearest_rigid
 from slidax.core.errors import DefinitionError
 from slidax.scenarios import draft
-from slidax.simulation.states import spread, states_of
+from slidax.simulation.states import spread_in_box, states_of
 
 from .shared import ROOT, write_table
 
@@ -391,7 +391,7 @@ def allowed(scenario, rated):
     arm = scenario.controller.nominal
     reach = np.where(np.array(arm.joint_units) == "rad", np.pi, 0.5)
     lower, upper = (np.clip(np.asarray(end), -reach, reach) for end in (arm.limits.lower, arm.limits.upper))
-    q = spread(lower, upper, 256)
+    q = spread_in_box(lower, upper, 256)
     ball = Payload(jnp.asarray(1.0), jnp.asarray([0.0, 0.0, 0.05]), jnp.zeros((3, 3)))
     own, loaded = states_of(arm, q).bias, states_of(TimedPayload(ball).on(arm, jnp.asarray(1.0)), q).bias
     room = np.maximum(0.5 * rated - np.abs(own), 0.0) / np.maximum(np.abs(loaded - own), 1e-9)

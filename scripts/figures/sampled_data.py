@@ -27,7 +27,7 @@ from slidax.report.figures.style import (
     every_nth,
     legend_above,
     styled,
-    thinned,
+    thin_curve,
     use_size_axis,
     use_time_axis,
 )
@@ -86,7 +86,7 @@ def draw_one_kilohertz(printed: Run, sampled: Run) -> Figure:
             _draw_size(panels[joint, column], run, sampled, joint)
         torque = panels[2, column]
         for joint, look in enumerate(LINES[:2]):
-            points = thinned(np.asarray(run.log.t), np.asarray(run.log.tau)[:, joint], 60)
+            points = thin_curve(np.asarray(run.log.t), np.asarray(run.log.tau)[:, joint], 60)
             torque.plot(*points, **{**look, "linewidth": 0.8, "linestyle": "-", "alpha": 0.9})
         panels[0, column].set_title(TITLES[column])
     outcome = printed.outcome

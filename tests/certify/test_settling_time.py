@@ -11,7 +11,7 @@ from scipy.special import gamma
 
 from slidax.certify.printed import settling_time, two_power_time
 from slidax.certify.printed.printed_law import PrintedLaw
-from slidax.certify.printed.settling_time import bounded_time
+from slidax.certify.printed.settling_time import passage_time_bound
 from slidax.certify.sampled_scenario import BatchedFunction
 from slidax.law import SmoothFixedTime
 from slidax.scenarios import Scenario, load
@@ -51,7 +51,7 @@ def test_bounded_time_is_a_tight_upper_bound() -> None:
         a, p, b, q = random_powers(rng)
         low, high = np.sort(np.exp(rng.uniform(-4, 4, 2)))
         exact = two_power_time(a, p, b, q, high, low)
-        upper = bounded_time(lambda x, a=a, p=p, b=b, q=q: a * x**p + b * x**q, high, low)
+        upper = passage_time_bound(lambda x, a=a, p=p, b=b, q=q: a * x**p + b * x**q, high, low)
         assert exact <= upper * (1 + 1e-12) and upper <= 1.01 * exact
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from slidax.codegen.builder import Builder
 from slidax.codegen.c import Dialect, statements
-from slidax.codegen.c.expressions import shortest
+from slidax.codegen.c.expressions import shortest_decimal
 
 
 def named(builder, count):
@@ -86,7 +86,7 @@ def test_every_number_reads_back_to_the_same_bits():
     random = np.random.default_rng(3)
     for number in random.integers(0, 2**64, 4000, np.uint64).view(np.float64):
         if math.isfinite(number):
-            assert float(shortest(repr(float(number)))) == number
+            assert float(shortest_decimal(repr(float(number)))) == number
     for number in random.integers(0, 2**32, 4000, np.uint32).view(np.float32):
         if np.isfinite(number):
             assert np.float32(Dialect().number(float(number), "f32").rstrip("f")) == number

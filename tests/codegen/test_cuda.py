@@ -115,13 +115,13 @@ def test_a_wrong_array_is_told_by_its_name():
 
 
 def test_without_a_card_the_remedy_is_told():
-    if cuda.available():
+    if cuda.card_available():
         pytest.skip("there is a card")
     with pytest.raises(DefinitionError, match=r"slidax\[cuda\]|driver|on the CPU"):
-        cuda.compile(pendulum())
+        cuda.compile_cuda(pendulum())
 
 
 def test_on_a_card_all_runs_are_computed():
-    if not cuda.available():
+    if not cuda.card_available():
         pytest.skip("CuPy or a card is missing")
-    assert_pendulum(*cuda.compile(pendulum()).batch(pendulum_arrays(), RUNS, STEPS // 4), 1e-12)
+    assert_pendulum(*cuda.compile_cuda(pendulum()).batch(pendulum_arrays(), RUNS, STEPS // 4), 1e-12)

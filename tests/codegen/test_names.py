@@ -6,7 +6,7 @@ import pytest
 
 from slidax import scenarios
 from slidax.codegen import trace
-from slidax.codegen.naming import Names, identifier, plain
+from slidax.codegen.naming import Names, identifier, to_ascii
 from slidax.codegen.naming.names import index_suffix
 from slidax.core import barrier, power
 from slidax.core.types import Reference
@@ -157,7 +157,7 @@ def test_a_program_without_origins_has_names_for_its_inputs_only():
     ],
 )
 def test_formulas_are_written_in_ascii(text, expected):
-    assert plain(text) == expected
+    assert to_ascii(text) == expected
 
 
 @pytest.mark.parametrize(

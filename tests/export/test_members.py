@@ -10,7 +10,7 @@ from jaxtyping import Array
 from slidax.codegen.c import Dialect
 from slidax.core.errors import DefinitionError
 from slidax.export.c_source import with_unused_arguments
-from slidax.export.c_structures import bullets, comment, declarations, initialisers, members, shortened
+from slidax.export.c_structures import bullets, comment, declarations, initialisers, members, shorten
 from slidax.export.programs import float_constant
 
 
@@ -85,8 +85,8 @@ def test_a_comment_is_ascii_and_cannot_end_early():
 
 
 def test_a_sentence_is_cut_between_its_parts():
-    assert shortened("one of eq. (3), another, and a third. More.", 40) == "one of eq. (3), another, and a third"
-    assert shortened("one of eq. (3), another, and a third", 25) == "one of eq. (3), another"
+    assert shorten("one of eq. (3), another, and a third. More.", 40) == "one of eq. (3), another, and a third"
+    assert shorten("one of eq. (3), another, and a third", 25) == "one of eq. (3), another"
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ from slidax.identify import read_log
 from slidax.runtime import ArmSide, LawSide
 from slidax.runtime.logs import read_mcap
 from slidax.runtime.processes import run_law
-from slidax.scenarios import portable
+from slidax.scenarios import portable_text
 from slidax.simulation import columns_of
 from tests.cli.commands import in_process
 
@@ -53,7 +53,7 @@ def _plans_are_made_once():
 
 
 def _made_once(make, scenario, **how):
-    key = make, portable(scenario.description)[0], *how.items()
+    key = make, portable_text(scenario.description)[0], *how.items()
     if key not in PLANS:
         PLANS[key] = make(scenario, **how)
     return PLANS[key]

@@ -16,8 +16,8 @@ from slidax import paper, scenarios
 from slidax.core.errors import DefinitionError
 from slidax.paper.examples import Runs
 from slidax.paper.numbers import Row, inverse_inertia, settling_bound
-from slidax.paper.printed import TABLE_3, compare
-from slidax.paper.reproduce import counts, plain
+from slidax.paper.printed import TABLE_3, compare_printed
+from slidax.paper.reproduce import counts, to_json_value
 from slidax.report import Picture, typeset
 
 # The module and not the function of this name.
@@ -165,9 +165,11 @@ def test_bounds_are_those_of_the_formulas_and_the_arm() -> None:
 
 
 def test_what_is_not_finite_becomes_null() -> None:
-    row = Row("x", "q", "p", "n", "1", "s", "1.0", "c", {"off": float("nan")}, {"off": compare(1.0, float("nan"))})
-    assert plain([row, {"a": (float("inf"), 1.0)}])[0]["computed"] == {"off": None}
-    assert plain({"a": (float("inf"), 1.0)}) == {"a": [None, 1.0]}
+    row = Row(
+        "x", "q", "p", "n", "1", "s", "1.0", "c", {"off": float("nan")}, {"off": compare_printed(1.0, float("nan"))}
+    )
+    assert to_json_value([row, {"a": (float("inf"), 1.0)}])[0]["computed"] == {"off": None}
+    assert to_json_value({"a": (float("inf"), 1.0)}) == {"a": [None, 1.0]}
     assert counts([row], []) == {"off": {"reproduced": 0, "close": 0, "differs": 0, "unchecked": 1}}
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from slidax import analysis, scenarios
-from slidax.paper.claims import printed_alpha
+from slidax.paper.claims import run_with_printed_alpha
 from slidax.paper.examples import COMPARED, SCHEMES, Case, Runs, cases, scenario_of
 from slidax.paper.numbers import chatter, settling_bound, table_3
-from slidax.paper.printed import TABLE_3, incomparable
+from slidax.paper.printed import TABLE_3, mark_incomparable
 from slidax.simulation import Run
 
 
@@ -61,7 +61,7 @@ def test_anftsmc_without_disturbance_settles_near_the_printed_times() -> None:
     run = simulated(case, 3.0)
     assert table_3(run, "settling_time", 1e-5) == pytest.approx([1.74, 1.45, 1.74], abs=0.03)
     scenario = scenario_of(case, {"simulation.t1": 3.0})
-    wrong = printed_alpha(Runs({case: scenario}, {case: run}, ("off",)))
+    wrong = run_with_printed_alpha(Runs({case: scenario}, {case: run}, ("off",)))
     assert wrong["peak_torque"] > [100.0 * peak for peak in analysis.peak_torque(run)]
 
 
@@ -75,7 +75,7 @@ def test_chattering_is_a_way_that_depends_on_the_step() -> None:
     assert chatter(simulated(smooth, 2.0), simulated(smooth.halved, 2.0)) == [None, None]
     grown = chatter(simulated(rough, 2.0), simulated(rough.halved, 2.0))
     assert all(way is not None and 1.5 < way < 2.5 for way in grown)
-    assert incomparable("why").kind == "unchecked"
+    assert mark_incomparable("why").kind == "unchecked"
 
 
 def test_bounds_have_their_terms_and_sum_up() -> None:

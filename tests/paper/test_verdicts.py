@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from slidax.paper import Verdict, below, compare
+from slidax.paper import PrintedComparison, compare_limit, compare_printed
 from slidax.paper.printed import claim
 
 
@@ -30,7 +30,7 @@ from slidax.paper.printed import claim
     ],
 )
 def test_a_number_is_reproduced_within_5_percent_and_close_within_20(computed: float | None, kind: str) -> None:
-    assert compare(100.0, computed).kind == kind
+    assert compare_printed(100.0, computed).kind == kind
 
 
 @pytest.mark.parametrize(
@@ -46,25 +46,25 @@ def test_a_number_is_reproduced_within_5_percent_and_close_within_20(computed: f
     ],
 )
 def test_the_words_state_a_bound_that_is_true(computed: float, text: str) -> None:
-    assert compare(100.0, computed).text == text
+    assert compare_printed(100.0, computed).text == text
 
 
 def test_the_rule_does_not_depend_on_the_unit() -> None:
     for scale in (1e-12, 1.0, 1e9):
-        assert compare(4.92 * scale, 5.03 * scale) == compare(4.92, 5.03)
+        assert compare_printed(4.92 * scale, 5.03 * scale) == compare_printed(4.92, 5.03)
 
 
 def test_a_missing_value_can_have_a_verdict_of_its_own() -> None:
-    never = Verdict("differs", "never")
-    assert compare(1.0, None, never) == never
-    assert compare(1.0, 1.0, never).kind == "reproduced"
+    never = PrintedComparison("differs", "never")
+    assert compare_printed(1.0, None, never) == never
+    assert compare_printed(1.0, 1.0, never).kind == "reproduced"
 
 
 def test_a_limit_holds_below_it_only() -> None:
-    assert below(8e-11, 7.99e-11).kind == "reproduced"
-    assert below(8e-11, 8e-11).kind == "differs"
-    assert below(8e-11, 8e-7).text == "does not hold: 1.0e4 times the limit"
-    assert below(8e-11, None).kind == "unchecked"
+    assert compare_limit(8e-11, 7.99e-11).kind == "reproduced"
+    assert compare_limit(8e-11, 8e-11).kind == "differs"
+    assert compare_limit(8e-11, 8e-7).text == "does not hold: 1.0e4 times the limit"
+    assert compare_limit(8e-11, None).kind == "unchecked"
 
 
 def test_a_statement_holds_or_does_not() -> None:

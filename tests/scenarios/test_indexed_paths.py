@@ -11,7 +11,7 @@ from pydantic import TypeAdapter
 from slidax.core.errors import DefinitionError
 from slidax.scenarios import load
 from slidax.scenarios.family import Family
-from slidax.scenarios.load import altered_description, read_description
+from slidax.scenarios.load import alter_description, read_description
 from slidax.scenarios.uncertainty import Uncertainty
 from tests.cli.commands import in_process
 
@@ -20,14 +20,14 @@ PANDA = read_description("panda-payload")
 
 @pytest.mark.parametrize("path", ["start.q[3]", "start.q[panda_joint4]", "start.q[Panda-Joint4]", "start.q.3"])
 def test_one_joint_is_set_by_its_name_or_its_place(path: str) -> None:
-    changed = altered_description(PANDA, {path: -1.75})
+    changed = alter_description(PANDA, {path: -1.75})
     expected = list(PANDA.start.q)
     expected[3] = -1.75
     assert changed.start.q == expected
 
 
 def test_one_number_for_all_joints_becomes_one_for_each() -> None:
-    changed = altered_description(PANDA, {"scheme.k1": 0.5, "scheme.k1[panda_joint2]": 0.25})
+    changed = alter_description(PANDA, {"scheme.k1": 0.5, "scheme.k1[panda_joint2]": 0.25})
     assert changed.scheme.surface.k1 == [0.5, 0.25, *[0.5] * 5]
 
 
@@ -52,7 +52,7 @@ def test_numbered_joints_are_named_by_their_numbers_from_1() -> None:
 )
 def test_a_place_that_is_none_is_refused_with_those_that_are(path: str, words: str) -> None:
     with pytest.raises(DefinitionError) as caught:
-        altered_description(PANDA, {path: 0.1})
+        alter_description(PANDA, {path: 0.1})
     assert words in str(caught.value)
 
 
@@ -74,4 +74,4 @@ def test_a_label_names_the_joint_and_can_be_set(path: str, column: str, label: s
     sets: Any = TypeAdapter(Uncertainty).validate_python({path: {"around": 0.01, "each": "joint"}})
     family = Family.of(PANDA, sets)
     assert family.label(column) == label
-    altered_description(PANDA, {"robot.plant.coulomb": [0.5] * 7, label: 0.1})
+    alter_description(PANDA, {"robot.plant.coulomb": [0.5] * 7, label: 0.1})

@@ -12,7 +12,7 @@ import pytest
 
 from slidax.cli.tables import run_as_json
 from slidax.core.errors import DefinitionError
-from slidax.scenarios.load import read_description, validated
+from slidax.scenarios.load import read_description, validate_text
 from slidax.scenarios.yaml_text import MOST_VALUES, read_yaml
 from slidax.simulation.define import MOST_BYTES
 
@@ -32,7 +32,7 @@ def survives(seed: str, kinds: tuple[str, ...], *, simulated: bool = False) -> s
     data, mistakes = mutated(base, chance, kinds)
     before, stage, line = time.process_time(), "parsed", ""
     try:
-        description = validated(data)
+        description = validate_text(data)
         stage = "built"
         scenario = description.build(name)
         if simulated and scenario.t1 / scenario.period < 200:
@@ -72,7 +72,7 @@ def test_mutated_scenarios_that_are_built_run_to_an_outcome() -> None:
 
 def changed(**values: Any) -> Any:
     changes = {path.replace("__", "."): value for path, value in values.items()}
-    return validated(read_description("example-4.1-1khz").model_dump(exclude_none=True), changes).build("changed")
+    return validate_text(read_description("example-4.1-1khz").model_dump(exclude_none=True), changes).build("changed")
 
 
 MANY = [0.5] * 200_000

@@ -9,7 +9,7 @@ import pytest
 from slidax.core.errors import DefinitionError
 from slidax.motions import Circle, Line, follow
 from slidax.scenarios import load, parse
-from slidax.scenarios.load import portable, restore
+from slidax.scenarios.load import portable_text, restore
 from slidax.scenarios.yaml_text import as_yaml
 from tests.arms.kinematics.postures import home
 
@@ -59,7 +59,7 @@ def test_a_table_of_poses_travels_with_the_scenario(tmp_path):
     built = load(tmp_path / "one.yaml")
     there = built.plant.robot.tip(built.trajectory.position(jnp.asarray(1.0)))
     np.testing.assert_allclose(there, [place[0], 0.05, place[2]], atol=1e-6)
-    again = restore(*portable(built.description), "again")
+    again = restore(*portable_text(built.description), "again")
     np.testing.assert_array_equal(again.trajectory.coefficients, built.trajectory.coefficients)
 
 

@@ -28,7 +28,7 @@ def card(monkeypatch, tmp_path):
         given.append(program)
         return CardOnTheProcessor(program, tmp_path)
 
-    monkeypatch.setattr(cuda, "compile", compile)
+    monkeypatch.setattr(cuda, "compile_cuda", compile)
     monkeypatch.setattr(cuda, "require_card", lambda: None)
     yield given
     native_engine._compiled_for_card.cache_clear()
@@ -81,14 +81,14 @@ def test_a_single_run_goes_by_the_processor_and_says_so():
 
 
 def test_without_a_card_a_batch_says_what_is_missing():
-    if cuda.available():
+    if cuda.card_available():
         pytest.skip("there is a card")
     with pytest.raises(DefinitionError, match=r"slidax\[cuda\]|driver|no NVIDIA GPU"):
         simulate_batch(shifted, VARIED, t1=0.1, period=1e-3, engine="cuda")
 
 
 def test_on_a_card_the_bits_are_those_of_the_native_engine():
-    if not cuda.available():
+    if not cuda.card_available():
         pytest.skip("CuPy or a card is missing")
     on_card, on_processor = (simulate_batch(shifted, VARIED, **LOGGED, engine=engine) for engine in ("cuda", "native"))
     assert_equal(on_card, on_processor)

@@ -9,7 +9,7 @@ import pytest
 
 from slidax.core.errors import DefinitionError
 from slidax.scenarios.family import Family
-from slidax.scenarios.load import altered_description, read_description
+from slidax.scenarios.load import alter_description, read_description
 from slidax.studies.cases import Cases, columns_of, points
 
 from .files import UNCERTAIN
@@ -18,7 +18,7 @@ SHORT = {"simulation.t1": 0.1}
 
 
 def cases(scenario: str, sets: dict[str, Any], changes: dict[str, Any], engine: str | None = None) -> Cases:
-    base = altered_description(read_description(scenario), {**changes, "uncertainty": sets})
+    base = alter_description(read_description(scenario), {**changes, "uncertainty": sets})
     return Cases(Family.of(base), engine)
 
 
@@ -94,7 +94,7 @@ def test_both_engines_have_the_same_rows_up_to_rounding() -> None:
 
 
 def test_a_period_makes_a_loop_of_its_own_and_too_many_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    base = altered_description(read_description("example-4.1-1khz"), SHORT)
+    base = alter_description(read_description("example-4.1-1khz"), SHORT)
     sets = {"simulation.period": {"choice": [0.001, 0.002]}, "disturbance.scale": {"between": [0, 1]}}
     family = Family.of(base, {}, type(base).model_validate({**base.model_dump(), "uncertainty": sets}).uncertainty)
     of = Cases(family)

@@ -15,7 +15,7 @@ import pytest
 from slidax.core.errors import DefinitionError, DefinitionWarning
 from slidax.core.writing import is_temporary
 from slidax.studies import read_rows, scenario_of_row
-from slidax.studies.store import Store, rows_kept
+from slidax.studies.store import Store, count_rows
 
 pa = pytest.importorskip("pyarrow")
 pq = pytest.importorskip("pyarrow.parquet")
@@ -108,7 +108,7 @@ def test_a_damaged_part_is_named_and_computed_again(whole: Path, out: Path, how:
         with pytest.warns(DefinitionWarning, match=rf"{part.name}` .*: its 64 rows are computed again"):
             assert fill(opened(out)) == 64
     assert same(out, whole) and part.is_file() and not part.is_symlink()
-    assert rows_kept(out) == 200
+    assert count_rows(out) == 200
 
 
 def test_every_changed_byte_of_a_part_is_noticed_or_changes_no_row(whole: Path, out: Path) -> None:
@@ -189,7 +189,7 @@ def test_other_files_among_the_parts_are_passed_over(whole: Path, out: Path) -> 
     names = ("notes.parquet", "a-b.parquet", "000000000001.parquet", "-1-64.parquet", "1-64.parquet", "x.tmp")
     for name in names:
         (out / "parts" / name).write_text("mine")
-    assert fill(opened(out)) == 0 and same(out, whole) and rows_kept(out) == 200
+    assert fill(opened(out)) == 0 and same(out, whole) and count_rows(out) == 200
     assert all((out / "parts" / name).read_text() == "mine" for name in names)
 
 

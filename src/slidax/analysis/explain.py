@@ -13,7 +13,7 @@ import numpy as np
 
 from slidax.core.errors import DefinitionError, DefinitionWarning
 from slidax.runtime.logs.mcap_files import SavedLog, read_mcap
-from slidax.scenarios.load import altered, load, restore
+from slidax.scenarios.load import alter, load, restore
 from slidax.scenarios.scenario import Scenario
 from slidax.simulation.parquet import read_columns
 from slidax.simulation.run import Run
@@ -143,7 +143,7 @@ def _holds(scenario: Scenario, remedy: Remedy) -> bool | None:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return altered(scenario, dict(remedy.changes)).simulate(log_every=None, progress=False).outcome.ok
+            return alter(scenario, dict(remedy.changes)).simulate(log_every=None, progress=False).outcome.ok
     except DefinitionError:
         return None
 

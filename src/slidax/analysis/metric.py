@@ -139,7 +139,7 @@ def safe_sqrt(xp: Any, square: Any) -> Any:
     return xp.where(positive, xp.sqrt(xp.where(positive, square, 1.0)), 0.0)
 
 
-def where_known(known: Any, values: np.ndarray) -> np.ndarray | None:
+def known_values(known: Any, values: np.ndarray) -> np.ndarray | None:
     """The values of a run, or None if they are not known; those of a batch, masked where they are not.
 
     - `known`: [] or [runs].

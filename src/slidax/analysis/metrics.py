@@ -12,7 +12,7 @@ import numpy as np
 from slidax.core.errors import DefinitionError, is_traced
 from slidax.simulation.run import Kind, Run, data_frame
 
-from .metric import Metric, array_of, arrays, counting_error, integral, metric, safe_sqrt, value_of_run, where_known
+from .metric import Metric, array_of, arrays, counting_error, integral, known_values, metric, safe_sqrt, value_of_run
 
 BRIEF_BANDS = (1e-3, 1e-5)
 """The settling bands of the short comparison on a terminal, rad or m."""
@@ -59,7 +59,7 @@ def settling_times(run: Run) -> tuple[Metric[np.ndarray], ...]:
 @metric("steady error", "{position}", brief=True)
 def steady_error(run: Run) -> np.ndarray | None:
     """`max |e|` over the last quarter of the run."""
-    return where_known(reached_last_quarter(run), array_of(run.tally.steady_error))
+    return known_values(reached_last_quarter(run), array_of(run.tally.steady_error))
 
 
 @metric("error, rms", "{position}")
@@ -71,7 +71,7 @@ def rms_error(run: Run) -> np.ndarray | None:
     duration = arrays(run).maximum(samples - 1, 1).astype(float) * array_of(run.period)
     mean = integral(run, tally.error_square, first**2, last**2) / duration[..., None]
     # Of a run without motion the difference of equal sums may fall a rounding below zero.
-    return where_known(samples > 1, safe_sqrt(arrays(run), mean))
+    return known_values(samples > 1, safe_sqrt(arrays(run), mean))
 
 
 @metric("integral of |e|", "{position} s", brief=True, bars=True)
@@ -121,7 +121,7 @@ def max_torque_step(run: Run) -> np.ndarray:
 @metric("torque step, steady", "{torque}", brief=True)
 def steady_torque_step(run: Run) -> np.ndarray | None:
     """`max |τ(k+1) - τ(k)|` over the last quarter of the run."""
-    return where_known(reached_last_quarter(run), array_of(run.tally.steady_step))
+    return known_values(reached_last_quarter(run), array_of(run.tally.steady_step))
 
 
 @metric("torque step, steady, rms", "{torque}")
@@ -130,7 +130,7 @@ def steady_torque_step_rms(run: Run) -> np.ndarray | None:
     xp = arrays(run)
     steps = array_of(run.tally.samples) - 1 - array_of(run.windows.steady)
     square = array_of(run.tally.steady_square) / xp.maximum(steps, 1).astype(float)[..., None]
-    return where_known(reached_last_quarter(run), safe_sqrt(xp, square))
+    return known_values(reached_last_quarter(run), safe_sqrt(xp, square))
 
 
 @metric("torque energy", "({torque})² s", brief=True, bars=True)
@@ -167,7 +167,7 @@ def envelope_margin(run: Run) -> np.ndarray | None:
 
     None for a scheme without an envelope, and for a run whose very first sample was not good.
     """
-    return where_known(array_of(run.tally.samples) > 0, array_of(run.tally.margin)) if run.has_envelope else None
+    return known_values(array_of(run.tally.samples) > 0, array_of(run.tally.margin)) if run.has_envelope else None
 
 
 @metric("margin of the guarantee", "", per_joint=False, least_is_best=False)
@@ -206,7 +206,7 @@ def tolerance_margin(run: Run) -> np.ndarray | None:
     if run.tally.tolerance is None:
         return None
     margin = array_of(run.tally.tolerance.margin)
-    return where_known(arrays(run).isfinite(margin).all(axis=-1), margin)
+    return known_values(arrays(run).isfinite(margin).all(axis=-1), margin)
 
 
 @metric("tool error", "m", per_joint=False)

@@ -13,7 +13,7 @@ from slidax.core.errors import DefinitionError, short_repr
 from .arm import AbstractRobot
 from .articulated import Articulated
 from .coupled import Coupled
-from .curves import Array, Series, constant, cosine_and_sine, product, scaled, total, wide
+from .curves import Array, Series, constant, cosine_and_sine, product, scale_series, scale_vectors, sum_series
 from .paper_arms import Scara, TwoLink
 from .rotations import matrix_of, quaternion_of
 
@@ -73,19 +73,19 @@ class KinematicChain:
         for joint, rotation, translation, turns in zip(
             self.joints, self.rotations, self.translations, self.turns, strict=True
         ):
-            place = total(place, _combined(columns, translation))
+            place = sum_series(place, _combined(columns, translation))
             x, y, z = (_combined(columns, column) for column in rotation.T)
             own = [None if coefficient is None else coefficient[..., joint] for coefficient in q]
             axes.append(PlacedAxis(joint, turns, z, place))
             if turns:
                 c, s = cosine_and_sine(own)
-                turned = total(product(c, x, wide), product(s, y, wide))
-                y = total(product(c, y, wide), scaled(product(s, x, wide), -1.0))
+                turned = sum_series(product(c, x, scale_vectors), product(s, y, scale_vectors))
+                y = sum_series(product(c, y, scale_vectors), scale_series(product(s, x, scale_vectors), -1.0))
                 x = turned
             else:
-                place = total(place, product(own, z, wide))
+                place = sum_series(place, product(own, z, scale_vectors))
             columns = [x, y, z]
-        place = total(place, _combined(columns, self.translation))
+        place = sum_series(place, _combined(columns, self.translation))
         x, y, z = (_combined(columns, column) for column in self.rotation.T)
         return PlacedTool(x, y, z, place, tuple(axes))
 
@@ -151,8 +151,8 @@ def kinematic_chain(robot: AbstractRobot) -> KinematicChain:
 
 def _combined(columns: list[Series], weights: Array) -> Series:
     """A fixed combination of three vectors."""
-    parts = [scaled(column, weight) for column, weight in zip(columns, weights, strict=True) if weight != 0.0]
-    return total(*parts) if parts else scaled(columns[0], 0.0)
+    parts = [scale_series(column, weight) for column, weight in zip(columns, weights, strict=True) if weight != 0.0]
+    return sum_series(*parts) if parts else scale_series(columns[0], 0.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,12 +20,12 @@ def constant(value: Array, orders: int) -> Series:
     return [value, *[None] * (orders - 1)]
 
 
-def total(*terms: Series) -> Series:
+def sum_series(*terms: Series) -> Series:
     """Return the sum of series with equally many coefficients."""
     return [_sum([term[k] for term in terms]) for k in range(len(terms[0]))]
 
 
-def scaled(series: Series, factor: Any) -> Series:
+def scale_series(series: Series, factor: Any) -> Series:
     """Return a series times a constant number or array."""
     return [None if coefficient is None else factor * coefficient for coefficient in series]
 
@@ -80,7 +80,7 @@ def dot(a: Array, b: Array) -> Array:
     return np.sum(a * b, axis=-1)
 
 
-def wide(a: Array, b: Array) -> Array:
+def scale_vectors(a: Array, b: Array) -> Array:
     """Return numbers [...] times vectors [... 3]."""
     return a[..., None] * b
 
@@ -138,10 +138,10 @@ class Helix(AbstractCurve):
     spin: float = 0.0
 
     def aim(self, s: Series) -> TargetPose:
-        arm = _turned(self.axis, scaled(s, self.angle), self.place - self.center)
+        arm = _turned(self.axis, scale_series(s, self.angle), self.place - self.center)
         shift = [None if coefficient is None else coefficient[..., None] * self.shift for coefficient in s]
-        place = total(constant(self.center, len(s)), arm, shift)
-        x, y, z = (_turned(self.spin_axis, scaled(s, self.spin), column) for column in self.rotation.T)
+        place = sum_series(constant(self.center, len(s)), arm, shift)
+        x, y, z = (_turned(self.spin_axis, scale_series(s, self.spin), column) for column in self.rotation.T)
         return TargetPose(x, y, z, place)
 
 
@@ -190,10 +190,12 @@ def _turned(axis: Array, angle: Series, vector: Array) -> Series:
     cosine, sine = cosine_and_sine(angle)
     crossed = cross(axis, vector)
     again = cross(axis, crossed)
-    versine = total(constant(np.ones_like(angle[0]), len(angle)), scaled(cosine, -1.0))
+    versine = sum_series(constant(np.ones_like(angle[0]), len(angle)), scale_series(cosine, -1.0))
     still = constant(np.broadcast_to(vector, (*angle[0].shape, 3)), len(angle))
     along = constant(crossed, len(angle))
-    return total(still, product(sine, along, wide), product(versine, constant(again, len(angle)), wide))
+    return sum_series(
+        still, product(sine, along, scale_vectors), product(versine, constant(again, len(angle)), scale_vectors)
+    )
 
 
 def _axes(quaternion: Series) -> tuple[Series, Series, Series]:

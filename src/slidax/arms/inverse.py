@@ -11,7 +11,19 @@ from slidax.core.errors import DefinitionError
 
 from .arm import AbstractRobot
 from .chain import KinematicChain, PlacedTool, Pose, kinematic_chain, numbers
-from .curves import AbstractCurve, Array, Series, TargetPose, cross, dot, product, scaled, standing, total, wide
+from .curves import (
+    AbstractCurve,
+    Array,
+    Series,
+    TargetPose,
+    cross,
+    dot,
+    product,
+    scale_series,
+    scale_vectors,
+    standing,
+    sum_series,
+)
 
 HeldCoordinates = Literal["place", "axis", "pose"]
 
@@ -54,39 +66,41 @@ class PoseTask:
         """
         tool = self.chain.tool(q)
         pulled = self._pulled(tool, force, aim)
-        off = total(self.error(tool, aim), scaled(force, -(self.damping**2)))
-        return [_joined(a, b, q[0], force[0]) for a, b in zip(total(self._slope(q), pulled), off, strict=True)]
+        off = sum_series(self.error(tool, aim), scale_series(force, -(self.damping**2)))
+        return [_joined(a, b, q[0], force[0]) for a, b in zip(sum_series(self._slope(q), pulled), off, strict=True)]
 
     def error(self, tool: PlacedTool, aim: TargetPose) -> Series:
         """Return the tool's error in m and, for small angles, rad, a series [... m]."""
-        place = total(tool.place, scaled(aim.place, -1.0))
+        place = sum_series(tool.place, scale_series(aim.place, -1.0))
         if self.hold == "place":
             return place
         turned: Series
         if self.hold == "axis":
-            tilts = [product(aim.y, tool.z, dot), scaled(product(aim.x, tool.z, dot), -1.0)]
+            tilts = [product(aim.y, tool.z, dot), scale_series(product(aim.x, tool.z, dot), -1.0)]
             turned = [_stacked([tilt[k] for tilt in tilts]) for k in range(len(place))]
         else:
             pairs = zip((aim.x, aim.y, aim.z), (tool.x, tool.y, tool.z), strict=True)
-            turned = scaled(total(*(product(a, b, cross) for a, b in pairs)), 0.5)
+            turned = scale_series(sum_series(*(product(a, b, cross) for a, b in pairs)), 0.5)
         return [_joined(a, b, place[0], turned[0]) for a, b in zip(place, turned, strict=True)]
 
     def _pulled(self, tool: PlacedTool, force: Series, aim: TargetPose) -> Series:
         """Joint forces from a force on the tool, a series [... n]."""
         pull = [None if c is None else c[..., :3] for c in force]
-        moment: Series = scaled(pull, 0.0)
+        moment: Series = scale_series(pull, 0.0)
         if self.hold == "pose":
             moment = [None if c is None else c[..., 3:] for c in force]
         if self.hold == "axis":
             first, second = ([None if c is None else c[..., k] for c in force] for k in (3, 4))
-            about = total(product(first, aim.y, wide), scaled(product(second, aim.x, wide), -1.0))
+            about = sum_series(
+                product(first, aim.y, scale_vectors), scale_series(product(second, aim.x, scale_vectors), -1.0)
+            )
             moment = product(tool.z, about, cross)
         torques: dict[int, Series] = {}
         for axis in tool.axes:
             if axis.turns:
-                arm = total(tool.place, scaled(axis.place, -1.0))
+                arm = sum_series(tool.place, scale_series(axis.place, -1.0))
                 about = product(arm, pull, cross)
-                torques[axis.joint] = product(axis.direction, total(about, moment), dot)
+                torques[axis.joint] = product(axis.direction, sum_series(about, moment), dot)
             else:
                 torques[axis.joint] = product(axis.direction, pull, dot)
         zero = np.zeros(force[0].shape[:-1])

@@ -169,9 +169,9 @@ def _remedies(scenario: Scenario, start: _Start | None) -> list[Remedy]:
     now = np.broadcast_to(np.asarray(performance.initial), start.share.shape)
     wider = [float(f"{value:.3g}") for value in np.where(start.share < 1.0, now, 1.25 * start.share * now)]
     try:
-        from slidax.scenarios.load import altered
+        from slidax.scenarios.load import alter
 
-        altered(scenario, {path: wider})
+        alter(scenario, {path: wider})
     except DefinitionError:
         return []
     return [Remedy("a wider initial envelope", {path: wider})]

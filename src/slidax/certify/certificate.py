@@ -14,7 +14,7 @@ from slidax.core.tracing import require_64_bits
 from slidax.scenarios.family import Family
 from slidax.scenarios.scenario import Scenario
 
-from .uncertainty_set import canonical, family_of
+from .uncertainty_set import family_of, to_canonical
 
 Status = Literal["proved", "tested", "assumed", "fails"]
 """Status of an assumption.
@@ -192,7 +192,7 @@ class Certificate(Generic[Options]):
     def _uncovered(self, scenario: Scenario, other_sets: Iterable[Family]) -> str:
         """Reason why the certificate does not apply, with the uncovered paths; empty if it applies."""
         own = family_of(scenario)
-        families = [canonical(family) for family in other_sets] or ([] if own is None else [own])
+        families = [to_canonical(family) for family in other_sets] or ([] if own is None else [own])
         places = {
             "uncertainty": {path for family in families for path in family.space.sets},
             "truth": {path for family in families for path in family.base.truth} | set(scenario.description.truth),

@@ -113,7 +113,7 @@ def certify(
     if scenario.changed:
         raise DefinitionError(
             f"`{scenario.name}` was changed by `replace` ({', '.join(scenario.changed)}): certify a scenario from "
-            "`load` or `altered`"
+            "`load` or `alter`"
         )
     # An empty set, or a path that does not exist, is an error of the scenario and no verdict.
     family_of(scenario)

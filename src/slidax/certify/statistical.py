@@ -49,10 +49,10 @@ def statistical_with_cases(
         text = "the scenario has no uncertainty, so all runs are the same: write a block `uncertainty`"
         return Verdict(NAME, TITLE, None, None, {}, (), text), {}
     from slidax.studies.cases import StudyTask, points
-    from slidax.studies.falsify import MARGIN, badness
+    from slidax.studies.falsify import MARGIN, rank_badness
     from slidax.studies.predicates import ENVELOPE, Predicate
     from slidax.studies.runner import BatchEvaluator, Runner
-    from slidax.studies.search import lowest
+    from slidax.studies.search import search_lowest
     from slidax.studies.statistics import clopper_pearson
 
     simulation = scenario.description.simulation
@@ -65,15 +65,15 @@ def statistical_with_cases(
         return Verdict(NAME, TITLE, None, None, {}, (), text), {}
     failures = int((~Predicate(ENVELOPE).holds(drawn)).sum())
     upper = clopper_pearson(failures, runs, confidence, side="upper").upper
-    lows = lowest(
-        lambda cube: badness(every.points(cube), MARGIN),
+    lows = search_lowest(
+        lambda cube: rank_badness(every.points(cube), MARGIN),
         family.space.dimensions,
         evaluations=max(round(SEARCHED * runs), 10),
         seed=seed,
         keep=KEPT - 1,
         distance=APART,
     )
-    searched, margins = every.rows - runs, badness(every.table, MARGIN)
+    searched, margins = every.rows - runs, rank_badness(every.table, MARGIN)
     worst = float(margins.min())
     rows = dict.fromkeys(int(np.argmax(margins == low)) for low in (float(margins[:runs].min()), *lows.values))
     kept = [every.values_of(row) for row in sorted(rows, key=lambda row: float(margins[row]))]

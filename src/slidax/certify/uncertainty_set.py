@@ -45,10 +45,10 @@ def values_along(uncertainty: AbstractSet, leaf: Leaf, shares: Floats) -> Floats
 @lru_cache(maxsize=4)
 def family_of(scenario: Scenario) -> Family | None:
     """Return the uncertainty set of a scenario in canonical form; None if it has none."""
-    return canonical(Family.of(scenario.description)) if scenario.description.uncertainty else None
+    return to_canonical(Family.of(scenario.description)) if scenario.description.uncertainty else None
 
 
-def canonical(family: Family) -> Family:
+def to_canonical(family: Family) -> Family:
     """Return a set in the form that all certificates use, independent of the order in which it was written.
 
     Paths are sorted. A set of a single value is replaced by that value, so that nothing draws or bounds it.

@@ -23,11 +23,11 @@ def list_(
     """
     with errors_as_lines():
         prepare()
-        from slidax.scenarios.catalogue import catalogue, explained
+        from slidax.scenarios.catalogue import catalogue, explain_parameters
 
         kinds = catalogue()
         if name is not None and name not in kinds:
-            part = explained(name)
+            part = explain_parameters(name)
             print_json({key: part[key] for key in ("name", "parameters")}) if json else _print_part(part)
             return
         shown = {name: kinds[name]} if name else kinds

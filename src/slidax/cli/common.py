@@ -80,7 +80,7 @@ def positions(option: str, texts: list[str]) -> dict[str, float]:
 
     Raises DefinitionError for another form, or if a joint has two positions.
     """
-    from slidax.core.errors import DefinitionError, plain, short_repr
+    from slidax.core.errors import DefinitionError, plain_name, short_repr
 
     places: dict[str, float] = {}
     for text in texts:
@@ -92,7 +92,9 @@ def positions(option: str, texts: list[str]) -> dict[str, float]:
                 f"`{option}` needs the form JOINT=POSITION, such as finger=0.04; got {short_repr(text)}"
             ) from None
         if places.setdefault(name.strip(), position) != position:
-            raise DefinitionError(f"`{option}` names joint `{plain(name.strip())}` twice, with different positions")
+            raise DefinitionError(
+                f"`{option}` names joint `{plain_name(name.strip())}` twice, with different positions"
+            )
     return places
 
 
@@ -198,7 +200,7 @@ class _Warnings:
             say_warning(f"cannot cache compiled programs in `{folder}` ({reason}): the next command compiles again")
 
 
-def parsed(changes: list[str]) -> dict[str, Any]:
+def parse_changes(changes: list[str]) -> dict[str, Any]:
     """Return the values of `--set` by path, from `changes` of the form PATH=VALUE.
 
     Raises DefinitionError for another form.

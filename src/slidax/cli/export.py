@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .common import Changes, Named, command_line, errors_as_lines, parsed, prepare
+from .common import Changes, Named, command_line, errors_as_lines, parse_changes, prepare
 
 if TYPE_CHECKING:
     from slidax.scenarios.scenario import Scenario
@@ -133,11 +133,11 @@ def export_web(
         if scenario is None:
             if beside or changes or certify_rate:
                 raise DefinitionError("`--with`, `--certify-rate` and `--set` need one scenario: name it")
-            manifest = web.built_in()
+            manifest = web.manifest_of_all()
         else:
             names = [name.strip() for name in (beside or "").split(",") if name.strip()]
-            manifest = web.of_scenario(load(scenario, parsed(changes or [])), names, certify_rate)
-        page = web.write_page(manifest, out)
+            manifest = web.manifest_of_scenario(load(scenario, parse_changes(changes or [])), names, certify_rate)
+        page = web.write_playground(manifest, out)
         sliders = sum(len(setting["tunables"]) for setting in manifest["settings"])
         typer.echo(
             f"{count_noun(len(manifest['settings']), 'law')}, {count_noun(len(manifest['programs']), 'program')}, "
@@ -168,4 +168,4 @@ def _exporting(scenario: str, changes: list[str] | None) -> Iterator[Scenario]:
         prepare()
         from slidax.scenarios.load import load
 
-        yield load(scenario, parsed(changes or []))
+        yield load(scenario, parse_changes(changes or []))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .common import AsJson, Changes, Named, command_line, errors_as_lines, parsed, prepare, print_json, say_where
+from .common import AsJson, Changes, Named, command_line, errors_as_lines, parse_changes, prepare, print_json, say_where
 
 NOT_CERTIFIED = 4
 """Exit code if a certificate does not hold."""
@@ -38,7 +38,7 @@ def certify(
         from .tables import print_certificates
 
         started = time.perf_counter()
-        parts = load(scenario, parsed(changes or []))
+        parts = load(scenario, parse_changes(changes or []))
         certificates = certified(parts, runs=runs, seed=seed)
         if out is not None:
             from slidax.report.pages import write_certificate_report
@@ -95,7 +95,7 @@ def design(
 
 def _write(result: DesignResult, out: Path, json: bool) -> None:
     from slidax.certify.certify import Certificates, certify
-    from slidax.design.design import called, write_design
+    from slidax.design.design import name_proof, write_design
 
     typer.echo("... all certificates", err=True)
     scenario = result.description.build(out.stem)
@@ -113,7 +113,7 @@ def _write(result: DesignResult, out: Path, json: bool) -> None:
         }
         print_json(answer)
         return
-    proof = called(result.rate) if result.proof == "bound" else "tested in simulation, without a bound"
+    proof = name_proof(result.rate) if result.proof == "bound" else "tested in simulation, without a bound"
     final = ", ".join(f"{radius:.3g}" for radius in result.choice.final)
     typer.echo(f"Designed, {proof}. The error is within {final} from {result.choice.deadline:g} s on.")
     typer.echo(
@@ -156,7 +156,7 @@ def linear(
         from slidax.scenarios.load import load
 
         started = time.perf_counter()
-        parts = load(scenario, parsed(changes or []))
+        parts = load(scenario, parse_changes(changes or []))
         loop = linearise(parts, at)
         if out is not None:
             from slidax.report.pages import write_linear_report

@@ -18,7 +18,7 @@ from .common import (
     Named,
     command_line,
     errors_as_lines,
-    parsed,
+    parse_changes,
     prepare,
     print_json,
     say_warning,
@@ -65,7 +65,7 @@ def run(
         from .tables import print_run, run_as_json
 
         chosen = {} if engine is None else {"simulation.engine": engine.value}
-        parts = load(scenario, parsed(changes or []) | chosen)
+        parts = load(scenario, parse_changes(changes or []) | chosen)
         log, folder = (out, None) if out is not None and out.suffix == ".mcap" else (None, out)
         if log is not None:
             _require_log(parts, log)
@@ -242,7 +242,7 @@ def compare(
 
         from .tables import print_comparison
 
-        values = parsed(changes or [])
+        values = parse_changes(changes or [])
         parts = _switched(scenario, schemes, values)
         judge = _judge(scenario, values)
         rivals = {name: Rival.simulated(each, judge, logged=out is not None) for name, each in parts.items()}
@@ -335,7 +335,7 @@ def loop(
 
         from .tables import print_loop
 
-        values = parsed(changes or [])
+        values = parse_changes(changes or [])
         if seconds is not None:
             values["simulation.t1"] = seconds
         parts = _with_simulator(load(scenario, values), arm)
@@ -367,10 +367,10 @@ def _with_simulator(parts: Scenario, by: Any) -> Scenario:
 
     from slidax.arms.articulated import Articulated
     from slidax.core.errors import DefinitionError
-    from slidax.scenarios.load import altered
+    from slidax.scenarios.load import alter
 
     if by == Simulator.own:
-        return altered(parts, {"simulation.plant": "own"})
+        return alter(parts, {"simulation.plant": "own"})
     possible = isinstance(parts.plant.robot, Articulated) and find_spec("mujoco") is not None
     if by == Simulator.mujoco and not possible:
         raise DefinitionError(
@@ -378,7 +378,7 @@ def _with_simulator(parts: Scenario, by: Any) -> Scenario:
         )
     load = parts.plant.load
     steady = load is None or (float(load.attached) <= 0 and float(load.released) >= parts.t1)
-    return altered(parts, {"simulation.plant": "mujoco"}) if possible and (steady or by == Simulator.mujoco) else parts
+    return alter(parts, {"simulation.plant": "mujoco"}) if possible and (steady or by == Simulator.mujoco) else parts
 
 
 def replay(

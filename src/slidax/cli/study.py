@@ -137,11 +137,11 @@ def _with_saved_rows(out: Path | None) -> Iterator[None]:
     except OSError as error:
         from slidax.core.errors import DefinitionError
         from slidax.core.writing import NO_ROOM
-        from slidax.studies.store import rows_kept
+        from slidax.studies.store import count_rows
 
         if out is None or error.filename is None or not out.is_dir():
             raise
-        kept = rows_kept(out)
+        kept = count_rows(out)
         remedy = "free some space" if error.errno in NO_ROOM else "make this file writable"
         raise DefinitionError(
             f"cannot write `{os.fsdecode(error.filename)}`: {error.strerror}. {kept} rows are saved in `{out}`: "
@@ -277,9 +277,9 @@ def benchmark(
     with errors_as_lines():
         prepare()
         sys.path.insert(0, "")
-        from slidax.report.benchmark_page import as_json, verdicts, write_benchmark
+        from slidax.report.benchmark_page import as_json, summarise_tasks, write_benchmark
         from slidax.studies.benchmark.entries import entries, forms_of, names, task
-        from slidax.studies.benchmark.ranking import overall, ranking
+        from slidax.studies.benchmark.ranking import rank_overall, ranking
         from slidax.studies.benchmark.rounds import BUDGET, BenchmarkRound
 
         listed = _words(schemes) if schemes else None
@@ -306,9 +306,9 @@ def benchmark(
         write_benchmark(results, out, seconds=time.perf_counter() - started, command=command)
         tables = [ranking(name, results.on(name)) for name in round_.tasks]
         if json:
-            print_json(as_json(results, tables, overall(tables, round_.entries)))
+            print_json(as_json(results, tables, rank_overall(tables, round_.entries)))
             return
-        for table, line in zip(tables, verdicts(tables), strict=True):
+        for table, line in zip(tables, summarise_tasks(tables), strict=True):
             typer.echo(f"{table.task}: {line.replace('**', '')}")
         say_where(out)
 

@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from slidax.report.figures.style import log_of, thinned
+from slidax.report.figures.style import log_of, thin_curve
 from slidax.simulation.run import Run
 
 ROWS = 7
@@ -66,7 +66,7 @@ def _plot(
             return
         heights = np.arcsinh(values / knee) / np.arcsinh(1.15 * top / knee)
         # Values far outside end at the edge, which cuts them off.
-        x, y = thinned(times, np.clip(heights, -1.5, 1.5), columns=2 * width)
+        x, y = thin_curve(times, np.clip(heights, -1.5, 1.5), columns=2 * width)
         for k in range(len(x) - 1):
             canvas.line(float(x[k]), float(y[k]), float(x[k + 1]), float(y[k + 1]), color=colour)
 

@@ -127,7 +127,7 @@ def short_repr(value: Any) -> str:
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
 
 
-def plain(word: object) -> str:
+def plain_name(word: object) -> str:
     """A name for a message, where it stands in marks of its own: `shown` without quotation marks.
 
     - `word`: what was given for it.

@@ -254,7 +254,7 @@ def piece(meaning: str, *, default: Any = REQUIRED, default_factory: Any = REQUI
 
 def parameters_of(part: type) -> list[Parameter]:
     """Return the parameters of a part, in order; a field without a declaration has a name, type and default alone."""
-    return [declared(field) for field in dataclasses.fields(part) if field.init]
+    return [declaration(field) for field in dataclasses.fields(part) if field.init]
 
 
 def is_declared(field: dataclasses.Field[Any]) -> bool:
@@ -262,7 +262,7 @@ def is_declared(field: dataclasses.Field[Any]) -> bool:
     return _KEY in field.metadata
 
 
-def declared(field: dataclasses.Field[Any], annotation: str = "") -> Parameter:
+def declaration(field: dataclasses.Field[Any], annotation: str = "") -> Parameter:
     """Return a dataclass field's declaration with its name and type.
 
     - `annotation`: type of a field that does not know it yet.

@@ -14,7 +14,7 @@ import jax
 import numpy as np
 
 from .errors import DefinitionError, is_traced, require, require_consistent, require_shape
-from .parameter import Parameter, declared, is_declared, parameters_of
+from .parameter import Parameter, declaration, is_declared, parameters_of
 
 WIDTH = 110
 """Columns of a line."""
@@ -82,7 +82,7 @@ class AbstractPart(eqx.Module):
         return as_tree(self)
 
     def __check_init__(self) -> None:
-        fields = [declared(field) for field in dataclasses.fields(self) if is_declared(field)]
+        fields = [declaration(field) for field in dataclasses.fields(self) if is_declared(field)]
         parameters = [p for p in fields if not p.piece and getattr(self, p.name) is not None]
         require_consistent(self, *(p.name for p in parameters if p.shape in PER_JOINT))
         for parameter in parameters:
@@ -128,11 +128,11 @@ def _declared_in(cls: type) -> list[Parameter]:
     parameters: dict[str, Parameter] = {}
     for owner in reversed(cls.__mro__[1:]):
         if dataclasses.is_dataclass(owner):
-            parameters |= {field.name: declared(field) for field in dataclasses.fields(owner) if is_declared(field)}
+            parameters |= {field.name: declaration(field) for field in dataclasses.fields(owner) if is_declared(field)}
     annotations = inspect.get_annotations(cls)
     for name, value in vars(cls).items():
         if isinstance(value, dataclasses.Field) and is_declared(value):
-            parameters[name] = dataclasses.replace(declared(value, str(annotations.get(name, ""))), name=name)
+            parameters[name] = dataclasses.replace(declaration(value, str(annotations.get(name, ""))), name=name)
     return list(parameters.values())
 
 

@@ -26,7 +26,7 @@ Increasing = Callable[[Any, Vector], tuple[Vector, Vector]]
 """From parameters and a point [n] to values [n] and slopes [n], each entry a function of its own."""
 
 
-class _Search(eqx.Module):
+class _RootSearch(eqx.Module):
     x: Vector
     value: Vector
     slope: Vector
@@ -68,13 +68,13 @@ def increasing_root(
 def _root(function: Increasing, parameters: Any, target: Vector, search: Any) -> Vector:
     guess, at_guess, bracket, tolerance = search
 
-    def unfinished(now: _Search) -> Bool[Array, ""]:
+    def unfinished(now: _RootSearch) -> Bool[Array, ""]:
         # Where there is no number left in the bracket, none is nearer than those at its ends.
         middle = 0.5 * (now.lower + now.upper)
         divisible = (middle > now.lower) & (middle < now.upper)
         return jnp.any((jnp.abs(now.value - target) > tolerance) & divisible) & (now.step < STEPS)
 
-    def step(now: _Search) -> _Search:
+    def step(now: _RootSearch) -> _RootSearch:
         residual = now.value - target
         newton = now.x - residual / now.slope
         tried = (now.step < FREE) | (now.step >= FREE + HALVINGS)
@@ -86,15 +86,15 @@ def _root(function: Increasing, parameters: Any, target: Vector, search: Any) ->
 
     lower, upper = bracket
     value, slope = at_guess
-    first = _Search(guess, value, slope, lower, upper, jnp.ones(guess.shape, bool), jnp.zeros((), int))
+    first = _RootSearch(guess, value, slope, lower, upper, jnp.ones(guess.shape, bool), jnp.zeros((), int))
     first = _narrowed(eqx.tree_at(lambda s: s.value, first, target + jnp.inf), guess, value, slope, target)
     return jax.lax.while_loop(unfinished, step, first).x
 
 
-def _narrowed(now: _Search, x: Vector, value: Vector, slope: Vector, target: Vector) -> _Search:
+def _narrowed(now: _RootSearch, x: Vector, value: Vector, slope: Vector, target: Vector) -> _RootSearch:
     """The search with one more point known."""
     residual = value - target
-    return _Search(
+    return _RootSearch(
         x=x,
         value=value,
         slope=slope,

@@ -9,7 +9,7 @@ from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass
 from typing import BinaryIO
 
-from .errors import DefinitionError, count_noun, plain
+from .errors import DefinitionError, count_noun, plain_name
 
 LONGEST_LINE = 10**6
 """Characters."""
@@ -140,7 +140,8 @@ def rows_of(lines: Lines, form: TableFormat, places: Sequence[int], name: str) -
             for place, cell in zip(places, cells, strict=True):
                 if "." in cell and is_number(cell):
                     raise DefinitionError(
-                        f"{name}, line {number}, column `{plain(form.titles[place])}`: `{plain(cell)}` has a point, "
+                        f"{name}, line {number}, column `{plain_name(form.titles[place])}`: `{plain_name(cell)}` "
+                        "has a point, "
                         "where the lines above have decimal commas: leave out points between thousands, or write all "
                         "decimals alike"
                     )

@@ -146,7 +146,11 @@ class DesignSpace:
         """
         scheme: Any = self.base.scheme
         performance = scheme.transformation.performance.model_copy(
-            update={"initial": rounded(self.initial), "final": rounded(choice.final), "deadline": choice.deadline}
+            update={
+                "initial": round_for_file(self.initial),
+                "final": round_for_file(choice.final),
+                "deadline": choice.deadline,
+            }
         )
         surface = {"k1": SURFACE["k1"] * choice.slope, "k2": SURFACE["k2"] * choice.slope * choice.bend}
         sampled: dict[str, Any] = {
@@ -171,7 +175,7 @@ class DesignSpace:
     def _estimator(self, choice: DesignPoint) -> KalmanDescription | MeasuredDescription:
         if choice.drift is None:
             return MeasuredDescription(kind="measured", gain=self.measured_gain(choice))
-        density = rounded(self.density(choice.drift, choice.even))
+        density = round_for_file(self.density(choice.drift, choice.even))
         return KalmanDescription(kind="kalman", torque_density=density)
 
     def at_period(self, period: float, t1: float) -> DesignSpace:
@@ -192,13 +196,13 @@ class DesignSpace:
             "scheme.surface.k1": SURFACE["k1"] * choice.slope,
             "scheme.surface.k2": SURFACE["k2"] * choice.slope * choice.bend,
             "scheme.transformation.overshoot": choice.overshoot,
-            f"{performance}.final": np.asarray(rounded(choice.final)),
+            f"{performance}.final": np.asarray(round_for_file(choice.final)),
             f"{performance}.deadline": choice.deadline,
         }
         if self.least_margin is not None and choice.margin is not None:
             result["scheme.bound.margin"] = float(f"{choice.margin:.4g}")
         if choice.drift is not None:
-            density = np.asarray(rounded(self.density(choice.drift, choice.even)))
+            density = np.asarray(round_for_file(self.density(choice.drift, choice.even)))
             result["scheme.sampled_data.estimator.torque_density"] = density
         else:
             result["scheme.sampled_data.estimator.gain"] = self.measured_gain(choice)
@@ -241,7 +245,7 @@ def design_space(
     return DesignSpace(base, initial, shape, torque, middle, period, delay, has_velocity, changes)
 
 
-def rounded(values: Any) -> list[float]:
+def round_for_file(values: Any) -> list[float]:
     """Numbers as a file has them.
 
     - `values`: [n].

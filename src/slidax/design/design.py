@@ -27,7 +27,7 @@ from slidax.studies.search import require_cmaes
 
 from .candidates import LARGEST, DesignPoint, DesignSpace, design_space, template
 from .problem import DesignProblem
-from .proof import DriveDemand, boundable, drive_demand, loop_rate_verdict, widened
+from .proof import DriveDemand, drive_demand, loop_rate_verdict, may_have_bound, widen_radii
 from .refusal import Refusal, accuracy_refusal, deadline_refusal, proof_refusal, torque_refusal, torque_step_refusal
 from .search import LEAST_MARGIN, MANY, MOST, SPARE, coarse_search, fine_search, narrowest_envelope
 from .trials import CALM, DRIVEN, OWN, Objective, Trials, WorstCase
@@ -161,7 +161,7 @@ def _begin(problem: DesignProblem) -> tuple[DesignSpace, DesignPoint]:
     )
     if (frame.shape >= LARGEST * frame.initial).any() and requirements.accuracy != "best":
         frame = replace(frame, initial=np.maximum(frame.initial, frame.shape / LARGEST))
-    frame = replace(frame, learns=requirements.proof != "bound" or boundable(len(units), learns=True))
+    frame = replace(frame, learns=requirements.proof != "bound" or may_have_bound(len(units), learns=True))
     horizon, drift = frame.horizons[2 if len(frame.horizons) > 2 else -1], 1.0
     return frame, DesignPoint(horizon, drift, 1.0, _provisional(frame), requirements.deadline)
 
@@ -224,7 +224,7 @@ def _checked(
     """
     best, required = problem.requirements.accuracy == "best", problem.requirements.torque_step
     aim = _aim(problem, trials.frame)
-    proved = boundable(trials.frame.initial.size, trials.frame.learns)
+    proved = may_have_bound(trials.frame.initial.size, trials.frame.learns)
     kept: DesignResult | None = None
     for turn in range(TIMES):
         choice, rate = worst.choice, None
@@ -272,7 +272,7 @@ def _certified(problem: DesignProblem, trials: Trials, choice: DesignPoint) -> t
     if problem.requirements.accuracy != "best":
         return choice, rate
     # An envelope that is wider, and not certified either, is good for nothing.
-    return widened(choice, rate, rate_of, LARGEST * trials.frame.initial) or (choice, rate)
+    return widen_radii(choice, rate, rate_of, LARGEST * trials.frame.initial) or (choice, rate)
 
 
 def _described(frame: DesignSpace, choice: DesignPoint, worst: WorstCase) -> ScenarioDescription:
@@ -306,7 +306,7 @@ def write_design(result: DesignResult, out: Path, certificates: Certificates) ->
     return path
 
 
-def called(rate: Verdict | None) -> str:
+def name_proof(rate: Verdict | None) -> str:
     """Name the proof of a design for a `loop_rate` verdict that holds: certified if all lines are proved."""
     if rate is None or rate.grade is None:
         return "tested"
@@ -319,7 +319,7 @@ def _proof(result: DesignResult) -> str:
     check = result.check.bound
     text = f"Tested in simulation, not proved: {_unproved(result)}."
     if result.proof == "bound":
-        name = called(result.rate)
+        name = name_proof(result.rate)
         text = f"{name[0].upper()}{name[1:]}; the certificate file next to this one lists its lines."
     if not check:
         return f"{text} Nothing is uncertain, so that one run shows all."
@@ -330,7 +330,7 @@ def _proof(result: DesignResult) -> str:
 
 
 def _unproved(result: DesignResult) -> str:
-    if boundable(result.frame.initial.size, result.frame.learns):
+    if may_have_bound(result.frame.initial.size, result.frame.learns):
         return "`loop_rate` has no bound within such an envelope for this set"
     return (
         f"from {JOINTS} joints on `loop_rate` has no bound for a law that learns the inertia; `proof: bound` looks for "

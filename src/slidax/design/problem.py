@@ -8,10 +8,10 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, TypeAdapter, ValidationError
 
-from slidax.core.errors import DefinitionError, as_array, each_of, locate_errors, plain
+from slidax.core.errors import DefinitionError, as_array, each_of, locate_errors, plain_name
 from slidax.scenarios.descriptions import AbstractDescription, Numbers, input_field
 from slidax.scenarios.instruments import ActuatorDescription, DisturbanceDescription, SensorDescription
-from slidax.scenarios.load import validated
+from slidax.scenarios.load import validate_text
 from slidax.scenarios.robots import Arms, RobotDescription
 from slidax.scenarios.scenario import ScenarioDescription, StartDescription
 from slidax.scenarios.trajectories import TrajectoryDescription, trajectory_of
@@ -183,8 +183,8 @@ class DesignProblem(AbstractDescription):
             "t1": float(round(self.t1 / h) * h),
             "outside": "recover",
         }
-        title = self.title or f"{plain(self.robot.kind)} at {1.0 / h:g} Hz"
-        return validated({"title": title, **self.blocks(), "scheme": scheme, "simulation": time})
+        title = self.title or f"{plain_name(self.robot.kind)} at {1.0 / h:g} Hz"
+        return validate_text({"title": title, **self.blocks(), "scheme": scheme, "simulation": time})
 
 
 def read_problem(path: str | Path) -> DesignProblem:
@@ -218,7 +218,7 @@ def _require_accuracy(result: DesignProblem) -> None:
     numbers = np.asarray(required, float)
     with locate_errors("requirements.accuracy"):
         if not (np.isfinite(numbers).all() and (numbers > 0).all()):
-            raise DefinitionError(f"must be > 0, or `best`; got {plain(required)}")
+            raise DefinitionError(f"must be > 0, or `best`; got {plain_name(required)}")
         joints = result.robot.build().true.joints
         if numbers.ndim and len(numbers) != joints:
             raise DefinitionError(f"must be one number or one for {each_of(joints, 'joint')}; got {len(numbers)}")

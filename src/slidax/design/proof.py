@@ -65,7 +65,7 @@ def drive_demand(scenario: Scenario) -> DriveDemand:
     return DriveDemand(demand, torque, limit, float(enough["u"]), float(enough["needed"]))
 
 
-def boundable(joints: int, learns: bool) -> bool:
+def may_have_bound(joints: int, learns: bool) -> bool:
     """True if `loop_rate` may have a bound: with four joints and more it never had one for a law that learns.
 
     - `joints`: of the arm.
@@ -98,7 +98,7 @@ def radius_of(verdict: Verdict | None) -> Floats | None:
     return result if np.isfinite(result).all() and (result > 0).all() else None
 
 
-def widened(
+def widen_radii(
     choice: DesignPoint, rate: Verdict | None, rate_of: Callable[[DesignPoint], Verdict | None], largest: Floats
 ) -> tuple[DesignPoint, Verdict] | None:
     """A law with final radii within which `loop_rate` holds, and its verdict; None where none was found.

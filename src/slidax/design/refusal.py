@@ -11,11 +11,11 @@ import numpy as np
 from slidax.analysis.cause import Remedy
 from slidax.certify.certificate import Verdict
 from slidax.core.errors import DefinitionError
-from slidax.scenarios.load import altered_description
+from slidax.scenarios.load import alter_description
 
-from .candidates import LARGEST, DesignPoint, rounded
+from .candidates import LARGEST, DesignPoint, round_for_file
 from .problem import DesignProblem
-from .proof import DriveDemand, EstimationError, error_bound, error_in_cases, loop_rate_verdict, widened
+from .proof import DriveDemand, EstimationError, error_bound, error_in_cases, loop_rate_verdict, widen_radii
 from .search import LEAST_MARGIN, MANY, SPARE
 from .trials import LOAD, Trials, WorstCase
 
@@ -165,9 +165,9 @@ def _wider(trials: Trials, choice: DesignPoint, rate: Verdict) -> Iterator[Remed
     """Final radii within which there is a bound; where the best are required, such were looked for before."""
     if trials.problem.requirements.accuracy == "best":
         return
-    result = widened(choice, rate, lambda item: _rate_of(trials, item, {}), LARGEST * trials.frame.initial)
+    result = widen_radii(choice, rate, lambda item: _rate_of(trials, item, {}), LARGEST * trials.frame.initial)
     if result is not None:
-        radius = rounded(result[0].final)
+        radius = round_for_file(result[0].final)
         yield Remedy(f"an accuracy of {max(radius):.3g}", {"requirements.accuracy": radius})
 
 
@@ -180,7 +180,7 @@ def _told(trials: Trials, choice: DesignPoint) -> Iterator[Remedy]:
     told = {"robot.nominal.load": {**robot["plant"]["load"], "mass": mass}}
     rate = _rate_of(trials, choice, told)
     if trials.problem.requirements.accuracy == "best":
-        result = widened(choice, rate, lambda item: _rate_of(trials, item, told), LARGEST * trials.frame.initial)
+        result = widen_radii(choice, rate, lambda item: _rate_of(trials, item, told), LARGEST * trials.frame.initial)
         holds = result is not None
     else:
         holds = rate is not None and bool(rate.holds)
@@ -189,7 +189,7 @@ def _told(trials: Trials, choice: DesignPoint) -> Iterator[Remedy]:
 
 
 def _rate_of(trials: Trials, choice: DesignPoint, changes: dict[str, Any]) -> Verdict | None:
-    return loop_rate_verdict(altered_description(trials.frame.described(choice), changes).build("design"))
+    return loop_rate_verdict(alter_description(trials.frame.described(choice), changes).build("design"))
 
 
 def _rates(trials: Trials, best: WorstCase) -> Iterator[Remedy]:

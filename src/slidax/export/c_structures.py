@@ -18,10 +18,10 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from slidax.codegen.c.expressions import Dialect
 from slidax.codegen.ir import Type
 from slidax.codegen.naming.names import identifier
-from slidax.codegen.naming.source_text import plain
+from slidax.codegen.naming.source_text import to_ascii
 from slidax.codegen.trace.tracing import ir_type
 from slidax.core.errors import DefinitionError
-from slidax.core.parameter import Parameter, declared, is_declared
+from slidax.core.parameter import Parameter, declaration, is_declared
 from slidax.core.part import AbstractPart
 
 from .status import Flag
@@ -29,10 +29,10 @@ from .status import Flag
 
 def comment(text: str) -> str:
     """Return a text in ASCII that neither begins nor ends a C comment."""
-    return plain(text.replace("`", "")).replace("*/", "* /").replace("/*", "/ *")
+    return to_ascii(text.replace("`", "")).replace("*/", "* /").replace("/*", "/ *")
 
 
-def shortened(text: str, most: int) -> str:
+def shorten(text: str, most: int) -> str:
     """Return the first sentence of a line, cut between its parts if it has more than `most` letters."""
     first = re.split(r"(?<!eq)(?<!eqs)\.(?: |$)", text, maxsplit=1)[0]
     if len(first) <= most:
@@ -126,7 +126,7 @@ def _meaning(tree: Any, path: Sequence[Any]) -> str:
     ):
         meaning = re.sub(repeated, "", meaning)
     meaning = meaning.strip(", ")
-    return shortened(comment(meaning), 92)
+    return shorten(comment(meaning), 92)
 
 
 def _part_of(tree: Any, path: Sequence[Any]) -> str:
@@ -136,7 +136,7 @@ def _part_of(tree: Any, path: Sequence[Any]) -> str:
         return ""
     name = type(owners[-1]).__name__
     first = (inspect.getdoc(type(owners[-1])) or "").split("\n\n")[0]
-    return f"{name}: {shortened(comment(' '.join(first.split())), 108 - len(name))}"
+    return f"{name}: {shorten(comment(' '.join(first.split())), 108 - len(name))}"
 
 
 def objects_on_path(tree: Any, path: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
@@ -217,7 +217,7 @@ def _declarations(tree: Any) -> Iterator[tuple[Any, Parameter | None, Any]]:
             # A pytree within a parameter, such as a tuple of arrays, belongs to the part that declares it.
             if isinstance(place, AbstractPart):
                 field = next(field for field in place.__dataclass_fields__.values() if field.name == key.name)
-                owner, parameter = place, declared(field) if is_declared(field) else None
+                owner, parameter = place, declaration(field) if is_declared(field) else None
             elif hasattr(key, "name"):
                 owner, parameter = place, None
         yield owner, None if parameter is None or parameter.piece else parameter, leaf

@@ -259,7 +259,7 @@ def golden_samples(scenario: Scenario, guard: GuardedStep, real: str, *, same: b
         guard, samples = _rounded((guard, samples))
         last_digit = 2.0**-23
     command, status = answer(guard, samples)
-    off, firm = sensitivity(guard, samples, command, status, last_digit)
+    off, firm = sample_sensitivity(guard, samples, command, status, last_digit)
     parts = (
         (samples.t, samples.state),
         (samples.now, samples.following),
@@ -268,10 +268,10 @@ def golden_samples(scenario: Scenario, guard: GuardedStep, real: str, *, same: b
         command.memory,
     )
     rows = [_numbers(part) for part in parts]
-    allowed = np.maximum(TOLERANCE[real] * sizes(command), SLACK * np.minimum(off, NO_MATTER))
+    allowed = np.maximum(TOLERANCE[real] * largest_values(command), SLACK * np.minimum(off, NO_MATTER))
     if not same:
         allowed = np.full_like(allowed, NO_MATTER)
-        allowed[:OF_A_RUN, 0] = LOOSE * sizes(command)[:OF_A_RUN, 0]
+        allowed[:OF_A_RUN, 0] = LOOSE * largest_values(command)[:OF_A_RUN, 0]
         firm = [k for k in firm if k < OF_A_RUN or int(status[k]) & HELD]
     # A command's leaves: the torque, the memory, the signals.
     kept = len(jax.tree.leaves(command.memory))
@@ -298,7 +298,7 @@ def _rounded(tree: Any) -> Any:
     )
 
 
-def sensitivity(
+def sample_sensitivity(
     guard: GuardedStep, samples: StepSample, command: Command, status: Status, last_digit: float
 ) -> tuple[np.ndarray, list[int]]:
     """Change of each leaf of the command with the inputs' last digit, and the samples whose status does not change.
@@ -319,11 +319,11 @@ def sensitivity(
         firm &= np.asarray(other) == np.asarray(status)
         with np.errstate(invalid="ignore"):
             change = jax.tree.map(lambda a, b: np.asarray(a, float) - np.asarray(b, float), moved, command)
-        worst = np.fmax(worst, sizes(change))
+        worst = np.fmax(worst, largest_values(change))
     return worst, np.flatnonzero(firm).tolist()
 
 
-def sizes(tree: Any) -> np.ndarray:
+def largest_values(tree: Any) -> np.ndarray:
     """Largest finite number in each leaf for each sample, by rows; 0 if there is none."""
     leaves = [np.abs(np.asarray(leaf, float)).reshape(len(leaf), -1) for leaf in jax.tree.leaves(tree)]
     return np.stack([np.where(np.isfinite(leaf), leaf, 0.0).max(1) for leaf in leaves], axis=1)

@@ -39,7 +39,7 @@ from .status import (
 )
 
 
-def read_by(controller: AbstractController) -> frozenset[str]:
+def arrays_read(controller: AbstractController) -> frozenset[str]:
     """Names of the arrays that a law reads, at the start or later: of `state.q`, `state.dq`, `now.q`, ..., `next.ddq`.
 
     Raises DefinitionError if there is no native code for it.
@@ -104,7 +104,7 @@ class GuardedStep(AbstractController):
         """
         n = controller.joints
         wide: TorqueLimits = jax.tree.map(lambda x: jnp.broadcast_to(x, (n,)), limits)
-        reads = read_by(controller)
+        reads = arrays_read(controller)
         if isinstance(controller, SampledData):
             own = eqx.tree_at(lambda law: (law.limits, law.gate), controller, (wide, _per_joint(controller.gate, n)))
             return GuardedStep(own, None, None, None, reads)

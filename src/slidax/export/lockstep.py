@@ -14,7 +14,7 @@ from slidax.core.errors import DefinitionError, count_noun
 from slidax.runtime.logs.mcap_files import SCENARIO, LogWriter, SavedLog
 from slidax.runtime.logs.messages import Channels, names_of_bits
 from slidax.runtime.sides import ArmSide, LawSide
-from slidax.scenarios.load import portable, restore
+from slidax.scenarios.load import portable_text, restore
 
 from .loop_plans import arm_plan, law_plan
 
@@ -72,7 +72,7 @@ CHUNK = 500
 
 def attachments_of(scenario: Scenario) -> dict[str, bytes]:
     """The scenario, and the files that it names; changes by `replace` are not in its description."""
-    text, files = portable(scenario.description)
+    text, files = portable_text(scenario.description)
     return {SCENARIO: text.encode(), **files}
 
 

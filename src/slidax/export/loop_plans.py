@@ -20,7 +20,7 @@ from slidax.plant.sensors import AbstractSensor, Delayed, Lossy
 from slidax.runtime.logs.messages import Channels
 from slidax.runtime.shared_memory import CodePlan, MachineCode, Slot
 from slidax.simulation.define import define_loop
-from slidax.simulation.loop import ClosedLoop, HeldTorque, force, moved
+from slidax.simulation.loop import ClosedLoop, HeldTorque, force, move_plant
 from slidax.simulation.plant import MujocoPlant, Plant
 from slidax.simulation.simulate import BANDS
 
@@ -296,13 +296,13 @@ class ArmPlan:
         return {name: table[name] for name in self.row.names or ()}
 
 
-def one_period_earlier(sensor: AbstractSensor | None) -> AbstractSensor:
+def advance_sensor(sensor: AbstractSensor | None) -> AbstractSensor:
     """The sensor with one period less delay, for a loop that takes one period to transport a measurement.
 
     Raises DefinitionError if its measurements are less than one period old.
     """
     if isinstance(sensor, Lossy):
-        return eqx.tree_at(lambda lossy: lossy.sensor, sensor, one_period_earlier(sensor.sensor))
+        return eqx.tree_at(lambda lossy: lossy.sensor, sensor, advance_sensor(sensor.sensor))
     if not isinstance(sensor, Delayed) or sensor.periods - 0.5 * sensor.jitter < 1:
         raise DefinitionError(
             "in a loop of two processes a measurement is one period old when its torque takes effect, and the law "
@@ -329,7 +329,7 @@ def arm_plan(scenario: Scenario, *, transport: int) -> ArmPlan:
     loop, _ = define_loop(
         own, scenario.controller, scenario.trajectory, scenario.state0, scenario.t1, stepping, None, BANDS
     )
-    sensor = one_period_earlier(own.sensor) if transport else own.sensor
+    sensor = advance_sensor(own.sensor) if transport else own.sensor
     start, period = scenario.state0, loop.period
     before = State(q=start.q - transport * period * start.dq, dq=start.dq)
     first, measurement0 = _first(sensor, before, period, transport)
@@ -365,7 +365,7 @@ def arm_plan(scenario: Scenario, *, transport: int) -> ArmPlan:
 
     def move(arrays: Any, k: Any, state: State, tau: Vector, delivery: Any) -> State:
         current = loop_of(arrays)
-        return moved(current, state, k.astype(float) * current.period, HeldTorque(tau, delivery))
+        return move_plant(current, state, k.astype(float) * current.period, HeldTorque(tau, delivery))
 
     def external_torque(arrays: Any, k: Any, i: Any, state: State, tau: Vector, delivery: Any) -> Vector:
         return force(loop_of(arrays), HeldTorque(tau, delivery), k, i, state)

@@ -371,15 +371,15 @@ def write_onboard(
     """
     folder = out / "law"
     write_files(exported, folder, {f"onboard/{name}.j2": f"{{prefix}}_{name}" for name in C_FILES}, o=limits)
-    law = described(exported, limits) | ({"names": list(names)} if names else {})
+    law = describe_structures(exported, limits) | ({"names": list(names)} if names else {})
     files: dict[str, Any] = {f"{_stem(part)}.py": part for part in (Pilot, MotionLog, load_law, rehearse)}
     with writing(out):
         write_text(folder / "law.json", json.dumps(law, indent=1) + "\n")
         for file, part in {**files, **(programs or {})}.items():
-            write_text(out / file, standalone(part))
+            write_text(out / file, standalone_source(part))
 
 
-def standalone(part: Any) -> str:
+def standalone_source(part: Any) -> str:
     """Source of the module that defines `part`, with package imports replaced by imports from the same folder."""
     text = inspect.getsource(sys.modules[part.__module__])
     return re.sub(r"^from (?:\.+|slidax\.)[\w.]*?(\w+) import", r"from \1 import", text, flags=re.MULTILINE)
@@ -390,7 +390,7 @@ def _stem(part: Any) -> str:
     return name.rpartition(".")[2]
 
 
-def described(exported: CProject, limits: RobotLimits) -> dict[str, Any]:
+def describe_structures(exported: CProject, limits: RobotLimits) -> dict[str, Any]:
     """The step's structures for languages that do not read C, as `law.json` has them."""
     return {
         "name": exported.name,

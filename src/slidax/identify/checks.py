@@ -14,7 +14,7 @@ from slidax.core.errors import DefinitionError
 from .identified_arm import Identification
 from .log_checks import TRAVEL
 from .logs import Conventions, JointLog
-from .regression import moving
+from .regression import mark_moving
 from .repairs import (
     Repair,
     joint_list,
@@ -66,7 +66,7 @@ def require_torques(
     - `signals`: of the log, in a band of a few Hz.
     - `usable`: True for joints whose torques are used [n].
     """
-    sample = sample_of(signals, moving(signals))
+    sample = sample_of(signals, mark_moving(signals))
     sample = replace(sample, counts=sample.counts & usable)
     match = match_torques(robot, sample)
     doubtful = (match.errors > DOUBT) & (sample.floor < 0.7 * match.errors)

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import pi
 
-from slidax.core.errors import DefinitionError, nearest_word, plain, short_repr
+from slidax.core.errors import DefinitionError, nearest_word, plain_name, short_repr
 
 from .logs import LogColumns, ReadOptions
 
@@ -124,10 +124,13 @@ def scale_of(quantity: str, title: Title, source: str) -> tuple[float, str]:
     if scale is None:
         options = ", ".join(list(UNITS[quantity])[:4])
         raise DefinitionError(
-            f"{source}: column `{plain(title.text)}` is in `{plain(title.unit)}`, which is no known unit of "
+            f"{source}: column `{plain_name(title.text)}` is in `{plain_name(title.unit)}`, which is no known unit of "
             f"`{quantity}` ({options}, ...): convert the column, or correct the unit in its title"
         )
-    return scale, "" if scale == 1.0 else f"`{quantity}` is converted from {plain(title.unit)}, the unit in the title"
+    return (
+        scale,
+        "" if scale == 1.0 else f"`{quantity}` is converted from {plain_name(title.unit)}, the unit in the title",
+    )
 
 
 def scale_of_time(title: Title, titles: Sequence[Title], source: str) -> tuple[float, str]:
@@ -140,16 +143,19 @@ def scale_of_time(title: Title, titles: Sequence[Title], source: str) -> tuple[f
     """
     unit = title.unit.lower().strip()
     if not unit and title.bare.lower() in ("%time", "rosbagtimestamp"):
-        return 1e-9, f"the times in `{plain(title.text)}` are nanoseconds, as ROS writes them"
+        return 1e-9, f"the times in `{plain_name(title.text)}` are nanoseconds, as ROS writes them"
     if not unit and any(other.bare.lower() in RATES for other in titles):
-        return 1e-3, f"the times in `{plain(title.text)}` are milliseconds, as libfranka writes them"
+        return 1e-3, f"the times in `{plain_name(title.text)}` are milliseconds, as libfranka writes them"
     scale = UNITS["t"].get(unit) if unit else 1.0
     if scale is None:
         raise DefinitionError(
-            f"{source}: column `{plain(title.text)}` is in `{plain(title.unit)}`, which is no unit of time "
+            f"{source}: column `{plain_name(title.text)}` is in `{plain_name(title.unit)}`, which is no unit of time "
             "(s, ms, us, ns): convert the column, or correct the unit in its title"
         )
-    return scale, "" if scale == 1.0 else f"the times are converted from {plain(title.unit)}, the unit in the title"
+    return (
+        scale,
+        "" if scale == 1.0 else f"the times are converted from {plain_name(title.unit)}, the unit in the title",
+    )
 
 
 MOST_COLUMNS = 10_000
@@ -221,7 +227,7 @@ class _Matching:
         for title in used:
             if title.text in self.doubled:
                 raise DefinitionError(
-                    f"{self.source} has two columns `{plain(title.text)}`: leave one of them out or rename it"
+                    f"{self.source} has two columns `{plain_name(title.text)}`: leave one of them out or rename it"
                 )
         texts = {quantity: [title.text for title in columns] for quantity, columns in of.items()}
         return LogColumns(time.text, texts, scale, tuple(dict.fromkeys(self.notes)))
@@ -230,7 +236,8 @@ class _Matching:
         for word in self.dropped_names:
             if word in self.joints:
                 raise DefinitionError(
-                    f"`drop` names `{plain(word)}`, a joint of the arm: identification needs all of them; lock it in "
+                    f"`drop` names `{plain_name(word)}`, a joint of the arm: identification needs all of them; "
+                    "lock it in "
                     "the robot file if it does not move"
                 )
             key = self.fold(word)
@@ -239,11 +246,12 @@ class _Matching:
             )
             if not known:
                 raise DefinitionError(
-                    f"`drop` names `{plain(word)}`, which is no column or joint of {self.source}; it has {self._some()}"
+                    f"`drop` names `{plain_name(word)}`, which is no column or joint of {self.source}; it has "
+                    f"{self._some()}"
                 )
 
     def _some(self) -> str:
-        texts = ", ".join(f"`{plain(title.text)}`" for title in self.all[:8])
+        texts = ", ".join(f"`{plain_name(title.text)}`" for title in self.all[:8])
         return f"{texts}, ..." if len(self.all) > 8 else texts
 
     def _time(self) -> Title:
@@ -269,7 +277,7 @@ class _Matching:
                 return title
         names = [title.text.strip() for title in self.all]
         raise DefinitionError(
-            f"{self.source} has no column `{plain(text)}` for `{quantity}`; {nearest_word(text, names[:200])}"
+            f"{self.source} has no column `{plain_name(text)}` for `{quantity}`; {nearest_word(text, names[:200])}"
         )
 
     def _quantity(self, quantity: str) -> list[Title] | None:
@@ -296,17 +304,17 @@ class _Matching:
         if choice is None and is_command(first[1]):
             name = called(first)
             if quantity == "dq":
-                self.notes.append(f"`{plain(name)}` was not measured: it is left out")
+                self.notes.append(f"`{plain_name(name)}` was not measured: it is left out")
                 return None
             raise DefinitionError(
-                f"{self.source} has no measured `{quantity}`, only `{plain(name)}`; `--columns {quantity}={name}` "
+                f"{self.source} has no measured `{quantity}`, only `{plain_name(name)}`; `--columns {quantity}={name}` "
                 "reads it all the same"
             )
         rivals = [
             place for place in whole if place[0] == first[0] and rank_of_state(place[1]) == rank_of_state(first[1])
         ]
         if len(rivals) > 1:
-            names = ", ".join(f"`{plain(called(place))}`" for place in rivals)
+            names = ", ".join(f"`{plain_name(called(place))}`" for place in rivals)
             raise DefinitionError(
                 f"{self.source} has several columns for `{quantity}`: {names}; say which "
                 f"(such as `--columns {quantity}={called(rivals[0])}`)"
@@ -374,13 +382,13 @@ class _Matching:
     def _of_group(self, quantity: str, group: _Group) -> list[Title]:
         for first, second in group.twins:
             raise DefinitionError(
-                f"{self.source} has two columns for `{quantity}` of one joint, `{plain(first.text)}` and "
-                f"`{plain(second.text)}`: leave one of them out (`--drop {plain(second.text.strip())}`)"
+                f"{self.source} has two columns for `{quantity}` of one joint, `{plain_name(first.text)}` and "
+                f"`{plain_name(second.text)}`: leave one of them out (`--drop {plain_name(second.text.strip())}`)"
             )
         if all(name in group.named for name in self.joints):
             extra = [name for name in group.named if name not in self.joints and name not in self.reading.drop]
             if extra:
-                names = ", ".join(f"`{plain(name)}`" for name in extra[:8])
+                names = ", ".join(f"`{plain_name(name)}`" for name in extra[:8])
                 self.notes.append(f"the arm has no joint {names}: left out")
             return [group.named[name] for name in self.joints]
         numbers = self._numbers(group)
@@ -417,7 +425,8 @@ class _Matching:
         remedy = ", or leave `dq` out (`--drop dq`)" if quantity == "dq" else ""
         if choice is not None:
             raise DefinitionError(
-                f"{self.source} has no columns `{plain(choice)}` with a number or name for each of {len(self.joints)} "
+                f"{self.source} has no columns `{plain_name(choice)}` with a number or name for each of "
+                f"{len(self.joints)} "
                 f"joints, joint `{missing}` is the first without; it has {self._some()}"
             )
         if quantity == "tau" and not known:

@@ -13,7 +13,7 @@ from slidax.core.errors import DefinitionError, count_noun
 
 from .checks import find_usable_torques, judge_result, require_torques
 from .identified_arm import Identification, estimates_of, identified_robot
-from .log_checks import cut_at_gaps, require_radians, without_outliers
+from .log_checks import cut_at_gaps, remove_outliers, require_radians
 from .log_files import read_log
 from .logs import FEWEST, Conventions, JointLog
 from .regression import ParameterFit, Unknowns, consistent_parameters, fit_parameters, unknowns_of
@@ -79,7 +79,7 @@ def identify(
         log = with_gravity_torques(log, robot)
     usable, sentences = find_usable_torques(log, robot, conventions)
     ignored = ~usable
-    log, more = without_outliers(log, robot)
+    log, more = remove_outliers(log, robot)
     sentences += more
     require_radians(log, robot)
     pieces = cut_at_gaps(log, robot)

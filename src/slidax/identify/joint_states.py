@@ -12,7 +12,7 @@ from typing import Any, TextIO
 
 import numpy as np
 
-from slidax.core.errors import DefinitionError, nearest_word, plain, short_repr
+from slidax.core.errors import DefinitionError, nearest_word, plain_name, short_repr
 from slidax.core.files import MEGABYTE, open_file, whole_number
 from slidax.core.joint_names import match_names
 
@@ -73,7 +73,7 @@ def log_of_messages(
         raise DefinitionError(f"{source} has no messages")
     if not times:
         known = list(dict.fromkeys(name for key in places for name in key))
-        listed = ", ".join(f"`{plain(name)}`" for name in known[:12])
+        listed = ", ".join(f"`{plain_name(name)}`" for name in known[:12])
         raise DefinitionError(
             f"{source}: there is no joint `{joints[0]}`, nor any other of the arm, in {total} messages; "
             f"there are: {listed}"
@@ -82,7 +82,7 @@ def log_of_messages(
         notes.append(f"{lost} of {total} messages are of another publisher, without the arm's joints: left out")
     extra = [name for name in others if name not in reading.drop]
     if extra:
-        notes.append(f"the arm has no joint {', '.join(f'`{plain(name)}`' for name in extra[:8])}: left out")
+        notes.append(f"the arm has no joint {', '.join(f'`{plain_name(name)}`' for name in extra[:8])}: left out")
     columns = {name: np.frombuffer(numbers).reshape(len(times), len(joints)) for name, numbers in values.items()}
     if "dq" in columns and not columns["dq"].any() and np.ptp(columns["q"]) > 0.0:
         del columns["dq"]

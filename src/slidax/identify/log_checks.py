@@ -396,7 +396,7 @@ MOST = 0.02
 """A share of the samples above which they are no single faults."""
 
 
-def without_outliers(log: JointLog, robot: Articulated) -> tuple[JointLog, list[str]]:
+def remove_outliers(log: JointLog, robot: Articulated) -> tuple[JointLog, list[str]]:
     """The log with its angles unwrapped and without single faulty samples; and sentences on both."""
     warnings: list[str] = []
     q = log.q.copy()

@@ -13,7 +13,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from slidax.core.errors import DefinitionError, plain
+from slidax.core.errors import DefinitionError, plain_name
 from slidax.core.files import MEGABYTE, open_file
 from slidax.core.tables import TableFormat, is_number, lines_of, rows_of, table_format
 from slidax.runtime.logs.ros_bags import read_bag, read_joint_states
@@ -110,7 +110,7 @@ def _csv_numbers(rows: Iterator[tuple[int, list[str]]], columns: LogColumns, nam
                 if not cell:
                     remedy = " or all velocities (`--drop dq`)" if title in optional else ""
                     raise DefinitionError(
-                        f"{name}, line {number}: column `{plain(title)}` is empty; leave out this line{remedy}"
+                        f"{name}, line {number}: column `{plain_name(title)}` is empty; leave out this line{remedy}"
                     )
             last.append((number, cells))
             yield "\t".join(cells)
@@ -124,7 +124,7 @@ def _csv_numbers(rows: Iterator[tuple[int, list[str]]], columns: LogColumns, nam
     notes, converters = list[str](), dict[int | str, Callable[[str], float]]()
     if not is_number(entry) and stamp.is_time(entry):
         converters[0] = stamp.seconds
-        notes.append(f"the times in `{plain(columns.time)}` are dates: they are counted from the first one")
+        notes.append(f"the times in `{plain_name(columns.time)}` are dates: they are counted from the first one")
     try:
         values = np.loadtxt(
             chain([first], texts), delimiter="\t", ndmin=2, comments=None, converters=converters or None
@@ -137,7 +137,7 @@ def _csv_numbers(rows: Iterator[tuple[int, list[str]]], columns: LogColumns, nam
                 date = bool(converters) and title == columns.time
                 if not (stamp.is_time(cell) if date else is_number(cell)):
                     raise DefinitionError(
-                        f"{name}, line {number}: `{plain(cell)}` in column `{plain(title)}` is no "
+                        f"{name}, line {number}: `{plain_name(cell)}` in column `{plain_name(title)}` is no "
                         f"{'date' if date else 'number'}; leave out this line, or correct it"
                     ) from None
         raise DefinitionError(f"{name} is not a table of numbers: {str(error).partition(chr(10))[0]}") from None
@@ -246,7 +246,7 @@ def _joint_names(path: Path, source: str) -> tuple[str, ...]:
     title, orders = parquet.read_text_lists(path, ("name", "joint_names"))
     if len(orders) > 1:
         raise DefinitionError(
-            f"{source}: the names in column `{plain(title)}` differ from row to row: write a column "
+            f"{source}: the names in column `{plain_name(title)}` differ from row to row: write a column "
             "for each joint, such as `elbow.position`"
         )
     return next(iter(orders), ())
@@ -257,7 +257,7 @@ def _parquet_numbers(column: Any, title: str, name: str, *, is_time: bool) -> tu
     import pyarrow as pa
     import pyarrow.compute as pc
 
-    where = f"{name}: column `{plain(title)}`"
+    where = f"{name}: column `{plain_name(title)}`"
     if column.null_count:
         row = int(pc.index(pc.is_null(column), True).as_py()) + 1
         raise DefinitionError(
@@ -272,7 +272,7 @@ def _parquet_numbers(column: Any, title: str, name: str, *, is_time: bool) -> tu
             raise DefinitionError(f"{where} has times ({kind}), where numbers are needed")
         ticks = column.cast(pa.int64()).to_numpy()
         seconds = (ticks - ticks[:1]) * TIME_UNITS[kind.unit]
-        return seconds, f"the times in `{plain(title)}` are {kind}: they are counted from the first one"
+        return seconds, f"the times in `{plain_name(title)}` are {kind}: they are counted from the first one"
     if pa.types.is_integer(kind) or pa.types.is_floating(kind):
         numbers = column.to_numpy()
         if is_time and pa.types.is_integer(kind) and len(numbers) and abs(int(numbers[0])) > 2**53:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from slidax.core.errors import DefinitionError, nearest_word, plain, short_repr
+from slidax.core.errors import DefinitionError, nearest_word, plain_name, short_repr
 
 FEWEST = 200
 """Samples that a log must have."""
@@ -142,7 +142,8 @@ class ReadOptions:
         for quantity in self.columns:
             if quantity not in QUANTITIES:
                 raise DefinitionError(
-                    f"`columns` has the quantity `{plain(quantity)}`, but there are only `t`, `q`, `dq` and `tau`: "
+                    f"`columns` has the quantity `{plain_name(quantity)}`, but there are only `t`, `q`, `dq` and "
+                    "`tau`: "
                     "write it such as `q=position,tau=effort`"
                 )
         for needed in ("t", "q", "tau"):
@@ -169,7 +170,7 @@ def parse_columns(texts: Sequence[str]) -> dict[str, str | list[str]]:
                 columns[quantity].append(part.strip())
             if not quantity or not columns[quantity][-1]:
                 raise DefinitionError(
-                    f"`--columns {plain(text)}` needs the form QUANTITY=COLUMN, such as `q=position,tau=effort`"
+                    f"`--columns {plain_name(text)}` needs the form QUANTITY=COLUMN, such as `q=position,tau=effort`"
                 )
     return {quantity: words[0] if len(words) == 1 else words for quantity, words in columns.items()}
 

@@ -144,14 +144,14 @@ def unknowns_of(
         scale=np.array(scale),
         positive=np.array(positive),
         bodies=tuple(bodies),
-        counts=moving(signals) & ~ignored,
+        counts=mark_moving(signals) & ~ignored,
     )
 
 
 BODY_NAMES = ("mass", "moment.x", "moment.y", "moment.z", "xx", "yy", "zz", "xy", "xz", "yz")
 
 
-def moving(signals: LogSignals) -> np.ndarray:
+def mark_moving(signals: LogSignals) -> np.ndarray:
     """True where a joint slides for as long as the filter feels, and for all of a joint that stands [k n]."""
     dq = signals.motion.dq
     largest = np.maximum(np.abs(dq).max(axis=0), STANDS)

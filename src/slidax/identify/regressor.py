@@ -141,11 +141,11 @@ def body_of_parameters(phi: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
     if mass <= 0:
         return 0.0, np.zeros(3), np.zeros((3, 3))
     center = phi[1:4] / mass
-    about = symmetric(phi[4:])
+    about = symmetric_matrix(phi[4:])
     return mass, center, about - mass * (center @ center * np.eye(3) - np.outer(center, center))
 
 
-def symmetric(entries: np.ndarray) -> np.ndarray:
+def symmetric_matrix(entries: np.ndarray) -> np.ndarray:
     """The symmetric matrix of xx, yy, zz, xy, xz, yz, [3 3].
 
     - `entries`: [6].

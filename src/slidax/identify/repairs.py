@@ -51,7 +51,7 @@ class Repair:
         return self.match.score + EACH * self.joints
 
 
-def improve(
+def improve_entries(
     start: np.ndarray,
     match_of: Callable[[np.ndarray], TorqueMatch],
     others: Callable[[np.ndarray], Iterator[np.ndarray]],
@@ -145,7 +145,9 @@ def position_signs(robot: Articulated, sample: TorqueSample, conventions: Conven
     same = np.arange(n)
     ones, zero = np.ones(n), np.zeros(n)
     for start in (ones, -ones):
-        sign, match = improve(start, lambda sign: match_torques(robot, sample.with_positions(same, sign, zero)), flips)
+        sign, match = improve_entries(
+            start, lambda sign: match_torques(robot, sample.with_positions(same, sign, zero)), flips
+        )
         if (sign < 0).any():
             yield Repair(
                 f"the opposite direction of the positions of {joint_list(robot, sign < 0)}",
@@ -175,7 +177,7 @@ def joint_orders(robot: Articulated, sample: TorqueSample, conventions: Conventi
         else:
             alphabetical = np.argsort(robot.joint_names)
             others = (np.arange(n)[::-1], alphabetical, np.argsort(alphabetical))
-            tried = [improve(np.arange(n), match_of, exchanges)]
+            tried = [improve_entries(np.arange(n), match_of, exchanges)]
             tried += [(order, match_of(order)) for order in others]
         order, match = min(tried, key=lambda pair: pair[1].score)
         if (order != np.arange(n)).any():
@@ -218,7 +220,7 @@ def position_zeros(robot: Articulated, sample: TorqueSample, conventions: Conven
                 other[joint] = (offset[joint] + turn + np.pi) % (2.0 * np.pi) - np.pi
                 yield other
 
-    zeros, match = improve(zero, match_of, others)
+    zeros, match = improve_entries(zero, match_of, others)
     if not zeros.any():
         return
     for joint in np.nonzero(zeros)[0]:
@@ -314,7 +316,7 @@ def torque_signs(
         return match_rigid_torques(rigid, sample.with_torques(same, sign))
 
     for start in (np.ones(n), -np.ones(n)):
-        sign, match = improve(start, match_of, flips)
+        sign, match = improve_entries(start, match_of, flips)
         if (sign < 0).any():
             yield Repair(
                 f"the opposite sign for {joint_list(robot, sign < 0)}",

@@ -74,7 +74,7 @@ class Reaching(Protocol):
         """
 
 
-class _Search(eqx.Module):
+class _ProximalSearch(eqx.Module):
     s: Vector
     size: Scalar
     direction: Vector
@@ -148,13 +148,13 @@ def _solve_proximal_step(reaching: Any, metric: Matrix, s: Vector, u: Scalar) ->
         start = solve_symmetric(metric + share * jnp.eye(s.shape[0]), target)
         tolerance = PRECISION * (1.0 + size)
 
-        def unfinished(now: _Search) -> jax.Array:
+        def unfinished(now: _ProximalSearch) -> jax.Array:
             return (now.size > tolerance) & (now.step < STEPS)
 
         def direction_from(s: Vector, careful: Bool[Array, ""]) -> tuple[Vector, Scalar]:
             return _direction(reaching, metric, target, u, s, careful)
 
-        def step(now: _Search) -> _Search:
+        def step(now: _ProximalSearch) -> _ProximalSearch:
             change = now.fraction * now.direction
             candidate = jnp.where(now.careful, now.s + change, reaching.moved(now.s, change))
             direction, length = direction_from(candidate, jnp.zeros((), bool))
@@ -166,7 +166,7 @@ def _solve_proximal_step(reaching: Any, metric: Matrix, s: Vector, u: Scalar) ->
                 lambda: direction_from(now.s, jnp.ones((), bool))[0],
                 lambda: jnp.where(better, direction, now.direction),
             )
-            return _Search(
+            return _ProximalSearch(
                 s=jnp.where(better, candidate, now.s),
                 size=jnp.where(better, length, now.size),
                 direction=direction,
@@ -176,7 +176,7 @@ def _solve_proximal_step(reaching: Any, metric: Matrix, s: Vector, u: Scalar) ->
             )
 
         direction, length = direction_from(start, jnp.zeros((), bool))
-        first = _Search(start, length, direction, jnp.ones(()), jnp.zeros((), bool), jnp.zeros((), int))
+        first = _ProximalSearch(start, length, direction, jnp.ones(()), jnp.zeros((), bool), jnp.zeros((), int))
         return jax.lax.while_loop(unfinished, step, first).s
 
     held = (layer <= 0.0) & (size <= u)

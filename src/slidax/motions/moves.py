@@ -14,7 +14,7 @@ import numpy as np
 from slidax.arms.chain import Pose, numbers, unit_quaternion
 from slidax.arms.curves import AbstractCurve, Array, Helix, Spline, standing
 from slidax.arms.rotations import angle_between, axis_and_angle, matrix_of
-from slidax.core.errors import DefinitionError, each_of, plain
+from slidax.core.errors import DefinitionError, each_of, plain_name
 
 from .splines import quintic_spline
 from .table import TIME_UNITS
@@ -357,7 +357,7 @@ class Through(AbstractMove):
         header = [title.casefold() for title, _ in named]
         wanted = COLUMNS if "qw" in header else COLUMNS[:3]
         mistakes = [f"`{column}` is missing" for column in wanted if column not in header]
-        mistakes += [f"`{plain(title)}` is none of them" for title in header if title not in (*wanted, "time")]
+        mistakes += [f"`{plain_name(title)}` is none of them" for title in header if title not in (*wanted, "time")]
         mistakes += [f"`{title}` is there twice" for title in header if header.count(title) > 1]
         if mistakes:
             raise DefinitionError(
@@ -371,7 +371,9 @@ class Through(AbstractMove):
             known = TIME_UNITS if kind == "time" else LENGTHS if kind in COLUMNS[:3] else {"": 1.0, "1": 1.0}
             if unit is not None and unit not in known:
                 words = ", ".join(unit_name for unit_name in known if unit_name)
-                raise DefinitionError(f"{where}, column `{plain(titles[column])}`: the unit must be one of {words}")
+                raise DefinitionError(
+                    f"{where}, column `{plain_name(titles[column])}`: the unit must be one of {words}"
+                )
             values[:, column] *= 1.0 if unit is None else known[unit]
         times = values[:, header.index("time")] if "time" in header else None
         return Through(poses=values[:, [header.index(column) for column in wanted]], times=times)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slidax.core.errors import DefinitionError, each_of, plain, short_repr
+from slidax.core.errors import DefinitionError, each_of, plain_name, short_repr
 from slidax.core.files import parse_json, read_bytes, read_text
 from slidax.core.tables import TableFormat, is_number, lines_of, rows_of, table_format
 
@@ -123,7 +123,7 @@ def numbers_in(
             raise DefinitionError(f"{name} has more than {most} rows: leave some of them out")
         rows.append(line)
         for column, cell in enumerate(row):
-            numbers.append(_number(cell, f"{name}, line {line}, column `{plain(header[column])}`"))
+            numbers.append(_number(cell, f"{name}, line {line}, column `{plain_name(header[column])}`"))
     return np.array(numbers, dtype=float).reshape(len(rows), len(header)), rows
 
 
@@ -141,11 +141,11 @@ def _plain_unit(unit: str) -> str:
 
 def _number(cell: str, where: str) -> float:
     if not is_number(cell):
-        reason = f"`{plain(cell)}` is not a number" if cell else "there is no number"
+        reason = f"`{plain_name(cell)}` is not a number" if cell else "there is no number"
         raise DefinitionError(f"{where}: {reason}")
     number = float(cell)
     if not np.isfinite(number):
-        raise DefinitionError(f"{where}: `{plain(cell)}` is not a finite number")
+        raise DefinitionError(f"{where}: `{plain_name(cell)}` is not a finite number")
     return number
 
 

@@ -7,7 +7,7 @@ Begin with `examples.py`, the schemes and runs, and `printed.py`, the printed va
 
 from .printed import DOI as DOI
 from .printed import TITLE as TITLE
-from .printed import Verdict as Verdict
-from .printed import below as below
-from .printed import compare as compare
+from .printed import PrintedComparison as PrintedComparison
+from .printed import compare_limit as compare_limit
+from .printed import compare_printed as compare_printed
 from .reproduce import reproduce as reproduce

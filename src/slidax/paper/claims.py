@@ -20,13 +20,13 @@ from .numbers import (
     energy_share,
     expected_error,
     inverse_inertia,
+    printed_steady_error,
     settling_bound,
-    steady_error,
-    step_ratio,
     table_3,
+    torque_step_ratio,
     worst_after_deadline,
 )
-from .printed import REPRODUCED, STEADY_LIMIT, TABLE_3, Verdict, claim, unchecked
+from .printed import REPRODUCED, STEADY_LIMIT, TABLE_3, PrintedComparison, claim, mark_unchecked
 
 CONTINUOUS = "the torque is continuous and free of chattering"
 
@@ -42,7 +42,7 @@ class Claim:
     place: str
     says: str
     evidence: dict[str, str]
-    verdicts: dict[str, Verdict]
+    verdicts: dict[str, PrintedComparison]
 
 
 def claims(runs: Runs) -> list[Claim]:
@@ -53,7 +53,7 @@ def claims(runs: Runs) -> list[Claim]:
     return [make(runs, example) for make in (_inside, _settled, _continuous) for example in EXAMPLES]
 
 
-def promises(runs: Runs) -> list[Claim]:
+def parameter_claims(runs: Runs) -> list[Claim]:
     """Return the claims about the parameters, for any disturbance.
 
     - `runs`: for their scenarios.
@@ -90,7 +90,7 @@ def promises(runs: Runs) -> list[Claim]:
 def _inside(runs: Runs, example: str) -> Claim:
     figure = {"4.1": "Fig. 3", "4.2": "Fig. 7(a)"}[example]
     evidence: dict[str, str] = {}
-    verdicts: dict[str, Verdict] = {}
+    verdicts: dict[str, PrintedComparison] = {}
     for reading in runs.readings:
         run = runs[Case(example, reading)]
         outside, margin = analysis.envelope_violations(run), analysis.envelope_margin(run)
@@ -104,12 +104,12 @@ def _inside(runs: Runs, example: str) -> Claim:
 
 def _settled(runs: Runs, example: str) -> Claim:
     evidence: dict[str, str] = {}
-    verdicts: dict[str, Verdict] = {}
+    verdicts: dict[str, PrintedComparison] = {}
     for reading in runs.readings:
         case = Case(example, reading)
         worst = worst_after_deadline(runs.scenarios[case], runs[case])
         if worst is None:
-            evidence[reading], verdicts[reading] = "–", unchecked("the run ends before T")
+            evidence[reading], verdicts[reading] = "–", mark_unchecked("the run ends before T")
             continue
         times = ", ".join(significant(time, 3) for time in analysis.settling_time(runs[case], 1e-3))
         evidence[reading] = (
@@ -123,10 +123,10 @@ def _settled(runs: Runs, example: str) -> Claim:
 def _continuous(runs: Runs, example: str) -> Claim:
     figure = {"4.1": "Fig. 4", "4.2": "Fig. 10"}[example]
     evidence: dict[str, str] = {}
-    verdicts: dict[str, Verdict] = {}
+    verdicts: dict[str, PrintedComparison] = {}
     for reading in runs.readings:
         case = Case(example, reading)
-        steps, ways = step_ratio(runs[case], runs[case.halved])
+        steps, ways = torque_step_ratio(runs[case], runs[case.halved])
         largest = analysis.max_torque_step(runs[case])
         unit = runs.scenarios[case].plant.robot.torque_units[int(np.argmax(largest))]
         evidence[reading] = (
@@ -150,7 +150,7 @@ PRINTED_ALPHA = 0.2
 QUANTITIES = ("settling_time", "steady_error", "peak_torque")
 
 
-def compared(runs: Runs) -> list[dict[str, Any]]:
+def compare_schemes(runs: Runs) -> list[dict[str, Any]]:
     """Every scheme's metrics, with the boundary layer as listed and with the other one.
 
     - `runs`: all runs.
@@ -299,7 +299,7 @@ def layers(runs: Runs, scheme: str) -> dict[str, Any]:
     return {"layer": SCHEMES[scheme].other, **ways}
 
 
-def printed_alpha(runs: Runs) -> dict[str, Any]:
+def run_with_printed_alpha(runs: Runs) -> dict[str, Any]:
     """Run of ANFTSMC with the printed α, which the class refuses and which is set without its check.
 
     - `runs`: all runs.
@@ -357,7 +357,8 @@ def findings(runs: Runs) -> dict[str, Any]:
     - `runs`: all runs.
     """
     accuracy = {
-        reading: steady_error(runs[Case("4.2", reading)]) if reading in runs.readings else None for reading in READINGS
+        reading: printed_steady_error(runs[Case("4.2", reading)]) if reading in runs.readings else None
+        for reading in READINGS
     }
     printed = {item.quantity: list(item.values) for item in TABLE_3[PROPOSED]}
     first = runs.readings[0]
@@ -373,17 +374,17 @@ def findings(runs: Runs) -> dict[str, Any]:
         "sampling": [_sampled(runs, case) for case in runs.sampled],
         "inertia": {example: inverse_inertia(runs.scenarios[Case(example, first)]) for example in EXAMPLES},
         "bounds": {example: settling_bound(runs.scenarios[Case(example, first)]) for example in EXAMPLES},
-        "compared": compared(runs),
+        "compared": compare_schemes(runs),
         "bands": bands(runs),
         "sensitivity": sensitivity(runs),
         "settling_bounds": settling_bounds(runs),
         "jumps": jumps(runs),
-        "alpha": printed_alpha(runs),
+        "alpha": run_with_printed_alpha(runs),
         "energy": energy(runs),
         "ftsmc": layers(runs, "ftsmc"),
         "nftsmc_layer": SCHEMES["nftsmc"].other,
         "rows": {
-            reading: {case.name: steady_error(runs[case]) for case in runs.compared("4.2", reading).values()}
+            reading: {case.name: printed_steady_error(runs[case]) for case in runs.compared("4.2", reading).values()}
             for reading in runs.readings
         },
         "last_above_1e-3": max(
@@ -404,7 +405,7 @@ def _truncation(runs: Runs) -> dict[str, list[float]] | None:
     if "off" not in runs.readings:
         return None
     case = Case("4.2", "off")
-    whole, half = steady_error(runs[case]), steady_error(runs[case.halved])
+    whole, half = printed_steady_error(runs[case]), printed_steady_error(runs[case.halved])
     if whole is None or half is None:
         return None
     return {"step": whole, "half": half, "factor": (np.asarray(whole) / np.asarray(half)).tolist()}

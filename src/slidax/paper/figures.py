@@ -26,7 +26,7 @@ BARS = (
 )
 
 
-def of_two_links(runs: Runs) -> Drawn:
+def draw_two_links(runs: Runs) -> Drawn:
     """Figs. 3 to 5, Example 4.1.
 
     - `runs`: all runs.
@@ -64,7 +64,7 @@ def of_two_links(runs: Runs) -> Drawn:
     ]
 
 
-def of_three_joints(runs: Runs) -> Drawn:
+def draw_three_joints(runs: Runs) -> Drawn:
     """Figs. 8 to 14, Example 4.2.
 
     - `runs`: all runs.
@@ -152,7 +152,7 @@ def draw(runs: Runs, folder: Path) -> dict[str, Picture]:
             figures.tracking_error(runs[two]),
             f"Example 4.1, tracking errors, {how}: {IN_ENVELOPES}.",
         ),
-        *of_two_links(runs),
+        *draw_two_links(runs),
         (
             "fig-7a",
             "Fig. 7(a)",
@@ -160,7 +160,7 @@ def draw(runs: Runs, folder: Path) -> dict[str, Picture]:
             f"Example 4.2, tracking errors, {how}: {IN_ENVELOPES}.",
         ),
         ("fig-7b", "Fig. 7(b)", _sizes(runs), _sizes_caption(runs)),
-        *of_three_joints(runs),
+        *draw_three_joints(runs),
     ]
     left = [case for case in runs.sampled if case.mode == "held" and not runs[case].outcome.ok]
     if left:

@@ -26,7 +26,17 @@ from slidax.simulation.run import Run
 from . import printed
 from . import printed as indices
 from .examples import SCHEMES, Case, Reading, Runs
-from .printed import CLOSE, ENERGY_SHARE, STEADY_LIMIT, TABLE_3, Printed, Verdict, below, compare, incomparable
+from .printed import (
+    CLOSE,
+    ENERGY_SHARE,
+    STEADY_LIMIT,
+    TABLE_3,
+    Printed,
+    PrintedComparison,
+    compare_limit,
+    compare_printed,
+    mark_incomparable,
+)
 
 
 class Parts(NamedTuple):
@@ -162,7 +172,7 @@ def expected_error(scenario: Scenario, run: Run) -> list[float] | None:
     return [float(error) for error in errors]
 
 
-def steady_error(run: Run) -> list[float] | None:
+def printed_steady_error(run: Run) -> list[float] | None:
     """`max |e|` over the logged second half of the run, [n]: in Example 4.2 the last full period of the motion.
 
     - `run`: a finished run with a log.
@@ -183,7 +193,7 @@ def table_3(run: Run, quantity: str, band: float) -> list[float | None]:
     - `band`: settling band, rad or m.
     """
     if quantity == "steady_error":
-        errors = steady_error(run)
+        errors = printed_steady_error(run)
         return [None] * len(run.joint_units) if errors is None else [*errors]
     values = analysis.settling_time(run, band) if quantity == "settling_time" else analysis.peak_torque(run)
     # Still outside the band at the end: the run has no such time.
@@ -207,7 +217,7 @@ def worst_after_deadline(scenario: Scenario, run: Run) -> list[float] | None:
     return [float(sizes[t >= deadline[i], i].max() / final[i]) for i in range(run.joints)]
 
 
-def step_ratio(run: Run, halved: Run) -> tuple[list[float], list[float]]:
+def torque_step_ratio(run: Run, halved: Run) -> tuple[list[float], list[float]]:
     """Effect of halving the step: the largest torque step over the one before, and AICE likewise, [n] each.
 
     For a continuous torque the first is about 1/2 and the second about 1; for one that chatters, both are not.
@@ -259,7 +269,7 @@ class Row:
     printed: str
     compared_with: str
     computed: Values
-    verdicts: dict[str, Verdict]
+    verdicts: dict[str, PrintedComparison]
 
 
 def numbers(runs: Runs) -> list[Row]:
@@ -304,18 +314,18 @@ def _joints(runs: Runs, scheme: str, item: Printed) -> list[Row]:
     ]
 
 
-def _judged(runs: Runs, case: Case, item: Printed, band: float) -> list[tuple[float | None, Verdict]]:
+def _judged(runs: Runs, case: Case, item: Printed, band: float) -> list[tuple[float | None, PrintedComparison]]:
     run = runs[case]
     values = table_3(run, item.quantity, band)
     verdicts = [
-        compare(printed, value, _absent(run, item.quantity, band))
+        compare_printed(printed, value, _absent(run, item.quantity, band))
         for printed, value in zip(item.values, values, strict=True)
     ]
     if item.quantity == "peak_torque":
         growth, first = chatter(run, runs[case.halved]), analysis.initial_torque(run)
         # A peak at the start comes before any chattering.
         verdicts = [
-            verdict if way is None or value == float(start) else incomparable(_growing(way))
+            verdict if way is None or value == float(start) else mark_incomparable(_growing(way))
             for verdict, way, value, start in zip(verdicts, growth, values, first, strict=True)
         ]
     return list(zip(values, verdicts, strict=True))
@@ -325,15 +335,15 @@ def _growing(way: float) -> str:
     return f"chatters (AICE × {significant(way, 2)})"
 
 
-def _absent(run: Run, quantity: str, band: float) -> Verdict | None:
+def _absent(run: Run, quantity: str, band: float) -> PrintedComparison | None:
     """A run that reached its end without settling does not lack a settling time: it differs."""
     if quantity == "settling_time" and run.outcome.ok:
-        return Verdict("differs", f"differs: still above {significant(band, 1)} at the end")
+        return PrintedComparison("differs", f"differs: still above {significant(band, 1)} at the end")
     return None
 
 
 def _limit(runs: Runs) -> Row:
-    errors = {reading: steady_error(runs[Case("4.2", reading)]) for reading in runs.readings}
+    errors = {reading: printed_steady_error(runs[Case("4.2", reading)]) for reading in runs.readings}
     worst: Values = {reading: None if joints is None else max(joints) for reading, joints in errors.items()}
     return Row(
         "CFTSMPPC",
@@ -345,21 +355,21 @@ def _limit(runs: Runs) -> Row:
         f"< {STEADY_LIMIT}",
         "largest |e| over the second half of the run",
         worst,
-        {reading: below(float(STEADY_LIMIT), value) for reading, value in worst.items()},
+        {reading: compare_limit(float(STEADY_LIMIT), value) for reading, value in worst.items()},
     )
 
 
 def _energy(runs: Runs, layered: bool) -> Row:
     computed: Values = {}
-    verdicts: dict[str, Verdict] = {}
+    verdicts: dict[str, PrintedComparison] = {}
     for reading in runs.readings:
         rival = _nftsmc(reading, layered)
         value = energy_share(runs, reading, layered)
-        computed[reading], verdicts[reading] = value, compare(float(ENERGY_SHARE), value)
+        computed[reading], verdicts[reading] = value, compare_printed(float(ENERGY_SHARE), value)
         if not layered:
             ways = [way for way in chatter(runs[rival], runs[rival.halved]) if way is not None]
             if ways:
-                verdicts[reading] = incomparable("NFTSMC " + _growing(max(ways)))
+                verdicts[reading] = mark_incomparable("NFTSMC " + _growing(max(ways)))
     return Row(
         "CFTSMPPC",
         "energy",

@@ -138,7 +138,7 @@ KINDS: tuple[Kind, ...] = ("reproduced", "close", "differs", "unchecked")
 
 
 @dataclass(frozen=True)
-class Verdict:
+class PrintedComparison:
     """The result of a comparison.
 
     - `kind`: "reproduced", "close", "differs" or "unchecked".
@@ -149,7 +149,9 @@ class Verdict:
     text: str
 
 
-def compare(printed: float, computed: float | None, absent: Verdict | None = None) -> Verdict:
+def compare_printed(
+    printed: float, computed: float | None, absent: PrintedComparison | None = None
+) -> PrintedComparison:
     """The verdict on a printed number: reproduced within 5 %, close within 20 %, else it differs by a factor.
 
     - `printed`: > 0.
@@ -157,50 +159,50 @@ def compare(printed: float, computed: float | None, absent: Verdict | None = Non
     - `absent`: the verdict if there is none.
     """
     if computed is None or not math.isfinite(computed):
-        return absent or unchecked("the run has no such value")
+        return absent or mark_unchecked("the run has no such value")
     deviation = abs(computed / printed - 1.0)
     if deviation <= REPRODUCED + 1e-12:
-        return Verdict("reproduced", f"reproduced within {_percent(deviation)}")
+        return PrintedComparison("reproduced", f"reproduced within {_percent(deviation)}")
     if deviation <= CLOSE + 1e-12:
-        return Verdict("close", f"close: {_percent(deviation)} {'above' if computed > printed else 'below'}")
-    return Verdict("differs", f"differs: {significant(computed / printed, 2)} times printed")
+        return PrintedComparison("close", f"close: {_percent(deviation)} {'above' if computed > printed else 'below'}")
+    return PrintedComparison("differs", f"differs: {significant(computed / printed, 2)} times printed")
 
 
-def below(limit: float, computed: float | None) -> Verdict:
+def compare_limit(limit: float, computed: float | None) -> PrintedComparison:
     """The verdict on a printed limit: reproduced if the computed value is below it.
 
     - `limit`: > 0.
     - `computed`: what must be below; None or not finite if there is none.
     """
     if computed is None or not math.isfinite(computed):
-        return unchecked("the run has no such value")
+        return mark_unchecked("the run has no such value")
     if computed < limit:
-        return Verdict("reproduced", f"holds: {significant(computed, 2)} is below")
-    return Verdict("differs", f"does not hold: {significant(computed / limit, 2)} times the limit")
+        return PrintedComparison("reproduced", f"holds: {significant(computed, 2)} is below")
+    return PrintedComparison("differs", f"does not hold: {significant(computed / limit, 2)} times the limit")
 
 
-def claim(holds: bool) -> Verdict:
+def claim(holds: bool) -> PrintedComparison:
     """The verdict on a statement that is true or not.
 
     - `holds`: whether it is.
     """
-    return Verdict("reproduced", "holds") if holds else Verdict("differs", "does not hold")
+    return PrintedComparison("reproduced", "holds") if holds else PrintedComparison("differs", "does not hold")
 
 
-def unchecked(why: str) -> Verdict:
+def mark_unchecked(why: str) -> PrintedComparison:
     """The verdict where there is nothing to compare.
 
     - `why`: the reason.
     """
-    return Verdict("unchecked", f"cannot be checked: {why}")
+    return PrintedComparison("unchecked", f"cannot be checked: {why}")
 
 
-def incomparable(why: str) -> Verdict:
+def mark_incomparable(why: str) -> PrintedComparison:
     """The verdict where the computed number is an accident of the computation.
 
     - `why`: the reason.
     """
-    return Verdict("unchecked", f"not compared: {why}")
+    return PrintedComparison("unchecked", f"not compared: {why}")
 
 
 def _percent(fraction: float) -> str:

@@ -19,11 +19,11 @@ from slidax.report.page import machine, render, versions
 from slidax.scenarios.yaml_text import as_yaml
 
 from . import printed
-from .claims import CONTINUOUS, Claim, claims, findings, promises
+from .claims import CONTINUOUS, Claim, claims, findings, parameter_claims
 from .examples import EXAMPLES, PROPOSED, READINGS, SCHEMES, Case, Progress, Reading, Runs, simulate_all
 from .figures import draw
 from .numbers import Row, numbers
-from .printed import CLOSE, DOI, JOURNAL, KINDS, NOT_COVERED, REPRODUCED, TITLE, Verdict
+from .printed import CLOSE, DOI, JOURNAL, KINDS, NOT_COVERED, REPRODUCED, TITLE, PrintedComparison
 
 
 def counts(rows: list[Row], claims: list[Claim]) -> dict[str, dict[str, int]]:
@@ -31,7 +31,7 @@ def counts(rows: list[Row], claims: list[Claim]) -> dict[str, dict[str, int]]:
 
     - `rows`, `claims`: with a verdict for each reading.
     """
-    result: dict[str, list[Verdict]] = {}
+    result: dict[str, list[PrintedComparison]] = {}
     for verdicts in [item.verdicts for item in rows] + [item.verdicts for item in claims]:
         for reading, verdict in verdicts.items():
             result.setdefault(reading, []).append(verdict)
@@ -39,7 +39,7 @@ def counts(rows: list[Row], claims: list[Claim]) -> dict[str, dict[str, int]]:
     return {reading: {kind: tally[kind] for kind in KINDS} for reading, tally in tallies.items()}
 
 
-def shown(runs: Runs, rows: list[Row], claims: list[Claim]) -> dict[str, Any]:
+def select_sentences(runs: Runs, rows: list[Row], claims: list[Claim]) -> dict[str, Any]:
     """Which of the report's sentences the verdicts bear out.
 
     - `runs`: all runs.
@@ -71,17 +71,17 @@ def run_results(runs: Runs) -> list[dict[str, Any]]:
     return [_run_result(case, runs) for case in runs.runs]
 
 
-def plain(value: Any) -> Any:
+def to_json_value(value: Any) -> Any:
     """The value as JSON has it: dataclasses become mappings, and what is not finite becomes null.
 
     - `value`: mappings, lists, dataclasses of this package, numbers and text.
     """
-    if isinstance(value, Row | Claim | Verdict):
-        return plain(asdict(value))
+    if isinstance(value, Row | Claim | PrintedComparison):
+        return to_json_value(asdict(value))
     if isinstance(value, dict):
-        return {str(key): plain(entry) for key, entry in value.items()}
+        return {str(key): to_json_value(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(entry) for entry in value]
+        return [to_json_value(entry) for entry in value]
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     return value
@@ -133,7 +133,7 @@ def reproduce(
 
     runs = simulate_all(CHOICES[disturbance], changes or {}, lambda stage, done: tell(stage, SIMULATING * done))
     tell("Comparing with the paper", SIMULATING)
-    rows, text, promised, result = numbers(runs), claims(runs), promises(runs), findings(runs)
+    rows, text, promised, result = numbers(runs), claims(runs), parameter_claims(runs), findings(runs)
     tell("Drawing the figures", SIMULATING + 0.03)
     pictures = draw(runs, out / "figures")
     tell("Writing the report", 0.97)
@@ -157,13 +157,13 @@ def reproduce(
         "figures": [f"figures/{name}.svg" for name in pictures],
         "not_covered": list(NOT_COVERED),
     }
-    data: dict[str, Any] = plain(results)
+    data: dict[str, Any] = to_json_value(results)
     write_text(out / "results.json", json.dumps(data, indent=1, allow_nan=False) + "\n")
     scenarios = {example: runs.scenarios[Case(example, runs.readings[0])] for example in EXAMPLES}
     page = {
         **data,
         "pictures": pictures,
-        "shown": shown(runs, rows, text),
+        "shown": select_sentences(runs, rows, text),
         "scenarios": scenarios,
         "parameters": {example: as_yaml(scenario.description) for example, scenario in scenarios.items()},
     }

@@ -52,7 +52,7 @@ class Samples:
         return (np.asarray(last) >= self.t - spare) & (np.asarray(first) <= self.t + self.period + spare)
 
 
-def largest(lower: Any, upper: Any) -> Floats:
+def largest_size(lower: Any, upper: Any) -> Floats:
     """The largest size of any number between two.
 
     - `lower`, `upper`: the ends.
@@ -138,7 +138,7 @@ class Scaled(AbstractDisturbance):
 
     def off_chord(self, upper: Any, samples: Samples) -> Floats:
         """The factor's largest size times the bound of the scaled disturbance."""
-        factor = largest(self.factor, upper.factor)
+        factor = largest_size(self.factor, upper.factor)
         if not factor.any():
             return np.zeros(samples.q.shape)
         return factor * self.disturbance.off_chord(upper.disturbance, samples)
@@ -180,7 +180,7 @@ class Step(AbstractDisturbance):
     def off_chord(self, upper: Any, samples: Samples) -> Floats:
         """|c| in each period with a possible jump inside or at its end; else zero."""
         jumps = samples.jumps(self.start, upper.start) | samples.jumps(self.end, upper.end)
-        return jumps[:, None] * largest(self.value, upper.value)
+        return jumps[:, None] * largest_size(self.value, upper.value)
 
 
 class Harmonic(AbstractDisturbance):
@@ -198,8 +198,8 @@ class Harmonic(AbstractDisturbance):
 
     def off_chord(self, upper: Any, samples: Samples) -> Floats:
         """`|a| min(ω² h²/8, 2)`: `h²/8` times its largest second derivative, and never more than from peak to peak."""
-        angle = largest(self.frequency, upper.frequency) * samples.period
-        bound: Floats = largest(self.amplitude, upper.amplitude) * np.minimum(angle**2 / 8.0, 2.0)
+        angle = largest_size(self.frequency, upper.frequency) * samples.period
+        bound: Floats = largest_size(self.amplitude, upper.amplitude) * np.minimum(angle**2 / 8.0, 2.0)
         return np.broadcast_to(bound, samples.q.shape)
 
 
@@ -230,7 +230,7 @@ class Friction(AbstractDisturbance):
         `max |tanh''| = 4/(3 √3)`. Viscous friction is as straight as the velocity.
         """
         x = samples.turn / np.asarray(self.smoothing)
-        return largest(self.coulomb, upper.coulomb) * np.minimum(np.minimum(BEND * x * x / 8.0, x), 2.0)
+        return largest_size(self.coulomb, upper.coulomb) * np.minimum(np.minimum(BEND * x * x / 8.0, x), 2.0)
 
 
 class ElasticStop(AbstractDisturbance):
@@ -254,6 +254,6 @@ class ElasticStop(AbstractDisturbance):
         """Largest change of the force in a period in which the joint may touch the surface; else zero."""
         deepest = np.maximum(0.0, samples.q + samples.way - np.asarray(self.position))
         fastest = np.abs(samples.dq) + samples.turn
-        damping, stiffness = largest(self.damping, upper.damping), largest(self.stiffness, upper.stiffness)
+        damping, stiffness = largest_size(self.damping, upper.damping), largest_size(self.stiffness, upper.stiffness)
         moved = np.minimum(samples.way, deepest) * (1.0 + damping * fastest)
         return stiffness * (moved + deepest * damping * samples.turn)

@@ -39,7 +39,7 @@ def _key(seed: Int[Array, ""], stream: int, k: Int[Array, ""]) -> Key[Array, ""]
     return jax.random.fold_in(jax.random.fold_in(jax.random.key(seed), stream), k)
 
 
-def normal(seed: Int[Array, ""], stream: int, k: Int[Array, ""], shape: tuple[int, ...]) -> Float[Array, "..."]:
+def draw_normal(seed: Int[Array, ""], stream: int, k: Int[Array, ""], shape: tuple[int, ...]) -> Float[Array, "..."]:
     """Independent numbers with mean 0 and standard deviation 1.
 
     - `stream`: number for the kind of sensor.
@@ -49,7 +49,7 @@ def normal(seed: Int[Array, ""], stream: int, k: Int[Array, ""], shape: tuple[in
     return jax.random.normal(_key(seed, stream, k), shape, float)
 
 
-def uniform(seed: Int[Array, ""], stream: int, k: Int[Array, ""]) -> Float[Array, ""]:
+def draw_uniform(seed: Int[Array, ""], stream: int, k: Int[Array, ""]) -> Float[Array, ""]:
     """A uniform random number in [0, 1).
 
     - `stream`: number for the kind of sensor.

@@ -15,7 +15,7 @@ from slidax.core.parameter import parameter, piece
 from slidax.core.part import AbstractPart
 from slidax.core.types import Memory, PerJoint, Scalar, State, Vector
 
-from .noise import DELAYED, DIFFERENCED_ENCODERS, ENCODERS, LOSSY, as_integer, normal, seed, uniform
+from .noise import DELAYED, DIFFERENCED_ENCODERS, ENCODERS, LOSSY, as_integer, draw_normal, draw_uniform, seed
 
 
 class Measurement(eqx.Module):
@@ -114,7 +114,7 @@ class Encoders(AbstractSensor):
         self, k: Int[Array, ""], state: State, period: Scalar, memory: tuple[()]
     ) -> tuple[Measurement, tuple[()]]:
         """Rounded positions and noisy velocities."""
-        noise = normal(self.seed, ENCODERS, k, (2, *state.q.shape))
+        noise = draw_normal(self.seed, ENCODERS, k, (2, *state.q.shape))
         measured = State(
             q=round_to_resolution(state.q + self.position_noise * noise[0], self.resolution),
             dq=state.dq + self.velocity_noise * noise[1],
@@ -144,7 +144,7 @@ class DifferencedEncoders(AbstractSensor):
 
     def __call__(self, k: Int[Array, ""], state: State, period: Scalar, memory: State) -> tuple[Measurement, State]:
         """Rounded positions, and the velocities that follow from them."""
-        noise = normal(self.seed, DIFFERENCED_ENCODERS, k, state.q.shape)
+        noise = draw_normal(self.seed, DIFFERENCED_ENCODERS, k, state.q.shape)
         q = round_to_resolution(state.q + self.position_noise * noise, self.resolution)
         share = -jnp.expm1(-self.cutoff * period)
         moved = memory.dq + share * ((q - memory.q) / period - memory.dq)
@@ -220,7 +220,7 @@ class Delayed(AbstractSensor):
         """The state at the age of this sample."""
         age = jnp.asarray(self.periods)
         if self.jitter:
-            age = jnp.maximum(age + self.jitter * (uniform(self.seed, DELAYED, k) - 0.5), 0.0)
+            age = jnp.maximum(age + self.jitter * (draw_uniform(self.seed, DELAYED, k) - 0.5), 0.0)
         whole_age = jnp.floor(age)
         later = (k - whole_age.astype(k.dtype)) % self.kept
         earlier = (later - 1) % self.kept
@@ -280,7 +280,7 @@ class Lossy(AbstractSensor):
     def __call__(self, k: Int[Array, ""], state: State, period: Scalar, memory: Arrived) -> tuple[Measurement, Arrived]:
         """Measurement at sample k, or the last one that arrived."""
         measurement, inner = self.sensor(k, state, period, memory.inner)
-        by_chance = uniform(self.seed, LOSSY, k) < self.probability
+        by_chance = draw_uniform(self.seed, LOSSY, k) < self.probability
         since = k.astype(self.starts.dtype) - self.starts
         by_plan = jnp.any((since >= 0) & (since < self.counts))
         fresh = measurement.fresh & ((k == 0) | ~(by_chance | by_plan))

@@ -10,7 +10,7 @@ from typing import Any
 from slidax.core.writing import write_text
 from slidax.scenarios.yaml_text import as_yaml
 from slidax.studies.benchmark.entries import VERSION, BenchmarkEntry
-from slidax.studies.benchmark.ranking import CONFIDENCE, Overall, Ranking, Score, holm, overall, ranking
+from slidax.studies.benchmark.ranking import CONFIDENCE, Overall, Ranking, Score, holm, rank_overall, ranking
 from slidax.studies.benchmark.rounds import RoundResults, TaskResult
 
 from . import figures
@@ -48,7 +48,7 @@ def markdown(
     )
     rows = ["| " + " | ".join(HEAD) + " |", "|---|---|" + "---:|" * (len(HEAD) - 2)]
     rows += ["| " + " | ".join(_cells(each, len(tables))) + " |" for each in summaries]
-    lines = [f"- `{table.task}`: {line}" for table, line in zip(tables, verdicts(tables), strict=True)]
+    lines = [f"- `{table.task}`: {line}" for table, line in zip(tables, summarise_tasks(tables), strict=True)]
     software = ", ".join(f"{name} {number}" for name, number in versions.items())
     return "\n".join(
         [
@@ -66,7 +66,7 @@ def markdown(
     )
 
 
-def verdicts(tables: Sequence[Ranking]) -> list[str]:
+def summarise_tasks(tables: Sequence[Ranking]) -> list[str]:
     """Return a line for each task: the best scheme, and the significance of its lead, by Holm over the tasks."""
     adjusted = holm([table.p_value for table in tables])
     return [_verdict(table, p_value) for table, p_value in zip(tables, adjusted, strict=True)]
@@ -78,7 +78,7 @@ def _verdict(table: Ranking, p_value: float) -> str:
         return "no scheme keeps the tolerance band in any case"
     share = best.interval
     text = (
-        f"**{named(best.entry)}**, {percent(best.inside)} of the cases inside "
+        f"**{name_with_form(best.entry)}**, {percent(best.inside)} of the cases inside "
         f"[{percent(share.lower)}, {percent(share.upper)}]"
     )
     if len(table.scores) < 2:
@@ -86,14 +86,14 @@ def _verdict(table: Ranking, p_value: float) -> str:
     second = table.scores[1]
     sure = "significant" if p_value < 1.0 - CONFIDENCE else "not significant"
     by = f"{table.by}: {_numbers(table.by, best)} to {_numbers(table.by, second)}"
-    return f"{text}; next {named(second.entry)}, by {by}, a difference that is {sure} (p = {p_value:.2g})"
+    return f"{text}; next {name_with_form(second.entry)}, by {by}, a difference that is {sure} (p = {p_value:.2g})"
 
 
 def _numbers(by: str, score: Score) -> str:
     return percent(score.inside) if by == "share inside" else significant(score.medians["steady_error"], 2)
 
 
-def named(entry: BenchmarkEntry) -> str:
+def name_with_form(entry: BenchmarkEntry) -> str:
     """Return a scheme's name with its form."""
     return f"{entry.name} ({entry.form})"
 
@@ -128,13 +128,13 @@ def write_benchmark(results: RoundResults, out: Path, *, seconds: float, command
     out.mkdir(parents=True, exist_ok=True)
     tasks = results.round.tasks
     tables = [ranking(name, results.on(name)) for name in tasks]
-    summaries = overall(tables, results.round.entries)
+    summaries = rank_overall(tables, results.round.entries)
     software = {**versions(), "benchmark": str(VERSION)}
     values: dict[str, Any] = {
         "results": results,
         "tables": tables,
         "overall": summaries,
-        "verdicts": dict(zip(tasks, verdicts(tables), strict=True)),
+        "verdicts": dict(zip(tasks, summarise_tasks(tables), strict=True)),
         "pictures": {table.task: _drawn(table, out / "figures") for table in tables if table.scores},
         "gains": {
             table.task: {score.entry: _gains(results, table.task, score) for score in table.scores} for table in tables

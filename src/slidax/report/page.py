@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from slidax import __version__
 from slidax.core.writing import write_text
 
-from .figures.style import inline, to_svg
+from .figures.style import inline_svg, to_svg
 
 POWER_OF_TEN = re.compile(r"(?<![\w.])(-?\d+(?:\.\d+)?)e([+-]?\d+)(?![\w.])")
 SUBSCRIPT = re.compile(r"(?<!\w)(\w)_(\w+)")
@@ -156,4 +156,4 @@ def picture(figure: Figure, folder: Path, name: str, title: str, caption: str) -
     folder.mkdir(parents=True, exist_ok=True)
     svg = to_svg(figure, name)
     write_text(folder / f"{name}.svg", svg)
-    return Picture(name, title, caption, Markup(inline(svg)), float(figure.get_figwidth()))
+    return Picture(name, title, caption, Markup(inline_svg(svg)), float(figure.get_figwidth()))

@@ -7,15 +7,15 @@ the sets that studies draw from; `draft.py` is `slidax new`.
 """
 
 from .catalogue import catalogue as catalogue
-from .catalogue import explained as explained
+from .catalogue import explain_parameters as explain_parameters
 from .catalogue import schema as schema
 from .draft import Draft as Draft
 from .draft import draft as draft
-from .load import altered as altered
+from .load import alter as alter
 from .load import load as load
 from .load import names as names
 from .load import parse as parse
-from .load import portable as portable
+from .load import portable_text as portable_text
 from .load import restore as restore
 from .named_robot import named_robot as named_robot
 from .scenario import Scenario as Scenario

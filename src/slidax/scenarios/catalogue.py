@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic.fields import FieldInfo
 
-from slidax.core.errors import DefinitionError, nearest_word, plain
+from slidax.core.errors import DefinitionError, nearest_word, plain_name
 from slidax.law.envelopes import AbstractPerformance
 from slidax.law.error_transformations import AbstractTransformation
 from slidax.law.reaching_laws import AbstractReaching
@@ -61,7 +61,7 @@ def members(kind: str) -> dict[str, type[AbstractDescription]]:
     return _by_name(KINDS[kind])
 
 
-def explained(name: str) -> dict[str, Any]:
+def explain_parameters(name: str) -> dict[str, Any]:
     """Return a part's parameters: path, unit, range with its equation, default, the default's source, and meaning.
 
     - `name`: of a part in `catalogue`, or `kind.name` for a name of several kinds; or of a block of a scenario, such as
@@ -78,7 +78,7 @@ def explained(name: str) -> dict[str, Any]:
     } | {label: model for label, model in BLOCKS.items() if label == name}
     if not matches:
         known = [*KINDS, "scenarios", *BLOCKS, *(label for kind in KINDS for label in members(kind))]
-        raise DefinitionError(f"there is nothing called `{plain(name)}`; {nearest_word(name, known)}")
+        raise DefinitionError(f"there is nothing called `{plain_name(name)}`; {nearest_word(name, known)}")
     if len(matches) > 1:
         raise DefinitionError(f"`{name}` is the name of several: say {' or '.join(f'`{match}`' for match in matches)}")
     (model,) = matches.values()

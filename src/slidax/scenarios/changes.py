@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from slidax.core.errors import DefinitionError, locate_errors, nearest_word, plain
+from slidax.core.errors import DefinitionError, locate_errors, nearest_word, plain_name
 from slidax.core.joint_names import match_names
 
 from .schemes import PRESETS, owner_of, place_parameters, present_path, switch_scheme, with_kinds
@@ -28,7 +28,7 @@ def without_brackets(path: str, joints: Sequence[str] = ()) -> str:
     """
     whole = BRACKETS.sub("", path)
     if "[" in whole or "]" in whole or path.startswith("["):
-        raise DefinitionError(f"`{plain(path)}` is no path: a place in a list has the form NAME[0] or NAME[JOINT]")
+        raise DefinitionError(f"`{plain_name(path)}` is no path: a place in a list has the form NAME[0] or NAME[JOINT]")
 
     def dotted(match: re.Match[str]) -> str:
         words = match[1].strip()
@@ -37,7 +37,7 @@ def without_brackets(path: str, joints: Sequence[str] = ()) -> str:
         place = match_names(joints, [words]).get(words)
         if place is None:
             raise DefinitionError(
-                f"`{plain(path)}`: `{plain(words)}` is no joint of the robot, and no number from 0 "
+                f"`{plain_name(path)}`: `{plain_name(words)}` is no joint of the robot, and no number from 0 "
                 f"to {len(joints) - 1}; {nearest_word(words, joints)}"
             )
         return f".{place}"
@@ -129,21 +129,21 @@ def path_in(data: dict[str, Any], path: str, joints: Sequence[str] = ()) -> str:
 def _set(data: dict[str, Any], path: str, value: Any, joints: int) -> None:
     parts = path.split(".")
     if not all(parts):
-        raise DefinitionError(f"`{plain(path)}` is no path: it needs a name between any two dots, and at its ends")
+        raise DefinitionError(f"`{plain_name(path)}` is no path: it needs a name between any two dots, and at its ends")
     place: Any = data
     for depth, part in enumerate(parts):
         here = ".".join(parts[:depth]) or "the scenario"
         if isinstance(place, list):
             if not (part.isascii() and part.isdigit() and len(part) < 10) or int(part) >= len(place):
                 raise DefinitionError(
-                    f"`{here}` is a list of {len(place)}; `{plain(part)}` is not one of its numbers from 0. Write "
+                    f"`{here}` is a list of {len(place)}; `{plain_name(part)}` is not one of its numbers from 0. Write "
                     f"`{here}[0]`, or `{here}[JOINT]` where each entry belongs to a joint"
                 )
             key: Any = int(part)
         elif isinstance(place, dict):
             key = part
         else:
-            raise DefinitionError(f"`{plain(here)}` is a single value, so `{plain(path)}` cannot be set")
+            raise DefinitionError(f"`{plain_name(here)}` is a single value, so `{plain_name(path)}` cannot be set")
         if depth < len(parts) - 1 and parts[depth + 1].isdigit() and isinstance(place, dict):
             place[key] = _one_per_joint(place.get(key), ".".join(parts[: depth + 1]), joints)
         if depth == len(parts) - 1:
@@ -157,6 +157,8 @@ def _set(data: dict[str, Any], path: str, value: Any, joints: int) -> None:
 def _one_per_joint(value: Any, path: str, joints: int) -> Any:
     """The value with one number for each joint, so that one of them can be set."""
     if value is None:
-        raise DefinitionError(f"`{plain(path)}` is not in the file, so that one of its numbers cannot be set: set all")
+        raise DefinitionError(
+            f"`{plain_name(path)}` is not in the file, so that one of its numbers cannot be set: set all"
+        )
     spread = joints and isinstance(value, int | float) and not isinstance(value, bool)
     return [value] * joints if spread else value

@@ -18,7 +18,7 @@ from slidax.core.part import kind_of
 from slidax.core.types import State
 from slidax.law.torque_bounds import UncertaintyBound
 from slidax.plant.actuators import TorqueLimits
-from slidax.simulation.states import Numbers, spread, states_of
+from slidax.simulation.states import Numbers, spread_in_box, states_of
 
 POSTURES = 256
 
@@ -58,7 +58,7 @@ def default_bound(
     """
     lower, upper = _box(nominal)
     n = len(lower)
-    q = spread(lower, upper, POSTURES)
+    q = spread_in_box(lower, upper, POSTURES)
     known, moved = states_of(nominal, q), states_of(_carrying(true, load), q)
     weight = _largest(known.bias)
     differs = _largest(moved.bias - known.bias) + float(np.linalg.norm(_friction(true) - _friction(nominal)))
@@ -73,7 +73,7 @@ def default_bound(
         kappa = np.linalg.eigvals(np.linalg.solve(moved.mass, known.mass)).real
         gamma = float(np.clip(np.abs(kappa - 1.0).max(), LEAST, MOST))
         b0 = gamma * weight + (1.0 + gamma) * missed
-        dq = spread(-np.ones(n), np.ones(n), POSTURES)
+        dq = spread_in_box(-np.ones(n), np.ones(n), POSTURES)
         speeding = states_of(nominal, q, dq).bias - known.bias
         b2 = (gamma + (1.0 + gamma) * LEAST) * _largest(speeding / np.sum(dq * dq, axis=1, keepdims=True))
     bound = {

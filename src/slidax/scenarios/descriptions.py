@@ -14,7 +14,7 @@ import equinox as eqx
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model, model_validator
 from pydantic_core import PydanticCustomError
 
-from slidax.core.errors import DefinitionError, each_of, locate_errors, nearest_word, plain
+from slidax.core.errors import DefinitionError, each_of, locate_errors, nearest_word, plain_name
 from slidax.core.parameter import REQUIRED, Parameter, Range, parameters_of
 from slidax.core.part import kind_of, members_of
 
@@ -47,7 +47,7 @@ class AbstractDescription(BaseModel):
                 if key not in known:
                     hint = nearest_word(str(key), known)
                     raise PydanticCustomError(
-                        "unknown_key", "unknown key `{key}`; {hint}", {"key": plain(key), "hint": hint}
+                        "unknown_key", "unknown key `{key}`; {hint}", {"key": plain_name(key), "hint": hint}
                     )
         return data
 
@@ -175,14 +175,14 @@ def union_of(family: type, *instead: type[AbstractDescription], default: type[Pa
     - `default`: the description with a default kind, in place of the derived one.
     """
     models: dict[str, type[AbstractDescription]] = {
-        kind: description_of(part) for kind, part in members_of(family).items() if nameable(part, family)
+        kind: description_of(part) for kind, part in members_of(family).items() if is_nameable(part, family)
     }
     for model in (*instead, *([default] if default else [])):
         models[typing.get_args(model.model_fields["kind"].annotation)[0]] = model
     return Annotated[Union[tuple(models.values())], Field(discriminator="kind")]  # noqa: UP007
 
 
-def nameable(part: type, family: type) -> bool:
+def is_nameable(part: type, family: type) -> bool:
     """True if a file can describe a part of this family: by numbers, choices, and parts of other families."""
     hints = hints_of(part)
     return all(type_of(p, hints[p.name], family) is not None for p in parameters_of(part) if p.required)

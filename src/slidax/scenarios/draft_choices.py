@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from slidax.arms.articulated import Articulated
 from slidax.core.errors import as_array
-from slidax.simulation.states import Numbers, States, spread, states_of
+from slidax.simulation.states import Numbers, States, spread_in_box, states_of
 
 
 def with_tip_mass(arm: Articulated, share: float) -> Articulated:
@@ -140,7 +140,7 @@ def _placeholder(limits: Numbers, ratio: Numbers, one_for_all: bool) -> str:
 
 def _needed(arm: Articulated, lower: Numbers, upper: Numbers) -> tuple[Numbers, Numbers]:
     """Required torque of each drive, and the arm's own weight in the worst posture, [n] and [n], N m or N."""
-    places = spread(lower, upper, POSTURES)
+    places = spread_in_box(lower, upper, POSTURES)
     own, carrying = states_of(arm, places), states_of(with_tip_mass(arm, SIZING_TIP_SHARE), places)
     weight, with_load = np.abs(own.bias).max(axis=0), np.abs(carrying.bias).max(axis=0)
     needed = ROOM * (with_load + ACCELERATION * np.diagonal(carrying.mass, axis1=1, axis2=2).max(axis=0))
@@ -185,7 +185,7 @@ def home_of(arm: Articulated, ratings: Ratings) -> Numbers:
     zero = np.clip(0.0, ratings.lower + room, ratings.upper - room)
     # The first joint of an arm on a table turns about the vertical and should stay near 0.
     near = np.where(np.abs(middle) < half, zero, middle)
-    places = np.concatenate([[middle, zero], near + spread(-0.75 * wide, 0.75 * wide, COUNT)])
+    places = np.concatenate([[middle, zero], near + spread_in_box(-0.75 * wide, 0.75 * wide, COUNT)])
     places = np.clip(places, ratings.lower + room, ratings.upper - room)
     states = states_of(with_tip_mass(arm, TIP_SHARE), places)
     assert states.places is not None

@@ -17,7 +17,7 @@ from slidax.simulation.plant import MujocoPlant
 from slidax.simulation.simulate import Parts
 
 from .changes import path_in
-from .load import validated
+from .load import validate_text
 from .scenario import KNOWN_TO_LAW_REMEDY, OF_THE_LAW, OpenLoop, Scenario, ScenarioDescription
 from .uncertain_values import Array, Leaf, leaf_of, with_values
 from .uncertainty import AbstractSet, InsideEnvelope
@@ -189,7 +189,7 @@ class Family:
         true = {path: value for path, value in changes.items() if path in self.uncertain.sets}
         data = self.base.model_dump(exclude_unset=True, exclude={"uncertainty"})
         data["truth"] = {**self.base.truth, **true}
-        return validated(data, known, form=type(self.base))
+        return validate_text(data, known, form=type(self.base))
 
     def scenario(self, values: Mapping[str, Any], name: str) -> Scenario:
         """Build the scenario of `case`."""
@@ -312,7 +312,7 @@ def _written(own: ScenarioDescription, path: str, example: Any, joints: int) -> 
     """The number at a path after the example is set there; None if this is invalid."""
     data = own.model_dump(exclude_unset=True, exclude={"truth", "uncertainty"})
     try:
-        there = leaf_of(validated(data, {path: example}, form=type(own)), path, joints)
+        there = leaf_of(validate_text(data, {path: example}, form=type(own)), path, joints)
     except DefinitionError:
         return None
     return replace(there, own=np.asarray(example, float) if np.ndim(example) else None)

@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from slidax.core.errors import DefinitionError, nearest_word, plain
+from slidax.core.errors import DefinitionError, nearest_word, plain_name
 from slidax.core.files import read_bytes
 
 from .changes import with_changes
@@ -41,22 +41,22 @@ def load(scenario: str | Path, changes: dict[str, Any] | None = None) -> Scenari
     return parse(text, changes, folder=_folder(scenario)).build(name)
 
 
-def altered(scenario: Scenario, changes: dict[str, Any]) -> Scenario:
+def alter(scenario: Scenario, changes: dict[str, Any]) -> Scenario:
     """Return a loaded scenario with other values by dotted path, as `load` would have built it.
 
     Changes by `replace` are lost.
 
     Raises DefinitionError if a value is invalid.
     """
-    return altered_description(scenario.description, changes).build(scenario.name)
+    return alter_description(scenario.description, changes).build(scenario.name)
 
 
-def altered_description(description: ScenarioDescription, changes: dict[str, Any]) -> ScenarioDescription:
+def alter_description(description: ScenarioDescription, changes: dict[str, Any]) -> ScenarioDescription:
     """Return a description with other values by dotted path, as in `load`.
 
     Raises DefinitionError if a value is invalid.
     """
-    return validated(description.model_dump(exclude_unset=True), changes)
+    return validate_text(description.model_dump(exclude_unset=True), changes)
 
 
 def read_description(scenario: str | Path) -> ScenarioDescription:
@@ -77,10 +77,10 @@ def parse(text: str, changes: dict[str, Any] | None = None, *, folder: Path = Pa
 
     Raises DefinitionError with the path of the first invalid field.
     """
-    return validated(read_yaml(text), changes, folder=folder)
+    return validate_text(read_yaml(text), changes, folder=folder)
 
 
-def validated(
+def validate_text(
     data: Any,
     changes: dict[str, Any] | None = None,
     *,
@@ -116,7 +116,7 @@ def _read(scenario: str | Path) -> tuple[str, str]:
         return path.stem, text_of(path, "the scenario file")
     if str(scenario) not in names():
         raise DefinitionError(
-            f"unknown scenario `{plain(scenario)}`; {nearest_word(str(scenario), names())} "
+            f"unknown scenario `{plain_name(scenario)}`; {nearest_word(str(scenario), names())} "
             "(a file needs the ending .yaml)"
         )
     return str(scenario), (BUILT_IN / f"{scenario}.yaml").read_text(encoding="utf-8")
@@ -126,7 +126,7 @@ PARTS = ("robot", "trajectory")
 """Blocks that may name a file."""
 
 
-def portable(description: ScenarioDescription) -> tuple[str, dict[str, bytes]]:
+def portable_text(description: ScenarioDescription) -> tuple[str, dict[str, bytes]]:
     """Return a validated scenario as YAML with file names without folders, and the contents of these files.
 
     Meshes and included files of a URDF or MJCF file are left out; no run needs meshes.
@@ -148,9 +148,9 @@ def portable(description: ScenarioDescription) -> tuple[str, dict[str, bytes]]:
 
 
 def restore(text: str, files: Mapping[str, bytes], name: str) -> Scenario:
-    """Build a scenario that `portable` wrote, such as that of a log.
+    """Build a scenario that `portable_text` wrote, such as that of a log.
 
-    - `text`, `files`: of `portable`.
+    - `text`, `files`: of `portable_text`.
     - `name`: of the scenario.
 
     Raises DefinitionError if the scenario is invalid.

@@ -14,7 +14,7 @@ from pydantic import TypeAdapter, ValidationError
 from slidax.arms.articulated import Articulated
 from slidax.arms.built_in import built_in_names
 from slidax.arms.coupled import Coupled
-from slidax.core.errors import DefinitionError, nearest_word, plain
+from slidax.core.errors import DefinitionError, nearest_word, plain_name
 
 from .robots import AbstractArticulated, RobotDescription, read_robot
 from .yaml_text import validation_error
@@ -51,7 +51,8 @@ def named_robot(
     kind = FILES.get(Path(word).suffix.lower())
     if kind is None and word not in built_in_names():
         raise DefinitionError(
-            f"unknown robot `{plain(word)}`; {nearest_word(word, built_in_names())} (a file ends in {', '.join(FILES)})"
+            f"unknown robot `{plain_name(word)}`; {nearest_word(word, built_in_names())} (a file ends in "
+            f"{', '.join(FILES)})"
         )
     if tip is not None and kind not in ("urdf", "mjcf"):
         raise DefinitionError("a tip is chosen for URDF and MJCF files alone; write it into the description otherwise")
@@ -68,7 +69,9 @@ def named_robot(
     for field, value in {"inertias": inertias, "locked": held}.items():
         if value:
             if description["kind"] not in ("urdf", "mjcf"):
-                raise DefinitionError(f"`--{field}` is for URDF and MJCF files alone; `{plain(word)}` is no such file")
+                raise DefinitionError(
+                    f"`--{field}` is for URDF and MJCF files alone; `{plain_name(word)}` is no such file"
+                )
             description[field] = value
     if gravity is not None:
         description["nominal"] = dict(description.get("nominal", {})) | {"gravity": list(gravity)}
@@ -104,14 +107,14 @@ def _built(word: str, description: Mapping[str, Any]) -> Articulated:
     except ValidationError as error:
         raise validation_error(error, dict(description)) from None
     if not isinstance(validated, AbstractArticulated):
-        raise DefinitionError(f"`{plain(word)}` must be an arm of rigid links; got {validated.kind}")
+        raise DefinitionError(f"`{plain_name(word)}` must be an arm of rigid links; got {validated.kind}")
     robot = validated.build().nominal
     if isinstance(robot, Coupled):
         lower, upper = np.asarray(robot.arm.limits.lower), np.asarray(robot.arm.limits.upper)
         at = dict(zip(robot.arm.joint_names, np.clip(0.0, lower, upper).tolist(), strict=True))
         held = ", ".join(f"'{name}': {at[name]:g}" for name in robot.followers)
         raise DefinitionError(
-            f"`{plain(word)}` has joints that follow others, and no log of such an arm is identified; "
+            f"`{plain_name(word)}` has joints that follow others, and no log of such an arm is identified; "
             f"locked={{{held}}} holds them, if they stand there in the log"
         )
     assert isinstance(robot, Articulated)

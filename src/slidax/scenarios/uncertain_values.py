@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from slidax.core.errors import DefinitionError, nearest_word, plain, short_repr
+from slidax.core.errors import DefinitionError, nearest_word, plain_name, short_repr
 
 Array: TypeAlias = NDArray[Any]
 
@@ -110,7 +110,7 @@ def leaf_of(description: BaseModel, path: str, joints: int, *, own: Any = None) 
         if isinstance(place, BaseModel):
             fields = type(place).model_fields
             if name not in fields:
-                raise DefinitionError(f"there is no `{plain(name)}` here; {nearest_word(name, fields)}")
+                raise DefinitionError(f"there is no `{plain_name(name)}` here; {nearest_word(name, fields)}")
             kind, extra = fields[name].annotation, fields[name].json_schema_extra
             schema = extra if isinstance(extra, dict) else {}
             place = getattr(place, name)
@@ -121,7 +121,7 @@ def leaf_of(description: BaseModel, path: str, joints: int, *, own: Any = None) 
         elif name.isdigit() and isinstance(place, int | float):
             raise DefinitionError(f"{place} is one number for all joints: write one for each into the scenario")
         else:
-            raise DefinitionError(f"`{plain(name)}` leads nowhere in {short_repr(place)}")
+            raise DefinitionError(f"`{plain_name(name)}` leads nowhere in {short_repr(place)}")
     words = _words(kind)
     if not words & NUMERIC or isinstance(place, BaseModel | str | bool):
         raise DefinitionError(f"is not a number of the scenario; got {short_repr(place)}")

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, Tag, field_validator
 from pydantic_core import PydanticCustomError
 
-from slidax.core.errors import DefinitionError, plain, short_repr
+from slidax.core.errors import DefinitionError, plain_name, short_repr
 
 from .descriptions import AbstractDescription, Numbers, input_field
 from .uncertain_values import Array, Leaf
@@ -283,7 +283,7 @@ def _share(text: str) -> float:
         share = np.nan
     if not sign or rest.strip() or not (np.isfinite(share) and share >= 0):
         message = "must be a number, or a share >= 0 such as `20 %`; got `{given}`"
-        raise PydanticCustomError("unknown_key", message, {"given": plain(text)})
+        raise PydanticCustomError("unknown_key", message, {"given": plain_name(text)})
     return share
 
 

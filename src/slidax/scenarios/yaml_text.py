@@ -13,7 +13,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap
 from ruamel.yaml.error import YAMLError
 
-from slidax.core.errors import DefinitionError, count_noun, nearest_word, plain, short_repr
+from slidax.core.errors import DefinitionError, count_noun, nearest_word, plain_name, short_repr
 from slidax.core.files import read_text
 
 from .descriptions import AbstractDescription
@@ -187,10 +187,10 @@ def validation_error(error: ValidationError, data: Any) -> DefinitionError:
     elif first["type"] == "union_tag_invalid":
         known = [word.strip().strip("'") for word in context["expected_tags"].split(",")]
         where = f"{where}.{context['discriminator'].strip(chr(39))}"
-        message = f"unknown `{plain(context['tag'])}`; {nearest_word(str(context['tag']), known)}"
+        message = f"unknown `{plain_name(context['tag'])}`; {nearest_word(str(context['tag']), known)}"
     elif first["type"] == "literal_error":
         known = [word.strip().strip("'") for word in context["expected"].replace(" or ", ",").split(",")]
-        message = f"unknown `{plain(value)}`; {nearest_word(str(value), known)}"
+        message = f"unknown `{plain_name(value)}`; {nearest_word(str(value), known)}"
     elif "list_type" in kinds and kinds & {"float_type", "float_parsing"}:
         message = f"must be a number or a list of numbers; got {short_repr(value)}"
     elif first["type"] in ("float_type", "float_parsing"):

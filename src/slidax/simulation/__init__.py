@@ -17,7 +17,7 @@ from .plant import Plant as Plant
 from .plant import Table as Table
 from .run import Log as Log
 from .run import Run as Run
-from .run import Timing as Timing
+from .run import RunTiming as RunTiming
 from .run import columns_of as columns_of
 from .simulate import BANDS as BANDS
 from .simulate import Parts as Parts

@@ -17,7 +17,7 @@ from slidax.core.types import State
 
 from .loop import ClosedLoop, LoopStart
 from .plant import FreeBody
-from .run import Log, Timing
+from .run import Log, RunTiming
 
 EngineName = Literal["auto", "native", "xla", "cuda"]
 """`native`: slidax's own machine code; `xla`: JAX's compiler, the reference; `auto`: `native` where available.
@@ -59,7 +59,7 @@ class EngineResult(NamedTuple):
 
     start: LoopStart
     log: Log | None
-    timing: Timing
+    timing: RunTiming
     load: FreeBody | None = None
 
 

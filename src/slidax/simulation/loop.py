@@ -18,7 +18,7 @@ from slidax.law.error_transformations import PrescribedPerformance
 from slidax.law.sampled.controller import SampledData
 from slidax.motions.trajectory import AbstractMotion, ToolMotion
 
-from .outcome import Excursion, Fault, earlier, find_fault, no_fault
+from .outcome import Excursion, Fault, find_fault, first_fault, no_fault
 from .plant import Plant
 from .run import Log
 from .tally import MonitorTally, Tally, ToleranceTally, ToolTally, Windows
@@ -158,19 +158,19 @@ def evaluate_sample(loop: ClosedLoop, carry: Carry, t: Scalar) -> tuple[Evaluati
     return now, memories, HeldTorque(tau=now.command.tau, delivery=delivery)
 
 
-def delivered(loop: ClosedLoop, held: HeldTorque, t: Scalar, time: Scalar) -> Vector:
+def delivered_torque(loop: ClosedLoop, held: HeldTorque, t: Scalar, time: Scalar) -> Vector:
     """Torque on the joints, [n], N m or N, at a time [s] at most a period after the sample at t [s]."""
     if loop.plant.actuator is None or held.delivery is None:
         return held.tau
     return loop.plant.actuator.delivered(held.delivery, time - t, loop.period)
 
 
-def moved(loop: ClosedLoop, state: State, t: Scalar, held: HeldTorque) -> State:
+def move_plant(loop: ClosedLoop, state: State, t: Scalar, held: HeldTorque) -> State:
     """State of slidax's own plant one period after the sample at t [s]."""
     h = loop.period / loop.substeps
 
     def rate(time: Scalar, state: State) -> tuple[State, None]:
-        tau = delivered(loop, held, t, time)
+        tau = delivered_torque(loop, held, t, time)
         return State(q=state.dq, dq=loop.plant.acceleration(time, state, tau)), None
 
     def substep(state: State, i: Int[Array, ""]) -> tuple[State, None]:
@@ -191,7 +191,7 @@ def force(loop: ClosedLoop, held: HeldTorque, k: Int[Array, ""], i: Int[Array, "
     """
     t = k.astype(float) * loop.period
     time = t + i.astype(float) * (loop.period / loop.substeps)
-    return delivered(loop, held, t, time) + loop.plant.disturbance(time, state)
+    return delivered_torque(loop, held, t, time) + loop.plant.disturbance(time, state)
 
 
 class PlantState(eqx.Module):
@@ -246,7 +246,7 @@ def sample(loop: ClosedLoop, carry: Carry) -> tuple[Carry, Log]:
     if loop.continuous:
         return _counted(loop, carry, t, *_continuous_step(loop, carry, t))
     now, memories, held = evaluate_sample(loop, carry, t)
-    return _counted(loop, carry, t, moved(loop, carry.state, t, held), memories, (now,))
+    return _counted(loop, carry, t, move_plant(loop, carry.state, t, held), memories, (now,))
 
 
 def decide(loop: ClosedLoop, carry: Carry) -> tuple[Carry, Log, HeldTorque]:
@@ -269,7 +269,7 @@ def _counted(
     moves = carry.k < loop.last
     fault = now.fault
     for stage in stages[1:]:
-        fault = earlier(fault, jax.tree.map(lambda x: jnp.where(moves, x, jnp.zeros_like(x)), stage.fault))
+        fault = first_fault(fault, jax.tree.map(lambda x: jnp.where(moves, x, jnp.zeros_like(x)), stage.fault))
     onward = good & fault.absent & moves
 
     counted = carry.tally.add(carry.k, e, now.command.tau, now.envelope, loop.windows)

@@ -25,7 +25,7 @@ from .loop import Carry, ClosedLoop, LoopStart, begin, decide, force
 from .mujoco_model import World, mujoco, quiet
 from .native_loop import LoopSignature
 from .plant import FreeBody, MujocoPlant
-from .run import Log, Timing
+from .run import Log, RunTiming
 
 
 class BoundKernel:
@@ -349,7 +349,7 @@ def drive(plant: MujocoPlant, engine: str, request: RunRequest) -> EngineResult:
                     world.step(t + i * h)
     log = None if every is None else steps.log.without_padding()
     start: LoopStart = jax.tree.map(jax.device_put, steps.start)
-    timing = Timing(compile_s=ready - request.started, run_s=time.perf_counter() - ready)
+    timing = RunTiming(compile_s=ready - request.started, run_s=time.perf_counter() - ready)
     return EngineResult(start, log, timing, _path(poses))
 
 

@@ -19,7 +19,7 @@ from .define import require_start
 from .engine import EngineResult, Progress, RunRequest
 from .loop import LoopStart
 from .native_loop import Define, LoopSignature, NativeLoop, batch_loop, duals, lower_loop, single_loop
-from .run import Log, Timing
+from .run import Log, RunTiming
 
 CHUNK = 1_000_000
 """Samples between two looks at the run, about."""
@@ -56,7 +56,9 @@ def drive(request: RunRequest) -> EngineResult:
     if every is not None:
         log = _unflattened(native.log, [np.concatenate(rows) for rows in zip(*logs, strict=True)]).without_padding()
     end_of_run: LoopStart = _unflattened(native.start, jax.device_put(start))
-    return EngineResult(end_of_run, log, Timing(compile_s=ready - request.started, run_s=time.perf_counter() - ready))
+    return EngineResult(
+        end_of_run, log, RunTiming(compile_s=ready - request.started, run_s=time.perf_counter() - ready)
+    )
 
 
 def drive_batch(
@@ -162,7 +164,7 @@ def _compiled_batch(source: _LoopSource) -> tuple[NativeLoop, llvm.ByDemand]:
 def _compiled_for_card(source: _LoopSource) -> tuple[NativeLoop, cuda.CudaKernel]:
     """The program in the processor's own operations, all exactly rounded, which give the same bits."""
     native = source.make()
-    return native, cuda.compile(lower_and_fuse(native.program))
+    return native, cuda.compile_cuda(lower_and_fuse(native.program))
 
 
 @functools.lru_cache(maxsize=64)

@@ -124,7 +124,7 @@ def no_fault() -> Fault:
     return Fault(kind=jnp.zeros((), int), t=zero, joint=jnp.zeros((), int), error=zero, bound=zero)
 
 
-def earlier(first: Fault, second: Fault) -> Fault:
+def first_fault(first: Fault, second: Fault) -> Fault:
     """Return the first fault if there is one, else the second."""
     return jax.tree.map(lambda a, b: jnp.where(first.absent, b, a), first, second)
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from slidax.core.errors import DefinitionError, plain
+from slidax.core.errors import DefinitionError, plain_name
 from slidax.core.files import MEGABYTE, require_file
 
 MOST_BYTES = 4000 * MEGABYTE
@@ -112,7 +112,7 @@ def read_text_lists(path: Path, titles: Collection[str]) -> tuple[str, set[tuple
                 total += len(texts)
                 if total > MOST_NUMBERS:
                     raise DefinitionError(
-                        f"`{path}`: column `{plain(field.name)}` has more than {MOST_NUMBERS:.0e} texts: write a "
+                        f"`{path}`: column `{plain_name(field.name)}` has more than {MOST_NUMBERS:.0e} texts: write a "
                         "column for each joint"
                     )
                 if not types.is_dictionary(texts.type):
@@ -140,7 +140,7 @@ def require_names(file: Any, name: str) -> None:
     """
     doubled = [title for title, count in Counter(file.schema_arrow.names).items() if count > 1]
     if doubled:
-        raise DefinitionError(f"{name} it has two columns `{plain(doubled[0])}`: rename one of them")
+        raise DefinitionError(f"{name} it has two columns `{plain_name(doubled[0])}`: rename one of them")
 
 
 def require_numbers(
@@ -163,10 +163,10 @@ def require_numbers(
     schema, rows = file.schema_arrow, file.metadata.num_rows
     for title in columns:
         kind = schema.field(title).type
-        word = plain(str(kind))
+        word = plain_name(str(kind))
         if not _has_numbers(kind.value_type if title in sizes else kind):
             raise DefinitionError(
-                f"{name} column `{plain(title)}` has the type {word}, and is no numbers: write it as float64"
+                f"{name} column `{plain_name(title)}` has the type {word}, and is no numbers: write it as float64"
             )
     if rows * sum(max(sizes.get(title, 1), 1) for title in columns) > most:
         raise DefinitionError(

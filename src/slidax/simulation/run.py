@@ -143,7 +143,7 @@ class Log(eqx.Module):
         return jax.tree.map(lambda x: np.asarray(x)[valid], self)
 
 
-class Timing(NamedTuple):
+class RunTiming(NamedTuple):
     """Computing time of a run.
 
     - `compile_s`: tracing and compiling [s]; near 0 for the second run with equal shapes.
@@ -183,7 +183,7 @@ class Run(eqx.Module):
     joint_units: tuple[str, ...] = eqx.field(static=True)
     joint_names: tuple[str, ...] = eqx.field(static=True)
     has_envelope: bool = eqx.field(static=True)
-    timing: Timing | None = eqx.field(static=True, default=None)
+    timing: RunTiming | None = eqx.field(static=True, default=None)
     load: FreeBody | None = None
 
     @property

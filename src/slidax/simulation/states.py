@@ -84,7 +84,7 @@ def _state_kernel(signature: LoopSignature, joints: int) -> llvm.Kernel:
     return llvm.compile(program)
 
 
-def spread(lower: Numbers, upper: Numbers, count: int) -> Numbers:
+def spread_in_box(lower: Numbers, upper: Numbers, count: int) -> Numbers:
     """Return points spread evenly over a box, [count n]: a deterministic additive recurrence.
 
     Its steps are powers of the root of `x^(n+1) = x + 1`, the golden ratio in n dimensions.

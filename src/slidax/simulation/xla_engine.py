@@ -15,7 +15,7 @@ from slidax.core.tracing import barrier
 from .define import require_start
 from .engine import EngineResult, Progress, RunRequest
 from .loop import Carry, ClosedLoop, LoopStart, begin, sample
-from .run import Log, Timing
+from .run import Log, RunTiming
 
 CHUNK = 50_000
 """Samples between two looks at the run, about: each look costs as much as a thousand samples."""
@@ -77,5 +77,5 @@ def drive(request: RunRequest) -> EngineResult:
                 break
     log = jax.tree.map(lambda *parts: np.concatenate(parts), *logs).without_padding() if logs else None
     jax.block_until_ready(carry)
-    timing = Timing(compile_s=ready - request.started, run_s=time.perf_counter() - ready)
+    timing = RunTiming(compile_s=ready - request.started, run_s=time.perf_counter() - ready)
     return EngineResult((carry, *start[1:]), log, timing)

@@ -19,7 +19,7 @@ from slidax.analysis.metrics import METRICS, MONITOR_METRICS, TOLERANCE_METRICS,
 from slidax.core.errors import DefinitionError, is_traced
 from slidax.law.controllers import AbstractController
 from slidax.scenarios.family import Family, Templates
-from slidax.scenarios.load import validated
+from slidax.scenarios.load import validate_text
 from slidax.scenarios.scenario import Scenario
 from slidax.scenarios.uncertainty import Uncertainty
 from slidax.simulation.plant import MujocoPlant
@@ -101,7 +101,7 @@ def _worst(numbers: NDArray[Any], least_is_best: bool) -> NDArray[Any]:
     return numbers.max(axis=1) if least_is_best else numbers.min(axis=1)
 
 
-def joined(parts: Sequence[tuple[NDArray[Any], Columns]], rows: int) -> Columns:
+def join_rows(parts: Sequence[tuple[NDArray[Any], Columns]], rows: int) -> Columns:
     """Columns of groups of rows as one table in the order of the rows.
 
     - `parts`: each with the numbers of its rows.
@@ -120,7 +120,7 @@ def joined(parts: Sequence[tuple[NDArray[Any], Columns]], rows: int) -> Columns:
     return whole
 
 
-def concatenated(parts: Mapping[int, Columns]) -> Columns:
+def concatenate(parts: Mapping[int, Columns]) -> Columns:
     """Chunks of rows as one table in the order of the rows.
 
     - `parts`: by the number of their first row.
@@ -180,7 +180,7 @@ class Cases:
             else:
                 columns = self.columns(loop.simulated(picked, self.threads, None))
             result.append((rows_of_one, columns))
-        return joined(result, rows)
+        return join_rows(result, rows)
 
     def single(self, values: Values, log_every: int | None = 0) -> tuple[Scenario, Run]:
         """One case as the batch runs it, with its log, and its scenario.
@@ -250,7 +250,7 @@ class Cases:
         for row in range(rows):
             item = self._scenario({path: array[row] for path, array in values.items()})
             result.append((np.array([row]), self.columns(item.simulate(log_every=None, progress=False))))
-        return joined(result, rows)
+        return join_rows(result, rows)
 
     def _templates(self, first: Mapping[str, Any]) -> Templates:
         built = self.family.templates(first)
@@ -421,12 +421,14 @@ def _cases(text: str, threads: int | None) -> Cases:
     parts = json.loads(text)
     sets = TypeAdapter(Uncertainty)
     family = Family.of(
-        validated(parts["scenario"]), sets.validate_python(parts["uncertain"]), sets.validate_python(parts["varied"])
+        validate_text(parts["scenario"]),
+        sets.validate_python(parts["uncertain"]),
+        sets.validate_python(parts["varied"]),
     )
     return Cases(family, parts["engine"], threads)
 
 
-def flat(values: Mapping[str, Any]) -> Columns:
+def flatten_values(values: Mapping[str, Any]) -> Columns:
     """Values as columns, one for each number: `robot.plant.coulomb[0]`.
 
     - `values`: by path, with the case first.

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from slidax.core.errors import DefinitionError, plain
+from slidax.core.errors import DefinitionError, plain_name
 
 from .cases import Columns, StudyTask, Values
 from .runner import AbstractPool
@@ -48,11 +48,13 @@ class Cluster(AbstractPool):
         self._local: Any = None
         if kind == "local":
             if not rest.isdigit() or not 1 <= int(rest) <= 4096:
-                raise DefinitionError(f"`--cluster` must be `local:` and a number of processes; got `{plain(where)}`")
+                raise DefinitionError(
+                    f"`--cluster` must be `local:` and a number of processes; got `{plain_name(where)}`"
+                )
             self._local = int(rest)
         elif "://" not in where:
             raise DefinitionError(
-                f"`--cluster` must be `local:2`, or an address such as `tcp://10.0.0.1:8786`; got `{plain(where)}`"
+                f"`--cluster` must be `local:2`, or an address such as `tcp://10.0.0.1:8786`; got `{plain_name(where)}`"
             )
         self._where = where
 
@@ -75,7 +77,7 @@ class Cluster(AbstractPool):
             try:
                 self._client = dask.Client(self._where, timeout=PATIENCE)
             except (OSError, TimeoutError) as error:
-                raise DefinitionError(f"no Dask scheduler answers at `{plain(self._where)}`: {error}") from None
+                raise DefinitionError(f"no Dask scheduler answers at `{plain_name(self._where)}`: {error}") from None
         return self
 
     def __exit__(
@@ -113,7 +115,7 @@ class Cluster(AbstractPool):
         ready = self._dask.as_completed()
 
         def hand_out(first: int, values: Values, tries: int) -> None:
-            future = self._client.submit(computed, task.text, dict(values), pure=False, retries=TRIES)
+            future = self._client.submit(compute_chunk, task.text, dict(values), pure=False, retries=TRIES)
             flying[future] = first, values, tries
             ready.add(future)
 
@@ -139,7 +141,7 @@ class Cluster(AbstractPool):
             more()
 
 
-def computed(text: str, values: Values) -> Columns:
+def compute_chunk(text: str, values: Values) -> Columns:
     """The rows of a chunk, on a worker with as many threads as it has.
 
     - `text`: of the task.

@@ -8,10 +8,10 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field, field_validator
 
-from slidax.core.errors import DefinitionError, count_noun, locate_errors, nearest_word, plain
+from slidax.core.errors import DefinitionError, count_noun, locate_errors, nearest_word, plain_name
 from slidax.scenarios.descriptions import input_field
 from slidax.scenarios.family import Family
-from slidax.scenarios.load import altered_description
+from slidax.scenarios.load import alter_description
 from slidax.scenarios.uncertainty import AbstractSet, Between, InsideEnvelope
 
 from .cases import Columns, points
@@ -19,7 +19,7 @@ from .overview import share
 from .predicates import ENVELOPE, Predicate
 from .runner import PartDone
 from .statistics import Interval, PairedDifference, PairedShares, clopper_pearson, paired_difference, paired_shares
-from .study import AbstractResult, AbstractStudy, Cell, Chart, RunOptions, Section, all_done, interval_of, worst_of
+from .study import AbstractResult, AbstractStudy, Cell, Chart, RunOptions, Section, all_done, interval_of, worst_row
 
 
 @dataclass(frozen=True)
@@ -159,7 +159,7 @@ class CompareResult(AbstractResult):
             "failures": failures,
             "probability": interval_of(holding),
             "ended": self.ended,
-            "worst": worst_of(self.tables[self.reference]),
+            "worst": worst_row(self.tables[self.reference]),
             "reference": self.reference,
             "schemes": {name: self._scheme_as_json(name) for name in self.tables},
         }
@@ -246,7 +246,7 @@ class Compare(AbstractStudy):
     def _names_are_names_of_folders(cls, value: dict[str, Any]) -> dict[str, Any]:
         for name in value:
             if not name or not name.replace("-", "").replace("_", "").replace(".", "").isalnum() or name[0] == ".":
-                raise ValueError(f"`{plain(name)}` must be letters, digits, `-`, `_` and `.`")
+                raise ValueError(f"`{plain_name(name)}` must be letters, digits, `-`, `_` and `.`")
         return value
 
     def run(self, how: RunOptions) -> CompareResult:
@@ -278,7 +278,8 @@ class Compare(AbstractStudy):
         for item in self.of:
             if item not in tables[next(iter(tables))]:
                 raise DefinitionError(
-                    f"there is no metric `{plain(item)}`; {nearest_word(item, tables[next(iter(tables))])}", where="of"
+                    f"there is no metric `{plain_name(item)}`; {nearest_word(item, tables[next(iter(tables))])}",
+                    where="of",
                 )
         for predicate in holds:
             for table in tables.values():
@@ -303,7 +304,7 @@ class Compare(AbstractStudy):
         result: dict[str, Family] = {}
         for name, changes in self.schemes.items():
             with locate_errors(f"schemes.{name}"):
-                own = altered_description(base, changes) if changes else base
+                own = alter_description(base, changes) if changes else base
                 result[name] = Family.of(own, sets)
             if len(result) == 1:
                 sets = dict(_box(path, item, result[name]) for path, item in sets.items())

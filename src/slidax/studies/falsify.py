@@ -8,14 +8,14 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from slidax.core.errors import DefinitionError, count_noun, nearest_word, plain
+from slidax.core.errors import DefinitionError, count_noun, nearest_word, plain_name
 from slidax.scenarios.descriptions import input_field
 from slidax.scenarios.scenario import ScenarioDescription
 
 from .cases import OUTCOMES, Columns
 from .overview import overview
 from .runner import BatchEvaluator
-from .search import SearchResult, lowest
+from .search import SearchResult, search_lowest
 from .study import NO_WORST_CASE, AbstractStudy, AbstractTableResult, Cell, Chart, RunOptions, Section, all_done
 
 MARGIN = "margin"
@@ -56,8 +56,8 @@ class Falsify(AbstractStudy):
         )
         evaluated = BatchEvaluator(self.runner(family, how), family)
         how.begin(self.runs)
-        search = lowest(
-            lambda cube: badness(evaluated.points(cube), self.worst),
+        search = search_lowest(
+            lambda cube: rank_badness(evaluated.points(cube), self.worst),
             family.space.dimensions,
             evaluations=self.runs,
             seed=self.seed,
@@ -66,7 +66,7 @@ class Falsify(AbstractStudy):
             keep=self.keep,
             distance=self.apart,
         )
-        values = badness(evaluated.table, self.worst)
+        values = rank_badness(evaluated.table, self.worst)
         rows = [int(np.flatnonzero(values == value)[0]) for value in search.values]
         return FalsifyResult(
             study=self,
@@ -77,7 +77,7 @@ class Falsify(AbstractStudy):
         )
 
 
-def badness(columns: Columns, of: str) -> np.ndarray:
+def rank_badness(columns: Columns, of: str) -> np.ndarray:
     """Return a number for each row, the lower the worse.
 
     - `of`: `margin`, or the key of a metric.
@@ -85,7 +85,7 @@ def badness(columns: Columns, of: str) -> np.ndarray:
     Raises DefinitionError if there is no such metric, or no row has it.
     """
     if of not in columns:
-        raise DefinitionError(f"there is no metric `{plain(of)}`; {nearest_word(of, columns)}", where="worst")
+        raise DefinitionError(f"there is no metric `{plain_name(of)}`; {nearest_word(of, columns)}", where="worst")
     value, bad = np.asarray(columns[of], float), np.asarray(columns["outcome"]) > 0
     if not np.isfinite(value).any() and not bad.any():
         remedy = "search for `worst: steady_error`" if of == MARGIN else "search for another"

@@ -13,8 +13,8 @@ from slidax.scenarios.descriptions import input_field
 from slidax.scenarios.family import Family
 from slidax.scenarios.scenario import ScenarioDescription
 
-from .cases import OUTCOMES, Columns, Values, concatenated, points
-from .overview import overview, share, why_it_failed
+from .cases import OUTCOMES, Columns, Values, concatenate, points
+from .overview import failure_reason, overview, share
 from .predicates import ENVELOPE, Predicate, SequentialStop, UntilDescription
 from .statistics import Interval, clopper_pearson, confidence_sequence
 from .study import AbstractStudy, AbstractTableResult, RunOptions, Section
@@ -58,7 +58,7 @@ class MonteCarlo(AbstractStudy):
             parts[first] = columns
             if stop.enough(parts, predicates[0]):
                 break
-        table = concatenated(parts)
+        table = concatenate(parts)
         if self.until is not None:
             table = {name: values[: stop.runs] for name, values in table.items()}
         path = None if runner.store is None else runner.store.finish(stop.stored(parts))
@@ -74,7 +74,7 @@ class MonteCarlo(AbstractStudy):
             ended=stop.ended(self.runs),
         )
         every = rates[0].failures == rates[0].runs
-        return replace(result, why=why_it_failed(family, result.case(result.worst))) if every else result
+        return replace(result, why=failure_reason(family, result.case(result.worst))) if every else result
 
     def values(self, family: Family, first: int, rows: int) -> Values:
         """The values of some rows.

@@ -12,7 +12,7 @@ from slidax.analysis.explain import likeliest_cause
 from slidax.analysis.metrics import METRICS
 from slidax.scenarios.family import Family
 
-from .cases import Columns, flat
+from .cases import Columns, flatten_values
 from .study import Chart, Section
 
 SHOWN = ("steady_error", "peak_torque", "max_torque_step", "rms_error")
@@ -32,7 +32,7 @@ def overview(family: Family, table: Columns, worst: Mapping[str, Any], row: int)
     return [_metrics(table), *_margins(family, table), _worst(family, table, worst, row)]
 
 
-def why_it_failed(family: Family, worst: Mapping[str, Any]) -> str:
+def failure_reason(family: Family, worst: Mapping[str, Any]) -> str:
     """Return the likeliest reason for a failed case, and its remedy, in a line; may be empty."""
     return likeliest_cause(family.scenario(worst, "worst"), seconds=SECONDS)
 
@@ -112,7 +112,7 @@ def _label(family: Family, name: str) -> str:
 
 
 def _worst(family: Family, table: Columns, worst: Mapping[str, Any], row: int) -> Section:
-    values = flat({path: np.asarray(value)[None] for path, value in worst.items()})
+    values = flatten_values({path: np.asarray(value)[None] for path, value in worst.items()})
     rows: list[tuple[str, float, str]] = []
     for name, value in values.items():
         rows.append((family.label(name), float(value[0]), family.space.leaves[name.partition("[")[0]].unit))

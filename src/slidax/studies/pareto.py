@@ -47,7 +47,7 @@ def non_dominated(aims: np.ndarray) -> np.ndarray:
     return chosen
 
 
-def thinned(aims: np.ndarray, most: int, first: int = 0) -> np.ndarray:
+def thin_front(aims: np.ndarray, most: int, first: int = 0) -> np.ndarray:
     """Places of so many rows of a front, the best in each aim among them, and the others far from each other.
 
     - `aims`: of the front [rows aims].
@@ -74,7 +74,7 @@ SLACK = 0.05
 
 
 @dataclass(frozen=True)
-class Evaluation:
+class FrontEvaluation:
     """Aims and conditions of points.
 
     - `aims`: positive, the lower the better [points aims].
@@ -85,7 +85,7 @@ class Evaluation:
     broken: np.ndarray
 
 
-Evaluator = Callable[[np.ndarray], Evaluation]
+Evaluator = Callable[[np.ndarray], FrontEvaluation]
 """From points of the unit cube [points dimension] to what they are worth."""
 
 
@@ -201,7 +201,7 @@ class _Archive:
             chosen = chosen[np.argsort(self.aims[chosen, 0], kind="stable")]
             reference = self.aims[0] if self.holds[0] else self.aims[chosen].min(axis=0)
             best = int(np.argmin(np.max(self.aims[chosen] / reference, axis=1)))
-            chosen = chosen[thinned(self.aims[chosen], most, best)]
+            chosen = chosen[thin_front(self.aims[chosen], most, best)]
         start = self.aims[0] if self.holds[0] else None
         return Front(self.points[chosen], self.aims[chosen], start, len(self.points), int(holding.size))
 

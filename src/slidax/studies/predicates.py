@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from slidax.core.errors import DefinitionError, count_noun, nearest_word, plain
+from slidax.core.errors import DefinitionError, count_noun, nearest_word, plain_name
 from slidax.scenarios.descriptions import AbstractDescription, input_field
 
 from .cases import Columns
@@ -59,7 +59,9 @@ class Predicate:
             return outcome == 0
         name, sign, limit = parsed
         if name not in columns:
-            raise DefinitionError(f"there is no metric `{plain(name)}`; {nearest_word(name, columns)}", where="holds")
+            raise DefinitionError(
+                f"there is no metric `{plain_name(name)}`; {nearest_word(name, columns)}", where="holds"
+            )
         ended = (outcome == 1) | (outcome == 2)
         return SIGNS[sign](columns[name], limit) & ~ended
 
@@ -73,7 +75,7 @@ class Predicate:
         except ValueError:
             raise DefinitionError(
                 f"must be `{ENVELOPE}`, or a metric, a sign and a number, such as `steady_error < 1e-3`; "
-                f"got `{plain(self.text)}`",
+                f"got `{plain_name(self.text)}`",
                 where="holds",
             ) from None
         return name, sign, limit

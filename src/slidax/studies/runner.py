@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from slidax.core.errors import DefinitionError, plain
+from slidax.core.errors import DefinitionError, plain_name
 from slidax.scenarios.family import Family
 
-from .cases import Columns, StudyTask, Values, flat
+from .cases import Columns, StudyTask, Values, flatten_values
 from .store import Store
 
 SAMPLES = 4_000_000
@@ -80,7 +80,7 @@ class Part:
         number, _, count = text.partition("/")
         digits = all(word.isascii() and word.isdigit() and len(word) <= 6 for word in (number, count))
         if not digits or not 1 <= int(number) <= int(count):
-            raise DefinitionError(f"`--part` must be a number and a count, such as 2/4; got `{plain(text)}`")
+            raise DefinitionError(f"`--part` must be a number and a count, such as 2/4; got `{plain_name(text)}`")
         return cls(int(number), int(count))
 
     def has(self, chunk: int) -> bool:
@@ -171,7 +171,7 @@ class Runner:
         for first, values in chunks:
             columns = None if first in done else store.read(first, sizes[first])
             if columns is not None:
-                _require_same(first, flat(values), columns)
+                _require_same(first, flatten_values(values), columns)
                 self.progress(sizes[first])
                 done[first] = columns
         missing = sum(size for first, size in sizes.items() if first not in done)
@@ -188,12 +188,12 @@ class Runner:
                 if known is None:
                     yield first, values
                     continue
-                _require_same(first, flat(values), known)
+                _require_same(first, flatten_values(values), known)
                 stored.append((first, known))
 
         started = time.perf_counter() - self.seconds
         for first, values, outcome in self.pool.each(self.task, missing()):
-            columns = {"row": np.arange(first, first + len(outcome["outcome"])), **flat(values), **outcome}
+            columns = {"row": np.arange(first, first + len(outcome["outcome"])), **flatten_values(values), **outcome}
             if self.store is not None:
                 self.store.write(first, columns)
             self.computed += len(columns["row"])

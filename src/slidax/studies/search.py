@@ -253,7 +253,7 @@ CORNERS = 4
 """One in so many of the first points is a corner of the cube, where worst cases like to be."""
 
 
-def spread(dimension: int, count: int, *, seed: int) -> np.ndarray:
+def spread_points(dimension: int, count: int, *, seed: int) -> np.ndarray:
     """Points of the unit cube [count, dimension]: its middle, some corners, and Sobol's sequence, scrambled.
 
     - `dimension`: of the cube.
@@ -287,7 +287,7 @@ SIZE = 0.15
 """The first standard deviation of an island."""
 
 
-def lowest(
+def search_lowest(
     objective: Objective,
     dimension: int,
     *,
@@ -324,7 +324,7 @@ def lowest(
     known = EvaluatedPoints(objective, evaluations, seconds, enough)
     count = min(2048, max(population(dimension), int(FIRST * evaluations)))
     batch = islands * population(dimension)
-    first = spread(dimension, count, seed=seed)
+    first = spread_points(dimension, count, seed=seed)
     for begin in range(0, count, max(batch, 256)):
         if known.over:
             break

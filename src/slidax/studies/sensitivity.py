@@ -9,11 +9,11 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from slidax.core.errors import DefinitionError, count_noun, nearest_word, plain, short_repr
+from slidax.core.errors import DefinitionError, count_noun, nearest_word, plain_name, short_repr
 from slidax.scenarios.descriptions import input_field
 
 from .runner import BatchEvaluator
-from .study import AbstractStudy, AbstractTableResult, Cell, Chart, RunOptions, Section, all_done, worst_of
+from .study import AbstractStudy, AbstractTableResult, Cell, Chart, RunOptions, Section, all_done, worst_row
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,7 @@ class Sensitivity(AbstractStudy):
         indices, missing = {}, {}
         for key in self.of:
             if key not in table:
-                raise DefinitionError(f"there is no metric `{plain(key)}`; {nearest_word(key, table)}", where="of")
+                raise DefinitionError(f"there is no metric `{plain_name(key)}`; {nearest_word(key, table)}", where="of")
             wrong = int(np.sum(~np.isfinite(table[key])))
             if wrong:
                 missing[key] = wrong
@@ -210,7 +210,7 @@ class SensitivityResult(AbstractTableResult):
             "failures": self.failures,
             "probability": None,
             "ended": self.ended,
-            "worst": worst_of(self.table),
+            "worst": worst_row(self.table),
             "indices": {of: self._shares(of) for of in self.indices},
             "missing": self.missing,
         }

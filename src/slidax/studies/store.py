@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from slidax.core.errors import DefinitionError, DefinitionWarning, plain
+from slidax.core.errors import DefinitionError, DefinitionWarning, plain_name
 from slidax.core.writing import create_text, is_temporary, remove_leftovers, replace_file, write_bytes, write_text
 from slidax.simulation import parquet
 
@@ -103,7 +103,7 @@ def read_part(path: Path, rows: int | None = None, *, largest: int = LARGEST_PAR
 
 def _unreadable(error: Exception) -> str:
     reason = str(error).partition("\n")[0].rstrip(".")
-    return f"is damaged or no Parquet file ({plain(reason) or type(error).__name__})"
+    return f"is damaged or no Parquet file ({plain_name(reason) or type(error).__name__})"
 
 
 def _require_regular(path: Path, largest: int | None) -> None:
@@ -362,7 +362,7 @@ class Store:
         return self._parts / f"{first:012d}-{rows}.parquet"
 
 
-def rows_kept(folder: Path) -> int:
+def count_rows(folder: Path) -> int:
     """Number of rows in the parts of a study, also in those of its schemes.
 
     - `folder`: of the study; it may be missing.

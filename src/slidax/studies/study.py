@@ -14,7 +14,7 @@ from pydantic import Field
 from slidax.core.errors import DefinitionError, locate_errors
 from slidax.scenarios.descriptions import AbstractDescription
 from slidax.scenarios.family import Family
-from slidax.scenarios.load import altered_description, read_description
+from slidax.scenarios.load import alter_description, read_description
 from slidax.scenarios.scenario import ScenarioDescription
 from slidax.scenarios.uncertainty import AbstractSet, Uncertainty
 
@@ -142,7 +142,7 @@ def all_done(runs: int) -> str:
     return "the run is done" if runs == 1 else f"all {runs} runs are done"
 
 
-def worst_of(table: Columns) -> dict[str, Any]:
+def worst_row(table: Columns) -> dict[str, Any]:
     """Return the row with the least margin, for a program."""
     margin = table["margin"]
     if not np.isfinite(margin).any():
@@ -222,7 +222,7 @@ class AbstractStudy(AbstractDescription):
         if not self.changes:
             return base
         with locate_errors("changes"):
-            return altered_description(base, self.changes)
+            return alter_description(base, self.changes)
 
     def sets(self, base: ScenarioDescription) -> dict[str, AbstractSet]:
         """All that is uncertain.

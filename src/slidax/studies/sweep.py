@@ -8,14 +8,14 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from slidax.core.errors import DefinitionError, count_noun, nearest_word, plain
+from slidax.core.errors import DefinitionError, count_noun, nearest_word, plain_name
 from slidax.scenarios.family import Family
 from slidax.scenarios.scenario import OF_THE_LAW
 from slidax.scenarios.uncertainty import AbstractSet, Discrete, Uncertainty
 
 from .cases import points
 from .runner import BELOW_ONE, BatchEvaluator
-from .study import AbstractStudy, AbstractTableResult, Chart, RunOptions, Section, all_done, worst_of
+from .study import AbstractStudy, AbstractTableResult, Chart, RunOptions, Section, all_done, worst_row
 
 MOST_AXES = 2
 
@@ -61,7 +61,9 @@ class Sweep(AbstractStudy):
         how.begin(grid[0].size * self.cases)
         table = evaluated.values(values)
         if self.of not in table:
-            raise DefinitionError(f"there is no metric `{plain(self.of)}`; {nearest_word(self.of, table)}", where="of")
+            raise DefinitionError(
+                f"there is no metric `{plain_name(self.of)}`; {nearest_word(self.of, table)}", where="of"
+            )
         return SweepResult(study=self, **evaluated.collected(), axes=over, shape=shape)
 
     def _family(self) -> Family:
@@ -170,7 +172,7 @@ class SweepResult(AbstractTableResult):
             "failures": self.failures,
             "probability": None,
             "ended": self.ended,
-            "worst": worst_of(self.table),
+            "worst": worst_row(self.table),
             "of": self.study.of,
             "axes": {path: axis.tolist() for path, axis in self.axes.items()},
             "map": _known(self.worst),

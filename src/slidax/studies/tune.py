@@ -10,16 +10,16 @@ import numpy as np
 from pydantic import Field
 
 from slidax.analysis.metrics import METRICS
-from slidax.core.errors import DefinitionError, count_noun, nearest_word, plain
+from slidax.core.errors import DefinitionError, count_noun, nearest_word, plain_name
 from slidax.scenarios.descriptions import input_field
 from slidax.scenarios.family import Family, Space, as_changes
-from slidax.scenarios.load import altered_description
+from slidax.scenarios.load import alter_description
 from slidax.scenarios.scenario import ScenarioDescription
 from slidax.scenarios.uncertainty import Uncertainty
 
 from .cases import Columns, Values, points
 from .overview import share
-from .pareto import Evaluation, Front, pareto_search
+from .pareto import Front, FrontEvaluation, pareto_search
 from .predicates import ENVELOPE, Predicate
 from .runner import BELOW_ONE, BatchEvaluator
 from .statistics import Interval, PairedDifference, clopper_pearson, paired_difference
@@ -58,7 +58,7 @@ class CaseEvaluator:
         """Number of cases."""
         return len(next(iter(self.cases.values()))) if self.cases else 1
 
-    def judge(self, cube: np.ndarray) -> Evaluation:
+    def judge(self, cube: np.ndarray) -> FrontEvaluation:
         """The aims, and by how much the worst case misses what must hold.
 
         - `cube`: candidates [candidates gains], in [0, 1].
@@ -80,7 +80,7 @@ class CaseEvaluator:
 
 def evaluate_aims(
     columns: Columns, each: int, aims: Sequence[str], holds: Sequence[Predicate], margin: float
-) -> Evaluation:
+) -> FrontEvaluation:
     """Return the aims of candidates, and the violation of their conditions, from their rows.
 
     - `columns`: of all candidates, one after the other.
@@ -91,7 +91,7 @@ def evaluate_aims(
     """
     for aim in aims:
         if aim not in columns:
-            raise DefinitionError(f"there is no metric `{plain(aim)}`; {nearest_word(aim, columns)}", where="aims")
+            raise DefinitionError(f"there is no metric `{plain_name(aim)}`; {nearest_word(aim, columns)}", where="aims")
     means = np.stack([columns[aim].reshape(-1, each).mean(axis=1) for aim in aims], axis=1)
     failing = np.zeros(len(columns["outcome"]))
     for item in holds:
@@ -99,7 +99,7 @@ def evaluate_aims(
     # So many that fail, and by how much: both lead the search to where none does.
     short = np.where(np.isfinite(columns["margin"]), margin - columns["margin"], -np.inf)
     count = failing.reshape(-1, each).sum(axis=1)
-    return Evaluation(means, np.where(count > 0, count + np.maximum(0.0, _most(short, each)), _most(short, each)))
+    return FrontEvaluation(means, np.where(count > 0, count + np.maximum(0.0, _most(short, each)), _most(short, each)))
 
 
 def point_of_own(space: Space) -> np.ndarray:
@@ -263,7 +263,7 @@ class TuneResult(AbstractResult):
 
     def scenarios(self) -> dict[str, ScenarioDescription]:
         """The scenario with the best gains, and with those of the front."""
-        built = [altered_description(self.base, gains) for gains in self.gains]
+        built = [alter_description(self.base, gains) for gains in self.gains]
         best = {} if self.best is None else {"best": built[self.best]}
         return {**best, **dict(zip(self._names, built, strict=True))}
 

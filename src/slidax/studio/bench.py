@@ -149,9 +149,9 @@ class Bench:
         return {"catalogue": catalogue()}, b""
 
     def _part(self, request: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
-        from slidax.scenarios.catalogue import explained
+        from slidax.scenarios.catalogue import explain_parameters
 
-        part = explained(str(request["name"]))
+        part = explain_parameters(str(request["name"]))
         return {"part": json.loads(json.dumps(part, default=str))}, b""
 
     def _scenario(self, request: dict[str, Any]) -> Any:

@@ -54,14 +54,14 @@ NAMES = ("socket.getaddrinfo", "socket.gethostbyname", "socket.gethostbyaddr", "
 WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 
 
-def readable() -> list[Path]:
+def readable_folders() -> list[Path]:
     """Folders of Python, its packages and the system."""
     python = [sys.prefix, sys.base_prefix, sys.exec_prefix, *sysconfig.get_paths().values(), *site.getsitepackages()]
     paths = [*python, *(path for path in sys.path if path and os.path.isdir(path)), *SYSTEM]
     return _real(paths)
 
 
-def writable(root: Path, scratch: Path) -> list[Path]:
+def writable_folders(root: Path, scratch: Path) -> list[Path]:
     """The studio's folder `root`, the folder `scratch` of this process, and the caches of slidax and matplotlib."""
     from platformdirs import user_cache_path
 
@@ -184,7 +184,7 @@ def confine(root: Path, scratch: Path) -> bool:
     """Give up access to everything except the folder `root` and `scratch`; return True if the kernel enforces it."""
     os.environ |= {"TMPDIR": str(scratch), "TEMP": str(scratch), "TMP": str(scratch), "PYTHONDONTWRITEBYTECODE": "1"}
     sys.dont_write_bytecode = True
-    read, write = readable(), writable(root, scratch)
+    read, write = readable_folders(), writable_folders(root, scratch)
     by_kernel = restrict_by_kernel(read, write)
     for name in WITHOUT_EVENT:
         for module in (os, sys.modules[os.name]):

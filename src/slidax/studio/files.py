@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from slidax.core.errors import DefinitionError, plain
+from slidax.core.errors import DefinitionError, plain_name
 
 LONGEST, LONGEST_PART = 1024, 255
 """Characters of a name, and bytes of one of its parts."""
@@ -40,24 +40,24 @@ def parts_of(name: str) -> tuple[str, ...]:
     if not isinstance(name, str) or not name or len(name) > LONGEST:
         raise OutsideError(f"a file's name must have 1 to {LONGEST} characters")
     if any(not letter.isprintable() for letter in name) or any(letter in name for letter in '\\:*?"<>|'):
-        raise OutsideError(f"`{plain(name)}` has a character that some systems do not allow in file names")
+        raise OutsideError(f"`{plain_name(name)}` has a character that some systems do not allow in file names")
     parts = tuple(name.split("/"))
     for part in parts:
         if not part or part in (".", ".."):
-            raise OutsideError(f"`{plain(name)}` must be below the folder: remove `..` and the leading `/`")
+            raise OutsideError(f"`{plain_name(name)}` must be below the folder: remove `..` and the leading `/`")
         if part.startswith((".", "~", "-")):
-            raise OutsideError(f"`{plain(name)}` must not start with `.`, `~` or `-`: give it another name")
+            raise OutsideError(f"`{plain_name(name)}` must not start with `.`, `~` or `-`: give it another name")
         if part.endswith((" ", ".")) or part.startswith(" ") or DEVICES.fullmatch(part):
-            raise OutsideError(f"`{plain(name)}` is not a valid file name on every system")
+            raise OutsideError(f"`{plain_name(name)}` is not a valid file name on every system")
         if len(part.encode("utf-8", "surrogatepass")) > LONGEST_PART:
-            raise OutsideError(f"a part of `{plain(name)}` is longer than {LONGEST_PART} bytes")
+            raise OutsideError(f"a part of `{plain_name(name)}` is longer than {LONGEST_PART} bytes")
     return parts
 
 
 def require_ending(name: str, endings: tuple[str, ...]) -> None:
     """Raise DefinitionError unless `name` has one of the `endings`, in lower case with their dots."""
     if not name.lower().endswith(endings):
-        raise DefinitionError(f"`{plain(name)}` must end in one of {', '.join(endings)}")
+        raise DefinitionError(f"`{plain_name(name)}` must end in one of {', '.join(endings)}")
 
 
 MOST_FILES = 2000
@@ -93,9 +93,9 @@ class Folder:
         try:
             self.root = root.resolve(strict=True)
         except (OSError, RuntimeError):
-            raise DefinitionError(f"folder `{plain(str(root))}` does not exist") from None
+            raise DefinitionError(f"folder `{plain_name(str(root))}` does not exist") from None
         if not self.root.is_dir():
-            raise DefinitionError(f"`{plain(str(root))}` is not a folder")
+            raise DefinitionError(f"`{plain_name(str(root))}` is not a folder")
 
     def place(self, name: str) -> Path:
         """The path of a file by its `name` from a browser, with links resolved.
@@ -112,9 +112,9 @@ class Folder:
         try:
             real = path.resolve()
         except (OSError, RuntimeError, ValueError):
-            raise OutsideError(f"`{plain(name)}` has circular links, or is not a path") from None
+            raise OutsideError(f"`{plain_name(name)}` has circular links, or is not a path") from None
         if real == self.root or not real.is_relative_to(self.root):
-            raise OutsideError(f"`{plain(name)}` is outside the studio's folder")
+            raise OutsideError(f"`{plain_name(name)}` is outside the studio's folder")
         return real
 
     def read(self, name: str, most: int) -> bytes:
@@ -133,13 +133,13 @@ class Folder:
         with _refusals_as_sentences(name), self._opened(place, os.O_RDONLY | _AT_ONCE) as handle:
             about = os.fstat(handle)
             if not stat.S_ISREG(about.st_mode):
-                raise DefinitionError(f"`{plain(name)}` is not a file")
+                raise DefinitionError(f"`{plain_name(name)}` is not a file")
             if about.st_size > most:
-                raise DefinitionError(f"`{plain(name)}` has {about.st_size} bytes; at most {most} are allowed")
+                raise DefinitionError(f"`{plain_name(name)}` has {about.st_size} bytes; at most {most} are allowed")
             with os.fdopen(os.dup(handle), "rb") as file:
                 content = file.read(most + 1)
         if len(content) > most:
-            raise DefinitionError(f"`{plain(name)}` grew to more than {most} bytes")
+            raise DefinitionError(f"`{plain_name(name)}` grew to more than {most} bytes")
         return content
 
     def write(self, name: str, content: bytes, before: str | None = None) -> str:
@@ -212,7 +212,7 @@ class Folder:
         try:
             with self._opened(place, os.O_RDONLY | _AT_ONCE) as handle:
                 if not stat.S_ISREG(os.fstat(handle).st_mode):
-                    raise DefinitionError(f"`{plain(name)}` is not a file")
+                    raise DefinitionError(f"`{plain_name(name)}` is not a file")
                 with os.fdopen(os.dup(handle), "rb") as file:
                     return mark_of(file.read())
         except FileNotFoundError:
@@ -294,5 +294,5 @@ def _refusals_as_sentences(name: str) -> Iterator[None]:
     except OSError as error:
         # A link that appeared after its name was resolved ends here: nothing is followed.
         if error.errno in (errno.ELOOP, errno.ENOTDIR, errno.EMLINK):
-            raise OutsideError(f"`{plain(name)}` has a link or a file in place of a folder") from None
-        raise DefinitionError(f"cannot open `{plain(name)}`: {error.strerror}") from None
+            raise OutsideError(f"`{plain_name(name)}` has a link or a file in place of a folder") from None
+        raise DefinitionError(f"cannot open `{plain_name(name)}`: {error.strerror}") from None

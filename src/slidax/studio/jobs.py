@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from slidax.core.errors import DefinitionError, nearest_word, plain
+from slidax.core.errors import DefinitionError, nearest_word, plain_name
 
 from .files import Folder, require_ending
 from .processes import ended, started
@@ -66,7 +66,7 @@ def _file(endings: tuple[str, ...], option: bool = False) -> Reader:
         text = _text(value, name)
         require_ending(text, endings)
         if not folder.place(text).is_file():
-            raise DefinitionError(f"file `{plain(text)}` does not exist", where=name)
+            raise DefinitionError(f"file `{plain_name(text)}` does not exist", where=name)
         command.files.append(text)
         command.words.append(f"--{name}={text}" if option else text)
 
@@ -88,7 +88,7 @@ def _finished(command: JobCommand, folder: Folder, value: Any, name: str) -> Non
     text = _text(value, name)
     place = folder.place(text)
     if not (place.is_dir() or (place.is_file() and text.endswith(".mcap"))):
-        raise DefinitionError(f"run `{plain(text)}` does not exist", where=name)
+        raise DefinitionError(f"run `{plain_name(text)}` does not exist", where=name)
     if place.is_dir():
         command.files += [entry.name for entry in folder.listing(text) if entry.name.endswith(YAML)]
     command.words.append(text)
@@ -122,9 +122,9 @@ def _report(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
 def _number(low: float, high: float, kind: type[int] | type[float] = int) -> Reader:
     def read(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
         if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
-            raise DefinitionError(f"must be a number from {low:g} to {high:g}; got {plain(value)}", where=name)
+            raise DefinitionError(f"must be a number from {low:g} to {high:g}; got {plain_name(value)}", where=name)
         if kind is int and value != int(value):
-            raise DefinitionError(f"must be an integer; got {plain(value)}", where=name)
+            raise DefinitionError(f"must be an integer; got {plain_name(value)}", where=name)
         command.words.append(f"--{name}={kind(value)}")
 
     return read
@@ -132,7 +132,7 @@ def _number(low: float, high: float, kind: type[int] | type[float] = int) -> Rea
 
 def _flag(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
     if not isinstance(value, bool):
-        raise DefinitionError(f"must be true or false; got {plain(value)}", where=name)
+        raise DefinitionError(f"must be true or false; got {plain_name(value)}", where=name)
     if value:
         command.words.append(f"--{name}")
 
@@ -147,20 +147,20 @@ def _changes(command: JobCommand, folder: Folder, value: Any, name: str) -> None
         raise DefinitionError("must be a mapping from paths to values", where=name)
     for path, content in value.items():
         if not PATH.fullmatch(path):
-            raise DefinitionError(f"`{plain(path)}` is not the path of a field", where=name)
+            raise DefinitionError(f"`{plain_name(path)}` is not the path of a field", where=name)
         command.changes[path] = content
         command.words.append(f"--set={path}={json.dumps(content, allow_nan=False)}")
 
 
 def _text(value: Any, name: str) -> str:
     if not isinstance(value, str) or not value:
-        raise DefinitionError(f"must be text; got {plain(value)}", where=name)
+        raise DefinitionError(f"must be text; got {plain_name(value)}", where=name)
     return value
 
 
 def _word(value: str, name: str) -> str:
     if not WORD.fullmatch(value):
-        raise DefinitionError(f"`{plain(value)}` is not a valid name", where=name)
+        raise DefinitionError(f"`{plain_name(value)}` is not a valid name", where=name)
     return value
 
 
@@ -221,12 +221,12 @@ def command_of(folder: Folder, job: str, options: Mapping[str, Any]) -> JobComma
     Raises DefinitionError for unknown or invalid options, and OutsideError for a file outside the `folder`.
     """
     if job not in COMMANDS:
-        raise DefinitionError(f"unknown job `{plain(job)}`; {nearest_word(str(job), COMMANDS)}")
+        raise DefinitionError(f"unknown job `{plain_name(job)}`; {nearest_word(str(job), COMMANDS)}")
     words, readers, answers = COMMANDS[job]
     command = JobCommand([*words, *(["--json"] if answers else [])], [], {}, json=answers)
     for name in options:
         if name not in readers and name != "replace":
-            raise DefinitionError(f"unknown `{plain(name)}`; {nearest_word(str(name), readers)}", where=job)
+            raise DefinitionError(f"unknown `{plain_name(name)}`; {nearest_word(str(name), readers)}", where=job)
     for name, reader in readers.items():
         if options.get(name) not in (None, ""):
             reader(command, folder, options[name], name)

@@ -12,7 +12,7 @@ from slidax.core.errors import DefinitionError
 from slidax.export.web.playground import arm_entry, playground
 from slidax.export.web.settings import PageSetting
 from slidax.export.web.tunables import tunables_of
-from slidax.scenarios.load import altered_description
+from slidax.scenarios.load import alter_description
 from slidax.scenarios.scenario import Scenario, ScenarioDescription
 
 RIVALS = {
@@ -79,7 +79,7 @@ def _other(
 ) -> list[dict[str, Any]]:
     """The setting of another scheme; empty if it does not fit the scenario."""
     try:
-        return [_setting(altered_description(description, changes), scheme, title, kind, joints)]
+        return [_setting(alter_description(description, changes), scheme, title, kind, joints)]
     except DefinitionError:
         return []
 

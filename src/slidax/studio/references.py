@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from slidax.arms.files.source import elements, read_robot_file
-from slidax.core.errors import DefinitionError, plain
+from slidax.core.errors import DefinitionError, plain_name
 from slidax.scenarios.yaml_text import read_yaml
 
 from .files import Folder, OutsideError
@@ -74,7 +74,8 @@ class _Walk:
             return
         if place.suffix.lower() == ".xacro":
             raise DefinitionError(
-                f"`{plain(place.name)}` is xacro, which the studio does not expand: run `xacro FILE > robot.urdf` first"
+                f"`{plain_name(place.name)}` is xacro, which the studio does not expand: run `xacro FILE > "
+                "robot.urdf` first"
             )
         self._visited.add(place)
         if len(self._visited) > FILES:
@@ -98,7 +99,7 @@ class _Walk:
         suffix = Path(name).suffix.lower() if "\0" not in name else ".yaml"
         if suffix == ".xacro":
             raise DefinitionError(
-                f"`{plain(name)}` is xacro, which the studio does not expand: run `xacro FILE > robot.urdf` first"
+                f"`{plain_name(name)}` is xacro, which the studio does not expand: run `xacro FILE > robot.urdf` first"
             )
         word = key.split(".")[-1] in ("scenario", "robot") and suffix not in (*YAML, *ROBOTS)
         if word and "/" not in name and "\\" not in name:
@@ -111,7 +112,7 @@ class _Walk:
         if "\0" in name:
             raise OutsideError("a file name contains NUL")
         if "\\" in name or re.match(r"[A-Za-z]:", name) or name.startswith("~"):
-            raise OutsideError(f"`{plain(name)}` is not a path below the studio's folder")
+            raise OutsideError(f"`{plain_name(name)}` is not a path below the studio's folder")
         place = where / name
         return place if place.resolve() == self._folder.root else self._folder.beneath(place, name)
 
@@ -123,11 +124,13 @@ class _Walk:
         try:
             root = read_robot_file(text, "mujoco", "from_urdf reads <robot>").root
         except DefinitionError as error:
-            raise DefinitionError(f"`{plain(place.name)}`: {error}") from None
+            raise DefinitionError(f"`{plain_name(place.name)}`: {error}") from None
         bases = [place.parent, *self._asset_folders(root, place.parent)]
         for element, name in _attributes(root, FILES_OF_MJCF):
             if ":" in name:
-                raise OutsideError(f"`{plain(name)}` in `{plain(place.name)}` is not a file below the studio's folder")
+                raise OutsideError(
+                    f"`{plain_name(name)}` in `{plain_name(place.name)}` is not a file below the studio's folder"
+                )
             for base in bases:
                 path = self._beneath(base, name)
                 if element in ("include", "model"):

@@ -8,7 +8,7 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
-from slidax.core.errors import DefinitionError, plain
+from slidax.core.errors import DefinitionError, plain_name
 
 DEEPEST = 50
 """Nesting depth of a request."""
@@ -108,7 +108,7 @@ def read_request(content: bytes, kind: type[Kind]) -> Kind:
         return kind.model_validate(data)
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False)[0]
-        where = ".".join(plain(part) for part in first["loc"] if part != "[key]")
+        where = ".".join(plain_name(part) for part in first["loc"] if part != "[key]")
         raise RequestError(_sentence(first["type"], first["msg"], kind), where=where) from None
 
 
@@ -145,7 +145,7 @@ def _require_text(text: str) -> None:
     try:
         text.encode("utf-8")
     except UnicodeEncodeError:
-        raise RequestError(f"`{plain(text)}` has an incomplete surrogate pair") from None
+        raise RequestError(f"`{plain_name(text)}` has an incomplete surrogate pair") from None
 
 
 def _refuse_constant(word: str) -> float:
@@ -155,7 +155,7 @@ def _refuse_constant(word: str) -> float:
 def _integer(word: str) -> int:
     _require_short(word)
     if not math.isfinite(float(word)):
-        raise RequestError(f"the number `{plain(word)}` is too large")
+        raise RequestError(f"the number `{plain_name(word)}` is too large")
     return int(word)
 
 
@@ -163,10 +163,10 @@ def _number(word: str) -> float:
     _require_short(word)
     number = float(word)
     if not math.isfinite(number):
-        raise RequestError(f"the number `{plain(word)}` is too large")
+        raise RequestError(f"the number `{plain_name(word)}` is too large")
     return number
 
 
 def _require_short(word: str) -> None:
     if len(word) > DIGITS:
-        raise RequestError(f"the number `{plain(word)}` has {len(word)} characters; at most {DIGITS} are allowed")
+        raise RequestError(f"the number `{plain_name(word)}` has {len(word)} characters; at most {DIGITS} are allowed")

@@ -44,7 +44,7 @@ def test_a_perturbed_run_is_that_of_the_linear_system(found):
     changes = {name: value for name, value in SHORT.items() if name != "disturbance.scale"}
     changes |= {"disturbance": disturbance, "simulation.t1": 0.6}
     scenario = scenarios.load("example-4.1-1khz", changes)
-    run, still = (scenarios.altered(scenario, {"disturbance.scale": on}).simulate(log_every=1) for on in (1.0, 0.0))
+    run, still = (scenarios.alter(scenario, {"disturbance.scale": on}).simulate(log_every=1) for on in (1.0, 0.0))
     times, steps = found.system.part("disturbance[joint 1]", "error").step_response(0.1)
     moved = (np.asarray(run.log.e) - np.asarray(still.log.e))[500:601]
     np.testing.assert_allclose(moved / push, steps[:, :, 0], atol=0.02 * np.abs(steps).max())

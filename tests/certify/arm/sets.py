@@ -12,12 +12,12 @@ from slidax.core.types import State
 from slidax.law import SampledData
 from slidax.scenarios import Scenario
 from slidax.scenarios.family import Family
-from slidax.scenarios.load import altered
+from slidax.scenarios.load import alter
 from slidax.scenarios.uncertainty import Uncertainty
 
 
 def with_set(scenario: Scenario, uncertainty: dict[str, Any], changes: dict[str, Any]) -> tuple[Scenario, Family]:
-    changed = altered(scenario, changes)
+    changed = alter(scenario, changes)
     return changed, Family.of(changed.description, TypeAdapter(Uncertainty).validate_python(uncertainty))
 
 

@@ -9,7 +9,7 @@ from slidax.certify.arm.members import Members
 from slidax.certify.arm.robust_torque import UncertaintySamples, largest_share, uncertainty_samples
 from slidax.certify.arm.torque_budget import motion_torques
 from slidax.scenarios import load
-from slidax.scenarios.load import altered
+from slidax.scenarios.load import alter
 
 from .sets import with_set
 
@@ -39,11 +39,11 @@ def test_robust_torque_fails_for_a_small_u_with_a_remedy_that_holds(two_links, a
     good = robust_torque(scenario, asked_of_two_links)
     assert good.holds and good.margin > 0.5
     nothing = {f"scheme.bound.{name}": 0.0 for name in ("b0", "b1", "b2")} | {"scheme.bound.margin": 0.01}
-    weak = altered(scenario, nothing | {"scheme.bound.inverse_inertia_max": 0.09})
+    weak = alter(scenario, nothing | {"scheme.bound.inverse_inertia_max": 0.09})
     refused = robust_torque(weak, asked_of_two_links)
     assert refused.holds is False
     assert refused.bound["needed"] == pytest.approx(good.bound["needed"], rel=1.0)
-    enough = robust_torque(altered(weak, dict(refused.remedies[0].changes)), asked_of_two_links)
+    enough = robust_torque(alter(weak, dict(refused.remedies[0].changes)), asked_of_two_links)
     assert enough.holds
 
 
@@ -71,11 +71,11 @@ def test_torque_along_the_motion_agrees_with_a_run(two_links, asked_of_two_links
 @MEANT
 def test_torque_budget_fails_for_weak_drives_with_a_sufficient_remedy(two_links, asked_of_two_links):
     scenario, family = two_links
-    weak = altered(scenario, {"actuator.torque": 30.0})
+    weak = alter(scenario, {"actuator.torque": 30.0})
     refused = torque_budget(weak, asked_of_two_links, family)
     assert refused.holds is False
     assert (np.asarray(refused.bound["torque"]) > 30.0).any()
-    stronger = altered(weak, dict(refused.remedies[0].changes))
+    stronger = alter(weak, dict(refused.remedies[0].changes))
     torque = torque_budget(stronger, asked_of_two_links, family).bound["torque"]
     assert (torque < np.asarray(stronger.plant.actuator.limits.torque)).all()
 
@@ -131,6 +131,6 @@ def test_smallest_bound_covers_independent_samples_and_the_paper_suffices():
     covered = b0 + b1 * fresh.position + b2 * fresh.speed + gamma * fresh.torque
     assert np.mean(fresh.lumped > covered * (1 + 1e-9)) < 1e-3
     half = {f"scheme.bound.{name}": 0.3 * verdict.bound[name] for name in ("b0", "b1", "b2")}
-    refused = uncertainty_bound(altered(scenario, half), family)
+    refused = uncertainty_bound(alter(scenario, half), family)
     assert refused.holds is False
-    assert uncertainty_bound(altered(scenario, dict(refused.remedies[0].changes)), family).holds
+    assert uncertainty_bound(alter(scenario, dict(refused.remedies[0].changes)), family).holds

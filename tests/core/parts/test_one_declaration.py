@@ -13,7 +13,7 @@ from slidax.core import AbstractPart, PerJoint, Scalar, Vector, kind_of, paramet
 from slidax.core.errors import DefinitionError
 from slidax.export.c_structures import members
 from slidax.law import AbstractSurface, Linear
-from slidax.scenarios.catalogue import BLOCKS, KINDS, _rows, explained
+from slidax.scenarios.catalogue import BLOCKS, KINDS, _rows, explain_parameters
 from slidax.scenarios.catalogue import members as described
 from slidax.scenarios.descriptions import description_of
 
@@ -128,7 +128,7 @@ def test_every_parameter_of_a_part_is_declared(kind: str) -> None:
 
 
 def test_presets_say_where_their_numbers_come_from() -> None:
-    rows = {row["path"]: row for row in explained("cftsmppc")["parameters"]}
+    rows = {row["path"]: row for row in explain_parameters("cftsmppc")["parameters"]}
     assert rows["surface.k1"]["default"] == 0.2
     assert rows["surface.k1"]["source"] == "Table 1"
     assert "(eq. 40)" in rows["surface.k1"]["range"]
@@ -137,10 +137,10 @@ def test_presets_say_where_their_numbers_come_from() -> None:
 
 def test_a_name_of_several_is_asked_for_with_its_kind() -> None:
     with pytest.raises(DefinitionError, match=r"several: say `performance.fixed_time` or `reaching.fixed_time`"):
-        explained("fixed_time")
-    assert explained("reaching.fixed_time")["parameters"][0]["path"] == "gain"
+        explain_parameters("fixed_time")
+    assert explain_parameters("reaching.fixed_time")["parameters"][0]["path"] == "gain"
     with pytest.raises(DefinitionError, match="did you mean `computed_torque`"):
-        explained("computd_torque")
+        explain_parameters("computd_torque")
 
 
 def test_pieces_are_documented_and_not_checked() -> None:

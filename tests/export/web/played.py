@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from slidax.scenarios import Scenario
-from slidax.scenarios.load import validated
+from slidax.scenarios.load import validate_text
 
 HERE = Path(__file__).parent
 LOOP = Path(__file__).parents[3] / "src/slidax/export/web/page/loop.js"
@@ -99,4 +99,4 @@ def played(
 
 def scenario_of(setting: Mapping[str, Any], changes: Mapping[str, Any]) -> Scenario:
     """The setting's scenario, as a page gives it to be downloaded."""
-    return validated(setting["scenario"], dict(changes)).build("downloaded")
+    return validate_text(setting["scenario"], dict(changes)).build("downloaded")

@@ -16,7 +16,7 @@ from slidax.export.web.settings import TEMPLATES, c_files
 from slidax.export.web.tunables import tunables_of
 from slidax.scenarios import load
 from slidax.scenarios.family import Family, Space
-from slidax.scenarios.load import validated
+from slidax.scenarios.load import validate_text
 
 from .played import unpacked
 
@@ -57,7 +57,7 @@ def filled(name: str, moved: Mapping[str, Any]) -> dict[str, str]:
 def exported(name: str, changes: Mapping[str, Any]) -> dict[str, str]:
     """What `slidax export c` writes of the scenario that the page gives to be downloaded."""
     data = offered(name)[0].model_dump(exclude_unset=True)
-    made = project(validated(data, dict(changes)).build("law"), name="law", with_golden=False)
+    made = project(validate_text(data, dict(changes)).build("law"), name="law", with_golden=False)
     names = {"header.h.j2": "slidax_law.h", "step.c.j2": "slidax_law.c"}
     return {file: render(template, {"x": made}) for template, file in names.items()}
 
@@ -79,7 +79,7 @@ def moved_by(name: str, factor: float) -> dict[str, Any]:
         number = given[path] * factor if np.any(given[path]) else np.full_like(given[path], 0.01)
         value = number.tolist() if len(one["marks"]) > 1 else float(np.ravel(number)[0])
         try:
-            validated(data, {**found, path: value})
+            validate_text(data, {**found, path: value})
         except ValueError:
             continue
         found[path] = value

@@ -15,7 +15,7 @@ from slidax.core.errors import DefinitionError
 from slidax.export.web import settings as certified
 from slidax.export.web.tunables import tunables_of
 from slidax.scenarios import Scenario, load
-from slidax.scenarios.load import altered
+from slidax.scenarios.load import alter
 
 playground = import_module("slidax.export.web.playground")
 
@@ -58,7 +58,7 @@ def all_but(name: str, certificate: Any) -> tuple[Scenario, list[str]]:
         if certificate.may_read(path):
             continue
         try:
-            scenario = altered(scenario, {path: value})
+            scenario = alter(scenario, {path: value})
         except DefinitionError:
             continue
         done.append(path)
@@ -114,8 +114,8 @@ def test_a_light_that_was_not_computed_says_so_in_words(monkeypatch: pytest.Monk
 def test_the_rate_is_certified_of_the_scenarios_own_law_where_it_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(playground, "playground", lambda title, settings, arms: [one.rate for one in settings])
     scenario = load("example-4.1-1khz")
-    assert playground.of_scenario(scenario, ["printed", "slotine_li"], rate=True) == [True, False, False]
-    assert playground.of_scenario(scenario) == [False]
+    assert playground.manifest_of_scenario(scenario, ["printed", "slotine_li"], rate=True) == [True, False, False]
+    assert playground.manifest_of_scenario(scenario) == [False]
 
 
 @pytest.mark.full

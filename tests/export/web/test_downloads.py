@@ -12,10 +12,10 @@ import pytest
 
 from slidax.export.golden_samples import record_closed_loop
 from slidax.export.loop_plans import guarded_law
-from slidax.export.web import settings, write_page
+from slidax.export.web import settings, write_playground
 from slidax.export.web.playground import playground
 from slidax.export.web.settings import settings_of
-from slidax.scenarios import altered, load
+from slidax.scenarios import alter, load
 from tests.cli.commands import in_process
 from tests.export.exported import COMPILERS, STRICT, Exported, needs_a_compiler, run
 
@@ -47,7 +47,7 @@ def moved(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> tuple[Any,
         # Its lights are no matter here, and take long.
         patch.setattr(settings, "certificates_of", lambda scenario, paths, rate: [])
         manifest = playground("test", settings_of(described, "arm"), {"arm": "Arm"})
-    visit = Visit(chromium, write_page(manifest, folder).as_uri())
+    visit = Visit(chromium, write_playground(manifest, folder).as_uri())
     for path, value in MOVED.items():
         typed(visit, f"[data-path='{path}']", value)
     assert set(visit.state()["values"]) == set(MOVED)
@@ -105,7 +105,7 @@ def test_the_law_in_c_gives_the_torques_that_the_page_shows(moved: Any) -> None:
     assert_close(found.command["tau"][rows], shown["tau"], 2)
     # The numbers count: the file as it was given answers otherwise.
     (folder / "given").mkdir()
-    given = Exported(altered(loaded, {path: as_given(path) for path in MOVED}), folder / "given").answers(samples)
+    given = Exported(alter(loaded, {path: as_given(path) for path in MOVED}), folder / "given").answers(samples)
     assert np.max(np.abs(given.command["tau"][rows] - np.reshape(shown["tau"], (-1, 2)))) > 1e-3
 
 

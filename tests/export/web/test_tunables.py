@@ -12,7 +12,7 @@ from slidax.core.errors import DefinitionError, DefinitionWarning
 from slidax.export.web.playground import ARMS
 from slidax.export.web.tunables import NEVER, ORDER, Tunable, tunables_of
 from slidax.scenarios import ScenarioDescription
-from slidax.scenarios.load import validated
+from slidax.scenarios.load import validate_text
 
 SCENARIOS = {shown.arm: shown for shown in ARMS}
 
@@ -37,9 +37,9 @@ def refused(arm: str, some: list[Tunable]) -> dict[tuple[str, float], str]:
     for tunable in some:
         for value in (tunable.low, tunable.high):
             try:
-                validated(data, {tunable.path: np.full(() if tunable.each else tunable.shape, value).tolist()}).build(
-                    "end"
-                )
+                validate_text(
+                    data, {tunable.path: np.full(() if tunable.each else tunable.shape, value).tolist()}
+                ).build("end")
             except (DefinitionError, DefinitionWarning) as error:
                 # A bound that is of no use is the visitor's to see; it runs.
                 if isinstance(error, DefinitionWarning) and "scheme.bound" in str(error):
@@ -114,7 +114,7 @@ def test_names_of_noise_and_what_would_be_another_arm_are_no_sliders(arm: str) -
 def test_how_far_a_slider_reaches_follows_from_its_range_and_its_default(
     changes: dict[str, Any], path: str, low: float, high: float, logarithmic: bool
 ) -> None:
-    found = validated(described("two_link").model_dump(exclude_unset=True), changes)
+    found = validate_text(described("two_link").model_dump(exclude_unset=True), changes)
     tunable = next(one for one in tunables_of(found, 2) if one.path == path)
     assert (tunable.low, tunable.high, tunable.logarithmic) == (pytest.approx(low), pytest.approx(high), logarithmic)
 

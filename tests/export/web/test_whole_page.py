@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slidax.export.web import write_page
+from slidax.export.web import write_playground
 from slidax.export.web.settings import ProgramChoice
 from slidax.scenarios import load
 
@@ -24,7 +24,7 @@ PERIODS = ProgramChoice("simulation.period", "period", "s", (1e-3, 2e-3))
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     manifest = made("example-4.1-1khz", (), (PERIODS,), simulation__t1=2.0)
-    return write_page(manifest, tmp_path_factory.mktemp("site"))
+    return write_playground(manifest, tmp_path_factory.mktemp("site"))
 
 
 @pytest.mark.full

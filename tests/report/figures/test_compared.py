@@ -16,7 +16,7 @@ from slidax.core.errors import DefinitionError
 from slidax.report import figures
 from slidax.report.figures.chatter import chatter
 from slidax.report.figures.compared import HATCHES, LOOKS, crest
-from slidax.report.figures.style import thinned
+from slidax.report.figures.style import thin_curve
 from slidax.scenarios.schemes import PRESETS
 from slidax.simulation import Run
 
@@ -203,7 +203,7 @@ def test_bars_stand_by_joint_on_a_logarithmic_axis_and_what_is_missing_is_a_dash
 def test_without_the_points_on_its_lines_a_curve_is_the_same() -> None:
     t = np.linspace(0, 10, 2001)
     y = np.sin(t)
-    x, z = thinned(t, y, 2001, (-1.0, 1.0))
+    x, z = thin_curve(t, y, 2001, (-1.0, 1.0))
     assert len(x) < 200
     assert np.abs(np.interp(t, x, z) - y).max() <= 2 / 450
     assert (x[0], x[-1]) == (0.0, 10.0)

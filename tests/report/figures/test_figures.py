@@ -18,7 +18,7 @@ from slidax import scenarios
 from slidax.core.errors import DefinitionError
 from slidax.law import FixedTime
 from slidax.report import figures
-from slidax.report.figures.style import every_nth, thinned
+from slidax.report.figures.style import every_nth, thin_curve
 from slidax.simulation import Run
 
 LIMIT = 150_000
@@ -151,7 +151,7 @@ def test_thinning_keeps_every_peak_and_the_order_of_time() -> None:
     t = np.arange(20_001) * 1e-3
     y = np.sin(t)
     y[[7, 12_345, 19_999]] = [9.0, -8.0, 7.0]
-    x, z = thinned(t, y, columns=200)
+    x, z = thin_curve(t, y, columns=200)
     assert len(x) <= 800
     assert (np.diff(x) > 0).all()
     assert {9.0, -8.0, 7.0} <= set(z.tolist())
@@ -167,7 +167,7 @@ def test_thinning_keeps_every_peak_and_the_order_of_time() -> None:
 
 def test_few_points_are_left_alone() -> None:
     t = np.linspace(0, 1, 50)
-    x, y = thinned(t, t**2)
+    x, y = thin_curve(t, t**2)
     assert x is t
     assert (y == t**2).all()
     assert every_nth(t, 10)[[0, -1]].tolist() == [0.0, 1.0]
@@ -199,7 +199,7 @@ def test_a_shortened_path_is_the_same_path(run: Run) -> None:
 
 
 def test_an_inline_svg_names_no_other_place(run: Run) -> None:
-    page = figures.inline(figures.to_svg(figures.torque(run), "torque"))
+    page = figures.inline_svg(figures.to_svg(figures.torque(run), "torque"))
     assert page.startswith("<svg ")
     assert page.endswith("</svg>")
     assert "http" not in page

@@ -41,7 +41,7 @@ def of_a_run(out: Path) -> None:
 
 def of_a_comparison(out: Path) -> None:
     judge = sx.scenarios.load("example-4.1-1khz", {"simulation.t1": 1.0})
-    schemes = {name: judge if not name else sx.scenarios.altered(judge, {"scheme.name": name}) for name in ("", "pid")}
+    schemes = {name: judge if not name else sx.scenarios.alter(judge, {"scheme.name": name}) for name in ("", "pid")}
     write_comparison({name or "own": Rival.simulated(one, judge, logged=True) for name, one in schemes.items()}, out)
 
 

@@ -17,7 +17,7 @@ from slidax.core.errors import DefinitionError
 from slidax.plant import Constant
 from slidax.report.replay.drawing import FIELD_OF_VIEW, Drawing, camera_for, draw
 from slidax.report.replay.skeleton import sample_run, skeleton_of
-from slidax.report.replay.solids import DESIRED, JOINT, LINK, Solid, merged, turn_up
+from slidax.report.replay.solids import DESIRED, JOINT, LINK, Solid, merge_solids, turn_up
 from slidax.simulation import Plant, Run
 
 from .runs import crane_run, scara, two_link
@@ -175,7 +175,7 @@ def test_a_slide_has_a_rod_that_always_reaches_its_sleeve() -> None:
 def test_solids_of_one_body_and_colour_are_one() -> None:
     corners = np.eye(3)
     parts = [Solid(1, corners, np.array([[0, 1, 2]]), LINK), Solid(1, corners + 1.0, np.array([[2, 1, 0]]), LINK)]
-    (one, other) = merged([*parts, Solid(2, corners, np.array([[0, 1, 2]]), LINK)])
+    (one, other) = merge_solids([*parts, Solid(2, corners, np.array([[0, 1, 2]]), LINK)])
     np.testing.assert_array_equal(one.faces, [[0, 1, 2], [5, 4, 3]])
     assert (one.body, other.body) == (1, 2)
 

@@ -12,7 +12,7 @@ from slidax.scenarios.family import Family
 from slidax.scenarios.schemes import PRESETS
 from slidax.studies.benchmark import BenchmarkEntry, BenchmarkRound, entries, forms_of, names, task
 from slidax.studies.benchmark.entries import gains_of
-from slidax.studies.benchmark.rounds import drawn
+from slidax.studies.benchmark.rounds import draw_cases
 
 STIFF = "tests.studies.benchmark.entered:stiffer"
 
@@ -67,7 +67,7 @@ def test_all_complete_schemes_take_part():
 def test_training_and_held_out_cases_are_disjoint():
     scara = task(TASK)
     family = Family.of(BenchmarkEntry("pid", "printed").described(scara), scara.uncertainty)
-    training, held = (drawn(family, cases)["start.q"] for cases in (scara.training, scara.held_out))
+    training, held = (draw_cases(family, cases)["start.q"] for cases in (scara.training, scara.held_out))
     assert not np.isclose(training[:, None], held[None]).all(axis=2).any()
 
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from slidax.report.benchmark_page import percent, verdicts
+from slidax.report.benchmark_page import percent, summarise_tasks
 from slidax.studies.benchmark import BenchmarkEntry, TaskResult, ranking
-from slidax.studies.benchmark.ranking import holm, overall
-from slidax.studies.benchmark.rounds import KEPT, Scale, costs, failed_of, inside_of
+from slidax.studies.benchmark.ranking import holm, rank_overall
+from slidax.studies.benchmark.rounds import KEPT, Scale, costs, mark_failures, mark_inside
 
 FIRST, OTHER, THIRD = (BenchmarkEntry(name, "sampled-data") for name in ("cftsmppc", "pid", "ftsmc"))
 
@@ -56,15 +56,15 @@ def test_lost_cases_enter_no_median_and_a_missing_error_ranks_last():
     scores = {score.entry: score for score in table.scores}
     assert scores[FIRST].medians["steady_error"] == 1.0 and scores[FIRST].failed == 0.5
     assert scores[OTHER].medians["steady_error"] is None
-    (first, second) = overall([table], [FIRST, OTHER])
+    (first, second) = rank_overall([table], [FIRST, OTHER])
     assert first.entry == FIRST and first.error == 1.0 and second.error is None
-    assert "**cftsmppc (sampled-data)**, 50 % of the cases inside" in verdicts([table])[0]
+    assert "**cftsmppc (sampled-data)**, 50 % of the cases inside" in summarise_tasks([table])[0]
 
 
 def test_a_task_that_no_scheme_keeps_has_no_best():
     table = ranking("t", {FIRST: result([False] * 9, np.ones(9)), OTHER: result([False] * 9, 2 * np.ones(9))})
-    assert table.best is None and verdicts([table]) == ["no scheme keeps the tolerance band in any case"]
-    assert all(each.best == each.leads == 0 for each in overall([table], [FIRST, OTHER]))
+    assert table.best is None and summarise_tasks([table]) == ["no scheme keeps the tolerance band in any case"]
+    assert all(each.best == each.leads == 0 for each in rank_overall([table], [FIRST, OTHER]))
 
 
 def test_holm_matches_his_paper():
@@ -92,9 +92,9 @@ def test_costs_rank_a_case_inside_before_one_outside_before_one_that_ended_early
     cost = [float(costs(case, scale)[0]) for case in cases]
     assert cost == sorted(cost) and len(set(cost)) == len(cost)
     assert cost[1] < 1.0 < cost[2] and cost[3] < 10.0 < cost[4]
-    assert [bool(inside_of(case)[0]) for case in cases] == [True, True, False, False, False, False]
-    assert [bool(failed_of(case, scale)[0]) for case in cases] == [False] * 4 + [True] * 2
-    assert failed_of(columns(0, 9, 1.5), scale)[0]
+    assert [bool(mark_inside(case)[0]) for case in cases] == [True, True, False, False, False, False]
+    assert [bool(mark_failures(case, scale)[0]) for case in cases] == [False] * 4 + [True] * 2
+    assert mark_failures(columns(0, 9, 1.5), scale)[0]
 
 
 def test_a_share_is_0_or_100_percent_only_if_exact():

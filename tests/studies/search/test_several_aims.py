@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from slidax.core.errors import DefinitionError
-from slidax.studies.pareto import Evaluation, non_dominated, pareto_search, thinned
+from slidax.studies.pareto import FrontEvaluation, non_dominated, pareto_search, thin_front
 
 pytest.importorskip("cmaes")
 
@@ -16,11 +16,11 @@ def two_bowls(x):
 
 
 def free(x):
-    return Evaluation(two_bowls(x), np.full(len(x), -1.0))
+    return FrontEvaluation(two_bowls(x), np.full(len(x), -1.0))
 
 
 def conditional(x):
-    return Evaluation(two_bowls(x), 0.5 - x[:, 0])
+    return FrontEvaluation(two_bowls(x), 0.5 - x[:, 0])
 
 
 def test_dominated_rows_are_left_out():
@@ -34,7 +34,7 @@ def test_dominated_rows_are_left_out():
 
 def test_a_thin_front_keeps_its_ends_and_spreads():
     aims = np.stack([np.linspace(0, 1, 101), np.linspace(1, 0, 101) ** 2], axis=1)
-    chosen = thinned(aims, 5)
+    chosen = thin_front(aims, 5)
     assert len(chosen) == 5 and {0, 100} <= set(chosen.tolist())
     assert np.diff(chosen).min() > 10
 
@@ -56,7 +56,7 @@ def test_what_breaks_the_condition_is_not_on_the_front():
 
 
 def test_where_nothing_holds_the_front_is_empty():
-    front = pareto_search(lambda x: Evaluation(two_bowls(x), 1.0 + x[:, 0]), 2, evaluations=200)
+    front = pareto_search(lambda x: FrontEvaluation(two_bowls(x), 1.0 + x[:, 0]), 2, evaluations=200)
     assert front.points.shape == (0, 2) and front.holding == 0 and front.start is None
 
 
@@ -75,17 +75,17 @@ def test_the_same_seed_gives_the_same_front():
 
 def test_points_without_a_number_are_refused_by_the_search_not_by_an_error():
     def gaps(x):
-        return Evaluation(np.where(x[:, :1] < 0.3, np.nan, two_bowls(x)), np.full(len(x), -1.0))
+        return FrontEvaluation(np.where(x[:, :1] < 0.3, np.nan, two_bowls(x)), np.full(len(x), -1.0))
 
     assert pareto_search(gaps, 2, evaluations=300).points[:, 0].min() >= 0.3
 
 
 def test_three_aims_and_one_aim_go_as_well():
     three = pareto_search(
-        lambda x: Evaluation(np.concatenate([two_bowls(x), x[:, 1:2] + 0.1], 1), -x[:, 0]), 3, evaluations=600
+        lambda x: FrontEvaluation(np.concatenate([two_bowls(x), x[:, 1:2] + 0.1], 1), -x[:, 0]), 3, evaluations=600
     )
     assert three.aims.shape[1] == 3 and len(three.aims) > 3
-    item = pareto_search(lambda x: Evaluation(two_bowls(x)[:, :1], -np.ones(len(x))), 3, evaluations=600)
+    item = pareto_search(lambda x: FrontEvaluation(two_bowls(x)[:, :1], -np.ones(len(x))), 3, evaluations=600)
     assert len(item.points) == 1 and item.points[0, 0] == pytest.approx(0.2, abs=0.05)
 
 

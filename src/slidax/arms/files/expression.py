@@ -106,7 +106,7 @@ def limited_round(number: Any, digits: int | None = None) -> Any:
     return round(number, digits)
 
 
-def limited_sum(numbers: Iterable[Any], start: Any = 0) -> Any:
+def add_numbers(numbers: Iterable[Any], start: Any = 0) -> Any:
     """Return a sum of numbers; a sum of many lists would copy each of them many times."""
     terms = [start, *numbers]
     if not all(isinstance(term, int | float) for term in terms):
@@ -114,7 +114,7 @@ def limited_sum(numbers: Iterable[Any], start: Any = 0) -> Any:
     return sum(terms)
 
 
-LIMITED: Mapping[str, Callable[..., Any]] = {"range": limited_range, "round": limited_round, "sum": limited_sum}
+LIMITED: Mapping[str, Callable[..., Any]] = {"range": limited_range, "round": limited_round, "sum": add_numbers}
 
 SAFE = frozenset({*BUILTINS, *LIMITED.values(), *MATHEMATICS.values()})
 """The functions that an expression may call; they are compared by identity."""

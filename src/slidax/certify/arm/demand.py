@@ -24,7 +24,7 @@ from .arm_motion import (
     rigid_body_torque,
 )
 from .deviation_bound import PredictionErrorBound, deviation_bound
-from .hull import PROBES, Hull, convex_hull, probed
+from .hull import PROBES, Hull, convex_hull, probe_torques
 from .learned_demand import SetDemand, demand_after_learning, demand_of_cases, held_torque_error, learns_inertia
 from .members import MOST_ENDS, Members
 
@@ -113,7 +113,7 @@ def compute_demand(
     """
     members = Members.of(scenario, family)
     belief = NominalModel.of(scenario, members.plant)
-    hull = convex_hull(lambda points: probed(members, points), len(members.axes))
+    hull = convex_hull(lambda points: probe_torques(members, points), len(members.axes))
     plants = members.plants(hull.points)
     motion = StateSequence.of(scenario) if along is None else along
     if cases:

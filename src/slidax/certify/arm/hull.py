@@ -288,7 +288,7 @@ def set_part(
         slope = _slopes(cases, motion)
         return SetPart(members, disturbance, np.zeros((0, *motion.q.shape)), low, high, slope, len(cases))
     belief = NominalModel.of(scenario, members.plant)
-    hull = convex_hull(lambda points: probed(members, points), len(members.axes))
+    hull = convex_hull(lambda points: probe_torques(members, points), len(members.axes))
     plants = members.plants(hull.points)
     mass, bias = belief.mass_and_bias(motion.t, motion.q, motion.dq)
     believed = np.einsum("kij,kj->ki", mass, motion.ddq) + bias + belief.friction(motion.t, motion.wanted_dq)
@@ -303,7 +303,7 @@ def set_part(
     return SetPart(members, corners, effects, *_range(arms, [belief] * len(arms), motion), slope, len(arms))
 
 
-def probed(members: Members, points: Floats) -> Floats:
+def probe_torques(members: Members, points: Floats) -> Floats:
     """Return the torques of members at random states and at some of the motion [P F].
 
     The times are random, so that a ripple vanishes at all of them only by accident. Added are the times at which a

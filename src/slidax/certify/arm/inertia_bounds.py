@@ -250,7 +250,7 @@ def _largest(
     return largest
 
 
-def spectral(values: Any) -> Floats:
+def spectral_norm(values: Any) -> Floats:
     """Return the spectral norm of matrices [P n n], or 0 where another one is larger.
 
     A Frobenius norm is never less, so it shows which matrices need no evaluation.
@@ -316,7 +316,7 @@ def arm_constants(
     shifted = TrigonometricSeries(
         grid, mass.coefficients - middle * np.eye(n) * (grid.degrees == 0).all(axis=1)[:, None, None]
     )
-    reach = supremum(shifted, 2, spectral, spectral_of_each)
+    reach = supremum(shifted, 2, spectral_norm, spectral_of_each)
     rotors = float(np.asarray(robot.armature).min()) if isinstance(robot, Articulated) else 0.0
     weights: Floats = np.array(
         [

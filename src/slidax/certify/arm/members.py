@@ -21,7 +21,7 @@ from slidax.scenarios.uncertain_values import with_values
 from slidax.simulation.plant import Plant
 
 from ..sampled_scenario import Floats
-from ..uncertainty_set import UncertainValue, canonical, uncertain_values
+from ..uncertainty_set import UncertainValue, to_canonical, uncertain_values
 from .arm_motion import (
     StateSequence,
     breakpoints,
@@ -72,7 +72,7 @@ class Members:
 
         Raises DefinitionError if a set is invalid.
         """
-        return cls(scenario, canonical(Family.of(scenario.description) if family is None else family))
+        return cls(scenario, to_canonical(Family.of(scenario.description) if family is None else family))
 
     @cached_property
     def axes(self) -> tuple[UncertainValue, ...]:

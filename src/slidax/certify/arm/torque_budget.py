@@ -15,7 +15,7 @@ from slidax.core.errors import DefinitionError, count_noun
 from slidax.core.types import State
 from slidax.law.sampled.controller import SampledData
 from slidax.scenarios.family import Family
-from slidax.scenarios.load import altered
+from slidax.scenarios.load import alter
 from slidax.scenarios.scenario import Scenario
 from slidax.simulation.plant import Plant
 
@@ -385,7 +385,7 @@ def _later(scenario: Scenario, family: Family | None, limit: Floats, change: Flo
     for factor in LONGER:
         value = (np.asarray(deadline, float) * factor).tolist()
         try:
-            other = altered(scenario, {"scheme.performance.deadline": value})
+            other = alter(scenario, {"scheme.performance.deadline": value})
         except DefinitionError:
             return []
         approach = simulate_approach(Members.of(other), longest=scenario.t1)

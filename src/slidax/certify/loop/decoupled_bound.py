@@ -176,7 +176,7 @@ class DecoupledProblem(BoundProblem):
         times = self.samples * subject.law.joints * OUTPUTS
         self.noise_size = self.noise.size(self.period, self.kernels.noise, self.kernels.noise_square, times, chance)
         self.noise_start = self.noise.start(self.period, times, chance)
-        self.known, self.first = started(self) if since is None else entered(self)
+        self.known, self.first = started(self) if since is None else initial_bounds(self)
 
     @property
     def stable(self) -> bool:
@@ -269,7 +269,7 @@ def started(assembly: DecoupledProblem) -> tuple[Known, InitialBounds]:
     return _known_of(assembly, aims), InitialBounds.of(begun, spread, np.abs(aims - y) + spread + noise)
 
 
-def entered(assembly: DecoupledProblem) -> tuple[Known, InitialBounds]:
+def initial_bounds(assembly: DecoupledProblem) -> tuple[Known, InitialBounds]:
     """Return the known responses of the loops, and bounds at the first sample, from the initial set."""
     assert assembly.since is not None
     free, bend = _known_response(assembly)

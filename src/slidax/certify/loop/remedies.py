@@ -10,7 +10,7 @@ import numpy as np
 
 from slidax.analysis.cause import Remedy
 from slidax.core.errors import DefinitionError
-from slidax.scenarios.load import validated
+from slidax.scenarios.load import validate_text
 from slidax.scenarios.scenario import Scenario
 
 from ..arm.demand import Demand
@@ -79,7 +79,7 @@ def with_changes(scenario: Scenario, changes: Mapping[str, Any]) -> Scenario | N
     """Return a scenario with other values, by path; None if there is no such scenario."""
     base = scenario.description
     try:
-        return validated(base.model_dump(exclude_unset=True), dict(changes), form=type(base)).build(scenario.name)
+        return validate_text(base.model_dump(exclude_unset=True), dict(changes), form=type(base)).build(scenario.name)
     except DefinitionError:
         return None
 

@@ -56,7 +56,7 @@ def two_power_time(a: float, p: float, b: float, q: float, upper: float = math.i
     return float(whole * (betainc(m, 1.0 - m, y / (1.0 + y)) - betainc(m, 1.0 - m, y_low / (1.0 + y_low))))
 
 
-def bounded_time(pull: Callable[[Floats], Floats], upper: float, lower: float, weight: Any = None) -> float:
+def passage_time_bound(pull: Callable[[Floats], Floats], upper: float, lower: float, weight: Any = None) -> float:
     """Return an upper bound of `∫ w(x) dx/f(x)` from `lower` to `upper`, for increasing f and w with known integral.
 
     The range is cut at equal ratios. In each piece f is at least its value at the lower end, so the piece adds at most
@@ -229,13 +229,13 @@ class _Times:
             return law.pulls(x)[:, joint]
 
         if law.sides is None:
-            return begin + bounded_time(pull, eps, delta)
+            return begin + passage_time_bound(pull, eps, delta)
 
         def place(x: Floats, sign: float) -> Floats:
             return sign * law.places(np.broadcast_to(sign * x[:, None], (len(x), law.joints)))[:, joint]
 
         # Both signs: s may have changed the error's sign.
-        wait = max(bounded_time(pull, eps, delta, partial(place, sign=sign)) for sign in (1.0, -1.0))
+        wait = max(passage_time_bound(pull, eps, delta, partial(place, sign=sign)) for sign in (1.0, -1.0))
         return _when_waited(lambda t: law.radius(t)[:, joint], begin, wait)
 
 

@@ -64,10 +64,10 @@ class Dialect:
         if math.isinf(number):
             return ("-" if number < 0 else "") + self._special("INFINITY", single)
         if not single:
-            return shortest(repr(number))
+            return shortest_decimal(repr(number))
         if number != 0.0 and type == "f64":
             number = math.copysign(min(max(abs(number), FLOAT_MIN), FLOAT_MAX), number)
-        return shortest(str(np.float32(number))) + "f"
+        return shortest_decimal(str(np.float32(number))) + "f"
 
     def _special(self, macro: str, single: bool) -> str:
         if self.kernel:
@@ -78,7 +78,7 @@ class Dialect:
         return macro if single else f"(double){macro}"
 
 
-def shortest(number: str) -> str:
+def shortest_decimal(number: str) -> str:
     """Return the shortest readable form of a decimal number in Python's notation: 0.5, 1e-3, 1000.0, 1e6."""
     sign, number = ("-", number[1:]) if number.startswith("-") else ("", number)
     mantissa, _, power = number.partition("e")

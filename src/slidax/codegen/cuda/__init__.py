@@ -1,7 +1,7 @@
 """Programs as CUDA kernels: one run of a batch in each thread."""
 
 from .launch import CudaKernel as CudaKernel
-from .launch import available as available
-from .launch import compile as compile
+from .launch import card_available as card_available
+from .launch import compile_cuda as compile_cuda
 from .launch import require_card as require_card
 from .source import cuda_code as cuda_code

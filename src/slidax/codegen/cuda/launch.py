@@ -100,7 +100,7 @@ class CudaKernel:
         return unpack_outputs(self.program, [cp.asnumpy(array) for array in outputs])
 
 
-def compile(program: Program, real: Real = "double") -> CudaKernel:
+def compile_cuda(program: Program, real: Real = "double") -> CudaKernel:
     """Compile a program for the GPU with NVRTC, which needs no CUDA toolkit.
 
     - `real`: the type of f64 on the GPU.
@@ -110,7 +110,7 @@ def compile(program: Program, real: Real = "double") -> CudaKernel:
     return CudaKernel(program, real)
 
 
-def available() -> bool:
+def card_available() -> bool:
     """True if CuPy is installed and a GPU can be used."""
     try:
         require_card()

@@ -151,7 +151,7 @@ def select(when: Expression, yes: Expression | Number, no: Expression | Number) 
     return Expression(builder, builder.apply("select", when.value, like._operand(yes), like._operand(no)))
 
 
-def rarely(
+def branch_rarely(
     when: Expression, then: Callable[[], tuple[Expression, ...]], else_these: tuple[Expression, ...]
 ) -> tuple[Expression, ...]:
     """Branch to the values of `then()` where `when` is true, else to existing values; built once for equal arguments.

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from ..builder import Builder
 from ..ir import Value
 from .exponentials import cbrt, cosh, exp, expm1, log, log1p, power, sinh, tanh
-from .expression import Expression, fma, polynomial, rarely, select
+from .expression import Expression, branch_rarely, fma, polynomial, select
 from .trigonometry import acos, asin, atan, atan2, cos, sin, tan
 
 # erf(x)/x - 1 by z = x² <= 1, minimax; relative error 2^-56.
@@ -116,7 +116,7 @@ def erf_inv(x: Expression) -> Expression:
     def far() -> tuple[Expression, ...]:
         return (w.root() * polynomial(36.0 / (w + 8.0) - 1.8, _INVERSE_FAR),)
 
-    (ratio,) = rarely(w > 5.0, far, (near,))
+    (ratio,) = branch_rarely(w > 5.0, far, (near,))
     return x * ratio
 
 

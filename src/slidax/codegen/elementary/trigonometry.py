@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-from .expression import SIGN, Expression, fma, polynomial, rarely, select
+from .expression import SIGN, Expression, branch_rarely, fma, polynomial, select
 
 # pi/2 in two parts.
 _HUGE_PI_2_HIGH = float.fromhex("0x1.921fb54442d18p+0")
@@ -138,7 +138,7 @@ def _reduced(x: Expression) -> tuple[Expression, ...]:
     first = fma(n, -_PI_2_HIGH, x)
     r = fma(n, -_PI_2_MIDDLE, first)
     rest = fma(n, _PI_2_LOW, fma(n, _PI_2_MIDDLE, r - first))
-    return rarely(abs(x) >= _HUGE, lambda: reduce_huge_angle(x), (r, rest, shifted.bits()))
+    return branch_rarely(abs(x) >= _HUGE, lambda: reduce_huge_angle(x), (r, rest, shifted.bits()))
 
 
 def _sine_and_cosine(x: Expression) -> tuple[Expression, Expression, Expression]:

@@ -10,7 +10,7 @@ import numpy as np
 from ..builder import Builder
 from ..ir import ELEMENTARY, Branch, Loop, Program, Region, Type, Value
 from . import memory
-from .operations import TYPES, literal, operation, typed
+from .operations import TYPES, literal, operation, type_name
 from .vectorise import Vector, lower_and_fuse
 
 
@@ -37,7 +37,7 @@ class ElementaryFunction:
     @property
     def head(self) -> str:
         """Result type and name in LLVM IR."""
-        return f"{typed(self.type, self.width)} @own_{self.op}_{self.type}_{self.width}"
+        return f"{type_name(self.type, self.width)} @own_{self.op}_{self.type}_{self.width}"
 
     @property
     def program(self) -> Program:
@@ -49,23 +49,23 @@ class ElementaryFunction:
 
     def call(self, words: list[str]) -> str:
         """Return a call with these arguments in LLVM IR."""
-        whole = typed(self.type, self.width)
+        whole = type_name(self.type, self.width)
         return f"call {self.head}({', '.join(f'{whole} {word}' for word in words)})"
 
 
 Write = Callable[[str], None]
 
 
-def spread(name: str, type: Type, word: str, lanes: int, write: Write) -> None:
+def broadcast(name: str, type: Type, word: str, lanes: int, write: Write) -> None:
     """Write a vector with the number `word` in all lanes."""
-    whole = typed(type, lanes)
+    whole = type_name(type, lanes)
     write(f"{name}i = insertelement {whole} poison, {TYPES[type]} {word}, i32 0")
     write(f"{name} = shufflevector {whole} {name}i, {whole} poison, <{lanes} x i32> zeroinitializer")
 
 
 def gather(name: str, type: Type, words: Sequence[str], write: Write) -> None:
     """Write a vector of the numbers `words`."""
-    whole, before = typed(type, len(words)), "poison"
+    whole, before = type_name(type, len(words)), "poison"
     for k, word in enumerate(words):
         after = name if k == len(words) - 1 else f"{name}g{k}"
         write(f"{after} = insertelement {whole} {before}, {TYPES[type]} {word}, i32 {k}")
@@ -74,7 +74,7 @@ def gather(name: str, type: Type, words: Sequence[str], write: Write) -> None:
 
 def pick(name: str, type: Type, word: str, lanes: int, k: int, write: Write) -> None:
     """Write the extraction of lane `k` from the vector `word`."""
-    write(f"{name} = extractelement {typed(type, lanes)} {word}, i32 {k}")
+    write(f"{name} = extractelement {type_name(type, lanes)} {word}, i32 {k}")
 
 
 def varying_values(program: Program) -> set[Value]:
@@ -192,7 +192,7 @@ class Blocks:
         if name := next((words[value] for words in reversed(self._spread) if value in words), ""):
             return name
         name = f"%s{value.number}x{len(self.lines)}"
-        spread(name, value.type, self._own(value), width, self._write)
+        broadcast(name, value.type, self._own(value), width, self._write)
         self._spread[-1][value] = name
         return name
 
@@ -254,7 +254,7 @@ class Blocks:
         if not isinstance(value, Vector):
             pick(name, value.type, words[0], self._width(value.args[0]), value.data, self._write)
         elif value.op == "spread":
-            spread(name, value.type, words[0], value.lanes, self._write)
+            broadcast(name, value.type, words[0], value.lanes, self._write)
         else:
             gather(name, value.type, words, self._write)
 
@@ -315,13 +315,15 @@ class Blocks:
         if loop.condition in self._differs:
             for k, param in enumerate(loop.params):
                 if param in self._differs and loop.following[k] is not param:
-                    whole, held = typed(param.type, self.lanes), f"%v{n}h{k}"
+                    whole, held = type_name(param.type, self.lanes), f"%v{n}h{k}"
                     mask = f"<{self.lanes} x i1> {self._mask}"
                     self._write(f"{held} = select {mask}, {whole} {following[k]}, {whole} %v{param.number}")
                     following[k] = held
         self._write(f"br label %head{n}")
         for k, param in enumerate(loop.params):
-            phi = f"phi {typed(param.type, widths[k])} [ {first[k]}, %{before} ], [ {following[k]}, %{self._label} ]"
+            phi = (
+                f"phi {type_name(param.type, widths[k])} [ {first[k]}, %{before} ], [ {following[k]}, %{self._label} ]"
+            )
             self.lines[line + k] = f"%v{param.number} = {phi}"
         self._spread[-2:] = []
         self._mask = around
@@ -353,7 +355,7 @@ class Blocks:
             self._open(f"after{n}")
             for k, value in enumerate(branch.yes):
                 phi = f"[ {then[k]}, %{then_end} ], [ {otherwise[k]}, %{else_end} ]"
-                self._write(f"%v{n}r{k} = phi {typed(value.type, widths[k])} {phi}")
+                self._write(f"%v{n}r{k} = phi {type_name(value.type, widths[k])} {phi}")
 
     def _jumped(
         self, region: Region, leaves: Sequence[Value], widths: Sequence[int], label: str, after: str
@@ -379,7 +381,7 @@ class Blocks:
         for k, value in enumerate(leaves):
             # Not poison: a later branch may depend on the values of inactive lanes.
             phi = f"[ {words[k]}, %{end} ], [ zeroinitializer, %{before} ]"
-            self._write(f"%v{name}{k} = phi {typed(value.type, self.lanes)} {phi}")
+            self._write(f"%v{name}{k} = phi {type_name(value.type, self.lanes)} {phi}")
             words[k] = f"%v{name}{k}"
         return words
 
@@ -390,9 +392,9 @@ class Blocks:
         then = then or self._words(branch.yes, widths)
         otherwise = otherwise or self._words(branch.no, widths)
         for k, value in enumerate(branch.yes):
-            whole = typed(value.type, widths[k])
+            whole = type_name(value.type, widths[k])
             # A scalar condition also selects between vectors.
-            mask = typed("b1", self._width(when))
+            mask = type_name("b1", self._width(when))
             chosen = f"{whole} {then[k]}, {whole} {otherwise[k]}"
             self._write(f"%v{branch.number}r{k} = select {mask} {self._own(when)}, {chosen}")
 

@@ -20,7 +20,7 @@ from ..ir import Program, as_native_code_error, digest
 from . import machine
 from . import machine as cache
 from .blocks import Blocks, ElementaryFunction
-from .operations import typed
+from .operations import type_name
 from .vectorise import prepare
 
 
@@ -81,7 +81,7 @@ def module(program: Program, lanes: int = 1, entry: str = "runs", *, own: bool =
 def _defined(function: ElementaryFunction, declarations: set[str]) -> list[str]:
     """LLVM IR of an elementary function; the functions that it calls are added to the declarations."""
     blocks = Blocks(function.program, function.width)
-    whole = typed(function.type, function.width)
+    whole = type_name(function.type, function.width)
     blocks.print_function(whole)
     declarations |= blocks.declarations
     arguments = ", ".join(f"{whole} %x{k}" for k in range(function.arguments))

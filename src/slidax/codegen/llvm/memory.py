@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from ..ir import Program, Type, Value
-from .operations import BYTES, STORED, literal, suffix, typed
+from .operations import BYTES, STORED, literal, suffix, type_name
 
 Write = Callable[[str], None]
 
@@ -50,11 +50,11 @@ def read(program: Program, value: Value, index: str, lanes: int, wide: bool, mas
         base = f"{name}b"
         index = literal(0, "i64", lanes)
     elif mask:
-        write(f"{name}g = select {typed('b1', lanes)} {mask}, {typed('i64', lanes)} {index}, "
-              f"{typed('i64', lanes)} zeroinitializer")  # fmt: skip
+        write(f"{name}g = select {type_name('b1', lanes)} {mask}, {type_name('i64', lanes)} {index}, "
+              f"{type_name('i64', lanes)} zeroinitializer")  # fmt: skip
         index = f"{name}g"
     if entry.varying:
-        write(f"{name}k = add {typed('i64', lanes)} {index}, {_every(entry.size, lanes)}")
+        write(f"{name}k = add {type_name('i64', lanes)} {index}, {_every(entry.size, lanes)}")
         index = f"{name}k"
     write(f"{name}p = getelementptr {stored}, ptr {base}, <{lanes} x i64> {index}")
     loaded = f"{name}i" if value.type == "b1" else name
@@ -85,7 +85,7 @@ def write_output(program: Program, which: int, element: int, word: str, lanes: i
     name, stored = f"%out{which}e{element}", STORED[output.type]
     whole = stored if lanes == 1 else f"<{lanes} x {stored}>"
     if output.type == "b1":
-        write(f"{name}i = zext {typed('b1', lanes)} {word} to {whole}")
+        write(f"{name}i = zext {type_name('b1', lanes)} {word} to {whole}")
         word = f"{name}i"
     write(f"{name}b = getelementptr {stored}, ptr %out{which}, i64 {element}")
     if lanes == 1:
@@ -126,7 +126,7 @@ def write_row(
         numbers = [f"{name}z{k}" for k in range(len(words))]
         whole = stored if lanes == 1 else f"<{lanes} x {stored}>"
         for number, word in zip(numbers, words, strict=True):
-            write(f"{number} = zext {typed('b1', lanes)} {word} to {whole}")
+            write(f"{number} = zext {type_name('b1', lanes)} {word} to {whole}")
     done = 0
     while lanes > 1 and len(numbers) - done >= lanes:
         _put_block(name, stored, places, numbers[done : done + lanes], done, write)

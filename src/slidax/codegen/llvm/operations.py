@@ -30,7 +30,7 @@ SUFFIXES: dict[Type, str] = {"f64": "f64", "f32": "f32", "i64": "i64", "i32": "i
 """Type suffixes in the names of LLVM's intrinsics."""
 
 
-def typed(type: Type, lanes: int) -> str:
+def type_name(type: Type, lanes: int) -> str:
     """Return the name of a scalar type, or of a vector type for `lanes > 1`."""
     return TYPES[type] if lanes == 1 else f"<{lanes} x {TYPES[type]}>"
 
@@ -78,16 +78,16 @@ def operation(value: Value, words: Sequence[str], lanes: int, write: Write) -> s
     """
     op, name = value.op, f"%v{value.number}"
     source = value.args[0].type if value.args else value.type
-    whole = typed(source, lanes)
+    whole = type_name(source, lanes)
     if op == "select":
-        yes = typed(value.type, lanes)
-        write(f"{name} = select {typed('b1', lanes)} {words[0]}, {yes} {words[1]}, {yes} {words[2]}")
+        yes = type_name(value.type, lanes)
+        write(f"{name} = select {type_name('b1', lanes)} {words[0]}, {yes} {words[1]}, {yes} {words[2]}")
     elif op in FLOAT_TESTS:
         write(f"{name} = {_test(op, source)} {whole} {words[0]}, {words[1]}")
     elif op == "convert":
         return _convert(value, words[0], lanes, write)
     elif op == "bitcast":
-        write(f"{name} = bitcast {whole} {words[0]} to {typed(value.type, lanes)}")
+        write(f"{name} = bitcast {whole} {words[0]} to {type_name(value.type, lanes)}")
     elif op == "not":
         write(f"{name} = xor {whole} {words[0]}, {literal(1 if source == 'b1' else -1, source, lanes)}")
     elif op == "isfinite":
@@ -122,7 +122,7 @@ def _test(op: str, type: str) -> str:
 
 
 def _call(function: str, value: Value, words: Sequence[str], lanes: int) -> tuple[str, str]:
-    whole = typed(value.type, lanes)
+    whole = type_name(value.type, lanes)
     full = f"{whole} @llvm.{function}.{suffix(value.type, lanes)}"
     arguments = ", ".join(f"{whole} {word}" for word in words)
     return f"call {full}({arguments})", f"declare {full}({', '.join([whole] * len(words))})"
@@ -130,7 +130,7 @@ def _call(function: str, value: Value, words: Sequence[str], lanes: int) -> tupl
 
 def _extreme(value: Value, words: Sequence[str], lanes: int, write: Write) -> None:
     a, b = words
-    name, whole, mask = f"%v{value.number}", typed(value.type, lanes), typed("b1", lanes)
+    name, whole, mask = f"%v{value.number}", type_name(value.type, lanes), type_name("b1", lanes)
     if value.args[1].op == "const":
         a, b = b, a  # a comparison with NaN is false and gives b, so that only a must be checked for NaN
     first = value.args[1] if value.args[1].op == "const" else value.args[0]
@@ -144,7 +144,7 @@ def _extreme(value: Value, words: Sequence[str], lanes: int, write: Write) -> No
 
 
 def _integer(value: Value, words: Sequence[str], lanes: int, write: Write) -> None:
-    op, name, whole, mask = value.op, f"%v{value.number}", typed(value.type, lanes), typed("b1", lanes)
+    op, name, whole, mask = value.op, f"%v{value.number}", type_name(value.type, lanes), type_name("b1", lanes)
     signed = value.type in SIGNED
     if op in INTEGER_WORDS:
         write(f"{name} = {INTEGER_WORDS[op]} {whole} {words[0]}, {words[1]}")
@@ -180,7 +180,12 @@ def _integer(value: Value, words: Sequence[str], lanes: int, write: Write) -> No
 
 
 def _shift(value: Value, words: Sequence[str], lanes: int, write: Write) -> None:
-    name, whole, mask, bits = f"%v{value.number}", typed(value.type, lanes), typed("b1", lanes), 8 * BYTES[value.type]
+    name, whole, mask, bits = (
+        f"%v{value.number}",
+        type_name(value.type, lanes),
+        type_name("b1", lanes),
+        8 * BYTES[value.type],
+    )
     by = value.args[1]
     word = SHIFTS[value.op]
     if by.op == "const" and 0 <= int(by.data) < bits:
@@ -199,7 +204,7 @@ def _shift(value: Value, words: Sequence[str], lanes: int, write: Write) -> None
 
 def _convert(value: Value, word: str, lanes: int, write: Write) -> set[str]:
     source, target = value.args[0].type, value.type
-    name, before, after = f"%v{value.number}", typed(source, lanes), typed(target, lanes)
+    name, before, after = f"%v{value.number}", type_name(source, lanes), type_name(target, lanes)
     zero = literal(0, source, lanes)
     if target == "b1":
         write(f"{name} = {'fcmp une' if source in FLOATS else 'icmp ne'} {before} {word}, {zero}")
@@ -228,7 +233,7 @@ def _call_libm(value: Value, words: Sequence[str], lanes: int, write: Write) -> 
     """Call the C library's function, lane by lane: no vector version rounds alike everywhere."""
     if value.op in NOT_IN_LIBM:
         raise DefinitionError(f"`{value.op}` is not in libm: lower it to simpler operations first")
-    name, number, whole = f"%v{value.number}", typed(value.type, 1), typed(value.type, lanes)
+    name, number, whole = f"%v{value.number}", type_name(value.type, 1), type_name(value.type, lanes)
     full = f"{number} @{value.op}{'f' if value.type == 'f32' else ''}"
     if lanes == 1:
         write(f"{name} = call {full}({', '.join(f'{number} {word}' for word in words)})")

@@ -3,4 +3,4 @@
 from .names import Name as Name
 from .names import Names as Names
 from .names import identifier as identifier
-from .source_text import plain as plain
+from .source_text import to_ascii as to_ascii

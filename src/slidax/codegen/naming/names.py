@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from ..ir import Program, Value
-from .source_text import Named, Returned, about, function_called, operand, plain, read_source
+from .source_text import Named, Returned, about, function_called, operand, read_source, to_ascii
 
 KEYWORDS = """
 auto break case char const continue default do double else enum extern float for goto if inline int long register
@@ -38,7 +38,7 @@ RESERVED = frozenset(f"{KEYWORDS} {LIBRARY}".split())
 
 def identifier(name: str) -> str:
     """Turn a name, not empty, into an identifier that is not reserved in C, C++ or CUDA."""
-    name = re.sub(r"\W+", "_", plain(name)).strip("_") or "v"
+    name = re.sub(r"\W+", "_", to_ascii(name)).strip("_") or "v"
     if name[0].isdigit():
         name = f"v{name}"
     # Functions of `math.h` also exist for floats, as `sinf`.

@@ -43,7 +43,7 @@ SIGNS = {
 SHORT = {"epsilon": "eps", "lamda": "lambda"}
 
 
-def plain(text: str) -> str:
+def to_ascii(text: str) -> str:
     """Transliterate a text to ASCII: τ is tau, ε̇ is deps, x² is x^2, ρ∞ is rho_inf."""
     text = text.replace("⃛", "\u0308\u0307")
     text = re.sub(r"(?<=\w)∞", "_inf", text)
@@ -246,7 +246,7 @@ def _about(file: str, line: int) -> str:
     name, summary = max([(docs.name, docs.summary), (docs.owner, docs.owner_summary)], key=lambda of: _formulas(of[1]))
     if not _formulas(summary):
         return ""
-    return f"{name.removesuffix('.__call__')}: {plain(summary).replace('`', '').rstrip('.')}"
+    return f"{name.removesuffix('.__call__')}: {to_ascii(summary).replace('`', '').rstrip('.')}"
 
 
 def _formulas(summary: str) -> int:

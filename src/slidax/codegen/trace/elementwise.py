@@ -254,7 +254,7 @@ def _implementation(equation: Any) -> Any:
     return impl if impl is not None else equation.invars[0].aval.dtype._impl
 
 
-def by_implementation(name: str) -> Callable[[Builder, Any, list[Values], Inline], list[Values]]:
+def inline_generator(name: str) -> Callable[[Builder, Any, list[Values], Inline], list[Values]]:
     """Rule of a primitive on keys: the function `name` of JAX's generator, inlined."""
 
     def rule(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> list[Values]:

@@ -144,10 +144,10 @@ WITH_JAXPRS: dict[str, Callable[[Builder, Any, list[Values], Inline], list[Value
     "call_hi_primitive": expand,
     "custom_linear_solve": linear_solve,
     "linear_solve": linear_solve,
-    "random_seed": random.by_implementation("seed"),
-    "random_fold_in": random.by_implementation("fold_in"),
-    "random_bits": random.by_implementation("random_bits"),
-    "random_split": random.by_implementation("split"),
+    "random_seed": random.inline_generator("seed"),
+    "random_fold_in": random.inline_generator("fold_in"),
+    "random_bits": random.inline_generator("random_bits"),
+    "random_split": random.inline_generator("split"),
 }
 REMEDIES = {
     "sort": "write it with `jnp.max`, `jnp.min` or `jnp.argmax`",

@@ -3,8 +3,8 @@
 Read `settings` for the content of a page, `loop_program` for the loop in WebAssembly, `playground` for the page itself.
 """
 
-from .playground import built_in as built_in
-from .playground import of_scenario as of_scenario
+from .playground import manifest_of_all as manifest_of_all
+from .playground import manifest_of_scenario as manifest_of_scenario
 from .playground import page_text as page_text
 from .playground import playground as playground
-from .playground import write_page as write_page
+from .playground import write_playground as write_playground

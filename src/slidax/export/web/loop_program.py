@@ -300,8 +300,8 @@ def _entry(
     }
     return {
         "id": module.digest[:12],
-        "wasm": packed(module.bytes),
-        "layout": packed(json.dumps(layout, separators=(",", ":")).encode()),
+        "wasm": pack_bytes(module.bytes),
+        "layout": pack_bytes(json.dumps(layout, separators=(",", ":")).encode()),
         "inputs": size + 2,
         "signals": signals,
         "rows": max(-(-variant.samples // variant.every) for variant in variants),
@@ -315,6 +315,6 @@ def _entry(
     }
 
 
-def packed(data: bytes) -> str:
+def pack_bytes(data: bytes) -> str:
     """Bytes as a page holds them: reproducible gzip, in base64."""
     return base64.b64encode(gzip.compress(data, 9, mtime=0)).decode()

@@ -22,7 +22,7 @@ from slidax.core.errors import DefinitionError
 from slidax.core.writing import error_reason, write_text
 from slidax.motions.trajectory import AbstractMotion
 from slidax.report.replay.skeleton import Skeleton, skeleton_of
-from slidax.scenarios.load import read_description, validated
+from slidax.scenarios.load import read_description, validate_text
 from slidax.scenarios.scenario import Scenario, ScenarioDescription
 
 from .settings import PRINTED, BuiltSetting, PageSetting, ProgramChoice, settings_of
@@ -233,7 +233,7 @@ class PlaygroundArm:
         if not changes:
             terms = [term.model_dump(exclude_unset=True) for term in description.disturbance.terms]
             changes["disturbance.terms"] = [*terms, {"kind": "friction", "coulomb": 0.0, "viscous": 0.0}]
-        return validated(description.model_dump(exclude_unset=True), changes)
+        return validate_text(description.model_dump(exclude_unset=True), changes)
 
 
 ARMS = (
@@ -277,7 +277,7 @@ ARMS = (
 """In the order of display."""
 
 
-def built_in() -> dict[str, Any]:
+def manifest_of_all() -> dict[str, Any]:
     """The manifest of the playground."""
     settings = [
         setting
@@ -367,7 +367,7 @@ FEW = 3
 """Joints up to which a program is compiled in seconds, so that a law gets more than two."""
 
 
-def of_scenario(scenario: Scenario, compared: Sequence[str] = (), rate: bool = False) -> dict[str, Any]:
+def manifest_of_scenario(scenario: Scenario, compared: Sequence[str] = (), rate: bool = False) -> dict[str, Any]:
     """The manifest of one scenario.
 
     - `compared`: names of schemes to compare, and `printed` for the law as printed.
@@ -396,7 +396,7 @@ def _choices(description: ScenarioDescription) -> list[ProgramChoice]:
     ]
 
 
-def write_page(manifest: Mapping[str, Any], out: Path) -> Path:
+def write_playground(manifest: Mapping[str, Any], out: Path) -> Path:
     """Write the page of a manifest to the folder `out`; return its path.
 
     Raises DefinitionError if it cannot be written.

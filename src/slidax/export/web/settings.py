@@ -17,15 +17,15 @@ from jaxtyping import Array
 from slidax.certify.certificate import Verdict
 from slidax.certify.certify import CERTIFICATES, certify
 from slidax.certify.loop.loop_rate import NAME, TITLE
-from slidax.core.errors import DefinitionError, is_traced, nearest_word, plain
+from slidax.core.errors import DefinitionError, is_traced, nearest_word, plain_name
 from slidax.scenarios.family import UNTRACEABLE, Family, Space, Templates
-from slidax.scenarios.load import validated
+from slidax.scenarios.load import validate_text
 from slidax.scenarios.scenario import Scenario, ScenarioDescription
 from slidax.scenarios.schemes import PRESETS
 
 from ..c_project import FILES, STEP, project
 from ..c_structures import render
-from .loop_program import LoopProgram, Variant, loop_program, packed
+from .loop_program import LoopProgram, Variant, loop_program, pack_bytes
 from .tunables import Tunable, tunables_of
 
 TEMPLATES = (*STEP, "example.c.j2")
@@ -55,7 +55,7 @@ def c_files(family: Family, templates: Templates, tunables: Sequence[Tunable]) -
         files[source] = files[source].replace(match.group(0), f"{match.group(1)}{text},")
         files[header] = _without_default(files[header], name, f"as {exported.prefix}_parameters_default says")
         values.append({"path": tunable.path, "marks": marks})
-    whole = packed(json.dumps(files).encode())
+    whole = pack_bytes(json.dumps(files).encode())
     return {"c_files": whole, "c_parameters": {"file": source, "values": values}}
 
 
@@ -201,7 +201,7 @@ class PageSetting:
 
     def _family(self, changes: Mapping[str, Any]) -> Family:
         data = self.description.model_dump(exclude_unset=True)
-        described = validated(data, dict(changes), form=type(self.description))
+        described = validate_text(data, dict(changes), form=type(self.description))
         return Family(described.model_copy(update={"robot": described.robot.resolved()}), Space({}, {}), Space({}, {}))
 
 
@@ -233,7 +233,7 @@ class BuiltSetting:
             {
                 "at": list(at),
                 "program": program.entry["id"],
-                "constants": packed(np.concatenate([*defaults, besides]).astype("<f8").tobytes()),
+                "constants": pack_bytes(np.concatenate([*defaults, besides]).astype("<f8").tobytes()),
             }
             for group, program in self.programs
             for (at, _), besides in zip(group, program.constants, strict=True)
@@ -399,7 +399,7 @@ def _rival(
     description: ScenarioDescription, arm: str, name: str, gains: Mapping[str, float], choices: Sequence[ProgramChoice]
 ) -> PageSetting:
     if name not in PRESETS:
-        raise DefinitionError(f"scheme `{plain(name)}` does not exist; {nearest_word(name, [*PRESETS, PRINTED])}")
+        raise DefinitionError(f"scheme `{plain_name(name)}` does not exist; {nearest_word(name, [*PRESETS, PRINTED])}")
     changes: dict[str, Any] = {"scheme.name": name, **{f"scheme.{gain}": value for gain, value in gains.items()}}
     envelope: Any = getattr(description.scheme, "transformation", None)
     if description.tolerance is None and hasattr(envelope, "performance"):
@@ -415,4 +415,4 @@ def _rival(
 
 
 def _with(description: ScenarioDescription, changes: dict[str, Any]) -> ScenarioDescription:
-    return validated(description.model_dump(exclude_unset=True), changes, form=type(description))
+    return validate_text(description.model_dump(exclude_unset=True), changes, form=type(description))

@@ -30,6 +30,6 @@ from .studies import pareto_front as pareto_front
 from .studies import search_history as search_history
 from .studies import variance_shares as variance_shares
 from .style import STYLE as STYLE
-from .style import inline as inline
+from .style import inline_svg as inline_svg
 from .style import save as save
 from .style import to_svg as to_svg

@@ -12,8 +12,8 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d, percentile_filter,
 
 from slidax.simulation.run import Run
 
-from .compared import SPAN, Trace, clipped, columns_for, legend_rows, linear_range, name_runs, traces_of, zero_line
-from .style import ROW, WIDTH, column_starts, draw_limit, joint_label, limit_handle, styled, thinned, use_time_axis
+from .compared import SPAN, Trace, clip_outside, columns_for, legend_rows, linear_range, name_runs, traces_of, zero_line
+from .style import ROW, WIDTH, column_starts, draw_limit, joint_label, limit_handle, styled, thin_curve, use_time_axis
 
 SWINGS = 15
 """Swings before and after a swing that it is compared with."""
@@ -115,7 +115,7 @@ def compared_torques(
             shown = linear_range([c.y[s, i] for c, s in zip(curves, masks, strict=True)], span)
             zero_line(axes)
             for c, s in zip(curves, masks, strict=True):
-                _draw(axes, Trace(c.t[s], clipped(c.y[s, i], shown), c.look), columns, shown)
+                _draw(axes, Trace(c.t[s], clip_outside(c.y[s, i], shown), c.look), columns, shown)
             axes.set_ylim(shown)
         use_time_axis(axes_column[-1], 0.0, until)
     for i, unit in enumerate(units):
@@ -136,7 +136,7 @@ def _draw(axes: Axes, curve: Trace, columns: int, limits: tuple[float, float]) -
         calm = slice(calm_from, len(t) if band is None else band.first + 1)
         if calm.stop - calm.start > 1:
             share = max(2, round(columns * (calm.stop - calm.start) / len(t)))
-            lines += [thinned(t[calm], y[calm], share, limits), gap[:2]]
+            lines += [thin_curve(t[calm], y[calm], share, limits), gap[:2]]
         if band is not None:
             share = max(3, round(columns * (band.last - band.first) / len(t)))
             starts = column_starts(band.t, share)

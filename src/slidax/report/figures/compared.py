@@ -28,7 +28,7 @@ from .style import (
     legend_above,
     log_of,
     styled,
-    thinned,
+    thin_curve,
     use_size_axis,
     use_time_axis,
 )
@@ -120,7 +120,7 @@ def linear_range(values: Sequence[np.ndarray], span: float = SPAN) -> tuple[floa
     return low - gap, high + gap
 
 
-def clipped(y: np.ndarray, limits: tuple[float, float]) -> np.ndarray:
+def clip_outside(y: np.ndarray, limits: tuple[float, float]) -> np.ndarray:
     """The values `y`, clipped one span outside the axis `limits`, where drawing does not overflow."""
     span = limits[1] - limits[0]
     return np.clip(y, limits[0] - span, limits[1] + span)
@@ -201,7 +201,7 @@ def draw_pairs(
         zero_line(plain)
         for c, start, row in zip(curves, starts, crests, strict=True):
             look = {**c.look, "linewidth": 0.95}
-            plain.plot(*thinned(c.t[start], clipped(c.y[start, i], limits), few, limits), **look)
+            plain.plot(*thin_curve(c.t[start], clip_outside(c.y[start, i], limits), few, limits), **look)
             logarithmic.plot(*_lean_sizes(*row[i], logarithmic.get_ylim()), **look)
         plain.set_ylim(limits)
         unit = f"{first.joint_units[i]}{rate}"
@@ -216,7 +216,7 @@ def draw_pairs(
 
 def _lean_sizes(t: np.ndarray, size: np.ndarray, limits: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
     low, high = np.log10(limits)
-    x, y = thinned(t, np.log10(np.maximum(size, limits[0] / 10.0)), len(t), (float(low), float(high)))
+    x, y = thin_curve(t, np.log10(np.maximum(size, limits[0] / 10.0)), len(t), (float(low), float(high)))
     return x, 10.0**y
 
 

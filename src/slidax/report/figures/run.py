@@ -35,7 +35,7 @@ from .style import (
     limit_handle,
     log_of,
     styled,
-    thinned,
+    thin_curve,
     use_size_axis,
     use_time_axis,
 )
@@ -67,9 +67,9 @@ def tracking_error(run: Run, *, window: tuple[float, float] | None = None) -> Fi
             _draw_radii(logarithmic, t, narrow, wide)
             sides |= bool(np.any(narrow < wide))
         plain.axhline(0.0, color="0.75", linewidth=0.6, zorder=1.5)
-        plain.plot(*thinned(t, e[:, i]), **LINES[0])
+        plain.plot(*thin_curve(t, e[:, i]), **LINES[0])
         plain.set_ylabel(joint_label(run, i, "e_{%d}", unit))
-        logarithmic.plot(*thinned(t, np.abs(e[:, i])), **{**LINES[0], "linewidth": 0.9})
+        logarithmic.plot(*thin_curve(t, np.abs(e[:, i])), **{**LINES[0], "linewidth": 0.9})
         logarithmic.set_ylabel(rf"$|e_{{{i + 1}}}|$  [{unit}]")
     for axes in panels[-1]:
         use_time_axis(axes, float(t[0]), float(t[-1]))
@@ -120,9 +120,9 @@ def velocity_error(run: Run, *, beginning: float = 2.0) -> Figure:
     for i, unit in enumerate(run.joint_units):
         plain, logarithmic = panels[i]
         plain.axhline(0.0, color="0.75", linewidth=0.6, zorder=1.5)
-        plain.plot(*thinned(t[first], de[first, i]), **LINES[0])
+        plain.plot(*thin_curve(t[first], de[first, i]), **LINES[0])
         plain.set_ylabel(joint_label(run, i, r"\dot{e}_{%d}", f"{unit}/s"))
-        logarithmic.plot(*thinned(t, np.abs(de[:, i])), **{**LINES[0], "linewidth": 0.9})
+        logarithmic.plot(*thin_curve(t, np.abs(de[:, i])), **{**LINES[0], "linewidth": 0.9})
         logarithmic.set_ylabel(rf"$|\dot{{e}}_{{{i + 1}}}|$  [{unit}/s]")
     for axes, end in zip(panels[-1], (t[first][-1], t[-1]), strict=True):
         use_time_axis(axes, float(t[0]), float(end))
@@ -147,8 +147,8 @@ def torque(run: Run, *, limits: Sequence[float] | np.ndarray | None = None, begi
     panels = figure.subplots(run.joints, 2, sharex="col", squeeze=False, width_ratios=[1.6, 1])
     for i, unit in enumerate(run.torque_units):
         whole, zoomed = panels[i]
-        whole.plot(*thinned(t, tau[:, i]), **LINES[0])
-        zoomed.plot(*thinned(t[first], tau[first, i]), **LINES[0])
+        whole.plot(*thin_curve(t, tau[:, i]), **LINES[0])
+        zoomed.plot(*thin_curve(t[first], tau[first, i]), **LINES[0])
         whole.set_ylabel(joint_label(run, i, r"\tau_{%d}", unit))
         for axes in (whole, zoomed):
             axes.axhline(0.0, color="0.75", linewidth=0.6, zorder=1.5)
@@ -229,7 +229,7 @@ def error_sizes(runs: Mapping[str, Run], *, levels: Mapping[str, Sequence[float]
     use_size_axis(panels, np.concatenate([np.abs(np.asarray(log.e)).ravel() for log in logs]))
     for i, (axes, unit) in enumerate(zip(panels, first.joint_units, strict=True)):
         for log, line in zip(logs, LINES, strict=False):
-            axes.plot(*thinned(np.asarray(log.t), np.abs(np.asarray(log.e)[:, i])), **{**line, "linewidth": 0.9})
+            axes.plot(*thin_curve(np.asarray(log.t), np.abs(np.asarray(log.e)[:, i])), **{**line, "linewidth": 0.9})
         for level in (levels or {}).values():
             axes.axhline(level[i], **LEVEL)
         axes.set_ylabel(joint_label(first, i, "|e_{%d}|", unit))
@@ -277,9 +277,9 @@ def identified_torques(identification: Identification) -> Figure:
     left = identification.measured - identification.predicted
     for i, unit in enumerate(identification.robot.torque_units):
         whole, rest = panels[i]
-        whole.plot(*thinned(t, identification.measured[:, i]), **LINES[0])
-        whole.plot(*thinned(t, identification.predicted[:, i]), **LINES[1])
-        rest.plot(*thinned(t, left[:, i]), **LINES[2])
+        whole.plot(*thin_curve(t, identification.measured[:, i]), **LINES[0])
+        whole.plot(*thin_curve(t, identification.predicted[:, i]), **LINES[1])
+        rest.plot(*thin_curve(t, left[:, i]), **LINES[2])
         largest = max(float(np.abs(left[:, i]).max()), 1e-12)
         rest.set_ylim(-1.1 * largest, 1.1 * largest)
         whole.set_ylabel(rf"$\tau_{{{i + 1}}}$  [{unit}]")

@@ -245,7 +245,7 @@ HEIGHTS = 450
 """A curve may be off by this fraction of its panel's height: less than half its line width."""
 
 
-def thinned(
+def thin_curve(
     x: np.ndarray, y: np.ndarray, columns: int = 280, limits: tuple[float, float] | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """The visible points of a curve in a figure: the first, last, lowest and highest of each column.
@@ -357,7 +357,7 @@ def to_svg(figure: Figure, name: str) -> str:
     return _compact(text)
 
 
-def inline(svg: str) -> str:
+def inline_svg(svg: str) -> str:
     """An SVG document from `to_svg` without its prolog and namespaces, for use inside a page."""
     return NAMESPACE.sub("", PROLOG.sub("", svg)).strip()
 

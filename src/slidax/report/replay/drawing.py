@@ -19,7 +19,7 @@ from slidax.simulation.plant import FreeBody, Table, box_like, principal
 from slidax.simulation.run import Run
 
 from .skeleton import LARGEST, SampledRun, Skeleton, sample_run, skeleton_of
-from .solids import LOAD, Solid, merged, turn_up
+from .solids import LOAD, Solid, merge_solids, turn_up
 
 
 @dataclass(frozen=True)
@@ -275,7 +275,7 @@ def draw(
     stage = make_stage(skeleton, motion, payload, float(table.height) if isinstance(table, Table) else None)
     meshes = _meshes(robot, skeleton, urdf, plain)
     arm = plain_shapes(skeleton, motion.travel, stage.size) if meshes is None else meshes
-    solids = merged([*arm, *tip_axes(skeleton), *stand(skeleton, stage, foot=meshes is None)])
+    solids = merge_solids([*arm, *tip_axes(skeleton), *stand(skeleton, stage, foot=meshes is None)])
     return Drawing(run, skeleton, motion, stage, solids, payload, slab(stage), _torque_limits(plant, robot), title)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import viser
 from scipy.spatial.transform import Rotation
 
-from ..figures.style import BOUND, LINES, every_nth, log_of, thinned
+from ..figures.style import BOUND, LINES, every_nth, log_of, thin_curve
 from .drawing import FIELD_OF_VIEW, Drawing, PayloadMotion, SceneStage
 from .skeleton import Poses, valid_samples
 from .solids import ACTUAL, DESIRED, GHOST, SEE_THROUGH, THINNER, Solid
@@ -157,7 +157,7 @@ HIDDEN: Any = {"show": False}
 THIN: Any = {"grid": {"stroke": "#eceef1", "width": 1}, "ticks": {"width": 1, "size": 4, "stroke": "#b8bec6"}}
 
 
-class Chart:
+class ReplayChart:
     """A quantity over time with its bounds, and a vertical line at the displayed time.
 
     - `server`: displays the chart.
@@ -175,7 +175,7 @@ class Chart:
         label: str,
     ) -> None:
         # The curves are sent anew as time passes, so few points; every peak of the value is among them.
-        times, _ = thinned(t, value, columns=120)
+        times, _ = thin_curve(t, value, columns=120)
         chosen = np.searchsorted(t, times)
         self._curves = [curve[chosen].astype(float) for curve in (t, value, *(bounds or ()))]
         low = min(float(curve.min()) for curve in self._curves[1:])
@@ -217,7 +217,7 @@ class Chart:
         return (axis, *curves, line)
 
 
-def joint_charts(server: viser.ViserServer, drawing: Drawing, joint: int) -> list[Chart]:
+def joint_charts(server: viser.ViserServer, drawing: Drawing, joint: int) -> list[ReplayChart]:
     """Add the charts of one joint to the page.
 
     - `server`, `drawing`: the page and its content.
@@ -233,6 +233,6 @@ def joint_charts(server: viser.ViserServer, drawing: Drawing, joint: int) -> lis
     limit = drawing.torque_limits[joint]
     limits = (np.full(len(t), -limit), np.full(len(t), limit)) if np.isfinite(limit) else None
     return [
-        Chart(server, t, error, envelope, f"error [{drawing.run.joint_units[joint]}]"),
-        Chart(server, t, tau, limits, f"torque [{drawing.run.torque_units[joint]}]"),
+        ReplayChart(server, t, error, envelope, f"error [{drawing.run.joint_units[joint]}]"),
+        ReplayChart(server, t, tau, limits, f"torque [{drawing.run.torque_units[joint]}]"),
     ]

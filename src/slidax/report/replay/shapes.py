@@ -15,7 +15,7 @@ from slidax.core.errors import DefinitionError, DefinitionWarning
 from slidax.core.files import MEGABYTE, require_file
 
 from .skeleton import Skeleton
-from .solids import ACTUAL, AXES, JOINT, LINK, STAND, TABLE, Colour, Solid, merged, turn_up
+from .solids import ACTUAL, AXES, JOINT, LINK, STAND, TABLE, Colour, Solid, merge_solids, turn_up
 
 if TYPE_CHECKING:
     from .drawing import SceneStage
@@ -61,7 +61,7 @@ def bone(
     profile = np.concatenate([near, far])
     profile[[0, -1], 0] = 0.0
     rod: trimesh.Trimesh = trimesh.creation.revolve(profile, sections=SECTIONS)
-    return moved(rod, frame(turn_up((end - start) / length).T, start))
+    return move_mesh(rod, frame(turn_up((end - start) / length).T, start))
 
 
 def frame(rotation: np.ndarray, place: np.ndarray) -> np.ndarray:
@@ -71,7 +71,7 @@ def frame(rotation: np.ndarray, place: np.ndarray) -> np.ndarray:
     return matrix
 
 
-def moved(mesh: trimesh.Trimesh, at: np.ndarray) -> trimesh.Trimesh:
+def move_mesh(mesh: trimesh.Trimesh, at: np.ndarray) -> trimesh.Trimesh:
     """Transform a `mesh` in place by the pose `at` [4 4]."""
     mesh.apply_transform(at)
     return mesh
@@ -80,7 +80,7 @@ def moved(mesh: trimesh.Trimesh, at: np.ndarray) -> trimesh.Trimesh:
 def solid(body: int, mesh: trimesh.Trimesh, colour: Colour, at: np.ndarray | None = None) -> Solid:
     """A mesh on a `body`; `at` is its pose in the body's frame [4 4], identity by default."""
     if at is not None:
-        mesh = moved(mesh, at)
+        mesh = move_mesh(mesh, at)
     # Edges stay edges, and what is round looks round.
     smooth = trimesh.graph.smooth_shade(mesh, angle=0.5)
     return Solid(body, np.asarray(smooth.vertices), np.asarray(smooth.faces), colour)
@@ -141,7 +141,7 @@ def stand(skeleton: Skeleton, stage: SceneStage, *, foot: bool) -> list[Solid]:
     top = 0.0 if np.any(behind) else -1.25 * r
     ground = np.array([behind[0], behind[1], -stage.height])
     parts.append(bone(ground, np.array([behind[0], behind[1], top]), 1.25 * r, 1.05 * r, flat=True))
-    parts.append(moved(drum(2.4 * r, 0.5 * r), frame(np.eye(3), ground + rim)))
+    parts.append(move_mesh(drum(2.4 * r, 0.5 * r), frame(np.eye(3), ground + rim)))
     return [solid(0, part, STAND, frame(upright, np.zeros(3))) for part in parts]
 
 
@@ -216,7 +216,7 @@ def mesh_solids(skeleton: Skeleton, path: Path, *, tools: bool) -> list[Solid]:
             missing.append(f"`{shape.file}` of link `{shape.link}` ({_one_line(error)})")
     if missing:
         warnings.warn(f"{path}: not drawn: {', '.join(missing)}", DefinitionWarning, stacklevel=2)
-    return merged(solids)
+    return merge_solids(solids)
 
 
 def _meshes(shape: Shape) -> list[trimesh.Trimesh]:

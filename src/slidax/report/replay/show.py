@@ -21,7 +21,7 @@ from slidax.simulation.run import Run
 from .drawing import Drawing, draw, require_packages
 
 if TYPE_CHECKING:
-    from .scene import Chart
+    from .scene import ReplayChart
 
 RATE = 240.0
 """Frames per second of the run: each picture differs from the last one also at a quarter of the speed."""
@@ -147,7 +147,7 @@ class View:
         self.url = f"http://{'localhost' if host == '0.0.0.0' else host}:{self._server.get_port()}"
         self._drawing = drawing
         self._frame = 0
-        self._charts: list[Chart] = []
+        self._charts: list[ReplayChart] = []
         self._last_chart = 0.0
         self._chart_lock = threading.Lock()
         t = drawing.motion.t

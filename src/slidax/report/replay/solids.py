@@ -55,7 +55,7 @@ class Solid:
         return self.vertices - depth * normals / np.where(sizes > 0, sizes, 1.0)
 
 
-def merged(solids: list[Solid]) -> list[Solid]:
+def merge_solids(solids: list[Solid]) -> list[Solid]:
     """Join `solids` with the same body and colour, so that the browser moves few objects."""
     groups: dict[tuple[int, Colour], list[Solid]] = {}
     for solid in solids:

@@ -10,7 +10,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from slidax.core.errors import DefinitionError, nearest_word, plain
+from slidax.core.errors import DefinitionError, nearest_word, plain_name
 from slidax.core.files import MEGABYTE, open_file, read_text, require_file
 from slidax.core.joint_names import match_names
 
@@ -76,7 +76,7 @@ def choose_topic(
         if topic not in bodies:
             kind = "has the topic, but no joint states on it" if topic in topics else "has no such topic"
             raise DefinitionError(
-                f"{source} has no messages of ROS 2 on the topic `{plain(topic)}`: it {kind}; "
+                f"{source} has no messages of ROS 2 on the topic `{plain_name(topic)}`: it {kind}; "
                 f"{nearest_word(topic, bodies) if bodies else _no_joint_states(topics)}"
             )
         return JointStates(topic, _decoded(source, bodies[topic], decode), tuple(notes))
@@ -90,21 +90,21 @@ def choose_topic(
     if chosen is None and not others:
         chosen = OWN
     if chosen is None:
-        names = ", ".join(f"`{plain(name)}`" for name in sorted(others)[:12])
+        names = ", ".join(f"`{plain_name(name)}`" for name in sorted(others)[:12])
         raise DefinitionError(
             f"{source} has joint states on {len(others)} topics, {names}: choose one (`--topic {sorted(others)[0]}`)"
         )
     notes = list(notes)
     if chosen != TOPIC:
-        notes.append(f"reading topic `{plain(chosen)}`, the only one with joint states of the arm")
+        notes.append(f"reading topic `{plain_name(chosen)}`, the only one with joint states of the arm")
     elif others:
-        names = ", ".join(f"`{plain(name)}`" for name in sorted(others)[:8])
+        names = ", ".join(f"`{plain_name(name)}`" for name in sorted(others)[:8])
         notes.append(f"reading topic `{TOPIC}`; joint states also on {names} (`--topic`)")
     return JointStates(chosen, _decoded(source, bodies[chosen], decode), tuple(notes))
 
 
 def _no_joint_states(topics: set[str]) -> str:
-    names = ", ".join(f"`{plain(name)}`" for name in sorted(topics)[:12])
+    names = ", ".join(f"`{plain_name(name)}`" for name in sorted(topics)[:12])
     return f"its topics are {names}" if names else "there are none"
 
 
@@ -197,7 +197,7 @@ def _files(path: Path, notes: list[str]) -> list[Path]:
         listed = sorted(files, key=lambda file: (_number(file), file.name))
     missing = [file.name for file in listed if len(file.name) > 255 or not file.is_file()]
     if missing:
-        raise DefinitionError(f"`{path.name}` misses the file `{plain(missing[0])}`, which its `{METADATA}` names")
+        raise DefinitionError(f"`{path.name}` misses the file `{plain_name(missing[0])}`, which its `{METADATA}` names")
     if not listed:
         raise DefinitionError(
             f"`{path}` is no folder of ros2 bag: it has neither `{METADATA}` nor a file that ends in "
@@ -252,7 +252,9 @@ def _states_in_database(file: Path) -> tuple[dict[str, list[bytes]], set[str]]:
     reader = require_rosbags()
     require_file(file, most=MOST_BYTES)
     if file.suffix != ".db3":
-        raise DefinitionError(f"`{plain(file.name)}` has an unknown storage format; known: {' and '.join(ENDINGS)}")
+        raise DefinitionError(
+            f"`{plain_name(file.name)}` has an unknown storage format; known: {' and '.join(ENDINGS)}"
+        )
     bodies: dict[str, list[bytes]] = {}
     try:
         with reader(file) as bag:

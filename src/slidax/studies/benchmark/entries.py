@@ -14,12 +14,12 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, TypeAdapter, ValidationError
 
-from slidax.core.errors import DefinitionError, locate_errors, nearest_word, plain
+from slidax.core.errors import DefinitionError, locate_errors, nearest_word, plain_name
 from slidax.core.parameter import Parameter, parameters_of
 from slidax.law.controllers import AbstractController
 from slidax.law.presets import Preset, PresetPart
 from slidax.scenarios.descriptions import AbstractDescription, input_field
-from slidax.scenarios.load import validated
+from slidax.scenarios.load import validate_text
 from slidax.scenarios.scenario import ScenarioDescription, with_scheme
 from slidax.scenarios.schemes import PRESETS
 from slidax.scenarios.uncertainty import AbstractSet, AnySet, Uncertainty
@@ -235,19 +235,19 @@ class BenchmarkEntry:
         if ":" not in self.scheme:
             if self.scheme not in PRESETS:
                 raise DefinitionError(
-                    f"there is no scheme `{plain(self.scheme)}`; {nearest_word(self.scheme, PRESETS)}"
+                    f"there is no scheme `{plain_name(self.scheme)}`; {nearest_word(self.scheme, PRESETS)}"
                 )
             return PRESETS[self.scheme]
         module, _, name = self.scheme.partition(":")
         try:
             scheme = getattr(importlib.import_module(module), name)
         except (ImportError, AttributeError, ValueError) as error:
-            raise DefinitionError(f"cannot import `{plain(self.scheme)}`: {error}") from None
+            raise DefinitionError(f"cannot import `{plain_name(self.scheme)}`: {error}") from None
         if isinstance(scheme, Preset):
             return scheme
         if isinstance(scheme, type) and issubclass(scheme, AbstractController):
             return Preset(scheme, (scheme.__doc__ or name).strip())
-        raise DefinitionError(f"`{plain(self.scheme)}` is neither a `Preset` nor the class of a law")
+        raise DefinitionError(f"`{plain_name(self.scheme)}` is neither a `Preset` nor the class of a law")
 
     def gains(self) -> Gains:
         """Return the tuned and fixed gains."""
@@ -273,7 +273,7 @@ class BenchmarkEntry:
             "tolerance": task.tolerance,
         }
         changes = {f"scheme.{path}": value for path, value in self.gains().fixed.items()}
-        return validated(data, changes, form=with_scheme(name, self.preset) if own else ScenarioDescription)
+        return validate_text(data, changes, form=with_scheme(name, self.preset) if own else ScenarioDescription)
 
     @property
     def _has_envelope(self) -> bool:
@@ -309,5 +309,5 @@ def forms_of(word: str) -> tuple[Form, ...]:
         return FORMS
     forms = tuple(form for form in FORMS if form == word)
     if not forms:
-        raise DefinitionError(f"there is no form `{plain(word)}`; {nearest_word(word, [*FORMS, 'both'])}")
+        raise DefinitionError(f"there is no form `{plain_name(word)}`; {nearest_word(word, [*FORMS, 'both'])}")
     return forms

@@ -134,7 +134,7 @@ class Overall:
         return {name: value for name, value in vars(self).items() if name != "entry"}
 
 
-def overall(tables: Sequence[Ranking], entries: Sequence[BenchmarkEntry]) -> list[Overall]:
+def rank_overall(tables: Sequence[Ranking], entries: Sequence[BenchmarkEntry]) -> list[Overall]:
     """Summarise the schemes over all tasks, sorted by the number of tasks on which they lead, then by share inside."""
     summaries = [each for each in (_of(entry, tables) for entry in entries) if each is not None]
     return sorted(summaries, key=lambda each: (-each.leads, -each.inside))

@@ -22,7 +22,7 @@ from slidax.core.writing import write_text
 from slidax.scenarios.family import Family, as_changes
 
 from ..cases import OUTCOMES, Cases, Columns, Values, points
-from ..search import lowest
+from ..search import search_lowest
 from .entries import VERSION, BenchmarkEntry, BenchmarkTask, CasesDescription, Form
 
 ENDED = [OUTCOMES.index("left_envelope"), OUTCOMES.index("not_finite")]
@@ -71,7 +71,7 @@ def run_task(
         base = entry.described(task)
         family = Family.of(base, task.uncertainty, entry.gains().sets(base))
         cases = Cases(family, threads=threads, name=entry.file)
-        training, scale = drawn(family, task.training), Scale.of(family)
+        training, scale = draw_cases(family, task.training), Scale.of(family)
 
         def objective(cube: NDArray[Any]) -> NDArray[Any]:
             count, each = len(cube), task.training.cases
@@ -83,16 +83,16 @@ def run_task(
         dimension = family.varied.dimensions
         best = np.clip(tuner(objective, dimension, budget), 0.0, np.nextafter(1.0, 0.0))
         gains = {path: array[0] for path, array in family.varied.values(best[None]).items()}
-        held = drawn(family, task.held_out)
+        held = draw_cases(family, task.held_out)
         fixed = {path: np.broadcast_to(array, (task.held_out.cases, *array.shape)) for path, array in gains.items()}
         columns = cases.run({**held, **fixed})
         cost = float(objective(best[None])[0])
-    inside, failed = inside_of(columns), failed_of(columns, scale)
+    inside, failed = mark_inside(columns), mark_failures(columns, scale)
     kept = {name: np.asarray(columns[name], float) for name in KEPT}
     return TaskResult(as_changes(gains), cost, inside, failed, kept, time.perf_counter() - started)
 
 
-def drawn(family: Family, cases: CasesDescription) -> Values:
+def draw_cases(family: Family, cases: CasesDescription) -> Values:
     """Draw the uncertain values of each case."""
     space = family.uncertain
     return space.values(points(cases.seed, 0, cases.cases, space.dimensions))
@@ -124,12 +124,12 @@ class Scale:
         return cls(*(float(np.max(np.asarray(each))) for each in (performance.initial, performance.final, torque)))
 
 
-def inside_of(columns: Columns) -> NDArray[np.bool_]:
+def mark_inside(columns: Columns) -> NDArray[np.bool_]:
     """Return True for each case that reached its end and never left the tolerance band."""
     return (columns["tolerance_violations"] == 0) & ~np.isin(columns["outcome"], ENDED)
 
 
-def failed_of(columns: Columns, scale: Scale) -> NDArray[np.bool_]:
+def mark_failures(columns: Columns, scale: Scale) -> NDArray[np.bool_]:
     """Return True for each lost case: not finite, or a steady error above the tolerance band's initial radius."""
     return np.isin(columns["outcome"], ENDED) | ~(columns["steady_error"] <= scale.initial)
 
@@ -149,19 +149,19 @@ def costs(columns: Columns, scale: Scale) -> NDArray[Any]:
     bad = 1.0 + depth + outside / (outside + 100.0)
     ended = np.isin(columns["outcome"], ENDED)
     early = 20.0 - np.nan_to_num(columns["t"] / (1.0 + columns["t"]), nan=0.0)
-    return np.where(ended, early, np.where(inside_of(columns), good, bad))
+    return np.where(ended, early, np.where(mark_inside(columns), good, bad))
 
 
 SEED = 7
 
 
-def tuned(objective: Callable[[NDArray[Any]], NDArray[Any]], dimension: int, budget: int) -> NDArray[Any]:
-    """Return the best gains of spread points and CMA-ES (`lowest`), as a point of the unit cube.
+def tune_gains(objective: Callable[[NDArray[Any]], NDArray[Any]], dimension: int, budget: int) -> NDArray[Any]:
+    """Return the best gains of spread points and CMA-ES (`search_lowest`), as a point of the unit cube.
 
     - `objective`: from points [points, dimension] to costs [points].
     - `budget`: largest number of points.
     """
-    search = lowest(objective, dimension, evaluations=budget, seed=SEED, islands=2, keep=1)
+    search = search_lowest(objective, dimension, evaluations=budget, seed=SEED, islands=2, keep=1)
     return search.points[0] if len(search.points) else np.full(dimension, 0.5)
 
 
@@ -289,7 +289,7 @@ def _run_entry(task: str, scheme: str, form: Form, budget: int) -> TaskResult | 
     jax.config.update("jax_enable_x64", True)
     try:
         entry = BenchmarkEntry(scheme, form)
-        return run_task(entry, BenchmarkTask.model_validate_json(task), tuned, budget, threads=1)
+        return run_task(entry, BenchmarkTask.model_validate_json(task), tune_gains, budget, threads=1)
     except DefinitionError as error:
         return str(error)
 
