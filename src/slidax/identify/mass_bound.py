@@ -1,0 +1,348 @@
+"""Relative bounds of a mass matrix for every configuration, from errors of the inertial parameters.
+
+The statement is `-p M₀(q) ≤ ΔM(q) ≤ p M₀(q)` for all q, where ΔM is linear in the parameters' errors. It is proved
+without a grid. Let V be the twist of the body that carries joint i, in the axes and at the origin of that joint, I the
+spatial inertia of the body that joint i moves, z the joint's axis and R the inertia of its rotor. Twice the kinetic
+energy of the arm is
+
+    q̇ᵀ M q̇ = Σ_i (V + z q̇_i)ᵀ I_i (V + z q̇_i) + R_i q̇_i²                                                     (1)
+
+Choose for each joint a quadratic form L_i on twists that the joint's own motion does not change: for a revolute joint
+one that is symmetric about its axis, for a prismatic joint one that a displacement along its axis leaves alone. Then
+`Vᵀ L_i V` is the same number before joint i and behind it, whatever q_i is. Adding it to the body inside of the joint
+and subtracting it from the body outside leaves (1) as it is, and
+
+    q̇ᵀ M q̇ = Σ_i [V; q̇_i]ᵀ K_i [V; q̇_i],
+    K_i = [1 z]ᵀ (I_i + Σ_c X_cᵀ L_c X_c) [1 z] + diag(0, R_i) - diag(L_i, 0)                                  (2)
+
+where c counts the joints that body i carries and X_c is the constant change of axes to joint c. No K_i depends on q.
+So if all K_i are positive semidefinite for the parameters `p φ₀ + Δφ` and some L, then `p M₀(q) + ΔM(q) ≥ 0` for every
+q, and the smallest such p is a small semidefinite program. V runs through the twists that the joints inside can make;
+K_i is restricted to them, which matters for planar arms.
+
+Any L proves a bound; a better L proves a smaller one. The bounds are exact up to floating-point rounding.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from slidax._errors import DefinitionError
+from slidax.identification.regressor import BODY, PAIRS
+from slidax.robots import Articulated
+
+GAP = 0.02
+"""The bound may be larger than the best one of this kind by this share."""
+
+NEWTON_STEPS = 4
+"""Steps per weight of the barrier."""
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """K_i of (2), on a basis of the twists that occur.
+
+    - `parameters`: numbers of its parameters among all: the body's ten, and the rotor.
+    - `forms`: numbers of its coefficients among those of all L, those of L_i first.
+    - `own`: how many belong to L_i.
+    - `of_parameters`, `of_forms`: the matrix of each [11 m m], [f m m].
+    """
+
+    parameters: np.ndarray
+    forms: np.ndarray
+    own: int
+    of_parameters: np.ndarray
+    of_forms: np.ndarray
+
+    def matrix(self, parameters: np.ndarray, forms: np.ndarray) -> np.ndarray:
+        """Return K, [... m m].
+
+        - `parameters`, `forms`: of the whole arm [... 11n], [... f].
+        """
+        own = np.tensordot(parameters[..., self.parameters], self.of_parameters, axes=1)
+        return own + np.tensordot(forms[..., self.forms], self.of_forms, axes=1)
+
+
+class MassBound:
+    """Relative bounds of a mass matrix whose inertial parameters are in error.
+
+    Raises DefinitionError if the mass matrix is not positive definite in this form, as with massless bodies.
+    """
+
+    def __init__(self, robot: Articulated, parameters: np.ndarray) -> None:
+        """Find the centre of the forms that prove `M₀(q) > 0`.
+
+        - `parameters`: of the arm, of its bodies with the payload [10n] and rotors [n].
+        """
+        self.blocks, self.coefficients = blocks_of(robot)
+        self.centre = self._analytic_centre(parameters)
+        self._normalised = []
+        for block in self.blocks:
+            root = _inverse_root(block.matrix(parameters, self.centre))
+            self._normalised.append((root @ block.of_parameters @ root, root @ block.of_forms @ root))
+
+    def of(self, errors: np.ndarray, *, refine: bool = True) -> np.ndarray:
+        """Return for each error a p with `-p M₀(q) ≤ ΔM(q) ≤ p M₀(q)` for all q, [s].
+
+        With the centre's L₀ as a metric, `K_i(p φ₀ ± Δφ, p L₀ ± L) ≥ 0` is `|E_i| ≤ p` for the normalised
+        `E_i = K_i⁰⁻¹ᐟ² K_i(Δφ, L) K_i⁰⁻¹ᐟ²`. The L that makes the sum of squares of all E_i least is linear in Δφ and
+        gives a bound that is some 1.4 times the best. The best has an L of its own for either sign, and comes from
+        Newton's method with the barrier -log det.
+
+        - `errors`: Δφ [s 11n].
+        - `refine`: False for the bound from least squares alone.
+        """
+        forms = self._least_squares(errors)
+        both = [self._errors_of(errors, forms), self._errors_of(-errors, -forms)]
+        if refine:
+            both = [self._refined(matrices) for matrices in both]
+        return np.maximum(*(_largest(matrices) for matrices in both))
+
+    def _errors_of(self, errors: np.ndarray, forms: np.ndarray) -> list[np.ndarray]:
+        """Each -E_i, [s m m]."""
+        return [
+            -np.tensordot(errors[:, block.parameters], of_parameters, axes=1)
+            - np.tensordot(forms[:, block.forms], of_forms, axes=1)
+            for block, (of_parameters, of_forms) in zip(self.blocks, self._normalised, strict=True)
+        ]
+
+    def _least_squares(self, errors: np.ndarray) -> np.ndarray:
+        sizes = [of_forms.shape[1] ** 2 for _, of_forms in self._normalised]
+        ends = np.cumsum([0, *sizes])
+        columns, target = np.zeros((ends[-1], self.coefficients)), np.zeros((ends[-1], len(errors)))
+        for k, (block, (of_parameters, of_forms)) in enumerate(zip(self.blocks, self._normalised, strict=True)):
+            rows = slice(ends[k], ends[k + 1])
+            columns[rows, block.forms] = of_forms.reshape(len(of_forms), -1).T
+            target[rows] = of_parameters.reshape(len(of_parameters), -1).T @ errors[:, block.parameters].T
+        return -np.linalg.lstsq(columns, target, rcond=1e-12)[0].T
+
+    def _refined(self, matrices: list[np.ndarray]) -> list[np.ndarray]:
+        """The matrices after a change of L that makes the largest eigenvalue of all of them nearly least.
+
+        Minimise p subject to `p - A_i - Σ_k y_k T_ik ≥ 0`: damped Newton's steps on `p/μ - Σ log det`, which stay inside
+        since this function is self-concordant. At its minimum p is above the least by μ times the number of rows at
+        most.
+        """
+        count = len(matrices[0])
+        size = np.maximum(_largest(matrices), 1e-300)
+        matrices = [matrix / size[:, None, None] for matrix in matrices]
+        rows = sum(matrix.shape[1] for matrix in matrices)
+        p, y = np.full(count, 1.2), np.zeros((count, self.coefficients))
+        best, least = [matrix.copy() for matrix in matrices], np.ones(count)
+        for weight in np.geomspace(0.3 / rows, 0.5 * GAP / rows, 4):
+            for _ in range(NEWTON_STEPS):
+                p, y = self._newton_step(matrices, p, y, weight)
+            now = [
+                matrix + np.tensordot(y[:, block.forms], of_forms, axes=1)
+                for matrix, block, (_, of_forms) in zip(matrices, self.blocks, self._normalised, strict=True)
+            ]
+            largest = _largest(now)
+            better = largest < least
+            least = np.where(better, largest, least)
+            best = [np.where(better[:, None, None], a, b) for a, b in zip(now, best, strict=True)]
+        return [matrix * size[:, None, None] for matrix in best]
+
+    def _newton_step(
+        self, matrices: list[np.ndarray], p: np.ndarray, y: np.ndarray, weight: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        count, unknowns = len(p), 1 + self.coefficients
+        slope, curve = np.zeros((count, unknowns)), np.zeros((count, unknowns, unknowns))
+        slope[:, 0] = 1.0 / weight
+        for matrix, block, (_, of_forms) in zip(matrices, self.blocks, self._normalised, strict=True):
+            size = matrix.shape[1]
+            room = p[:, None, None] * np.eye(size) - matrix - np.tensordot(y[:, block.forms], of_forms, axes=1)
+            own = np.concatenate([np.eye(size)[None], -of_forms])
+            turned = np.linalg.inv(room)[:, None] @ own
+            where = np.concatenate([[0], 1 + block.forms])
+            slope[:, where] -= np.trace(turned, axis1=2, axis2=3)
+            flat = turned.reshape(count, len(own), -1)
+            other = np.swapaxes(turned, 2, 3).reshape(count, len(own), -1)
+            curve[:, where[:, None], where] += flat @ np.swapaxes(other, 1, 2)
+        # Coefficients on which nothing depends keep their values.
+        curve += 1e-12 * np.trace(curve, axis1=1, axis2=2)[:, None, None] / unknowns * np.eye(unknowns)
+        step = -np.linalg.solve(curve, slope[:, :, None])[:, :, 0]
+        decrement = np.sqrt(np.maximum(-np.sum(slope * step, axis=1), 0.0))
+        step /= np.where(decrement > 0.25, 1.0 + decrement, 1.0)[:, None]
+        return p + step[:, 0], y + step[:, 1:]
+
+    def _analytic_centre(self, parameters: np.ndarray) -> np.ndarray:
+        """The L with the largest product of the determinants of all K_i."""
+        forms = self._inside(parameters)
+        for _ in range(100):
+            slope, curve = np.zeros(self.coefficients), np.zeros((self.coefficients, self.coefficients))
+            for block in self.blocks:
+                turned = np.linalg.inv(block.matrix(parameters, forms)) @ block.of_forms
+                slope[block.forms] -= np.trace(turned, axis1=1, axis2=2)
+                curve[np.ix_(block.forms, block.forms)] += np.einsum("aij,bji->ab", turned, turned)
+            # In units in which each coefficient has the same curvature.
+            unit = 1.0 / np.sqrt(np.maximum(np.diag(curve), 1e-300))
+            step = -unit * np.linalg.lstsq(curve * np.outer(unit, unit), unit * slope, rcond=1e-13)[0]
+            decrement = np.sqrt(max(float(-slope @ step), 0.0))
+            if decrement < 1e-6:
+                break
+            forms = forms + step / (1.0 + decrement if decrement > 0.25 else 1.0)
+        return forms
+
+    def _inside(self, parameters: np.ndarray) -> np.ndarray:
+        """Some L for which all K_i are positive definite."""
+        forms = np.zeros(self.coefficients)
+        for share in (0.0, *np.geomspace(1e-1, 1e-8, 15)):
+            forms = self._definite(parameters, share)
+            if all(np.linalg.eigvalsh(block.matrix(parameters, forms))[0] > 0.0 for block in self.blocks):
+                return forms
+        raise DefinitionError("the mass matrix is not bounded: some body of the arm has no mass or no inertia")
+
+    def _definite(self, parameters: np.ndarray, share: float) -> np.ndarray:
+        """L that lend each body a share of what is inside of it, in decreasing amounts towards the tip."""
+        forms = np.zeros(self.coefficients)
+        if share == 0.0:
+            return forms
+        for block in reversed(self.blocks):
+            if not block.own:
+                continue
+            # The form nearest to a multiple of the identity that the joint leaves alone.
+            rows = block.of_forms.shape[1]
+            size = float(np.trace(block.matrix(parameters, forms))) / rows
+            flat = block.of_forms[: block.own].reshape(block.own, -1)
+            target = np.diag([*np.ones(rows - 1), 0.0]).ravel()
+            forms[block.forms[: block.own]] = share * size * np.linalg.lstsq(flat.T, target, rcond=1e-12)[0]
+        return forms
+
+
+def blocks_of(robot: Articulated) -> tuple[tuple[Block, ...], int]:
+    """Return the K_i of an arm, and the number of coefficients of all L.
+
+    - `robot`: its frames.
+    """
+    n = robot.joints
+    rotations, translations = np.asarray(robot.rotations), np.asarray(robot.translations)
+    changes = [_change_of_axes(rotations[i], translations[i]) for i in range(n)]
+    axes = [np.eye(6)[2 if unit == "rad" else 5] for unit in robot.joint_units]
+    twists: list[np.ndarray] = []
+    invariants: list[np.ndarray] = []
+    for i, parent in enumerate(robot.parents):
+        before = np.zeros((6, 0)) if parent < 0 else np.column_stack([twists[parent], axes[parent]])
+        twists.append(_closed(changes[i] @ before, robot.joint_units[i]))
+        invariants.append(_independent(twists[i].T @ INVARIANTS[robot.joint_units[i]] @ twists[i]))
+    ends = np.cumsum([0, *(len(own) for own in invariants)])
+    blocks = []
+    for i in range(n):
+        basis = np.column_stack([twists[i], np.zeros(6)])
+        basis[:, -1] = axes[i]
+        rotor = np.zeros((1, basis.shape[1], basis.shape[1]))
+        rotor[0, -1, -1] = 1.0
+        own = np.zeros((len(invariants[i]), *rotor.shape[1:]))
+        own[:, :-1, :-1] = -invariants[i]
+        forms, of_forms = [np.arange(ends[i], ends[i + 1])], [own]
+        for child in range(n):
+            if robot.parents[child] == i:
+                inward = twists[child].T @ changes[child] @ basis
+                forms.append(np.arange(ends[child], ends[child + 1]))
+                of_forms.append(inward.T @ invariants[child] @ inward)
+        blocks.append(
+            Block(
+                parameters=np.append(np.arange(i * BODY, (i + 1) * BODY), n * BODY + i),
+                forms=np.concatenate(forms),
+                own=len(invariants[i]),
+                of_parameters=np.concatenate([basis.T @ SPATIAL @ basis, rotor]),
+                of_forms=np.concatenate(of_forms),
+            )
+        )
+    return tuple(blocks), int(ends[-1])
+
+
+def _change_of_axes(rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:
+    """The twist in a joint's axes and at its origin, at position 0, from that in its parent's, [6 6]."""
+    change = np.zeros((6, 6))
+    change[:3, :3] = change[3:, 3:] = rotation.T
+    change[3:, :3] = -rotation.T @ _cross_matrix(translation)
+    return change
+
+
+def _closed(vectors: np.ndarray, unit: str) -> np.ndarray:
+    """An orthonormal basis of all twists that some become by a joint's motion, [6 d]."""
+    moved = [vectors]
+    for position in (0.7, 1.9, 3.1, 4.4, 5.6):
+        motion = np.eye(6)
+        if unit == "rad":
+            c, s = np.cos(position), np.sin(position)
+            motion[:3, :3] = motion[3:, 3:] = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+        else:
+            motion[3:, :3] = -_cross_matrix(np.array([0.0, 0.0, position]))
+        moved.append(motion @ vectors)
+    left, values, _ = np.linalg.svd(np.column_stack(moved), full_matrices=False)
+    return left[:, values > 1e-9 * max(values.max(initial=0.0), 1e-300)]
+
+
+def _independent(matrices: np.ndarray) -> np.ndarray:
+    """Symmetric matrices that span the same, without those that depend on others."""
+    size = matrices.shape[1:]
+    if not np.prod(size):
+        return np.zeros((0, *size))
+    _, values, rows = np.linalg.svd(matrices.reshape(len(matrices), -1), full_matrices=False)
+    return rows[values > 1e-9 * values[0]].reshape(-1, *size)
+
+
+def _inverse_root(matrix: np.ndarray) -> np.ndarray:
+    values, vectors = np.linalg.eigh(matrix)
+    return (vectors / np.sqrt(values)) @ vectors.T
+
+
+def _largest(matrices: list[np.ndarray]) -> np.ndarray:
+    """The largest eigenvalue of all, [s]."""
+    return np.max([np.linalg.eigvalsh(matrix)[:, -1] for matrix in matrices], axis=0)
+
+
+def _cross_matrix(v: np.ndarray) -> np.ndarray:
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
+def _spatial() -> np.ndarray:
+    """The quadratic form on twists (ω, v) that each of a body's ten numbers contributes, [10 6 6].
+
+    `m |v|² + 2 v·(ω × h) + ωᵀ I ω`, twice the kinetic energy, with h the mass times the centre of mass and I the inertia
+    about the origin.
+    """
+    forms = np.zeros((BODY, 6, 6))
+    forms[0, 3:, 3:] = np.eye(3)
+    for axis in range(3):
+        cross = _cross_matrix(np.eye(3)[axis])
+        forms[1 + axis, 3:, :3] = -cross
+        forms[1 + axis, :3, 3:] = cross
+    for entry, (i, j) in enumerate(PAIRS):
+        forms[4 + entry, i, j] = forms[4 + entry, j, i] = 1.0
+    return forms
+
+
+SPATIAL = _spatial()
+
+
+def _products(*terms: tuple[tuple[int, int, float], ...]) -> np.ndarray:
+    forms = np.zeros((len(terms), 6, 6))
+    for form, term in zip(forms, terms, strict=True):
+        for i, j, size in term:
+            form[i, j] += 0.5 * size
+            form[j, i] += 0.5 * size
+    return forms
+
+
+INVARIANTS = {
+    # ω_x² + ω_y², v_x² + v_y², ω_x v_x + ω_y v_y, ω_x v_y - ω_y v_x, and all of ω_z and v_z.
+    "rad": _products(
+        ((0, 0, 1.0), (1, 1, 1.0)),
+        ((3, 3, 1.0), (4, 4, 1.0)),
+        ((0, 3, 1.0), (1, 4, 1.0)),
+        ((0, 4, 1.0), (1, 3, -1.0)),
+        ((2, 2, 1.0),),
+        ((5, 5, 1.0),),
+        ((2, 5, 1.0),),
+    ),
+    # All of ω and v_z, and ω_x v_x + ω_y v_y: a displacement by s adds s ω_y to v_x and -s ω_x to v_y.
+    "m": _products(
+        *(((a, b, 1.0),) for k, a in enumerate((0, 1, 2, 5)) for b in (0, 1, 2, 5)[k:]),
+        ((0, 3, 1.0), (1, 4, 1.0)),
+    ),
+}
+"""Quadratic forms on twists (ω, v) that the motion of a revolute and of a prismatic joint does not change."""
