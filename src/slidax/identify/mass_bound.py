@@ -160,9 +160,10 @@ class MassBound:
             flat = turned.reshape(count, len(own), -1)
             other = np.swapaxes(turned, 2, 3).reshape(count, len(own), -1)
             curve[:, where[:, None], where] += flat @ np.swapaxes(other, 1, 2)
-        # Coefficients on which nothing depends keep their values.
-        curve += 1e-12 * np.trace(curve, axis1=1, axis2=2)[:, None, None] / unknowns * np.eye(unknowns)
-        step = -np.linalg.solve(curve, slope[:, :, None])[:, :, 0]
+        # In units of the same curvature; combinations on which nothing depends keep their values.
+        unit = 1.0 / np.sqrt(np.maximum(np.einsum("sii->si", curve), 1e-200))
+        curve = curve * unit[:, :, None] * unit[:, None, :] + 1e-10 * np.eye(unknowns)
+        step = -unit * np.linalg.solve(curve, (unit * slope)[:, :, None])[:, :, 0]
         decrement = np.sqrt(np.maximum(-np.sum(slope * step, axis=1), 0.0))
         step /= np.where(decrement > 0.25, 1.0 + decrement, 1.0)[:, None]
         return p + step[:, 0], y + step[:, 1:]
