@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy import fft, ndimage
 
-WIDTH = 10.0
+WIDTH = 30.0
 """Of the window over frequencies, in multiples of the log's own resolution: so many numbers are averaged."""
 
-FRACTION = 0.125
+FRACTION = 0.25
 """Of the cut-off frequency: the window is no wider, since the residuals' spectrum changes over the filter's band."""
 
 LEAST_ROOM = 0.05
@@ -58,8 +58,9 @@ def covariance_of_fit(
         columns = fft.rfft(a[:, joint], points, axis=0)
         leverage = np.einsum("wp,wp->w", columns.conj() @ inverse, columns).real
         power = np.abs(fft.rfft(residuals[:, joint], points)) ** 2
-        room = np.maximum(averaged(_two_sided(used - leverage, points)), LEAST_ROOM * used)
-        density = (averaged(_two_sided(power, points)) / room)[: len(share)]
+        room = np.maximum(used - leverage, LEAST_ROOM * used)
+        weighted = averaged(_two_sided(leverage * power, points))
+        density = (weighted / averaged(_two_sided(leverage * room, points)))[: len(share)]
         total += ((columns.conj() * (density * share)[:, None]).T @ columns).real
     return inverse @ total @ inverse
 
