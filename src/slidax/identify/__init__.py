@@ -7,6 +7,7 @@ Start with `identify.py`, which lists the steps in order. `log_files.py` reads f
 reject or repair bad logs, `regressor.py` and `regression.py` hold the mathematics.
 """
 
+from .band import Band as Band
 from .excitation import Excitation as Excitation
 from .excitation import excite as excite
 from .identified_arm import EstimatedParameter as EstimatedParameter

@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from slidax.identification.regressor import (
+from slidax.arms.articulated import Articulated
+
+from .mass_bound import SPATIAL, MassBound
+from .regressor import (
     BODY,
-    Motion,
+    JointMotion,
     links_regressor,
     parameters_of_body,
     parameters_of_links,
 )
-from slidax.identification.unknowns import Unknowns
-from slidax.robots import Articulated
 
-from .mass_bound import SPATIAL, MassBound
-
-DRAWS = 2000
+DRAWS = 1000
 """Errors that are drawn from their distribution, to find how large a region must be."""
 
 CHUNK = 250
@@ -65,13 +65,24 @@ class Band:
     deviations: np.ndarray
     links: bool
 
-    def torque_error(self, robot: Articulated, motion: Motion) -> np.ndarray:
+    def torque_error(self, robot: Articulated, motion: JointMotion) -> np.ndarray:
         """Return the largest error of the torque, friction excluded, for all arms of the region, [k n].
 
         - `robot`: the identified arm.
         - `motion`: at k times.
         """
         return np.linalg.norm(inertial_regressor(robot, motion) @ self.deviations.T, axis=2)
+
+    @classmethod
+    def from_mapping(cls, block: Mapping[str, Any]) -> Band:
+        """Return the band that the mapping `band` of an arm's file describes."""
+        return cls(
+            confidence=float(block["confidence"]),
+            p=float(block["p"]),
+            deviations=np.array(block["deviations"], float),
+            links=bool(block["links"]),
+            **{name: np.array(block.get(name, np.zeros((2, 0))), float) for name in INTERVALS},
+        )
 
     def as_json(self) -> dict[str, Any]:
         """The band as `slidax identify --json` prints it."""
@@ -87,28 +98,40 @@ class Band:
         return f"band: p = {100 * self.p:.2g} % of the mass matrix ({of}; {100 * self.confidence:g} % confidence)"
 
 
-def band_of(
-    robot: Articulated, unknowns: Unknowns, theta: np.ndarray, covariance: np.ndarray, *, confidence: float = 0.95
-) -> Band:
+@dataclass(frozen=True, eq=False)
+class EstimateErrors:
+    """An estimate and the covariance of its errors.
+
+    - `names`, `joints`: of each parameter, as in `Unknowns`.
+    - `bodies`: where the ten numbers of each body begin.
+    - `theta`, `covariance`: the estimate [p], the covariance of its errors [p p].
+    """
+
+    names: tuple[str, ...]
+    joints: tuple[int, ...]
+    bodies: tuple[int, ...]
+    theta: np.ndarray
+    covariance: np.ndarray
+
+
+def band_of(robot: Articulated, estimate: EstimateErrors, *, confidence: float = 0.95) -> Band:
     """Return the band of an identified arm.
 
     Each of its statements has a level of its own, the same for all; the least level for which all hold at once in
     `confidence` of the cases. That is found by drawing errors from their distribution, with a fixed seed.
 
     - `robot`: the identified arm.
-    - `unknowns`: what was unknown.
-    - `theta`: its estimate [p].
-    - `covariance`: of its errors [p p].
+    - `estimate`: its parameters.
 
     Raises DefinitionError if the arm's mass matrix is not bounded by `MassBound`.
     """
-    names = np.array(unknowns.names)
+    names, covariance = np.array(estimate.names), estimate.covariance
     arm = arm_parameters(robot)
-    to_arm = _to_arm(robot, unknowns)
+    to_arm = _to_arm(robot, estimate)
     base, scale = base_parameters(robot)
     into_base = base.T @ (to_arm / scale[:, None])
-    # In units of the prior, so that the factor is of good condition.
-    unit = unknowns.scale
+    # In units in which all errors are alike, so that the factor is of good condition.
+    unit = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     values, vectors = np.linalg.eigh(covariance / np.outer(unit, unit))
     factor = unit[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
     errors = np.random.default_rng(0).normal(size=(DRAWS, len(unit))) @ factor.T
@@ -118,15 +141,14 @@ def band_of(
     left, spread = left[:, shown], spread[shown]
     ellipsoid = np.linalg.norm(errors @ into_base.T @ left / spread, axis=1)
     drives = np.isin(names, INTERVALS)
-    errors_of = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    relative = np.abs(errors[:, drives]) / np.maximum(errors_of[drives], 1e-300)
+    relative = np.abs(errors[:, drives]) / unit[drives]
     bound = MassBound(robot, arm)
     mass = _tail(bound, (errors @ into_base.T @ base.T) * scale, 1.0 - confidence)
     p, radius, sigmas = _at_once(np.stack([mass, ellipsoid, relative.max(axis=1, initial=0.0)]), confidence)
     intervals = {}
     for name in INTERVALS:
         own = names == name
-        ends = theta[own] + sigmas * np.array([[-1.0], [1.0]]) * errors_of[own]
+        ends = estimate.theta[own] + sigmas * np.array([[-1.0], [1.0]]) * unit[own]
         intervals[name] = np.maximum(ends, 0.0)
     return Band(
         confidence=confidence,
@@ -151,7 +173,7 @@ def arm_parameters(robot: Articulated) -> np.ndarray:
     return np.concatenate([bodies, np.asarray(robot.armature)])
 
 
-def inertial_regressor(robot: Articulated, motion: Motion) -> np.ndarray:
+def inertial_regressor(robot: Articulated, motion: JointMotion) -> np.ndarray:
     """Return Y with `M q̈ + C q̇ + G = Y φ`, φ as from `arm_parameters`, [k n 11n].
 
     - `robot`: its frames.
@@ -170,7 +192,9 @@ def base_parameters(robot: Articulated) -> tuple[np.ndarray, np.ndarray]:
     """
     n = robot.joints
     rng = np.random.default_rng(0)
-    motion = Motion(rng.uniform(-np.pi, np.pi, (20 * n, n)), rng.normal(size=(20 * n, n)), rng.normal(size=(20 * n, n)))
+    motion = JointMotion(
+        rng.uniform(-np.pi, np.pi, (20 * n, n)), rng.normal(size=(20 * n, n)), rng.normal(size=(20 * n, n))
+    )
     rows = inertial_regressor(robot, motion).reshape(-1, (BODY + 1) * n)
     size = np.sqrt(np.mean(rows**2, axis=0))
     scale = 1.0 / np.maximum(size, 1e-3 * size.max())
@@ -178,20 +202,20 @@ def base_parameters(robot: Articulated) -> tuple[np.ndarray, np.ndarray]:
     return vectors[values > 1e-9 * values[0]].T, scale
 
 
-def _to_arm(robot: Articulated, unknowns: Unknowns) -> np.ndarray:
+def _to_arm(robot: Articulated, estimate: EstimateErrors) -> np.ndarray:
     """The parameters of the arm that each unknown adds to, [11n p]."""
     n = robot.joints
-    to_arm = np.zeros(((BODY + 1) * n, len(unknowns.names)))
-    for start in unknowns.bodies:
-        body = unknowns.joints[start]
+    to_arm = np.zeros(((BODY + 1) * n, len(estimate.names)))
+    for start in estimate.bodies:
+        body = estimate.joints[start]
         own = slice(start, start + BODY)
         if body >= 0:
             to_arm[body * BODY : (body + 1) * BODY, own] = np.eye(BODY)
         else:
             to_arm[robot.tip_joint * BODY : (robot.tip_joint + 1) * BODY, own] = _from_tip(robot)
-    for i, name in enumerate(unknowns.names):
+    for i, name in enumerate(estimate.names):
         if name == "armature":
-            to_arm[BODY * n + unknowns.joints[i], i] = 1.0
+            to_arm[BODY * n + estimate.joints[i], i] = 1.0
     return to_arm
 
 

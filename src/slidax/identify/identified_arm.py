@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from slidax.arms.articulated import Articulated
 from slidax.core.errors import DefinitionError, as_array
 from slidax.core.writing import error_reason, write_text
 
+from .band import INTERVALS, Band, EstimateErrors, band_of
 from .logs import JointLog
 from .regression import REACH, ParameterFit, Unknowns
 from .regressor import BODY, PAIRS, body_of_parameters
@@ -74,6 +76,7 @@ class Identification:
       filter's band [n], N m or N.
     - `warnings`: sentences on the log and on parameters that it supports badly.
     - `seconds`: that it took.
+    - `estimate`: the unknown parameters and the covariance of their errors.
     """
 
     robot: Articulated
@@ -93,6 +96,15 @@ class Identification:
     measured_rms: np.ndarray
     warnings: tuple[str, ...]
     seconds: float
+    estimate: EstimateErrors
+
+    @cached_property
+    def band(self) -> Band | None:
+        """The band in which the true arm lies; None if some body has no inertia, so that no band can be proved."""
+        try:
+            return band_of(self.robot, self.estimate)
+        except DefinitionError:
+            return None
 
     @property
     def unseen(self) -> tuple[EstimatedParameter, ...]:
@@ -128,6 +140,7 @@ class Identification:
                 }
                 for parameter in self.parameters
             ],
+            "band": self.band and self.band.as_json(),
             "torque_rms": {"fit": self.fit_rms.tolist(), "held_out": self.held_out_rms.tolist()},
             "measured_rms": self.measured_rms.tolist(),
             "warnings": list(self.warnings),
@@ -147,6 +160,7 @@ class Identification:
         lines.append(f"torque [rms] measured     {_listed(self.measured_rms)}")
         lines.append(f"             error, fit   {_listed(self.fit_rms)}")
         lines.append(f"             held out     {_listed(self.held_out_rms)}")
+        lines.append(str(self.band) if self.band else "no band: some body of the arm has no mass or no inertia")
         lines += [f"warning: {sentence}" for sentence in self.warnings]
         if self.unseen_directions:
             lines.append(f"{self.unseen_directions} combinations of these numbers do not show in this log")
@@ -346,6 +360,7 @@ def arm_as_yaml(identification: Identification, robot: Mapping[str, Any], folder
         *_block(described | ({"nominal": nominal} if nominal else {}) | ({"plant": plant} if plant else {}), 1),
         "uncertainty:",
         *(_line(parameter) for parameter in identification.parameters if parameter.path),
+        *_band_block(identification.band),
     ]
     offsets = [parameter for parameter in identification.parameters if parameter.name in ("offset", "asymmetry")]
     for name in dict.fromkeys(parameter.name for parameter in offsets):
@@ -354,6 +369,29 @@ def arm_as_yaml(identification: Identification, robot: Mapping[str, Any], folder
         lines.append(f"  value: {_flow([parameter.value for parameter in own])}")
         lines.append(f"  standard_error: {_flow([parameter.standard_error for parameter in own])}")
     return "\n".join(lines) + "\n"
+
+
+def _band_block(band: Band | None) -> list[str]:
+    if band is None:
+        return []
+    lines = [
+        f"# {band}",
+        "band:",
+        f"  p: {_flow(_rounded(band.p, 4))}",
+        f"  confidence: {_flow(band.confidence)}",
+        f"  links: {_flow(band.links)}",
+    ]
+    for name in INTERVALS:
+        ends = getattr(band, name)
+        if ends.size:
+            lines.append(f"  {name}: [{', '.join(_short(row) for row in ends)}]")
+    lines += ["  deviations:", *(f"  - {_short(row)}" for row in band.deviations)]
+    return lines
+
+
+def _short(row: np.ndarray) -> str:
+    # YAML takes 1e-05 for text without a point.
+    return f"[{', '.join(f'{value:.5e}' if value else '0' for value in row)}]"
 
 
 def _line(parameter: EstimatedParameter) -> str:

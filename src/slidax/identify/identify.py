@@ -11,6 +11,7 @@ import numpy as np
 from slidax.arms.articulated import Articulated
 from slidax.core.errors import DefinitionError, count_noun
 
+from .band import EstimateErrors
 from .checks import find_usable_torques, judge_result, require_torques
 from .identified_arm import Identification, estimates_of, identified_robot
 from .log_checks import cut_at_gaps, remove_outliers, require_radians
@@ -132,6 +133,7 @@ def identify(
         measured_rms=_rms(measured),
         warnings=warnings,
         seconds=time.perf_counter() - started,
+        estimate=EstimateErrors(unknowns.names, unknowns.joints, unknowns.bodies, theta, fitted.covariance),
     )
     doubts = judge_result(identification, robot, signals, ignored)
     return replace(identification, warnings=warnings + doubts)

@@ -29,9 +29,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slidax._errors import DefinitionError
-from slidax.identification.regressor import BODY, PAIRS
-from slidax.robots import Articulated
+from slidax.arms.articulated import Articulated
+from slidax.core.errors import DefinitionError
+
+from .regressor import BODY, PAIRS
 
 GAP = 0.02
 """The bound may be larger than the best one of this kind by this share."""
@@ -121,9 +122,9 @@ class MassBound:
     def _refined(self, matrices: list[np.ndarray]) -> list[np.ndarray]:
         """The matrices after a change of L that makes the largest eigenvalue of all of them nearly least.
 
-        Minimise p subject to `p - A_i - Σ_k y_k T_ik ≥ 0`: damped Newton's steps on `p/μ - Σ log det`, which stay inside
-        since this function is self-concordant. At its minimum p is above the least by μ times the number of rows at
-        most.
+        Minimise p subject to `p - A_i - Σ_k y_k T_ik ≥ 0`: damped Newton's steps on `p/μ - Σ log det`, which stay
+        inside since this function is self-concordant. At its minimum p is above the least by at most μ times the
+        number of rows.
         """
         count = len(matrices[0])
         size = np.maximum(_largest(matrices), 1e-300)
@@ -303,8 +304,8 @@ def _cross_matrix(v: np.ndarray) -> np.ndarray:
 def _spatial() -> np.ndarray:
     """The quadratic form on twists (ω, v) that each of a body's ten numbers contributes, [10 6 6].
 
-    `m |v|² + 2 v·(ω × h) + ωᵀ I ω`, twice the kinetic energy, with h the mass times the centre of mass and I the inertia
-    about the origin.
+    `m |v|² + 2 v·(ω × h) + ωᵀ I ω`, twice the kinetic energy, with h the mass times the centre of mass and I the
+    inertia about the origin.
     """
     forms = np.zeros((BODY, 6, 6))
     forms[0, 3:, 3:] = np.eye(3)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import fft, ndimage
 
 from slidax.arms.articulated import Articulated
 
@@ -201,8 +202,8 @@ class ParameterFit:
 def fit_parameters(unknowns: Unknowns, signals: LogSignals, rows: slice) -> ParameterFit:
     """Weighted least squares on the filtered equation, with a time by which torques lag as one more unknown.
 
-    Each joint's weight is the inverse of its residuals' variance. The covariance is that of `jackknife`, and what the
-    belief adds to it.
+    Each joint's weight is the inverse of its residuals' variance. The covariance is that of
+    `covariance_of_fit`, and what the belief adds to it.
 
     - `rows`: the part of the log that is fitted.
     """
@@ -229,7 +230,8 @@ def fit_parameters(unknowns: Unknowns, signals: LogSignals, rows: slice) -> Para
     data = np.einsum("kip,kiq->pq", a, a)
     identity = np.eye(len(start))
     inverse = _inverse(data + identity)
-    covariance = jackknife(data, a, off / sigma) + inverse @ inverse
+    rate = part.rate / every
+    covariance = covariance_of_fit(a, off / sigma, used, inverse, rate, part.cut_off) + inverse @ inverse
     # By how much fewer samples there seem to be, as residuals are correlated; so that it counts against what was
     # believed, too.
     ratio = max(1.0, float(np.einsum("ij,ji->", data + identity, covariance)) / len(start))
@@ -266,29 +268,71 @@ def _inverse(matrix: np.ndarray) -> np.ndarray:
     return (vectors / np.maximum(values, 1.0)) @ vectors.T
 
 
-def jackknife(data: np.ndarray, a: np.ndarray, off: np.ndarray) -> np.ndarray:
-    """The covariance of a least-squares fit, from its changes without one block of the log after another [p p].
+WIDTH = 30.0
+"""Of the window over frequencies, in multiples of the log's own resolution: so many numbers are averaged."""
 
-    Within a block residuals may be correlated as they like. Blocks that weigh much in the fit count as much more as
-    their residuals are small because of that, which sums over the residuals miss: with these some 10 % of the standard
-    errors, where the unknowns take up much of the noise in the motion's own band. For linear least squares each is
-    `θ - θ_b = (A - A_b)⁻¹ a_bᵀ r_b` (Shao and Wu, *Heteroscedasticity-robustness of jackknife variance estimators in
-    linear models*, 1987).
+FRACTION = 0.25
+"""Of the cut-off frequency: the window is no wider, since the residuals' spectrum changes over the filter's band."""
 
-    - `data`: the information of the data, in units in which that of the belief is the identity [p p].
-    - `a`: the equations in units of their noise [k n p].
-    - `off`: the residuals in the same units [k n].
+LEAST_ROOM = 0.05
+"""A share of the degrees of freedom that the fit leaves at least, in a band of frequencies."""
+
+
+def covariance_of_fit(
+    a: np.ndarray, residuals: np.ndarray, counts: np.ndarray, inverse: np.ndarray, rate: float, cut_off: float
+) -> np.ndarray:
+    """Return `A⁻¹ (Σ_j a_jᵀ R_j a_j) A⁻¹`, with R_j the covariance matrix of joint j's noise in time, [p p].
+
+    R_j is that of a stationary process, so that each sample may be correlated with all others. Its spectral density is
+    estimated from the residuals where it matters, at the frequencies at which the regressor has its power: errors of
+    the model, such as those of friction, repeat with a periodic motion and have their power there alone. At each
+    frequency ω the fit takes up noise, and the residual is smaller than it by the leverage `h(ω) = a(ω)* A⁻¹ a(ω)`:
+
+        S(ω) = ⟨h |r|²⟩ / ⟨h (1 - h)⟩ · ⟨h⟩ / ⟨h (1 - h)⟩
+
+    with ⟨ ⟩ the mean over a window, and h as a share of the equations there. The first factor alone is unbiased for few
+    unknowns. The second makes it as careful as a jackknife (HC3 of MacKinnon and White, *Some heteroskedasticity-
+    consistent covariance matrix estimators with improved finite sample properties*, 1985).
+
+    The result is of full rank. One from sums over blocks of the log is not: with 40 blocks and 80 unknowns it gives
+    combinations of the unknowns no error at all.
+
+    - `a`: the equations in units of their noise, 0 where they do not count [k n p].
+    - `residuals`: in the same units, 0 where they do not count [k n].
+    - `counts`: which equations count [k n].
+    - `inverse`: A⁻¹ [p p].
+    - `rate`: rows per second [Hz].
+    - `cut_off`: of the filter that the equations have passed [Hz].
     """
     k = len(a)
-    rows = max(8, int(2 * k ** (1 / 3)))
-    blocks = max(2, k // rows)
-    whole = data + np.eye(len(data))
-    total = np.zeros_like(whole)
-    for block in np.array_split(np.arange(k), blocks):
-        own = a[block].reshape(-1, a.shape[2])
-        change = _inverse(whole - own.T @ own) @ (own.T @ off[block].reshape(-1))
-        total += np.outer(change, change)
-    return (blocks - 1) / blocks * total
+    points = fft.next_fast_len(2 * k)
+    resolution = rate / k
+    window = min(WIDTH * resolution, max(FRACTION * cut_off, resolution))
+    width = max(1, round(window * points / rate))
+
+    def averaged(values: np.ndarray) -> np.ndarray:
+        # Of both signs of the frequency; twice, for a window without steps.
+        both = np.concatenate([values, values[1 : points - len(values) + 1][::-1]])
+        once = ndimage.uniform_filter1d(both, width, mode="wrap")
+        return ndimage.uniform_filter1d(once, width, mode="wrap")[: len(values)]
+
+    # Of real signals: a negative frequency has the same share as the positive one.
+    share = np.where((np.arange(points // 2 + 1) * 2) % points == 0, 1.0, 2.0) / points
+    total = np.zeros_like(inverse)
+    for joint in range(a.shape[1]):
+        used = float(counts[:, joint].sum())
+        columns = fft.rfft(a[:, joint], points, axis=0)
+        leverage = np.einsum("wp,wp->w", columns.conj() @ inverse, columns).real
+        if not used or not leverage.any():
+            continue
+        power = np.abs(fft.rfft(residuals[:, joint], points)) ** 2
+        room = np.maximum(1.0 - leverage / used, LEAST_ROOM)
+        # Rounding must not decide where the filter has left nothing.
+        leverage += 1e-6 * leverage.mean()
+        left = averaged(leverage * room)
+        density = averaged(leverage * power) * averaged(leverage) / (used * left**2)
+        total += ((columns.conj() * (density * share)[:, None]).T @ columns).real
+    return inverse @ total @ inverse
 
 
 STEPS = 60
