@@ -39,8 +39,8 @@ class Band:
 
     as matrix inequalities, with M₀ the mass matrix of the identified arm, payload and rotors included. The region is
     defined by this inequality, as `MassBound` proves it for an error of the parameters: not for samples of q, but for
-    all. Only base parameters show in a log. What does not show changes neither M nor C nor G, and p does not depend on
-    it.
+    all. Only base parameters show in a log. Changes of the others leave M, C and G as they are, and p does not depend
+    on them.
 
     For the torque of a motion the region has a second bound. The errors of the base parameters lie in an ellipsoid, and
     Y Δφ over an ellipsoid has its largest value in closed form (`torque_error`):

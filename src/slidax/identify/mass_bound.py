@@ -189,10 +189,10 @@ class MassBound:
 
     def _inside(self, parameters: np.ndarray) -> np.ndarray:
         """Some L for which all K_i are positive definite."""
-        forms = np.zeros(self.coefficients)
         for share in (0.0, *np.geomspace(1e-1, 1e-8, 15)):
             forms = self._definite(parameters, share)
-            if all(np.linalg.eigvalsh(block.matrix(parameters, forms))[0] > 0.0 for block in self.blocks):
+            values = [np.linalg.eigvalsh(block.matrix(parameters, forms)) for block in self.blocks]
+            if all(own[0] > 1e-12 * abs(own[-1]) for own in values):
                 return forms
         raise DefinitionError("the mass matrix is not bounded: some body of the arm has no mass or no inertia")
 
@@ -227,7 +227,7 @@ def blocks_of(robot: Articulated) -> tuple[tuple[Block, ...], int]:
     for i, parent in enumerate(robot.parents):
         before = np.zeros((6, 0)) if parent < 0 else np.column_stack([twists[parent], axes[parent]])
         twists.append(_closed(changes[i] @ before, robot.joint_units[i]))
-        invariants.append(_independent(twists[i].T @ INVARIANTS[robot.joint_units[i]] @ twists[i]))
+        invariants.append(_invariant_forms(twists[i].T @ GENERATORS[robot.joint_units[i]] @ twists[i]))
     ends = np.cumsum([0, *(len(own) for own in invariants)])
     blocks = []
     for i in range(n):
@@ -278,13 +278,21 @@ def _closed(vectors: np.ndarray, unit: str) -> np.ndarray:
     return left[:, values > 1e-9 * max(values.max(initial=0.0), 1e-300)]
 
 
-def _independent(matrices: np.ndarray) -> np.ndarray:
-    """Symmetric matrices that span the same, without those that depend on others."""
-    size = matrices.shape[1:]
-    if not np.prod(size):
-        return np.zeros((0, *size))
-    _, values, rows = np.linalg.svd(matrices.reshape(len(matrices), -1), full_matrices=False)
-    return rows[values > 1e-9 * values[0]].reshape(-1, *size)
+def _invariant_forms(generator: np.ndarray) -> np.ndarray:
+    """A basis of the symmetric L with `L A + Aᵀ L = 0`: forms that the motion exp(A s) does not change, [f d d].
+
+    - `generator`: A, on a basis of the twists [d d].
+    """
+    size = len(generator)
+    rows, columns = np.triu_indices(size)
+    forms = np.zeros((len(rows), size, size))
+    forms[np.arange(len(rows)), rows, columns] = forms[np.arange(len(rows)), columns, rows] = 1.0
+    changes = (forms @ generator + generator.T @ forms).reshape(len(rows), size**2)
+    if not changes.size:
+        return forms
+    left, values, _ = np.linalg.svd(changes)
+    values = np.append(values, np.zeros(len(rows) - len(values)))
+    return np.tensordot(left[:, values < 1e-9].T, forms, axes=1)
 
 
 def _inverse_root(matrix: np.ndarray) -> np.ndarray:
@@ -321,30 +329,7 @@ def _spatial() -> np.ndarray:
 SPATIAL = _spatial()
 
 
-def _products(*terms: tuple[tuple[int, int, float], ...]) -> np.ndarray:
-    forms = np.zeros((len(terms), 6, 6))
-    for form, term in zip(forms, terms, strict=True):
-        for i, j, size in term:
-            form[i, j] += 0.5 * size
-            form[j, i] += 0.5 * size
-    return forms
-
-
-INVARIANTS = {
-    # ω_x² + ω_y², v_x² + v_y², ω_x v_x + ω_y v_y, ω_x v_y - ω_y v_x, and all of ω_z and v_z.
-    "rad": _products(
-        ((0, 0, 1.0), (1, 1, 1.0)),
-        ((3, 3, 1.0), (4, 4, 1.0)),
-        ((0, 3, 1.0), (1, 4, 1.0)),
-        ((0, 4, 1.0), (1, 3, -1.0)),
-        ((2, 2, 1.0),),
-        ((5, 5, 1.0),),
-        ((2, 5, 1.0),),
-    ),
-    # All of ω and v_z, and ω_x v_x + ω_y v_y: a displacement by s adds s ω_y to v_x and -s ω_x to v_y.
-    "m": _products(
-        *(((a, b, 1.0),) for k, a in enumerate((0, 1, 2, 5)) for b in (0, 1, 2, 5)[k:]),
-        ((0, 3, 1.0), (1, 4, 1.0)),
-    ),
-}
-"""Quadratic forms on twists (ω, v) that the motion of a revolute and of a prismatic joint does not change."""
+GENERATORS = {"rad": np.zeros((6, 6)), "m": np.zeros((6, 6))}
+"""The change of a twist (ω, v) per unit of a revolute and of a prismatic joint's motion, in the axes that move."""
+GENERATORS["rad"][:3, :3] = GENERATORS["rad"][3:, 3:] = -_cross_matrix(np.array([0.0, 0.0, 1.0]))
+GENERATORS["m"][3:, :3] = -_cross_matrix(np.array([0.0, 0.0, 1.0]))
