@@ -34,12 +34,14 @@ class Spring(AbstractController):
         return None
 
 
-class BoundedLaw(AbstractController):
-    """A spring whose error must stay within a constant radius."""
+class AroundSpring(AbstractController):
+    """A law that has a spring, which counts in its memory."""
 
     spring: Spring
-    radius: jax.Array
-    joints: int = eqx.field(static=True, default=2)
+
+    @property
+    def joints(self):
+        return self.spring.joints
 
     def init(self, t, state, reference):
         return self.spring.init(t, state, reference)
@@ -48,15 +50,21 @@ class BoundedLaw(AbstractController):
         return self.spring(t, state, reference_now, reference_next, memory)
 
     def envelope(self, t, memory):
+        return None
+
+
+class BoundedLaw(AroundSpring):
+    """A spring whose error must stay within a constant radius."""
+
+    radius: jax.Array
+
+    def envelope(self, t, memory):
         wide = self.radius * jnp.ones(self.joints)
         return Envelope(lower=-wide, upper=wide)
 
 
-class Witness(AbstractController):
-    """A spring that tells what it sees, what it saw at the start, and how often it was asked."""
-
-    spring: Spring
-    joints: int = eqx.field(static=True, default=2)
+class Witness(AroundSpring):
+    """A spring that records the state, the first state and the number of its calls."""
 
     def init(self, t, state, reference):
         return self.spring.init(t, state, reference), state.q
@@ -66,9 +74,6 @@ class Witness(AbstractController):
         command = self.spring(t, state, reference_now, reference_next, count)
         signals = {"q": state.q, "dq": state.dq, "first": first, "count": count}
         return Command(tau=command.tau, memory=(command.memory, first), signals=signals)
-
-    def envelope(self, t, memory):
-        return None
 
 
 class Pendulum(AbstractRobot):
@@ -93,24 +98,16 @@ class Pendulum(AbstractRobot):
         return jnp.stack([jnp.sin(q[0]), jnp.zeros(()), -jnp.cos(q[0])])
 
 
-class Breaks(AbstractController):
+class Breaks(AroundSpring):
     """A spring whose torque at one joint is NaN from a time on."""
 
-    spring: Spring
     when: jax.Array
     joint: int = eqx.field(static=True)
-    joints: int = eqx.field(static=True, default=2)
-
-    def init(self, t, state, reference):
-        return self.spring.init(t, state, reference)
 
     def __call__(self, t, state, reference_now, reference_next, memory):
         command = self.spring(t, state, reference_now, reference_next, memory)
         broken = (jnp.arange(self.joints) == self.joint - 1) & (t >= self.when)
         return eqx.tree_at(lambda c: c.tau, command, jnp.where(broken, jnp.nan, command.tau))
-
-    def envelope(self, t, memory):
-        return None
 
 
 SPRING = Spring(jnp.array([300.0, 150.0]), jnp.array([40.0, 25.0]))

@@ -9,35 +9,31 @@ from slidax import scenarios
 from slidax.codegen import cuda
 from slidax.core.errors import DefinitionError
 from slidax.core.types import State
-from slidax.motions import ConstantPosture
 from slidax.simulation import native_engine, simulate, simulate_batch
 from tests.codegen.card_on_the_processor import CardOnTheProcessor, needs_gxx
 from tests.paper_examples import MOTION_4_1, START_4_1, plant_4_1
-from tests.simulation.simple import SMOOTH_PLANT, SPRING, BoundedLaw, Spring
-from tests.simulation.test_simulate_batch import VARIED, shifted
+from tests.simulation.simple import SPRING
+from tests.simulation.test_batches import HOW, RADII, VARIED, falling, shifted
 
 LOGGED = {"t1": 0.1, "period": 1e-3, "log_every": 20}
 
 
 @pytest.fixture
 def card(monkeypatch, tmp_path):
-    """Something that takes the kernel's text as a card would; a list of the programs that it was given."""
-    given = []
-
-    def compile(program):
-        given.append(program)
-        return CardOnTheProcessor(program, tmp_path)
-
-    monkeypatch.setattr(cuda, "compile_cuda", compile)
+    """A stand-in that takes the kernel's text as a card would; the list of its programs."""
+    programs = []
+    monkeypatch.setattr(
+        cuda, "compile_cuda", lambda program: programs.append(program) or CardOnTheProcessor(program, tmp_path)
+    )
     monkeypatch.setattr(cuda, "require_card", lambda: None)
-    yield given
+    yield programs
     native_engine._compiled_for_card.cache_clear()
 
 
-def assert_equal(one, other):
-    assert jax.tree.structure(one) == jax.tree.structure(other)
-    for ours, theirs in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
-        np.testing.assert_array_equal(ours, theirs)
+def assert_equal(ours, theirs):
+    assert jax.tree.structure(ours) == jax.tree.structure(theirs)
+    for a, b in zip(jax.tree.leaves(ours), jax.tree.leaves(theirs), strict=True):
+        np.testing.assert_array_equal(a, b)
 
 
 @needs_gxx
@@ -49,14 +45,9 @@ def test_a_batch_on_a_card_has_the_very_bits_of_the_native_engine(card):
 
 @needs_gxx
 def test_runs_that_end_early_end_alike(card):
-    def bounded(radius):
-        law = BoundedLaw(Spring(jnp.zeros(2), jnp.zeros(2)), radius)
-        start = State(q=jnp.array([np.pi / 2, 0.0]), dq=jnp.array([1.0, 0.0]))
-        return SMOOTH_PLANT, law, ConstantPosture([np.pi / 2, 0.0]), start
-
-    done = simulate_batch(bounded, jnp.array([0.095, 10.0, 0.135]), t1=0.4, period=0.04, engine="cuda")
+    done, expected = (simulate_batch(falling, RADII, **HOW, engine=engine) for engine in ("cuda", "native"))
     assert done.fault.kind.tolist() == [1, 0, 1]
-    assert_equal(done, simulate_batch(bounded, jnp.array([0.095, 10.0, 0.135]), t1=0.4, period=0.04, engine="native"))
+    assert_equal(done, expected)
 
 
 @pytest.mark.full
@@ -66,7 +57,7 @@ def test_a_scenario_file_can_ask_for_it(card):
     starts = jnp.array([[0.2, 0.8], [0.21, 0.79], [0.19, 0.8], [0.2, 0.81], [0.2, 0.78]])
     on_card, on_processor = (
         scenarios.load("example-4.1-1khz", {**changes, "simulation.engine": engine}).simulate_batch(
-            lambda one, q: one.replace(state0=State(q, jnp.zeros(2))), starts
+            lambda loop, q: loop.replace(state0=State(q, jnp.zeros(2))), starts
         )
         for engine in ("cuda", "native")
     )
@@ -76,8 +67,8 @@ def test_a_scenario_file_can_ask_for_it(card):
 
 def test_a_single_run_goes_by_the_processor_and_says_so():
     with pytest.warns(UserWarning, match="with the engine `native`, as `cuda` is for batches"):
-        one = simulate(plant_4_1(), SPRING, MOTION_4_1, START_4_1, t1=0.01, period=1e-3, engine="cuda")
-    assert_equal(one.tally, simulate(plant_4_1(), SPRING, MOTION_4_1, START_4_1, t1=0.01, period=1e-3).tally)
+        run = simulate(plant_4_1(), SPRING, MOTION_4_1, START_4_1, t1=0.01, period=1e-3, engine="cuda")
+    assert_equal(run.tally, simulate(plant_4_1(), SPRING, MOTION_4_1, START_4_1, t1=0.01, period=1e-3).tally)
 
 
 def test_without_a_card_a_batch_says_what_is_missing():

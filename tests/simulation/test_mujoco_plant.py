@@ -210,7 +210,7 @@ def test_both_engines_give_the_same_run_whatever_is_logged():
 
 def test_the_law_is_asked_once_a_period_and_sees_the_state_there():
     plant, law, motion, start = smooth_loop(TREE)
-    log = simulate(MujocoPlant.of(plant), Witness(law, 6), motion, start, t1=0.05, period=1e-2, substeps=3).log
+    log = simulate(MujocoPlant.of(plant), Witness(law), motion, start, t1=0.05, period=1e-2, substeps=3).log
     assert log.signals["count"].tolist() == list(range(6))
     np.testing.assert_array_equal(log.signals["q"], log.state.q)
 
@@ -219,11 +219,11 @@ def test_a_run_ends_where_it_leaves_its_envelope_or_becomes_infinite_as_ours_doe
     monkeypatch.chdir(tmp_path)
     plant, law, motion, start = smooth_loop(TREE)
     still = State(q=motion.position(jnp.zeros(())), dq=motion.reference(jnp.zeros(())).dq)
-    theirs, ours = both(plant, BoundedLaw(law, jnp.asarray(0.02), 6), motion, still, integrator=semi_implicit_euler)
+    theirs, ours = both(plant, BoundedLaw(law, jnp.asarray(0.02)), motion, still, integrator=semi_implicit_euler)
     assert theirs.outcome.kind == "left_envelope"
     assert (theirs.outcome.t, theirs.outcome.joint) == (ours.outcome.t, ours.outcome.joint)
     assert len(theirs.log.t) == len(ours.log.t) == int(theirs.tally.samples)
-    breaks = Breaks(law, jnp.asarray(0.03), 4, 6)
+    breaks = Breaks(law, jnp.asarray(0.03), 4)
     theirs, ours = both(plant, breaks, motion, start, integrator=semi_implicit_euler)
     assert theirs.outcome == ours.outcome
     assert theirs.outcome.kind == "not_finite"

@@ -2,21 +2,15 @@
 
 import jax
 import numpy as np
+import pytest
 
-from slidax.simulation import simulate
-from slidax.simulation.engine import Progress
+from slidax.simulation import engine, simulate
 from tests.paper_examples import MOTION_4_1, START_4_1
 from tests.simulation.simple import SMOOTH_PLANT, SPRING
 
 
 def run(progress):
     return simulate(SMOOTH_PLANT, SPRING, MOTION_4_1, START_4_1, t1=0.5, period=0.01, progress=progress)
-
-
-def test_the_bar_shows_when_it_is_asked_for(capfd):
-    with Progress(3, shown=True) as bar:
-        bar.advance()
-    assert "simulating" in capfd.readouterr().err
 
 
 def test_a_run_draws_its_bar_on_standard_error_and_nothing_on_standard_output(capfd):
@@ -26,32 +20,20 @@ def test_a_run_draws_its_bar_on_standard_error_and_nothing_on_standard_output(ca
     assert shown.out == ""
 
 
-def test_no_bar_shows_when_it_is_not_wanted_or_nobody_looks_on(capfd):
-    run(False)
-    run(None)
-    shown = capfd.readouterr()
-    assert shown.err == ""
-    assert shown.out == ""
+@pytest.mark.parametrize("progress", [False, None])
+def test_no_bar_shows_when_it_is_not_wanted_or_nobody_looks_on(capfd, progress):
+    run(progress)
+    assert capfd.readouterr() == ("", "")
 
 
-def test_a_long_piece_of_work_shows_its_bar_to_a_person(capfd, monkeypatch):
-    import slidax.simulation.engine as module
-
-    monkeypatch.setattr(module.sys.stderr, "isatty", lambda: True)
-    monkeypatch.setattr(module, "PATIENCE", -1.0)
-    with Progress(3, shown=None) as bar:
+@pytest.mark.parametrize(("patience", "steps"), [(-1.0, 3), (engine.PATIENCE, 2)], ids=["long", "short"])
+def test_only_long_work_shows_its_bar_to_a_person(monkeypatch, patience, steps):
+    monkeypatch.setattr(engine.sys.stderr, "isatty", lambda: True)
+    monkeypatch.setattr(engine, "PATIENCE", patience)
+    with engine.Progress(steps, shown=None) as bar:
         assert bar._bar is None
         bar.advance()
-        assert bar._bar is not None
-
-
-def test_a_short_piece_of_work_shows_none_even_to_a_person(monkeypatch):
-    import slidax.simulation.engine as module
-
-    monkeypatch.setattr(module.sys.stderr, "isatty", lambda: True)
-    with Progress(2, shown=None) as bar:
-        bar.advance()
-        assert bar._bar is None
+        assert (bar._bar is not None) == (patience < 0)
 
 
 def test_the_bar_changes_no_bit():

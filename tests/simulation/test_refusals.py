@@ -11,6 +11,8 @@ from slidax.simulation import Plant, simulate
 from tests.paper_examples import MOTION_4_1, MOTION_4_2, SCARA, START_4_1, TWO_LINK, law_4_1, law_4_2, plant_4_1
 from tests.simulation.simple import SMOOTH_PLANT, SPRING
 
+ON_THREE_JOINTS = Constant([0.0, 0.0, 0.0])
+
 
 def plant_parts():
     return plant_4_1().robot, plant_4_1().disturbance
@@ -98,24 +100,18 @@ def test_a_wrong_start_is_refused(start, message):
         attempt(start=start)
 
 
-def test_a_controller_for_another_number_of_joints_is_refused():
-    with pytest.raises(DefinitionError, match="the controller commands 3 joints, but the plant has 2"):
-        attempt(law=law_4_2())
-
-
-def test_a_plant_with_another_number_of_joints_is_refused():
-    with pytest.raises(DefinitionError, match="the controller commands 2 joints, but the plant has 3"):
-        attempt(plant=Plant(SCARA, Constant([0.0, 0.0, 0.0])))
-
-
-def test_a_trajectory_for_another_number_of_joints_is_refused():
-    with pytest.raises(DefinitionError, match=r"the trajectory gives \[3\] positions, but the plant has 2 joints"):
-        attempt(trajectory=MOTION_4_2)
-
-
-def test_a_disturbance_on_another_number_of_joints_is_refused():
-    with pytest.raises(DefinitionError, match=r"the disturbance gives \[3\] forces, but the plant has 2 joints"):
-        attempt(plant=plant_4_1(Constant([0.0, 0.0, 0.0])))
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"law": law_4_2()}, "the controller commands 3 joints, but the plant has 2"),
+        ({"plant": Plant(SCARA, ON_THREE_JOINTS)}, "the controller commands 2 joints, but the plant has 3"),
+        ({"trajectory": MOTION_4_2}, r"the trajectory gives \[3\] positions, but the plant has 2 joints"),
+        ({"plant": plant_4_1(ON_THREE_JOINTS)}, r"the disturbance gives \[3\] forces, but the plant has 2 joints"),
+    ],
+)
+def test_parts_for_another_number_of_joints_are_refused(change, message):
+    with pytest.raises(DefinitionError, match=message):
+        attempt(**change)
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from slidax.core.errors import DefinitionError
 from slidax.simulation import simulate, simulate_batch
 from tests.paper_examples import MOTION_4_1, MOTION_4_2, START_4_1, START_4_2, law_4_2, plant_4_2
 from tests.simulation.simple import SMOOTH_PLANT, SPRING
-from tests.simulation.test_many_runs import HOW, RADII, falling
+from tests.simulation.test_batches import HOW, RADII, falling
 
 
 @pytest.fixture(scope="module")

@@ -171,19 +171,6 @@ def test_the_same_seed_gives_the_same_bits_and_another_one_others():
     assert np.all(other.log.tau[1:] != again.log.tau[1:])
 
 
-@pytest.mark.full
-def test_a_batch_over_seeds_is_the_single_runs():
-    def tally(seed):
-        sensor = Lossy(Encoders(1e-4, 1e-4, 1e-2, seed), 0.2, seed=seed)
-        return run(sensor, Actuator(TorqueLimits(100.0), 5e-3, 0.5), log_every=None).tally
-
-    seeds = jnp.arange(3)
-    many = jax.jit(jax.vmap(tally))(seeds)
-    for i in range(3):
-        assert_same(jax.tree.map(lambda x, i=i: x[i], many), tally(i), rtol=1e-9)
-    assert len(np.unique(many.torque_travel[:, 0])) == 3
-
-
 @pytest.mark.parametrize("log_every", [None, 7])
 def test_the_tally_does_not_depend_on_what_is_logged_here_either(log_every):
     parts = (Lossy(Delayed(NOISY, 1.4), 0.2), Actuator(TorqueLimits(40.0, 900.0), 5e-3, 0.5))
