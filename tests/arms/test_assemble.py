@@ -9,16 +9,172 @@ import pytest
 
 from slidax.arms import Articulated, Joint, assemble
 from slidax.core.errors import DefinitionError
-from tests.arms.bad_arms import BAD_ARMS, BAD_JOINTS, FLANGE, SHOULDER, TIP, a_joint, still
 from tests.arms.point_masses import body_of, points_of, seen_from
 from tests.arms.trees import random_joint, tree_joints, turned
+
+NAN, INF = float("nan"), float("inf")
+
+
+def a_joint(**more) -> Joint:
+    """A valid joint with some fields changed."""
+    fields = {"name": "elbow", "kind": "revolute", "parent": None, "link": "forearm", "mass": 2.0}
+    return Joint(**fields | {"inertia": np.diag([0.03, 0.04, 0.05])} | more)
+
+
+BAD_JOINTS = {
+    "negative mass": ({"mass": -1.0}, "the mass of link `forearm` must be >= 0 kg and finite; got -1"),
+    "infinite mass": ({"mass": INF}, "the mass of link `forearm` must be >= 0 kg and finite"),
+    "centre of mass": (
+        {"center": np.array([0.0, NAN, 0.0])},
+        "the centre of mass of link `forearm` must be three finite numbers",
+    ),
+    "centre of two numbers": (
+        {"center": np.zeros(2)},
+        r"the centre of mass of link `forearm` must be three finite numbers; got \[0.0, 0.0\]",
+    ),
+    "inertia of one number": ({"inertia": np.ones(3)}, "the inertia of link `forearm` must be 3 x 3 and finite"),
+    "inertia that is no number": (
+        {"inertia": np.full((3, 3), NAN)},
+        "the inertia of link `forearm` must be 3 x 3 and finite",
+    ),
+    "inertia without mass": ({"mass": 0.0}, "link `forearm` has inertia but no mass; give it a mass > 0 kg"),
+    "skew inertia": (
+        {"inertia": np.diag([0.03, 0.04, 0.05]) + np.diag([0.01, 0.0], 1)},
+        "the inertia of link `forearm` must be symmetric",
+    ),
+    "inertia of nothing": (
+        {"inertia": np.zeros((3, 3))},
+        "the inertia of link `forearm` must be positive definite; its principal moments are 0, 0, 0 kg m²",
+    ),
+    "negative inertia": (
+        {"inertia": np.diag([-0.01, 0.02, 0.02])},
+        "the inertia of link `forearm` must be positive definite; its principal moments are -0.01, 0.02, 0.02 kg m²",
+    ),
+    "negative inertia of a fixed link": (
+        {"kind": "fixed", "inertia": np.diag([-0.01, 0.02, 0.02])},
+        "the inertia of link `forearm` must be positive semi-definite",
+    ),
+    "inertia beyond the triangle": (
+        {"inertia": np.diag([0.01, 0.02, 0.031])},
+        "the inertia of link `forearm` is of no rigid body: the largest of its principal moments 0.01, 0.02, 0.031",
+    ),
+    "frame": ({"rotation": 2.0 * np.eye(3)}, "the frame of joint `elbow` must have orthonormal axes"),
+    "frame that is no number": ({"rotation": np.full((3, 3), NAN)}, "the frame of joint `elbow` must have orthonormal"),
+    "left-handed frame": (
+        {"rotation": np.diag([1.0, 1.0, -1.0])},
+        "the frame of joint `elbow` must have orthonormal axes, right-handed",
+    ),
+    "place": ({"translation": np.array([INF, 0.0, 0.0])}, "the place of joint `elbow` must be three finite numbers"),
+    "no axis": ({"axis": np.zeros(3)}, r"the axis of joint `elbow` must have a direction; got \[0.0, 0.0, 0.0\]"),
+    "axis that is no number": ({"axis": np.array([0.0, NAN, 1.0])}, "the axis of joint `elbow` must have a direction"),
+    "axis of two numbers": ({"axis": np.ones(2)}, r"the axis of joint `elbow` must have a direction; got \[1.0, 1.0\]"),
+    "limits": ({"lower": 1.0, "upper": -1.0}, "the limits of joint `elbow` must be lower < upper; got 1 and -1"),
+    "limits that are no numbers": ({"lower": NAN}, "the limits of joint `elbow` must be lower < upper"),
+    "velocity": ({"velocity": 0.0}, "the velocity limit of joint `elbow` must be > 0; got 0"),
+    "torque": ({"torque": -5.0}, "the torque limit of joint `elbow` must be > 0; got -5"),
+    "torque rate": ({"torque_rate": NAN}, "the torque rate limit of joint `elbow` must be > 0"),
+    "armature": ({"armature": -0.1}, "the armature of joint `elbow` must be >= 0 and finite; got -0.1"),
+    "viscous friction": ({"viscous": INF}, "the viscous friction of joint `elbow` must be >= 0 and finite; got inf"),
+    "Coulomb friction": ({"coulomb": -1.0}, "the Coulomb friction of joint `elbow` must be >= 0 and finite; got -1"),
+}
+
+SHOULDER = a_joint(name="shoulder", link="upper arm")
+ELBOW = a_joint(parent="shoulder", translation=np.array([0.4, 0.0, 0.0]))
+FLANGE = Joint("flange", "fixed", "elbow", "tool")
+ARM = [SHOULDER, ELBOW, FLANGE]
+TIP = {"tip": "tool"}
+
+
+def still(**more) -> Joint:
+    """A joint whose link has no mass."""
+    return a_joint(**{"mass": 0.0, "inertia": np.zeros((3, 3))} | more)
+
+
+BAD_ARMS = {
+    "no joints": ([], TIP, "arm has no joint that moves"),
+    "nothing moves": ([Joint("flange", "fixed", None, "tool")], TIP, "arm has no joint that moves"),
+    "two joints of one name": ([SHOULDER, a_joint(name="shoulder")], TIP, "there are two joints named `shoulder`"),
+    "two joints of one link": (
+        [SHOULDER, a_joint(link="upper arm")],
+        TIP,
+        "link `upper arm` is moved by two joints, `shoulder` and `elbow`",
+    ),
+    "unknown parent": (
+        [SHOULDER, a_joint(parent="sholder"), FLANGE],
+        TIP,
+        "joint `elbow` has the parent joint `sholder`, which does not exist; did you mean `shoulder`?",
+    ),
+    "parent unlike any other": (
+        [SHOULDER, a_joint(parent="x")],
+        TIP,
+        "joint `elbow` has the parent joint `x`, which does not exist; there are: `shoulder`, `elbow`",
+    ),
+    "circle": (
+        [SHOULDER, a_joint(name="left", link="left link", parent="right"), a_joint(name="right", parent="left")],
+        TIP,
+        "the joints `left`, `right` carry each other in a circle; an arm is a tree",
+    ),
+    "unknown tip": (ARM, {"tip": "tol"}, "`tip` names link `tol`, which arm does not have; did you mean `tool`?"),
+    "tip that stands still": (
+        [Joint("stand", "fixed", None, "table"), SHOULDER],
+        {"tip": "table"},
+        "`tip` names link `table` of arm, which no joint moves",
+    ),
+    "unknown locked joint": (
+        ARM,
+        TIP | {"locked": {"elbo": 0.0}},
+        "`locked` names joint `elbo`, which does not move; did you mean `elbow`?",
+    ),
+    "locked joint that is fixed": (
+        ARM,
+        TIP | {"locked": {"flange": 0.0}},
+        "`locked` names joint `flange`, which does not move; there are: `shoulder`, `elbow`",
+    ),
+    "locked beyond its limits": (
+        [SHOULDER, a_joint(parent="shoulder", lower=-1.0, upper=2.0), FLANGE],
+        TIP | {"locked": {"elbow": 2.1}},
+        "`locked` holds joint `elbow` at 2.1, which is outside of its limits, -1 to 2",
+    ),
+    "locked nowhere": (
+        ARM,
+        TIP | {"locked": {"elbow": NAN}},
+        "`locked` holds joint `elbow` at nan, which is outside of its limits",
+    ),
+    "gravity of two numbers": (
+        ARM,
+        TIP | {"gravity": (0.0, -9.81)},
+        r"`Articulated.gravity_vector` must be 3 numbers; got shape \[2\]",
+    ),
+    "nothing heavy at the end": (
+        [SHOULDER, still(parent="shoulder"), FLANGE],
+        TIP,
+        "link `forearm` of arm, moved by joint `elbow`, has no mass, nor has anything that is fixed to it: "
+        "give it mass and inertia, or lock the joint",
+    ),
+    "nothing heavy at all": (
+        [still(name="shoulder", link="upper arm"), still(parent="shoulder"), FLANGE],
+        TIP,
+        "no link that a joint of arm moves has a mass, as in files that are for drawing alone",
+    ),
+    "a point alone": (
+        [SHOULDER, still(parent="shoulder"), Joint("flange", "fixed", "elbow", "tool", mass=1.0)],
+        TIP,
+        "the inertia of link `forearm`, with all that is fixed to it, must be positive definite",
+    ),
+    "two joints that move the same": (
+        [still(name="shoulder", link="upper arm"), a_joint(parent="shoulder")],
+        {"tip": "forearm"},
+        "the inertia matrix of arm is singular: joint `(shoulder|elbow)` can move without moving any mass",
+    ),
+}
+
 
 LOCKED = {"finger": 0.1}
 
 
-@pytest.mark.parametrize(("changes", "said"), BAD_JOINTS.values(), ids=BAD_JOINTS)
-def test_invalid_joints_are_errors_that_name_joint_or_link(changes, said):
-    with pytest.raises(DefinitionError, match=said):
+@pytest.mark.parametrize(("changes", "message"), BAD_JOINTS.values(), ids=BAD_JOINTS)
+def test_invalid_joints_are_errors_that_name_joint_or_link(changes, message):
+    with pytest.raises(DefinitionError, match=message):
         a_joint(**changes)
 
 
@@ -26,14 +182,16 @@ def test_a_joint_of_an_unknown_kind_is_refused_by_its_name():
     joint = a_joint()
     # What checks types in these tests would be first.
     object.__setattr__(joint, "kind", "continuous")
-    said = "joint `elbow` must be `revolute`, `prismatic` or `fixed`; got `continuous`; one that turns without end is"
-    with pytest.raises(DefinitionError, match=said):
+    message = (
+        "joint `elbow` must be `revolute`, `prismatic` or `fixed`; got `continuous`; one that turns without end is"
+    )
+    with pytest.raises(DefinitionError, match=message):
         joint.__post_init__()
 
 
-@pytest.mark.parametrize(("joints", "how", "said"), BAD_ARMS.values(), ids=BAD_ARMS)
-def test_invalid_trees_of_joints_are_errors_that_name_them(joints, how, said):
-    with pytest.raises(DefinitionError, match=said):
+@pytest.mark.parametrize(("joints", "how", "message"), BAD_ARMS.values(), ids=BAD_ARMS)
+def test_invalid_trees_of_joints_are_errors_that_name_them(joints, how, message):
+    with pytest.raises(DefinitionError, match=message):
         assemble(joints, name="arm", **how)
 
 
@@ -104,22 +262,22 @@ def test_joints_keep_their_order_except_before_their_parents():
 
 def at_zero(arm: Articulated) -> list[tuple[np.ndarray, np.ndarray]]:
     """Every joint's frame in the base's, where all positions are 0."""
-    found: list[tuple[np.ndarray, np.ndarray]] = []
+    frames: list[tuple[np.ndarray, np.ndarray]] = []
     for i, parent in enumerate(arm.parents):
-        rotation, place = found[parent] if parent >= 0 else (np.eye(3), np.zeros(3))
-        found.append((rotation @ np.asarray(arm.rotations[i]), place + rotation @ np.asarray(arm.translations[i])))
-    return found
+        rotation, place = frames[parent] if parent >= 0 else (np.eye(3), np.zeros(3))
+        frames.append((rotation @ np.asarray(arm.rotations[i]), place + rotation @ np.asarray(arm.translations[i])))
+    return frames
 
 
 def described_at_zero(joints: list[Joint], sliding: dict[str, float]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Every link's frame in the base's, by the name of its joint; what is locked slides."""
-    found: dict[str | None, tuple[np.ndarray, np.ndarray]] = {None: (np.eye(3), np.zeros(3))}
+    frames: dict[str | None, tuple[np.ndarray, np.ndarray]] = {None: (np.eye(3), np.zeros(3))}
     for joint in joints:
-        rotation, place = found[joint.parent]
+        rotation, place = frames[joint.parent]
         way = sliding.get(joint.name, 0.0) * joint.axis / np.linalg.norm(joint.axis)
         turned_so = rotation @ joint.rotation
-        found[joint.name] = turned_so, place + rotation @ joint.translation + turned_so @ way
-    return {name: frame for name, frame in found.items() if name is not None}
+        frames[joint.name] = turned_so, place + rotation @ joint.translation + turned_so @ way
+    return {name: frame for name, frame in frames.items() if name is not None}
 
 
 def test_each_joint_turns_about_the_z_axis_of_its_frame_where_its_axis_was():

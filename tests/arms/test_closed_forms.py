@@ -51,14 +51,17 @@ def test_inertia_coriolis_and_gravity_agree_with_the_printed_formulas(robot, pri
         np.testing.assert_allclose(robot.bias(jnp.asarray(q), jnp.asarray(dq)), bias, rtol=1e-12, atol=1e-12)
 
 
-def test_two_link_tip_agrees_with_geometry():
-    np.testing.assert_allclose(TWO_LINK.tip(jnp.array([0.0, 0.0])), [1.8, 0.0, 0.0], atol=1e-15)
-    np.testing.assert_allclose(TWO_LINK.tip(jnp.array([np.pi / 2, -np.pi / 2])), [0.8, 1.0, 0.0], atol=1e-15)
-
-
-def test_scara_tip_agrees_with_geometry_and_sinks_with_the_last_joint():
-    np.testing.assert_allclose(SCARA.tip(jnp.array([0.0, 0.0, 0.25])), [0.7, 0.0, -0.25], atol=1e-15)
-    np.testing.assert_allclose(SCARA.tip(jnp.array([np.pi / 2, np.pi / 2, 0.0])), [-0.4, 0.3, 0.0], atol=1e-15)
+@pytest.mark.parametrize(
+    ("arm", "q", "tip"),
+    [
+        (TWO_LINK, [0.0, 0.0], [1.8, 0.0, 0.0]),
+        (TWO_LINK, [np.pi / 2, -np.pi / 2], [0.8, 1.0, 0.0]),
+        (SCARA, [0.0, 0.0, 0.25], [0.7, 0.0, -0.25]),
+        (SCARA, [np.pi / 2, np.pi / 2, 0.0], [-0.4, 0.3, 0.0]),
+    ],
+)
+def test_tip_agrees_with_geometry(arm, q, tip):
+    np.testing.assert_allclose(arm.tip(jnp.array(q)), tip, atol=1e-15)
 
 
 def test_inverse_inertia_eigenvalues_agree_with_table_1():

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from slidax.arms import from_urdf
+from slidax.arms import from_mjcf, from_urdf
 from slidax.core.errors import DefinitionError, DefinitionWarning
 from tests.arms.bad_file import changed
 from tests.arms.bad_urdf import AXIS, ELBOW, FORE, GOOD, INERTIA, LIMIT, ORIGIN, TOOL, limit
@@ -18,16 +18,18 @@ from tests.paper_examples import SCARA, TWO_LINK
 pytest.importorskip("mujoco")
 EXAMPLES = Path(__file__).parents[2] / "examples" / "robots"
 STATES = np.random.default_rng(3).uniform(-3.0, 3.0, (2, 50, 3))
+GRAVITY = (0.0, -9.8, 0.0)
 PAPER = [
-    pytest.param("two_link.urdf", {"gravity": (0.0, -9.8, 0.0), "armature": [5.0, 5.0]}, TWO_LINK, id="two-link"),
-    pytest.param("scara.urdf", {"gravity": (0.0, 0.0, -9.8)}, SCARA, id="SCARA", marks=pytest.mark.full),
+    pytest.param(lambda file: from_urdf(file, gravity=GRAVITY, armature=[5.0, 5.0]), "two_link.urdf", TWO_LINK),
+    pytest.param(from_mjcf, "two_link.xml", TWO_LINK, marks=pytest.mark.full),
+    pytest.param(lambda file: from_urdf(file, gravity=(0.0, 0.0, -9.8)), "scara.urdf", SCARA, marks=pytest.mark.full),
 ]
 MIMIC = '<mimic joint="shoulder" multiplier="2" offset="0.5"/>'
 
 
-@pytest.mark.parametrize(("file", "arguments", "printed"), PAPER)
-def test_paper_arms_agree_with_their_urdf(file, arguments, printed):
-    arm = from_urdf(EXAMPLES / file, **arguments)
+@pytest.mark.parametrize(("read", "file", "printed"), PAPER)
+def test_paper_arms_agree_with_their_files(read, file, printed):
+    arm = read(EXAMPLES / file)
     assert arm.joint_units == printed.joint_units
     q, dq = STATES[:, :, : printed.joints]
 
@@ -35,23 +37,18 @@ def test_paper_arms_agree_with_their_urdf(file, arguments, printed):
         return robot.mass(q), robot.bias(q, dq), robot.tip(q), robot.potential(q) - robot.potential(jnp.zeros_like(q))
 
     motions = jax.jit(jax.vmap(motion, (None, 0, 0)))
-    for one, other in zip(motions(arm, q, dq), motions(printed, q, dq), strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
+    for ours, theirs in zip(motions(arm, q, dq), motions(printed, q, dq), strict=True):
+        np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12)
 
 
 def test_arm_has_the_numbers_of_the_file():
     arm = from_urdf(GOOD)
-    assert arm.name == "arm"
-    assert arm.joint_names == ("shoulder", "elbow")
-    assert arm.link_names == ("upper", "fore")
-    np.testing.assert_array_equal(arm.limits.lower, [-2.0, -1.0])
-    np.testing.assert_array_equal(arm.limits.upper, [2.5, 1.5])
-    np.testing.assert_array_equal(arm.limits.torque, [50.0, 20.0])
-    np.testing.assert_array_equal(arm.limits.velocity, [3.0, 4.0])
-    np.testing.assert_array_equal(arm.viscous, [0.5, 0.0])
-    np.testing.assert_array_equal(arm.coulomb, [0.25, 0.0])
-    np.testing.assert_array_equal(arm.masses, [2.0, 1.25])
-    np.testing.assert_array_equal(arm.armature, [0.0, 0.0])
+    assert (arm.name, arm.joint_names, arm.link_names) == ("arm", ("shoulder", "elbow"), ("upper", "fore"))
+    limits = {"lower": [-2.0, -1.0], "upper": [2.5, 1.5], "torque": [50.0, 20.0], "velocity": [3.0, 4.0]}
+    links = {"viscous": [0.5, 0.0], "coulomb": [0.25, 0.0], "masses": [2.0, 1.25], "armature": [0.0, 0.0]}
+    for owner, numbers in ((arm.limits, limits), (arm, links)):
+        for field, values in numbers.items():
+            np.testing.assert_array_equal(getattr(owner, field), values, err_msg=field)
     np.testing.assert_allclose(arm.gravity_vector, [0.0, 0.0, -9.81])
     # The inertia of the upper arm is about axes that are turned by .3 rad about x.
     turn = np.array([[1.0, 0.0, 0.0], [0.0, np.cos(0.3), -np.sin(0.3)], [0.0, np.sin(0.3), np.cos(0.3)]])
@@ -63,22 +60,35 @@ def test_arm_has_the_numbers_of_the_file():
     np.testing.assert_allclose(arm.tip(jnp.zeros(2)), 0.6 * np.array(along_x) + [0.0, 0.0, 0.3], rtol=1e-14)
 
 
-def test_a_path_a_text_and_a_file_in_another_encoding_are_the_same_arm(tmp_path):
-    (tmp_path / "arm.urdf").write_text(GOOD)
-    (tmp_path / "wide.urdf").write_bytes(GOOD.replace("utf-8", "utf-16").encode("utf-16"))
-    for source in (tmp_path / "arm.urdf", str(tmp_path / "arm.urdf"), tmp_path / "wide.urdf", "\ufeff" + GOOD):
-        np.testing.assert_array_equal(from_urdf(source).inertias, from_urdf(GOOD).inertias)
+MOUNT = (
+    '<link name="base"/><joint name="bolts" type="fixed"><parent link="base"/><child link="mount"/></joint>'
+    f'<link name="mount"><inertial><mass value="-1"/>{INERTIA}</inertial></link>'
+)
+GAZEBO = '<gazebo reference="fore"><mu1>nan</mu1></gazebo><mujoco><compiler inertiafromgeom="true"/></mujoco></robot>'
+SAME = {
+    "a byte order mark": "\ufeff" + GOOD,
+    "a longer axis": changed(GOOD, AXIS, '<axis xyz="0 2.5 0"/>'),
+    "a mount of negative mass": GOOD.replace('t link="base"', 't link="mount"').replace('<link name="base"/>', MOUNT),
+    "a link named world": GOOD.replace('"upper"', '"world"'),
+    "elements of other programs": changed(GOOD, "</robot>", GAZEBO, ORIGIN, ORIGIN + "<hardware_interface/>"),
+}
 
 
-def test_the_length_of_an_axis_does_not_matter():
-    longer, unit = from_urdf(changed(GOOD, AXIS, '<axis xyz="0 2.5 0"/>')), from_urdf(GOOD)
-    np.testing.assert_allclose(longer.rotations, unit.rotations, rtol=1e-14, atol=1e-14)
-    np.testing.assert_allclose(longer.inertias, unit.inertias, rtol=1e-14, atol=1e-14)
+@pytest.mark.parametrize("name", SAME)
+def test_texts_that_describe_the_same_arm_give_the_same_numbers(name, tmp_path):
+    text, good = SAME[name], from_urdf(GOOD)
+    accuracy = 1e-14 if name == "a longer axis" else 0.0
+    (tmp_path / "arm.urdf").write_text(text)
+    (tmp_path / "wide.urdf").write_bytes(text.lstrip("\ufeff").replace("utf-8", "utf-16").encode("utf-16"))
+    for source in (text, tmp_path / "arm.urdf", str(tmp_path / "arm.urdf"), tmp_path / "wide.urdf"):
+        for field in ("masses", "inertias", "rotations"):
+            numbers = getattr(from_urdf(source), field)
+            np.testing.assert_allclose(numbers, getattr(good, field), rtol=accuracy, atol=accuracy)
 
 
 def test_without_an_axis_a_joint_turns_about_x():
-    given = from_urdf(changed(GOOD, AXIS, '<axis xyz="1 0 0"/>'))
-    np.testing.assert_array_equal(from_urdf(changed(GOOD, AXIS, "")).rotations, given.rotations)
+    about_x = from_urdf(changed(GOOD, AXIS, '<axis xyz="1 0 0"/>'))
+    np.testing.assert_array_equal(from_urdf(changed(GOOD, AXIS, "")).rotations, about_x.rotations)
 
 
 def test_a_continuous_joint_needs_no_limits_and_has_no_ends():
@@ -88,9 +98,11 @@ def test_a_continuous_joint_needs_no_limits_and_has_no_ends():
     assert np.isposinf(arm.limits.upper[1]) and arm.limits.torque[1] == 20.0
 
 
-def test_limits_need_not_be_read():
+def test_bad_limits_do_not_matter_where_they_are_not_read():
     arm = from_urdf(changed(GOOD, LIMIT, ""), limits=False)
     assert np.isposinf(arm.limits.torque).all() and np.isneginf(arm.limits.lower).all()
+    for text in ("", limit(velocity="-7")):
+        assert from_urdf(changed(GOOD, LIMIT, text), locked={"elbow": 0.3}).joints == 1
 
 
 NOT_GIVEN = [
@@ -108,13 +120,13 @@ NOT_GIVEN = [
 ]
 
 
-@pytest.mark.parametrize(("values", "said", "infinite"), NOT_GIVEN)
-def test_a_limit_that_is_not_given_is_infinite_and_the_others_are_read(values, said, infinite):
+@pytest.mark.parametrize(("values", "missing", "infinite"), NOT_GIVEN)
+def test_a_limit_that_is_not_given_is_infinite_and_the_others_are_read(values, missing, infinite):
     expected = {"lower": -1.0, "upper": 1.5, "velocity": 4.0, "torque": 20.0} | infinite
     with pytest.warns(DefinitionWarning) as caught:
         arm = from_urdf(changed(GOOD, LIMIT, limit(**values)))
     assert [str(warning.message) for warning in caught] == [
-        f"arm: the file gives {said}, or 0 for it; it is taken as infinite"
+        f"arm: the file gives {missing}, or 0 for it; it is taken as infinite"
     ]
     for field, value in expected.items():
         assert float(getattr(arm.limits, field)[1]) == value
@@ -130,10 +142,6 @@ def test_one_warning_names_all_joints_without_a_limit_and_the_file(tmp_path):
     assert str(warning.message).startswith(f"{tmp_path / 'arm.urdf'}: the file gives ")
     for words in ("position for elbow,", "velocity for elbow,", "effort for shoulder, elbow,"):
         assert words in str(warning.message)
-
-
-def test_limits_of_a_locked_joint_are_ignored():
-    assert from_urdf(changed(GOOD, LIMIT, ""), locked={"elbow": 0.3}).joints == 1
 
 
 @pytest.mark.parametrize(("values", "ends"), [({"lower": None}, (0.0, 1.5)), ({"upper": None}, (-1.0, 0.0))])
@@ -171,36 +179,11 @@ def test_invalid_armatures_are_errors(armature, named):
         from_urdf(GOOD, armature=armature)
 
 
-def test_links_fixed_to_the_base_may_have_any_mass():
-    mount = GOOD.replace('<parent link="base"/>', '<parent link="mount"/>').replace(
-        '<link name="base"/>',
-        '<link name="base"/><joint name="bolts" type="fixed"><parent link="base"/><child link="mount"/></joint>'
-        '<link name="mount"><inertial><mass value="-1"/>' + INERTIA + "</inertial></link>",
-    )
-    np.testing.assert_array_equal(from_urdf(mount).masses, [2.0, 1.25])
-
-
-def test_a_link_named_world_is_a_link_as_any_other():
-    named = GOOD.replace('"upper"', '"world"')
-    np.testing.assert_array_equal(from_urdf(named).inertias, from_urdf(GOOD).inertias)
-
-
-def test_elements_of_other_programs_are_ignored():
-    more = changed(
-        GOOD,
-        "</robot>",
-        '<gazebo reference="fore"><mu1>nan</mu1></gazebo><mujoco><compiler inertiafromgeom="true"/></mujoco></robot>',
-        ORIGIN,
-        ORIGIN + "<hardware_interface/>",
-    )
-    np.testing.assert_array_equal(from_urdf(more).inertias, from_urdf(GOOD).inertias)
-
-
 def with_mesh(name: str) -> str:
     return changed(GOOD, FORE, f'{FORE}<visual><geometry><mesh filename="{name}"/></geometry></visual>')
 
 
-def test_a_mesh_is_found_beside_the_file_and_in_packages_and_is_not_read(tmp_path):
+def test_a_mesh_is_found_next_to_the_file_and_in_packages_and_is_not_read(tmp_path):
     meshes = tmp_path / "arm_description" / "meshes"
     meshes.mkdir(parents=True)
     (meshes / "fore.dae").write_text("no mesh at all")
@@ -216,19 +199,13 @@ def test_a_mesh_is_found_beside_the_file_and_in_packages_and_is_not_read(tmp_pat
         from_urdf(text, packages={"arm_description": tmp_path / "empty"}, meshes=True)
     path.write_text(with_mesh(f"file://{meshes}/fore.dae"))
     assert from_urdf(path, meshes=True).joints == 2
-
-
-def test_missing_mesh_is_no_error_by_default():
     assert from_urdf(with_mesh("package://lost/fore.dae")).joints == 2
 
 
-def test_the_tip_is_the_only_link_that_moves_and_carries_none():
-    beside = '<joint name="to the plate" type="fixed"><parent link="base"/><child link="plate"/></joint>'
-    arm = from_urdf(changed(GOOD, "</robot>", f'{beside}<link name="plate"/></robot>'))
+def test_the_tip_is_the_only_moving_link_that_carries_none_or_any_that_moves():
+    plate = '<joint name="to the plate" type="fixed"><parent link="base"/><child link="plate"/></joint>'
+    arm = from_urdf(changed(GOOD, "</robot>", f'{plate}<link name="plate"/></robot>'))
     np.testing.assert_array_equal(arm.tip_translation, from_urdf(GOOD, tip="tool").tip_translation)
-
-
-def test_the_tip_may_be_any_link_that_moves():
     arm = from_urdf(GOOD, tip="fore")
     np.testing.assert_allclose(np.linalg.norm(arm.tip(jnp.zeros(2)) - jnp.array([0.0, 0.0, 0.3])), 0.4, rtol=1e-14)
     with pytest.raises(DefinitionError, match="`base`, which is the base"):

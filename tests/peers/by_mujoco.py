@@ -20,10 +20,10 @@ def by_mujoco(
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     data = mujoco.MjData(model)
     at = [int(model.joint(name).dofadr[0]) for name in joint_names]
-    full, found = np.zeros((model.nv, model.nv)), []
+    full, rows = np.zeros((model.nv, model.nv)), []
     for name, position in (locked or {}).items():
         data.joint(name).qpos = position
-    body = model.body(tip).id
+    place = data.site(tip) if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, tip) >= 0 else data.body(tip)
     for q, dq, tau in zip(*states, strict=True):
         data.qpos[at], data.qvel[at], data.qfrc_applied[at] = q, 0.0, tau
         mujoco.mj_forward(model, data)
@@ -34,5 +34,5 @@ def by_mujoco(
         mass, bias = full[np.ix_(at, at)], data.qfrc_bias[at].copy()
         # What is locked needs forces of its own, which MuJoCo does not have: so its rows are left out.
         acceleration = np.linalg.solve(mass, tau - bias) if locked else data.qacc[at].copy()
-        found.append((mass, bias, gravity, acceleration, data.xpos[body].copy(), data.xmat[body].reshape(3, 3).copy()))
-    return Motion(*(np.stack(part) for part in zip(*found, strict=True)))
+        rows.append((mass, bias, gravity, acceleration, place.xpos.copy(), place.xmat.reshape(3, 3).copy()))
+    return Motion(*(np.stack(part) for part in zip(*rows, strict=True)))
