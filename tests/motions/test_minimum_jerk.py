@@ -1,8 +1,5 @@
 """The smoothest motion through waypoints: that it is the smoothest, and how it joins."""
 
-from functools import cache, partial
-
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -12,28 +9,14 @@ from hypothesis import strategies as st
 from slidax.core.errors import DefinitionError
 from slidax.motions import MinimumJerk
 
-TIMES = np.array([0.5, 1.3, 2.0, 3.1])
-WAYPOINTS = np.array([[0.0, 1.0], [0.8, 0.2], [0.5, -0.4], [-0.3, 0.6]])
-MOTION = MinimumJerk.through(TIMES, WAYPOINTS)
+from .differentiated import derivative
+from .members import PLACES, TIMES
 
-
-@cache
-def compiled(order):
-    def function(motion, t):
-        place = motion.position
-        for _ in range(order):
-            place = partial(lambda inner, t: jax.jvp(inner, (t,), (jnp.ones_like(t),))[1], place)
-        return place(t)
-
-    return jax.jit(jax.vmap(function, in_axes=(None, 0)))
-
-
-def derivative(motion, order, t):
-    return np.asarray(compiled(order)(motion, jnp.asarray(t)))
+MOTION = MinimumJerk.through(TIMES, PLACES)
 
 
 def test_the_motion_passes_through_its_waypoints():
-    np.testing.assert_allclose(derivative(MOTION, 0, TIMES), WAYPOINTS, atol=1e-12)
+    np.testing.assert_allclose(derivative(MOTION, 0, TIMES), PLACES, atol=1e-12)
 
 
 @pytest.mark.parametrize("order", [0, 1, 2, 3, 4])
@@ -57,9 +40,9 @@ def test_the_motion_is_at_rest_at_both_ends(order):
 
 def test_the_motion_stands_still_outside_its_times():
     for t in (-1.0, 0.0, TIMES[0] - 1e-9):
-        np.testing.assert_allclose(MOTION.position(jnp.asarray(t)), WAYPOINTS[0], atol=1e-12)
+        np.testing.assert_allclose(MOTION.position(jnp.asarray(t)), PLACES[0], atol=1e-12)
     for t in (TIMES[-1] + 1e-9, 10.0):
-        np.testing.assert_allclose(MOTION.position(jnp.asarray(t)), WAYPOINTS[-1], atol=1e-12)
+        np.testing.assert_allclose(MOTION.position(jnp.asarray(t)), PLACES[-1], atol=1e-12)
     outside = np.array([-1.0, 0.4, 3.2, 10.0])
     for order in (1, 2):
         np.testing.assert_array_equal(derivative(MOTION, order, outside), 0.0)

@@ -22,12 +22,6 @@ def test_example_4_1_follows_two_exponentials():
     np.testing.assert_allclose(reference.ddq, ddq, rtol=1e-13, atol=1e-15)
 
 
-def test_example_4_1_starts_from_rest_at_its_own_place():
-    reference = MOTION_4_1.reference(jnp.asarray(0.0))
-    np.testing.assert_allclose(np.array([-0.4, 2.5]) - reference.q, [-0.6, 0.5], atol=1e-15)
-    np.testing.assert_allclose(reference.dq, 0.0, atol=1e-15)
-
-
 def test_example_4_2_follows_sinusoids():
     w = np.pi / 5
     s, c = np.sin(w * TIMES), np.cos(w * TIMES)

@@ -8,16 +8,14 @@ import pytest
 from slidax.core.errors import DefinitionError, DefinitionWarning
 from slidax.motions import Tabulated
 
+from .members import CURVES, PLACES, SPEEDS, TIMES
+
 CSV = """time,shoulder,elbow
 0.5,0.0,1.0
 1.3,0.8,0.2
 2.0,0.5,-0.4
 3.1,-0.3,0.6
 """
-TIMES = np.array([0.5, 1.3, 2.0, 3.1])
-PLACES = np.array([[0.0, 1.0], [0.8, 0.2], [0.5, -0.4], [-0.3, 0.6]])
-SPEEDS = np.array([[0.0, 0.0], [0.4, -1.0], [-0.6, 0.1], [0.0, 0.0]])
-CURVES = np.array([[0.5, 0.0], [-1.0, 0.3], [0.0, 2.0], [0.0, -1.0]])
 
 
 def same(ours, theirs):

@@ -9,11 +9,7 @@ from slidax.core.errors import DefinitionError
 from slidax.motions import MinimumJerk, Tabulated, Trapezoidal
 
 from .differentiated import derivative
-
-TIMES = np.array([0.5, 1.3, 2.0, 3.1])
-PLACES = np.array([[0.0, 1.0], [0.8, 0.2], [0.5, -0.4], [-0.3, 0.6]])
-SPEEDS = np.array([[0.0, 0.0], [0.4, -1.0], [-0.6, 0.1], [0.0, 0.0]])
-CURVES = np.array([[0.5, 0.0], [-1.0, 0.3], [0.0, 2.0], [0.0, -1.0]])
+from .members import CURVES, PLACES, SPEEDS, TIMES
 
 
 def sampled(motion, rows):

@@ -88,15 +88,6 @@ def test_trapezoidal_motion_agrees_with_ruckig(jerk):
     assert float(motion.until) == pytest.approx(begin, rel=1e-12)
 
 
-def test_it_rests_at_every_waypoint():
-    motion = Trapezoidal.through(PATH, velocity=SPEED, acceleration=ACCELERATION)
-    ends = np.cumsum(
-        [float(Trapezoidal.through([a, b], velocity=SPEED, acceleration=ACCELERATION).until) for a, b in pairwise(PATH)]
-    )
-    np.testing.assert_allclose(derivative(motion, 0, ends), PATH[1:], atol=1e-9)
-    np.testing.assert_allclose(derivative(motion, 1, ends), 0.0, atol=1e-9)
-
-
 @settings(max_examples=30)
 @given(st.integers(0, 10**6), st.booleans())
 def test_random_motions_of_seven_joints_join_without_a_jump(seed, smooth):

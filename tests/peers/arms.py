@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -16,31 +15,23 @@ FOLDER = Path(cmeel.__path__[0]).parent / "cmeel.prefix" / "share" / "example-ro
 
 @dataclass(frozen=True)
 class Arm:
-    """A file and how it is read.
-
-    - `file`: in the folder of example-robot-data.
-    - `tip`: name of the tip's link.
-    - `locked`: positions of the joints that do not move.
-    - `limits`: whether the file has limits that can be.
-    """
+    """A file in the folder of example-robot-data, and how it is read."""
 
     file: str
     tip: str
     locked: dict[str, float] = field(default_factory=dict)
     limits: bool = True
+    """False if the file has limits that cannot be."""
 
     @property
     def path(self) -> str:
-        """Of the file."""
         return str(FOLDER / self.file)
 
     @property
     def name(self) -> str:
-        """Of the file without its folder."""
         return self.file.split("/")[-1]
 
     def read(self) -> Articulated:
-        """By slidax."""
         return from_urdf(self.path, tip=self.tip, locked=self.locked, limits=self.limits)
 
 
@@ -61,12 +52,3 @@ ARMS = [
 ]
 WALKER = Arm("laikago_description/urdf/laikago.urdf", "RL_foot")
 """Four legs: a tree with branches, hung up by its trunk."""
-
-
-def cases() -> list[Any]:
-    """Of every day with 100 states, and the long version."""
-    daily = [pytest.param(arm, 100, id=arm.file.split("/")[-1]) for arm in ARMS[:1]]
-    full = [
-        pytest.param(arm, 1000, id=f"{arm.file.split('/')[-1]}-full", marks=pytest.mark.full) for arm in [*ARMS, WALKER]
-    ]
-    return [*daily, *full]

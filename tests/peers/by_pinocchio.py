@@ -12,22 +12,25 @@ from tests.peers.motion import Motion, States
 pinocchio = pytest.importorskip("pinocchio")
 
 
+def position(model: Any, joint_names: Any, q: np.ndarray) -> np.ndarray:
+    """Pinocchio's position vector; of a joint without end it has the cosine and the sine."""
+    place = pinocchio.neutral(model)
+    for name, angle in zip(joint_names, q, strict=True):
+        joint = model.joints[model.getJointId(name)]
+        place[joint.idx_q : joint.idx_q + joint.nq] = angle if joint.nq == 1 else [np.cos(angle), np.sin(angle)]
+    return place
+
+
 def by_pinocchio(model: Any, tip: str, joint_names: tuple[str, ...], states: States) -> Motion:
     """Without friction."""
     model.damping = np.zeros(model.nv)
     data = model.createData()
-    joints = [model.joints[model.getJointId(name)] for name in joint_names]
-    at = [joint.idx_v for joint in joints]
+    at = [model.joints[model.getJointId(name)].idx_v for name in joint_names]
     assert sorted(at) == list(range(model.nv))
     body = model.getFrameId(tip, pinocchio.BODY)
-    found = []
+    rows = []
     for q, dq, tau in zip(*states, strict=True):
-        place, velocity, torque = pinocchio.neutral(model), np.zeros(model.nv), np.zeros(model.nv)
-        for joint, position in zip(joints, q, strict=True):
-            # Of a joint without end Pinocchio has the cosine and the sine.
-            place[joint.idx_q : joint.idx_q + joint.nq] = (
-                position if joint.nq == 1 else [np.cos(position), np.sin(position)]
-            )
+        place, velocity, torque = position(model, joint_names, q), np.zeros(model.nv), np.zeros(model.nv)
         velocity[at], torque[at] = dq, tau
         bias = np.array(pinocchio.nle(model, data, place, velocity))
         gravity = np.array(pinocchio.computeGeneralizedGravity(model, data, place))
@@ -35,17 +38,9 @@ def by_pinocchio(model: Any, tip: str, joint_names: tuple[str, ...], states: Sta
         mass = np.array(pinocchio.crba(model, data, place))
         pinocchio.framesForwardKinematics(model, data, place)
         frame = data.oMf[body]
-        found.append(
-            (
-                mass[np.ix_(at, at)],
-                bias[at],
-                gravity[at],
-                acceleration[at],
-                frame.translation.copy(),
-                frame.rotation.copy(),
-            )
-        )
-    return Motion(*(np.stack(part) for part in zip(*found, strict=True)))
+        tip_frame = frame.translation.copy(), frame.rotation.copy()
+        rows.append((mass[np.ix_(at, at)], bias[at], gravity[at], acceleration[at], *tip_frame))
+    return Motion(*(np.stack(part) for part in zip(*rows, strict=True)))
 
 
 def held(model: Any, positions: dict[str, float]) -> Any:

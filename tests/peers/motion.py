@@ -63,9 +63,9 @@ def by_slidax(robot: Articulated, states: States) -> Motion:
 
 def assert_same(ours: Motion, theirs: Motion) -> None:
     """Norm by norm in each state."""
-    for name, one, other in zip(Motion._fields, ours, theirs, strict=True):
+    for name, mine, other in zip(Motion._fields, ours, theirs, strict=True):
         norm = np.linalg.norm(other.reshape(len(other), -1), axis=1)
-        error = np.linalg.norm((one - other).reshape(len(other), -1), axis=1)
+        error = np.linalg.norm((mine - other).reshape(len(other), -1), axis=1)
         # A vertical arm has no gravity at all: then both must have none.
         share = np.max(error / np.maximum(norm, 1e-3))
         assert share <= WITHIN, f"{name}: {share:.1e}"

@@ -32,10 +32,10 @@ def test_an_arm_from_a_file_is_excited_and_identified(file, monkeypatch):
         ),
     )
     motion = excite(true, seed=0, duration=10.0, rate=250.0)
-    found = identify(recorded(true, given=(motion.t, motion.motion)), arm)
+    identified = identify(recorded(true, given=(motion.t, motion.motion)), arm)
     for name in ("armature", "coulomb", "viscous"):
-        off = np.abs(found.values(name) - np.asarray(getattr(true, name)))
-        assert (off < 4.5 * found.standard_errors(name)).all(), name
-        np.testing.assert_allclose(found.values(name), getattr(true, name), rtol=0.3)
-    assert abs(found.values("payload.mass")[0] - 0.4) < 4.0 * found.standard_errors("payload.mass")[0]
-    assert (found.held_out_rms < 0.1 * found.measured_rms).all()
+        off = np.abs(identified.values(name) - np.asarray(getattr(true, name)))
+        assert (off < 4.5 * identified.standard_errors(name)).all(), name
+        np.testing.assert_allclose(identified.values(name), getattr(true, name), rtol=0.3)
+    assert abs(identified.values("payload.mass")[0] - 0.4) < 4.0 * identified.standard_errors("payload.mass")[0]
+    assert (identified.held_out_rms < 0.1 * identified.measured_rms).all()

@@ -1,39 +1,182 @@
 """The laws and loops that slidax shares with OpenSMC, a NumPy toolbox for sliding mode control."""
 
+from collections.abc import Callable
+from typing import Any, ClassVar, NamedTuple
+
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from opensmc import reaching as peer_reaching
 from opensmc import surfaces as peer_surfaces
+from opensmc.controllers import NFTSMC, ClassicalSMC, FixedTimeSMC
+from opensmc.plants import DoubleIntegrator
+from opensmc.reaching import Saturation
+from opensmc.reaching import SuperTwisting as SuperTwistingReaching
+from opensmc.simulator import Simulator
 
+from slidax import simulate
+from slidax.arms import AbstractRobot
 from slidax.core import saturation, semi_implicit_euler, sig
-from slidax.core.types import Reference, State
+from slidax.core.errors import as_array
+from slidax.core.types import Reference, Scalar, State
 from slidax.law import (
+    AbstractController,
     FixedTimeReaching,
     Linear,
     LinearCoreFixedTime,
     SingularityFree,
+    SlidingMode,
+    SlotineLi,
     SmoothFixedTime,
+    SuperTwisting,
     TwoPowerReaching,
+    UncertaintyBound,
+    Unconstrained,
 )
+from slidax.motions import ConstantPosture
+from slidax.plant import Constant as ConstantForce
 from slidax.plant import Harmonic
-from tests.peers.double_integrator import (
-    FIXED_TIME,
-    GOAL,
-    NEXT_TO_NOTHING,
-    NONSINGULAR_FAST_TERMINAL,
-    PAIRS,
-    PUSH,
-    START,
-    by_opensmc,
-    by_slidax,
-    super_twisting,
+from slidax.simulation import Plant
+
+NEXT_TO_ONE = float(np.nextafter(1.0, 2.0))
+NONE = 1e-300
+"""For a parameter of slidax that must be positive and whose term OpenSMC does not have."""
+
+
+class OneJoint(AbstractRobot):
+    """`J q̈ = τ + τ_d`: a slide on a level rail."""
+
+    joint_units: ClassVar[tuple[str, ...]] = ("m",)
+    joint_names: ClassVar[tuple[str, ...]] = ("joint 1",)
+    inertia: Scalar = eqx.field(converter=as_array, default=1.0)
+
+    def mass(self, q):
+        return self.inertia * jnp.eye(1)
+
+    def bias(self, q, dq):
+        return jnp.zeros_like(q)
+
+    def friction(self, dq):
+        return jnp.zeros_like(dq)
+
+    def potential(self, q):
+        return jnp.zeros(())
+
+    def tip(self, q):
+        return jnp.concatenate([q, jnp.zeros(2)])
+
+
+class Pair(NamedTuple):
+    """The same law twice.
+
+    - `peer`: makes OpenSMC's, whose memory is in the object.
+    - `ours`: slidax's.
+    - `sign`: of OpenSMC's sliding variable relative to slidax's.
+    - `inertia`: of the joint that both are for.
+    - `accelerates`: whether OpenSMC's law takes the reference acceleration; if not, they agree where that is zero.
+    - `reach`: errors below this, where both formulas are the same.
+    """
+
+    peer: Callable[[], Any]
+    ours: AbstractController
+    sign: float = -1.0
+    inertia: float = 1.0
+    accelerates: bool = False
+    reach: float = 3.0
+
+
+def robust(size: float) -> UncertaintyBound:
+    """A robust torque of constant size."""
+    return UncertaintyBound(1.0, 1.0, 0.0, 0.0, 0.0, size)
+
+
+J = 1.7
+CLASSICAL = Pair(
+    lambda: ClassicalSMC(c=4.0, k=3.0, eta=2.0, J=J),
+    SlotineLi(OneJoint(J), Unconstrained(), Linear(4.0), damping=3.0 * J, gain=2.0 * J, layer=0.0),
+    inertia=J,
+    accelerates=True,
 )
+BOUNDARY_LAYER = Pair(
+    lambda: ClassicalSMC(reaching=Saturation(k=6.0, phi=0.5), c=4.0, J=J),
+    SlotineLi(OneJoint(J), Unconstrained(), Linear(4.0), damping=0.0, gain=6.0 * J, layer=0.5),
+    inertia=J,
+    accelerates=True,
+)
+FIXED_TIME = Pair(
+    lambda: FixedTimeSMC(c=4.0, alpha=3.0, beta=2.0, p=0.6, q=1.4),
+    SlidingMode(
+        OneJoint(), Unconstrained(), Linear(4.0), TwoPowerReaching(k1=2.0, k2=3.0, v1=1.4, v2=0.6), robust(NONE)
+    ),
+)
+NONSINGULAR_FAST_TERMINAL = Pair(
+    lambda: NFTSMC(alpha=5.0, beta=2.0, gamma=1.4, k1=10.0, k2=3.0, rho=0.714, eta=1.0, delta=0.1),
+    SlidingMode(
+        OneJoint(),
+        Unconstrained(),
+        # With δ = 1 the straight core of Ŝ^p is the linear term for all errors below 1.
+        LinearCoreFixedTime(k1=5.0, k2=2.0, p=0.5, q=1.4, delta=1.0),
+        TwoPowerReaching(k1=10.0, k2=3.0, v1=NEXT_TO_ONE, v2=0.714, layer=0.1),
+        robust(1.0),
+    ),
+    sign=1.0,
+    reach=1.0,
+)
+PAIRS = {
+    "classical": CLASSICAL,
+    "boundary_layer": BOUNDARY_LAYER,
+    "fixed_time": FIXED_TIME,
+    "nonsingular_fast_terminal": NONSINGULAR_FAST_TERMINAL,
+}
+
+
+def super_twisting(period: float) -> Pair:
+    """The super-twisting law for one sampling period."""
+    return Pair(
+        lambda: ClassicalSMC(reaching=SuperTwistingReaching(k1=3.0, k2=2.2, dt=period), c=4.0),
+        SuperTwisting(OneJoint(), Unconstrained(), Linear(4.0), k1=3.0, k2=2.2),
+    )
+
+
+GOAL, START, PUSH = 0.3, (-0.4, 0.5), 0.8
+"""A set-point, a start and a constant disturbance for closed loops."""
+
+
+def by_opensmc(pair: Pair, period: float, steps: int, method: str = "rk4", push: Any = PUSH) -> dict[str, np.ndarray]:
+    """The closed loop by OpenSMC's own simulator."""
+    # Its number of steps is int(T/dt), so half a step is added that is cut off again.
+    simulator = Simulator(dt=period, T=(steps + 0.5) * period, method=method)
+    force = push if callable(push) else lambda t: push
+    return simulator.run(
+        pair.peer(),
+        DoubleIntegrator(J=pair.inertia),
+        ref_fn=lambda t: np.array([GOAL, 0.0]),
+        dist_fn=lambda t: np.array([0.0, force(t)]),
+        x0=np.array(START),
+    )
+
+
+def by_slidax(pair: Pair, period: float, steps: int, disturbance: Any = None, **options: Any) -> Any:
+    """The same closed loop by `slidax.simulate`: the finished run."""
+    return simulate(
+        Plant(OneJoint(pair.inertia), disturbance or ConstantForce([PUSH])),
+        pair.ours,
+        ConstantPosture([GOAL]),
+        State(q=jnp.array(START[:1]), dq=jnp.array(START[1:])),
+        t1=steps * period,
+        period=period,
+        progress=False,
+        **options,
+    )
+
 
 SAME = {"rtol": 1e-12, "atol": 1e-12}
 STATES = 500
-NONE = NEXT_TO_NOTHING
+
+
+TERMINAL = peer_surfaces.TerminalSurface(beta=4.0, p=5, q=7)
 
 
 def random_errors(reach, seed=0, least=0.0):
@@ -43,34 +186,15 @@ def random_errors(reach, seed=0, least=0.0):
     return e, draw.normal(0.0, 3.0, STATES)
 
 
-# --- parts ---
-
-
 @pytest.mark.parametrize(
     ("ours", "peer", "least", "reach"),
     [
         pytest.param(Linear(7.0), peer_surfaces.LinearSurface(c=7.0), 0.0, 3.0, id="linear"),
         # Zak's surface has no core, so theirs is that of slidax's outside of the core, with the other power left out.
+        pytest.param(LinearCoreFixedTime(4.0, NONE, 5 / 7, 2.0, 1e-2), TERMINAL, 1e-2, 3.0, id="terminal, linear core"),
+        pytest.param(SmoothFixedTime(4.0, NONE, 5 / 7, 2.0, 1e-2), TERMINAL, 1e-2, 3.0, id="terminal, smooth core"),
         pytest.param(
-            LinearCoreFixedTime(4.0, NONE, 5 / 7, 2.0, 1e-2),
-            peer_surfaces.TerminalSurface(beta=4.0, p=5, q=7),
-            1e-2,
-            3.0,
-            id="terminal, linear core",
-        ),
-        pytest.param(
-            SmoothFixedTime(4.0, NONE, 5 / 7, 2.0, 1e-2),
-            peer_surfaces.TerminalSurface(beta=4.0, p=5, q=7),
-            1e-2,
-            3.0,
-            id="terminal, smooth core",
-        ),
-        pytest.param(
-            SingularityFree(4.0, NONE, 5 / 7, 2.0, 1.5, 1e-2),
-            peer_surfaces.TerminalSurface(beta=4.0, p=5, q=7),
-            1e-2,
-            3.0,
-            id="terminal, two-term core",
+            SingularityFree(4.0, NONE, 5 / 7, 2.0, 1.5, 1e-2), TERMINAL, 1e-2, 3.0, id="terminal, two-term core"
         ),
         pytest.param(
             LinearCoreFixedTime(2.0, 1.5, 0.5, 9 / 5, 1.0),
@@ -123,9 +247,6 @@ def test_sliding_variables_are_the_same(ours, peer, least, reach):
 def test_reaching_terms_are_the_same(ours, peer):
     s = np.concatenate([random_errors(3.0, seed=1)[0], [0.0, 0.5, -0.5]])
     np.testing.assert_allclose(np.asarray(ours(jnp.asarray(s))), [peer.compute(float(x)) for x in s], **SAME)
-
-
-# --- whole laws, one evaluation ---
 
 
 def states(pair, seed=2, least=1e-2):
@@ -183,8 +304,6 @@ def test_at_zero_error_the_nonsingular_law_differs_by_the_small_number_that_open
     assert apart[0] == pytest.approx(2.0 * 1.4 * 1e-15**0.4 * de, rel=1e-6)
     assert apart[1] == 0.0
 
-
-# --- closed loops ---
 
 STEPS = 3 * 1024
 PERIOD = 1 / 1024

@@ -15,14 +15,6 @@ from tests.peers.by_pinocchio import by_pinocchio
 from tests.peers.motion import Motion, States, assert_same, by_slidax, random_states
 from tests.peers.ready_arms import DESCRIPTIONS, for_mujoco, for_pinocchio
 
-cases = pytest.mark.parametrize(
-    ("name", "count"),
-    [
-        *(pytest.param(name, 100, id=name) for name in built_in_names()),
-        *(pytest.param(name, 1000, id=f"{name}-full", marks=pytest.mark.full) for name in built_in_names()),
-    ],
-)
-
 
 @cache
 def arm(name: str) -> Articulated:
@@ -30,8 +22,8 @@ def arm(name: str) -> Articulated:
 
 
 @cache
-def moved(name: str, count: int) -> tuple[States, Motion]:
-    states = random_states(arm(name), count)
+def moved(name: str) -> tuple[States, Motion]:
+    states = random_states(arm(name), 100)
     return states, by_slidax(arm(name), states)
 
 
@@ -39,16 +31,13 @@ def tip_of(name: str) -> str:
     return DESCRIPTIONS[name]["tip"]["name"]
 
 
-@cases
-def test_a_ready_robot_moves_as_pinocchio_says(name, count):
-    states, ours = moved(name, count)
-    assert_same(ours, by_pinocchio(for_pinocchio(name), tip_of(name), arm(name).joint_names, states))
-
-
-@cases
-def test_a_ready_robot_moves_as_mujoco_says(name, count):
-    states, ours = moved(name, count)
-    assert_same(ours, by_mujoco(for_mujoco(name), tip_of(name), arm(name).joint_names, states))
+@pytest.mark.parametrize(
+    ("by_peer", "model_of"), [(by_pinocchio, for_pinocchio), (by_mujoco, for_mujoco)], ids=["pinocchio", "mujoco"]
+)
+@pytest.mark.parametrize("name", built_in_names())
+def test_a_built_in_arm_moves_as_its_peer_computes(name, by_peer, model_of):
+    states, ours = moved(name)
+    assert_same(ours, by_peer(model_of(name), tip_of(name), arm(name).joint_names, states))
 
 
 def without_the_hand(text: str, tip: str) -> str:
@@ -75,7 +64,7 @@ def test_a_ready_robot_is_the_arm_in_the_file_of_example_robot_data(name, file):
         text = without_the_hand(opened.read(), tip_of(name))
     other = from_urdf(text, tip=tip_of(name), meshes=False)
     assert other.joint_names == arm(name).joint_names
-    states, ours = moved(name, 100)
+    states, ours = moved(name)
     assert_same(ours, by_slidax(other, states))
 
 
@@ -87,10 +76,9 @@ def test_inertia_gravity_and_coriolis_forces_of_the_gen3_are_the_published_close
     from kinova_gen3.dynamics.mass_matrix import mass_matrix
     from kinova_gen3.kinematics.forward_kinematics import forward_kinematics
 
-    states, ours = moved("gen3", 100)
+    states, ours = moved("gen3")
     share = 9.81 / 9.80665
-    for q, dq, *found in zip(states.q, states.dq, ours.mass, ours.bias, ours.gravity, ours.tip, strict=True):
-        mass, bias, held, tip = found
+    for q, dq, mass, bias, held, tip in zip(*states[:2], ours.mass, ours.bias, ours.gravity, ours.tip, strict=True):
         np.testing.assert_allclose(mass, mass_matrix(q), rtol=0, atol=1e-12)
         np.testing.assert_allclose(held, gravity(q) * share, rtol=0, atol=1e-10)
         np.testing.assert_allclose(bias, coriolis(q, dq) + gravity(q) * share, rtol=0, atol=1e-10)

@@ -37,56 +37,56 @@ def test_paper_arms_agree_with_their_chain_and_reach_their_tips(arm):
     np.testing.assert_allclose(place, arm.tip(jnp.asarray(q)), atol=1e-15)
     np.testing.assert_allclose(tip, place, atol=1e-15)
     np.testing.assert_allclose(there, rotation, atol=1e-15)
-    found = inverse(arm, Pose.of_tip(arm, q), start=q + 0.2, hold="place")
-    np.testing.assert_allclose(found.q, q, atol=1e-10)
+    solution = inverse(arm, Pose.of_tip(arm, q), start=q + 0.2, hold="place")
+    np.testing.assert_allclose(solution.q, q, atol=1e-10)
 
 
 def test_jacobian_is_the_derivative_of_the_tip():
     arm = arms.panda()
     q = home("panda")
-    found = jacobian(pose_task(kinematic_chain(arm), q, "pose"), q)
-    np.testing.assert_allclose(found[:3], jax.jacfwd(arm.tip)(jnp.asarray(q)), atol=1e-14)
+    solution = jacobian(pose_task(kinematic_chain(arm), q, "pose"), q)
+    np.testing.assert_allclose(solution[:3], jax.jacfwd(arm.tip)(jnp.asarray(q)), atol=1e-14)
     rotation = np.asarray(arm.tip_frame(jnp.asarray(q))[0])
     by_q = np.asarray(jax.jacfwd(lambda q: arm.tip_frame(q)[0])(jnp.asarray(q)))
     for joint in range(7):
         turning = by_q[:, :, joint] @ rotation.T
-        np.testing.assert_allclose(found[3:, joint], [turning[2, 1], turning[0, 2], turning[1, 0]], atol=1e-14)
+        np.testing.assert_allclose(solution[3:, joint], [turning[2, 1], turning[0, 2], turning[1, 0]], atol=1e-14)
 
 
 @pytest.mark.parametrize("name", READY)
 def test_inverse_reaches_the_pose_of_a_random_posture_within_limits(name):
     arm = getattr(arms, name)()
     for q in drawn(arm, 3, 5):
-        found = inverse(arm, Pose.of_tip(arm, q), start=home(name))
-        there, wanted = Pose.of_tip(arm, found.q), Pose.of_tip(arm, q)
+        solution = inverse(arm, Pose.of_tip(arm, q), start=home(name))
+        there, wanted = Pose.of_tip(arm, solution.q), Pose.of_tip(arm, q)
         np.testing.assert_allclose(there.place, wanted.place, atol=1e-9)
         np.testing.assert_allclose(there.rotation, wanted.rotation, atol=1e-9)
-        assert (found.q >= arm.limits.lower).all() and (found.q <= arm.limits.upper).all()
-        assert found.place_error < 1e-9 and found.turn_error < 1e-9 and found.least_motion > 0
+        assert (solution.q >= arm.limits.lower).all() and (solution.q <= arm.limits.upper).all()
+        assert solution.place_error < 1e-9 and solution.turn_error < 1e-9 and solution.least_motion > 0
 
 
 def test_the_same_arguments_give_the_same_bits():
     arm = arms.panda()
     pose = Pose.of_tip(arm, drawn(arm, 4, 1)[0])
-    one, other = (inverse(arm, pose, start=home("panda")).q for _ in range(2))
-    assert one.tobytes() == other.tobytes()
+    first, second = (inverse(arm, pose, start=home("panda")).q for _ in range(2))
+    assert first.tobytes() == second.tobytes()
 
 
 def test_redundant_arm_takes_the_preferred_posture():
-    """At the posture that is found, what is left to choose is level: along the null space the slope is 0."""
+    """At the posture that is solution, what is left to choose is level: along the null space the slope is 0."""
     arm = arms.panda()
     start = home("panda")
     pose = Pose.of_tip(arm, start + 0.05)
     for liked in (start, start + np.array([0.3, 0.0, -0.3, 0.0, 0.2, 0.0, 0.0])):
-        found = inverse(arm, pose, start=start, posture=liked).q
+        solution = inverse(arm, pose, start=start, posture=liked).q
         task = pose_task(kinematic_chain(arm), liked, "pose")
-        free = np.linalg.svd(jacobian(task, found))[2][-1]
-        slope = task._slope([found])[0]
+        free = np.linalg.svd(jacobian(task, solution))[2][-1]
+        slope = task._slope([solution])[0]
         assert abs(free @ slope) < 1e-8
-        beside = found + 1e-3 * free, found - 1e-3 * free
-        cost = [np.sum(((q - liked) / task.widths) ** 2) for q in (found, *beside)]
+        nearby = solution + 1e-3 * free, solution - 1e-3 * free
+        cost = [np.sum(((q - liked) / task.widths) ** 2) for q in (solution, *nearby)]
         # The barrier at the limits moves it a little off the nearest.
-        assert np.linalg.norm(found - liked) < np.linalg.norm(start - liked) + 0.5
+        assert np.linalg.norm(solution - liked) < np.linalg.norm(start - liked) + 0.5
         assert np.isfinite(cost).all()
 
 
@@ -97,8 +97,8 @@ def test_position_alone_and_axis_alone_leave_more_freedom():
     moved = Pose(pose.place + np.array([0.1, 0.1, 0.0]), np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]))
     place = inverse(arm, moved, start=start, hold="place")
     axis = inverse(arm, moved, start=start, hold="axis")
-    for found in (place, axis):
-        np.testing.assert_allclose(Pose.of_tip(arm, found.q).place, moved.place, atol=1e-9)
+    for solution in (place, axis):
+        np.testing.assert_allclose(Pose.of_tip(arm, solution.q).place, moved.place, atol=1e-9)
     np.testing.assert_allclose(Pose.of_tip(arm, axis.q).rotation[:, 2], [0, 0, -1], atol=1e-9)
     assert np.abs(Pose.of_tip(arm, axis.q).rotation - moved.rotation).max() > 0.1
     assert np.linalg.norm(place.q - start) <= np.linalg.norm(axis.q - start)
@@ -114,16 +114,16 @@ def test_unreachable_pose_is_an_error_with_the_distance():
 
 
 @pytest.mark.parametrize(
-    ("said", "how"),
+    ("message", "how"),
     [
         ("panda_joint4 is at 1, and has", {"start": [0, 0, 0, 1, 0, 1, 0]}),
         ("`start` must be 7 finite numbers", {"start": [0, 0]}),
         ('hold: must be "place"', {"start": home("panda"), "hold": "everything"}),
     ],
 )
-def test_invalid_arguments_are_errors(said, how):
+def test_invalid_arguments_are_errors(message, how):
     arm = arms.panda()
-    with pytest.raises(DefinitionError, match=said):
+    with pytest.raises(DefinitionError, match=message):
         inverse(arm, Pose.of_tip(arm, home("panda")), **how)
     with pytest.raises(DefinitionError, match="orthonormal"):
         Pose([0, 0, 0], np.ones((3, 3)))
