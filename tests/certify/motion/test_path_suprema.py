@@ -10,7 +10,9 @@ import pytest
 
 from slidax.certify.motion.body_points import Bodies, point_motion
 from slidax.certify.motion.path_cells import PathCells, Pieces
-from slidax.certify.motion.path_suprema import Band, Path, Suprema, Tube
+from slidax.certify.motion.path_norms import Path
+from slidax.certify.motion.path_suprema import Band, Suprema, suprema
+from slidax.certify.motion.path_tube import Tube
 
 from .cases import knotted, panda, quintic, ur5e
 
@@ -26,10 +28,10 @@ def case(name: str) -> tuple[Any, Any, PathCells, Path, Tube, Suprema]:
     path = Path.of(Bodies.of(arm), cells)
     wide = np.ones_like(cells.speed)
     norm = SPEED * np.sqrt(np.einsum("ni,nij,nj->n", wide, np.abs(path.mass), wide)) * 1.05
-    tube = Tube(WIDTH * wide, SPEED * wide, norm, SPEED * wide, norm, 5.0 * wide, 50.0 * norm)
-    suprema = path.suprema(Band(0.05, 0.05), tube)
-    assert suprema is not None
-    return arm, motion, cells, path, tube, suprema
+    tube = Tube(WIDTH * wide, SPEED * wide, norm, SPEED * wide, norm, 5.0 * wide, 50.0 * norm, 5.0 * wide, 50.0 * norm)
+    bounds = suprema(path, Band(0.05, 0.05), tube)
+    assert bounds is not None
+    return arm, motion, cells, path, tube, bounds
 
 
 class Point:
@@ -65,10 +67,10 @@ QUANTITIES: dict[str, Callable[[Point], np.ndarray]] = {
 
 def ascend(name: str, which: str, starts: int, steps: int) -> float:
     """The largest ratio of a quantity to its stored bound after ascents from corner to corner of cell and tube."""
-    _, motion, cells, path, _, suprema = case(which)
+    _, motion, cells, path, _, bounds = case(which)
     rng, quantity = np.random.default_rng(1), QUANTITIES[name]
     # Half of the starts where the bound is largest.
-    bound = getattr(suprema, name).reshape(len(cells.q), -1)
+    bound = getattr(bounds, name).reshape(len(cells.q), -1)
     cell = rng.integers(len(bound), size=starts)
     cell[: starts // 2] = np.argsort(bound.max(axis=1))[-1 - np.arange(starts // 2) % 8]
     t = cells.centres[cell] + rng.choice([-1.0, 0.0, 1.0], size=starts) * cells.half * (1 - 1e-9)
@@ -116,7 +118,7 @@ def test_band_along_the_motion_bounds_members_of_it() -> None:
     from .plant import Chain
     from .test_body_points import torque_of
 
-    arm, motion, cells, _, _, suprema = case("panda knotted")
+    arm, motion, cells, _, _, bounds = case("panda knotted")
     rng, chain = np.random.default_rng(0), Chain.of(arm)
     step = 1e-5
     for _ in range(5):
@@ -129,10 +131,10 @@ def test_band_along_the_motion_bounds_members_of_it() -> None:
             apart = torque_of(member, q, dq, ddq) - torque_of(chain, q, dq, ddq)
             mass = np.asarray(jax.vmap(arm.mass)(q))
             values.append(np.linalg.solve(mass, apart[..., None])[..., 0])
-        assert np.all(np.abs(values[0]) <= suprema.band_joints[cell])
-        assert np.all(np.sqrt(np.einsum("ni,nij,nj->n", values[0], mass, values[0])) <= suprema.band[cell])
+        assert np.all(np.abs(values[0]) <= bounds.band_joints[cell])
+        assert np.all(np.sqrt(np.einsum("ni,nij,nj->n", values[0], mass, values[0])) <= bounds.band[cell])
         rate = (values[1] - values[0]) / step
-        assert np.all(np.sqrt(np.einsum("ni,nij,nj->n", rate, mass, rate)) <= suprema.band_rate[cell] * 1.001 + 1e-6)
+        assert np.all(np.sqrt(np.einsum("ni,nij,nj->n", rate, mass, rate)) <= bounds.band_rate[cell] * 1.001 + 1e-6)
 
 
 def test_cells_hold_between_their_samples() -> None:

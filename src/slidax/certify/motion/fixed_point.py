@@ -22,9 +22,13 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from slidax.core.errors import DefinitionError
+
 from .lagged_sums import Lags, Table
 from .loop_kernels import OUTPUTS, JointLoop, Kernel, Spread, spread_kernels
-from .path_suprema import Band, Path, Suprema, Tube, size_in
+from .path_norms import Path, size_in
+from .path_suprema import Band, Suprema, suprema
+from .path_tube import Tube
 
 Floats = NDArray[np.float64]
 
@@ -64,6 +68,9 @@ USED = (
     "velocity_miss",
     "model_position",
     "model_velocity",
+    "command_step",
+    "model_position_step",
+    "model_velocity_step",
 )
 
 
@@ -134,24 +141,25 @@ class Bounds:
 
 
 @lru_cache(maxsize=64)
-def _spreads(loop: JointLoop, p: float, growth: float) -> dict[str, Spread]:
+def spreads_of(loop: JointLoop, p: float, growth: float) -> dict[str, Spread]:
+    """Return `spread_kernels`, computed once for all motions."""
     return spread_kernels(loop, p, growth)
 
 
 class Problem:
     """The inequalities for one path and one tube."""
 
-    def __init__(self, loop: JointLoop, path: Path, band: Band, inputs: Inputs, at: Suprema) -> None:
+    def __init__(self, loop: JointLoop, path: Path, band: Band, inputs: Inputs, at: Suprema, tube: Tube) -> None:
         """Compute what does not depend on the outputs."""
-        self.path, self.band, self.inputs, self.at = path, band, inputs, at
+        self.loop, self.path, self.band, self.inputs, self.at, self.tube = loop, path, band, inputs, at, tube
         self.p = band.largest
         cells, h = path.cells, loop.period
         # Rounded up, so that motions share their kernels.
-        growth = float(np.ceil(4.0 * np.max(at.growth)) / 4.0)
-        spreads = _spreads(loop, self.p, growth)
-        grown = _spreads(loop, 0.0, growth)
+        self.growth = growth = float(np.ceil(4.0 * np.max(at.growth)) / 4.0)
+        spreads = spreads_of(loop, self.p, growth)
+        grown = spreads_of(loop, 0.0, growth)
         count = max(1, int(np.ceil(_memory(spreads["error"].largest) / cells.per_cell)))
-        cut = (cells.per_cell, count)
+        self.cut = cut = (cells.per_cell, count)
         self.nominal = Table.of([spreads[name].nominal for name in USED], *cut)
         self.weighted = Table.of([grown[name].largest for name in USED], *cut)
         self.departure = Table.of([spreads[name].departure for name in USED], *cut)
@@ -215,7 +223,7 @@ class Problem:
         turned = 2.0 * at.growth * pushed_norm
         first = np.zeros((shape[0], 1))
         first[0] = 0.0 if inputs.settled else 1.0
-        self.pushed = pushed
+        self.pushed, self.pushed_norm = pushed, pushed_norm
 
         def slow_share(table: Table, slow: Floats, rate: Floats, step: Floats) -> Floats:
             """Response to a w of bounded size and rate, by the better of the two."""
@@ -295,12 +303,12 @@ class Problem:
         mean = 0.5 * self.h * cells.jerk + cells.jump
         within = self.h**2 / 8.0 * (outputs["acceleration"] + mean)
         band = conversion * (self.p * (acceleration + self.acting))[:, None]
-        error = outputs["error"] + within
-        velocity = outputs["velocity"] + self.h * (
+        error = _or_next(outputs["error"]) + within
+        velocity = _or_next(outputs["velocity"]) + self.h * (
             0.5 * (total + at.band_joints + self.pushed + band + self.h * odd) + mean
         )
         better = by_gain if gain_joints[..., 0].sum() <= mode_joints[..., 0].sum() else by_modes
-        terms = {name: better[0][name][..., 0] for name in TERMS}
+        terms = {name: _or_next(better[0][name][..., 0]) for name in TERMS}
         terms["sampling"] = terms["sampling"] + within
         return Bounds(error, velocity, outputs, sizes, terms, total, total_norm)
 
@@ -369,30 +377,48 @@ def _total(shares: Mapping[str, Floats]) -> Floats:
     return np.asarray(sum(shares.values(), np.zeros(())))
 
 
+def _or_next(values: Floats) -> Floats:
+    """The larger of a cell's value and the next one's, with which its last period ends."""
+    return np.maximum(values, np.concatenate([values[1:], values[-1:]]))
+
+
 def _joined(own: dict[str, Floats], fixed: Mapping[str, tuple[Floats, Floats]], which: int) -> dict[str, Floats]:
     for name, value in fixed.items():
         own[name] = own[name] + value[which] if name in own else value[which]
     return own
 
 
-def bounds_along(loop: JointLoop, path: Path, band: Band, inputs: Inputs, *, cap: float = 0.05) -> Bounds:
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Bounds along a path, with the inequalities that they satisfy and their suprema."""
+
+    bounds: Bounds
+    problem: Problem
+
+
+def bounds_along(loop: JointLoop, path: Path, band: Band, inputs: Inputs, *, cap: float = 0.05) -> Solution:
     """Return the bounds along a path, with a tube that contains them; unverified if there are none below `cap`."""
     tube = Tube.none(path.cells)
     bounds: Bounds | None = None
+    problem: Problem | None = None
     for _ in range(TUBES):
-        suprema = path.suprema(band, tube)
-        if suprema is None:
-            assert bounds is not None
-            return replace(bounds, verified=False)
-        bounds = Problem(loop, path, band, inputs, suprema).solve(bounds, cap)
+        at = suprema(path, band, tube)
+        if at is None:
+            break
+        problem = Problem(loop, path, band, inputs, at, tube)
+        bounds = problem.solve(bounds, cap)
         if not bounds.verified:
-            return bounds
-        needed = tube_of(bounds, path, loop.period, suprema)
+            return Solution(bounds, problem)
+        needed = tube_of(bounds, path, loop.period, at)
         if all(np.all(getattr(needed, name) <= getattr(tube, name)) for name in vars(tube)):
-            return bounds
+            return Solution(bounds, problem)
         tube = Tube(**{name: value * 1.01 for name, value in vars(needed).items()})
-    assert bounds is not None
-    return replace(bounds, verified=False)
+    if bounds is None or problem is None:
+        raise DefinitionError(
+            f"the inertia of the arm changes by more than half of itself within {2e3 * path.cells.half:.3g} ms of the "
+            "motion; slow it down"
+        )
+    return Solution(replace(bounds, verified=False), problem)
 
 
 def tube_of(bounds: Bounds, path: Path, h: float, at: Suprema) -> Tube:
@@ -400,7 +426,7 @@ def tube_of(bounds: Bounds, path: Path, h: float, at: Suprema) -> Tube:
     cells, outputs, norms = path.cells, bounds.outputs, bounds.norms
     # The reference's own miss at the middle of a period.
     missed = h * h / 8.0 * cells.jerk + 0.25 * h * cells.jump
-    speed_norm = norms["velocity"] + h * (
+    speed_norm = norms["velocity"] * (1.0 + h * at.growth) + h * (
         norms["acceleration"] + size_in(0.5 * h * cells.jerk + cells.jump, at.inertia)
     )
     return Tube(
@@ -411,7 +437,14 @@ def tube_of(bounds: Bounds, path: Path, h: float, at: Suprema) -> Tube:
         model_norm=norms["model_velocity"] + size_in(missed, at.inertia),
         command=outputs["command"],
         command_norm=norms["command"],
+        acceleration=outputs["command"] + outputs["acceleration"],
+        acceleration_norm=norms["command"] + norms["acceleration"],
     )
+
+
+def memory(loop: JointLoop, p: float) -> float:
+    """Return the time after which less than a small share of the error's kernel is left [s]."""
+    return _memory(spreads_of(loop, p, 0.0)["error"].largest) * loop.period
 
 
 def _memory(kernel: Kernel) -> int:

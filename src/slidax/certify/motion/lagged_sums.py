@@ -38,18 +38,24 @@ class Lags:
             value = np.pad(kernel, (0, -kernel.size % cell), mode="edge").reshape(-1, cell).max(axis=1)
             head = np.full(count + 1, value[count:].max(initial=value[-1]))
             head[: min(count, value.size)] = value[:count]
-            # A step late in its cell is less than j cells ago.
-            columns.append(np.maximum(head, np.concatenate([head[:1], head[:-1]])))
+            # A step late in its cell is less than j cells ago; and what is to come counts now.
+            head = np.maximum(head, np.concatenate([head[:1], head[:-1]]))
+            columns.append(np.maximum.accumulate(head[::-1])[::-1])
         return cls(np.stack(columns, axis=1))
 
     def past(self, values: Floats) -> Floats:
         """Return `Σ_j weights_j values_{m-j}` for each cell m, [N k outputs], for values in cells [N k].
 
         An instant that is between j and j+1 cells' lengths before one in cell m lies in cell m-j or in the one before,
-        so the larger of the two counts. Before the first cell its value stands.
+        so the larger of the two counts. Before the first cell its value stands. The last cell stands for all times
+        after it: its value covers any order of the values in its own past.
         """
         both = np.maximum(values, np.concatenate([values[:1], values[:-1]]))
-        return self._sums(both, values[:1], values.max(axis=0))
+        sums = self._sums(both, values[:1], values.max(axis=0))
+        count = len(self.weights) - 1
+        lasting = values[-count - 1 :].max(axis=0)[:, None] * self.weights[:-1].sum(axis=0)
+        sums[-1] = np.maximum(sums[-1], lasting + values.max(axis=0)[:, None] * self.weights[-1])
+        return sums
 
     def since(self, sizes: Floats) -> Floats:
         """Return the same for steps, of which there is none before the first cell."""

@@ -30,12 +30,14 @@ OUTPUTS: dict[str, int] = {
     "velocity_miss": 1,
     "model_position": 0,
     "model_velocity": 1,
+    "model_position_step": 0,
+    "model_velocity_step": 1,
     "estimate": 2,
 }
 """Outputs with their order in time: 0 for rad, 1 for rad/s, 2 for rad/s².
 
 - `error`, `velocity`: e and v when a period starts. `command`: s. `acceleration`: `s + w`, at any time.
-- `command_step`: s less the s before it.
+- `command_step`, `model_position_step`, `model_velocity_step`: the value less that of the period before.
 - `position_miss`, `velocity_miss`: q and q̇ less those at which the model is evaluated, at any time of the period, but
   for what is odd about its middle.
 - `model_position`, `model_velocity`: those at which the model is evaluated, relative to the reference.
@@ -153,6 +155,8 @@ class JointLoop:
             "command": s,
             "acceleration": ratio * s,
             "command_step": s,
+            "model_position_step": at + 0.5 * rate + 0.125 * aimed,
+            "model_velocity_step": rate + 0.5 * aimed,
             "position_miss": e - at + 0.5 * (v - rate) - 0.125 * known,
             "velocity_miss": v - rate - 0.5 * known,
             "model_position": at + 0.5 * rate + 0.125 * aimed,
@@ -233,7 +237,8 @@ def spread_kernels(loop: JointLoop, p: float, growth: float = 0.0) -> dict[str, 
 
     Raises DefinitionError if the loop is unstable for a κ of the band.
     """
-    ratios = np.array([1.0]) if p == 0.0 else np.concatenate([[1.0], np.linspace(1 / (1 + p), 1 / (1 - p), RATIOS)])
+    count = RATIOS if p <= 0.1 else 2 * RATIOS
+    ratios = np.array([1.0]) if p == 0.0 else np.concatenate([[1.0], np.linspace(1 / (1 + p), 1 / (1 - p), count)])
     all_maps = [loop.maps_for(ratio) for ratio in ratios]
     for ratio, maps in zip(ratios, all_maps, strict=True):
         if not np.max(np.abs(np.linalg.eigvals(maps.step * np.exp(growth * loop.period)))) < 1.0 - 1e-6:
@@ -247,7 +252,7 @@ def spread_kernels(loop: JointLoop, p: float, growth: float = 0.0) -> dict[str, 
     between = 0.0
     if p > 0.0:
         size = max(float(np.sum(trace.kernel("acceleration").any_form)) for trace in traces) * (1 + p)
-        between = (ratios[2] - ratios[1]) ** 2 / 8.0 * 2.0 * (1.1 * size + 1.0) ** 2 * (1 + p) ** 2
+        between = 1.2 * (ratios[2] - ratios[1]) ** 2 / 4.0 * (1.1 * size + 1.0) ** 2 * (1 + p) ** 3
     results = {}
     for name in OUTPUTS:
         own = [trace.kernel(name) for trace in traces]
@@ -290,7 +295,7 @@ class _Trace:
             own[i] = maps.direct[i], *DIRECT.get(name, (0.0, 0.0))
             if name == "acceleration":
                 own[i, 1] = ratio
-            if name == "command_step":
+            if name.endswith("_step"):
                 direct = own[i, 0]
                 response[:, i, :3] = np.diff(response[:, i, :3], axis=0, prepend=0.0)
                 response[0, i, 0] -= direct
@@ -300,7 +305,8 @@ class _Trace:
         w_pulse = response[:, :, 1:2] * ratio
         response = np.concatenate([response, w_pulse], axis=2)
         rest = np.concatenate([rest, rest[:, 1:2] * ratio], axis=1)
-        weight = np.exp(growth * loop.period * np.arange(length + 1))
+        # An input of k periods ago may be up to k + 1 periods old.
+        weight = np.exp(growth * loop.period * (1.0 + np.arange(length + 1)))
         return cls(loop.period, response, rest, own, ratio, weight)
 
     def less(self, other: _Trace) -> _Trace:
@@ -318,6 +324,8 @@ class _Trace:
         ends = np.stack([np.abs(velocity), np.abs(velocity + late)])
         reached = constant + np.concatenate([[0.0], np.cumsum(0.5 * late + velocity)])
         between = 0.5 * (np.abs(reached[:-1]) + np.abs(reached[1:])) + np.abs(late) / 12.0
+        stepped = np.maximum(np.abs(reached), np.append(np.abs(reached[1:]), np.abs(reached[-1])))
+        stepped[:-1] += np.abs(late) / 8.0
         unit = h ** -OUTPUTS[name]
         w_rest = float(rest[5] + rest[2])
 
@@ -329,9 +337,9 @@ class _Trace:
         areas = _area(velocity, velocity + late) if self.ratio == 1.0 else 0.5 * np.sum(ends, axis=0)
         return Kernel(
             any_form=joined(abs(constant) + abs(beyond), areas, w_rest) * (unit * h**2),
-            ramp=joined(constant, between, w_rest * len(response)) * (unit * h**3),
+            ramp=joined(constant + abs(beyond), between, w_rest * len(response)) * (unit * h**3),
             beyond=float(abs(beyond)) * unit * h**2,
-            step=np.abs(reached) * weight * (unit * h**2) + w_rest * (unit * h**2),
+            step=stepped * weight * (unit * h**2) + w_rest * (unit * h**2),
             pulse=joined(0.0, pulse, float(rest[1])) * unit,
             noise=joined(float(direct), noise, float(rest[0])) * unit,
             start_error=np.append(np.abs(start_error) * weight[:-1], float(rest[3])) * unit,
@@ -347,15 +355,18 @@ def _largest(kernels: list[Kernel], whole: list[Kernel], between: float) -> Kern
         value[-1] += between * max(float(np.sum(getattr(kernel, name))) for kernel in whole)
         return np.asarray(value)
 
+    def most_at_once(name: str, size: float) -> Floats:
+        return np.max([getattr(kernel, name) for kernel in kernels], axis=0) + between * size
+
     return Kernel(
         any_form=most("any_form"),
         ramp=most("ramp"),
         beyond=max(kernel.beyond for kernel in kernels),
-        step=most("step"),
+        step=most_at_once("step", max(kernel.gain for kernel in whole)),
         pulse=most("pulse"),
         noise=most("noise"),
-        start_error=most("start_error"),
-        start_speed=most("start_speed"),
+        start_error=most_at_once("start_error", max(float(np.max(kernel.start_error)) for kernel in whole)),
+        start_speed=most_at_once("start_speed", max(float(np.max(kernel.start_speed)) for kernel in whole)),
     )
 
 

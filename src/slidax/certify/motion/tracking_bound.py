@@ -14,10 +14,11 @@ from slidax.motions.trajectory import AbstractMotion
 
 from ..certificate import Assumption, Verdict, joint_values
 from .body_points import Bodies
-from .fixed_point import TERMS, Bounds, Inputs, bounds_along
+from .fixed_point import TERMS, Bounds, Inputs, Solution, bounds_along, memory
 from .loop_kernels import JointLoop
 from .path_cells import PathCells
-from .path_suprema import Band, Path
+from .path_norms import Path
+from .path_suprema import Band
 
 Floats = NDArray[np.float64]
 
@@ -26,6 +27,9 @@ TITLE = "tracking error along the motion"
 
 WIDEST = 0.05
 """rad or m: larger error bounds are of no use and not looked for."""
+
+FINER = 4
+"""Cells are divided by this number where there is no bound with long ones."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +100,12 @@ class CertifiedPath:
     path: Path = field(repr=False)
     uncertainty: ArmUncertainty
     inputs: Inputs
-    bounds: Bounds = field(repr=False)
+    solution: Solution = field(repr=False)
+
+    @property
+    def bounds(self) -> Bounds:
+        """The bounds in each cell."""
+        return self.solution.bounds
 
 
 def certified_path(
@@ -116,11 +125,18 @@ def certified_path(
 
     Raises DefinitionError if an argument is invalid, or the loop is unstable for an arm of the band.
     """
-    path = Path.of(bodies or Bodies.of(arm), PathCells.of(motion, loop.period))
     inputs = uncertainty.inputs(arm)
-    return CertifiedPath(
-        loop, path, uncertainty, inputs, bounds_along(loop, path, uncertainty.band, inputs, cap=WIDEST)
-    )
+    rest = 2.0 * memory(loop, uncertainty.band.largest)
+    bodies = bodies or Bodies.of(arm)
+    cells = PathCells.of(motion, loop.period, rest=rest)
+    for finer in (1, FINER):
+        if finer > 1:
+            cells = PathCells.of(motion, loop.period, per_cell=max(1, cells.per_cell // finer), rest=rest)
+        path = Path.of(bodies, cells)
+        solution = bounds_along(loop, path, uncertainty.band, inputs, cap=WIDEST)
+        if solution.bounds.verified:
+            break
+    return CertifiedPath(loop, path, uncertainty, inputs, solution)
 
 
 def tracking_bound(

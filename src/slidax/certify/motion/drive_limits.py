@@ -1,0 +1,247 @@
+"""Bounds of the commanded torque and of its step from one period to the next.
+
+The command is the torque of the plan, `M0 s`, and what the model adds where it is evaluated off the plan. Of the
+nominal loop `s = S * w` is a scalar kernel for all joints, which commutes with M0 but for its change in the kernel's
+memory: so friction, disturbance torques and the band enter `M0 s` as torques of their own joint, and not through
+`|M0| |M0⁻¹|`. The bound by the size of s, `Σ_j |M0_ij| |s_j|`, is the other one; the smaller of both counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from slidax.arms.articulated import Articulated
+from slidax.motions.trajectory import AbstractPiecewisePolynomial
+
+from .fixed_point import USED, Bounds, Problem, Solution, spreads_of
+from .lagged_sums import Lags
+from .path_cells import PathCells, Pieces
+from .path_norms import size_in
+from .path_suprema import band_forces
+from .path_tube import Cell
+
+Floats = NDArray[np.float64]
+
+BATCH = 1024
+"""The torques of the plan are computed for a multiple of this number of periods, so that few programs are compiled."""
+
+
+@dataclass(frozen=True, eq=False)
+class DriveBounds:
+    """Bounds in each cell [N n], N m or N.
+
+    - `torque`: of the command; `step`: of its change from a period to the next.
+    - `planned_torque`, `planned_step`: of the plan alone.
+    - `step_terms`: shares of `step` by name; their sum is at least `step`.
+    """
+
+    torque: Floats
+    step: Floats
+    planned_torque: Floats
+    planned_step: Floats
+    step_terms: Mapping[str, Floats]
+
+
+def drive_bounds(arm: Articulated, motion: AbstractPiecewisePolynomial, solution: Solution) -> DriveBounds:
+    """Return the bounds of torque and step along a path with verified error bounds.
+
+    - `arm`: the nominal arm; `motion`: that of the bounds.
+    """
+    problem, bounds = solution.problem, solution.bounds
+    planned, planned_step = planned_torques(arm, motion, problem.path.cells)
+    torques = Torques(problem, bounds)
+    by_size = np.einsum("nij,nj->ni", problem.at.inertia, bounds.outputs["command"])
+    command = np.minimum(by_size, np.asarray(sum(torques.commanded("command").values())))
+    torque = planned + command + torques.state()
+    step_by_size = np.einsum("nij,nj->ni", problem.at.inertia, bounds.outputs["command_step"])
+    shares = torques.commanded("command_step")
+    step = np.minimum(step_by_size, np.asarray(sum(shares.values())))
+    more = {"plan": planned_step, "change of inertia": torques.turning(), "model": torques.state_step()}
+    return DriveBounds(torque, step + sum(more.values()), planned, planned_step, {**shares, **more})
+
+
+def planned_torques(arm: Articulated, motion: AbstractPiecewisePolynomial, cells: PathCells) -> tuple[Floats, Floats]:
+    """Return the largest torque of the plan, as the law computes it, and its largest step, in each cell [N n]."""
+    h, count = cells.period, len(cells.q) * cells.per_cell
+    q, dq, *_ = Pieces.of(motion).at(np.asarray(np.arange(count + 2) * h, float))
+    mean = np.diff(dq, axis=0) / h
+    middle_q = q[:-1] + 0.5 * h * dq[:-1] + 0.125 * h * h * mean
+    middle_dq = dq[:-1] + 0.5 * h * mean
+    padding = -(count + 1) % BATCH
+    parts = [np.pad(part, ((0, padding), (0, 0)), mode="edge") for part in (middle_q, middle_dq, mean)]
+    torque = np.asarray(_torques(arm, *map(jnp.asarray, parts)))[: count + 1] + np.asarray(arm.viscous) * middle_dq
+    step = np.abs(np.diff(torque, axis=0, prepend=torque[:1]))
+    # A step counts in both cells that it joins.
+    step = np.maximum(step[:-1], step[1:])
+    shape = (len(cells.q), cells.per_cell, -1)
+    return np.abs(torque[:-1]).reshape(shape).max(axis=1), step.reshape(shape).max(axis=1)
+
+
+@jax.jit
+def _torques(arm: Any, q: Any, dq: Any, ddq: Any) -> Any:
+    return jax.vmap(lambda q, dq, ddq: arm.mass(q) @ ddq + arm.bias(q, dq))(q, dq, ddq)
+
+
+class Torques:
+    """Torques that act on the joints' loops, and the change of the model from a period to the next.
+
+    All of it follows from verified bounds of the outputs.
+    """
+
+    def __init__(self, problem: Problem, bounds: Bounds) -> None:
+        """Compute the torques."""
+        self.problem, self.bounds, self.at = problem, bounds, problem.at
+        self.cell = cell = Cell(problem.path, problem.tube)
+        at, inputs, cells, p = problem.at, problem.inputs, problem.path.cells, problem.p
+        self.weight = weight = cell.diagonal * np.sqrt(1.0 + cell.shift)[:, None]
+        diagonals = cell.diagonal[:, :, None] * cell.diagonal[:, None]
+        self.coriolis = np.abs(cell.at.coriolis_matrix) + cell.coriolis_shift[:, None, None] * diagonals
+        self.stiffness = np.abs(cell.at.stiffness_matrix) + cell.diagonal[:, :, None] * cell.stiffness_shift[:, None]
+        outputs, norms = bounds.outputs, bounds.norms
+        acceleration = p * (norms["acceleration"] + problem.acting)
+        limited = bool(np.all(np.isfinite(inputs.torque_rate)))
+        torque, torque_rate = (np.broadcast_to(x, cells.speed.shape) for x in (inputs.torque, inputs.torque_rate))
+        friction = inputs.coulomb + inputs.viscous * (
+            inputs.viscous_band * cells.speed
+            + (1.0 + inputs.viscous_band) * (bounds.velocity + 0.5 * cells.period * cells.acceleration)
+        )
+        further = np.sum(at.per_command * outputs["position_miss"], axis=1) * norms["command"]
+        velocity = np.einsum("nij,nj->ni", self.coriolis, outputs["velocity_miss"])
+        position = np.einsum("nij,nj->ni", self.stiffness, outputs["position_miss"])
+        self.acting = {
+            "friction": np.broadcast_to(friction, cells.speed.shape),
+            "disturbance": np.zeros_like(torque) if limited else torque,
+            "band feedback": weight * acceleration[:, None],
+            "prediction": (
+                np.minimum(weight * (at.coriolis * norms["velocity_miss"])[:, None], velocity)
+                + np.minimum(weight * (at.stiffness * norms["position_miss"])[:, None], position)
+                + weight * further[:, None]
+            ),
+            "sampling": weight * (at.held + at.reference)[:, None],
+        }
+        shares, force, rate = band_forces(cell, problem.band)
+        arms = np.concatenate(
+            [cell.at.arms, np.broadcast_to(np.diag(np.sqrt(problem.path.bodies.rotors)), diagonals.shape)], axis=2
+        )
+        moves = cell.diagonal * (cell.first * force + rate)[:, None]
+        slow = np.einsum("nib,nb->ni", arms, shares) + cell.half * moves
+        slow = slow + weight * (problem.band.largest * cell.jump)[:, None]
+        self.slow = slow + (torque if limited else 0.0)
+        self.slow_norm = at.band_rate + (
+            np.sqrt(np.einsum("ni,nij,nj->n", torque_rate, at.inverse, torque_rate))
+            + 2.0 * at.growth * problem.pushed_norm
+            if limited
+            else 0.0
+        )
+        self.tube = weight * at.band_tube[:, None]
+        self.total_norm = bounds.disturbance_norm + acceleration + at.band + problem.pushed_norm
+
+    def commanded(self, name: str) -> dict[str, Floats]:
+        """Shares of `M0 s`, or of `M0` times its step, by name [N n].
+
+        - `name`: `command` or `command_step`.
+        """
+        problem, at, inputs, cells = self.problem, self.at, self.problem.inputs, self.problem.path.cells
+        i, table = USED.index(name), problem.nominal
+        h, shape = cells.period, cells.speed.shape
+
+        def past(lags: Lags, values: Floats, which: int = i) -> Floats:
+            return lags.past(values)[..., which]
+
+        shares = {key: past(table.any_form, value) for key, value in self.acting.items()}
+        # A slow w is followed: s = -w + (s + w), and the step of s is that of -w and of s + w.
+        if name == "command":
+            moving = self.slow + self.weight * past(
+                problem.weighted.ramp, self.slow_norm[:, None], USED.index("acceleration")
+            )
+        else:
+            moving = self.weight * past(problem.weighted.ramp, self.slow_norm[:, None])
+        begun = np.zeros(shape)
+        if not inputs.settled:
+            begun[0] = self.slow[0]
+        begun = begun + self.weight * (problem.band.largest * self.cell.jump)[:, None]
+        moving = moving + table.step.since(begun)[..., i]
+        shares["inertial band"] = np.minimum(past(table.any_form, self.slow), moving)
+        shares["inertial band"] = shares["inertial band"] + past(table.any_form, self.tube)
+        noise = np.einsum("nij,j->ni", at.inertia, np.broadcast_to(0.5 * inputs.resolution, shape[1:]))
+        shares["encoder"] = past(table.noise, noise)
+        pulse = np.einsum("nij,nj->ni", at.inertia, cells.pulse) + self.weight * (h**3 / 12.0 * at.odd)[:, None]
+        shares["sampling"] = shares["sampling"] + past(table.pulse, pulse)
+        starts = np.zeros((2, *shape))
+        starts[0, 0], starts[1, 0] = at.inertia[0] @ inputs.start_error, at.inertia[0] @ inputs.start_speed
+        shares["start"] = table.start_error.since(starts[0])[..., i] + table.start_speed.since(starts[1])[..., i]
+        # M0 now less M0 when w acted, in the metric.
+        kernel = spreads_of(problem.loop, problem.p, 0.0)[name].nominal
+        ages = h * (1.0 + np.arange(kernel.any_form.size))
+        turned = np.expm1(2.0 * problem.growth * ages) + float(np.max(self.cell.tube_shift))
+        drift = Lags.of([kernel.any_form * turned], *problem.cut).past(self.total_norm[:, None])[..., 0]
+        noisy = Lags.of([kernel.noise * turned], *problem.cut)
+        rounding = size_in(np.broadcast_to(0.5 * inputs.resolution, shape), at.inertia)
+        shares["drift"] = self.weight * (drift + noisy.past(rounding[:, None])[..., 0])
+        return shares
+
+    def state(self) -> Floats:
+        """Torque of the model by where it is evaluated [N n]."""
+        position, velocity = (self.bounds.outputs[name] for name in ("model_position", "model_velocity"))
+        further = np.sum(self.at.per_command * position, axis=1) * self.bounds.norms["command"]
+        return (
+            np.einsum("nij,nj->ni", self.stiffness, position)
+            + np.einsum("nij,nj->ni", self.coriolis, velocity)
+            + self.weight * further[:, None]
+        )
+
+    def turning(self) -> Floats:
+        """Step of `M0 s` as M0 changes in a period [N n]."""
+        change = np.expm1(2.0 * self.problem.growth * self.problem.path.cells.period)
+        return self.weight * (change * self.bounds.norms["command"])[:, None]
+
+    def state_step(self) -> Floats:
+        """Step of the model's torque by where it is evaluated [N n]: by its move, and by the change of the model."""
+        outputs, norms, cell = self.bounds.outputs, self.bounds.norms, self.cell
+        cells = self.problem.path.cells
+        h, along = cells.period, cell.along
+        position = outputs["model_position"]
+        moves = outputs["model_position_step"], outputs["model_velocity_step"], outputs["command_step"]
+        sums, vectors = cell.sums, cell.vectors
+        # Steps of the position, velocity and acceleration that the model is given.
+        gone = h * cell.wide[1] + moves[0]
+        faster = h * cell.acceleration + cells.jump + moves[1]
+        faster_norm = size_in(h * cell.acceleration + cells.jump, self.at.inertia) + norms["model_velocity_step"]
+        pushed = h * cells.jerk + cells.jump + moves[2]
+        wide = cell.wide[1]
+        whole = cell.acceleration + outputs["command"]
+        force = cell.force + cell.forces[1] + norms["command"]
+        force_step = vectors(gone, wide, wide) + vectors(gone, whole) + vectors(pushed)
+        force_step = force_step + 2.0 * (cell.first + cell.moved + cell.slopes[1]) * faster_norm * cell.grown
+        turn = cell.turn(faster, faster_norm)
+        coriolis = 2.0 * (sums(gone) * (cell.first + cell.slopes[1]) + (1.0 + along) * sums(gone, wide) + turn)
+        stiffness = np.stack(
+            [
+                sums(unit, gone) * force
+                + cell.outer[:, j] * force_step
+                + sums(gone) * (vectors(unit, wide, wide) + vectors(unit, whole))
+                + (1.0 + along)
+                * (
+                    vectors(unit, gone, wide, wide)
+                    + vectors(unit, gone, whole)
+                    + vectors(unit, pushed)
+                    + 2.0 * sums(unit, wide) * faster_norm * cell.grown
+                )
+                for j, unit in enumerate(cell.units)
+            ],
+            axis=1,
+        )
+        further = np.sum(self.at.per_command * moves[0], axis=1) * norms["command"]
+        changed = np.sum(stiffness * position, axis=1) + coriolis * norms["model_velocity"] * cell.grown
+        return (
+            np.einsum("nij,nj->ni", self.stiffness, moves[0])
+            + np.einsum("nij,nj->ni", self.coriolis, moves[1])
+            + self.weight * (further + changed)[:, None]
+        )
