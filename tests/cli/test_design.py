@@ -1,11 +1,6 @@
-"""`slidax design`: the file that it writes, JSON and exit codes."""
-
-from __future__ import annotations
-
 import importlib
 import json
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,7 +13,7 @@ from slidax.scenarios.family import Family
 from slidax.studies.cases import StudyTask, points
 from slidax.studies.runner import Runner
 
-from .commands import in_process
+from .commands import answer_of, in_process
 
 REQUIREMENTS = """
 robot:
@@ -35,26 +30,22 @@ requirements: {deadline: 1.2, torque_step: 6}
 
 
 @pytest.fixture
-def requirements(tmp_path: Path) -> Path:
+def requirements(tmp_path):
     path = tmp_path / "requirements.yaml"
     path.write_text(REQUIREMENTS, encoding="utf-8")
     return path
 
 
 @pytest.mark.full
-def test_what_it_writes_runs_as_it_is_and_holds_in_cases_that_it_has_not_seen(
-    requirements: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_it_writes_runs_as_it_is_and_holds_in_cases_that_it_has_not_seen(requirements, tmp_path, monkeypatch):
     # Fewer of everything; the certificates have tests of their own.
     monkeypatch.setattr(search, "SLOPES", (1.0, 2.0))
     monkeypatch.setattr(importlib.import_module("slidax.certify.certify"), "CERTIFICATES", (admissibility,))
     monkeypatch.setattr(importlib.import_module("slidax.design.design"), "loop_rate_verdict", lambda *_: None)
     out = tmp_path / "law.yaml"
-    done = in_process("design", str(requirements), "--out", str(out), "--json", "--runs", "16")
-    assert done.exit_code == 0, done.output
-    answer = json.loads(done.stdout)
+    answer = answer_of("design", str(requirements), "--out", str(out), "--runs", "16")
     assert answer["designed"] is True and answer["proof"] == "tested"
-    assert [one["name"] for one in answer["certificates"]] == ["admissibility", "statistical"]
+    assert [item["name"] for item in answer["certificates"]] == ["admissibility", "statistical"]
     beside = json.loads((tmp_path / "law.certificate.json").read_text(encoding="utf-8"))
     assert beside["certificates"] == answer["certificates"]
     text = out.read_text(encoding="utf-8")
@@ -68,14 +59,14 @@ def test_what_it_writes_runs_as_it_is_and_holds_in_cases_that_it_has_not_seen(
     assert np.all(rows["margin"] > 0) and np.all(rows["steady_torque_step"] < 6)
 
 
-def test_4_and_a_reason_where_the_drives_are_too_weak(requirements: Path, tmp_path: Path) -> None:
+def test_4_and_a_reason_where_the_drives_are_too_weak(requirements, tmp_path):
     data = YAML(typ="safe").load(REQUIREMENTS)
     data["actuator"]["torque"] = 10
     with requirements.open("w", encoding="utf-8") as file:
         YAML(typ="safe").dump(data, file)
     out = tmp_path / "law.yaml"
-    done = in_process("design", str(requirements), "--out", str(out), "--json")
-    assert done.exit_code == 4 and not out.exists()
+    done = in_process("design", str(requirements), "--out", str(out), "--json", code=4)
+    assert not out.exists()
     answer = json.loads(done.stdout)
     assert answer.keys() == {"designed", "reason", "would_do"} and answer["designed"] is False
     assert "`joint 1` needs up to" in answer["reason"] and "(limit: 10)" in answer["reason"]
@@ -85,18 +76,15 @@ def test_4_and_a_reason_where_the_drives_are_too_weak(requirements: Path, tmp_pa
     assert remedy["set"]["actuator.torque"][0] == pytest.approx(1.15 * needed, rel=0.01)
 
 
-def test_2_for_requirements_that_are_none(requirements: Path, tmp_path: Path) -> None:
+def test_2_for_requirements_that_are_none(requirements, tmp_path):
     requirements.write_text(REQUIREMENTS.replace("deadline: 1.2", "deadline: -1"), encoding="utf-8")
-    done = in_process("design", str(requirements), "--out", str(tmp_path / "law.yaml"))
-    assert done.exit_code == 2 and "requirements.deadline" in done.output
-    done = in_process("design", str(requirements), "--out", str(tmp_path / "law.json"))
-    assert done.exit_code == 2 and "ending .yaml" in done.output
+    done = in_process("design", str(requirements), "--out", str(tmp_path / "law.yaml"), code=2)
+    assert "requirements.deadline" in done.output
+    done = in_process("design", str(requirements), "--out", str(tmp_path / "law.json"), code=2)
+    assert "ending .yaml" in done.output
 
 
-def test_a_missing_package_is_said_before_minutes_of_work(
-    requirements: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_missing_package_is_said_before_minutes_of_work(requirements, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "cmaes", None)
-    refused = in_process("design", str(requirements), "--out", str(tmp_path / "designed.yaml"))
-    assert refused.exit_code == 2
+    refused = in_process("design", str(requirements), "--out", str(tmp_path / "designed.yaml"), code=2)
     assert "slidax[studies]" in refused.output and "horizon" not in refused.output

@@ -1,11 +1,5 @@
-"""A disk that is full: one line with the file and the remedy, exit code 2, and no half-written file."""
-
-from __future__ import annotations
-
 import warnings
-from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import jax
 import pytest
@@ -28,8 +22,7 @@ runs: 128
 
 
 @contextmanager
-def no_file_above(size: int) -> Iterator[None]:
-    """As on a full disk, writing fails; here from a size on."""
+def no_file_above(size):
     # JAX would leave halves of files in the cache of the tests. Whether there is a cache it asks only once; whether a
     # program took long enough to be kept it asks each time.
     shortest = jax.config.jax_persistent_cache_min_compile_time_secs
@@ -43,8 +36,7 @@ def no_file_above(size: int) -> Iterator[None]:
         jax.config.update("jax_persistent_cache_min_compile_time_secs", shortest)
 
 
-def refused(size: int, *words: str) -> str:
-    """The line in which a command ends."""
+def refused(size, *words):
     with no_file_above(size):
         done = in_process(*words)
     assert done.exit_code == 2, done.output
@@ -54,29 +46,26 @@ def refused(size: int, *words: str) -> str:
     return lines[0]
 
 
-def assert_whole(folder: Path, size: int) -> None:
-    """Every file is as it is without a limit, and none is left over."""
+def assert_whole(folder, size):
     for path in folder.rglob("*"):
         assert not is_temporary(path.name) and (path.is_dir() or 0 < path.stat().st_size <= size)
 
 
 @pytest.mark.full
-def test_a_report_that_does_not_fit_is_named(tmp_path: Path) -> None:
+def test_a_report_that_does_not_fit_is_named(tmp_path):
     line = refused(20_000, "run", "example-4.1-1khz", "--set", "simulation.t1=0.1", "--out", str(tmp_path / "out"))
     assert str(tmp_path / "out") in line
     assert_whole(tmp_path, 20_000)
 
 
-def test_a_project_that_does_not_fit_is_named(tmp_path: Path) -> None:
+def test_a_project_that_does_not_fit_is_named(tmp_path):
     assert "cannot write the project to" in refused(
         6_000, "export", "c", "example-4.1-1khz", "--out", str(tmp_path / "c")
     )
     assert_whole(tmp_path, 6_000)
 
 
-def test_a_study_that_does_not_fit_says_what_is_kept_and_goes_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_study_that_does_not_fit_says_what_is_kept_and_goes_on(tmp_path, monkeypatch):
     file, out = tmp_path / "study.yaml", tmp_path / "out"
     file.write_text(STUDY, encoding="utf-8")
     for name in ("LEAST", "MOST"):
@@ -97,9 +86,7 @@ def test_a_study_that_does_not_fit_says_what_is_kept_and_goes_on(
     assert read_rows(out)["row"].tolist() == list(range(128))
 
 
-def test_a_full_cache_is_told_once_and_a_damaged_one_is_emptied(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_full_cache_is_told_once_and_a_damaged_one_is_emptied(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     folder = tmp_path / "slidax" / f"xla-{jax.__version__}"
     folder.mkdir(parents=True)
@@ -117,7 +104,6 @@ def test_a_full_cache_is_told_once_and_a_damaged_one_is_emptied(
             warnings.warn("the arm has no friction", stacklevel=1)
     finally:
         jax.config.update("jax_compilation_cache_dir", before)
-    said = capsys.readouterr().err.splitlines()
-    assert len(said) == 2 and "No space left on device" in said[0] and "compiles again" in said[0]
-    assert said[1] == "slidax: warning: the arm has no friction"
-    assert list(folder.iterdir()) == []
+    message = capsys.readouterr().err.splitlines()
+    assert len(message) == 2 and "No space left on device" in message[0] and "compiles again" in message[0]
+    assert message[1] == "slidax: warning: the arm has no friction" and list(folder.iterdir()) == []

@@ -1,11 +1,5 @@
-"""A tool on its path, from the command line: its error is a metric, in the table, the JSON and the report."""
-
-from __future__ import annotations
-
 import json
 import re
-from pathlib import Path
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -35,13 +29,13 @@ simulation: {mode: held, period: 1.0e-3, substeps: 2, t1: 1.0}
 
 
 @pytest.fixture
-def file(tmp_path: Path) -> Path:
+def file(tmp_path):
     path = tmp_path / "line.yaml"
     path.write_text(LINE, encoding="utf-8")
     return path
 
 
-def test_the_tools_error_is_that_of_all_samples(file: Path) -> None:
+def test_the_tools_error_is_that_of_all_samples(file):
     scenario = sx.scenarios.load(file)
     run = scenario.simulate(log_every=1)
     actual, desired = sx.report.tip_paths(scenario.plant.robot, run)
@@ -53,15 +47,14 @@ def test_the_tools_error_is_that_of_all_samples(file: Path) -> None:
     assert rms_tool_error(run) == pytest.approx(np.sqrt(np.mean(away**2)), rel=1e-12)
     # In a plane the tool is turned by the sum of both joints.
     turned = np.abs(np.sum(np.asarray(run.log.e), axis=1))
-    assert turned.max() > 1e-6
-    assert tool_turn(run) == pytest.approx(turned.max(), rel=1e-9)
+    assert turned.max() > 1e-6 and tool_turn(run) == pytest.approx(turned.max(), rel=1e-9)
     assert steady_tool_turn(run) == pytest.approx(turned[late].max(), rel=1e-9)
     assert rms_tool_turn(run) == pytest.approx(np.sqrt(np.mean(turned**2)), rel=1e-9)
     thinned = scenario.simulate(log_every=None)
     assert tool_error(thinned) == tool_error(run) and tool_turn(thinned) == tool_turn(run)
 
 
-def test_a_run_without_a_tool_has_no_such_metric_and_no_such_cost() -> None:
+def test_a_run_without_a_tool_has_no_such_metric_and_no_such_cost():
     run = sx.scenarios.load("example-4.1-1khz", {"simulation.t1": 0.01}).simulate(log_every=None)
     assert run.tally.tool is None and tool_error(run) is None and tool_turn(run) is None
     assert "tool_error" not in sx.analysis.summary(run)
@@ -69,31 +62,30 @@ def test_a_run_without_a_tool_has_no_such_metric_and_no_such_cost() -> None:
 
 @pytest.mark.full
 @pytest.mark.parametrize("engine", ["native", "xla"])
-def test_of_many_runs_each_has_its_own(file: Path, engine: str) -> None:
+def test_of_many_runs_each_has_its_own(file, engine):
     scenario = sx.scenarios.load(file, {"simulation.t1": 0.2, "simulation.engine": engine})
     starts = np.array([[0.4, 1.2], [0.42, 1.19], [0.38, 1.25]])
 
-    def begun(one: sx.scenarios.Scenario, q: Any) -> sx.scenarios.Scenario:
-        return one.replace(state0=State(q=q, dq=jnp.zeros(2)))
+    def begun(item, q):
+        return item.replace(state0=State(q=q, dq=jnp.zeros(2)))
 
     many = scenario.simulate_batch(begun, starts)
-    found = [tool_error(begun(scenario, jnp.asarray(q)).simulate()) for q in starts]
-    assert len(set(found)) == 3
-    np.testing.assert_allclose(np.asarray(tool_error(many)), found, rtol=1e-9)
+    result = [tool_error(begun(scenario, jnp.asarray(q)).simulate()) for q in starts]
+    assert len(set(result)) == 3
+    np.testing.assert_allclose(np.asarray(tool_error(many)), result, rtol=1e-9)
 
 
 @pytest.mark.full
-def test_table_json_and_report_say_it(file: Path, tmp_path: Path) -> None:
-    done = in_process("run", str(file), "--json", "--out", str(tmp_path / "report"))
-    assert done.exit_code == 0, done.output
+def test_table_json_and_report_say_it(file, tmp_path):
+    done = in_process("run", str(file), "--json", "--out", str(tmp_path / "report"), code=0)
     metrics = json.loads(done.stdout)["metrics"]
     error, turn = metrics["tool_error"], metrics["tool_turn"]
     assert error > 0 and turn > 0
     page = (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
     number = r"at most ([\d.]+)\s×\s10<sup>−(\d+)</sup>\s"
-    said = re.search(number + "m from where .* turned by " + number + "rad from how", page)
-    assert said, "the report says nothing of the tool"
-    found = [float(said[1]) * 10.0 ** -int(said[2]), float(said[3]) * 10.0 ** -int(said[4])]
-    assert found == pytest.approx([error, turn], rel=1e-2)
+    text = re.search(number + "m from where .* turned by " + number + "rad from how", page)
+    assert text, "the report says nothing of the tool"
+    result = [float(text[1]) * 10.0 ** -int(text[2]), float(text[3]) * 10.0 ** -int(text[4])]
+    assert result == pytest.approx([error, turn], rel=1e-2)
     shown = in_process("run", str(file))
     assert f"tool off by at most {error:.3g} m and {turn:.3g} rad" in shown.stdout

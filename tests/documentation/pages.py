@@ -1,10 +1,8 @@
 """The pages of the documentation, and what stands in their blocks."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
-from scripts.documentation.pages import Block, blocks
+from scripts.documentation.pages import blocks
 
 ROOT = Path(__file__).parents[2]
 DOCS = sorted((ROOT / "docs").rglob("*.md"))
@@ -13,9 +11,9 @@ TERMINAL = ("console", "sh")
 CODE = ("python", "py", *TERMINAL)
 
 
-def name(page: Path) -> str:
+def name(page):
     return page.relative_to(ROOT).as_posix()
 
 
-def of(page: Path) -> list[Block]:
+def of(page):
     return blocks(page.read_text(encoding="utf-8"))

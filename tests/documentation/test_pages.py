@@ -1,10 +1,5 @@
-"""The blocks of all pages: commands that exist, files that are there, valid YAML, reasons for what is not run."""
-
-from __future__ import annotations
-
 import ast
 import re
-from pathlib import Path
 
 import pytest
 
@@ -19,7 +14,7 @@ SYNOPSIS = re.compile(r"^    slidax (.*)$", re.MULTILINE)
 
 
 @EVERY
-def test_every_command_of_a_page_is_one_that_slidax_takes(page: Path) -> None:
+def test_every_command_of_a_page_is_one_that_slidax_takes(page):
     for block in of(page):
         if block.language in TERMINAL:
             for command in commands(block.language, block.text):
@@ -28,7 +23,7 @@ def test_every_command_of_a_page_is_one_that_slidax_takes(page: Path) -> None:
 
 
 @EVERY
-def test_a_form_of_a_command_names_options_that_it_has(page: Path) -> None:
+def test_a_form_of_a_command_names_options_that_it_has(page):
     for form in SYNOPSIS.findall(page.read_text(encoding="utf-8")):
         words = re.findall(r"--[a-z-]+|[a-z0-9]+", form.partition(" --")[0])
         known = " ".join(sorted(_options(words)))
@@ -36,18 +31,18 @@ def test_a_form_of_a_command_names_options_that_it_has(page: Path) -> None:
             assert option in known.split(), (form, option)
 
 
-def _options(words: list[str]) -> set[str]:
+def _options(words):
     from typer.main import get_command
 
     command = get_command(app)
     for word in words:
         if word in getattr(command, "commands", {}):
             command = command.commands[word]
-    return {option for one in command.params for option in [*one.opts, *one.secondary_opts]}
+    return {option for item in command.params for option in [*item.opts, *item.secondary_opts]}
 
 
 @EVERY_OF_DOCS
-def test_files_that_commands_read_are_there_or_made_before_on_the_page(page: Path) -> None:
+def test_files_that_commands_read_are_there_or_made_before_on_the_page(page):
     files = Files(ROOT)
     for block in of(page):
         files.written |= {line.partition("=")[0].strip() for line in block.marks.get("file", "").splitlines()}
@@ -62,39 +57,39 @@ def test_files_that_commands_read_are_there_or_made_before_on_the_page(page: Pat
 
 
 @EVERY_OF_DOCS
-def test_what_is_not_run_says_why_and_everything_else_can_be(page: Path) -> None:
+def test_what_is_not_run_says_why_and_everything_else_can_be(page):
     for block in of(page):
         where = f"{name(page)}, line {block.first + 1}"
         assert set(block.marks) <= {*MARKS, "file"}, where
         if "not run" in block.marks:
             assert len(block.marks["not run"]) > 10, f"{where}: a reason is a sentence"
         elif block.language in TERMINAL and "shell" not in block.marks:
-            assert all(one.is_ours for one in commands(block.language, block.text)), f"{where}: `shell` or `not run`"
+            assert all(item.is_ours for item in commands(block.language, block.text)), f"{where}: `shell` or `not run`"
         if block.language in ("python", "py"):
             ast.parse(block.text)
 
 
 @EVERY_OF_DOCS
-def test_the_yaml_of_a_page_is_what_slidax_reads(page: Path, tmp_path: Path) -> None:
+def test_the_yaml_of_a_page_is_what_slidax_reads(page, tmp_path):
     for block in of(page):
         if block.language == "yaml":
             check_yaml(block.text, block.marks.get("part of", ""), tmp_path)
 
 
 @pytest.mark.parametrize("page", [page for page in DOCS if "<!-- small:" in page.read_text(encoding="utf-8")], ids=name)
-def test_blocks_for_every_day_run(page: Path, tmp_path: Path) -> None:
+def test_blocks_for_every_day_run(page, tmp_path):
     outcomes = PageRun(page, tmp_path, tmp_path / "made", small=True).run()
     marked = [block for block in of(page) if "small" in block.marks]
-    assert len([one for one in outcomes if one.texts]) == len(marked)
+    assert len([item for item in outcomes if item.texts]) == len(marked)
 
 
 @pytest.mark.full
-def test_the_code_of_all_pages_runs() -> None:
+def test_the_code_of_all_pages_runs():
     from scripts.documentation.pages import run_all
 
-    found, failed = run_all(jobs=2, only=None)
+    result, failed = run_all(jobs=2, only=None)
     assert not failed, "\n\n".join(failed)
-    assert len(found) >= len([page for page in DOCS if any(block.language in CODE for block in of(page))])
+    assert len(result) >= len([page for page in DOCS if any(block.language in CODE for block in of(page))])
 
 
 # --- that these tests see what is wrong ---
@@ -103,7 +98,7 @@ def test_the_code_of_all_pages_runs() -> None:
 @pytest.mark.parametrize(
     "line", ["run example-4.1 --outt x", "rum example-4.1", "export d example-4.1 --out x", "list --json=maybe", "run"]
 )
-def test_a_command_that_is_not_one_is_seen(line: str) -> None:
+def test_a_command_that_is_not_one_is_seen(line):
     with pytest.raises(PageError):
         check(line.split(), app)
 
@@ -111,11 +106,11 @@ def test_a_command_that_is_not_one_is_seen(line: str) -> None:
 @pytest.mark.parametrize(
     "line", ["run example-4.1 --set a.b=1 --set c=2 --out x", "list", "--help", "export c x --out y"]
 )
-def test_a_command_that_is_one_passes(line: str) -> None:
+def test_a_command_that_is_one_passes(line):
     check(line.split(), app)
 
 
-def test_a_file_that_is_nowhere_is_seen() -> None:
+def test_a_file_that_is_nowhere_is_seen():
     files = Files(ROOT)
     with pytest.raises(PageError, match=r"mine\.yaml"):
         files.follow(["run", "mine.yaml"])
@@ -126,7 +121,7 @@ def test_a_file_that_is_nowhere_is_seen() -> None:
     files.follow(["run", "report/worst.yaml"])
 
 
-def test_yaml_that_slidax_refuses_is_seen(tmp_path: Path) -> None:
+def test_yaml_that_slidax_refuses_is_seen(tmp_path):
     with pytest.raises(DefinitionError, match="horizn"):
         check_yaml("scheme:\n  sampled_data: {horizn: 0.01}\n", "example-4.1-1khz", tmp_path)
     with pytest.raises(PageError, match="part of"):
@@ -134,7 +129,7 @@ def test_yaml_that_slidax_refuses_is_seen(tmp_path: Path) -> None:
     assert dotted({"a": {"b": 1, "c": {"kind": "x", "d": 2}}}) == {"a.b": 1, "a.c": {"kind": "x", "d": 2}}
 
 
-def test_a_block_knows_its_marks_and_a_mark_without_a_block_is_refused() -> None:
+def test_a_block_knows_its_marks_and_a_mark_without_a_block_is_refused():
     text = "<!-- exit: 3 -->\n<!-- with: --runs 2 -->\n\n```console\n$ slidax list\n```\n\n<!-- a remark -->\nText\n"
     (block,) = blocks(text)
     assert (block.language, block.first, block.last) == ("console", 0, 5)
@@ -147,8 +142,8 @@ def test_a_block_knows_its_marks_and_a_mark_without_a_block_is_refused() -> None
         blocks("```sh\nls\n")
 
 
-def test_commands_of_a_terminal_are_those_after_the_prompt() -> None:
-    found = commands("console", "$ slidax run x \\\n    --out y   # why\nsaid\n$ ls\n")
-    assert [one.arguments for one in found] == [["run", "x", "--out", "y"], ["ls"]]
-    assert found[0].shown == ["said"]
-    assert [one.is_ours for one in commands("sh", "slidax list && ls\nslidax list\n# no\n")] == [False, True]
+def test_commands_of_a_terminal_are_those_after_the_prompt():
+    result = commands("console", "$ slidax run x \\\n    --out y   # why\nsaid\n$ ls\n")
+    assert [item.arguments for item in result] == [["run", "x", "--out", "y"], ["ls"]]
+    assert result[0].shown == ["said"]
+    assert [item.is_ours for item in commands("sh", "slidax list && ls\nslidax list\n# no\n")] == [False, True]

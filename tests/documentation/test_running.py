@@ -1,9 +1,3 @@
-"""How a page is run: one namespace, its own folder, exit codes, and what is shown of it."""
-
-from __future__ import annotations
-
-from pathlib import Path
-
 import pytest
 
 from scripts.documentation.pages import PageError, PageResult, PageRun
@@ -30,23 +24,22 @@ $ slidax list nothing-like-that
 """
 
 
-def run(text: str, folder: Path) -> list[object]:
+def run(text, folder):
     page = folder / "page.md"
     page.write_text(text, encoding="utf-8")
     (folder / "stand").mkdir(exist_ok=True)
     return list(PageRun(page, folder / "stand", folder / "out").run())
 
 
-def test_blocks_share_their_names_and_show_what_a_notebook_would(tmp_path: Path) -> None:
+def test_blocks_share_their_names_and_show_what_a_notebook_would(tmp_path):
     first, second, third = run(PAGE, tmp_path)
-    assert first.texts == [""]
-    assert second.texts == ["printed\n22\n"]
+    assert first.texts == [""] and second.texts == ["printed\n22\n"]
     assert (tmp_path / "stand" / "made.txt").read_text() == "here"
     assert "nothing-like-that" in third.texts[0]
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("Text\n\n```python\n1 / 0\n```\n", r"page\.md, line 3: (.|\n)*ZeroDivisionError"),
         ("```console\n$ slidax list nothing-like-that\n```\n", "exit code 2"),
@@ -56,29 +49,29 @@ def test_blocks_share_their_names_and_show_what_a_notebook_would(tmp_path: Path)
         ('<!-- show: nowhere.svg "A picture" -->\n', "no `nowhere.svg`"),
     ],
 )
-def test_a_block_that_fails_is_an_error_with_its_line(text: str, said: str, tmp_path: Path) -> None:
-    with pytest.raises(PageError, match=said):
+def test_a_block_that_fails_is_an_error_with_its_line(text, message, tmp_path):
+    with pytest.raises(PageError, match=message):
         run(text, tmp_path)
 
 
-def test_blocks_that_are_marked_are_not_run_and_say_so(tmp_path: Path) -> None:
+def test_blocks_that_are_marked_are_not_run_and_say_so(tmp_path):
     robot = "<!-- not run: it needs a robot -->\n```sh\nrobot --go\n```\n\n"
     missing = "<!-- needs: no_such_package -->\n```python\n1/0\n```\n"
-    assert [one.skipped for one in run(robot + missing, tmp_path)] == ["it needs a robot", "no_such_package not here"]
+    assert [item.skipped for item in run(robot + missing, tmp_path)] == ["it needs a robot", "no_such_package not here"]
 
 
-def test_a_shell_is_bash_with_slidax_in_it(tmp_path: Path) -> None:
-    (one,) = run("<!-- shell: bash -->\n```sh\necho first\nslidax --version | tr a-z A-Z\n```\n", tmp_path)
-    assert one.texts[0].startswith("first\nSLIDAX ")
+def test_a_shell_is_bash_with_slidax_in_it(tmp_path):
+    (item,) = run("<!-- shell: bash -->\n```sh\necho first\nslidax --version | tr a-z A-Z\n```\n", tmp_path)
+    assert item.texts[0].startswith("first\nSLIDAX ")
 
 
-def test_figures_are_files_beside_the_page(tmp_path: Path) -> None:
+def test_figures_are_files_beside_the_page(tmp_path):
     text = "```python\nimport matplotlib.pyplot as plt\nfigure, _ = plt.subplots()\nfigure\n```\n"
-    (one,) = run(text, tmp_path)
-    assert (tmp_path / "out" / one.figures[0]).read_text(encoding="utf-8").lstrip().startswith("<?xml")
+    (item,) = run(text, tmp_path)
+    assert (tmp_path / "out" / item.figures[0]).read_text(encoding="utf-8").lstrip().startswith("<?xml")
 
 
-def test_results_stand_below_their_blocks_as_text() -> None:
+def test_results_stand_below_their_blocks_as_text():
     text = "# T\n\n```python\nprint('<b>')\n```\n\nEnd\n"
     outcome = {"index": 0, "texts": ["<b> & 1\n\n2\n"], "figures": ["t-0.svg"], "skipped": "", "seconds": 0.0}
     shown = with_results(text, "tutorials/t.md", PageResult([outcome], []))

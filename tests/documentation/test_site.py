@@ -1,11 +1,5 @@
-"""The site: its table of contents, its links, the reference that is made of declarations."""
-
-from __future__ import annotations
-
 import inspect
 import re
-from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -16,14 +10,12 @@ from tests.documentation.pages import ROOT
 
 
 @pytest.fixture(scope="module")
-def reference() -> tuple[dict[str, str], dict[str, str]]:
+def reference():
     return api_pages()
 
 
 @pytest.mark.parametrize("room", [room for room in ROOMS if room != "cli"])
-def test_the_page_of_a_room_has_all_that_it_exports(
-    reference: tuple[dict[str, str], dict[str, str]], room: str
-) -> None:
+def test_the_page_of_a_room_has_all_that_it_exports(reference, room):
     pages, _ = reference
     text = pages[f"api/{room}.md"]
     assert f"]({room}.md)" in pages["api/index.md"]
@@ -34,12 +26,12 @@ def test_the_page_of_a_room_has_all_that_it_exports(
         assert first in text
 
 
-def test_a_function_is_not_taken_for_the_module_of_its_name(reference: tuple[dict[str, str], dict[str, str]]) -> None:
+def test_a_function_is_not_taken_for_the_module_of_its_name(reference):
     assert "\n::: slidax.analysis.explain.explain\n" in reference[0]["api/analysis.md"]
     assert "\n::: slidax.law.SlidingMode\n" in reference[0]["api/law.md"]
 
 
-def test_facts_are_those_of_the_declarations(reference: tuple[dict[str, str], dict[str, str]]) -> None:
+def test_facts_are_those_of_the_declarations(reference):
     _, facts = reference
     linear = facts["slidax.law.surfaces.Linear"]
     assert (
@@ -52,7 +44,7 @@ def test_facts_are_those_of_the_declarations(reference: tuple[dict[str, str], di
     assert not [text for text in facts.values() if " at 0x" in text]
 
 
-def test_the_page_of_parameters_has_every_part_that_a_file_can_name() -> None:
+def test_the_page_of_parameters_has_every_part_that_a_file_can_name():
     from slidax.scenarios import catalogue
 
     text = parameters_page()
@@ -65,7 +57,7 @@ def test_the_page_of_parameters_has_every_part_that_a_file_can_name() -> None:
     )
 
 
-def test_every_page_of_the_table_of_contents_is_there_and_every_link_of_a_page_leads_to_one() -> None:
+def test_every_page_of_the_table_of_contents_is_there_and_every_link_of_a_page_leads_to_one():
     stage = Stage(ROOT / "nowhere")
     stage.lay_out()
     from ruamel.yaml import YAML
@@ -78,42 +70,41 @@ def test_every_page_of_the_table_of_contents_is_there_and_every_link_of_a_page_l
     assert not [source for source in stage.files if not (ROOT / source).exists()]
 
 
-def test_links_lead_to_where_things_are_on_the_site_and_code_is_left_alone() -> None:
+def test_links_lead_to_where_things_are_on_the_site_and_code_is_left_alone():
     stage = Stage(ROOT / "nowhere")
     text = "[a](../examples/design) [b](../benchmarks/PERFORMANCE.md#x) `[c](../d)` [symbols.md](symbols.md)"
-    found = stage.linked(f"{text}\n\n    [e](../f)\n", "docs/tutorials/../design.md", "design.md")
-    assert found == (
+    result = stage.linked(f"{text}\n\n    [e](../f)\n", "docs/tutorials/../design.md", "design.md")
+    assert result == (
         "[a](files/examples/design/index.md) [b](benchmarks.md#x) `[c](../d)` [Symbols](symbols.md)\n\n    [e](../f)\n"
     )
     assert stage.files == {"examples/design"}
 
 
-def site(folder: Path, **pages: str) -> Any:
+def site(folder, **pages):
     for name, text in pages.items():
         (folder / f"{name}.html").write_text(text, encoding="utf-8")
     return check_links(folder)
 
 
-def test_links_that_lead_nowhere_are_found(tmp_path: Path) -> None:
-    found = site(
+def test_links_that_lead_nowhere_are_found(tmp_path):
+    result = site(
         tmp_path,
         index='<a href="other.html#here"><a href="other.html#gone"><a href="lost.html"><img src="a.svg">',
         other='<h1 id="here"></h1><a href="#here"><a href="https://example.org/"><a href="../out.html">',
     )
-    assert [one.split(" (")[0] for one in found.broken] == [
+    assert [item.split(" (")[0] for item in result.broken] == [
         "index.html: other.html#gone",
         "index.html: lost.html",
         "index.html: a.svg",
         "other.html: ../out.html",
     ]
-    assert list(found.outward) == ["https://example.org/"]
-    assert not found.foreign
+    assert list(result.outward) == ["https://example.org/"] and not result.foreign
 
 
-def test_what_is_fetched_from_another_host_is_found(tmp_path: Path) -> None:
+def test_what_is_fetched_from_another_host_is_found(tmp_path):
     (tmp_path / "style.css").write_text("@import url(//fonts.example.org/a.css);", encoding="utf-8")
-    found = site(tmp_path, index='<script src="https://cdn.example.org/x.js"></script><link href="style.css">')
-    assert found.foreign == [
+    result = site(tmp_path, index='<script src="https://cdn.example.org/x.js"></script><link href="style.css">')
+    assert result.foreign == [
         "index.html: https://cdn.example.org/x.js",
         "style.css: a font or a style of another host",
     ]
@@ -121,8 +112,6 @@ def test_what_is_fetched_from_another_host_is_found(tmp_path: Path) -> None:
 
 @pytest.mark.full
 @pytest.mark.skipif(not (ROOT / "site" / "index.html").exists(), reason="`make docs` has not been run")
-def test_the_site_that_was_built_has_no_wrong_link() -> None:
-    found = check_links(ROOT / "site")
-    assert found.pages > 80
-    assert not found.broken
-    assert not found.foreign
+def test_the_site_that_was_built_has_no_wrong_link():
+    result = check_links(ROOT / "site")
+    assert result.pages > 80 and not result.broken and not result.foreign

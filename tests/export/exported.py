@@ -1,20 +1,18 @@
 """An exported step, compiled and called from here."""
 
-from __future__ import annotations
-
 import ctypes
+import re
 import shutil
 import subprocess
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import numpy as np
 import pytest
 
-from slidax.export.c_project import CProject, project
-from slidax.export.c_structures import Member, render
-from slidax.export.golden_samples import StepSample
+from slidax.export.c_project import project
+from slidax.export.c_structures import render
+from slidax.export.onboard.pilot import CompiledLaw
 
 COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)]
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-Werror", "-pedantic")
@@ -36,21 +34,18 @@ void many(long count, const {p}_measurement *m, const {p}_reference *r, const {p
 }}
 """
 
+needs_cmake = pytest.mark.skipif(not (shutil.which("cmake") and shutil.which("g++")), reason="cmake or g++ is not here")
 needs_a_compiler = pytest.mark.skipif(not COMPILERS, reason="neither gcc nor clang is here")
 
 
 class Answers(NamedTuple):
-    """What the step says to samples, as arrays of structures."""
-
     command: np.ndarray
     memory: np.ndarray
     status: np.ndarray
 
 
 class Exported:
-    """A scenario's step in C, as a shared library."""
-
-    def __init__(self, scenario: Any, folder: Path, *, single: bool = False, written: bool = False) -> None:
+    def __init__(self, scenario, folder, *, single=False, written=False):
         self.project = project(scenario, name="law", single=single, with_golden=False)
         real = "f4" if single else "f8"
         self.types = {
@@ -63,56 +58,74 @@ class Exported:
         compiled(COMPILERS[0], folder, "slidax_law.c", "driver.c", "-shared", "-fPIC", "-O1", "-o", "law.so", "-lm")
         self.library = ctypes.CDLL(str(folder / "law.so"))
 
-    def parameters(self, guard: Any = None) -> np.ndarray:
-        """The defaults as C has them, or those of another guarded step."""
+    def parameters(self, guard=None):
         if guard is not None:
             return self._filled("parameters", jax.tree.map(lambda x: x[None], guard))
-        found = np.zeros(1, self.types["parameters"])
-        self.library[f"{self.project.prefix}_parameters_default"](at(found))
-        return found
+        result = np.zeros(1, self.types["parameters"])
+        self.library[f"{self.project.prefix}_parameters_default"](at(result))
+        return result
 
-    def answers(self, samples: StepSample, parameters: np.ndarray | None = None) -> Answers:
-        """The commands, the memories after them and the statuses."""
+    def answers(self, samples, parameters=None):
         measurement = self._filled("measurement", (samples.t, samples.state))
         reference = self._filled("reference", (samples.now, samples.following))
         before = self._filled("memory", samples.memory)
         count = len(measurement)
-        found = Answers(
+        result = Answers(
             np.zeros(count, self.types["outputs"]), np.zeros(count, self.types["memory"]), np.zeros(count, np.uint32)
         )
-        given = self.parameters() if parameters is None else parameters
-        self.library.many(ctypes.c_long(count), *map(at, (measurement, reference, before, given, *found)))
-        return found
+        defaults = self.parameters() if parameters is None else parameters
+        self.library.many(ctypes.c_long(count), *map(at, (measurement, reference, before, defaults, *result)))
+        return result
 
-    def _filled(self, name: str, tree: Any) -> np.ndarray:
+    def _filled(self, name, tree):
         leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(tree)]
-        found = np.zeros(len(leaves[0]), self.types[name])
+        result = np.zeros(len(leaves[0]), self.types[name])
         for field, leaf in zip(self.types[name].names or (), leaves, strict=True):
-            found[field] = leaf.reshape(found[field].shape)
-        return found
+            result[field] = leaf.reshape(result[field].shape)
+        return result
 
 
-def write_law(made: CProject, folder: Path) -> None:
-    """The header and the source alone, which need no golden samples."""
+def write_law(law, folder):
     for template, ending in (("header.h.j2", ".h"), ("step.c.j2", ".c")):
-        (folder / f"{made.prefix}{ending}").write_text(render(template, {"x": made}))
+        (folder / f"{law.prefix}{ending}").write_text(render(template, {"x": law}))
 
 
-def compiled(compiler: str, folder: Path, *arguments: str) -> None:
-    """Runs a C compiler with all warnings as errors."""
+def compiled(compiler, folder, *arguments):
     run(folder, compiler, *STRICT, *arguments)
 
 
-def run(folder: Path, *command: str) -> str:
-    """Runs a command that must succeed; what it prints."""
+def run(folder, *command):
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, f"{' '.join(command)}\n{done.stdout[-3000:]}\n{done.stderr[-3000:]}"
     return done.stdout
 
 
-def structure(members: list[Member], real: str) -> np.dtype:
+def quickly_compiled(folder):
+    """A robot's compiled law without optimisation."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("CFLAGS", "-O0")
+        return CompiledLaw(folder)
+
+
+def allow_error(pilot, size):
+    for name in ("error_hold", "error_small", "error_full"):
+        getattr(pilot.options, name)[:] = [size] * len(pilot.reference.q)
+
+
+def structure(members, real):
     return np.dtype([(m.name, TYPES.get(m.type, real), (m.size,) if m.shape else ()) for m in members], align=True)
 
 
-def at(array: np.ndarray) -> ctypes.c_void_p:
+def at(array):
     return ctypes.c_void_p(array.ctypes.data)
+
+
+def copied_with_a_wrong_answer(folder, copy):
+    """Copy a project to another folder, with the first sliding variable off by 1e-9 of itself."""
+    for file in folder.iterdir():
+        if file.is_file():
+            shutil.copy(file, copy)
+    source = copy / "slidax_law.c"
+    wrong, count = re.subn(r"(command->s\[0\] = )(.*);", r"\1(\2) * (1.0 + 1e-9);", source.read_text())
+    assert count == 1
+    source.write_text(wrong)

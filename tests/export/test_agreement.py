@@ -1,51 +1,107 @@
-"""Python and C agree, for every scheme in closed form on every arm."""
-
-from __future__ import annotations
-
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from slidax.export.golden_samples import answer, random_samples, with_bad_numbers
 from slidax.export.status import HELD
+from slidax.law import SampledData
+from slidax.law.implicit_steps import PRECISION
 from slidax.scenarios import catalogue, load
 
-from .agreement import agree, in_full, named
 from .exported import Exported, needs_a_compiler
 
 pytestmark = needs_a_compiler
 
-PAIRS = [(arm, scheme, {}) for arm in ("example-4.1", "example-4.2") for scheme in catalogue()["schemes"]]
+SAMPLES, EXAMPLES = 2500, 4
+"""10 000 random states for each pair."""
+
+TOLERANCE = 1e-12
+NO_LIMITS = {"actuator": {}}
+
+# Torque limits hide most of the law at random states; one scheme shows that they act alike.
+PAIRS = [
+    *((arm, scheme, {}) for arm in ("example-4.1", "example-4.2") for scheme in catalogue()["schemes"]),
+    *((f"example-4.{k}-1khz", scheme, NO_LIMITS) for k in (1, 2) for scheme in catalogue()["schemes"]),
+    *((arm, "cftsmppc", {}) for arm in ("example-4.1-1khz", "example-4.2-1khz", "panda-payload")),
+    ("panda-payload", "cftsmppc", NO_LIMITS),
+]
+DAILY = ("example-4.1-1khz", "cftsmppc", {})
+
+COMPOSED = {
+    "name": "sliding_mode",
+    "transformation": {"kind": "unconstrained"},
+    "surface": {"kind": "linear", "rate": 5.0},
+    "reaching": {"kind": "fixed_time", "gain": 0.1, "exponent": 1.2, "layer": 0.05},
+    "bound": {"kind": "fixed", "size": 30.0},
+}
+"""The scheme that has no parts of its own, of parts that no other has together."""
 
 
-@pytest.mark.parametrize("pair", in_full(PAIRS, "anftsmc", "cftsmppc"), ids=named)
-def test_the_torque_of_c_is_that_of_python(pair, tmp_path):
-    agree(pair, tmp_path)
+def named(pair):
+    arm, scheme, limits = pair
+    return f"{scheme}, {arm}{', no limits' if limits else ''}"
 
 
-BROKEN = [("example-4.1", "cftsmppc", {}), ("example-4.2-1khz", "cftsmppc", {})]
+def slack(guard, samples):
+    law = guard.controller
+    if not isinstance(law, SampledData) or law.horizon is None:
+        return 0.0
+    stiffness = np.abs(jax.vmap(law.nominal.mass)(samples.state.q)).sum(-1).max(-1)
+    return 2.0 * PRECISION * stiffness / float(law.horizon)
 
 
-@pytest.mark.parametrize("pair", in_full(BROKEN, "cftsmppc", "none"), ids=named)
-def test_bad_numbers_get_the_status_that_they_get_in_python_and_a_finite_torque_within_its_limits(pair, tmp_path):
+@pytest.mark.parametrize(
+    "pair", [pytest.param(pair, marks=[pytest.mark.full] if pair != DAILY else [], id=named(pair)) for pair in PAIRS]
+)
+def test_torque_and_status_of_c_are_those_of_python_in_repeatable_bits(pair, tmp_path):
     arm, scheme, changes = pair
-    scenario = load(arm, {"scheme.name": scheme, "actuator.torque": 50.0, **changes})
-    if scenario.plant.actuator is None:
-        pytest.fail("this scenario is to have limits")
+    if scheme == COMPOSED["name"]:
+        sampled = {"sampled_data": {}} if arm.endswith("khz") else {}
+        scenario = load(arm, {"scheme": COMPOSED | sampled, **changes})
+    else:
+        scenario = load(arm, {"scheme.name": scheme, **changes})
+    exported = Exported(scenario, tmp_path)
+    leaves, tree = jax.tree.flatten(exported.project.guard)
+
+    @settings(max_examples=EXAMPLES)
+    @given(st.integers(0, 2**31), st.integers(0, len(leaves) - 1), st.floats(0.95, 1.05))
+    def compare(seed, which, factor):
+        guard = jax.tree.unflatten(tree, [leaf * (factor if k == which else 1.0) for k, leaf in enumerate(leaves)])
+        samples = random_samples(guard, scenario.trajectory, scenario.period, scenario.t1, SAMPLES, seed=seed)
+        command, status = answer(guard, samples)
+        parameters = exported.parameters(guard)
+        answers = exported.answers(samples, parameters)
+        np.testing.assert_array_equal(answers.status, status)
+        off = np.abs(answers.command["tau"] - command.tau).max(1)
+        size = np.abs(np.asarray(command.tau)).max(1)
+        assert np.all(off <= TOLERANCE * size + slack(guard, samples)), (off / size).max()
+        again = exported.answers(samples, parameters)
+        assert all(a.tobytes() == b.tobytes() for a, b in zip(answers, again, strict=True))
+
+    compare()
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("name", ["example-4.1", "example-4.2-1khz"])
+def test_bad_numbers_get_the_status_of_python_and_a_finite_torque_within_its_limits(name, tmp_path):
+    scenario = load(name, {"actuator.torque": 50.0})
+    assert scenario.plant.actuator is not None
     exported = Exported(scenario, tmp_path)
     guard = exported.project.guard
     samples = with_bad_numbers(random_samples(guard, scenario.trajectory, scenario.period, scenario.t1, 2000, seed=5))
     _, status = answer(guard, samples)
-    found = exported.answers(samples)
-    np.testing.assert_array_equal(found.status, status)
-    assert np.isfinite(found.command["tau"]).all()
-    assert (np.abs(found.command["tau"]) <= 50.0).all()
-    held = (found.status & HELD) != 0
+    answers = exported.answers(samples)
+    np.testing.assert_array_equal(answers.status, status)
+    assert np.isfinite(answers.command["tau"]).all() and (np.abs(answers.command["tau"]) <= 50.0).all()
+    held = (answers.status & HELD) != 0
     assert 0.3 < held.mean() < 1.0
     before = np.asarray(samples.memory.tau)[held]
-    np.testing.assert_array_equal(found.command["tau"][held], before)
-    np.testing.assert_array_equal(found.memory["t"][held], np.asarray(samples.memory.t)[held])
+    np.testing.assert_array_equal(answers.command["tau"][held], before)
+    np.testing.assert_array_equal(answers.memory["t"][held], np.asarray(samples.memory.t)[held])
 
 
 def test_a_parameter_takes_effect_in_the_step_after_it_was_changed(tmp_path):
@@ -68,8 +124,7 @@ def test_floats_agree_to_the_digits_that_they_have(tmp_path):
     guard = exported.project.guard
     samples = random_samples(guard, scenario.trajectory, scenario.period, scenario.t1, 2000, seed=8)
     command, _ = answer(guard, samples)
-    found = exported.answers(samples)
+    answers = exported.answers(samples)
     tau = np.asarray(command.tau)
-    off = np.abs(found.command["tau"] - tau).max(1) / np.abs(tau).max(1)
-    assert np.median(off) < 1e-4
-    assert np.quantile(off, 0.99) < 1e-2
+    off = np.abs(answers.command["tau"] - tau).max(1) / np.abs(tau).max(1)
+    assert np.median(off) < 1e-4 and np.quantile(off, 0.99) < 1e-2

@@ -1,7 +1,3 @@
-"""The exported project: it builds without a warning, its tests pass, and it says what it is."""
-
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess
@@ -16,7 +12,7 @@ from slidax.export.c_project import project
 from slidax.export.status import CONDITIONS
 from slidax.scenarios import load
 
-from .exported import COMPILERS, STRICT, compiled, needs_a_compiler, run, write_law
+from .exported import COMPILERS, STRICT, compiled, copied_with_a_wrong_answer, needs_a_compiler, run, write_law
 
 pytestmark = needs_a_compiler
 LAW = ("slidax_law.c",)
@@ -25,14 +21,17 @@ WITH_SCENARIO = ("slidax_law.c", "slidax_law_scenario.c")
 
 @pytest.fixture(scope="module")
 def exported(tmp_path_factory):
-    """Example 4.1 in doubles."""
     folder = tmp_path_factory.mktemp("doubles")
     return folder, export_c(load("example-4.1"), folder, name="law", command="slidax export c example-4.1")
 
 
+@pytest.fixture
+def doubles(exported):
+    return exported[0]
+
+
 @pytest.fixture(scope="module")
 def in_floats(tmp_path_factory):
-    """The sampled-data law in floats."""
     folder = tmp_path_factory.mktemp("floats")
     export_c(load("example-4.1-1khz"), folder, name="law", single=True)
     return folder
@@ -40,42 +39,29 @@ def in_floats(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def panda(tmp_path_factory):
-    """The law of seven joints that learns, in doubles."""
     folder = tmp_path_factory.mktemp("panda")
     export_c(load("panda-payload"), folder, name="law")
     return folder
 
 
-# The sampled-data law is exported every day in `test_sampled_agreement.py`, and floats are in `test_agreement.py`.
-@pytest.fixture(params=["exported", *(pytest.param(name, marks=pytest.mark.full) for name in ("in_floats", "panda"))])
+@pytest.fixture(params=["doubles", *(pytest.param(name, marks=pytest.mark.full) for name in ("in_floats", "panda"))])
 def folder(request):
-    found = request.getfixturevalue(request.param)
-    return found[0] if isinstance(found, tuple) else found
+    return request.getfixturevalue(request.param)
 
 
 @pytest.mark.parametrize("compiler", COMPILERS)
 def test_all_of_it_builds_without_a_warning_and_answers_the_golden_samples(folder, compiler):
     for program in ("test_law", "latency", "example"):
         compiled(compiler, folder, "-O2", *WITH_SCENARIO, f"{program}.c", "-o", f"{program}_{compiler}", "-lm")
-    said = run(folder, f"./test_law_{compiler}")
-    assert int(re.match(r"(\d+) golden samples", said)[1]) > 200
-    assert said.endswith("0 faults\n")
+    message = run(folder, f"./test_law_{compiler}")
+    assert int(re.match(r"(\d+) golden samples", message)[1]) > 200 and message.endswith("0 faults\n")
 
 
-def test_a_wrong_answer_is_found(exported, tmp_path):
-    folder, _ = exported
-    for file in folder.iterdir():
-        if file.is_file():
-            shutil.copy(file, tmp_path)
-    source = tmp_path / "slidax_law.c"
-    text = source.read_text()
-    wrong, count = re.subn(r"(command->s\[0\] = )(.*);", r"\1(\2) * (1.0 + 1e-9);", text)
-    assert count == 1
-    source.write_text(wrong)
+def test_a_wrong_answer_is_found(doubles, tmp_path):
+    copied_with_a_wrong_answer(doubles, tmp_path)
     compiled(COMPILERS[0], tmp_path, *WITH_SCENARIO, "test_law.c", "-o", "test_law", "-lm")
     done = subprocess.run(["./test_law"], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 1
-    assert ": s\n" in done.stdout
+    assert done.returncode == 1 and ": s\n" in done.stdout
 
 
 @pytest.mark.parametrize("compiler", COMPILERS)
@@ -86,32 +72,31 @@ def test_the_sanitizers_find_nothing(folder, compiler):
 
 
 @pytest.mark.skipif(not shutil.which("valgrind"), reason="valgrind is not here")
-def test_valgrind_finds_nothing(exported):
-    folder, _ = exported
-    compiled(COMPILERS[0], folder, "-g", "-O1", *WITH_SCENARIO, "test_law.c", "-o", "plain", "-lm")
-    run(folder, "valgrind", "--quiet", "--error-exitcode=1", "./plain")
+def test_valgrind_finds_nothing(doubles):
+    compiled(COMPILERS[0], doubles, "-g", "-O1", *WITH_SCENARIO, "test_law.c", "-o", "plain", "-lm")
+    run(doubles, "valgrind", "--quiet", "--error-exitcode=1", "./plain")
 
 
 @pytest.mark.full
 @pytest.mark.skipif(not shutil.which("cmake"), reason="cmake is not here")
 def test_cmake_builds_and_tests_it(exported):
-    folder, made = exported
+    folder, law = exported
     run(folder, "cmake", "-S", ".", "-B", "build")
     run(folder, "cmake", "--build", "build")
     assert "100% tests passed" in run(folder, "ctest", "--test-dir", "build")
     frames = [int(line.split("\t")[1]) for line in run(folder, "cmake", "--build", "build", "-t", "stack").splitlines()
               if "\tstatic" in line]  # fmt: skip
-    assert 0 < max(frames) <= made.stack
+    assert 0 < max(frames) <= law.stack
 
 
 @pytest.mark.parametrize("optimisation", ["-O1", "-O3"])
 def test_the_stack_stays_below_the_promised_bound(exported, optimisation):
-    folder, made = exported
+    folder, law = exported
     for compiler in COMPILERS:
-        compiled(compiler, folder, optimisation, f"-Wframe-larger-than={made.stack}", "-c", *LAW, "-o", "framed.o")
+        compiled(compiler, folder, optimisation, f"-Wframe-larger-than={law.stack}", "-c", *LAW, "-o", "framed.o")
     compiled("gcc", folder, optimisation, "-fstack-usage", "-c", *LAW, "-o", "used.o")
     used = [int(line.split("\t")[1]) for line in (folder / "used.su").read_text().splitlines()]
-    assert sum(used) <= made.stack
+    assert sum(used) <= law.stack
 
 
 @pytest.mark.skipif(not shutil.which("clang-tidy"), reason="clang-tidy is not here")
@@ -155,25 +140,22 @@ def test_each_function_of_the_step_has_one_return_at_its_end_and_no_jumps(folder
     # A loop counts to a constant, or has a counter in its condition.
     for head in re.findall(r"\bfor \((.*)\) \{", text):
         assert head == ";;" or re.fullmatch(r"(?:\w+ (\w+) = 0)?; \w+ < (?:\d+|n); \+\+\w+", head), head
-    asked = re.findall(r"for \(;;\) \{(.*?)break;", text, re.DOTALL) + re.findall(r"while \((.*)\) \{", text)
-    assert all(re.search(r"\bstep\w* < \d+", one) for one in asked)
+    conditions = re.findall(r"for \(;;\) \{(.*?)break;", text, re.DOTALL) + re.findall(r"while \((.*)\) \{", text)
+    assert all(re.search(r"\bstep\w* < \d+", item) for item in conditions)
 
 
-def test_the_law_of_example_4_1_is_short_and_keeps_its_names(exported):
-    folder, _ = exported
-    text = (folder / "slidax_law.c").read_text()
+def test_the_law_of_example_4_1_is_short_and_keeps_its_names(doubles):
+    text = (doubles / "slidax_law.c").read_text()
     assert len(text.splitlines()) < 1000
     for name in ("s_1", "eps1_2", "rho_1", "tau0_1", "tau1_2", "u", "slope_1", "alpha_2"):
         assert re.search(rf"const double {name} = ", text), name
     for equation in ("eq. (20)", "eq. (23)", "eq. (29)", "eq. (41)", "eqs. (45), (46)"):
         assert equation in text
-    assert text.isascii()
-    assert max(map(len, text.splitlines())) <= 120
+    assert text.isascii() and max(map(len, text.splitlines())) <= 120
 
 
-def test_the_header_names_units_meanings_and_defaults(exported):
-    folder, _ = exported
-    header = (folder / "slidax_law.h").read_text()
+def test_the_header_names_units_meanings_and_defaults(doubles):
+    header = (doubles / "slidax_law.h").read_text()
     for line in (
         " *     1  rad       rad/s     N m",
         "double q[2];  /* positions [rad] */",
@@ -187,45 +169,49 @@ def test_the_header_names_units_meanings_and_defaults(exported):
     assert header.isascii()
 
 
+@pytest.mark.full
+def test_header_of_a_panda_has_its_nominal_parameters_and_its_printed_numbers(panda):
+    header = (panda / "slidax_law.h").read_text()
+    for member in ("nominal_masses[7]", "nominal_inertias[63]", "nominal_armature[7]", "nominal_payload_mass;"):
+        assert member in header, member
+    assert " -0.02872," in header
+
+
 def test_the_readme_explains_every_bit_and_shows_the_loop(exported):
-    folder, made = exported
+    folder, law = exported
     readme = (folder / "README.md").read_text()
     for condition in CONDITIONS:
         assert f"`{condition.name}` ({condition.bit})" in readme
     assert "clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME" in readme
-    assert f"at most {made.stack} bytes" in readme
-    assert "{{" not in readme and "None" not in readme
+    assert f"at most {law.stack} bytes" in readme and "{{" not in readme and "None" not in readme
 
 
-def test_the_latency_program_prints_percentiles_and_draws_a_picture(exported):
-    folder, _ = exported
-    compiled(COMPILERS[0], folder, "-O2", *WITH_SCENARIO, "latency.c", "-o", "latency", "-lm")
-    said = run(folder, "./latency", "5000", "picture.svg")
-    times = [float(re.search(rf"^{name} +(\d+) ns$", said, re.MULTILINE)[1]) for name in ("p50", "p99", "p99.9", "max")]
-    assert times == sorted(times)
-    assert said.count("#") > 50
-    picture = (folder / "picture.svg").read_text()
+def test_the_latency_program_prints_percentiles_and_draws_a_picture(doubles):
+    compiled(COMPILERS[0], doubles, "-O2", *WITH_SCENARIO, "latency.c", "-o", "latency", "-lm")
+    message = run(doubles, "./latency", "5000", "picture.svg")
+    times = [
+        float(re.search(rf"^{name} +(\d+) ns$", message, re.MULTILINE)[1]) for name in ("p50", "p99", "p99.9", "max")
+    ]
+    assert times == sorted(times) and message.count("#") > 50
+    picture = (doubles / "picture.svg").read_text()
     words = [element.text for element in ElementTree.fromstring(picture).iter() if element.text]
-    assert any("p99.9" in word for word in words)
-    assert "time of one step [µs]" in words
+    assert any("p99.9" in word for word in words) and "time of one step [µs]" in words
 
 
-def test_the_example_runs_at_its_rate_and_tracks(exported):
-    folder, _ = exported
-    compiled(COMPILERS[0], folder, "-O2", *WITH_SCENARIO, "example.c", "-o", "example", "-lm")
-    said = run(folder, "./example", "0.05")
-    assert said.startswith("500 periods, 0 late; at t = 0.050 s the errors are")
+def test_the_example_runs_at_its_rate_and_tracks(doubles):
+    compiled(COMPILERS[0], doubles, "-O2", *WITH_SCENARIO, "example.c", "-o", "example", "-lm")
+    message = run(doubles, "./example", "0.05")
+    assert message.startswith("500 periods, 0 late; at t = 0.050 s the errors are")
 
 
 @pytest.mark.skipif(not shutil.which("g++"), reason="g++ is not here")
-def test_the_c_plus_plus_wrapper_gives_the_torque_of_the_step(exported):
-    folder, _ = exported
-    (folder / "wrapped.cpp").write_text(WRAPPED)
-    compiled(COMPILERS[0], folder, "-c", *WITH_SCENARIO)
+def test_the_c_plus_plus_wrapper_gives_the_torque_of_the_step(doubles):
+    (doubles / "wrapped.cpp").write_text(WRAPPED)
+    compiled(COMPILERS[0], doubles, "-c", *WITH_SCENARIO)
     strict = [option for option in STRICT if not option.startswith("-std")]
     objects = [name.replace(".c", ".o") for name in WITH_SCENARIO]
-    run(folder, "g++", "-std=c++17", *strict, "-fno-exceptions", "wrapped.cpp", *objects, "-o", "wrapped", "-lm")
-    assert run(folder, "./wrapped") == "same\n"
+    run(doubles, "g++", "-std=c++17", *strict, "-fno-exceptions", "wrapped.cpp", *objects, "-o", "wrapped", "-lm")
+    assert run(doubles, "./wrapped") == "same\n"
 
 
 WRAPPED = """
@@ -270,12 +256,11 @@ int main() {
 """
 
 
-def test_the_same_export_twice_is_the_same_text(exported, tmp_path):
-    folder, _ = exported
+def test_the_same_export_twice_is_the_same_text(doubles, tmp_path):
     again = project(load("example-4.1"), name="law", command="slidax export c example-4.1", with_golden=False)
     write_law(again, tmp_path)
     for file in tmp_path.iterdir():
-        assert file.read_text() == (folder / file.name).read_text()
+        assert file.read_text() == (doubles / file.name).read_text()
 
 
 @pytest.mark.parametrize("name", ["3arm", "Arm", "a-b", "", "x" * 41])

@@ -1,7 +1,3 @@
-"""No single fault of a sensor, the clock or the planner makes an exported law run away."""
-
-from __future__ import annotations
-
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -29,11 +25,10 @@ KINDS = 20
 EXPORTS = ["panda-payload", "ur5e-payload", "example-4.1-1khz", "example-4.2-1khz"]
 
 
-def disturbed(name: str, single: bool, times: int, seed: int, folder: Path) -> str:
-    """The report of a campaign: a line for each kind of fault, and the number of bad runs."""
+def disturbed(name, single, times, seed, folder):
     scenario = load(name)
-    made = project(scenario, name="law", single=single, with_golden=False)
-    write_files(made, folder, STEP)
+    law = project(scenario, name="law", single=single, with_golden=False)
+    write_files(law, folder, STEP)
     performance = scenario.controller.step.transformation.performance
     sources = ["slidax_law.c", "slidax_law_scenario.c", str(CAMPAIGN)]
     real = f"-DREAL={'float' if single else 'double'}"
@@ -72,18 +67,18 @@ class Disturbed(AbstractSensor):
     fault: Any
 
     @classmethod
-    def drawn(cls, inner: AbstractSensor | None, joints: int, samples: int, seed: int) -> Disturbed:
+    def drawn(cls, inner, joints, samples, seed):
         rng = np.random.default_rng(seed)
         kind = np.where(rng.random(samples) < 0.02, rng.integers(1, 4, samples), 0)
         kind[: samples // 8] = 0
         size = 10.0 ** rng.uniform(-1.0, 6.0, (2, samples, joints)) * rng.choice([-1.0, 0.0, 1.0], (2, samples, joints))
         return cls(inner, jnp.asarray(size[0]), jnp.asarray(size[1]), jnp.asarray(kind))
 
-    def init(self, state: State) -> Any:
+    def init(self, state):
         inner = () if self.inner is None else self.inner.init(state)
         return state, inner
 
-    def __call__(self, k: Any, state: State, period: Any, memory: Any) -> Any:
+    def __call__(self, k, state, period, memory):
         last, inner = memory
         fresh = jnp.asarray(True)
         if self.inner is not None:
@@ -94,13 +89,13 @@ class Disturbed(AbstractSensor):
         outlier = State(q=state.q + self.q[at], dq=state.dq + self.dq[at])
         swapped = State(q=state.q[::-1], dq=state.dq[::-1])
 
-        def pick(good: Any, *wrong: Any) -> Any:
+        def pick(good, *wrong):
             for number, value in enumerate(wrong, start=1):
                 good = jnp.where(kind == number, value, good)
             return good
 
-        seen = State(pick(state.q, outlier.q, swapped.q, last.q), pick(state.dq, outlier.dq, swapped.dq, last.dq))
-        return Measurement(state=seen, fresh=fresh), (seen, inner)
+        measured = State(pick(state.q, outlier.q, swapped.q, last.q), pick(state.dq, outlier.dq, swapped.dq, last.dq))
+        return Measurement(state=measured, fresh=fresh), (measured, inner)
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,3 @@
-"""The search for a plan, in floats: how long it can be, and why."""
-
-from __future__ import annotations
-
 import ctypes
 
 import jax.numpy as jnp
@@ -33,28 +29,26 @@ def barrier(surface, now, upper, horizon):
 
 
 def in_c(function, arguments, folder, real):
-    """A function of arrays of two, and of numbers, in C; counts the turns of its search."""
     program = trace(function, *arguments)
     lines = c_code(with_float_constants(program) if real == "float" else program, real=real).splitlines()
-    counted = [part for one in lines for part in ([one, "++turns;"] if one.strip() == "for (;;) {" else [one])]
+    counted = [part for item in lines for part in ([item, "++turns;"] if item.strip() == "for (;;) {" else [item])]
     (folder / f"{real}.c").write_text("long turns;\n" + "\n".join(counted) + "\n")
     compiled("gcc", folder, f"{real}.c", "-O1", "-ffp-contract=off", "-shared", "-fPIC", "-o", f"{real}.so", "-lm")
     library = ctypes.CDLL(str(folder / f"{real}.so"))
     turns = ctypes.c_long.in_dll(library, "turns")
     dtype = np.float32 if real == "float" else np.float64
 
-    def call(*given):
+    def call(*values):
         left = [np.zeros(2, dtype) for _ in program.outputs]
-        arrays = [np.ascontiguousarray(one, dtype) for one in given]
+        arrays = [np.ascontiguousarray(item, dtype) for item in values]
         turns.value = 0
-        library.run(*[ctypes.c_void_p(one.ctypes.data) for one in (*arrays, *left)])
+        library.run(*[ctypes.c_void_p(item.ctypes.data) for item in (*arrays, *left)])
         return left, turns.value
 
     return call
 
 
 def cases(seed):
-    """Envelopes, horizons and plans, wide and narrow, near the goal and far."""
     rng = np.random.default_rng(seed)
     for _ in range(CASES):
         now = 10.0 ** rng.uniform(-3, 0, 2)
@@ -72,25 +66,23 @@ def test_it_takes_few_turns_and_never_many(name, surface, tmp_path):
         sought = barrier(surface, now, upper, horizon)
         return sought.solve(target, guess, sought.value_and_slope(guess))
 
-    two, one = jnp.ones(2), jnp.asarray(0.5)
-    exact = in_c(value, (two, one, one, two), tmp_path, "double")
-    rounded = in_c(value, (two, one, one, two), tmp_path, "float")
+    two, item = jnp.ones(2), jnp.asarray(0.5)
+    exact = in_c(value, (two, item, item, two), tmp_path, "double")
+    rounded = in_c(value, (two, item, item, two), tmp_path, "float")
     (tmp_path / "search").mkdir()
-    search = in_c(solve, (two, one, one, two, two), tmp_path / "search", "float")
+    search = in_c(solve, (two, item, item, two, two), tmp_path / "search", "float")
     worst, near, far = 0.0, 0, 0
     for now, upper, horizon, eps, rng in cases(3):
-        now, upper, horizon, eps = (np.float32(one) for one in (now, upper, horizon, eps))
+        now, upper, horizon, eps = (np.float32(item) for item in (now, upper, horizon, eps))
         (target,), _ = exact(now, upper, horizon, eps)
-        (seen,), _ = rounded(now, upper, horizon, eps)
-        worst = max(worst, float(np.max(np.abs(seen - target) / np.abs(target))) / FLOAT)
+        (computed,), _ = rounded(now, upper, horizon, eps)
+        worst = max(worst, float(np.max(np.abs(computed - target) / np.abs(target))) / FLOAT)
         wanted = np.float32(target)
         for guess, is_near in ((eps * (1.0 + 0.1 * rng.normal(size=2)), True), (rng.normal(size=2) * 3.0, False)):
-            (found,), turns = search(now, upper, horizon, wanted, np.float32(guess))
-            (there,), _ = exact(now, upper, horizon, found)
+            (result,), turns = search(now, upper, horizon, wanted, np.float32(guess))
+            (there,), _ = exact(now, upper, horizon, result)
             assert np.all(np.abs(there - wanted) <= 16 * FLOAT * (np.abs(wanted) + horizon))
             near, far = (max(near, turns), far) if is_near else (near, max(far, turns))
     print(f"\n{name}: rounding {worst:.1f} units, {near} turns, {far} from anywhere")
     # What the search may leave is more than what the sum's rounding can hide.
-    assert worst <= float_constant(ROUNDING) / FLOAT
-    assert near <= NEAR
-    assert far <= FAR
+    assert worst <= float_constant(ROUNDING) / FLOAT and near <= NEAR and far <= FAR

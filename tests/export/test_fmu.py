@@ -1,7 +1,3 @@
-"""The law as an FMU: what importers read of it, set in it, and get from it."""
-
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess
@@ -18,13 +14,12 @@ from slidax.export import fmu as platforms
 from slidax.export.fmu import ABSENT, export_fmu
 from slidax.export.golden_samples import record_closed_loop
 from slidax.scenarios import load
-from tests.cli.commands import in_process
 
 from .exported import STRICT
 
 fmpy = pytest.importorskip("fmpy")
 validate_fmu = pytest.importorskip("fmpy.validation").validate_fmu
-needs_a_compiler = pytest.mark.skipif(
+pytestmark = pytest.mark.skipif(
     not shutil.which("cc") or platforms.this_platform() not in platforms.NAMES, reason="no C compiler is here"
 )
 HELD = {"simulation.mode": "held", "simulation.integrator": "semi_implicit_euler", "simulation.period": 1e-3}
@@ -38,7 +33,6 @@ def scenario():
 
 @pytest.fixture(scope="module")
 def units(scenario, tmp_path_factory):
-    """The law in FMI 3.0 and 2.0, by this machine's own compiler."""
     folder = tmp_path_factory.mktemp("fmu")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(platforms, "has_zig", lambda: False)
@@ -55,17 +49,16 @@ def run(scenario, units):
 
 @contextmanager
 def opened(file):
-    """An instance in FMPy, and what it logs."""
     description = fmpy.read_model_description(str(file))
-    folder, said = fmpy.extract(str(file)), []
+    folder, output = fmpy.extract(str(file)), []
 
-    def log(*given):
-        said.append(given[-1].decode())
+    def log(*options):
+        output.append(options[-1].decode())
 
     fmu = fmpy.instantiate_fmu(folder, description, "CoSimulation", logger=log)
     place = {each.name: each.valueReference for each in description.modelVariables}
     try:
-        yield fmu, place, said
+        yield fmu, place, output
     finally:
         fmu.freeInstance()
         shutil.rmtree(folder)
@@ -73,7 +66,7 @@ def opened(file):
 
 @contextmanager
 def running(file, run):
-    with opened(file) as (fmu, place, said):
+    with opened(file) as (fmu, place, output):
         fmu.enterInitializationMode()
         fmu.exitInitializationMode()
         columns = importers.inputs(run)
@@ -84,10 +77,9 @@ def running(file, run):
         def torque():
             return fmu.getFloat64([place[name] for name in importers.outputs(2)])
 
-        yield fmu, place, said, sample, torque
+        yield fmu, place, output, sample, torque
 
 
-@needs_a_compiler
 @pytest.mark.parametrize("fmi", [3, 2])
 def test_it_is_valid_and_gives_the_torques_of_our_run(units, run, fmi):
     file, _ = units[fmi]
@@ -99,7 +91,6 @@ def test_it_is_valid_and_gives_the_torques_of_our_run(units, run, fmi):
     assert (status == run.status[:500]).all()
 
 
-@needs_a_compiler
 def test_a_second_importer_gives_them_as_well(units, run):
     pytest.importorskip("libcosimpy")
     step = importers.libcosim_steps(units[2][0], 2, PERIOD)
@@ -108,48 +99,44 @@ def test_a_second_importer_gives_them_as_well(units, run):
     np.testing.assert_allclose(tau, run.tau[:100], rtol=0, atol=1e-9)
 
 
-@needs_a_compiler
 @pytest.mark.parametrize("fmi", [3, 2])
 def test_gains_have_units_ranges_starts_and_meanings(units, fmi):
     description = fmpy.read_model_description(str(units[fmi][0]))
-    found = {each.name: each for each in description.modelVariables}
-    gain = found["parameters.surface_k1"]
+    result = {each.name: each for each in description.modelVariables}
+    gain = result["parameters.surface_k1"]
     assert (gain.unit, gain.min, gain.causality, gain.variability) == ("rad/s", "0.0", "parameter", "tunable")
     assert float(gain.start) == load("example-4.1").description.scheme.surface.k1
     assert "diagonal of K1" in gain.description
-    assert (found["parameters.surface_p"].min, found["parameters.surface_p"].max) == ("0.0", "1.0")
-    assert found["parameters.limits_torque[2]"].start == "1e+300"
-    assert found["command.tau[2]"].unit == "N.m" and found["measurement.dq[1]"].unit == "rad/s"
-    assert found["envelope.margin[1]"].unit is None
+    assert (result["parameters.surface_p"].min, result["parameters.surface_p"].max) == ("0.0", "1.0")
+    assert result["parameters.limits_torque[2]"].start == "1e+300"
+    assert result["command.tau[2]"].unit == "N.m" and result["measurement.dq[1]"].unit == "rad/s"
+    assert result["envelope.margin[1]"].unit is None
     torque = next(each.baseUnit for each in description.unitDefinitions if each.name == "N.m")
     assert (torque.kg, torque.m, torque.s, torque.rad) == (1, 2, -2, 0)
-    parameters = [each for each in found.values() if each.causality == "parameter"]
+    parameters = [each for each in result.values() if each.causality == "parameter"]
     members = units[fmi][1].project.parameters
     assert len(parameters) == sum(member.size for member in members)
     assert {re.sub(r"parameters\.|\[.*", "", each.name) for each in parameters} == {each.name for each in members}
 
 
-@needs_a_compiler
 def test_a_gain_acts_from_the_next_sample_on_and_keeps_its_range(units, run):
-    with running(units[3][0], run) as (fmu, place, said, sample, torque):
+    with running(units[3][0], run) as (fmu, place, output, sample, torque):
         sample(0)
         fmu.doStep(0.0, PERIOD)
         before = torque()
-        with pytest.raises(Exception, match="fmi3SetFloat64"):
-            fmu.setFloat64([place["parameters.surface_p"]], [1.0])
-        assert said == ["`parameters.surface_p` must be in (0, 1); got 1"]
-        with pytest.raises(Exception, match="fmi3SetFloat64"):
-            fmu.setFloat64([place["parameters.surface_p"]], [0.0])
-        assert said[-1] == "`parameters.surface_p` must be in (0, 1); got 0"
-        for bad, rule in ((float("nan"), "must be a number"), (1e300, "must be in (0, inf); got inf")):
+        for name, bad, message in (
+            ("parameters.surface_p", 1.0, "must be in (0, 1); got 1"),
+            ("parameters.surface_p", 0.0, "must be in (0, 1); got 0"),
+            ("parameters.surface_k1", float("nan"), "must be a number"),
+            ("parameters.surface_k1", 1e300, "must be in (0, inf); got inf"),
+            ("command.tau[1]", 1.0, "is not to be set"),
+        ):
             with pytest.raises(Exception, match="fmi3SetFloat64"):
-                fmu.setFloat64([place["parameters.surface_k1"]], [bad])
-            assert said[-1] == f"`parameters.surface_k1` {rule}"
+                fmu.setFloat64([place[name]], [bad])
+            assert output[-1] == f"`{name}` {message}"
+        assert len(output) == 5
         fmu.setFloat64([place["parameters.limits_torque[1]"]], [1e300])
         assert fmu.getFloat64([place["parameters.limits_torque[1]"]]) == [1e300]
-        with pytest.raises(Exception, match="fmi3SetFloat64"):
-            fmu.setFloat64([place["command.tau[1]"]], [1.0])
-        assert said[-1] == "`command.tau[1]` is not to be set"
         fmu.setFloat64([place["parameters.surface_k1"]], [3.0])
         assert torque() == before
         sample(1)
@@ -157,25 +144,23 @@ def test_a_gain_acts_from_the_next_sample_on_and_keeps_its_range(units, run):
         assert np.abs(np.array(torque()) - run.tau[1]).max() > 0.1
 
 
-@needs_a_compiler
 def test_smaller_steps_hold_the_torque_and_larger_ones_are_refused(units, run):
-    with running(units[3][0], run) as (fmu, _, said, sample, torque):
+    with running(units[3][0], run) as (fmu, _, output, sample, torque):
         for k in range(8):
             sample(k // 4 if k % 4 == 0 else 400)
             fmu.doStep(k * PERIOD / 4, PERIOD / 4)
             np.testing.assert_allclose(torque(), run.tau[k // 4], rtol=0, atol=1e-9)
         with pytest.raises(Exception, match="fmi3DoStep"):
             fmu.doStep(2 * PERIOD, 1.5 * PERIOD)
-        assert "passes over the sample at 0.003 s: take the period, 0.001 s, or a whole part of it" in said[-1]
+        assert "passes over the sample at 0.003 s: take the period, 0.001 s, or a whole part of it" in output[-1]
         with pytest.raises(Exception, match="fmi3DoStep"):
             fmu.doStep(5 * PERIOD, PERIOD)
-        assert said[-1] == "the step begins at 0.005 s, but the time is 0.002 s"
+        assert output[-1] == "the step begins at 0.005 s, but the time is 0.002 s"
         with pytest.raises(Exception, match="fmi3DoStep"):
             fmu.doStep(2 * PERIOD, 0.0)
         fmu.doStep(2 * PERIOD, PERIOD)
 
 
-@needs_a_compiler
 def test_a_state_can_be_taken_kept_as_bytes_and_put_back(units, run):
     with running(units[3][0], run) as (fmu, _, _, sample, torque):
         sample(0)
@@ -196,7 +181,6 @@ def test_a_state_can_be_taken_kept_as_bytes_and_put_back(units, run):
             fmu.freeFMUState(back)
 
 
-@needs_a_compiler
 def test_a_bad_measurement_holds_the_torque_and_says_so(units, run):
     with running(units[3][0], run) as (fmu, place, _, sample, torque):
         sample(0)
@@ -207,14 +191,12 @@ def test_a_bad_measurement_holds_the_torque_and_says_so(units, run):
         sample(1)
         fmu.setFloat64([place["measurement.q[2]"]], [float("nan")])
         fmu.doStep(PERIOD, PERIOD)
-        assert torque() == before
-        assert fmu.getInt32([place["command.status"]]) == [1]
+        assert torque() == before and fmu.getInt32([place["command.status"]]) == [1]
         names = ("measurement_not_finite", "held", "envelope_left")
         assert fmu.getBoolean([place[f"status.{name}"] for name in names]) == [True, True, False]
         assert fmu.getFloat64([place["envelope.margin[1]"]]) == [0.0]
 
 
-@needs_a_compiler
 def test_a_restart_draws_the_envelope_anew_and_a_late_start_does_not_matter(units, run):
     with running(units[3][0], run) as (fmu, place, _, sample, torque):
         for k in range(3):
@@ -228,11 +210,10 @@ def test_a_restart_draws_the_envelope_anew_and_a_late_start_does_not_matter(unit
         columns = importers.inputs(run)
         fmu.setFloat64([place[name] for name in columns], [float(values[0]) for values in columns.values()])
         fmu.doStep(7.0, PERIOD)
-        found = fmu.getFloat64([place[name] for name in importers.outputs(2)])
-        np.testing.assert_allclose(found, run.tau[0], rtol=0, atol=1e-9)
+        result = fmu.getFloat64([place[name] for name in importers.outputs(2)])
+        np.testing.assert_allclose(result, run.tau[0], rtol=0, atol=1e-9)
 
 
-@needs_a_compiler
 @pytest.mark.parametrize("fmi", [3, 2])
 def test_the_sources_build_without_a_warning_and_are_those_of_the_standard(units, fmi, tmp_path):
     file, _ = units[fmi]
@@ -244,24 +225,24 @@ def test_the_sources_build_without_a_warning_and_are_those_of_the_standard(units
     standard = Path(fmpy.__file__).parent / "c-code"
     both = ["-O0", "-c", "-I", str(standard), "-include", f"fmi{fmi}Functions.h", f"fmi{fmi}.c", "-o", "both.o"]
     subprocess.run(["cc", "-std=c99", "-Wall", "-Werror", *both], cwd=sources, check=True)
-    said = (standard / f"fmi{fmi}Functions.h").read_text()
+    output = (standard / f"fmi{fmi}Functions.h").read_text()
     if fmi == 3:
         text = (sources / "fmi3.c").read_text()
-        assert set(re.findall(r"^FMI3_Export .*?(fmi3\w+);", said, re.M)) == set(
+        assert set(re.findall(r"^FMI3_Export .*?(fmi3\w+);", output, re.M)) == set(
             re.findall(r"^FMI3_Export [\w ]+\W(fmi3\w+)\(", text, re.M)
         )
-        assert set(ABSENT) <= set(re.findall(r"fmi3\w+", said))
+        assert set(ABSENT) <= set(re.findall(r"fmi3\w+", output))
         build = (sources / "buildDescription.xml").read_text()
         assert all(f'name="{name}"' in build for name in names)
 
 
 def test_what_cannot_be_is_one_line(scenario, tmp_path, monkeypatch):
-    for given, word in (
+    for options, word in (
         ({"fmi": 1}, "must be 3 or 2"),
         ({"platforms": ["riscv"]}, "no binary can be built for `riscv`"),
     ):
         with pytest.raises(DefinitionError, match=word):
-            export_fmu(scenario, tmp_path / "law.fmu", **given)
+            export_fmu(scenario, tmp_path / "law.fmu", **options)
     with pytest.raises(DefinitionError, match=r"end in \.fmu"):
         export_fmu(scenario, tmp_path / "law")
     monkeypatch.setattr(platforms, "has_zig", lambda: False)
@@ -270,6 +251,4 @@ def test_what_cannot_be_is_one_line(scenario, tmp_path, monkeypatch):
     monkeypatch.setattr(platforms.shutil, "which", lambda name: None)
     with pytest.raises(DefinitionError, match=r"pip install 'slidax\[fmu\]'"):
         export_fmu(scenario, tmp_path / "law.fmu")
-    done = in_process("export", "fmu", "example-4.1", "--out", str(tmp_path / "law.fmu"), "--fmi", "4")
-    assert done.exit_code == 2 and len(done.output.strip().splitlines()) == 1
     assert not list(tmp_path.iterdir())

@@ -1,7 +1,3 @@
-"""The FMU of a sampled-data law: for all platforms, and in our own loop in place of the law, moved by two importers."""
-
-from __future__ import annotations
-
 import struct
 import subprocess
 import zipfile
@@ -74,16 +70,14 @@ def test_the_same_export_twice_is_the_same_file(scenario, file, tmp_path):
     assert (tmp_path / "again.fmu").read_bytes() == file.read_bytes()
 
 
-def test_in_our_loop_it_moves_the_arm_as_the_law_does(scenario, file, ours):
-    with importers.fmpy_steps(file, 2, scenario.period) as step:
-        log = importers.in_our_loop(scenario, step, 5.0).log
-    np.testing.assert_allclose(log.state.q, ours.state.q, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(log.tau, ours.tau, rtol=0, atol=1e-9)
-
-
-def test_so_it_does_in_a_second_importer(scenario, older, ours):
-    pytest.importorskip("libcosimpy")
-    log = importers.in_our_loop(scenario, importers.libcosim_steps(older, 2, scenario.period), 5.0).log
+@pytest.mark.parametrize("importer", ["fmpy", "libcosimpy"])
+def test_fmu_in_our_loop_moves_the_arm_as_the_law_does(scenario, file, older, ours, importer):
+    pytest.importorskip(importer)
+    if importer == "fmpy":
+        with importers.fmpy_steps(file, 2, scenario.period) as step:
+            log = importers.in_our_loop(scenario, step, 5.0).log
+    else:
+        log = importers.in_our_loop(scenario, importers.libcosim_steps(older, 2, scenario.period), 5.0).log
     np.testing.assert_allclose(log.state.q, ours.state.q, rtol=0, atol=1e-9)
     np.testing.assert_allclose(log.tau, ours.tau, rtol=0, atol=1e-9)
 

@@ -1,7 +1,3 @@
-"""Names and units of an FMU's variables."""
-
-from __future__ import annotations
-
 import pytest
 
 from slidax.export.c_project import project
@@ -21,8 +17,8 @@ from slidax.scenarios import load
     ],
 )
 def test_declared_units_have_the_names_and_base_units_of_the_importers(declared, name, base):
-    found = parse_unit(declared)
-    assert found.name == name and dict(found.base) == base
+    result = parse_unit(declared)
+    assert result.name == name and dict(result.base) == base
     if " or " in declared:
         assert dict(parse_unit(declared, revolute=False).base) != base
         assert parse_unit(declared, revolute=None) is None
@@ -34,10 +30,10 @@ def test_what_has_no_unit_of_its_own_gets_none(declared):
 
 
 def test_a_law_without_an_envelope_has_none_to_show():
-    made = project(
+    law = project(
         load("example-4.1", {"simulation.mode": "held", "scheme": {"name": "ftsmc"}}), name="law", with_golden=False
     )
-    assert envelope_function(made.guard, made.step) is None
-    found = {each.name: each for each in variables(made, with_envelope=False)}
-    assert not [name for name in found if name.startswith("envelope")]
-    assert found["command.eps1[1]"].unit.name == "rad" and "transformed" not in found["command.eps1[1]"].description
+    assert envelope_function(law.guard, law.step) is None
+    result = {each.name: each for each in variables(law, with_envelope=False)}
+    assert not [name for name in result if name.startswith("envelope")]
+    assert result["command.eps1[1]"].unit.name == "rad" and "transformed" not in result["command.eps1[1]"].description

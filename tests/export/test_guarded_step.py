@@ -1,7 +1,3 @@
-"""The step that a robot runs: it answers as the law does, and always with a torque and a status."""
-
-from __future__ import annotations
-
 from functools import cache
 
 import equinox as eqx
@@ -68,7 +64,6 @@ def step(guard, memory, t=T, state=STATE, now=NOW, following=NEXT):
 
 
 def after_one(guard):
-    """The memory after a good sample, and the sample after that."""
     return step(guard, begun(guard))[0].memory, T + PERIOD
 
 
@@ -102,8 +97,7 @@ def test_the_first_good_sample_starts_the_law():
     guard = guarded()
     forgotten = jax.tree.map(jnp.zeros_like, begun(guard))
     by_itself, status = step(guard, forgotten)
-    assert status == 0
-    assert bool(by_itself.memory.started)
+    assert status == 0 and bool(by_itself.memory.started)
     np.testing.assert_array_equal(by_itself.tau, step(guard, begun(guard))[0].tau)
 
 
@@ -111,8 +105,7 @@ def test_a_bad_first_sample_starts_nothing_and_commands_nothing():
     guard = guarded()
     forgotten = jax.tree.map(jnp.zeros_like, begun(guard))
     command, status = step(guard, forgotten, state=eqx.tree_at(lambda s: s.q, STATE, STATE.q * jnp.nan))
-    assert status == MEASUREMENT_NOT_FINITE.bit
-    assert not bool(command.memory.started)
+    assert status == MEASUREMENT_NOT_FINITE.bit and not bool(command.memory.started)
     assert not command.tau.any()
 
 
@@ -166,9 +159,7 @@ def test_a_law_that_has_one_goes_on_outside():
     guard = sampled()
     outside = State(q=NOW.q + jnp.array([0.9, 0.0]), dq=NOW.dq)
     command, status = step(guard, begun(guard), state=outside)
-    assert status & ENVELOPE_LEFT.bit
-    assert not status & HELD
-    assert float(command.memory.t) == float(T)
+    assert status & ENVELOPE_LEFT.bit and not status & HELD and float(command.memory.t) == float(T)
 
 
 @pytest.mark.full
@@ -253,13 +244,8 @@ def test_absurd_parameters_hold_the_last_command():
 @pytest.mark.parametrize(
     ("periods", "condition"),
     [
-        (1.0, 0),
-        (1.4, 0),
-        (1.6, MISSED_PERIOD.bit),
-        (99.0, MISSED_PERIOD.bit),
-        (101.0, MEASUREMENT_REJECTED.bit),
-        (0.0, MEASUREMENT_REJECTED.bit),
-        (-3.0, MEASUREMENT_REJECTED.bit),
+        *((1.0, 0), (1.4, 0), (1.6, MISSED_PERIOD.bit), (99.0, MISSED_PERIOD.bit), (101.0, MEASUREMENT_REJECTED.bit)),
+        *((0.0, MEASUREMENT_REJECTED.bit), (-3.0, MEASUREMENT_REJECTED.bit)),
     ],
 )
 def test_a_gap_is_reported_and_an_implausible_time_stamp_is_a_lost_sample(periods, condition):
@@ -295,12 +281,10 @@ def test_the_host_is_asked_to_stop_after_five_held_commands_and_until_the_reset(
         offset = {"NaN": np.nan, "far": 1e5, "jumping": (-1.0) ** count * 3.0, "clock stands still": 0.0}[fault]
         when = T if fault == "clock stands still" else t
         command, status = step(guard, memory, t=when, state=State(q=STATE.q + offset, dq=STATE.dq))
-        assert status & HELD
-        assert bool(status & STOP_REQUESTED.bit) is (count >= 5)
+        assert status & HELD and bool(status & STOP_REQUESTED.bit) is (count >= 5)
         memory, t = command.memory, t + PERIOD
     _, status = step(guard, memory, t=t)
-    assert not status & HELD
-    assert status & STOP_REQUESTED.bit
+    assert not status & HELD and status & STOP_REQUESTED.bit
 
 
 def test_recovery_is_overdue_once_a_joint_was_outside_for_longer_than_the_envelope_takes_to_settle():
@@ -309,14 +293,14 @@ def test_recovery_is_overdue_once_a_joint_was_outside_for_longer_than_the_envelo
         lambda g: g.controller.step.transformation.performance.deadline, guard, jnp.full(2, 2.5 * PERIOD)
     )
     far = Reference(NOW.q - jnp.array([0.9, 0.0]), NOW.dq, NOW.ddq)
-    memory, t, seen = begun(guard), T, []
+    memory, t, overdue = begun(guard), T, []
     for k in range(4):
         moved = State(q=STATE.q + k * PERIOD * STATE.dq, dq=STATE.dq)
         command, status = step(guard, memory, t=t, state=moved, now=far)
         assert status & ENVELOPE_LEFT.bit
-        seen.append(bool(status & RECOVERY_OVERDUE.bit))
+        overdue.append(bool(status & RECOVERY_OVERDUE.bit))
         memory, t = command.memory, t + PERIOD
-    assert seen == [False, False, True, True]
+    assert overdue == [False, False, True, True]
 
 
 def test_a_memory_with_a_rate_moves_on_as_in_the_simulation():

@@ -1,7 +1,3 @@
-"""Parameters and memories become members of structures that say what they are."""
-
-from __future__ import annotations
-
 import equinox as eqx
 import jax.numpy as jnp
 import pytest
@@ -10,7 +6,7 @@ from jaxtyping import Array
 from slidax.codegen.c import Dialect
 from slidax.core.errors import DefinitionError
 from slidax.export.c_source import with_unused_arguments
-from slidax.export.c_structures import bullets, comment, declarations, initialisers, members, shorten
+from slidax.export.c_structures import bullets, comment, declarations, members, shorten
 from slidax.export.programs import float_constant
 
 
@@ -47,8 +43,7 @@ def test_a_member_is_called_by_its_path_and_knows_its_meaning_part_and_default()
         "inner_gain", "inner_rate", "inner_flag", "pair_0", "pair_1",
     ]  # fmt: skip
     assert gain.meaning == rate.meaning == "K and its rate, N m, > 0; in two lines"
-    assert flag.meaning == "whether de counts"
-    assert gain.part == "Inner: A part, eq. (7)"
+    assert flag.meaning == "whether de counts" and gain.part == "Inner: A part, eq. (7)"
     assert (gain.type, flag.type, gain.brackets, rate.brackets) == ("f64", "b1", "[2]", "")
     assert first.meaning == "two of them"
 
@@ -71,11 +66,6 @@ def test_declarations_stand_under_their_part_with_aligned_comments():
     assert lines[3] == "bool flag;      /* true: whether de counts */"
 
 
-def test_defaults_are_written_where_the_structure_is_declarations():
-    lines = initialisers(members(TREE.inner, values=True), Dialect("float"))
-    assert lines == [".gain = {1.5f, 2.0f},", ".rate = INFINITY,", ".flag = true,"]
-
-
 def test_bullets_of_a_docstring_are_read_whole():
     assert bullets(Inner)["rate"] == "K and its rate, one number or [n], N m, > 0; in two lines."
 
@@ -92,10 +82,7 @@ def test_a_sentence_is_cut_between_its_parts():
 @pytest.mark.parametrize(
     ("double", "single"),
     [
-        (1e-12, 16 * 2.0**-23),
-        (4e-16, 4 * 2.0**-23),
-        (1.6e-15, 1.6e-15 * 2.0**29),
-        (1.0 - 1e-9, 1.0 - 2.0**-21),
+        *((1e-12, 16 * 2.0**-23), (4e-16, 4 * 2.0**-23), (1.6e-15, 1.6e-15 * 2.0**29), (1.0 - 1e-9, 1.0 - 2.0**-21)),
         (-1e-12, -16 * 2.0**-23),
     ],
 )
@@ -108,8 +95,7 @@ def test_all_other_constants_stay_as_they_are_in_floats(number):
     assert float_constant(number) == number
 
 
-def test_an_argument_counts_as_read_only_where_it_stands_by_itself() -> None:
-    """Else a compiler warns of it, as for the arm of a scenario without a disturbance, whose time is not read."""
+def test_an_argument_counts_as_read_only_where_it_stands_by_itself():
     not_read = ["    at[0] = dot(left, q[0]) + then->t;  /* t is the time */"]
     assert with_unused_arguments(not_read, ("t", "q")) == ["    (void)t;", *not_read]
     read = ["    x = 2.0 * t;", "    y = -q[1];"]

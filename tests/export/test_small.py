@@ -1,7 +1,3 @@
-"""What an exported law takes: lines, code, stack; and that what its functions share is computed once."""
-
-from __future__ import annotations
-
 import re
 import shutil
 
@@ -24,32 +20,31 @@ EDGE = re.compile(r'edge: \{ sourcename: "([^"]+)" targetname: "([^"]+)"')
 
 @pytest.fixture(scope="module")
 def panda(tmp_path_factory):
-    """The law of seven joints that learns."""
     folder = tmp_path_factory.mktemp("panda")
-    made = project(load("panda-payload"), name="law", with_golden=False)
-    write_law(made, folder)
-    return folder, made
+    exported_law = project(load("panda-payload"), name="law", with_golden=False)
+    write_law(exported_law, folder)
+    return folder, exported_law
 
 
 def deepest(folder):
     """Bytes of the stack on the worst path through the calls, as gcc says."""
     text = (folder / "law.ci").read_text()
     own = {name: int(size) for name, size in NODE.findall(text)}
-    calls: dict[str, set[str]] = {}
+    calls = {}
     for caller, called in EDGE.findall(text):
         calls.setdefault(caller, set()).add(called)
 
     def below(name):
-        return own.get(name, 0) + max((below(one) for one in calls.get(name, ())), default=0)
+        return own.get(name, 0) + max((below(item) for item in calls.get(name, ())), default=0)
 
     return below("slidax_law_step")
 
 
 def test_it_is_short_and_what_is_asked_for_often_stands_in_it_once(panda):
-    folder, made = panda
+    folder, exported_law = panda
     text = (folder / "slidax_law.c").read_text()
     assert len(text.splitlines()) < 3400
-    names = {program.name for program in functions(made.step.answered.program)}
+    names = {program.name for program in functions(exported_law.step.answered.program)}
     assert names >= {"frames", "links", "inertia", "bias", "factors", "substituted", "matvec"}
     for name in names:
         assert len(re.findall(rf"^static void {name}\(", text, re.MULTILINE)) >= 1, name
@@ -57,24 +52,25 @@ def test_it_is_short_and_what_is_asked_for_often_stands_in_it_once(panda):
 
 
 def test_every_loop_ends_and_so_do_the_operations(panda):
-    _, made = panda
-    program = made.step.answered.program
-    every = [value for one in (program, *functions(program)) for value in one.walk() if isinstance(value, Loop)]
+    _, exported_law = panda
+    program = exported_law.step.answered.program
+    every = [value for item in (program, *functions(program)) for value in item.walk() if isinstance(value, Loop)]
     assert {count_iterations(loop) for loop in every} >= {SEARCH_OF_S, SEARCH_OF_PLAN - 1}
     assert all(count_iterations(loop) is not None for loop in every)
     # Were each search to go on to its end, it would be some three steps of the usual length.
-    assert made.longest.operations < 200_000
-    assert f"{made.longest.operations}" in made.longest_text
+    assert (
+        exported_law.longest.operations < 200_000 and f"{exported_law.longest.operations}" in exported_law.longest_text
+    )
 
 
 @needs_a_compiler
 @pytest.mark.skipif(not shutil.which("gcc"), reason="gcc is not here")
 @pytest.mark.parametrize("optimisation", ["-Os", "-O2", pytest.param("-O3", marks=pytest.mark.full)])
 def test_the_stack_is_bounded_and_the_bound_is_near(panda, optimisation):
-    folder, made = panda
+    folder, exported_law = panda
     compiled("gcc", folder, optimisation, "-fcallgraph-info=su", "-c", "slidax_law.c", "-o", "law.o")
     used = deepest(folder)
-    assert used <= made.stack <= 1.5 * used
+    assert used <= exported_law.stack <= 1.5 * used
 
 
 @pytest.mark.full
@@ -83,18 +79,18 @@ def test_the_stack_is_bounded_and_the_bound_is_near(panda, optimisation):
     "name", ["example-4.1", "example-4.1-1khz", "example-4.2-1khz", "ur5e-payload", "panda-payload"]
 )
 def test_no_export_takes_more_stack_than_its_bound(name, single, tmp_path):
-    made = project(load(name), name="law", single=single, with_golden=False)
-    write_law(made, tmp_path)
+    exported_law = project(load(name), name="law", single=single, with_golden=False)
+    write_law(exported_law, tmp_path)
     for optimisation in ("-Os", "-O1", "-O2", "-O3"):
         compiled("gcc", tmp_path, optimisation, "-fcallgraph-info=su", "-c", "slidax_law.c", "-o", "law.o")
-        assert deepest(tmp_path) <= made.stack, optimisation
+        assert deepest(tmp_path) <= exported_law.stack, optimisation
 
 
 @pytest.mark.skipif(not shutil.which(ARM[0]), reason="arm-none-eabi-gcc is not here")
 def test_a_cortex_m7_holds_it(panda):
-    folder, made = panda
+    folder, exported_law = panda
     run(folder, *ARM, "-fcallgraph-info=su", "-c", "slidax_law.c", "-o", "law.o")
     code = int(run(folder, "arm-none-eabi-size", "law.o").splitlines()[1].split()[0])
     assert code < 70_000
     used = deepest(folder)
-    assert used <= made.stack <= 1.5 * used
+    assert used <= exported_law.stack <= 1.5 * used

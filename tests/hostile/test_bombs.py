@@ -1,7 +1,3 @@
-"""Small files that unpack, nest or repeat to more than a machine holds."""
-
-from __future__ import annotations
-
 import io
 import struct
 
@@ -21,24 +17,24 @@ pytest.importorskip("mcap")
 MAGIC = b"\x89MCAP0\r\n"
 
 
-def record(kind: int, body: bytes) -> bytes:
+def record(kind, body):
     return struct.pack("<BQ", kind, len(body)) + body
 
 
-def text(value: str) -> bytes:
+def text(value):
     return struct.pack("<I", len(value)) + value.encode()
 
 
-def chunk(compression: str, packed: bytes, announced: int) -> bytes:
+def chunk(compression, packed, announced):
     body = struct.pack("<QQQI", 0, 0, announced, 0) + text(compression) + struct.pack("<Q", len(packed)) + packed
     return record(6, body)
 
 
-def zstd(data: bytes) -> bytes:
+def zstd(data):
     return pytest.importorskip("zstandard").compress(data)
 
 
-def lz4(data: bytes) -> bytes:
+def lz4(data):
     return pytest.importorskip("lz4.frame").compress(data)
 
 
@@ -88,7 +84,6 @@ def read_log_of(tmp_path, body):
 
 
 def test_parquet_that_announces_billions_of_rows_is_refused(tmp_path, monkeypatch):
-    """With a bound and a file of a hundredth of what they are otherwise."""
     pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     monkeypatch.setattr(parquet, "MOST_NUMBERS", parquet.MOST_NUMBERS // 100)
     zeros = pa.array([0.0] * 10_000)
@@ -169,8 +164,3 @@ def test_joint_trajectory_with_a_number_of_many_digits_is_refused(number, place)
 def test_joint_trajectory_of_brackets_is_refused():
     with pytest.raises(DefinitionError, match="nested too deeply"):
         sx.motions.Tabulated.from_joint_trajectory('{"points": ' + "[" * 200_000)
-
-
-def test_table_whose_title_has_an_open_quotation_mark_is_refused():
-    with pytest.raises(DefinitionError, match="quotation mark is not closed"):
-        sx.motions.Tabulated.from_csv('time,"a\n0,0\n1,1\n')

@@ -1,7 +1,3 @@
-"""Pipes, devices, folders and files of any size in place of a file."""
-
-from __future__ import annotations
-
 import os
 import signal
 import sys

@@ -1,13 +1,12 @@
 """A small whole file of each kind that is read."""
 
-from __future__ import annotations
-
+import io
 import json
 import sqlite3
 import struct
+import tempfile
 import warnings
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -18,33 +17,29 @@ JOINTS = ("shoulder", "elbow")
 SAMPLES = 220
 
 
-def columns() -> dict[str, np.ndarray]:
+def columns():
     t = 0.01 * np.arange(SAMPLES)
     q = np.stack([0.3 * np.sin(3 * t), 0.2 * np.cos(2 * t)], axis=1)
-    return {
-        "time": t,
-        **{f"q_{i + 1}": q[:, i] for i in range(2)},
-        **{f"tau_{i + 1}": 5 * q[:, i] for i in range(2)},
-    }
+    return {"time": t, **{f"q_{i + 1}": q[:, i] for i in range(2)}, **{f"tau_{i + 1}": 5 * q[:, i] for i in range(2)}}
 
 
-def csv_log() -> bytes:
+def csv_log():
     table = columns()
     rows = [",".join(table), *(",".join(f"{x:.5g}" for x in row) for row in zip(*table.values(), strict=True))]
     return "\n".join(rows).encode()
 
 
-def semicolon_log() -> bytes:
+def semicolon_log():
     return csv_log().replace(b",", b";").replace(b".", b",")
 
 
-def dated_log() -> bytes:
+def dated_log():
     lines = csv_log().decode().splitlines()
     dated = [f'"2024-05-01 10:00:{float(line.split(",")[0]):09.6f}",{line.partition(",")[2]}' for line in lines[1:]]
     return "\n".join([lines[0], *dated]).encode()
 
 
-def messages() -> list[dict[str, Any]]:
+def messages():
     table = columns()
     return [
         {
@@ -58,7 +53,7 @@ def messages() -> list[dict[str, Any]]:
     ]
 
 
-def parquet_log(compression: str = "none") -> bytes:
+def parquet_log(compression="none"):
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -70,14 +65,14 @@ def parquet_log(compression: str = "none") -> bytes:
     return bytes(sink.getvalue())
 
 
-def cdr(message: dict[str, Any]) -> bytes:
+def cdr(message):
     """A joint state as ROS 2 sends it, written here by the standard and not by the code under test."""
     body = bytearray()
 
-    def aligned(size: int) -> None:
+    def aligned(size):
         body.extend(bytes(-len(body) % size))
 
-    def text(value: str) -> None:
+    def text(value):
         aligned(4)
         body.extend(struct.pack("<I", len(value) + 1) + value.encode() + b"\0")
 
@@ -96,12 +91,8 @@ def cdr(message: dict[str, Any]) -> bytes:
     return b"\0\1\0\0" + bytes(body)
 
 
-def bag_mcap(
-    compression: str = "NONE", *, chunked: bool = False, topics: tuple[str, ...] = ("/joint_states",)
-) -> bytes:
+def bag_mcap(compression="NONE", *, chunked=False, topics=("/joint_states",)):
     """An MCAP file by the package mcap. Without checksums, so that damage reaches what lies behind them."""
-    import io
-
     from mcap.writer import CompressionType, Writer
 
     out = io.BytesIO()
@@ -119,9 +110,7 @@ def bag_mcap(
     return out.getvalue()
 
 
-def bag_database() -> bytes:
-    import tempfile
-
+def bag_database():
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "bag.db3"
         base = sqlite3.connect(path)
@@ -154,10 +143,8 @@ BAG_METADATA = """rosbag2_bagfile_information:
 """
 
 
-def own_log() -> bytes:
+def own_log():
     """A log as `slidax run` writes it, without chunks, so that damage reaches what is in it."""
-    import tempfile
-
     from slidax.runtime.logs import Channels, LogWriter
 
     rng, rows = np.random.default_rng(1), 20
@@ -175,10 +162,7 @@ def own_log() -> bytes:
         return unpacked(path.read_bytes())
 
 
-def unpacked(data: bytes) -> bytes:
-    """The same MCAP file without chunks and checksums."""
-    import io
-
+def unpacked(data):
     from mcap.stream_reader import StreamReader
     from mcap.writer import Writer
 
@@ -202,8 +186,7 @@ def unpacked(data: bytes) -> bytes:
     return out.getvalue()
 
 
-def saved_run() -> bytes:
-    """A log as `slidax run --out` writes it."""
+def saved_run():
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -214,17 +197,17 @@ def saved_run() -> bytes:
     return bytes(sink.getvalue())
 
 
-def motion_csv() -> bytes:
+def motion_csv():
     t = np.linspace(0, 2, 21)
     rows = ["time,shoulder,elbow", *(f"{x:.3g},{0.1 * x:.4g},{-0.2 * x:.4g}" for x in t)]
     return "\n".join(rows).encode()
 
 
-def semicolon_motion() -> bytes:
+def semicolon_motion():
     return motion_csv().replace(b",", b";").replace(b".", b",")
 
 
-def joint_trajectory() -> bytes:
+def joint_trajectory():
     points = [
         {"positions": [0.1 * k, -0.1 * k], "velocities": [], "time_from_start": {"sec": k, "nanosec": 0}}
         for k in range(5)
@@ -232,21 +215,21 @@ def joint_trajectory() -> bytes:
     return json.dumps({"joint_names": list(JOINTS), "points": points}).encode()
 
 
-def path_csv() -> bytes:
+def path_csv():
     rows = ["time,x,y,z,qw,qx,qy,qz", *(f"{k},0.{k},0.1,0.2,1,0,0,0" for k in range(1, 9))]
     return "\n".join(rows).encode()
 
 
-def mesh_stl() -> bytes:
+def mesh_stl():
     triangle = struct.pack("<12fH", 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0)
     return bytes(80) + struct.pack("<I", 12) + 12 * triangle
 
 
-def mesh_obj() -> bytes:
+def mesh_obj():
     return b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1/1/1 3 4\n"
 
 
-def mesh_dae() -> bytes:
+def mesh_dae():
     import trimesh
 
     with warnings.catch_warnings():

@@ -1,7 +1,3 @@
-"""What is built for others: the wheel has every file of the package, the sdist all that the tests and pages need."""
-
-from __future__ import annotations
-
 import re
 import tarfile
 import tomllib
@@ -18,14 +14,13 @@ EXTRAS = PROJECT["optional-dependencies"]
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def wheel(tmp_path_factory):
     (built,) = WheelBuilder(str(ROOT)).build(directory=str(tmp_path_factory.mktemp("wheel")), versions=["standard"])
     return Path(built)
 
 
 @pytest.fixture(scope="module")
-def unpacked(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder that the sdist unpacks to."""
+def unpacked(tmp_path_factory):
     place = tmp_path_factory.mktemp("sdist")
     (built,) = SdistBuilder(str(ROOT)).build(directory=str(place))
     with tarfile.open(built) as archive:
@@ -34,8 +29,7 @@ def unpacked(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def own(folder: Path) -> set[str]:
-    """Files of a folder, without what Python and the system leave there."""
+def own(folder):
     left = {"__pycache__", ".DS_Store"}
     return {
         path.relative_to(folder).as_posix()
@@ -44,15 +38,15 @@ def own(folder: Path) -> set[str]:
     }
 
 
-def test_the_wheel_has_every_file_of_the_package_and_none_else(wheel: Path) -> None:
+def test_the_wheel_has_every_file_of_the_package_and_none_else(wheel):
     expected = {f"slidax/{name}" for name in own(ROOT / "src" / "slidax")}
     with zipfile.ZipFile(wheel) as archive:
-        found = {name for name in archive.namelist() if ".dist-info/" not in name}
-    assert {"slidax/py.typed", "slidax/arms/built_in_arms/panda.yaml", "slidax/report/templates/page.css"} <= found
-    assert found == expected
+        result = {name for name in archive.namelist() if ".dist-info/" not in name}
+    assert {"slidax/py.typed", "slidax/arms/built_in_arms/panda.yaml", "slidax/report/templates/page.css"} <= result
+    assert result == expected
 
 
-def test_the_wheel_is_for_every_system(wheel: Path) -> None:
+def test_the_wheel_is_for_every_system(wheel):
     assert wheel.name == f"slidax-{PROJECT['version']}-py3-none-any.whl"
     with zipfile.ZipFile(wheel) as archive:
         (metadata,) = (name for name in archive.namelist() if name.endswith(".dist-info/METADATA"))
@@ -60,35 +54,34 @@ def test_the_wheel_is_for_every_system(wheel: Path) -> None:
         assert "Requires-Python: >=3.11" in archive.read(metadata).decode()
 
 
-def test_the_sdist_makes_the_same_wheel(wheel: Path, unpacked: Path, tmp_path: Path) -> None:
+def test_the_sdist_makes_the_same_wheel(wheel, unpacked, tmp_path):
     (again,) = WheelBuilder(str(unpacked)).build(directory=str(tmp_path), versions=["standard"])
     assert Path(again).read_bytes() == wheel.read_bytes()
 
 
 @pytest.mark.parametrize("folder", ["src", "tests", "docs", "examples", "benchmarks", "scripts", "requirements"])
-def test_the_sdist_has_the_whole_of_each_folder(unpacked: Path, folder: str) -> None:
+def test_the_sdist_has_the_whole_of_each_folder(unpacked, folder):
     missing = {name for name in own(ROOT / folder) - own(unpacked / folder) if not name.startswith("api/")}
     assert not missing
 
 
-def test_the_sdist_has_every_file_that_its_readme_links_to(unpacked: Path) -> None:
+def test_the_sdist_has_every_file_that_its_readme_links_to(unpacked):
     text = (unpacked / "README.md").read_text(encoding="utf-8")
     for link in re.findall(r"\]\((?!http)([^)#]+)", text):
         assert (unpacked / link).exists(), link
 
 
-def test_all_means_every_extra_but_those_that_need_a_card_or_bring_another_licence() -> None:
+def test_all_means_every_extra_but_those_that_need_a_card_or_bring_another_licence():
     named = [extra for line in EXTRAS["all"] for extra in line.split("]")[0].removeprefix("slidax[").split(",")]
     assert sorted(named) == sorted(set(EXTRAS) - {"all", "cuda"})
 
 
-def test_every_remedy_names_an_extra_that_there_is() -> None:
+def test_every_remedy_names_an_extra_that_there_is():
     named = set()
     for path in [*(ROOT / "src").rglob("*.py"), *(ROOT / "docs").rglob("*.md"), ROOT / "README.md"]:
         for listed in re.findall(r"slidax\[([\w,-]+)\]", path.read_text(encoding="utf-8")):
             named |= set(listed.split(","))
-    assert {"native", "robots", "view"} <= named
-    assert named <= set(EXTRAS)
+    assert {"native", "robots", "view"} <= named and named <= set(EXTRAS)
 
 
 @pytest.mark.parametrize(
@@ -99,16 +92,16 @@ def test_every_remedy_names_an_extra_that_there_is() -> None:
         ("CHANGELOG.md", r"^## \[(\d[^\]]*)\]"),
     ],
 )
-def test_one_version_stands_everywhere(name: str, pattern: str) -> None:
-    found = re.search(pattern, (ROOT / name).read_text(encoding="utf-8"), re.MULTILINE)
-    assert found and found[1] == PROJECT["version"]
+def test_one_version_stands_everywhere(name, pattern):
+    result = re.search(pattern, (ROOT / name).read_text(encoding="utf-8"), re.MULTILINE)
+    assert result and result[1] == PROJECT["version"]
 
 
-def test_the_container_sees_what_it_builds_from() -> None:
+def test_the_container_sees_what_it_builds_from():
     ignored = (ROOT / ".containerignore").read_text(encoding="utf-8")
     assert ignored == (ROOT / ".dockerignore").read_text(encoding="utf-8")
-    seen = {line[1:] for line in ignored.splitlines() if line.startswith("!")}
-    assert all((ROOT / name).exists() for name in seen)
+    visible = {line[1:] for line in ignored.splitlines() if line.startswith("!")}
+    assert all((ROOT / name).exists() for name in visible)
     needed = {
         "src",
         "pyproject.toml",
@@ -117,4 +110,4 @@ def test_the_container_sees_what_it_builds_from() -> None:
         "requirements",
         "scripts/hashed-requirements",
     }
-    assert seen == needed
+    assert visible == needed

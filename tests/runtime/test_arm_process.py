@@ -1,5 +1,3 @@
-"""The arm's side of a loop, without its process."""
-
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,8 +9,6 @@ FORTH, BACK, ROW = 24 + 24, 8 + 8, 16
 
 
 class Still:
-    """An arm that only says which command it was given."""
-
     def __init__(self, *_):
         self.tau, self.row, self.measured = np.zeros(1), np.zeros(ROW, np.uint8), np.zeros(24, np.uint8)
         self.braking, self.rests, self.came = False, True, []
@@ -33,7 +29,6 @@ COMMANDS = []
 
 
 def work(monkeypatch, number, sent):
-    """The arm's loop with one command, sent at a time relative to tick 0, or at no time: a request to stop."""
     monkeypatch.setattr(processes, "ArmSide", Still)
     sizes = np.cumsum(
         [0, Mailbox.size(FORTH), Mailbox.size(BACK), Ring.size(ROW, KEPT_ROWS), Ring.size(ROW, KEPT_ROWS)]
@@ -49,7 +44,7 @@ def work(monkeypatch, number, sent):
         return start
 
     stage = SimpleNamespace(
-        at=lambda offset: memory[offset:], ready=lambda: None, started=started, stops=False, report=lambda *said: said
+        at=lambda offset: memory[offset:], ready=lambda: None, started=started, stops=False, report=lambda *text: text
     )
     return *processes.run_arm(job, stage), COMMANDS[-1]
 

@@ -1,5 +1,3 @@
-"""What the processes of a loop share."""
-
 import os
 
 import numpy as np
@@ -21,8 +19,7 @@ def test_the_newest_message_arrives_whole_and_with_its_number():
     for number in range(-1, 30):
         here.message[:] = number + 1
         here.put(number)
-        assert there.get() == number
-        assert (there.message == number + 1).all()
+        assert there.get() == number and (there.message == number + 1).all()
 
 
 def test_a_message_that_is_written_just_now_is_none():
@@ -43,18 +40,17 @@ def test_a_message_that_is_written_just_now_is_none():
 
 def test_all_rows_of_a_ring_are_read_once_and_lost_ones_are_counted():
     here, there = (Ring(memory, 8, 256) for memory in shared(Ring.size(8, 256)))
-    seen = []
+    numbers = []
     for number in range(150):
         here.put(np.array([number]).view(np.uint8))
         if number % 37 == 0:
-            seen += there.take().view(np.int64).ravel().tolist()
-    seen += there.take(last=True).view(np.int64).ravel().tolist()
-    assert seen == list(range(150)) and there.lost == 0
+            numbers += there.take().view(np.int64).ravel().tolist()
+    numbers += there.take(last=True).view(np.int64).ravel().tolist()
+    assert numbers == list(range(150)) and there.lost == 0
     for number in range(150, 650):
         here.put(np.array([number]).view(np.uint8))
     late = there.take(last=True).view(np.int64).ravel().tolist()
-    assert late == list(range(650 - len(late), 650))
-    assert there.lost == 500 - len(late) > 0
+    assert late == list(range(650 - len(late), 650)) and there.lost == 500 - len(late) > 0
 
 
 def test_nobody_wakes_up_early():

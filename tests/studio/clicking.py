@@ -1,15 +1,11 @@
 """A visitor who clicks, types and drags at random in a studio, and what must not happen of it."""
 
-from __future__ import annotations
-
 import json
 import random
 import shutil
 import time
 from collections import Counter
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
 
 from .running import Running, gone
 from .tricks import SECRET, planted, state_of, tricks
@@ -40,15 +36,7 @@ REACHABLE = {
 """What the visitor finds, and how gladly each is taken."""
 
 ODD = [
-    "",
-    "0",
-    "-1",
-    "1e308",
-    "NaN",
-    "x" * 300,
-    "scenario.yaml",
-    "results",
-    "ünïcode.yaml",
+    *("", "0", "-1", "1e308", "NaN", "x" * 300, "scenario.yaml", "results", "ünïcode.yaml"),
     "<script>alert(1)</script>",
 ]
 
@@ -57,14 +45,7 @@ TEXTS = ["robot: [", "title: x\nrobot: {kind: two_link}\n", "a: &a [*a]", "\0", 
 
 @dataclass
 class Visit:
-    """What came of a visit.
-
-    - `seconds`: that it lasted.
-    - `actions`: how many of each.
-    - `answers`: how many of each status.
-    - `faults`: what must not happen, one line each.
-    - `slowest`: seconds of the slowest answer.
-    """
+    """Outcome of a visit: counts of actions and answers, and faults, one line each."""
 
     seconds: float = 0.0
     actions: Counter[str] = field(default_factory=Counter)
@@ -75,44 +56,39 @@ class Visit:
     restarts: int = 0
 
 
-def visit(top: Path, seconds: float, seed: int) -> Visit:
-    """Starts a studio in a folder with files, clicks in it, ends it, and says what came of it.
-
-    - `top`: an empty folder.
-    - `seconds`: of clicking.
-    - `seed`: of what is clicked.
-    """
-    root, found = planted(top), Visit()
+def visit(top, seconds, seed):
+    """Click in a studio for some seconds, with files in the empty folder `top`."""
+    root, outcome = planted(top), Visit()
     (root / "study.yaml").write_text(STUDY, encoding="utf-8")
     before = state_of(top / "outside")
     running = Running(root)
     try:
-        _click(running, found, random.Random(seed), seconds, tricks(root))
-        _settle(running, found)
+        _click(running, outcome, random.Random(seed), seconds, tricks(root))
+        _settle(running, outcome)
         children = running.children()
         if running.end() != 0:
-            found.faults.append(f"the studio ended with {running.process.returncode}")
+            outcome.faults.append(f"the studio ended with {running.process.returncode}")
         if not gone(children):
-            found.faults.append("processes were left")
+            outcome.faults.append("processes were left")
     finally:
         running.end(9)
-    if "Traceback" in running.said or "ERROR" in running.said:
-        found.faults.append(f"the server's log: {running.said[-2000:]}")
+    if "Traceback" in running.output or "ERROR" in running.output:
+        outcome.faults.append(f"the server's log: {running.output[-2000:]}")
     if state_of(top / "outside") != before:
-        found.faults.append("a file outside of the folder was written")
-    return found
+        outcome.faults.append("a file outside of the folder was written")
+    return outcome
 
 
-def _click(running: Running, found: Visit, chance: random.Random, seconds: float, names: list[str]) -> None:
+def _click(running, outcome, chance, seconds, names):
     from playwright.sync_api import Error, sync_playwright
 
     with sync_playwright() as play:
         browser = play.chromium.launch(executable_path=CHROMIUM, args=FLAGS.split())
         page = browser.new_context(viewport={"width": 1280, "height": 900}).new_page()
         page.set_default_timeout(3000)
-        page.on("pageerror", lambda error: found.faults.append(f"in the page: {error}"))
-        page.on("console", lambda said: _heard(said, found))
-        page.on("response", lambda answer: _answered(answer, found))
+        page.on("pageerror", lambda error: outcome.faults.append(f"in the page: {error}"))
+        page.on("console", lambda message: _heard(message, outcome))
+        page.on("response", lambda answer: _answered(answer, outcome))
         page.on("dialog", lambda dialog: dialog.accept() if chance.random() < 0.5 else dialog.dismiss())
         page.on("popup", lambda other: other.close())
         page.goto(running.address, timeout=120_000)
@@ -123,7 +99,7 @@ def _click(running: Running, found: Visit, chance: random.Random, seconds: float
             what = "?"
             try:
                 if chance.random() < 0.02:
-                    found.actions[_start(page, chance)] += 1
+                    outcome.actions[_start(page, chance)] += 1
                 places = page.locator(chance.choices(list(REACHABLE), list(REACHABLE.values()))[0])
                 count = places.count()
                 if not count:
@@ -134,16 +110,15 @@ def _click(running: Running, found: Visit, chance: random.Random, seconds: float
             except Error as error:
                 # What is gone, covered or too slow to click is no fault of the studio.
                 what = "missed" if "Timeout" in str(error) or "not attached" in str(error) else "not possible"
-            found.actions[what] += 1
+            outcome.actions[what] += 1
             page.wait_for_timeout(chance.choice([0, 10, 50, 200]))
-        found.seconds = time.monotonic() - began
+        outcome.seconds = time.monotonic() - began
         if SECRET in page.content():
-            found.faults.append("the planted file is in the page")
+            outcome.faults.append("the planted file is in the page")
         browser.close()
 
 
-def _start(page: Any, chance: random.Random) -> str:
-    """Starts a job as it is offered; whoever types at random seldom gets that far."""
+def _start(page, chance):
     page.locator("#studio-tab-jobs").click()
     kinds = page.locator("#studio-kind")
     kinds.select_option(index=chance.randrange(kinds.locator("option").count()))
@@ -151,7 +126,7 @@ def _start(page: Any, chance: random.Random) -> str:
     return "started"
 
 
-def _act(place: Any, page: Any, chance: random.Random, names: list[str]) -> str:
+def _act(place, page, chance, names):
     kind = place.evaluate("one => `${one.tagName} ${one.type ?? ''}`.trim().toLowerCase()")
     if kind.startswith("select"):
         options = place.locator("option").count()
@@ -185,37 +160,36 @@ def _act(place: Any, page: Any, chance: random.Random, names: list[str]) -> str:
     return "clicked"
 
 
-def _heard(said: Any, found: Visit) -> None:
+def _heard(message, outcome):
     # A refused request is in the console of every browser; the page says it in its own words.
-    if said.type == "error" and "the server responded with a status of 4" not in said.text:
-        found.faults.append(f"in the console: {said.text}")
+    if message.type == "error" and "the server responded with a status of 4" not in message.text:
+        outcome.faults.append(f"in the console: {message.text}")
 
 
-def _answered(answer: Any, found: Visit) -> None:
+def _answered(answer, outcome):
     if answer.url.startswith("http"):
-        found.answers[answer.status] += 1
+        outcome.answers[answer.status] += 1
         if answer.status >= 500:
-            found.faults.append(f"{answer.status} of {answer.url}")
+            outcome.faults.append(f"{answer.status} of {answer.url}")
 
 
-def _settle(running: Running, found: Visit) -> None:
-    """Cancels what runs; then nothing may run on, and the studio answers."""
+def _settle(running, outcome):
     began = time.monotonic()
     jobs = json.loads(running.ask("GET", "/api/jobs")[1])["jobs"]
     for job in jobs:
         if job["state"] in ("waiting", "running"):
             running.ask("DELETE", f"/api/jobs/{job['id']}")
     for job in json.loads(running.ask("GET", "/api/jobs")[1])["jobs"]:
-        found.jobs[f"{job['kind']}: {job['state']}"] += 1
+        outcome.jobs[f"{job['kind']}: {job['state']}"] += 1
         if job["state"] in ("waiting", "running"):
-            found.faults.append(f"the job `{job['command']}` hangs")
+            outcome.faults.append(f"the job `{job['command']}` hangs")
         whole = json.loads(running.ask("GET", f"/api/jobs/{job['id']}")[1])
         if "Traceback" in whole["log"]:
-            found.faults.append(f"a traceback in `{job['command']}`: {whole['log'][-1500:]}")
+            outcome.faults.append(f"a traceback in `{job['command']}`: {whole['log'][-1500:]}")
         if SECRET in json.dumps(whole):
-            found.faults.append(f"the planted file is in the answer of `{job['command']}`")
+            outcome.faults.append(f"the planted file is in the answer of `{job['command']}`")
     status, _ = running.ask("POST", "/api/check", {"name": "example-4.1"})
     if status != 200:
-        found.faults.append(f"the workbench answers {status}")
-    found.restarts = json.loads(running.ask("GET", "/api/about")[1])["restarts"]
-    found.slowest = time.monotonic() - began
+        outcome.faults.append(f"the workbench answers {status}")
+    outcome.restarts = json.loads(running.ask("GET", "/api/about")[1])["restarts"]
+    outcome.slowest = time.monotonic() - began

@@ -1,23 +1,22 @@
 """One studio for the tests of a worker: its workbench takes seconds to start."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
-
 import pytest
 
 from .tricks import planted
 
 
+@pytest.fixture
+def root(tmp_path):
+    return planted(tmp_path)
+
+
 @pytest.fixture(scope="session")
-def shared_root(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def shared_root(tmp_path_factory):
     return planted(tmp_path_factory.mktemp("studio"))
 
 
 @pytest.fixture(scope="session")
-def client(shared_root: Path) -> Iterator[Any]:
+def client(shared_root):
     from starlette.testclient import TestClient
 
     from slidax.studio.app import Studio
@@ -25,6 +24,6 @@ def client(shared_root: Path) -> Iterator[Any]:
 
     port = 8577
     app = Studio(Folder(shared_root), module="slidax.cli", opened="").app(port=port, token="right")
-    with TestClient(app, base_url=f"http://127.0.0.1:{port}", client=("127.0.0.1", 1)) as made:
-        made.headers["x-slidax-token"] = "right"
-        yield made
+    with TestClient(app, base_url=f"http://127.0.0.1:{port}", client=("127.0.0.1", 1)) as connected:
+        connected.headers["x-slidax-token"] = "right"
+        yield connected

@@ -1,13 +1,7 @@
-"""Connections that send slowly, or nothing: they are closed, and the page is answered meanwhile."""
-
-from __future__ import annotations
-
 import asyncio
 import socket
 import threading
 import time
-from collections.abc import Iterator
-from typing import Any
 
 import pytest
 
@@ -22,7 +16,7 @@ from slidax.studio.server import connections
 TOKEN = "right"
 
 
-async def app(scope: Any, receive: Any, send: Any) -> None:
+async def app(scope, receive, send):
     if scope["path"] == "/slow":
         await asyncio.sleep(1.5)
     size = 0
@@ -36,7 +30,7 @@ async def app(scope: Any, receive: Any, send: Any) -> None:
 
 
 @pytest.fixture
-def port(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+def port(monkeypatch):
     for name, value in {"HEAD": 0.4, "BODY": 0.8, "UNTRUSTED": 1.0, "LOOK": 0.05}.items():
         monkeypatch.setattr(connection, name, value)
     with socket.socket() as listening:
@@ -57,14 +51,13 @@ def port(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
         thread.join(10.0)
 
 
-def opened(port: int, text: str) -> socket.socket:
+def opened(port, text):
     link = socket.create_connection(("127.0.0.1", port), timeout=10.0)
     link.sendall(text.format(host=f"127.0.0.1:{port}").replace("\n", "\r\n").encode())
     return link
 
 
-def status(link: socket.socket) -> int:
-    """Of the answer, which is read to its end; 0 if there is none."""
+def status(link):
     content = b""
     try:
         while len(content) < 8_000_000 and (more := link.recv(1 << 20)):
@@ -79,7 +72,7 @@ def status(link: socket.socket) -> int:
 GOOD = "GET /api/x HTTP/1.1\nhost: {host}\nx-slidax-token: right\n\n"
 
 
-def is_closed(link: socket.socket, seconds: float) -> bool:
+def is_closed(link, seconds):
     link.settimeout(seconds)
     try:
         while link.recv(1 << 20):
@@ -91,7 +84,7 @@ def is_closed(link: socket.socket, seconds: float) -> bool:
     return True
 
 
-def test_a_hundred_and_fifty_unfinished_heads_do_not_keep_the_page_out(port: int) -> None:
+def test_a_hundred_and_fifty_unfinished_heads_do_not_keep_the_page_out(port):
     links = [opened(port, "GET /api/x HTTP/1.1\nhost: {host}\nx-a: ") for _ in range(150)]
     with opened(port, GOOD) as page:
         assert status(page) == 200
@@ -115,7 +108,7 @@ def test_a_hundred_and_fifty_unfinished_heads_do_not_keep_the_page_out(port: int
     ],
 )
 @pytest.mark.parametrize("drip", [False, True])
-def test_a_request_that_does_not_end_is_closed(port: int, text: str, drip: bool) -> None:
+def test_a_request_that_does_not_end_is_closed(port, text, drip):
     begun = time.monotonic()
     with opened(port, text) as link:
         if drip:
@@ -124,8 +117,7 @@ def test_a_request_that_does_not_end_is_closed(port: int, text: str, drip: bool)
     assert time.monotonic() - begun < 4.0
 
 
-def _dripped(link: socket.socket) -> None:
-    """A byte every now and then, as long as somebody listens."""
+def _dripped(link):
     until = time.monotonic() + 3.0
     try:
         while time.monotonic() < until:
@@ -136,7 +128,7 @@ def _dripped(link: socket.socket) -> None:
     raise AssertionError("the connection stays open")
 
 
-def test_a_second_request_on_a_connection_has_its_own_time(port: int) -> None:
+def test_a_second_request_on_a_connection_has_its_own_time(port):
     with opened(port, GOOD) as link:
         assert status(link) == 200
         time.sleep(1.2)
@@ -150,12 +142,12 @@ def test_a_second_request_on_a_connection_has_its_own_time(port: int) -> None:
         assert status(link) == 200
 
 
-def test_an_answer_that_takes_long_is_waited_for(port: int) -> None:
+def test_an_answer_that_takes_long_is_waited_for(port):
     with opened(port, GOOD.replace("/api/x", "/slow").replace("x-slidax-token: right\n", "")) as link:
         assert status(link) == 200
 
 
-def test_who_does_not_read_a_page_does_not_keep_the_others_out(port: int) -> None:
+def test_who_does_not_read_a_page_does_not_keep_the_others_out(port):
     links = [opened(port, "GET / HTTP/1.1\nhost: {host}\n\n") for _ in range(120)]
     with opened(port, GOOD) as page:
         assert status(page) == 200

@@ -1,26 +1,18 @@
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
 from slidax.core.errors import DefinitionError
 from slidax.studio.files import Folder, OutsideError, mark_of, parts_of
 
-from .tricks import SECRET, planted, state_of, tricks
+from .tricks import SECRET, state_of, tricks
 
 MOST = 1000
 
 
-@pytest.fixture
-def root(tmp_path: Path) -> Path:
-    return planted(tmp_path)
-
-
-def test_no_trick_reads_or_writes_the_planted_file(root: Path):
+def test_no_trick_reads_or_writes_the_planted_file(root):
     folder, before = Folder(root), state_of(root.parent / "outside")
     names = tricks(root)
     assert len(names) >= 40
@@ -36,7 +28,7 @@ def test_no_trick_reads_or_writes_the_planted_file(root: Path):
     assert state_of(root.parent / "outside") == before
 
 
-def test_a_hidden_file_and_what_would_be_run_are_neither_read_nor_written(root: Path):
+def test_a_hidden_file_and_what_would_be_run_are_neither_read_nor_written(root):
     folder = Folder(root)
     for name in (".bashrc.yaml", ".git/hooks.yaml", "sub/.ssh/keys.json"):
         with pytest.raises(OutsideError, match="must not start"):
@@ -46,13 +38,13 @@ def test_a_hidden_file_and_what_would_be_run_are_neither_read_nor_written(root: 
             folder.write(name, b"")
 
 
-def test_links_within_the_folder_are_followed(root: Path):
+def test_links_within_the_folder_are_followed(root):
     os.symlink("own.yaml", root / "inner.yaml")
     assert Folder(root).read("inner.yaml", MOST) == b"title: own\n"
     assert Folder(root).read("self/own.yaml", MOST) == b"title: own\n"
 
 
-def test_a_file_is_written_whole_and_only_over_what_was_seen(root: Path):
+def test_a_file_is_written_whole_and_only_over_what_was_seen(root):
     folder = Folder(root)
     mark = folder.write("new/deep/one.yaml", b"a: 1\n")
     assert mark == mark_of(b"a: 1\n")
@@ -65,31 +57,29 @@ def test_a_file_is_written_whole_and_only_over_what_was_seen(root: Path):
     assert [path.name for path in (root / "new/deep").iterdir()] == ["one.yaml"]
 
 
-def test_a_file_that_becomes_a_link_between_look_and_open_is_not_followed(root: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_file_that_becomes_a_link_between_look_and_open_is_not_followed(root, monkeypatch):
     folder, real = Folder(root), Folder.beneath
 
-    def swapped(self: Folder, path: Path, name: str) -> Path:
-        found = real(self, path, name)
-        found.unlink()
-        os.symlink("../outside/secret.yaml", found)
-        return found
+    def swapped(self, path, name):
+        result = real(self, path, name)
+        result.unlink()
+        os.symlink("../outside/secret.yaml", result)
+        return result
 
     monkeypatch.setattr(Folder, "beneath", swapped)
     with pytest.raises(OutsideError, match="link"):
         folder.read("own.yaml", MOST)
 
 
-def test_a_folder_that_becomes_a_link_between_look_and_open_is_not_followed(
-    root: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_a_folder_that_becomes_a_link_between_look_and_open_is_not_followed(root, monkeypatch):
     (root / "sub" / "secret.yaml").write_text("title: own\n")
     folder, real = Folder(root), Folder.beneath
 
-    def swapped(self: Folder, path: Path, name: str) -> Path:
-        found = real(self, path, name)
+    def swapped(self, path, name):
+        result = real(self, path, name)
         (root / "sub").rename(root / "moved")
         os.symlink("../outside", root / "sub")
-        return found
+        return result
 
     monkeypatch.setattr(Folder, "beneath", swapped)
     with pytest.raises(OutsideError):
@@ -114,8 +104,7 @@ while True:
 """
 
 
-def test_in_a_race_with_links_that_come_and_go_the_secret_is_never_read(root: Path):
-    """Another process swaps a file with a link to the secret as fast as it can."""
+def test_in_a_race_with_links_that_come_and_go_the_secret_is_never_read(root):
     folder, place = Folder(root), root / "flip.yaml"
     place.write_text("title: own\n")
     read = refused = 0
@@ -123,18 +112,18 @@ def test_in_a_race_with_links_that_come_and_go_the_secret_is_never_read(root: Pa
         try:
             while read + refused < 20_000 and not (read > 500 and refused > 500):
                 try:
-                    found = folder.read("flip.yaml", MOST)
+                    result = folder.read("flip.yaml", MOST)
                 except DefinitionError:
                     refused += 1
                 else:
-                    assert SECRET.encode() not in found
+                    assert SECRET.encode() not in result
                     read += 1
         finally:
             other.kill()
     assert read and refused
 
 
-def test_only_regular_files_are_opened(root: Path):
+def test_only_regular_files_are_opened(root):
     if not hasattr(os, "mkfifo"):
         pytest.skip("this system has no pipes by name")
     os.mkfifo(root / "pipe.yaml")
@@ -145,15 +134,15 @@ def test_only_regular_files_are_opened(root: Path):
         Folder(root).read("large.yaml", MOST)
 
 
-def test_a_listing_has_files_that_can_be_shown_and_no_links_out(root: Path):
+def test_a_listing_has_files_that_can_be_shown_and_no_links_out(root):
     (root / ".hidden.yaml").write_text("")
     (root / "run.sh").write_text("")
     (root / "sub" / "motion.csv").write_text("t\n0\n")
-    assert [one.name for one in Folder(root).listing()] == ["own.yaml", "sub/motion.csv"]
+    assert [item.name for item in Folder(root).listing()] == ["own.yaml", "sub/motion.csv"]
     with pytest.raises(OutsideError):
         Folder(root).listing("folder")
 
 
 @pytest.mark.parametrize("name", ["arm.yaml", "sub/arm-2.yaml", "Größe.yaml", "a b.csv", "x..y.yaml"])
-def test_ordinary_names_are_names(name: str):
+def test_ordinary_names_are_names(name):
     assert parts_of(name) == tuple(name.split("/"))

@@ -1,35 +1,28 @@
-"""Jobs of the studio, as its page asks for them; their processes are real."""
-
-from __future__ import annotations
-
 import json
 import os
 import time
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 pytest.importorskip("starlette", reason="the extra `studio` is not installed")
 pytest.importorskip("httpx2", reason="Starlette's test client needs httpx2")
 
-from starlette.testclient import TestClient
 
 from .tricks import SECRET
 
 
-def ended(client: TestClient, job: dict[str, Any], seconds: float = 60.0) -> dict[str, Any]:
-    """The job, once it is over."""
+def ended(client, job, seconds=60.0):
     until = time.monotonic() + seconds
     while time.monotonic() < until:
-        found: dict[str, Any] = client.get(f"/api/jobs/{job['id']}").json()
-        if found["state"] not in ("waiting", "running"):
-            return found
+        state = client.get(f"/api/jobs/{job['id']}").json()
+        if state["state"] not in ("waiting", "running"):
+            return state
         time.sleep(0.1)
-    raise AssertionError(f"the job hangs: {found}")
+    raise AssertionError(f"the job hangs: {state}")
 
 
-def alive(pid: int) -> bool:
+def alive(pid):
     try:
         return "State:\tZ" not in Path(f"/proc/{pid}/status").read_text()
     except OSError:
@@ -37,17 +30,16 @@ def alive(pid: int) -> bool:
 
 
 @pytest.mark.full
-def test_a_job_that_reads_a_file_which_names_one_outside_is_refused(client: TestClient, shared_root: Path):
+def test_a_job_that_reads_a_file_which_names_one_outside_is_refused(client, shared_root):
     (shared_root / "bad.yaml").write_text("study: monte_carlo\nscenario: ../outside/secret.yaml\nruns: 10\nseed: 1\n")
     job = ended(client, client.post("/api/jobs", json={"kind": "study", "options": {"file": "bad.yaml"}}).json())
-    assert (job["state"], job["code"]) == ("failed", 2)
-    assert "outside the studio's folder" in job["log"]
+    assert (job["state"], job["code"]) == ("failed", 2) and "outside the studio's folder" in job["log"]
     assert SECRET not in json.dumps(job)
 
 
-def test_a_job_leaves_what_the_command_would_and_its_report_has_no_origin(client: TestClient, shared_root: Path):
-    said = {"scenario": "example-4.1-1khz", "set": {"simulation.t1": 1.0}, "out": "results/one"}
-    job = ended(client, client.post("/api/jobs", json={"kind": "run", "options": said}).json())
+def test_a_job_leaves_what_the_command_would_and_its_report_has_no_origin(client, shared_root):
+    request = {"scenario": "example-4.1-1khz", "set": {"simulation.t1": 1.0}, "out": "results/one"}
+    job = ended(client, client.post("/api/jobs", json={"kind": "run", "options": request}).json())
     assert (job["state"], job["code"], job["answer"]["outcome"]) == ("done", 0, "ok"), job
     left = {path.name for path in (shared_root / "results/one").iterdir()}
     assert {"report.html", "log.parquet", "scenario.yaml"} <= left
@@ -57,25 +49,24 @@ def test_a_job_leaves_what_the_command_would_and_its_report_has_no_origin(client
     assert client.get(f"/results/{key}/own.yaml").status_code == 404
     assert client.get(f"/results/{key}/results/one/../../own.yaml").status_code in (403, 404)
     assert client.get(f"/results/x{key}/results/one/report.html").status_code == 404
-    again = client.post("/api/jobs", json={"kind": "run", "options": said})
+    again = client.post("/api/jobs", json={"kind": "run", "options": request})
     assert (again.status_code, again.json()["exists"]) == (409, True)
 
 
-def test_a_cancelled_job_and_its_children_end(client: TestClient):
-    said = {"scenario": "panda-payload", "runs": 100000}
-    job = client.post("/api/jobs", json={"kind": "certify", "options": said}).json()
+def test_a_cancelled_job_and_its_children_end(client):
+    request = {"scenario": "panda-payload", "runs": 100000}
+    job = client.post("/api/jobs", json={"kind": "certify", "options": request}).json()
     while client.get(f"/api/jobs/{job['id']}").json()["state"] == "waiting":
         time.sleep(0.05)
     time.sleep(1.0)
     running = [pid for pid in os.listdir("/proc") if pid.isdigit() and said_of(pid, job["command"].split()[1])]
-    assert running
-    assert client.delete(f"/api/jobs/{job['id']}").json()["state"] == "cancelled"
+    assert running and client.delete(f"/api/jobs/{job['id']}").json()["state"] == "cancelled"
     assert not any(alive(int(pid)) for pid in running)
     assert client.delete(f"/api/jobs/{job['id']}").status_code == 200
     assert client.get(f"/api/jobs/{job['id']}").status_code == 404
 
 
-def said_of(pid: str, word: str) -> bool:
+def said_of(pid, word):
     try:
         line = Path(f"/proc/{pid}/cmdline").read_bytes().decode(errors="replace")
     except OSError:
@@ -98,7 +89,6 @@ def said_of(pid: str, word: str) -> bool:
         ("design", {"requirements": "own.yaml", "out": "x.py"}, "must end in"),
     ],
 )
-def test_invalid_options_of_a_job_are_refused(client: TestClient, kind: str, options: dict[str, Any], message: str):
+def test_invalid_options_of_a_job_are_refused(client, kind, options, message):
     answer = client.post("/api/jobs", json={"kind": kind, "options": options})
-    assert answer.status_code == 422
-    assert message in answer.json()["error"]["message"]
+    assert answer.status_code == 422 and message in answer.json()["error"]["message"]

@@ -1,8 +1,3 @@
-from __future__ import annotations
-
-from pathlib import Path
-from typing import Any
-
 import pytest
 
 from slidax.core.errors import DefinitionError
@@ -10,17 +5,12 @@ from slidax.scenarios.yaml_text import read_yaml
 from slidax.studio.files import Folder, OutsideError
 from slidax.studio.references import require_beneath, require_file_beneath
 
-from .tricks import planted, tricks
+from .tricks import tricks
 
 MUJOCO = '<mujoco><compiler {compiler}/>{inner}<worldbody><body name="b"/></worldbody></mujoco>'
 
 
-@pytest.fixture
-def root(tmp_path: Path) -> Path:
-    return planted(tmp_path)
-
-
-def test_no_trick_can_be_named_in_a_scenario(root: Path):
+def test_no_trick_can_be_named_in_a_scenario(root):
     folder = Folder(root)
     refused = 0
     for name in tricks(root):
@@ -34,28 +24,23 @@ def test_no_trick_can_be_named_in_a_scenario(root: Path):
     assert refused >= 30
 
 
-SHAPES: list[Any] = [
-    "robot: {kind: urdf, file: NAME}",
-    "robot: {kind: identified, file: NAME}",
-    "robot: {kind: urdf, file: own.yaml, packages: [sub, NAME]}",
-    "trajectory: {kind: csv, file: NAME}",
-    "uncertainty: {file: NAME}",
-    "scenario: NAME",
-    "uncertainty: {robot.file: {choices: [own.yaml, NAME]}}",
-    "cases: [{robot.file: NAME}]",
-    "one: &a {file: NAME}\ntwo: {three: *a}",
+SHAPES = [
+    *("robot: {kind: urdf, file: NAME}", "robot: {kind: identified, file: NAME}"),
+    *("robot: {kind: urdf, file: own.yaml, packages: [sub, NAME]}", "trajectory: {kind: csv, file: NAME}"),
+    *("uncertainty: {file: NAME}", "scenario: NAME", "uncertainty: {robot.file: {choices: [own.yaml, NAME]}}"),
+    *("cases: [{robot.file: NAME}]", "one: &a {file: NAME}\ntwo: {three: *a}"),
 ]
 
 
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("name", ["../outside/secret.yaml", "link.yaml", "folder/secret.yaml"])
-def test_whatever_names_a_file_is_looked_at(root: Path, shape: str, name: str):
+def test_whatever_names_a_file_is_looked_at(root, shape, name):
     with pytest.raises(OutsideError):
         require_beneath(Folder(root), read_yaml(shape.replace("NAME", name)), root)
     require_beneath(Folder(root), read_yaml(shape.replace("NAME", "own.yaml")), root)
 
 
-def test_files_that_are_named_by_named_files_are_looked_at(root: Path):
+def test_files_that_are_named_by_named_files_are_looked_at(root):
     (root / "study.yaml").write_text("study: monte_carlo\nscenario: sub/scenario.yaml\n")
     (root / "sub/scenario.yaml").write_text("robot: {kind: identified, file: arm.yaml}\n")
     (root / "sub/arm.yaml").write_text("robot: {kind: urdf, file: ../../outside/secret.urdf}\n")
@@ -78,14 +63,14 @@ def test_files_that_are_named_by_named_files_are_looked_at(root: Path):
         ("", '<asset><texture fileup="../outside/secret.xml"/></asset>'),
     ],
 )
-def test_what_mujoco_would_open_is_looked_at(root: Path, compiler: str, inner: str):
+def test_what_mujoco_would_open_is_looked_at(root, compiler, inner):
     (root / "arm.xml").write_text(MUJOCO.format(compiler=compiler, inner=inner))
     (root / "sub/second.xml").write_text(MUJOCO.format(compiler="", inner='<include file="../../outside/secret.xml"/>'))
     with pytest.raises(OutsideError):
         require_beneath(Folder(root), {"robot": {"kind": "mjcf", "file": "arm.xml"}}, root)
 
 
-def test_entities_are_not_expanded(root: Path):
+def test_entities_are_not_expanded(root):
     (root / "arm.xml").write_text(
         '<!DOCTYPE m [<!ENTITY s SYSTEM "../outside/secret.xml">]><mujoco>&s;<worldbody/></mujoco>'
     )
@@ -93,16 +78,16 @@ def test_entities_are_not_expanded(root: Path):
         require_beneath(Folder(root), {"robot": {"kind": "mjcf", "file": "arm.xml"}}, root)
 
 
-def test_whether_meshes_are_elsewhere_is_not_told(root: Path):
+def test_whether_meshes_are_elsewhere_is_not_told(root):
     mesh = '<robot name="r"><link name="l"><visual><geometry><mesh filename="NAME"/></geometry></visual></link></robot>'
     (root / "arm.urdf").write_text(mesh.replace("NAME", "file:///etc/passwd"))
-    asked = {"robot": {"kind": "urdf", "file": "arm.urdf"}}
-    require_beneath(Folder(root), asked, root)
+    scenario = {"robot": {"kind": "urdf", "file": "arm.urdf"}}
+    require_beneath(Folder(root), scenario, root)
     with pytest.raises(OutsideError):
-        require_beneath(Folder(root), {"robot": asked["robot"] | {"meshes": True}}, root)
+        require_beneath(Folder(root), {"robot": scenario["robot"] | {"meshes": True}}, root)
 
 
-def test_files_that_name_each_other_in_a_circle_end(root: Path):
+def test_files_that_name_each_other_in_a_circle_end(root):
     (root / "a.yaml").write_text("robot: {kind: identified, file: b.yaml}")
     (root / "b.yaml").write_text("robot: {kind: identified, file: a.yaml}")
     require_file_beneath(Folder(root), root / "a.yaml")

@@ -1,11 +1,5 @@
-"""Requests of any form: each is answered with a sentence, and the workbench stays."""
-
-from __future__ import annotations
-
 import json
-from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +15,7 @@ from slidax.studio.requests import QUESTIONS, JobRequest, RequestError, Scenario
 
 JSON = {"content-type": "application/json"}
 
-ODD: list[Any] = [
+ODD = [
     *(None, True, False, 0, -1, 1.5, 10**15, -1e300, 10**308, "", "x", " ", "\0", "..", "/etc/passwd", "é" * 300),
     *("example-4.1", "1e400", "nan", "\n", "{{", "a" * 5000, "💥", "\u202e", "\ufeff", "-1", "[", "x: ["),
     *([], [1], [[]], [None], {}, {"x": 1}, {"": ""}, {"x": {"y": []}}, [0.0] * 500, [{}] * 20),
@@ -46,7 +40,7 @@ RAW = [
 ]
 """Bodies that are no requests."""
 
-VALID: dict[str, dict[str, Any]] = {
+VALID = {
     "check": {"name": "example-4.1", "path": "x.yaml", "text": "title: x", "changes": {"simulation.t1": 1.0}},
     "run": {"name": "example-4.1", "path": "x.yaml", "text": "title: x", "changes": {"simulation.t1": 0.01}},
     "manifest": {"name": "example-4.1", "path": "x.yaml", "text": "title: x", "changes": {"simulation.t1": 1.0}},
@@ -58,28 +52,25 @@ VALID: dict[str, dict[str, Any]] = {
 }
 
 
-def paths_of(data: Any, before: str = "") -> Iterator[str]:
-    """The paths of all fields of a scenario, as a change names them."""
+def paths_of(data, before=""):
     for key, value in data.items() if isinstance(data, dict) else ():
         yield f"{before}{key}"
         yield from paths_of(value, f"{before}{key}.")
 
 
 class Asker:
-    """A client that checks every answer."""
-
-    def __init__(self, client: TestClient) -> None:
+    def __init__(self, client):
         self.client = client
         self.restarts = self.restarted()
-        self.asked = 0
+        self.posts = 0
 
-    def restarted(self) -> int:
+    def restarted(self):
         return int(self.client.get("/api/about").json()["restarts"])
 
-    def post(self, do: str, body: Any) -> int:
+    def post(self, do, body):
         content = body if isinstance(body, bytes) else json.dumps(body).encode()
         answer = self.client.post(f"/api/{do}", content=content, headers=JSON)
-        self.asked += 1
+        self.posts += 1
         place = (do, content[:300], answer.status_code)
         assert answer.status_code < 500, place
         if answer.status_code >= 300:
@@ -90,19 +81,19 @@ class Asker:
             self.client.delete(f"/api/jobs/{answer.json()['id']}")
         return int(answer.status_code)
 
-    def check(self) -> None:
+    def check(self):
         assert self.restarted() == self.restarts
 
 
 @pytest.fixture
-def asker(client: TestClient) -> Iterator[Asker]:
-    made = Asker(client)
-    yield made
-    made.check()
+def asker(client):
+    checker = Asker(client)
+    yield checker
+    checker.check()
 
 
 @pytest.mark.parametrize("content", RAW)
-def test_a_body_that_is_no_request_is_refused_with_a_sentence(content: bytes) -> None:
+def test_a_body_that_is_no_request_is_refused_with_a_sentence(content):
     for kind in (ScenarioRequest, JobRequest):
         with pytest.raises(RequestError) as refused:
             read_request(content, kind)
@@ -110,12 +101,11 @@ def test_a_body_that_is_no_request_is_refused_with_a_sentence(content: bytes) ->
 
 
 @pytest.mark.parametrize("do", [*QUESTIONS, "jobs"])
-def test_every_field_is_checked_by_its_type(do: str) -> None:
-    """By the schema: each field in turn has every kind of value, and only those of its own kind pass."""
+def test_every_field_is_checked_by_its_type(do):
     kind = QUESTIONS.get(do, JobRequest)
     types = {"string": str, "number": (int, float), "object": dict, "null": type(None)}
     for field, schema in kind.model_json_schema().get("properties", {}).items():
-        expected = tuple(types[one["type"]] for one in schema.get("anyOf", [schema]))
+        expected = tuple(types[item["type"]] for item in schema.get("anyOf", [schema]))
         for value in ODD:
             good = isinstance(value, expected) and not isinstance(value, bool)
             refusal = ""
@@ -137,7 +127,7 @@ def test_every_field_is_checked_by_its_type(do: str) -> None:
                 read_request(json.dumps({k: v for k, v in VALID[do].items() if k != field}).encode(), kind)
 
 
-def test_requests_that_ended_the_workbench_are_refused(asker: Asker) -> None:
+def test_requests_that_ended_the_workbench_are_refused(asker):
     bad = (
         ("check", b'{"name": "example-4.1", "changes": {"title": "\\ud800"}}'),
         ("check", {"name": "example-4.1", "changes": [1]}),
@@ -150,7 +140,7 @@ def test_requests_that_ended_the_workbench_are_refused(asker: Asker) -> None:
         assert asker.post(do, body) == 400
 
 
-def fuzz(asker: Asker, rounds: int, seed: int, ways: Sequence[str] = (*QUESTIONS, "jobs")) -> None:
+def fuzz(asker, rounds, seed, ways=(*QUESTIONS, "jobs")):
     random = np.random.default_rng(seed)
     scenario = read_yaml_of(asker)
     fields = list(paths_of(scenario))
@@ -173,30 +163,30 @@ def fuzz(asker: Asker, rounds: int, seed: int, ways: Sequence[str] = (*QUESTIONS
         asker.post(do, body)
 
 
-def pick(random: np.random.Generator) -> Any:
+def pick(random):
     return ODD[random.integers(len(ODD))]
 
 
-def read_yaml_of(asker: Asker) -> Any:
+def read_yaml_of(asker):
     from slidax.scenarios.yaml_text import read_yaml
 
     return read_yaml(asker.client.post("/api/check", json={"name": "example-4.1"}).json()["text"])
 
 
-def test_random_requests_end_nothing(asker: Asker) -> None:
+def test_random_requests_end_nothing(asker):
     fuzz(asker, 20, 38, ("check", "part", "jobs", "catalogue"))
 
 
 @pytest.mark.full
 @pytest.mark.parametrize("seed", range(4))
-def test_thousands_of_random_requests_to_every_answer_end_nothing(asker: Asker, seed: int) -> None:
+def test_thousands_of_random_requests_to_every_answer_end_nothing(asker, seed):
     for content in RAW:
         for do in (*QUESTIONS, "jobs"):
             asker.post(do, content)
     fuzz(asker, 1000, seed)
 
 
-def test_names_of_files_that_are_no_text_are_listed(client: TestClient, shared_root: Path) -> None:
+def test_names_of_files_that_are_no_text_are_listed(client, shared_root):
     path = Path(str(shared_root) + "/\udcff-odd.yaml")
     path.write_text("title: x\n")
     try:
@@ -209,39 +199,35 @@ def test_names_of_files_that_are_no_text_are_listed(client: TestClient, shared_r
 @pytest.mark.parametrize(
     "address",
     [
-        "/results/%C3%A9/x",
-        "/results/x/%00",
-        "/api/jobs/%FF",
-        "/api/file?path=%ED%A0%80",
-        "/api/file?path=a&path=b",
-        "/%FF",
+        *("/results/%C3%A9/x", "/results/x/%00", "/api/jobs/%FF", "/api/file?path=%ED%A0%80"),
+        *("/api/file?path=a&path=b", "/%FF"),
     ],
 )
-def test_odd_addresses_are_refused(client: TestClient, address: str) -> None:
+def test_odd_addresses_are_refused(client, address):
     client.post("/api/jobs", content=b'{"kind": "certify", "options": {"scenario": "nothing"}}', headers=JSON)
     assert client.get(address).status_code in (403, 404, 422)
 
 
-def test_the_page_without_the_token_has_nothing_of_the_users_scenario(tmp_path: Path) -> None:
+def test_the_page_without_the_token_has_nothing_of_the_users_scenario(tmp_path):
     from slidax.studio.app import DEFAULT, Studio
     from slidax.studio.files import Folder
 
     (tmp_path / "mine.yaml").write_text("title: a secret arm\n")
     studio = Studio(Folder(tmp_path), module="slidax.cli", opened="mine.yaml")
-    asked: list[Any] = []
+    questions = []
 
-    async def ask(question: dict[str, Any], **_: Any) -> tuple[dict[str, Any], bytes]:
-        asked.append(question)
+    async def ask(question, **_):
+        questions.append(question)
         return {"manifest": {"title": "built in"}}, b""
 
-    async def nothing() -> None:
+    async def nothing():
         pass
 
-    studio.bench.ask, studio.bench.warm = ask, nothing  # type: ignore[method-assign]
+    studio.bench.ask, studio.bench.warm = ask, nothing
     with TestClient(studio.app(port=80, token="right"), base_url="http://127.0.0.1", client=("127.0.0.1", 1)) as client:
         pages = [client.get("/", headers={"host": "127.0.0.1:80"}) for _ in range(3)]
         for page in pages:
             assert page.status_code == 200 and "built in" in page.text
             assert "secret" not in page.text and "mine.yaml" not in page.text and str(tmp_path) not in page.text
     # Nobody without the token gives the workbench work, but for the first time.
-    assert asked == [{"name": DEFAULT, "do": "manifest"}]
+    assert questions == [{"name": DEFAULT, "do": "manifest"}]

@@ -1,9 +1,6 @@
 """Forty ways to ask for a file that is beside the studio's folder and not in it, and a place to try them."""
 
-from __future__ import annotations
-
 import os
-from pathlib import Path
 
 SECRET = "planted-secret-7f3a9"
 
@@ -13,8 +10,7 @@ ROBOT = f"""<?xml version="1.0"?>
 """
 
 
-def planted(top: Path) -> Path:
-    """A folder with links of all kinds, beside a file with a secret; gives the folder."""
+def planted(top):
     outside, root = top / "outside", top / "root"
     for place in (outside, root / "sub"):
         place.mkdir(parents=True)
@@ -38,64 +34,25 @@ def planted(top: Path) -> Path:
     return root
 
 
-def tricks(root: Path) -> list[str]:
-    """Names that lead to the secret, or would on some system, with whatever their reader adds."""
+def tricks(root):
     secret = root.parent / "outside" / "secret.yaml"
     up = "../outside/secret.yaml"
     return [
-        up,
-        f"./{up}",
-        f"sub/../{up}",
-        "sub/../../outside/secret.yaml/",
-        "sub/../../outside/./secret.yaml",
-        "..//outside//secret.yaml",
-        "....//outside/secret.yaml",
-        "...//../outside/secret.yaml",
-        f"nowhere/../{up}",
-        str(secret),
-        f"/{secret}",
-        f"//{str(secret).lstrip('/')}",
-        f"file://{secret}",
-        f"file:{secret}",
-        f"~/../..{secret}",
-        "~root/secret.yaml",
-        "link.yaml",
-        "absolute.yaml",
-        "twice.yaml",
-        "folder/secret.yaml",
-        "sub/up/outside/secret.yaml",
-        "sub/up/root/../outside/secret.yaml",
-        "self/link.yaml",
-        "self/self/folder/secret.yaml",
-        f"top/{str(secret).lstrip('/')}",
-        f"proc/cwd/{up}",
-        f"proc/root{secret}",
-        f"/proc/self/root{secret}",
-        f"/proc/self/cwd/{up}",
-        f"/dev/fd/../../{str(secret).lstrip('/')}",
-        "round.yaml",
-        "%2e%2e/outside/secret.yaml",
-        "%2e%2e%2foutside%2fsecret.yaml",
-        "..%252foutside%252fsecret.yaml",
-        "..%c0%afoutside%c0%afsecret.yaml",
-        "\uff0e\uff0e/outside/secret.yaml",
-        "..\\outside\\secret.yaml",
-        "sub\\..\\..\\outside\\secret.yaml",
-        f"C:\\{secret.name}",
-        "\\\\?\\C:\\outside\\secret.yaml",
-        "//server/outside/secret.yaml",
-        "own.yaml\0/../../outside/secret.yaml",
-        "../outside/secret.yaml\0.yaml",
-        "own.yaml::$DATA",
-        "../outside/secret.yaml ",
-        "../outside/secret.yaml.",
-        "CON.yaml",
-        "\n../outside/secret.yaml",
-        "-o../outside/secret.yaml",
-        "--out=../outside/secret.yaml",
+        *(up, f"./{up}", f"sub/../{up}", "sub/../../outside/secret.yaml/", "sub/../../outside/./secret.yaml"),
+        *("..//outside//secret.yaml", "....//outside/secret.yaml", "...//../outside/secret.yaml", f"nowhere/../{up}"),
+        *(str(secret), f"/{secret}", f"//{str(secret).lstrip('/')}", f"file://{secret}", f"file:{secret}"),
+        *(f"~/../..{secret}", "~root/secret.yaml", "link.yaml", "absolute.yaml", "twice.yaml", "folder/secret.yaml"),
+        *("sub/up/outside/secret.yaml", "sub/up/root/../outside/secret.yaml", "self/link.yaml"),
+        *("self/self/folder/secret.yaml", f"top/{str(secret).lstrip('/')}", f"proc/cwd/{up}", f"proc/root{secret}"),
+        *(f"/proc/self/root{secret}", f"/proc/self/cwd/{up}", f"/dev/fd/../../{str(secret).lstrip('/')}"),
+        *("round.yaml", "%2e%2e/outside/secret.yaml", "%2e%2e%2foutside%2fsecret.yaml"),
+        *("..%252foutside%252fsecret.yaml", "..%c0%afoutside%c0%afsecret.yaml", "\uff0e\uff0e/outside/secret.yaml"),
+        *("..\\outside\\secret.yaml", "sub\\..\\..\\outside\\secret.yaml", f"C:\\{secret.name}"),
+        *("\\\\?\\C:\\outside\\secret.yaml", "//server/outside/secret.yaml", "own.yaml\0/../../outside/secret.yaml"),
+        *("../outside/secret.yaml\0.yaml", "own.yaml::$DATA", "../outside/secret.yaml ", "../outside/secret.yaml."),
+        *("CON.yaml", "\n../outside/secret.yaml", "-o../outside/secret.yaml", "--out=../outside/secret.yaml"),
     ]
 
 
-def state_of(place: Path) -> dict[str, bytes]:
-    """All files of a folder, with what is in them: to see that nothing was written."""
+def state_of(place):
     return {str(path): path.read_bytes() for path in sorted(place.rglob("*")) if path.is_file()}

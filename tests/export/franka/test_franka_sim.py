@@ -1,10 +1,3 @@
-"""The exported program on franka-sim, which speaks the robot's protocol and keeps its limits."""
-
-from __future__ import annotations
-
-from pathlib import Path
-from typing import Any
-
 import pytest
 
 from benchmarks.targets import franka, franka_chain
@@ -19,30 +12,30 @@ pytestmark = [
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    made = tmp_path_factory.mktemp("franka_sim")
-    export_franka(scenarios.load(franka.SCENARIO), made, name="law", golden=False)
-    CompiledLaw(made / "law")
-    return made
+def folder(tmp_path_factory):
+    target = tmp_path_factory.mktemp("franka_sim")
+    export_franka(scenarios.load(franka.SCENARIO), target, name="law", golden=False)
+    CompiledLaw(target / "law")
+    return target
 
 
 @pytest.fixture(scope="module")
-def found(folder: Path) -> dict[str, dict[str, Any]]:
+def outcomes(folder):
     with franka_chain.serving(scenarios.load(franka.SCENARIO), folder):
         return {fault: franka_chain.moved_in_time(folder, fault) for fault in franka_chain.FAULTS}
 
 
-def test_ten_seconds_and_more_without_a_reflex(found: dict[str, dict[str, Any]], folder: Path) -> None:
-    said = found["none"]
-    assert (said["ending"], said["bridged"]) == ("finished", 0)
-    assert said["periods"] > 20_000 and said["largest_error"] < 1e-3
+def test_ten_seconds_and_more_without_a_reflex(outcomes, folder):
+    text = outcomes["none"]
+    assert (text["ending"], text["bridged"]) == ("finished", 0)
+    assert text["periods"] > 20_000 and text["largest_error"] < 1e-3
     assert "differ by 0 N m" in franka.compared(CompiledLaw(folder / "law"), folder / "none.csv")
 
 
-def test_faults_end_safely_with_the_status_that_the_page_says(found: dict[str, dict[str, Any]]) -> None:
-    assert found["one-nan"]["ending"] == "finished" and found["one-nan"]["bridged"] == 1
-    assert "no good measurement" in found["nan"]["said"] and found["nan"]["ending"] == "stopped"
-    assert found["pause"]["ending"] == "reflex"
-    assert "communication_constraints_violation" in found["pause"]["said"]
-    assert found["gravity"]["ending"] == "stopped" and "weight" in found["gravity"]["said"]
-    assert max(said["moved_after"] for said in found.values()) < 0.05
+def test_faults_end_safely_with_the_status_that_the_page_says(outcomes):
+    assert outcomes["one-nan"]["ending"] == "finished" and outcomes["one-nan"]["bridged"] == 1
+    assert "no good measurement" in outcomes["nan"]["said"] and outcomes["nan"]["ending"] == "stopped"
+    assert outcomes["pause"]["ending"] == "reflex"
+    assert "communication_constraints_violation" in outcomes["pause"]["said"]
+    assert outcomes["gravity"]["ending"] == "stopped" and "weight" in outcomes["gravity"]["said"]
+    assert max(text["moved_after"] for text in outcomes.values()) < 0.05

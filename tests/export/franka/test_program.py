@@ -1,13 +1,8 @@
-"""The exported programs against an arm behind the robot's rules: in C++ with headers of our own, and in Python."""
-
-from __future__ import annotations
-
 import csv
 import math
 import os
 import subprocess
 from pathlib import Path
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -16,21 +11,19 @@ import pytest
 
 from slidax import scenarios
 from slidax.arms import Articulated
-from slidax.core.errors import DefinitionError
 from slidax.export.onboard import franka, rehearsal
 from slidax.export.onboard import pilot as onboard
 from slidax.export.onboard.pilot import MotionLog
 from slidax.export.robots import export_franka, weight_by_robot
-from tests.export.exported import needs_a_compiler
-from tests.export.onboard.tools import needs_cmake
+from tests.export.exported import needs_a_compiler, needs_cmake, quickly_compiled
 
+pytestmark = needs_a_compiler
 STUBS = Path(__file__).parent / "stubs"
 SHORT = ["--hold", "1", "--small", "1", "--widen", "1", "--motion", "1"]
 
 
 @pytest.fixture(scope="module")
-def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The program around a law that compiles fast."""
+def exported(tmp_path_factory):
     folder = tmp_path_factory.mktemp("franka")
     scenario = scenarios.load("panda-payload", {"scheme": {"name": "computed_torque"}, "sensor": {"delay": 1.0}})
     export_franka(scenario, folder, name="law", golden=False)
@@ -38,8 +31,7 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def built(exported: Path) -> Path:
-    """The C++ program."""
+def built(exported):
     build = exported / "build"
     checked = "-Werror -fsanitize=address,undefined -fno-sanitize-recover=all"
     flags = [f"-DCMAKE_C_FLAGS={checked}", f"-DCMAKE_CXX_FLAGS={checked}", "-DCMAKE_BUILD_TYPE=Debug"]
@@ -51,61 +43,53 @@ def built(exported: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def law(exported: Path) -> onboard.CompiledLaw:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("CFLAGS", "-O0")
-        return onboard.CompiledLaw(exported / "law")
+def law(exported):
+    return quickly_compiled(exported / "law")
 
 
-def ran(program: Path, *arguments: str, fault: str = "") -> subprocess.CompletedProcess[str]:
+def ran(program, *arguments, fault=""):
     environment = {**os.environ, "FAULT": fault}
     return subprocess.run([program, *arguments], env=environment, capture_output=True, text=True, check=False)
 
 
-@needs_a_compiler
 @needs_cmake
-def test_the_program_moves_the_arm_from_where_it_stands_to_the_end(built: Path, tmp_path: Path) -> None:
-    found = ran(built, "robot", *SHORT, "--no-realtime", "--log", str(tmp_path / "log.csv"))
-    assert found.returncode == 0, found.stdout + found.stderr
-    assert found.stdout.startswith("finished in phase rest: nothing is wrong")
+def test_the_program_moves_the_arm_from_where_it_stands_to_the_end(built, tmp_path):
+    result = ran(built, "robot", *SHORT, "--no-realtime", "--log", str(tmp_path / "log.csv"))
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert result.stdout.startswith("finished in phase rest: nothing is wrong")
     with open(tmp_path / "log.csv", newline="", encoding="utf-8") as file:
         rows = [{name: float(value) for name, value in row.items()} for row in csv.DictReader(file)]
     tau = np.array([[row[f"tau_{k}"] for k in range(1, 8)] for row in rows])
     # The robot adds the weight: what is sent begins at nothing, and never steps by more than the robot takes.
-    assert np.abs(tau[0]).max() < 0.5
-    assert np.abs(np.diff(tau, axis=0)).max() <= 1.0
+    assert np.abs(tau[0]).max() < 0.5 and np.abs(np.diff(tau, axis=0)).max() <= 1.0
     phases = [row["phase"] for row in rows]
     assert phases == sorted(phases) and set(phases) == {0, 1, 2, 3, 4, 5}
     assert min(row["margin"] for row in rows) > 0.0
 
 
-@needs_a_compiler
 @needs_cmake
 @pytest.mark.parametrize(
-    ("fault", "code", "said"),
+    ("fault", "code", "message"),
     [
-        ("one-nan", 0, "1 bridged"),
-        ("nan", 3, "no good measurement for too long"),
-        ("gap", 3, "too many periods without a sample"),
-        ("push", 3, "the error is too large (joint 4)"),
+        *(("one-nan", 0, "1 bridged"), ("nan", 3, "no good measurement for too long")),
+        *(("gap", 3, "too many periods without a sample"), ("push", 3, "the error is too large (joint 4)")),
     ],
 )
-def test_a_fault_ends_it_as_the_page_says(built: Path, fault: str, code: int, said: str) -> None:
-    found = ran(built, "robot", *SHORT, "--no-realtime", fault=fault)
-    assert (found.returncode, said in found.stdout) == (code, True), found.stdout + found.stderr
+def test_a_fault_ends_it_as_the_page_says(built, fault, code, message):
+    result = ran(built, "robot", *SHORT, "--no-realtime", fault=fault)
+    assert (result.returncode, message in result.stdout) == (code, True), result.stdout + result.stderr
 
 
-@needs_a_compiler
 @needs_cmake
-def test_wrong_input_is_one_line_with_exit_code_2(built: Path) -> None:
-    for arguments, said in (
+def test_wrong_input_is_one_line_with_exit_code_2(built):
+    for arguments, message in (
         ([], "the robot's address is missing"),
         (["robot", "--hold"], "--hold needs a value"),
         (["robot", "--hold", "x"], "--hold needs a number; got x"),
         (["robot", "--bold", "1"], "unknown option --bold"),
     ):
-        found = ran(built, *arguments)
-        assert found.returncode == 2 and found.stderr.strip().endswith(said), found.stderr
+        result = ran(built, *arguments)
+        assert result.returncode == 2 and result.stderr.strip().endswith(message), result.stderr
     nobody = ran(built, "nowhere")
     assert nobody.returncode == 5 and "no answer from nowhere" in nobody.stderr
     assert ran(built, "robot", "--hold", "nan").returncode == 3
@@ -114,59 +98,56 @@ def test_wrong_input_is_one_line_with_exit_code_2(built: Path) -> None:
 class Control:
     """As `pylibfranka`'s: the scenario's arm, with its weight taken by the robot."""
 
-    def __init__(self, arm: rehearsal.RehearsalArm, breaks: int | None) -> None:
+    def __init__(self, arm, breaks):
         self.arm, self.breaks, self.periods = arm, breaks, 0
         self.last = [0.0] * 7
 
-    def readOnce(self) -> tuple[Any, Any]:
+    def readOnce(self):
         self.periods += 1
         if self.periods == self.breaks:
             raise RuntimeError("communication_constraints_violation")
         q, dq = self.arm.measured()
         return _Any(q=q, dq=dq, control_command_success_rate=1.0), _Any(to_sec=lambda: 1e-3 * (self.periods > 1))
 
-    def writeOnce(self, command: Any) -> None:
+    def writeOnce(self, command):
         assert max(abs(a - b) for a, b in zip(command.tau_J, self.last, strict=True)) <= 1.0
         self.last = list(command.tau_J)
         self.arm.move(self.last)
 
 
 class Robot:
-    def __init__(self, arm: rehearsal.RehearsalArm, breaks: int | None = None) -> None:
+    def __init__(self, arm, breaks=None):
         self.control, self.stopped = Control(arm, breaks), False
 
-    def read_once(self) -> Any:
+    def read_once(self):
         return self.control.readOnce()[0]
 
-    def start_torque_control(self) -> Control:
+    def start_torque_control(self):
         self.control.periods = 0
         return self.control
 
-    def stop(self) -> None:
+    def stop(self):
         self.stopped = True
 
 
 class _Any:
-    def __init__(self, **values: Any) -> None:
+    def __init__(self, **values):
         self.__dict__.update(values)
 
 
 class Torques:
-    def __init__(self, tau: list[float]) -> None:
+    def __init__(self, tau):
         self.tau_J, self.motion_finished = tau, False
 
 
-def short(law: onboard.CompiledLaw) -> onboard.Pilot:
+def short(law):
     pilot = law.pilot()
     path = pilot.options.path
     path.hold = path.small = path.widen = path.motion = 1.0
     return pilot
 
 
-@needs_a_compiler
-def test_the_program_in_python_moves_it_likewise_and_its_log_gives_the_same_bits_again(
-    law: onboard.CompiledLaw,
-) -> None:
+def test_the_program_in_python_moves_it_likewise_and_its_log_gives_the_same_bits_again(law):
     pilot, log = short(law), MotionLog(law)
     outcome = franka.run_franka(Robot(rehearsal.RehearsalArm(law)), Torques, pilot, log)
     assert (outcome.ending, outcome.phase, outcome.success_rate) == ("finished", "rest", 1.0)
@@ -174,17 +155,14 @@ def test_the_program_in_python_moves_it_likewise_and_its_log_gives_the_same_bits
     assert rehearsal.replay(short(law), rows) == 0.0
 
 
-@needs_a_compiler
-def test_a_reflex_is_told_and_an_end_that_is_asked_for_is_a_rest(law: onboard.CompiledLaw) -> None:
+def test_a_reflex_is_told_and_an_end_that_is_asked_for_is_a_rest(law):
     broken = franka.run_franka(Robot(rehearsal.RehearsalArm(law), breaks=300), Torques, short(law))
     assert (broken.ending, broken.why) == ("reflex", "communication_constraints_violation")
-    asked = franka.run_franka(Robot(rehearsal.RehearsalArm(law)), Torques, pilot := short(law), stop_requests=[2])
-    assert (asked.ending, asked.why) == ("finished", "an end was asked for")
-    assert pilot.report.t < 1.6
+    ended = franka.run_franka(Robot(rehearsal.RehearsalArm(law)), Torques, pilot := short(law), stop_requests=[2])
+    assert (ended.ending, ended.why) == ("finished", "an end was asked for") and pilot.report.t < 1.6
 
 
-@needs_a_compiler
-def test_weight_that_is_counted_twice_is_noticed_before_anything_moves(law: onboard.CompiledLaw) -> None:
+def test_weight_that_is_counted_twice_is_noticed_before_anything_moves(law):
     pilot = short(law)
     pilot.parameters.nominal_gravity_vector[:] = [0.0, 0.0, -9.81]
     robot = Robot(rehearsal.RehearsalArm(law))
@@ -193,16 +171,14 @@ def test_weight_that_is_counted_twice_is_noticed_before_anything_moves(law: onbo
     assert robot.stopped and pilot.report.steps < 40
 
 
-@needs_a_compiler
-def test_a_posture_outside_its_range_is_not_begun(law: onboard.CompiledLaw) -> None:
+def test_a_posture_outside_its_range_is_not_begun(law):
     for q in ([0.0] * 7, [math.nan] * 7):
         pilot = law.pilot()
-        assert not pilot.begin(q)
-        assert pilot.step(0.0, q, [0.0] * 7) == onboard.STOP
+        assert not pilot.begin(q) and pilot.step(0.0, q, [0.0] * 7) == onboard.STOP
         assert list(pilot.report.tau) == [0.0] * 7
 
 
-def test_the_law_gets_the_torque_that_the_weight_leaves_it() -> None:
+def test_the_law_gets_the_torque_that_the_weight_leaves_it():
     scenario = scenarios.load("panda-payload", {"scheme": {"name": "computed_torque"}})
     without = weight_by_robot(scenario)
     (arm,), (light,) = (
@@ -217,13 +193,5 @@ def test_the_law_gets_the_torque_that_the_weight_leaves_it() -> None:
     assert (left + weight <= np.asarray(arm.limits.torque) + 0.05).all() and (left > 0.5).all()
 
 
-def _arm(node: Any) -> bool:
+def _arm(node):
     return isinstance(node, Articulated)
-
-
-def test_what_is_no_franka_arm_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(DefinitionError, match="7 joints"):
-        export_franka(scenarios.load("example-4.1-1khz"), tmp_path)
-    slow = scenarios.load("panda-payload", {"simulation.period": 2e-3, "scheme": {"name": "computed_torque"}})
-    with pytest.raises(DefinitionError, match=r"--set simulation\.period=1e-3"):
-        export_franka(slow, tmp_path)

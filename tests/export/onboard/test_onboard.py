@@ -1,11 +1,6 @@
-"""Reference, trajectories and checks around an exported step, as every robot's program has them."""
-
-from __future__ import annotations
-
 import ctypes
 import math
 import subprocess
-from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
@@ -16,44 +11,41 @@ from slidax.export.onboard import pilot as onboard
 from slidax.export.onboard import rehearsal
 from slidax.export.onboard.rehearsal import RehearsalArm, rehearse
 from slidax.export.robots import RobotLimits, write_law, write_onboard
-from tests.export.exported import STRICT, compiled, needs_a_compiler
+from tests.export.exported import STRICT, allow_error, compiled, needs_a_compiler, quickly_compiled
 
 SCENARIO = scenarios.load("example-4.1-1khz", {"scheme": {"name": "computed_torque"}})
+pytestmark = needs_a_compiler
 PARTS = ("q", "dq", "ddq")
 
 
 @pytest.fixture(scope="module")
-def law(tmp_path_factory: pytest.TempPathFactory) -> onboard.CompiledLaw:
-    """The two-link arm's."""
+def law(tmp_path_factory):
     folder = tmp_path_factory.mktemp("onboard")
-    made = write_law(SCENARIO, folder / "law", name="law", single=False, command="", golden=False)
-    write_onboard(made, RobotLimits.of(SCENARIO, made), folder)
+    project = write_law(SCENARIO, folder / "law", name="law", single=False, command="", golden=False)
+    write_onboard(project, RobotLimits.of(SCENARIO, project), folder)
     for part in ("path", "follow", "pilot", "words"):
         compiled("gcc", folder / "law", f"slidax_law_{part}.c", "-c", "-o", f"{part}.o", *STRICT)
     return onboard.CompiledLaw(folder / "law")
 
 
-@needs_a_compiler
-@pytest.mark.parametrize("asked", [None, 0.4, 1.5, 3.0, 4.0])
-def test_the_path_is_smooth_from_the_posture_to_rest_wherever_an_end_is_asked_for(
-    law: onboard.CompiledLaw, asked: float | None
-) -> None:
+@pytest.mark.parametrize("rest_at", [None, 0.4, 1.5, 3.0, 4.0])
+def test_the_path_is_smooth_from_the_posture_to_rest_wherever_an_end_is_asked_for(law, rest_at):
     pilot = law.pilot()
     path = pilot.options.path
     path.hold, path.small, path.widen, path.motion, path.speed = 0.5, 1.0, 1.0, 1.0, 1.0
     start = [0.4, -0.3]
     h = 1e-3
-    rows: dict[str, list[list[float]]] = {part: [] for part in PARTS}
+    rows = {part: [] for part in PARTS}
     pilot.begin(start)
-    for name in ("speed", "error_hold", "error_small", "error_full"):
-        getattr(pilot.options, name)[:] = [1e3] * 2
+    pilot.options.speed[:] = [1e3] * 2
+    allow_error(pilot, 1e3)
     # The arm stands still all the time, which the law cannot know.
     pilot.options.limited = pilot.options.outside = 10**6
     for k in range(12000):
         action = pilot.step(h if k else 0.0, start, [0.0, 0.0])
         for part in PARTS:
             rows[part].append(list(getattr(pilot.reference, part)))
-        if asked is not None and abs(k * h - asked) < h / 2:
+        if rest_at is not None and abs(k * h - rest_at) < h / 2:
             pilot.rest()
         if action != onboard.GO:
             break
@@ -65,18 +57,17 @@ def test_the_path_is_smooth_from_the_posture_to_rest_wherever_an_end_is_asked_fo
     assert np.abs((q[2:] - q[:-2]) / (2 * h) - dq[1:-1]).max() < 1e-4
     jumps = np.abs(np.diff(dq, axis=0)) - h * np.abs(ddq[1:])
     assert jumps.max() < 1e-3
-    if asked is None:
+    if rest_at is None:
         # Of the whole motion it is the scenario's own, later.
         moved = next(k for k in range(len(q)) if k * h > path.hold + 3.0)
         wanted = np.array(
             [np.asarray(SCENARIO.trajectory.reference(jnp.asarray(s)).q) for s in np.linspace(2.0, 3.0, 6)]
         )
-        nearest = [np.abs(q[moved:] - one).max(axis=1).min() for one in wanted]
+        nearest = [np.abs(q[moved:] - item).max(axis=1).min() for item in wanted]
         assert max(nearest) < 2e-3
 
 
-@needs_a_compiler
-def test_a_reference_one_period_later_is_the_next_periods(law: onboard.CompiledLaw) -> None:
+def test_a_reference_one_period_later_is_the_next_periods(law):
     pilot = law.pilot()
     pilot.begin([0.4, -0.3])
     pilot.options.path.hold = 0.0
@@ -88,19 +79,17 @@ def test_a_reference_one_period_later_is_the_next_periods(law: onboard.CompiledL
         later = np.array(pilot.reference.q_next)
 
 
-def following(law: onboard.CompiledLaw) -> onboard.Pilot:
+def following(law):
     pilot = law.pilot()
     pilot.options.follows = True
     pilot.options.path.hold = 0.0
     pilot.options.lower[:], pilot.options.upper[:], pilot.options.speed[:] = [-2.0] * 2, [2.0] * 2, [1.5] * 2
-    for name in ("error_hold", "error_small", "error_full"):
-        getattr(pilot.options, name)[:] = [0.5] * 2
+    allow_error(pilot, 0.5)
     return pilot
 
 
-@needs_a_compiler
-@pytest.mark.parametrize("given", ["q", "dq", "ddq"])
-def test_a_trajectory_goes_through_its_points_and_is_left_without_a_bump(law: onboard.CompiledLaw, given: str) -> None:
+@pytest.mark.parametrize("parts", ["q", "dq", "ddq"])
+def test_a_trajectory_goes_through_its_points_and_is_left_without_a_bump(law, parts):
     pilot, arm = following(law), RehearsalArm(law, [0.1, 0.2])
     pilot.begin([0.1, 0.2])
     times = [0.5, 1.0, 1.5]
@@ -108,7 +97,7 @@ def test_a_trajectory_goes_through_its_points_and_is_left_without_a_bump(law: on
     dq = [[0.3, 0.0], [0.1, -0.1], [0.0, 0.0]]
     ddq = [[0.0, 0.0]] * 3
     pilot.step(0.0, *arm.measured())
-    assert pilot.take(times, q, None if given == "q" else dq, ddq if given == "ddq" else None) == ""
+    assert pilot.take(times, q, None if parts == "q" else dq, ddq if parts == "ddq" else None) == ""
     before = np.array([0.1, 0.2])
     for k in range(1, 1200):
         arm.move(list(pilot.report.tau))
@@ -127,9 +116,8 @@ def test_a_trajectory_goes_through_its_points_and_is_left_without_a_bump(law: on
             assert np.abs(np.array(pilot.reference.dq) - speed).max() < 0.02
 
 
-@needs_a_compiler
 @pytest.mark.parametrize(
-    ("times", "q", "dq", "said"),
+    ("times", "q", "dq", "message"),
     [
         ([], [], None, "no points"),
         ([0.5], [[math.nan, 0.0]], None, "NaN"),
@@ -141,19 +129,16 @@ def test_a_trajectory_goes_through_its_points_and_is_left_without_a_bump(law: on
         ([1.0 + k for k in range(256)], [[0.1, 0.2]] * 256, None, "too many"),
     ],
 )
-def test_a_trajectory_that_makes_no_sense_is_refused_with_a_word(
-    law: onboard.CompiledLaw, times: list[float], q: list[list[float]], dq: list[list[float]] | None, said: str
-) -> None:
+def test_a_trajectory_that_makes_no_sense_is_refused_with_a_word(law, times, q, dq, message):
     pilot = following(law)
     pilot.begin([0.1, 0.2])
     pilot.step(0.0, [0.1, 0.2], [0.0, 0.0])
-    assert said in pilot.take(times, q, dq)
+    assert message in pilot.take(times, q, dq)
     pilot.step(1e-3, [0.1, 0.2], [0.0, 0.0])
     assert list(pilot.reference.q) == [0.1, 0.2]
 
 
-@needs_a_compiler
-def test_an_end_that_is_asked_for_brakes_a_trajectory(law: onboard.CompiledLaw) -> None:
+def test_an_end_that_is_asked_for_brakes_a_trajectory(law):
     pilot, arm = following(law), RehearsalArm(law, [0.1, 0.2])
     pilot.begin([0.1, 0.2])
     pilot.step(0.0, *arm.measured())
@@ -169,8 +154,7 @@ def test_an_end_that_is_asked_for_brakes_a_trajectory(law: onboard.CompiledLaw) 
     assert abs(pilot.reference.q[0]) < 1.0 and pilot.reference.dq[0] == 0.0
 
 
-@needs_a_compiler
-def test_bad_samples_are_bridged_for_some_periods_and_then_stop_it(law: onboard.CompiledLaw) -> None:
+def test_bad_samples_are_bridged_for_some_periods_and_then_stop_it(law):
     pilot, arm = law.pilot(), RehearsalArm(law)
     pilot.begin(arm.measured()[0])
     action, bridged, held = onboard.GO, 0, None
@@ -196,19 +180,15 @@ def test_bad_samples_are_bridged_for_some_periods_and_then_stop_it(law: onboard.
     assert pilot.step(1e-3, *arm.measured()) == onboard.STOP
 
 
-@needs_a_compiler
-def test_a_status_that_lasts_brings_it_to_rest(law: onboard.CompiledLaw) -> None:
+def test_a_status_that_lasts_brings_it_to_rest(law):
     pilot, arm = law.pilot(), RehearsalArm(law)
     pilot.parameters.limits_torque[:] = [1e-3] * 2
-    for name in ("error_hold", "error_small", "error_full"):
-        getattr(pilot.options, name)[:] = [1e3] * 2
+    allow_error(pilot, 1e3)
     assert rehearse(pilot, arm) == onboard.FINISH
-    assert pilot.why == "the torque has been at its limits for too long"
-    assert pilot.report.t < 2.0
+    assert pilot.why == "the torque has been at its limits for too long" and pilot.report.t < 2.0
 
 
-@needs_a_compiler
-def test_the_robots_own_limits_are_kept_whatever_the_law_knows_of_them(law: onboard.CompiledLaw) -> None:
+def test_the_robots_own_limits_are_kept_whatever_the_law_knows_of_them(law):
     pilot, arm = law.pilot(), RehearsalArm(law)
     pilot.options.torque[:], pilot.options.rate[:] = [20.0] * 2, [500.0] * 2
     pilot.options.free = False
@@ -222,37 +202,29 @@ def test_the_robots_own_limits_are_kept_whatever_the_law_knows_of_them(law: onbo
     assert pilot.report.clipped > 0
 
 
-@needs_a_compiler
-def test_the_structures_are_as_large_here_as_in_c(law: onboard.CompiledLaw, tmp_path: Path) -> None:
+def test_the_structures_are_as_large_here_as_in_c(law, tmp_path):
     names = ("options", "report", "reference", "command", "parameters", "trajectory")
     lines = "".join(f'    printf("%zu\\n", sizeof(slidax_law_{name}));\n' for name in names)
     text = f'#include "slidax_law_pilot.h"\n#include <stdio.h>\nint main(void) {{\n{lines}    return 0;\n}}\n'
     (tmp_path / "sizes.c").write_text(text)
     subprocess.run(["gcc", f"-I{law.folder}", tmp_path / "sizes.c", "-o", tmp_path / "sizes"], check=True)
-    found = subprocess.run([tmp_path / "sizes"], check=True, capture_output=True, text=True).stdout.split()
-    assert [ctypes.sizeof(getattr(law, name.capitalize())) for name in names] == list(map(int, found))
+    result = subprocess.run([tmp_path / "sizes"], check=True, capture_output=True, text=True).stdout.split()
+    assert [ctypes.sizeof(getattr(law, name.capitalize())) for name in names] == list(map(int, result))
 
 
-@needs_a_compiler
-def test_it_compiles_in_floats_too(tmp_path: Path) -> None:
-    made = write_law(SCENARIO, tmp_path / "law", name="law", single=True, command="", golden=False)
-    write_onboard(made, RobotLimits.of(SCENARIO, made), tmp_path)
+def test_it_compiles_in_floats_too(tmp_path):
+    project = write_law(SCENARIO, tmp_path / "law", name="law", single=True, command="", golden=False)
+    write_onboard(project, RobotLimits.of(SCENARIO, project), tmp_path)
     for part in ("path", "follow", "pilot", "words"):
         compiled("gcc", tmp_path / "law", f"slidax_law_{part}.c", "-c", "-o", f"{part}.o", "-Wdouble-promotion")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("CFLAGS", "-O0")
-        law = onboard.CompiledLaw(tmp_path / "law")
+    law = quickly_compiled(tmp_path / "law")
     pilot = law.pilot()
     pilot.options.path.hold = pilot.options.path.small = pilot.options.path.widen = pilot.options.path.motion = 1.0
-    for name in ("error_hold", "error_small", "error_full"):
-        getattr(pilot.options, name)[:] = [0.5] * 2
+    allow_error(pilot, 0.5)
     assert rehearse(pilot, RehearsalArm(law)) == onboard.FINISH, pilot.why
 
 
-@needs_a_compiler
-def test_what_is_missing_is_one_line(
-    law: onboard.CompiledLaw, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_missing_is_one_line(law, tmp_path, capsys, monkeypatch):
     with pytest.raises(SystemExit) as none:
         rehearsal.main(["--law", str(tmp_path)])
     assert none.value.code == 2 and capsys.readouterr().err.splitlines()[-1].endswith("law.json")

@@ -1,7 +1,5 @@
 """The controller's package built by colcon, with Debian's ament and pluginlib, and headers of our own for the rest."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess
@@ -10,7 +8,6 @@ from pathlib import Path
 from ruamel.yaml import YAML
 
 from slidax.export.ros2 import export_ros2
-from slidax.scenarios import Scenario
 from tests.export.ros2.test_controller import PACKAGE, STUBS, header
 
 SHARE = Path("/usr/share")
@@ -34,8 +31,7 @@ endfunction()
 """
 
 
-def missing() -> str:
-    """What this machine lacks; "" if nothing."""
+def missing():
     if not shutil.which("colcon"):
         return "colcon (pip install colcon-ros colcon-cmake)"
     if not all((SHARE / name / "cmake").is_dir() for name in ("ament_cmake", "pluginlib")):
@@ -43,7 +39,7 @@ def missing() -> str:
     return ""
 
 
-def built(scenario: Scenario, folder: Path) -> subprocess.CompletedProcess[str]:
+def built(scenario, folder):
     """What colcon says; the package is in `folder/install`.
 
     - `scenario`: whose law is exported.

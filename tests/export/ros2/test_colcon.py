@@ -1,10 +1,5 @@
-"""The controller's package is built by colcon, with ROS 2's own ament and pluginlib, and else headers of our own."""
-
-from __future__ import annotations
-
 import ctypes
 import os
-from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
@@ -13,21 +8,18 @@ from slidax import scenarios
 from tests.export.ros2 import colcon
 from tests.export.ros2.test_controller import PACKAGE
 
-pytestmark = [
-    pytest.mark.full,
-    pytest.mark.skipif(bool(colcon.missing()), reason=f"not here: {colcon.missing()}"),
-]
+pytestmark = [pytest.mark.full, pytest.mark.skipif(bool(colcon.missing()), reason=f"not here: {colcon.missing()}")]
 
 
-def test_it_is_built_and_found_as_a_plugin(tmp_path: Path) -> None:
+def test_it_is_built_and_found_as_a_plugin(tmp_path):
     done = colcon.built(scenarios.load("example-4.1-1khz", {"scheme": {"name": "computed_torque"}}), tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "warning:" not in done.stdout + done.stderr, done.stdout
     installed = tmp_path / "install" / PACKAGE
     index = installed / "share" / "ament_index" / "resource_index"
     assert (index / "packages" / PACKAGE).is_file()
-    told = (index / "controller_interface__pluginlib__plugin" / PACKAGE).read_text().strip()
-    library = ElementTree.parse(installed / told).getroot().get("path")
+    printed = (index / "controller_interface__pluginlib__plugin" / PACKAGE).read_text().strip()
+    library = ElementTree.parse(installed / printed).getroot().get("path")
     # All that it needs is in it, or in what it is linked to.
     ctypes.CDLL(str(installed / "lib" / f"lib{library}.so"), mode=os.RTLD_NOW)
     assert (installed / "share" / PACKAGE / "launch").is_dir()

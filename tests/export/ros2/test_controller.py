@@ -1,12 +1,6 @@
-"""The exported controller: through its life with headers of our own, and its parameters as YAML."""
-
-from __future__ import annotations
-
 import json
 import subprocess
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 
 import pytest
@@ -15,8 +9,7 @@ from ruamel.yaml import YAML
 from slidax import scenarios
 from slidax.core.errors import DefinitionError
 from slidax.export.ros2 import as_list, as_text, export_ros2, interface_names
-from tests.export.exported import needs_a_compiler
-from tests.export.onboard.tools import needs_cmake
+from tests.export.exported import needs_a_compiler, needs_cmake
 
 STUBS = Path(__file__).parent / "stubs"
 PACKAGE = "slidax_law_controller"
@@ -30,7 +23,7 @@ TYPES = {
 
 
 @pytest.fixture(scope="module")
-def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def package(tmp_path_factory):
     folder = tmp_path_factory.mktemp("ros2")
     scenario = scenarios.load("example-4.1-1khz", {"scheme": {"name": "computed_torque"}})
     export_ros2(scenario, folder, name="law", golden=False)
@@ -38,12 +31,12 @@ def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def parameters(package: Path) -> dict[str, Any]:
-    found: dict[str, Any] = YAML(typ="safe").load((package / "src" / "parameters.yaml").read_text())
-    return found
+def parameters(package):
+    result = YAML(typ="safe").load((package / "src" / "parameters.yaml").read_text())
+    return result
 
 
-def leaves(tree: dict[str, Any], path: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
+def leaves(tree, path=""):
     for name, value in tree.items():
         if "type" in value and isinstance(value["type"], str):
             yield path + name, value
@@ -51,15 +44,14 @@ def leaves(tree: dict[str, Any], path: str = "") -> Iterator[tuple[str, dict[str
             yield from leaves(value, f"{path}{name}.")
 
 
-def header(tree: dict[str, Any]) -> str:
-    """What the parameter library makes of the file, as far as the controller uses it: defaults in structures."""
+def header(tree):
 
-    def written(value: Any) -> str:
+    def written(value):
         if isinstance(value, list):
             return "{" + ", ".join(map(written, value)) + "}"
         return f'"{value}"' if isinstance(value, str) else repr(value)
 
-    def structure(inside: dict[str, Any]) -> str:
+    def structure(inside):
         lines = []
         for name, value in inside.items():
             if "type" in value and isinstance(value["type"], str):
@@ -86,10 +78,10 @@ def header(tree: dict[str, Any]) -> str:
 
 @needs_a_compiler
 @needs_cmake
-def test_it_lives_as_ros2_control_has_it(package: Path, parameters: dict[str, Any]) -> None:
-    made = package / "made" / PACKAGE
-    made.mkdir(parents=True)
-    (made / "parameters.hpp").write_text(header(parameters))
+def test_it_lives_as_ros2_control_has_it(package, parameters):
+    generated = package / "made" / PACKAGE
+    generated.mkdir(parents=True)
+    (generated / "parameters.hpp").write_text(header(parameters))
     includes = [f"-I{path}" for path in (STUBS, package / "include", package / "made", package / "law")]
     warnings = ["-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror"]
     sources = sorted((package / "law").glob("slidax_law*.c"))
@@ -101,50 +93,49 @@ def test_it_lives_as_ros2_control_has_it(package: Path, parameters: dict[str, An
         + ["-lm", "-o", package / "life"],
         check=True,
     )
-    said = subprocess.run([package / "life"], check=True, capture_output=True, text=True).stdout.splitlines()
-    lines = iter(said)
-    assert next(lines) == "init 1"
-    assert next(lines) == "interfaces 2 4"
+    message = subprocess.run([package / "life"], check=True, capture_output=True, text=True).stdout.splitlines()
+    lines = iter(message)
+    assert next(lines) == "init 1" and next(lines) == "interfaces 2 4"
     assert next(lines).startswith("wrong rate 1 the law needs 1000 Hz") and next(lines) == "configure 1"
     assert next(lines) == "an interface is missing 1"
-    assert next(lines).startswith("no posture 1 not begun: ")
-    assert next(lines) == "activate 1"
+    assert next(lines).startswith("no posture 1 not begun: ") and next(lines) == "activate 1"
     for what, most in (("hold", 0.02), ("trajectory", 0.1), ("there", 0.02)):
         name, number = next(lines).split()
-        assert name == what and 0.0 <= float(number) < most, said
+        assert name == what and 0.0 <= float(number) < most, message
     assert next(lines).startswith("finger: trajectory joint `finger` is ignored")
     assert next(lines) == "wrong name: trajectory rejected: it must have the joint `joint_2` once"
-    assert next(lines).endswith("refused 2")
-    assert next(lines) == "stopped after 6"
+    assert next(lines).endswith("refused 2") and next(lines) == "stopped after 6"
     assert next(lines) == "finite 1"
     assert next(lines).startswith("deactivate 1 stopped: no good measurement for too long")
     assert list(lines) == ["again 1", "error 1", "configure again 1", "cleanup 1", "shutdown 1"]
 
 
-def test_parameters_have_our_names_units_ranges_and_words(parameters: dict[str, Any]) -> None:
-    found = dict(leaves(parameters[PACKAGE]))
-    assert found["joints"]["default_value"] == ["joint_1", "joint_2"]
-    gain = found["law.kp"] if "law.kp" in found else next(value for name, value in found.items() if name.endswith("kp"))
+def test_parameters_have_our_names_units_ranges_and_words(parameters):
+    result = dict(leaves(parameters[PACKAGE]))
+    assert result["joints"]["default_value"] == ["joint_1", "joint_2"]
+    gain = (
+        result["law.kp"] if "law.kp" in result else next(value for name, value in result.items() if name.endswith("kp"))
+    )
     assert gain["validation"] and gain["description"]
-    assert all(value["description"] for value in found.values())
-    assert found["limits.torque"]["validation"] == {"fixed_size<>": [2]}
-    assert "law.period" not in found and not any(name.startswith("law.nominal_masses") for name in found)
+    assert all(value["description"] for value in result.values())
+    assert result["limits.torque"]["validation"] == {"fixed_size<>": [2]}
+    assert "law.period" not in result and not any(name.startswith("law.nominal_masses") for name in result)
 
 
 @pytest.mark.parametrize("name", ["left-arm/shoulder", "wam.base yaw", "\u00e9paule_1", "it's", "yes", "1"])
-def test_interfaces_are_asked_for_by_the_robots_own_names(name: str) -> None:
+def test_interfaces_are_asked_for_by_the_robots_own_names(name):
     names = interface_names([name, "elbow"])
     assert names == [name, "elbow"]
     assert YAML(typ="safe").load(f"joints: {as_list(map(as_text, names))}") == {"joints": [name, "elbow"]}
 
 
 @pytest.mark.parametrize("name", ['a"b', "a\\b", "a\nb"])
-def test_a_name_that_no_parameter_file_can_hold_is_refused(name: str) -> None:
+def test_a_name_that_no_parameter_file_can_hold_is_refused(name):
     with pytest.raises(DefinitionError, match="rename the joint in the robot's and the hardware's files"):
         interface_names([name])
 
 
-def test_the_package_is_whole(package: Path) -> None:
+def test_the_package_is_whole(package):
     plugin = ElementTree.parse(package / f"{PACKAGE}.xml").getroot()
     assert plugin.get("path") == PACKAGE
     assert plugin[0].attrib == {
@@ -164,8 +155,6 @@ def test_the_package_is_whole(package: Path) -> None:
     compile((package / "launch" / "control.launch.py").read_text(), "control.launch.py", "exec")
 
 
-def test_who_carries_the_weight_is_one_of_two(tmp_path: Path) -> None:
+def test_who_carries_the_weight_is_one_of_two(tmp_path):
     with pytest.raises(DefinitionError, match='must be "law" or "robot"'):
         export_ros2(scenarios.load("example-4.1-1khz"), tmp_path, gravity="nobody")
-    with pytest.raises(DefinitionError, match="articulated arm"):
-        export_ros2(scenarios.load("example-4.1-1khz"), tmp_path, gravity="robot")

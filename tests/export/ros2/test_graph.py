@@ -1,31 +1,22 @@
-"""The exported node in a running graph: joint states, efforts and a trajectory between two processes."""
-
-from __future__ import annotations
-
-from pathlib import Path
-
 import pytest
 
 from benchmarks.targets import ros2
 from slidax import scenarios
-from slidax.export.onboard.pilot import CompiledLaw
 from slidax.export.ros2 import export_ros2
-from tests.export.exported import needs_a_compiler
+from tests.export.exported import needs_a_compiler, quickly_compiled
 
 
 @needs_a_compiler
 @pytest.mark.skipif(ros2.python() is None, reason="no environment .venv-ros with rclpy (docs/ros2.md)")
-def test_it_answers_every_state_and_brings_the_arm_to_the_end_of_a_trajectory(tmp_path: Path) -> None:
+def test_it_answers_every_state_and_brings_the_arm_to_the_end_of_a_trajectory(tmp_path):
     scenario = scenarios.load("example-4.1-1khz", {"scheme": {"name": "computed_torque"}})
     export_ros2(scenario, tmp_path, name="law", golden=False)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("CFLAGS", "-O0")
-        CompiledLaw(tmp_path / "law")
-    said = ros2.exchanged(tmp_path, 2300)
+    quickly_compiled(tmp_path / "law")
+    text = ros2.exchanged(tmp_path, 2300)
     node = (tmp_path / "node.txt").read_text()
-    assert said["received"] == said["sent"] == 2300, (said, node)
-    assert said["off"] < 0.02, (said, node)
-    assert said["told"] >= 2290
-    signals = said["signals"]
+    assert text["received"] == text["sent"] == 2300, (text, node)
+    assert text["off"] < 0.02, (text, node)
+    assert text["told"] >= 2290
+    signals = text["signals"]
     assert signals["status"] == [0.0] and len(signals["error"]) == len(signals["tau"]) == 2
     assert 0.0 < signals["margin"][0] <= 1.0

@@ -1,9 +1,4 @@
-"""The node in Python takes a trajectory's joints by their names."""
-
-from __future__ import annotations
-
 from types import SimpleNamespace
-from typing import Any
 
 import pytest
 
@@ -11,28 +6,28 @@ from slidax.export.onboard.ros2_node import Node
 
 
 class FakeRos:
-    def __init__(self) -> None:
-        self.lines: list[str] = []
+    def __init__(self):
+        self.lines = []
 
-    def create_publisher(self, *_: Any) -> Any:
+    def create_publisher(self, *_):
         return None
 
-    def create_subscription(self, *_: Any) -> Any:
+    def create_subscription(self, *_):
         return None
 
-    def get_logger(self) -> Any:
+    def get_logger(self):
         return SimpleNamespace(error=self.lines.append, warning=self.lines.append)
 
 
 @pytest.fixture
-def node() -> Node:
+def node():
     pilot = SimpleNamespace(options=SimpleNamespace(follows=False, path=SimpleNamespace(hold=1.0)), taken=[])
     pilot.take = lambda times, q, dq, ddq: pilot.taken.append((times, q, dq, ddq))
-    law: Any = SimpleNamespace(pilot=lambda: pilot)
+    law = SimpleNamespace(pilot=lambda: pilot)
     return Node(FakeRos(), law, ["left-arm/shoulder", "left-arm/elbow"], [None] * 4)
 
 
-def message(names: list[str], *rows: list[float]) -> Any:
+def message(names, *rows):
     points = [
         SimpleNamespace(
             positions=row,
@@ -45,7 +40,7 @@ def message(names: list[str], *rows: list[float]) -> Any:
     return SimpleNamespace(joint_names=names, points=points)
 
 
-def test_joints_are_taken_by_name_and_a_finger_is_left_out_with_a_warning(node: Node) -> None:
+def test_joints_are_taken_by_name_and_a_finger_is_left_out_with_a_warning(node):
     node.wanted(message(["finger", "left-arm/elbow", "left-arm/shoulder"], [0.04, 1.0, 2.0]))
     assert node.pilot.taken == [([0.0], [[2.0, 1.0]], [[20.0, 10.0]], None)]
     assert node.ros.lines == ["trajectory joints unknown to the law are ignored: finger"]
@@ -58,6 +53,6 @@ def test_joints_are_taken_by_name_and_a_finger_is_left_out_with_a_warning(node: 
         (["left-arm/shoulder"] * 2, "it must have the joint left-arm/shoulder once"),
     ],
 )
-def test_a_missing_or_doubled_joint_is_refused_by_name(node: Node, names: list[str], word: str) -> None:
+def test_a_missing_or_doubled_joint_is_refused_by_name(node, names, word):
     node.wanted(message(names, [0.0, 0.0]))
     assert not node.pilot.taken and word in node.ros.lines[0]

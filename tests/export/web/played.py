@@ -1,21 +1,16 @@
 """Playgrounds run by node, as a browser runs them."""
 
-from __future__ import annotations
-
 import base64
 import gzip
 import json
 import shutil
 import subprocess
-from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from slidax.scenarios import Scenario
 from slidax.scenarios.load import validate_text
 
 HERE = Path(__file__).parent
@@ -24,33 +19,29 @@ LOOP = Path(__file__).parents[3] / "src/slidax/export/web/page/loop.js"
 needs_node = pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed")
 
 
-def numbers(text: str) -> np.ndarray:
-    """What is base64 of gzip."""
+def numbers(text):
     return np.frombuffer(gzip.decompress(base64.b64decode(text)), "<f8").copy()
 
 
-def unpacked(text: str) -> Any:
-    """JSON that is base64 of gzip."""
+def unpacked(text):
     return json.loads(gzip.decompress(base64.b64decode(text)))
 
 
-def variant_of(setting: Mapping[str, Any], choices: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The variant with these choices, and else the defaults."""
+def variant_of(setting, choices):
     at = [
         choice["values"].index(choices[choice["path"]]) if choice["path"] in choices else choice["default"]
         for choice in setting["choices"]
     ]
-    return next(one for one in setting["variants"] if one["at"] == at)
+    return next(item for item in setting["variants"] if item["at"] == at)
 
 
-def inputs_of(setting: Mapping[str, Any], variant: Mapping[str, Any], tunables: Mapping[str, Any]) -> np.ndarray:
-    """A program's inputs."""
-    found = numbers(variant["constants"])
+def inputs_of(setting, variant, tunables):
+    result = numbers(variant["constants"])
     by_path = {tunable["path"]: tunable["inputs"] for tunable in setting["tunables"]}
     for path, value in tunables.items():
         start, count = by_path[path]
-        found[start : start + count] = value
-    return found
+        result[start : start + count] = value
+    return result
 
 
 FLAG = "--experimental-wasm-relaxed-simd"
@@ -65,38 +56,26 @@ process.exit(f(1 + 2 ** -30, 1 + 2 ** -30, -(1 + 2 ** -29)) === 2 ** -60 ? 0 : 1
 
 
 @cache
-def flags() -> tuple[str, ...] | None:
-    """With which node has multiply-adds that are rounded once; None if it has none."""
+def flags():
     for tried in ((), (FLAG,)):
         if subprocess.run(["node", *tried, "-e", ROUNDED], capture_output=True, timeout=60).returncode == 0:
             return tried
     return None
 
 
-def rounds_once() -> bool:
-    """Whether node has multiply-adds that are rounded once."""
+def rounds_once():
     return flags() is not None
 
 
-def played(
-    manifest: Mapping[str, Any],
-    program: str,
-    inputs: np.ndarray,
-    folder: Path,
-    times: int = 1,
-    *,
-    relaxed: bool = True,
-) -> Any:
-    """What loop.js makes of a program, with multiply-adds if node has them and they are wanted."""
+def played(manifest, program, inputs, folder, times=1, *, relaxed=True):
     file = folder / "playground.json"
     file.write_text(json.dumps(manifest))
     command = ["node", "--no-warnings", *(flags() or ()), str(HERE / "run.mjs"), str(LOOP), str(file), program]
     command += [str(times), "" if relaxed else "plain"]
-    said = subprocess.run(command, input=json.dumps(inputs.tolist()), capture_output=True, text=True, timeout=120)
-    assert said.returncode == 0, said.stderr
-    return json.loads(said.stdout)
+    message = subprocess.run(command, input=json.dumps(inputs.tolist()), capture_output=True, text=True, timeout=120)
+    assert message.returncode == 0, message.stderr
+    return json.loads(message.stdout)
 
 
-def scenario_of(setting: Mapping[str, Any], changes: Mapping[str, Any]) -> Scenario:
-    """The setting's scenario, as a page gives it to be downloaded."""
+def scenario_of(setting, changes):
     return validate_text(setting["scenario"], dict(changes)).build("downloaded")

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -28,10 +26,9 @@ def turned(quaternion):
 
 
 def frames(arm, q):
-    """Each link's rotation and place, as the page finds them."""
-    found = []
+    result = []
     for link in arm["kinematics"]:
-        turn, place = (np.eye(3), np.zeros(3)) if link["parent"] < 0 else found[link["parent"]]
+        turn, place = (np.eye(3), np.zeros(3)) if link["parent"] < 0 else result[link["parent"]]
         place, turn = place + turn @ np.array(link["origin"][:3]), turn @ turned(link["origin"][3:])
         angle = q[link["joint"]]
         if link["type"] == "prismatic":
@@ -39,8 +36,8 @@ def frames(arm, q):
         else:
             c, s = np.cos(angle), np.sin(angle)
             turn = turn @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        found.append((turn, place))
-    return found
+        result.append((turn, place))
+    return result
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
@@ -59,5 +56,4 @@ def test_a_rod_that_slides_is_as_long_as_it_goes_far():
     (rod,) = [s for s in arm["shapes"] if s["link"] == slides and s["kind"] == "capsule"]
     times = np.linspace(0.0, scenario.t1, 40)
     farthest = max(abs(float(scenario.trajectory.position(jnp.asarray(t))[2])) for t in times)
-    assert rod["size"][1] > farthest
-    assert rod["at"][2] == pytest.approx(-0.5 * rod["size"][1])
+    assert rod["size"][1] > farthest and rod["at"][2] == pytest.approx(-0.5 * rod["size"][1])

@@ -1,11 +1,5 @@
-"""The law that a page writes in C: with the sliders' numbers it is the law that `slidax export c` writes of them."""
-
-from __future__ import annotations
-
 import re
-from collections.abc import Mapping
 from functools import cache
-from typing import Any
 
 import numpy as np
 import pytest
@@ -24,66 +18,61 @@ NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?")
 
 
 @cache
-def offered(name: str) -> tuple[Any, Mapping[str, str], Mapping[str, Any], Mapping[str, np.ndarray]]:
-    """The scenario, the files with their marks, where the marks are, and what the numbers are as given."""
+def offered(name):
     base = load(name).description
     base = base.model_copy(update={"robot": base.robot.resolved()})
     family = Family(base, Space({}, {}), Space({}, {}))
     templates = family.templates({})
     tunables = tunables_of(base, templates.built.plant.robot.joints)
-    found = c_files(family, templates, tunables)
+    result = c_files(family, templates, tunables)
     return (
         base,
-        unpacked(found["c_files"]),
-        found["c_parameters"],
+        unpacked(result["c_files"]),
+        result["c_parameters"],
         {tunable.path: tunable.defaults for tunable in tunables},
     )
 
 
-def filled(name: str, moved: Mapping[str, Any]) -> dict[str, str]:
-    """The files with numbers for the marks, as the page's scenario.js puts them there."""
-    _, files, where, given = offered(name)
-    made = dict(files)
-    for one in where["values"]:
-        value = np.asarray(moved.get(one["path"], given[one["path"]]))
-        value = value if value.shape == (len(one["marks"]),) else np.unique(value)
-        numbers = np.broadcast_to(value, len(one["marks"]))
-        for mark, number in zip(one["marks"], numbers, strict=True):
-            made[where["file"]] = made[where["file"]].replace(mark, repr(float(number)))
-    assert "@{" not in made[where["file"]]
-    return made
+def filled(name, moved):
+    _, files, where, own = offered(name)
+    texts = dict(files)
+    for item in where["values"]:
+        value = np.asarray(moved.get(item["path"], own[item["path"]]))
+        value = value if value.shape == (len(item["marks"]),) else np.unique(value)
+        numbers = np.broadcast_to(value, len(item["marks"]))
+        for mark, number in zip(item["marks"], numbers, strict=True):
+            texts[where["file"]] = texts[where["file"]].replace(mark, repr(float(number)))
+    assert "@{" not in texts[where["file"]]
+    return texts
 
 
-def exported(name: str, changes: Mapping[str, Any]) -> dict[str, str]:
-    """What `slidax export c` writes of the scenario that the page gives to be downloaded."""
+def exported(name, changes):
     data = offered(name)[0].model_dump(exclude_unset=True)
-    made = project(validate_text(data, dict(changes)).build("law"), name="law", with_golden=False)
+    texts = project(validate_text(data, dict(changes)).build("law"), name="law", with_golden=False)
     names = {"header.h.j2": "slidax_law.h", "step.c.j2": "slidax_law.c"}
-    return {file: render(template, {"x": made}) for template, file in names.items()}
+    return {file: render(template, {"x": texts}) for template, file in names.items()}
 
 
-def assert_same_text(ours: str, theirs: str) -> None:
-    """The same words, and numbers that are the same to the last digit, however they are written."""
+def assert_same_text(ours, theirs):
     assert NUMBER.sub("#", ours) == NUMBER.sub("#", theirs)
-    a, b = ([float(one) for one in NUMBER.findall(text)] for text in (ours, theirs))
+    a, b = ([float(item) for item in NUMBER.findall(text)] for text in (ours, theirs))
     np.testing.assert_array_equal(a, b)
 
 
-def moved_by(name: str, factor: float) -> dict[str, Any]:
-    """All that has a mark, moved as far as it may."""
-    base, _, where, given = offered(name)
+def moved_by(name, factor):
+    base, _, where, own = offered(name)
     data = base.model_dump(exclude_unset=True)
-    found: dict[str, Any] = {}
-    for one in where["values"]:
-        path = one["path"]
-        number = given[path] * factor if np.any(given[path]) else np.full_like(given[path], 0.01)
-        value = number.tolist() if len(one["marks"]) > 1 else float(np.ravel(number)[0])
+    result = {}
+    for item in where["values"]:
+        path = item["path"]
+        number = own[path] * factor if np.any(own[path]) else np.full_like(own[path], 0.01)
+        value = number.tolist() if len(item["marks"]) > 1 else float(np.ravel(number)[0])
         try:
-            validate_text(data, {**found, path: value})
+            validate_text(data, {**result, path: value})
         except ValueError:
             continue
-        found[path] = value
-    return found
+        result[path] = value
+    return result
 
 
 @pytest.mark.parametrize(
@@ -94,7 +83,7 @@ def moved_by(name: str, factor: float) -> dict[str, Any]:
         pytest.param("panda-payload", 20, marks=pytest.mark.full),
     ],
 )
-def test_moved_numbers_make_the_file_that_the_moved_scenario_is_exported_to(name: str, marks: int) -> None:
+def test_moved_numbers_make_the_file_that_the_moved_scenario_is_exported_to(name, marks):
     moved = moved_by(name, 1.07)
     assert len(moved) > marks
     ours, theirs = filled(name, moved), exported(name, moved)
@@ -105,9 +94,8 @@ def test_moved_numbers_make_the_file_that_the_moved_scenario_is_exported_to(name
     assert len(ours["slidax_law.h"].split("\n")) == len(theirs["slidax_law.h"].split("\n"))
 
 
-def test_what_the_law_is_not_told_has_no_mark() -> None:
+def test_what_the_law_is_not_told_has_no_mark():
     _, files, where, _ = offered("example-4.1")
-    paths = {one["path"] for one in where["values"]}
+    paths = {item["path"] for item in where["values"]}
     assert not {path for path in paths if not path.startswith(("scheme.", "actuator."))}
-    assert set(files) >= {"slidax_law.h", "slidax_law.c", "example.c"}
-    assert len(TEMPLATES) == len(files)
+    assert set(files) >= {"slidax_law.h", "slidax_law.c", "example.c"} and len(TEMPLATES) == len(files)

@@ -1,10 +1,5 @@
-"""The lights of a page: what the certificates say, and on which numbers each stands."""
-
-from __future__ import annotations
-
 from functools import cache
 from importlib import import_module
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +14,7 @@ from slidax.scenarios.load import alter
 
 playground = import_module("slidax.export.web.playground")
 
-DECLARED = [one for one in CERTIFICATES if one.reads is not None]
+DECLARED = [item for item in CERTIFICATES if item.reads is not None]
 
 SCENARIOS = [
     "example-4.1",
@@ -30,29 +25,27 @@ SCENARIOS = [
 
 
 @cache
-def loaded(name: str) -> Scenario:
+def loaded(name):
     return load(name)
 
 
 @cache
-def movable(name: str) -> dict[str, Any]:
-    """All that a page can change, each to another value."""
+def movable(name):
     scenario = loaded(name)
     described = scenario.description.model_copy(update={"robot": scenario.description.robot.resolved()})
-    found: dict[str, Any] = {}
+    result = {}
     for tunable in tunables_of(described, scenario.plant.robot.joints):
         own = tunable.defaults if tunable.each else np.asarray(tunable.leaf.own)
         moved = np.where(own == 0.0, 0.3 * tunable.high, own + 0.07 * (tunable.high - own))
-        found[tunable.path] = moved.tolist()
+        result[tunable.path] = moved.tolist()
     if scenario.description.scheme.sampled_data is not None:
-        found["sensor.delay"] = 1.0 - scenario.description.sensor.delay
-        found["sensor.resolution"] = 3e-5
-    found["simulation.period"] = 0.5 * scenario.period
-    return found
+        result["sensor.delay"] = 1.0 - scenario.description.sensor.delay
+        result["sensor.resolution"] = 3e-5
+    result["simulation.period"] = 0.5 * scenario.period
+    return result
 
 
-def all_but(name: str, certificate: Any) -> tuple[Scenario, list[str]]:
-    """The scenario in which everything was moved that the certificate does not read, as far as it goes together."""
+def all_but(name, certificate):
     scenario, done = loaded(name), []
     for path, value in movable(name).items():
         if certificate.may_read(path):
@@ -66,14 +59,14 @@ def all_but(name: str, certificate: Any) -> tuple[Scenario, list[str]]:
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
-@pytest.mark.parametrize("certificate", DECLARED, ids=lambda one: one.name)
-def test_what_a_certificate_does_not_declare_moves_no_digit_of_its_answer(certificate: Any, name: str) -> None:
+@pytest.mark.parametrize("certificate", DECLARED, ids=lambda item: item.name)
+def test_what_a_certificate_does_not_declare_moves_no_digit_of_its_answer(certificate, name):
     other, moved = all_but(name, certificate)
     assert moved, "nothing was moved, so that nothing was shown"
     assert certificate(other).as_json() == certificate(loaded(name)).as_json()
 
 
-def test_one_that_reads_what_it_does_not_declare_is_found_out() -> None:
+def test_one_that_reads_what_it_does_not_declare_is_found_out():
     @certificate("forgetful", "", covers=(), reads=("robot",))
     def forgetful(scenario: Scenario) -> Verdict:
         gain = float(np.max(np.asarray(scenario.controller.surface.k1)))
@@ -83,7 +76,7 @@ def test_one_that_reads_what_it_does_not_declare_is_found_out() -> None:
     assert forgetful(other).as_json() != forgetful(loaded("example-4.1")).as_json()
 
 
-def test_one_that_declares_nothing_stands_on_everything(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_that_declares_nothing_stands_on_everything(monkeypatch):
     @certificate("fresh", "new", covers=())
     def fresh(scenario: Scenario) -> Verdict:
         return Verdict("fresh", "new", True, 0.5, {"bound": [1.0, 2.0]}, (), "It is so.")
@@ -97,29 +90,29 @@ def test_one_that_declares_nothing_stands_on_everything(monkeypatch: pytest.Monk
     assert light["words"] == ["bound 2"]
 
 
-def test_a_light_that_was_not_computed_says_so_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[Any] = []
-    monkeypatch.setattr(certified, "certify", lambda scenario, runs, without: asked.append(without) or [])
+def test_a_light_that_was_not_computed_says_so_in_words(monkeypatch):
+    skipped = []
+    monkeypatch.setattr(certified, "certify", lambda scenario, runs, without: skipped.append(without) or [])
     monkeypatch.setattr(certified, "SLOW", 1)
     scenario = loaded("example-4.1")
-    monkeypatch.setattr(certified, "CERTIFICATES", tuple(one for one in CERTIFICATES if one.name == "loop_rate"))
+    monkeypatch.setattr(certified, "CERTIFICATES", tuple(item for item in CERTIFICATES if item.name == "loop_rate"))
     (light,) = certified.certificates_of(scenario, ["scheme.surface.k1"])
-    assert asked == [["loop_rate"]]
+    assert skipped == [["loop_rate"]]
     assert light["holds"] is None and "Not computed" in light["statement"] and "2 joints" in light["statement"]
     assert "--certify-rate" in light["statement"] and light["reads"] == ["scheme.surface.k1"]
     certified.certificates_of(scenario, ["scheme.surface.k1"], rate=True)
-    assert asked[1:] == [[]]
+    assert skipped[1:] == [[]]
 
 
-def test_the_rate_is_certified_of_the_scenarios_own_law_where_it_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(playground, "playground", lambda title, settings, arms: [one.rate for one in settings])
+def test_the_rate_is_certified_of_the_scenarios_own_law_where_it_is_asked_for(monkeypatch):
+    monkeypatch.setattr(playground, "playground", lambda title, settings, arms: [item.rate for item in settings])
     scenario = load("example-4.1-1khz")
     assert playground.manifest_of_scenario(scenario, ["printed", "slotine_li"], rate=True) == [True, False, False]
     assert playground.manifest_of_scenario(scenario) == [False]
 
 
 @pytest.mark.full
-def test_the_lights_say_what_slidax_certify_says() -> None:
+def test_the_lights_say_what_slidax_certify_says():
     scenario = loaded("example-4.1-1khz")
     lights = {
         light["certificate"]: light for light in certified.certificates_of(scenario, list(movable(scenario.name)))
@@ -128,3 +121,18 @@ def test_the_lights_say_what_slidax_certify_says() -> None:
         theirs, light = each(scenario), lights[each.name]
         assert (light["holds"], light["statement"], light["title"]) == (theirs.holds, theirs.statement, theirs.title)
         assert light["margin"] == theirs.as_json()["margin"]
+
+
+def test_note_of_each_law_names_the_envelope_that_judges_it():
+    laws = certified.settings_of(
+        load("example-4.1-1khz").description, "arm", ["printed", "slotine_li", "slotine_li_ppc"]
+    )
+    notes = {law.scheme: law.note for law in laws}
+    assert notes["cftsmppc"] == certified.OURS and notes["slotine_li"] == certified.WITH + certified.JUDGED
+    assert notes["slotine_li_ppc"] == certified.WITH, "it draws an envelope of its own"
+    assert "as printed" in notes["cftsmppc-printed"]
+
+
+def test_law_in_continuous_time_has_no_note():
+    (own,) = certified.settings_of(load("example-4.1").description, "arm")
+    assert own.note == ""

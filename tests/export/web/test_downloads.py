@@ -1,11 +1,6 @@
-"""What a page gives to be downloaded, once its sliders were moved: the scenario as `slidax run` takes it, and the C."""
-
-from __future__ import annotations
-
 import json
 import zipfile
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -38,8 +33,7 @@ MOVED = {
 
 
 @pytest.fixture(scope="module")
-def moved(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Path, Path]:
-    """What the page shows, the scenario that it gives, and the folder of its C."""
+def moved(chromium, tmp_path_factory):
     folder = tmp_path_factory.mktemp("moved")
     # Without limits the drives deliver what the law commands.
     described = load("example-4.1-1khz", {"simulation.t1": 2.0, "actuator": {}}).description
@@ -72,16 +66,15 @@ def moved(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> tuple[Any,
     return shown, scenario, folder
 
 
-def assert_close(found: Any, shown: Any, width: int) -> None:
+def assert_close(result, shown, width):
     theirs = np.reshape(shown, (-1, width))
-    worst = np.max(np.abs(np.asarray(found) - theirs) / np.max(np.abs(theirs), axis=0))
+    worst = np.max(np.abs(np.asarray(result) - theirs) / np.max(np.abs(theirs), axis=0))
     assert worst < CLOSE, worst
 
 
-def test_slidax_run_takes_the_scenario_and_does_the_same_run(moved: Any, tmp_path: Path) -> None:
+def test_slidax_run_takes_the_scenario_and_does_the_same_run(moved, tmp_path):
     shown, scenario, _ = moved
-    done = in_process("run", str(scenario), "--json", "--out", str(tmp_path / "report"))
-    assert done.exit_code == 0, done.output
+    done = in_process("run", str(scenario), "--json", "--out", str(tmp_path / "report"), code=0)
     assert json.loads(done.stdout)["outcome"] == "ok"
     parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
     table = parquet.read_table(tmp_path / "report" / "log.parquet").to_pydict()
@@ -92,25 +85,25 @@ def test_slidax_run_takes_the_scenario_and_does_the_same_run(moved: Any, tmp_pat
         assert_close(np.stack(columns, axis=1), shown[name], 2)
 
 
-def test_the_law_in_c_gives_the_torques_that_the_page_shows(moved: Any) -> None:
+def test_the_law_in_c_gives_the_torques_that_the_page_shows(moved):
     shown, scenario, folder = moved
     assert "NOT" not in (folder / "READ-ME.txt").read_text(encoding="utf-8")
     loaded, law = load(scenario), folder / "law"
     # A user compiles the example, too.
     run(law, COMPILERS[0], *STRICT, "slidax_law.c", "slidax_law_scenario.c", "example.c", "-o", "example", "-lm")
     samples = record_closed_loop(loaded, guarded_law(loaded)).samples
-    found = Exported(loaded, law, written=True).answers(samples)
+    result = Exported(loaded, law, written=True).answers(samples)
     rows = np.searchsorted(np.asarray(samples.t), np.array(shown["t"]) - 1e-9)
     assert len(rows) > 900
-    assert_close(found.command["tau"][rows], shown["tau"], 2)
+    assert_close(result.command["tau"][rows], shown["tau"], 2)
     # The numbers count: the file as it was given answers otherwise.
     (folder / "given").mkdir()
-    given = Exported(alter(loaded, {path: as_given(path) for path in MOVED}), folder / "given").answers(samples)
-    assert np.max(np.abs(given.command["tau"][rows] - np.reshape(shown["tau"], (-1, 2)))) > 1e-3
+    unchanged = Exported(alter(loaded, {path: as_given(path) for path in MOVED}), folder / "given").answers(samples)
+    assert np.max(np.abs(unchanged.command["tau"][rows] - np.reshape(shown["tau"], (-1, 2)))) > 1e-3
 
 
-def as_given(path: str) -> Any:
-    place: Any = load("example-4.1-1khz").description
+def as_given(path):
+    place = load("example-4.1-1khz").description
     for name in path.split("."):
         place = getattr(place, name)
     return place

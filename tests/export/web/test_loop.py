@@ -1,11 +1,3 @@
-"""The closed loop in WebAssembly is the closed loop of `slidax run`."""
-
-from __future__ import annotations
-
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -24,28 +16,17 @@ CLOSE = 5e-12
 """Of the largest value of a joint's signal; the search of a sampled-data law ends at 1e-12 rad/s."""
 
 
-def made(
-    name: str, beside: tuple[str, ...] = (), choices: tuple[ProgramChoice, ...] = (), **changes: Any
-) -> dict[str, Any]:
+def manifest_of(name, beside=(), choices=(), **changes):
     described = load(name, {path.replace("__", "."): value for path, value in changes.items()}).description
     return playground("test", settings_of(described, "arm", beside, {}, choices), {"arm": "Arm"}, promised=False)
 
 
 @pytest.fixture(scope="module")
-def two_link() -> dict[str, Any]:
-    return made("example-4.1-1khz", ("printed",), (PERIODS,), simulation__t1=2.0)
+def two_link():
+    return manifest_of("example-4.1-1khz", ("printed",), (PERIODS,), simulation__t1=2.0)
 
 
-def assert_same(
-    manifest: Mapping[str, Any],
-    which: int,
-    folder: Path,
-    tunables: Mapping[str, Any] | None = None,
-    choices: Mapping[str, Any] | None = None,
-    close: float = CLOSE,
-    relaxed: bool = True,
-) -> Any:
-    """What the page computes is what the scenario that it gives to be downloaded does."""
+def assert_same(manifest, which, folder, tunables=None, choices=None, close=CLOSE, relaxed=True):
     setting = manifest["settings"][which]
     variant = variant_of(setting, choices or {})
     inputs = inputs_of(setting, variant, tunables or {})
@@ -53,8 +34,7 @@ def assert_same(
     run = scenario_of(setting, {**(tunables or {}), **(choices or {})}).simulate(log_every=int(inputs[-1]))
     log = run.log
     assert result["outcome"]["message"] == run.outcome.message
-    assert result["outcome"]["kind"] == run.outcome.kind
-    assert result["rows"] == len(log.t)
+    assert result["outcome"]["kind"] == run.outcome.kind and result["rows"] == len(log.t)
     pairs = {"q": log.state.q, "e": log.e, "tau": log.tau}
     if log.envelope is not None:
         pairs |= {"lower": log.envelope.lower, "upper": log.envelope.upper}
@@ -66,77 +46,67 @@ def assert_same(
     return result
 
 
-def assert_metric(key: str, value: Any, found: Mapping[str, Any]) -> None:
+def assert_metric(key, value, actual):
     if isinstance(value, dict):
-        for name, one in value.items():
-            assert_metric(f"{key}.{name}", one, found)
+        for name, item in value.items():
+            assert_metric(f"{key}.{name}", item, actual)
     elif value is not None:
-        np.testing.assert_allclose(np.asarray(found[key], float), np.atleast_1d(value), rtol=1e-6, atol=1e-12)
+        np.testing.assert_allclose(np.asarray(actual[key], float), np.atleast_1d(value), rtol=1e-6, atol=1e-12)
 
 
-def test_as_it_is_the_page_computes_what_slidax_run_does(two_link: Any, tmp_path: Path) -> None:
-    assert_same(two_link, 0, tmp_path)
-
-
-def test_without_multiply_adds_it_does_so_too(two_link: Any, tmp_path: Path) -> None:
-    assert_same(two_link, 0, tmp_path, relaxed=False)
-
-
-def test_where_multiply_adds_are_rounded_once_it_has_the_same_bits(two_link: Any, tmp_path: Path) -> None:
+def test_where_multiply_adds_are_rounded_once_it_has_the_same_bits(two_link, tmp_path):
     if not rounds_once():
         pytest.skip("this node or processor has no multiply-add that is rounded once")
     assert_same(two_link, 0, tmp_path, close=0.0)
     assert_same(two_link, 1, tmp_path, close=0.0)
 
 
-def test_so_it_does_with_other_numbers_and_another_period(two_link: Any, tmp_path: Path) -> None:
-    tunables = {
-        "scheme.surface.k1": 0.5,
-        "robot.plant.masses": [0.7, 1.2],
-        "scheme.transformation.performance.final": 0.01,
-    }
-    assert_same(two_link, 0, tmp_path, tunables, {"simulation.period": 2e-3})
+MOVED = {"robot.plant.masses": [0.7, 1.2], "scheme.transformation.performance.final": 0.01, "scheme.surface.k1": 0.5}
 
 
-def test_periods_share_one_program(two_link: Any) -> None:
+@pytest.mark.parametrize(
+    ("tunables", "choices", "relaxed"),
+    [({}, {}, True), ({}, {}, False), (MOVED, {"simulation.period": 2e-3}, True)],
+    ids=["as it is", "without multiply-adds", "other numbers and another period"],
+)
+def test_page_computes_the_run_of_slidax(two_link, tmp_path, tunables, choices, relaxed):
+    assert_same(two_link, 0, tmp_path, tunables, choices, relaxed=relaxed)
+
+
+def test_periods_share_one_program(two_link):
     assert len({variant["program"] for variant in two_link["settings"][0]["variants"]}) == 1
 
 
-def test_a_run_that_leaves_its_envelope_ends_with_pythons_words(two_link: Any, tmp_path: Path) -> None:
+def test_a_run_that_leaves_its_envelope_ends_with_pythons_words(two_link, tmp_path):
     result = assert_same(two_link, 1, tmp_path, {"robot.plant.masses": [3.0, 4.0]}, close=1e-6)
     assert result["outcome"]["kind"] in ("left_envelope", "not_finite")
 
 
-def test_one_that_is_outside_says_since_when_and_how_far(two_link: Any, tmp_path: Path) -> None:
+def test_one_that_is_outside_says_since_when_and_how_far(two_link, tmp_path):
     result = assert_same(two_link, 0, tmp_path, {"disturbance.scale": 40.0}, close=1e-6)
     assert "is outside at the end" in result["outcome"]["message"]
 
 
-def test_a_start_outside_is_refused_in_one_line(two_link: Any, tmp_path: Path) -> None:
+def test_a_start_outside_is_refused_in_one_line(two_link, tmp_path):
     setting = two_link["settings"][1]
     variant = variant_of(setting, {})
     inputs = inputs_of(setting, variant, {"scheme.transformation.performance.initial": 0.1})
     outcome = played(two_link, variant["program"], inputs, tmp_path)["outcome"]
-    assert outcome["kind"] == "refused"
-    assert "must hold the start" in outcome["message"]
+    assert outcome["kind"] == "refused" and "must hold the start" in outcome["message"]
 
 
 @pytest.mark.full
-def test_a_rival_is_judged_by_our_envelope(tmp_path: Path) -> None:
-    manifest = made("example-4.2-1khz", ("super_twisting",), simulation__t1=4.0)
+def test_a_rival_is_judged_by_our_envelope(tmp_path):
+    manifest = manifest_of("example-4.2-1khz", ("super_twisting",), simulation__t1=4.0)
     ours, theirs = (assert_same(manifest, k, tmp_path) for k in (0, 1))
     assert theirs["signals"]["upper"] == ours["signals"]["upper"]
     assert "tolerance_margin" in theirs["metrics"]
 
 
 @pytest.mark.full
-def test_the_panda_with_exact_positions_too(tmp_path: Path) -> None:
-    manifest = made("panda-payload", sensor__resolution=0.0, sensor__velocity="measured")
-    assert_same(manifest, 0, tmp_path)
-
-
-@pytest.mark.full
-def test_with_encoders_the_panda_has_the_same_bits(tmp_path: Path) -> None:
+def test_page_of_a_panda_computes_the_run_of_slidax_with_the_same_bits_where_it_has_encoders(tmp_path):
+    exact = manifest_of("panda-payload", sensor__resolution=0.0, sensor__velocity="measured")
+    assert_same(exact, 0, tmp_path)
     if not rounds_once():
         pytest.skip("this node or processor has no multiply-add that is rounded once")
-    assert_same(made("panda-payload"), 0, tmp_path, close=0.0)
+    assert_same(manifest_of("panda-payload"), 0, tmp_path, close=0.0)

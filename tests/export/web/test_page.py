@@ -3,12 +3,9 @@
 The programs here only play back a log, which the first slider scales: what is tested is the page.
 """
 
-from __future__ import annotations
-
 import io
 import zipfile
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -23,17 +20,17 @@ SCALE = "[data-path='disturbance.scale']"
 FRICTION = "[data-path='robot.plant.coulomb']"
 
 
-def test_one_request_and_no_other(chromium: Any, site: Path) -> None:
-    with served(site) as (address, asked):
+def test_one_request_and_no_other(chromium, site):
+    with served(site) as (address, paths):
         visit = Visit(chromium, f"{address}/index.html")
         visit.page.click("#printed")
         visit.settle()
-        assert asked == ["/index.html"]
+        assert paths == ["/index.html"]
         assert [url for url in visit.requests if not url.startswith(("blob:", "data:"))] == [f"{address}/index.html"]
         visit.close()
 
 
-def test_a_slider_moves_everything_and_resets(visit: Visit) -> None:
+def test_a_slider_moves_everything_and_resets(visit):
     before = visit.page.evaluate("slidaxPage.result('A').signals.e[2000]")
     visit.page.locator(f"{SCALE} > .slider .bar").focus()
     visit.page.keyboard.press("PageUp")
@@ -45,20 +42,18 @@ def test_a_slider_moves_everything_and_resets(visit: Visit) -> None:
     assert "moved" in visit.page.get_attribute(SCALE, "class")
     visit.page.click(f"{SCALE} .reset")
     visit.settle()
-    assert visit.state()["values"] == {}
-    assert visit.page.is_disabled("#reset")
+    assert visit.state()["values"] == {} and visit.page.is_disabled("#reset")
 
 
-def test_a_number_out_of_range_is_refused_with_a_line(visit: Visit) -> None:
+def test_a_number_out_of_range_is_refused_with_a_line(visit):
     box = visit.page.locator(f"{SCALE} > .slider .box")
     box.fill("1000")
     box.press("Enter")
     assert box.get_attribute("aria-invalid") == "true"
-    assert "0.01" in box.evaluate("box => box.validationMessage")
-    assert visit.state()["values"] == {}
+    assert "0.01" in box.evaluate("box => box.validationMessage") and visit.state()["values"] == {}
 
 
-def test_each_joint_has_its_own_slider(visit: Visit) -> None:
+def test_each_joint_has_its_own_slider(visit):
     visit.page.click(f"{FRICTION} .each summary")
     second = visit.page.locator(f"{FRICTION} .joint .box").nth(1)
     second.fill("2.5")
@@ -69,18 +64,17 @@ def test_each_joint_has_its_own_slider(visit: Visit) -> None:
     assert visit.state()["values"]["robot.plant.coulomb"] == [1, 5], "the slider for all keeps their proportions"
 
 
-def test_choices_and_schemes(visit: Visit) -> None:
+def test_choices_and_schemes(visit):
     visit.page.select_option("#tunables .choice select", "1")
     visit.settle()
-    assert visit.state()["choices"] == {"sensor.delay": 0}
-    assert "one was broken" in visit.text("#seen")
+    assert visit.state()["choices"] == {"sensor.delay": 0} and "one was broken" in visit.text("#seen")
     visit.page.select_option("#scheme", RIVAL)
     visit.settle()
     assert visit.state()["scheme"] == RIVAL
     assert visit.state()["choices"] == {"sensor.delay": 0}, "the world stays as it was set"
 
 
-def test_two_settings_beside_each_other(visit: Visit) -> None:
+def test_two_settings_beside_each_other(visit):
     assert not visit.page.is_visible("#drop")
     visit.page.click("#printed")
     visit.settle()
@@ -102,7 +96,7 @@ def test_two_settings_beside_each_other(visit: Visit) -> None:
     assert "disturbance.scale" not in visit.page.evaluate("slidaxPage.session.b.values"), "what is kept stays"
 
 
-def test_lights_go_grey_with_their_reason(visit: Visit) -> None:
+def test_lights_go_grey_with_their_reason(visit):
     lights = visit.page.locator("#certificates .light")
     assert [lights.nth(k).get_attribute("data-state") for k in range(3)] == ["good", "bad", "open"]
     typed(visit, "[data-path='scheme.surface.k1']", "0.3")
@@ -110,7 +104,7 @@ def test_lights_go_grey_with_their_reason(visit: Visit) -> None:
     assert "k₁ moved" in lights.nth(0).inner_text()
 
 
-def test_leaving_the_envelope_and_breaking_off_are_said(visit: Visit) -> None:
+def test_leaving_the_envelope_and_breaking_off_are_said(visit):
     typed(visit, SCALE, "20")
     assert "Joint 1 was outside the envelope" in visit.text("#outcomes")
     assert "no: joint 1 was outside at 0 s" in visit.text("#seen")
@@ -121,7 +115,7 @@ def test_leaving_the_envelope_and_breaking_off_are_said(visit: Visit) -> None:
         assert word not in visit.text("main").replace("infinite or undefined", "")
 
 
-def test_the_address_holds_everything(chromium: Any, site: Path, visit: Visit) -> None:
+def test_the_address_holds_everything(chromium, site, visit):
     typed(visit, SCALE, "2")
     visit.page.click("#rival")
     visit.settle()
@@ -147,7 +141,7 @@ def test_the_address_holds_everything(chromium: Any, site: Path, visit: Visit) -
 
 
 @pytest.mark.parametrize(
-    ("hash_", "said"),
+    ("hash_", "message"),
     [
         ("#v=2&arm=two-link", "version 2"),
         ("#what", "no version"),
@@ -161,18 +155,15 @@ def test_the_address_holds_everything(chromium: Any, site: Path, visit: Visit) -
         ("#v=1&%E0%A4%A=1", "is no text"),
     ],
 )
-def test_a_broken_link_is_a_line_and_the_default(
-    chromium: Any, site: Path, visit: Visit, hash_: str, said: str
-) -> None:
+def test_a_broken_link_is_a_line_and_the_default(chromium, site, visit, hash_, message):
     visit.page.evaluate("hash => { location.hash = hash; }", hash_)
     visit.page.wait_for_timeout(60)
     visit.settle()
-    assert said in visit.text("#fault")
-    assert visit.state()["values"] == {}
+    assert message in visit.text("#fault") and visit.state()["values"] == {}
     assert visit.state()["arm"] == "two-link"
 
 
-def test_the_scenario_is_the_same_run(visit: Visit) -> None:
+def test_the_scenario_is_the_same_run(visit):
     typed(visit, "[data-path='scheme.surface.k1']", "0.3")
     visit.page.select_option("#tunables .choice select", "1")
     visit.settle()
@@ -187,22 +178,20 @@ def test_the_scenario_is_the_same_run(visit: Visit) -> None:
     np.testing.assert_array_equal(theirs.log.tau, ours.log.tau)
 
 
-def test_c_has_the_numbers_and_says_which_it_has_not(visit: Visit) -> None:
+def test_c_has_the_numbers_and_says_which_it_has_not(visit):
     typed(visit, "[data-path='scheme.surface.k1']", "0.3")
     visit.page.select_option("#tunables .choice select", "1")
     visit.settle()
     archive = zipfile.ZipFile(io.BytesIO(Path(visit.saved("#c").path()).read_bytes()))
-    assert archive.testzip() is None
-    assert archive.read("law/law.h").decode() == "#define K1 0.3\n"
+    assert archive.testzip() is None and archive.read("law/law.h").decode() == "#define K1 0.3\n"
     assert "sensor.delay" in archive.read("READ-ME.txt").decode()
     assert "k1: 0.3" in archive.read("scenario.yaml").decode()
 
 
-def test_a_chart_as_csv_and_as_a_table(visit: Visit) -> None:
+def test_a_chart_as_csv_and_as_a_table(visit):
     text = Path(visit.saved("[data-csv=errors]").path()).read_text(encoding="utf-8")
     head, *rows = text.strip().split("\n")
-    assert head.startswith('t [s],"joint 1 lower [rad]"')
-    assert len(rows) == 10001
+    assert head.startswith('t [s],"joint 1 lower [rad]"') and len(rows) == 10001
     column = head.split(",").index('"joint 1 A [rad]"')
     log = sx.scenarios.load("example-4.1-1khz").simulate().log
     np.testing.assert_array_equal([float(row.split(",")[column]) for row in rows], log.e[:, 0])
@@ -210,12 +199,11 @@ def test_a_chart_as_csv_and_as_a_table(visit: Visit) -> None:
     assert visit.page.locator("#errors tbody tr").count() == 21
 
 
-def test_a_playground_of_another_format_is_refused_with_a_line(chromium: Any, tmp_path: Path) -> None:
+def test_a_playground_of_another_format_is_refused_with_a_line(chromium, tmp_path):
     file = tmp_path / "index.html"
     file.write_text(page_text({"format": 2, "title": "</script><b>x"}, loop=FAKE_LOOP), encoding="utf-8")
     context = chromium.new_context()
     page = context.new_page()
     page.goto(file.as_uri())
-    assert "of format 1, not 2" in page.inner_text("#fault")
-    assert page.title() == "</script><b>x"
+    assert "of format 1, not 2" in page.inner_text("#fault") and page.title() == "</script><b>x"
     context.close()

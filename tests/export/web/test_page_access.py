@@ -1,11 +1,6 @@
-"""The page for everyone: by keyboard, by ear, on a phone, in dark and light."""
-
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -14,11 +9,10 @@ from .browser import Visit, typed
 SCALE = "[data-path='disturbance.scale']"
 
 
-def test_by_keyboard_alone(visit: Visit) -> None:
-    """Every control is reached by Tab, in an order, and does its work by keys."""
+def test_by_keyboard_alone(visit):
     visit.page.keyboard.press("Tab")
     assert visit.page.evaluate("document.activeElement.className") == "skip"
-    reached: list[str] = []
+    reached = []
     for _ in range(60):
         visit.page.keyboard.press("Tab")
         now = visit.page.evaluate(
@@ -30,22 +24,10 @@ def test_by_keyboard_alone(visit: Visit) -> None:
         if now == "c":
             break
     order = [
-        "theme",
-        "scheme",
-        "keep",
-        "printed",
-        "rival",
-        "solid",
-        "play",
-        "time",
-        "speed",
-        "axis",
-        "copy",
-        "scenario",
-        "c",
+        *("theme", "scheme", "keep", "printed", "rival", "solid", "play", "time", "speed", "axis", "copy"),
+        *("scenario", "c"),
     ]
-    assert [name for name in reached if name in order] == order
-    assert "Scale of the error" in reached
+    assert [name for name in reached if name in order] == order and "Scale of the error" in reached
 
     visit.page.focus("#play")
     visit.page.keyboard.press("Space")
@@ -68,7 +50,7 @@ def test_by_keyboard_alone(visit: Visit) -> None:
     assert visit.page.locator("#outcomes li").count() == 2
 
 
-def test_the_outcome_is_told_to_a_screen_reader_once_it_stands(visit: Visit) -> None:
+def test_the_outcome_is_told_to_a_screen_reader_once_it_stands(visit):
     typed(visit, SCALE, "2")
     visit.page.wait_for_timeout(800)
     assert "The run reached its end." in visit.text("#said")
@@ -80,7 +62,7 @@ def test_the_outcome_is_told_to_a_screen_reader_once_it_stands(visit: Visit) -> 
 
 
 @pytest.mark.parametrize("width", [320, 390, 768, 1280])
-def test_nothing_is_wider_than_the_window(chromium: Any, site: Path, width: int) -> None:
+def test_nothing_is_wider_than_the_window(chromium, site, width):
     visit = Visit(chromium, (site / "index.html").as_uri(), viewport={"width": width, "height": 800})
     visit.page.click("#printed")
     visit.settle()
@@ -88,7 +70,7 @@ def test_nothing_is_wider_than_the_window(chromium: Any, site: Path, width: int)
     visit.close()
 
 
-def test_colours_follow_the_system_or_the_switch(chromium: Any, site: Path) -> None:
+def test_colours_follow_the_system_or_the_switch(chromium, site):
     visit = Visit(chromium, (site / "index.html").as_uri(), color_scheme="dark", reduced_motion="reduce")
     ground = "getComputedStyle(document.documentElement).backgroundColor"
     dark = visit.page.evaluate(ground)
@@ -99,7 +81,7 @@ def test_colours_follow_the_system_or_the_switch(chromium: Any, site: Path) -> N
 
 
 @pytest.mark.parametrize("colours", ["light", "dark"])
-def test_axe_finds_nothing_serious(chromium: Any, site: Path, colours: str) -> None:
+def test_axe_finds_nothing_serious(chromium, site, colours):
     path = os.environ.get("SLIDAX_AXE", "")
     if not Path(path).is_file():
         pytest.skip("SLIDAX_AXE names no axe.min.js: `npm install axe-core` has one")
@@ -111,7 +93,7 @@ def test_axe_finds_nothing_serious(chromium: Any, site: Path, colours: str) -> N
     visit.page.evaluate("document.querySelectorAll('details').forEach(one => { one.open = true; })")
     visit.page.wait_for_timeout(100)
     visit.page.add_script_tag(content=Path(path).read_text(encoding="utf-8"))
-    found = visit.page.evaluate("axe.run().then(found => found.violations)")
-    serious = [(one["id"], [node["html"][:120] for node in one["nodes"]]) for one in found]
+    result = visit.page.evaluate("axe.run().then(found => found.violations)")
+    serious = [(item["id"], [node["html"][:120] for node in item["nodes"]]) for item in result]
     assert serious == [], json.dumps(serious, indent=1)
     visit.close()

@@ -1,39 +1,33 @@
-"""The sliders of a page: from which numbers they are made, and how far they reach."""
-
-from __future__ import annotations
-
 from functools import cache
-from typing import Any
 
 import numpy as np
 import pytest
 
 from slidax.core.errors import DefinitionError, DefinitionWarning
 from slidax.export.web.playground import ARMS
-from slidax.export.web.tunables import NEVER, ORDER, Tunable, tunables_of
-from slidax.scenarios import ScenarioDescription
+from slidax.export.web.tunables import NEVER, ORDER, tunables_of
 from slidax.scenarios.load import validate_text
 
 SCENARIOS = {shown.arm: shown for shown in ARMS}
 
 
 @cache
-def described(arm: str) -> ScenarioDescription:
-    found = SCENARIOS[arm].description
-    return found.model_copy(update={"robot": found.robot.resolved()})
+def described(arm):
+    result = SCENARIOS[arm].description
+    return result.model_copy(update={"robot": result.robot.resolved()})
 
 
 @cache
-def tunables(arm: str) -> tuple[Tunable, ...]:
+def tunables(arm):
     return tuple(tunables_of(described(arm), len(described(arm).start.q)))
 
 
 EVERY_ARM = pytest.mark.parametrize("arm", SCENARIOS)
 
 
-def refused(arm: str, some: list[Tunable]) -> dict[tuple[str, float], str]:
+def refused(arm, some):
     data = described(arm).model_dump(exclude_unset=True)
-    found = {}
+    result = {}
     for tunable in some:
         for value in (tunable.low, tunable.high):
             try:
@@ -44,30 +38,29 @@ def refused(arm: str, some: list[Tunable]) -> dict[tuple[str, float], str]:
                 # A bound that is of no use is the visitor's to see; it runs.
                 if isinstance(error, DefinitionWarning) and "scheme.bound" in str(error):
                     continue
-                found[tunable.path, value] = str(error)
-    return found
+                result[tunable.path, value] = str(error)
+    return result
 
 
 @pytest.mark.full
 @EVERY_ARM
-def test_each_end_of_each_slider_is_a_value_that_a_scenario_takes(arm: str) -> None:
+def test_each_end_of_each_slider_is_a_value_that_a_scenario_takes(arm):
     # The noise of a velocity sensor is no slider where there is none: no loop varies it.
     some = [tunable for tunable in tunables(arm) if tunable.path != "sensor.velocity_noise"]
     assert refused(arm, some) == {}
 
 
-def test_sliders_stay_above_and_below_the_other_numbers_that_they_must() -> None:
+def test_sliders_stay_above_and_below_the_other_numbers_that_they_must():
     some = [
         tunable
         for tunable in tunables("two_link")
         if tunable.path.endswith((".exponent", ".inverse_inertia_max", ".window"))
     ]
-    assert len(some) >= 3
-    assert refused("two_link", some) == {}
+    assert len(some) >= 3 and refused("two_link", some) == {}
 
 
 @EVERY_ARM
-def test_a_slider_has_its_default_within_its_reach_and_stays_in_the_declared_range(arm: str) -> None:
+def test_a_slider_has_its_default_within_its_reach_and_stays_in_the_declared_range(arm):
     for tunable in tunables(arm):
         lower, upper = tunable.leaf.ends
         own = np.ravel(tunable.defaults)
@@ -76,8 +69,8 @@ def test_a_slider_has_its_default_within_its_reach_and_stays_in_the_declared_ran
         assert not tunable.logarithmic or tunable.low > 0, tunable.path
 
 
-def test_the_numbers_that_a_visitor_looks_for_are_there_with_their_units() -> None:
-    found = {tunable.path: tunable for tunable in tunables("panda")}
+def test_the_numbers_that_a_visitor_looks_for_are_there_with_their_units():
+    result = {tunable.path: tunable for tunable in tunables("panda")}
     wanted = {
         "scheme.transformation.performance.deadline": ("s", "Envelope"),
         "scheme.surface.k1": ("rad/s or m/s", "Law"),
@@ -86,13 +79,12 @@ def test_the_numbers_that_a_visitor_looks_for_are_there_with_their_units() -> No
         "actuator.time_constant": ("s", "Drives"),
     }
     for path, (unit, group) in wanted.items():
-        assert path in found, (path, sorted(found))
-        assert found[path].group == group
-        assert found[path].leaf.unit == unit
+        assert path in result, (path, sorted(result))
+        assert result[path].group == group and result[path].leaf.unit == unit
 
 
 @EVERY_ARM
-def test_names_of_noise_and_what_would_be_another_arm_are_no_sliders(arm: str) -> None:
+def test_names_of_noise_and_what_would_be_another_arm_are_no_sliders(arm):
     for tunable in tunables(arm):
         assert not {*tunable.path.split(".")} & {*NEVER}
         assert not tunable.path.startswith(("robot.nominal", "simulation", "start", "trajectory", "uncertainty"))
@@ -111,16 +103,14 @@ def test_names_of_noise_and_what_would_be_another_arm_are_no_sliders(arm: str) -
         ({"scheme.overshoot": 0.5}, "scheme.transformation.overshoot", 0.01, 0.99, False),
     ],
 )
-def test_how_far_a_slider_reaches_follows_from_its_range_and_its_default(
-    changes: dict[str, Any], path: str, low: float, high: float, logarithmic: bool
-) -> None:
-    found = validate_text(described("two_link").model_dump(exclude_unset=True), changes)
-    tunable = next(one for one in tunables_of(found, 2) if one.path == path)
+def test_how_far_a_slider_reaches_follows_from_its_range_and_its_default(changes, path, low, high, logarithmic):
+    result = validate_text(described("two_link").model_dump(exclude_unset=True), changes)
+    tunable = next(item for item in tunables_of(result, 2) if item.path == path)
     assert (tunable.low, tunable.high, tunable.logarithmic) == (pytest.approx(low), pytest.approx(high), logarithmic)
 
 
-def test_a_tunable_of_a_page_says_where_its_numbers_are_among_the_inputs() -> None:
-    tunable = next(one for one in tunables("panda") if one.each)
+def test_a_tunable_of_a_page_says_where_its_numbers_are_among_the_inputs():
+    tunable = next(item for item in tunables("panda") if item.each)
     entry = tunable.entry(5)
     assert entry["inputs"] == [5, 7] and entry["each"]
     assert np.broadcast_to(entry["default"], 7).tolist() == tunable.defaults.tolist()

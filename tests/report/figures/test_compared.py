@@ -1,15 +1,9 @@
-"""Pictures of several runs: who is told apart, what is seen of the wild ones, and how large the files get."""
-
-from __future__ import annotations
-
 from dataclasses import replace
-from pathlib import Path
 
 import equinox as eqx
 import numpy as np
 import pytest
 from matplotlib.collections import PolyCollection
-from matplotlib.figure import Figure
 
 from slidax import scenarios
 from slidax.core.errors import DefinitionError
@@ -18,7 +12,6 @@ from slidax.report.figures.chatter import chatter
 from slidax.report.figures.compared import HATCHES, LOOKS, crest
 from slidax.report.figures.style import thin_curve
 from slidax.scenarios.schemes import PRESETS
-from slidax.simulation import Run
 
 LIMIT = 150_000
 """No picture of the usual few schemes may have more bytes than this."""
@@ -27,24 +20,24 @@ DRAWN = [figures.compared_errors, figures.compared_velocity_errors, figures.comp
 
 
 @pytest.fixture(scope="module")
-def runs() -> dict[str, Run]:
+def runs():
     names = ("cftsmppc", "ftsmc", "gravity_pd")
     changes = {"simulation.t1": 3.0, "simulation.log_every": 1}
     return {n: scenarios.load("example-4.1", {"scheme.name": n, **changes}).simulate(progress=False) for n in names}
 
 
-def legend(figure: Figure) -> list[str]:
+def legend(figure):
     return [text.get_text() for text in figure.legends[0].get_texts()]
 
 
-def bands(figure: Figure) -> list[PolyCollection]:
+def bands(figure):
     return [artist for axes in figure.axes for artist in axes.collections if isinstance(artist, PolyCollection)]
 
 
-def test_each_joint_has_the_errors_on_a_linear_and_their_sizes_on_a_logarithmic_axis(runs: dict[str, Run]) -> None:
+def test_each_joint_has_the_errors_on_a_linear_and_their_sizes_on_a_logarithmic_axis(runs):
     figure = figures.compared_errors(runs, bands={"1e-3": [1e-3, 1e-3]})
     assert [axes.get_ylabel() for axes in figure.axes] == [
-        *("$e_{1}$  [rad]", "$|e_{1}|$  [rad]", "$e_{2}$  [rad]", "$|e_{2}|$  [rad]"),
+        *("$e_{1}$  [rad]", "$|e_{1}|$  [rad]", "$e_{2}$  [rad]", "$|e_{2}|$  [rad]")
     ]
     assert [axes.get_yscale() for axes in figure.axes] == ["linear", "log"] * 2
     assert legend(figure) == [*runs, "1e-3", "envelope of cftsmppc"]
@@ -52,21 +45,20 @@ def test_each_joint_has_the_errors_on_a_linear_and_their_sizes_on_a_logarithmic_
     assert figure.axes[3].get_xlim()[1] == pytest.approx(3.0)
 
 
-def test_an_envelope_is_shown_if_it_is_the_only_one(runs: dict[str, Run]) -> None:
+def test_an_envelope_is_shown_if_it_is_the_only_one(runs):
     only = figures.compared_errors(runs)
-    assert len(bands(only)) == 4
-    assert legend(only) == [*runs, "envelope of cftsmppc"]
+    assert len(bands(only)) == 4 and legend(only) == [*runs, "envelope of cftsmppc"]
     assert not bands(figures.compared_errors({"one": runs["cftsmppc"], "two": runs["cftsmppc"]}))
     assert not bands(figures.compared_errors({"one": runs["ftsmc"]}))
 
 
-def test_a_torque_that_chatters_is_a_band_and_a_smooth_one_is_a_line(runs: dict[str, Run]) -> None:
+def test_a_torque_that_chatters_is_a_band_and_a_smooth_one_is_a_line(runs):
     assert bands(figures.compared_torques({"ftsmc": runs["ftsmc"]}))
     assert not bands(figures.compared_torques({"pd": runs["gravity_pd"]}))
     assert not bands(figures.compared_torques({"cftsmppc": runs["cftsmppc"]}))
 
 
-def test_a_steep_transient_with_a_ripple_on_it_is_no_band_and_a_chattering_one_follows_it() -> None:
+def test_a_steep_transient_with_a_ripple_on_it_is_no_band_and_a_chattering_one_follows_it():
     """As a sampled-data law's: from 32 to -18 N m in 30 ms, with .1 N m to and fro from sample to sample."""
     t = np.arange(4000) * 5e-4
     motion = 32.0 - 50.0 / (1.0 + np.exp(-(t - 0.5) / 5e-3)) + 18.0 * np.clip(t - 0.55, 0.0, 1.0)
@@ -75,27 +67,25 @@ def test_a_steep_transient_with_a_ripple_on_it_is_no_band_and_a_chattering_one_f
     (band,) = chatter(t, motion + 4.0 * to_and_fro, 130.0)
     assert (band.t[0], band.t[-1]) == pytest.approx((0.0, t[-1]), abs=0.02)
     assert np.median(band.high - band.low) == pytest.approx(8.0, rel=1e-3)
-    assert (band.high - band.low).max() < 12.0
-    assert (np.interp(band.t, t, motion) <= band.high).all()
+    assert (band.high - band.low).max() < 12.0 and (np.interp(band.t, t, motion) <= band.high).all()
     assert (np.interp(band.t, t, motion) >= band.low).all()
 
 
-def test_the_limits_of_the_drives_are_in_the_picture_where_the_torque_comes_near(runs: dict[str, Run]) -> None:
-    one = {"cftsmppc": runs["cftsmppc"]}
+def test_the_limits_of_the_drives_are_in_the_picture_where_the_torque_comes_near(runs):
+    item = {"cftsmppc": runs["cftsmppc"]}
     for figure in (
-        figures.compared_torques(one, limits=[120.0, 1e4]),
-        figures.torque(one["cftsmppc"], limits=[120.0, 1e4]),
+        figures.compared_torques(item, limits=[120.0, 1e4]),
+        figures.torque(item["cftsmppc"], limits=[120.0, 1e4]),
     ):
         near, far = figure.axes[0], figure.axes[2]
         assert {line.get_ydata()[0] for line in near.lines if len(set(line.get_ydata())) == 1} >= {-120.0, 120.0}
-        assert near.get_ylim()[1] > 120.0
-        assert far.get_ylim()[1] < 1e3
+        assert near.get_ylim()[1] > 120.0 and far.get_ylim()[1] < 1e3
         assert [axes.get_title(loc="right") for axes in (near, far)] == ["limit ±120 N m", "limit ±10000 N m"]
         assert "torque limit" in legend(figure)
-    assert not figures.torque(one["cftsmppc"], limits=[np.inf, np.inf]).axes[0].get_title(loc="right")
+    assert not figures.torque(item["cftsmppc"], limits=[np.inf, np.inf]).axes[0].get_title(loc="right")
 
 
-def test_the_joints_have_the_names_of_their_robot_without_the_words_that_all_have(runs: dict[str, Run]) -> None:
+def test_the_joints_have_the_names_of_their_robot_without_the_words_that_all_have(runs):
     named = replace(runs["cftsmppc"], joint_names=("arm_shoulder_joint", "arm_elbow_joint"))
     for draw in (figures.compared_errors, figures.compared_velocity_errors, figures.compared_torques):
         labels = [axes.get_ylabel().partition("\n")[0] for axes in draw({"one": named}).axes[::2]]
@@ -106,9 +96,8 @@ def test_the_joints_have_the_names_of_their_robot_without_the_words_that_all_hav
     assert [label.get_text() for label in bars.axes[0].get_xticklabels()] == ["shoulder", "elbow"]
 
 
-def test_a_band_reaches_from_the_lowest_to_the_highest_torque(runs: dict[str, Run]) -> None:
+def test_a_band_reaches_from_the_lowest_to_the_highest_torque(runs):
     log = runs["ftsmc"].log
-    assert log is not None
     k = np.arange(len(log.t))[:, None]
     switching = eqx.tree_at(lambda r: r.log.tau, runs["ftsmc"], np.where(k % 2, 30.0, -20.0) * np.ones((1, 2)))
     for band in bands(figures.compared_torques({"switching": switching})):
@@ -117,7 +106,7 @@ def test_a_band_reaches_from_the_lowest_to_the_highest_torque(runs: dict[str, Ru
 
 
 @pytest.mark.parametrize("draw", DRAWN)
-def test_a_picture_of_noise_is_still_small(runs: dict[str, Run], draw) -> None:
+def test_a_picture_of_noise_is_still_small(runs, draw):
     rng = np.random.default_rng(0)
     noisy = {f"run {i}": eqx.tree_at(lambda r: r.log.tau, run, rng.normal(size=run.log.tau.shape)) for i, run in
              enumerate([*runs.values()] * 2)}  # fmt: skip
@@ -127,9 +116,8 @@ def test_a_picture_of_noise_is_still_small(runs: dict[str, Run], draw) -> None:
 
 
 @pytest.mark.parametrize("draw", DRAWN)
-def test_diverging_run_does_not_hide_the_others(runs: dict[str, Run], draw) -> None:
+def test_diverging_run_does_not_hide_the_others(runs, draw):
     log = runs["ftsmc"].log
-    assert log is not None
     growth = np.geomspace(1.0, 1e200, len(log.t))[:, None] * np.ones((1, 2))
     where = [lambda r: r.log.tau, lambda r: r.log.state.q, lambda r: r.log.state.dq]
     away = runs["ftsmc"]
@@ -143,7 +131,7 @@ def test_diverging_run_does_not_hide_the_others(runs: dict[str, Run], draw) -> N
 
 
 @pytest.mark.parametrize("draw", DRAWN)
-def test_invalid_runs_are_refused_with_the_reason(runs: dict[str, Run], draw) -> None:
+def test_invalid_runs_are_refused_with_the_reason(runs, draw):
     run = runs["cftsmppc"]
     with pytest.raises(DefinitionError, match=f"1 to {len(LOOKS)} runs; got 0"):
         draw({})
@@ -154,30 +142,27 @@ def test_invalid_runs_are_refused_with_the_reason(runs: dict[str, Run], draw) ->
         draw({"one": run, "other": other})
 
 
-def test_there_is_a_look_and_a_filling_for_every_scheme() -> None:
+def test_there_is_a_look_and_a_filling_for_every_scheme():
     assert sum(preset.complete for preset in PRESETS.values()) <= len(LOOKS)
     assert len({(look["color"], look["linestyle"]) for look in LOOKS}) == len(LOOKS)
     assert len({look["linestyle"] for look in LOOKS[:5]}) == 5
     assert len(set(HATCHES)) == len(HATCHES) == len(LOOKS)
 
 
-def test_a_crest_runs_over_the_peaks_from_the_first_time_to_the_last() -> None:
+def test_a_crest_runs_over_the_peaks_from_the_first_time_to_the_last():
     t = np.linspace(0, 10, 10_001)
     x, y = crest(t, np.abs(np.sin(200 * t)) + 0.1, 50)
-    assert (x[0], x[-1]) == (0.0, 10.0)
-    assert (np.diff(x) >= 0).all()
-    assert y[1:].min() > 1.09
+    assert (x[0], x[-1]) == (0.0, 10.0) and (np.diff(x) >= 0).all() and y[1:].min() > 1.09
     assert crest(t[:20], t[:20], 50)[0] is not None
 
 
-def test_paths_of_the_tip_lie_over_the_desired_one_and_strays_leave_the_picture() -> None:
+def test_paths_of_the_tip_lie_over_the_desired_one_and_strays_leave_the_picture():
     turn = np.linspace(0, 6, 500)
     goal = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
     figure = figures.compared_tip_paths({"near": 0.9 * goal, "astray": 1e9 * goal}, goal)
     assert legend(figure) == ["near", "astray", "desired"]
     (axes,) = figure.axes
-    assert axes.get_aspect() == 1.0
-    assert np.abs(axes.get_xlim()).max() < 4.0
+    assert axes.get_aspect() == 1.0 and np.abs(axes.get_xlim()).max() < 4.0
     spatial = goal + np.stack([0 * turn, 0 * turn, turn], axis=1)
     assert [a.get_ylabel() for a in figures.compared_tip_paths({"one": spatial}, spatial).axes] == [
         "$y$  [m]",
@@ -185,11 +170,10 @@ def test_paths_of_the_tip_lie_over_the_desired_one_and_strays_leave_the_picture(
     ]
 
 
-def test_bars_stand_by_joint_on_a_logarithmic_axis_and_what_is_missing_is_a_dash(tmp_path: Path) -> None:
+def test_bars_stand_by_joint_on_a_logarithmic_axis_and_what_is_missing_is_a_dash(tmp_path):
     figure = figures.metric_bars({"one": [1.0, 10.0], "two": [100.0, float("nan")]}, "IAE  [rad]")
     (axes,) = figure.axes
-    assert axes.get_yscale() == "log"
-    assert axes.get_ylabel() == "IAE  [rad]"
+    assert axes.get_yscale() == "log" and axes.get_ylabel() == "IAE  [rad]"
     tops = sorted(bar.get_y() + bar.get_height() for bar in axes.patches)
     assert tops == pytest.approx([1.0, 10.0, 100.0])
     assert [text.get_text() for text in axes.texts] == ["–"]
@@ -200,10 +184,9 @@ def test_bars_stand_by_joint_on_a_logarithmic_axis_and_what_is_missing_is_a_dash
         figures.metric_bars({"one": [1.0], "two": [1.0, 2.0]}, "IAE")
 
 
-def test_without_the_points_on_its_lines_a_curve_is_the_same() -> None:
+def test_without_the_points_on_its_lines_a_curve_is_the_same():
     t = np.linspace(0, 10, 2001)
     y = np.sin(t)
     x, z = thin_curve(t, y, 2001, (-1.0, 1.0))
-    assert len(x) < 200
-    assert np.abs(np.interp(t, x, z) - y).max() <= 2 / 450
+    assert len(x) < 200 and np.abs(np.interp(t, x, z) - y).max() <= 2 / 450
     assert (x[0], x[-1]) == (0.0, 10.0)

@@ -1,10 +1,6 @@
-"""What must be seen in a picture, and that it fits on a page."""
-
-from __future__ import annotations
-
+import pickle
 import subprocess
 import sys
-from pathlib import Path
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -12,46 +8,37 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.collections import PolyCollection
-from matplotlib.figure import Figure
 
 from slidax import scenarios
 from slidax.core.errors import DefinitionError
 from slidax.law import FixedTime
 from slidax.report import figures
 from slidax.report.figures.style import every_nth, thin_curve
-from slidax.simulation import Run
 
 LIMIT = 150_000
 """No picture may have more bytes than this."""
 
 
 @pytest.fixture(scope="module")
-def run() -> Run:
+def run():
     changes = {"simulation.t1": 1.5, "simulation.log_every": 1}
     return scenarios.load("example-4.1", changes).simulate(progress=False)
 
 
 @pytest.fixture(scope="module")
-def prismatic() -> Run:
+def prismatic():
     return scenarios.load("example-4.2", {"simulation.t1": 0.2}).simulate(progress=False)
 
 
-def labels(figure: Figure) -> list[str]:
+def labels(figure):
     return [axes.get_ylabel() for axes in figure.axes]
 
 
-def test_each_joint_has_its_error_in_the_envelope_and_its_size_on_a_logarithmic_axis(run: Run) -> None:
+def test_each_joint_has_its_error_in_the_envelope_and_its_size_on_a_logarithmic_axis(run):
     figure = figures.tracking_error(run)
-    assert labels(figure) == [
-        "$e_{1}$  [rad]",
-        "$|e_{1}|$  [rad]",
-        "$e_{2}$  [rad]",
-        "$|e_{2}|$  [rad]",
-    ]
+    assert labels(figure) == ["$e_{1}$  [rad]", "$|e_{1}|$  [rad]", "$e_{2}$  [rad]", "$|e_{2}|$  [rad]"]
     assert [axes.get_yscale() for axes in figure.axes] == ["linear", "log"] * 2
     assert [axes.get_xlabel() for axes in figure.axes[2:]] == ["$t$  [s]"] * 2
-    assert run.log is not None
-    assert run.log.envelope is not None
     for joint, axes in enumerate(figure.axes[::2]):
         (band,) = [artist for artist in axes.collections if isinstance(artist, PolyCollection)]
         corners = band.get_paths()[0].vertices
@@ -61,18 +48,13 @@ def test_each_joint_has_its_error_in_the_envelope_and_its_size_on_a_logarithmic_
         assert any(np.isclose(np.ravel(y)[0], run.log.e[0, joint]) for y in drawn)
 
 
-def test_the_legend_names_error_and_envelope_above_the_panels(run: Run) -> None:
+def test_legend_names_error_and_envelope_above_the_panels_and_no_label_overlaps_another(run):
     figure = figures.tracking_error(run)
     figure.draw_without_rendering()
     (legend,) = figure.legends
     assert [text.get_text() for text in legend.get_texts()] == ["error", "envelope", "its narrower side"]
     bottom = legend.get_window_extent().y0
     assert all(axes.get_window_extent().y1 <= bottom for axes in figure.axes)
-
-
-def test_no_label_lies_on_another(run: Run) -> None:
-    figure = figures.tracking_error(run)
-    figure.draw_without_rendering()
     boxes = [axes.yaxis.label.get_window_extent() for axes in figure.axes]
     boxes += [axes.xaxis.label.get_window_extent() for axes in figure.axes[2:]]
     boxes += [axes.get_window_extent() for axes in figure.axes]
@@ -80,50 +62,44 @@ def test_no_label_lies_on_another(run: Run) -> None:
         assert not any(box.overlaps(other) for other in boxes[i + 1 :])
 
 
-def test_a_scheme_without_envelope_is_drawn_without_one(run: Run) -> None:
+def test_a_scheme_without_envelope_is_drawn_without_one(run):
     free = eqx.tree_at(lambda r: r.log.envelope, run, None, is_leaf=lambda x: x is None)
     figure = figures.tracking_error(free)
     assert not any(axes.collections for axes in figure.axes)
 
 
-def test_a_window_shows_its_part_of_the_run(run: Run) -> None:
+def test_a_window_shows_its_part_of_the_run(run):
     figure = figures.tracking_error(run, window=(0.5, 0.7))
     lines = [line.get_xdata() for line in figure.axes[0].lines if len(np.ravel(line.get_xdata())) > 2]
-    assert lines
-    assert all(np.min(x) >= 0.5 - 1e-9 and np.max(x) <= 0.7 + 1e-9 for x in lines)
+    assert lines and all(np.min(x) >= 0.5 - 1e-9 and np.max(x) <= 0.7 + 1e-9 for x in lines)
 
 
-def test_velocities_and_torques_carry_the_units_of_their_joints(prismatic: Run) -> None:
+def test_velocities_and_torques_carry_the_units_of_their_joints(prismatic):
     assert labels(figures.velocity_error(prismatic))[::2] == [
         r"$\dot{e}_{1}$  [rad/s]",
         r"$\dot{e}_{2}$  [rad/s]",
         r"$\dot{e}_{3}$  [m/s]",
     ]
-    assert labels(figures.torque(prismatic))[::2] == [
-        r"$\tau_{1}$  [N m]",
-        r"$\tau_{2}$  [N m]",
-        r"$\tau_{3}$  [N]",
-    ]
+    assert labels(figures.torque(prismatic))[::2] == [r"$\tau_{1}$  [N m]", r"$\tau_{2}$  [N m]", r"$\tau_{3}$  [N]"]
 
 
-def test_errors_of_several_runs_stand_beside_printed_levels(run: Run) -> None:
+def test_errors_of_several_runs_stand_beside_printed_levels(run):
     figure = figures.error_sizes({"one": run, "two": run}, levels={"printed": [1e-3, 2e-3]})
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["one", "two", "printed"]
     assert [axes.lines[-1].get_ydata()[0] for axes in figure.axes] == [1e-3, 2e-3]
 
 
-def test_a_planar_path_has_one_view_and_a_spatial_one_two_all_with_equal_axes() -> None:
+def test_a_planar_path_has_one_view_and_a_spatial_one_two_all_with_equal_axes():
     turn = np.linspace(0, 6, 50)
     flat = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
     spatial = flat + np.stack([0 * turn, 0 * turn, turn], axis=1)
     for path, views in ((flat, ["$y$  [m]"]), (spatial, ["$y$  [m]", "$z$  [m]"])):
         figure = figures.tip_path(0.9 * path, path)
-        assert labels(figure) == views
-        assert all(axes.get_aspect() == 1.0 for axes in figure.axes)
+        assert labels(figure) == views and all(axes.get_aspect() == 1.0 for axes in figure.axes)
         assert [text.get_text() for text in figure.legends[0].get_texts()] == ["desired", "actual", "start", "end"]
 
 
-def test_performance_functions_keep_their_values() -> None:
+def test_performance_functions_keep_their_values():
     function = FixedTime(100.0, 0.01, 2.0, 2.01)
     figure = figures.performance({"rho": function}, np.linspace(0, 3, 61))
     (line,) = figure.axes[0].lines
@@ -132,7 +108,7 @@ def test_performance_functions_keep_their_values() -> None:
     assert figure.axes[0].get_yscale() == "log"
 
 
-def test_a_performance_function_of_several_joints_is_refused() -> None:
+def test_a_performance_function_of_several_joints_is_refused():
     with pytest.raises(DefinitionError, match="one function per joint"):
         figures.performance({"rho": FixedTime([1.0, 2.0], 0.01, 2.0, 2.01)}, np.linspace(0, 3, 5))
 
@@ -141,77 +117,69 @@ def test_a_performance_function_of_several_joints_is_refused() -> None:
     "draw",
     [figures.tracking_error, figures.velocity_error, figures.torque, lambda run: figures.error_sizes({"run": run})],
 )
-def test_a_run_without_a_log_is_refused_with_the_remedy(run: Run, draw) -> None:
+def test_a_run_without_a_log_is_refused_with_the_remedy(run, draw):
     unlogged = eqx.tree_at(lambda r: r.log, run, None)
     with pytest.raises(DefinitionError, match="log_every"):
         draw(unlogged)
 
 
-def test_thinning_keeps_every_peak_and_the_order_of_time() -> None:
+def test_thinning_keeps_every_peak_and_the_order_of_time():
     t = np.arange(20_001) * 1e-3
     y = np.sin(t)
     y[[7, 12_345, 19_999]] = [9.0, -8.0, 7.0]
     x, z = thin_curve(t, y, columns=200)
-    assert len(x) <= 800
-    assert (np.diff(x) > 0).all()
-    assert {9.0, -8.0, 7.0} <= set(z.tolist())
-    assert x[0] == t[0]
-    assert x[-1] == t[-1]
+    assert len(x) <= 800 and (np.diff(x) > 0).all() and {9.0, -8.0, 7.0} <= set(z.tolist())
+    assert x[0] == t[0] and x[-1] == t[-1]
     for column in range(200):
         start, end = 0.1 * column, 0.1 * (column + 1)
         inside = (t > start + 1e-4) & (t < end - 1e-4)
         kept = (x > start - 1e-4) & (x < end + 1e-4)
-        assert z[kept].max() >= y[inside].max()
-        assert z[kept].min() <= y[inside].min()
+        assert z[kept].max() >= y[inside].max() and z[kept].min() <= y[inside].min()
 
 
-def test_few_points_are_left_alone() -> None:
+def test_few_points_are_left_alone():
     t = np.linspace(0, 1, 50)
     x, y = thin_curve(t, t**2)
-    assert x is t
-    assert (y == t**2).all()
-    assert every_nth(t, 10)[[0, -1]].tolist() == [0.0, 1.0]
+    assert x is t and (y == t**2).all() and every_nth(t, 10)[[0, -1]].tolist() == [0.0, 1.0]
 
 
-def test_an_svg_is_small_the_same_every_time_and_without_dates_or_typefaces(run: Run, tmp_path: Path) -> None:
+def test_an_svg_is_small_the_same_every_time_and_without_dates_or_typefaces(run, tmp_path):
     noisy = eqx.tree_at(lambda r: r.log.tau, run, np.random.default_rng(0).normal(size=run.log.tau.shape))
     for name, draw, shown in (("error", figures.tracking_error, run), ("torque", figures.torque, noisy)):
         path = figures.save(draw(shown), tmp_path / "made" / f"{name}.svg")
         text = path.read_text(encoding="utf-8")
-        assert 5_000 < len(text) < LIMIT
-        assert "<text" not in text
-        assert "dc:date" not in text
-        assert f'id="{name}-figure_1"' in text
-        assert figures.to_svg(draw(shown), name) == text
+        assert 5_000 < len(text) < LIMIT and "<text" not in text and "dc:date" not in text
+        assert f'id="{name}-figure_1"' in text and figures.to_svg(draw(shown), name) == text
     assert figures.save(figures.torque(run), tmp_path / "torque.pdf").read_bytes().startswith(b"%PDF")
 
 
-def test_a_shortened_path_is_the_same_path(run: Run) -> None:
+def test_a_shortened_path_is_the_same_path(run):
     """The peak of the torque is found again in the SVG: among its points is the highest of the panel."""
     figure = figures.torque(run)
     text = figures.to_svg(figure, "torque")
     axes = figure.axes[0]
-    assert run.log is not None
     peak = axes.transData.transform((0.0, float(run.log.tau[:, 0].max())))
     height = figure.get_figheight() * 72
     y = height - peak[1] * 72 / figure.dpi
     assert f" {y:.2f}" in text or f" {y:.1f} " in text
 
 
-def test_an_inline_svg_names_no_other_place(run: Run) -> None:
+def test_an_inline_svg_names_no_other_place(run):
     page = figures.inline_svg(figures.to_svg(figures.torque(run), "torque"))
-    assert page.startswith("<svg ")
-    assert page.endswith("</svg>")
-    assert "http" not in page
+    assert page.startswith("<svg ") and page.endswith("</svg>") and "http" not in page
 
 
-def test_settings_hold_only_while_a_picture_is_drawn(run: Run) -> None:
-    before = dict(mpl.rcParams)
-    figures.to_svg(figures.tracking_error(run), "error")
-    assert dict(mpl.rcParams) == before
+def test_figure_is_shown_in_a_notebook_in_its_own_style_and_can_be_copied():
+    figure, before = (
+        figures.performance({"rho": FixedTime(1.0, 0.1, 2.0, 2.01)}, np.linspace(0, 3, 50)),
+        dict(mpl.rcParams),
+    )
+    # Text is drawn as paths, in the typeface of saved figures.
+    assert "<svg" in figure._repr_svg_() and "STIXGeneral" in figure._repr_svg_() and dict(mpl.rcParams) == before
+    assert "<svg" in pickle.loads(pickle.dumps(figure))._repr_svg_()
 
 
-def test_the_package_alone_does_not_load_the_drawing() -> None:
+def test_the_package_alone_does_not_load_the_drawing():
     code = "import sys, slidax, slidax.simulation; print('matplotlib' in sys.modules, 'jinja2' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False", "False"]

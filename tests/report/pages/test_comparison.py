@@ -1,11 +1,6 @@
-"""The report of several schemes: who stands out, and what is said of a run that came to a bad end."""
-
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import equinox as eqx
 import pytest
@@ -19,25 +14,25 @@ JUDGE = scenarios.load("example-4.1", {"simulation.t1": 1.0})
 Rivals = dict[str, Rival]
 
 
-def simulated(name: str, **changes: object) -> Rival:
+def simulated(name, **changes):
     scenario = scenarios.load("example-4.1", {"scheme.name": name, "simulation.t1": 1.0, **changes})
     return Rival.simulated(scenario, JUDGE, logged=True)
 
 
 @pytest.fixture(scope="module")
-def rivals() -> Rivals:
+def rivals():
     good = {name: simulated(name) for name in ("cftsmppc", "ftsmc", "gravity_pd")}
     return good | {"hasty": simulated("cftsmppc", **{"scheme.performance.deadline": 0.05})}
 
 
 @pytest.fixture(scope="module")
-def page(rivals: Rivals, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def page(rivals, tmp_path_factory):
     return write_comparison(
         rivals, tmp_path_factory.mktemp("comparison") / "new", also=INDICES, command="slidax compare x > y"
     )
 
 
-def test_the_least_of_a_row_is_best_and_a_run_with_a_bad_end_is_never(rivals: Rivals) -> None:
+def test_the_least_of_a_row_is_best_and_a_run_with_a_bad_end_is_never(rivals):
     assert not rivals["hasty"].run.outcome.ok
     rows = {(row.metric.key, row.joint): row for row in standings(rivals, INDICES)}
     for metric in ("peak_torque", "torque_energy", "torque_travel", "paper.iae", "steady_error"):
@@ -51,20 +46,19 @@ def test_the_least_of_a_row_is_best_and_a_run_with_a_bad_end_is_never(rivals: Ri
     assert rows["settling_time.1e-8", "joint 1"].values["gravity_pd"] is None
 
 
-def test_nobody_stands_out_alone(rivals: Rivals) -> None:
+def test_nobody_stands_out_alone(rivals):
     assert not any(row.best for row in standings({"cftsmppc": rivals["cftsmppc"]}))
 
 
-def test_the_page_stands_alone_with_its_figures(page: Path) -> None:
+def test_the_page_stands_alone_with_its_figures(page):
     text = page.read_text(encoding="utf-8")
     assert not re.findall(r"https?://|\ssrc=|<link|<script", text)
     names = {"tracking-errors", "velocity-errors", "torques", "tip-paths", "iae", "torque_energy", "torque_travel"}
     assert {path.stem for path in (page.parent / "figures").glob("*.svg")} == names
-    assert text.count("<figure") == len(names)
-    assert "slidax compare x &gt; y" in text
+    assert text.count("<figure") == len(names) and "slidax compare x &gt; y" in text
 
 
-def test_the_page_shows_the_best_in_bold_and_the_bad_end(page: Path, rivals: Rivals) -> None:
+def test_the_page_shows_the_best_in_bold_and_the_bad_end(page, rivals):
     text = page.read_text(encoding="utf-8")
     row = next(row for row in standings(rivals) if row.metric is analysis.peak_torque)
     (best,) = row.best
@@ -72,35 +66,35 @@ def test_the_page_shows_the_best_in_bold_and_the_bad_end(page: Path, rivals: Riv
     assert rivals["hasty"].run.outcome.message.split(" (")[0] in text
 
 
-def test_the_results_are_json_without_what_json_does_not_know(page: Path, rivals: Rivals) -> None:
-    def refuse(word: str) -> None:
+def test_the_results_are_json_without_what_json_does_not_know(page, rivals):
+    def refuse(word):
         raise AssertionError(word)
 
-    found = json.loads((page.parent / "results.json").read_text(encoding="utf-8"), parse_constant=refuse)
-    assert list(found["schemes"]) == list(rivals)
-    assert found["schemes"]["hasty"]["outcome"] != "ok"
-    assert found["schemes"]["hasty"]["stopped"]["joint"] in (1, 2)
-    assert found["schemes"]["ftsmc"]["metrics"]["paper"]["aice"] == analysis.torque_travel(rivals["ftsmc"].run).tolist()
-    assert all(len(names) == 2 for names in found["best"].values())
+    result = json.loads((page.parent / "results.json").read_text(encoding="utf-8"), parse_constant=refuse)
+    assert list(result["schemes"]) == list(rivals) and result["schemes"]["hasty"]["outcome"] != "ok"
+    assert result["schemes"]["hasty"]["stopped"]["joint"] in (1, 2)
+    assert (
+        result["schemes"]["ftsmc"]["metrics"]["paper"]["aice"] == analysis.torque_travel(rivals["ftsmc"].run).tolist()
+    )
+    assert all(len(names) == 2 for names in result["best"].values())
 
 
-def test_values_that_are_not_finite_become_null(rivals: Rivals) -> None:
+def test_values_that_are_not_finite_become_null(rivals):
     run = rivals["ftsmc"].run
     wild = eqx.tree_at(lambda r: r.tally.torque_square, run, run.tally.torque_square * float("inf"))
-    found = results({"ftsmc": replace(rivals["ftsmc"], run=wild), "cftsmppc": rivals["cftsmppc"]})
-    assert found["schemes"]["ftsmc"]["metrics"]["torque_energy"] == [None, None]
-    assert found["best"]["torque_energy"] == [["cftsmppc"], ["cftsmppc"]]
+    result = results({"ftsmc": replace(rivals["ftsmc"], run=wild), "cftsmppc": rivals["cftsmppc"]})
+    assert result["schemes"]["ftsmc"]["metrics"]["torque_energy"] == [None, None]
+    assert result["best"]["torque_energy"] == [["cftsmppc"], ["cftsmppc"]]
 
 
-def test_many_schemes_take_several_tables_and_runs_without_a_log_no_figures(rivals: Rivals, tmp_path: Path) -> None:
+def test_many_schemes_take_several_tables_and_runs_without_a_log_no_figures(rivals, tmp_path):
     unlogged = replace(rivals["cftsmppc"], run=eqx.tree_at(lambda r: r.log, rivals["cftsmppc"].run, None))
     many = {f"scheme {i}": unlogged for i in range(14)}
     text = write_comparison(many, tmp_path).read_text(encoding="utf-8")
-    assert "<figure" not in text
-    assert text.count("<th>Metric</th>") == 3
+    assert "<figure" not in text and text.count("<th>Metric</th>") == 3
 
 
-def test_what_cannot_be_compared_is_refused(rivals: Rivals, tmp_path: Path) -> None:
+def test_what_cannot_be_compared_is_refused(rivals, tmp_path):
     with pytest.raises(DefinitionError, match="at least one"):
         write_comparison({}, tmp_path)
     other = scenarios.load("example-4.2", {"simulation.t1": 0.1})
@@ -108,14 +102,13 @@ def test_what_cannot_be_compared_is_refused(rivals: Rivals, tmp_path: Path) -> N
         write_comparison({"one": rivals["ftsmc"], "two": Rival(other, other.simulate(progress=False))}, tmp_path)
 
 
-def test_the_samples_of_a_scheme_without_an_envelope_are_counted_against_that_of_the_comparison(rivals: Rivals) -> None:
+def test_the_samples_of_a_scheme_without_an_envelope_are_counted_against_that_of_the_comparison(rivals):
     """Twice: against the log of every sample, and for the scheme that promises the envelope against its own tally."""
     kept = scenarios.load("example-4.1", {"scheme.name": "gravity_pd", "simulation.t1": 1.0})
     narrow = scenarios.load("example-4.1", {"scheme.overshoot": 0.001, "simulation.t1": 1.0})
     free = Rival.simulated(kept, narrow, logged=False)
     assert free.run.log is None
     log, promise = kept.simulate(log_every=1).log, narrow.simulate(log_every=1).log
-    assert log is not None and promise is not None and promise.envelope is not None
     lower, upper = promise.envelope.lower[0], promise.envelope.upper[0]
     shape = (promise.envelope.upper / upper)[: len(log.e)]
     outside = ((log.e[: len(shape)] <= lower * shape) | (log.e[: len(shape)] >= upper * shape)).any(axis=1)
@@ -125,7 +118,7 @@ def test_the_samples_of_a_scheme_without_an_envelope_are_counted_against_that_of
     assert Rival.simulated(kept, kept, logged=False).outside is None
 
 
-def test_it_says_in_which_form_each_scheme_ran() -> None:
+def test_it_says_in_which_form_each_scheme_ran():
     judge = scenarios.load("example-4.1-1khz", {"simulation.t1": 0.05})
     rival = scenarios.load(
         "example-4.1-1khz", {"simulation.t1": 0.05, "scheme.name": "nftsmc", "scheme.sampled_data": None}

@@ -1,12 +1,6 @@
-"""Every kind of report as a browser shows it: on a phone and a desk, dark and light, by keyboard and by axe-core."""
-
-from __future__ import annotations
-
 import json
 import os
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -34,46 +28,46 @@ from tests.studies.files import study
 pytestmark = pytest.mark.full
 
 
-def of_a_run(out: Path) -> None:
+def of_a_run(out):
     scenario = sx.scenarios.load("panda-payload", {"simulation.t1": 0.5})
     write_run_report(scenario, scenario.simulate(log_every=5), out, command="slidax run panda-payload")
 
 
-def of_a_comparison(out: Path) -> None:
+def of_a_comparison(out):
     judge = sx.scenarios.load("example-4.1-1khz", {"simulation.t1": 1.0})
     schemes = {name: judge if not name else sx.scenarios.alter(judge, {"scheme.name": name}) for name in ("", "pid")}
-    write_comparison({name or "own": Rival.simulated(one, judge, logged=True) for name, one in schemes.items()}, out)
+    write_comparison({name or "own": Rival.simulated(item, judge, logged=True) for name, item in schemes.items()}, out)
 
 
-def of_a_certificate(out: Path) -> None:
+def of_a_certificate(out):
     scenario = sx.scenarios.load("example-4.1")
     write_certificate_report(scenario, certify(scenario, runs=0, without=["loop_rate"]), out, seconds=1.0)
 
 
-def of_a_study(out: Path) -> None:
-    asked = study(runs=64)
-    write_study_report(asked, asked.run(RunOptions(None, False)), out, seconds=1.0)
+def of_a_study(out):
+    requests = study(runs=64)
+    write_study_report(requests, requests.run(RunOptions(None, False)), out, seconds=1.0)
 
 
-def of_a_linear_loop(out: Path) -> None:
+def of_a_linear_loop(out):
     scenario = sx.scenarios.load("example-4.1-1khz")
     write_linear_report(scenario, linearise(scenario, 2.0), out, seconds=1.0)
 
 
-def of_an_identification(out: Path) -> None:
+def of_an_identification(out):
     write_identification_report(identify(recorded(true_arm()), sx.arms.ur5e()), out)
 
 
-def of_the_benchmark(out: Path) -> None:
+def of_the_benchmark(out):
     small = BenchmarkRound({"scara-slow": task("scara-slow")}, [*entries(["pid"], [], ("printed",))]).small()
     write_benchmark(small.run(out, 0), out, seconds=1.0)
 
 
-def of_the_paper(out: Path) -> None:
+def of_the_paper(out):
     paper.reproduce(out, disturbance="stated")
 
 
-KINDS: dict[str, Callable[[Path], None]] = {
+KINDS = {
     "run": of_a_run,
     "comparison": of_a_comparison,
     "certificate": of_a_certificate,
@@ -88,13 +82,13 @@ PHONE, DESK = {"width": 390, "height": 844}, {"width": 1280, "height": 800}
 
 
 @pytest.fixture(scope="module")
-def chromium() -> Iterator[Any]:
-    with browser() as found:
-        yield found
+def chromium():
+    with browser() as result:
+        yield result
 
 
 @pytest.fixture(scope="module", params=KINDS)
-def page(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def page(request, tmp_path_factory):
     out = tmp_path_factory.mktemp(request.param)
     KINDS[request.param](out)
     return out / "report.html"
@@ -102,17 +96,15 @@ def page(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
 
 @pytest.mark.parametrize("colours", ["light", "dark"])
 @pytest.mark.parametrize("window", [PHONE, DESK], ids=["phone", "desk"])
-def test_a_report_fits_the_window_and_is_read_by_everyone(
-    chromium: Any, page: Path, window: dict[str, int], colours: str, request: pytest.FixtureRequest
-) -> None:
+def test_a_report_fits_the_window_and_is_read_by_everyone(chromium, page, window, colours, request):
     context = chromium.new_context(viewport=window, color_scheme=colours, bypass_csp=True)
     shown = context.new_page()
-    wrong: list[str] = []
-    asked: list[str] = []
-    shown.on("console", lambda said: said.type in ("error", "warning") and wrong.append(said.text))
-    shown.on("request", lambda one: asked.append(one.url))
+    wrong = []
+    requests = []
+    shown.on("console", lambda message: message.type in ("error", "warning") and wrong.append(message.text))
+    shown.on("request", lambda item: requests.append(item.url))
     shown.goto(page.as_uri())
-    assert asked == [page.as_uri()] and wrong == []
+    assert requests == [page.as_uri()] and wrong == []
     shown.evaluate("document.querySelectorAll('details').forEach(one => { one.open = true; })")
     assert shown.evaluate("document.documentElement.scrollWidth") == window["width"]
     ground = shown.evaluate("getComputedStyle(document.body).backgroundColor")
@@ -130,13 +122,13 @@ def test_a_report_fits_the_window_and_is_read_by_everyone(
     path = os.environ.get("SLIDAX_AXE", "")
     if Path(path).is_file():
         shown.add_script_tag(content=Path(path).read_text(encoding="utf-8"))
-        found = shown.evaluate("axe.run().then(found => found.violations)")
-        wrong = [json.dumps([one["id"], [node["html"][:120] for node in one["nodes"]][:3]]) for one in found]
+        result = shown.evaluate("axe.run().then(found => found.violations)")
+        wrong = [json.dumps([item["id"], [node["html"][:120] for node in item["nodes"]][:3]]) for item in result]
         assert wrong == []
     context.close()
 
 
-def test_figures_are_drawn_on_white_where_all_else_is_dark(chromium: Any, page: Path) -> None:
+def test_figures_are_drawn_on_white_where_all_else_is_dark(chromium, page):
     context = chromium.new_context(viewport=DESK, color_scheme="dark")
     shown = context.new_page()
     shown.goto(page.as_uri())

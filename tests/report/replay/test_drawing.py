@@ -1,10 +1,5 @@
-"""What is to be seen of a run, before a browser or a film draws it."""
-
-from __future__ import annotations
-
 import dataclasses
 from itertools import product
-from pathlib import Path
 
 import equinox as eqx
 import numpy as np
@@ -15,38 +10,28 @@ pytest.importorskip("trimesh")
 from slidax import arms
 from slidax.core.errors import DefinitionError
 from slidax.plant import Constant
-from slidax.report.replay.drawing import FIELD_OF_VIEW, Drawing, camera_for, draw
+from slidax.report.replay.drawing import FIELD_OF_VIEW, camera_for, draw
 from slidax.report.replay.skeleton import sample_run, skeleton_of
 from slidax.report.replay.solids import DESIRED, JOINT, LINK, Solid, merge_solids, turn_up
-from slidax.simulation import Plant, Run
 
 from .runs import crane_run, scara, two_link
 
 
 @pytest.fixture(scope="module")
-def swing() -> tuple[Plant, Run]:
-    scenario = two_link()
-    return scenario.plant, scenario.simulate(progress=False)
-
-
-@pytest.fixture(scope="module")
-def drawn(swing: tuple[Plant, Run]) -> Drawing:
+def drawn(swing):
     plant, run = swing
     return draw(run, plant, rate=60.0, most=1000)
 
 
-def test_a_film_has_its_frames_evenly_from_the_first_sample_to_the_last(drawn: Drawing) -> None:
-    assert drawn.run.log is not None
+def test_a_film_has_its_frames_evenly_from_the_first_sample_to_the_last(drawn):
     t = drawn.motion.t
     assert len(t) == 31
     np.testing.assert_allclose(np.diff(t), 1 / 60, rtol=1e-9)
-    assert t[0] == drawn.run.log.t[0]
-    assert t[-1] == drawn.run.log.t[-1]
+    assert t[0] == drawn.run.log.t[0] and t[-1] == drawn.run.log.t[-1]
 
 
-def test_a_frame_has_the_arm_where_the_run_had_it(drawn: Drawing) -> None:
+def test_a_frame_has_the_arm_where_the_run_had_it(drawn):
     log, film = drawn.run.log, drawn.motion
-    assert log is not None
     for frame in (0, 12, 30):
         sample = int(np.argmin(np.abs(log.t - film.t[frame])))
         assert log.t[sample] == pytest.approx(film.t[frame], abs=1e-9)
@@ -61,29 +46,28 @@ def test_a_frame_has_the_arm_where_the_run_had_it(drawn: Drawing) -> None:
             np.testing.assert_allclose(tips[frame], tip, atol=1e-12)
 
 
-def test_a_time_has_the_frame_that_is_nearest(drawn: Drawing) -> None:
+def test_a_time_has_the_frame_that_is_nearest(drawn):
     film = drawn.motion
     assert [film.frame(t) for t in (-1.0, 0.0, 0.1, 0.108, 0.109, 9.0)] == [0, 0, 6, 6, 7, 30]
 
 
-def test_a_long_run_has_fewer_frames_per_second(swing: tuple[Plant, Run]) -> None:
+def test_a_long_run_has_fewer_frames_per_second(swing):
     plant, run = swing
     film = sample_run(run, skeleton_of(plant.robot), 1e6, 40)
     assert len(film.t) == 40
 
 
 @pytest.mark.parametrize("wild", [np.nan, np.inf, -1e300])
-def test_the_end_of_a_run_that_failed_is_left_out(wild: float, swing: tuple[Plant, Run]) -> None:
+def test_the_end_of_a_run_that_failed_is_left_out(wild, swing):
     plant, run = swing
     for where in (lambda run: run.log.state.q, lambda run: run.log.tau):
         values = np.array(where(run))
         values[-2:, 1] = wild
         film = sample_run(eqx.tree_at(where, run, values), skeleton_of(plant.robot), 60.0, 1000)
-        assert film.t[-1] == run.log.t[-3]
-        assert np.isfinite(film.actual.places).all()
+        assert film.t[-1] == run.log.t[-3] and np.isfinite(film.actual.places).all()
 
 
-def test_a_run_without_a_log_and_one_of_another_robot_are_refused(swing: tuple[Plant, Run]) -> None:
+def test_a_run_without_a_log_and_one_of_another_robot_are_refused(swing):
     plant, run = swing
     with pytest.raises(DefinitionError, match="log_every"):
         draw(dataclasses.replace(run, log=None), plant, rate=60.0, most=1000)
@@ -93,7 +77,7 @@ def test_a_run_without_a_log_and_one_of_another_robot_are_refused(swing: tuple[P
         draw(run, Constant([0.0, 0.0]), rate=9.0, most=9)
 
 
-def test_the_arm_stands_upright_above_the_ground(drawn: Drawing) -> None:
+def test_the_arm_stands_upright_above_the_ground(drawn):
     stage = drawn.stage
     np.testing.assert_allclose(stage.rotation @ [0, 1, 0], [0, 0, 1], atol=1e-12)
     np.testing.assert_allclose(stage.rotation @ [1, 0, 0], [1, 0, 0], atol=1e-12)
@@ -104,15 +88,14 @@ def test_the_arm_stands_upright_above_the_ground(drawn: Drawing) -> None:
 
 
 @pytest.mark.parametrize("up", [[0, 0, 1], [0, 0, -1], [0, 1, 0], [0.6, 0, 0.8]])
-def test_up_is_turned_up_without_a_mirror(up: list[float]) -> None:
+def test_up_is_turned_up_without_a_mirror(up):
     turn = turn_up(np.array(up, dtype=float))
     np.testing.assert_allclose(turn @ up, [0, 0, 1], atol=1e-12)
     np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-12)
     assert np.linalg.det(turn) == pytest.approx(1.0)
 
 
-def assert_seen(camera: np.ndarray, target: np.ndarray, points: np.ndarray) -> None:
-    """All points are in a picture that is 1.2 times as wide as high."""
+def assert_seen(camera, target, points):
     look = (target - camera) / np.linalg.norm(target - camera)
     right = np.cross(look, [0, 0, 1])
     right = right / np.linalg.norm(right)
@@ -124,30 +107,30 @@ def assert_seen(camera: np.ndarray, target: np.ndarray, points: np.ndarray) -> N
 
 
 @pytest.mark.parametrize("load", [two_link, scara])
-def test_the_camera_sees_the_whole_path_and_both_arms_when_they_are_side_by_side(load: object) -> None:
-    scenario = load()  # type: ignore[operator]
-    seen = draw(scenario.simulate(progress=False), scenario.plant, rate=60.0, most=1000)
-    stage = seen.stage
-    points = stage.points(np.concatenate([seen.motion.actual.places.reshape(-1, 3), seen.motion.actual_tip]))
+def test_the_camera_sees_the_whole_path_and_both_arms_when_they_are_side_by_side(load):
+    scenario = load()
+    picture = draw(scenario.simulate(progress=False), scenario.plant, rate=60.0, most=1000)
+    stage = picture.stage
+    points = stage.points(np.concatenate([picture.motion.actual.places.reshape(-1, 3), picture.motion.actual_tip]))
     assert_seen(stage.camera, stage.target, points)
     assert_seen(stage.wide_camera, stage.wide_target, np.concatenate([points, points + stage.shift]))
 
 
 @pytest.mark.parametrize("size", [(9, 1, 1), (1, 9, 1), (1, 1, 9)])
-def test_the_camera_sees_what_is_wide_and_what_is_high(size: tuple[int, int, int]) -> None:
+def test_the_camera_sees_what_is_wide_and_what_is_high(size):
     corners = np.array(list(product(*([0.0, float(side)] for side in size))))
     camera, target, diagonal = camera_for(corners, np.array([0.6, -0.64, 0.48]))
     assert_seen(camera, target, corners)
     assert diagonal == pytest.approx(np.linalg.norm(size))
 
 
-def test_side_by_side_the_arms_do_not_meet(drawn: Drawing) -> None:
+def test_side_by_side_the_arms_do_not_meet(drawn):
     points = drawn.stage.points(np.concatenate([drawn.motion.actual.places.reshape(-1, 3), drawn.motion.actual_tip]))
     aside = drawn.stage.shift / np.linalg.norm(drawn.stage.shift)
     assert np.linalg.norm(drawn.stage.shift) > np.ptp(points @ aside)
 
 
-def test_plain_shapes_reach_from_joint_to_joint_and_are_thinner_at_the_tip(drawn: Drawing) -> None:
+def test_plain_shapes_reach_from_joint_to_joint_and_are_thinner_at_the_tip(drawn):
     first, second = (_links(drawn.solids, body) for body in (1, 2))
     lengths = drawn.skeleton.translations[1, 0], drawn.skeleton.tip_translation[0]
     for vertices, length in zip((first, second), lengths, strict=True):
@@ -158,42 +141,41 @@ def test_plain_shapes_reach_from_joint_to_joint_and_are_thinner_at_the_tip(drawn
     assert all(solid.colour != DESIRED for solid in drawn.solids)
 
 
-def _links(solids: list[Solid], body: int) -> np.ndarray:
+def _links(solids, body):
     (link,) = [solid for solid in solids if (solid.body, solid.colour) == (body, LINK)]
     return link.vertices
 
 
-def test_a_slide_has_a_rod_that_always_reaches_its_sleeve() -> None:
+def test_a_slide_has_a_rod_that_always_reaches_its_sleeve():
     scenario = scara()
     run = scenario.simulate(progress=False)
     drawn = draw(run, scenario.plant, rate=60.0, most=1000)
-    assert run.log is not None
     # The slide's z axis points down; at the largest q the rod still begins above the sleeve.
     assert _links(drawn.solids, 3)[:, 2].min() < -float(np.abs(run.log.state.q[:, 2]).max())
 
 
-def test_solids_of_one_body_and_colour_are_one() -> None:
+def test_solids_of_one_body_and_colour_are_one():
     corners = np.eye(3)
     parts = [Solid(1, corners, np.array([[0, 1, 2]]), LINK), Solid(1, corners + 1.0, np.array([[2, 1, 0]]), LINK)]
-    (one, other) = merge_solids([*parts, Solid(2, corners, np.array([[0, 1, 2]]), LINK)])
-    np.testing.assert_array_equal(one.faces, [[0, 1, 2], [5, 4, 3]])
-    assert (one.body, other.body) == (1, 2)
+    (item, other) = merge_solids([*parts, Solid(2, corners, np.array([[0, 1, 2]]), LINK)])
+    np.testing.assert_array_equal(item.faces, [[0, 1, 2], [5, 4, 3]])
+    assert (item.body, other.body) == (1, 2)
 
 
-def test_the_reference_is_a_little_thinner_so_that_it_hides_in_the_arm(drawn: Drawing) -> None:
+def test_the_reference_is_a_little_thinner_so_that_it_hides_in_the_arm(drawn):
     (drum,) = [solid for solid in drawn.solids if (solid.body, solid.colour) == (1, JOINT)]
     radius = np.linalg.norm(drum.vertices[:, :2], axis=1).max()
     thin = np.linalg.norm(drum.shrunk(0.01)[:, :2], axis=1).max()
     assert radius - 0.011 < thin < radius - 0.005
 
 
-def test_the_torque_is_limited_by_the_data_sheet_and_by_the_drive() -> None:
+def test_the_torque_is_limited_by_the_data_sheet_and_by_the_drive():
     plant, run = crane_run(torque=30.0)
-    for given, limits in ((plant.robot, [20.0, 40.0]), (plant, [20.0, 30.0])):
-        np.testing.assert_array_equal(draw(run, given, rate=9.0, most=9, plain=True).torque_limits, limits)
+    for arm, limits in ((plant.robot, [20.0, 40.0]), (plant, [20.0, 30.0])):
+        np.testing.assert_array_equal(draw(run, arm, rate=9.0, most=9, plain=True).torque_limits, limits)
 
 
-def test_plain_shapes_of_a_urdf_are_a_contradiction(swing: tuple[Plant, Run], tmp_path: Path) -> None:
+def test_plain_shapes_of_a_urdf_are_a_contradiction(swing, tmp_path):
     plant, run = swing
     with pytest.raises(DefinitionError, match="`plain` draws plain shapes"):
         draw(run, plant, rate=60.0, most=1000, plain=True, urdf=tmp_path / "arm.urdf")

@@ -1,10 +1,4 @@
-"""An arm as its maker drew it."""
-
-from __future__ import annotations
-
 import re
-from importlib.metadata import PackageNotFoundError, distribution
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,13 +6,11 @@ import pytest
 pytest.importorskip("collada")
 
 from slidax import arms
-from slidax.arms import Articulated
 from slidax.arms.files import urdf_drawing
 from slidax.core.errors import DefinitionError, DefinitionWarning
 from slidax.report.replay.drawing import draw
 from slidax.report.replay.shapes import _folders, find_urdf, mesh_solids
 from slidax.report.replay.skeleton import skeleton_of
-from slidax.report.replay.solids import Solid
 
 from .runs import crane, crane_run
 
@@ -44,45 +36,43 @@ URDF = """<robot name="arm">
 
 
 @pytest.fixture
-def urdf(tmp_path: Path) -> Path:
+def urdf(tmp_path):
     path = tmp_path / "arm.urdf"
     path.write_text(URDF)
     return path
 
 
-def seen(robot: Articulated, solid: Solid, q: list[float]) -> np.ndarray:
-    """The solid's vertices in the base frame."""
+def vertices_at(robot, solid, q):
     poses = skeleton_of(robot).poses(np.array([q]))
     return solid.vertices @ poses.rotations[0, solid.body].T + poses.places[0, solid.body]
 
 
-def test_meshes_go_with_the_bodies_that_carry_them(urdf: Path) -> None:
+def test_meshes_go_with_the_bodies_that_carry_them(urdf):
     robot = crane()
     solids = {solid.body: solid for solid in mesh_solids(skeleton_of(robot), urdf, tools=True)}
-    assert sorted(solids) == [0, 1, 2]
-    assert solids[1].colour == (255, 0, 0)
-    np.testing.assert_allclose(np.ptp(seen(robot, solids[0], [0, 0]), axis=0), [0.2, 0.2, 0.1], atol=1e-9)
+    assert sorted(solids) == [0, 1, 2] and solids[1].colour == (255, 0, 0)
+    np.testing.assert_allclose(np.ptp(vertices_at(robot, solids[0], [0, 0]), axis=0), [0.2, 0.2, 0.1], atol=1e-9)
     # A quarter turn back from the tilt about y: the boom, along x at 0, stands upright.
-    upright = seen(robot, solids[1], [-0.4 - np.pi / 2, 0.0])
+    upright = vertices_at(robot, solids[1], [-0.4 - np.pi / 2, 0.0])
     np.testing.assert_allclose(np.ptp(upright, axis=0), [0.06, 0.04, 0.5], atol=1e-9)
     np.testing.assert_allclose(upright.mean(axis=0), [0, 0, 0.55], atol=1e-6)
-    ball = seen(robot, solids[2], [-0.4, 0.2])
+    ball = vertices_at(robot, solids[2], [-0.4, 0.2])
     np.testing.assert_allclose((ball.min(axis=0) + ball.max(axis=0)) / 2, [0.7, 0, 0.2], atol=1e-6)
 
 
-def test_links_behind_fixed_joints_can_be_omitted(urdf: Path) -> None:
+def test_links_behind_fixed_joints_can_be_omitted(urdf):
     solids = mesh_solids(skeleton_of(crane()), urdf, tools=False)
     assert sorted(solid.body for solid in solids) == [0, 1]
 
 
-def test_the_urdf_of_another_robot_is_refused(urdf: Path) -> None:
+def test_the_urdf_of_another_robot_is_refused(urdf):
     with pytest.raises(DefinitionError, match=r"arm\.urdf has no joint `panda_joint1`"):
         mesh_solids(skeleton_of(arms.panda()), urdf, tools=True)
     with pytest.raises(DefinitionError, match="joint `turn` moves differently"):
         mesh_solids(skeleton_of(crane(height=0.31)), urdf, tools=True)
 
 
-def test_a_urdf_without_meshes_or_none_at_all_is_refused(urdf: Path, tmp_path: Path) -> None:
+def test_a_urdf_without_meshes_or_none_at_all_is_refused(urdf, tmp_path):
     bare = tmp_path / "bare.urdf"
     bare.write_text(re.sub("<visual>.*</visual>", "", urdf.read_text()))
     with pytest.raises(DefinitionError, match="has no meshes"):
@@ -91,12 +81,11 @@ def test_a_urdf_without_meshes_or_none_at_all_is_refused(urdf: Path, tmp_path: P
         mesh_solids(skeleton_of(crane()), tmp_path / "absent.urdf", tools=True)
 
 
-def with_a_mesh(urdf: Path, name: str) -> None:
-    """The boom as a mesh instead of a box."""
+def with_a_mesh(urdf, name):
     urdf.write_text(urdf.read_text().replace('<box size="0.5 0.04 0.06"/>', f'<mesh filename="{name}" scale="2 1 1"/>'))
 
 
-def test_a_mesh_is_read_scaled_and_coloured_as_the_file_says(urdf: Path) -> None:
+def test_a_mesh_is_read_scaled_and_coloured_as_the_file_says(urdf):
     trimesh = pytest.importorskip("trimesh")
     trimesh.creation.box(extents=[0.25, 0.04, 0.06]).export(urdf.parent / "boom.stl")
     boxes = {solid.body: solid for solid in mesh_solids(skeleton_of(crane()), urdf, tools=True)}
@@ -108,17 +97,16 @@ def test_a_mesh_is_read_scaled_and_coloured_as_the_file_says(urdf: Path) -> None
 
 
 @pytest.mark.parametrize("text", [None, "solid no mesh"])
-def test_a_mesh_that_is_not_there_is_named_and_the_others_are_drawn(urdf: Path, text: str | None) -> None:
+def test_a_mesh_that_is_not_there_is_named_and_the_others_are_drawn(urdf, text):
     with_a_mesh(urdf, "lost.stl")
     if text is not None:
         (urdf.parent / "lost.stl").write_text(text)
     with pytest.warns(DefinitionWarning, match=r"arm\.urdf: not drawn: `lost\.stl` of link `boom` \(") as caught:
         solids = mesh_solids(skeleton_of(crane()), urdf, tools=True)
-    assert len(caught) == 1
-    assert sorted(solid.body for solid in solids) == [0, 2]
+    assert len(caught) == 1 and sorted(solid.body for solid in solids) == [0, 2]
 
 
-def test_where_no_mesh_is_there_the_arm_has_plain_shapes(urdf: Path) -> None:
+def test_where_no_mesh_is_there_the_arm_has_plain_shapes(urdf):
     with_a_mesh(urdf, "lost.stl")
     urdf.write_text(re.sub("<visual><geometry>.*</visual>", "", urdf.read_text()))
     plant, run = crane_run(torque=20.0)
@@ -129,7 +117,7 @@ def test_where_no_mesh_is_there_the_arm_has_plain_shapes(urdf: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["panda_description/urdf/panda.urdf", "ur_description/urdf/ur5_robot.urdf"])
-def test_links_are_where_pinocchio_has_them(name: str) -> None:
+def test_links_are_where_pinocchio_has_them(name):
     pinocchio = pytest.importorskip("pinocchio")
     (folder,) = _folders() or pytest.skip("example-robot-data is not installed")
     urdf, model = urdf_drawing(folder / name), pinocchio.buildModelFromUrdf(str(folder / name))
@@ -145,20 +133,11 @@ def test_links_are_where_pinocchio_has_them(name: str) -> None:
             np.testing.assert_allclose(base @ place, data.oMf[model.getBodyId(link)].homogeneous, atol=1e-12)
 
 
-def have_example_robots() -> bool:
-    try:
-        distribution("example-robot-data")
-    except PackageNotFoundError:
-        return False
-    return True
-
-
-@pytest.mark.skipif(not have_example_robots(), reason="example-robot-data is not installed")
-def test_the_meshes_of_a_ready_robot_are_found_by_its_joints() -> None:
+@pytest.mark.skipif(not _folders(), reason="example-robot-data is not installed")
+def test_the_meshes_of_a_ready_robot_are_found_by_its_joints():
     skeleton = skeleton_of(arms.xarm7())
-    found = find_urdf(skeleton)
-    assert found is not None
-    assert found.name == "xarm7.urdf"
-    assert sorted({solid.body for solid in mesh_solids(skeleton, found, tools=False)}) == list(range(8))
+    result = find_urdf(skeleton)
+    assert result is not None and result.name == "xarm7.urdf"
+    assert sorted({solid.body for solid in mesh_solids(skeleton, result, tools=False)}) == list(range(8))
     # Joints of these names are there, on an arm with other lengths.
     assert find_urdf(skeleton_of(arms.ur5e())) is None

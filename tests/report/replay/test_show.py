@@ -1,12 +1,7 @@
-"""A replay in the browser, as far as it is ours: what the server is told to show."""
-
-from __future__ import annotations
-
 import importlib.util
 import urllib.error
 import urllib.request
 import webbrowser
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -19,47 +14,36 @@ from slidax.core.errors import DefinitionError
 from slidax.report import replay
 from slidax.report.replay.show import Player
 from slidax.report.replay.solids import DESIRED
-from slidax.simulation import Plant, Run
-
-from .runs import two_link
 
 
 @pytest.fixture(scope="module")
-def swing() -> tuple[Plant, Run]:
-    scenario = two_link()
-    return scenario.plant, scenario.simulate(progress=False)
-
-
-@pytest.fixture(scope="module")
-def view(swing: tuple[Plant, Run]) -> Iterator[replay.View]:
+def view(swing):
     plant, run = swing
     with replay.show(run, plant, title="two links", open_browser=False) as view:
         yield view
 
 
-def test_the_page_is_served_on_a_free_port_until_it_is_stopped(swing: tuple[Plant, Run]) -> None:
+def test_the_page_is_served_on_a_free_port_until_it_is_stopped(swing):
     plant, run = swing
-    opened: list[str] = []
+    opened = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(webbrowser, "open", opened.append)
         view = replay.show(run, plant)
-    assert opened == [view.url]
-    assert view.url.startswith("http://127.0.0.1:")
+    assert opened == [view.url] and view.url.startswith("http://127.0.0.1:")
     with urllib.request.urlopen(view.url, timeout=10) as answer:
-        assert answer.status == 200
-        assert b"<!doctype html>" in answer.read().lower()
+        assert answer.status == 200 and b"<!doctype html>" in answer.read().lower()
     view.stop()
     with pytest.raises(urllib.error.URLError):
         urllib.request.urlopen(view.url, timeout=10)
 
 
-def test_nothing_is_printed(swing: tuple[Plant, Run], capsys: pytest.CaptureFixture[str]) -> None:
+def test_nothing_is_printed(swing, capsys):
     plant, run = swing
     replay.show(run, plant, open_browser=False).stop()
     assert capsys.readouterr().out == ""
 
 
-def test_a_time_puts_both_arms_where_they_are(view: replay.View) -> None:
+def test_a_time_puts_both_arms_where_they_are(view):
     drawn = view._drawing
     view._show(0.25)
     frame = drawn.motion.frame(0.25)
@@ -72,7 +56,7 @@ def test_a_time_puts_both_arms_where_they_are(view: replay.View) -> None:
     assert view._slider.value == pytest.approx(0.25, abs=1e-3)
 
 
-def test_the_reference_is_a_ghost_over_the_arm_or_beside_it(view: replay.View) -> None:
+def test_the_reference_is_a_ghost_over_the_arm_or_beside_it(view):
     scene, stage = view._scene, view._drawing.stage
     np.testing.assert_allclose(scene.desired.root.position, scene.actual.root.position)
     assert not scene.desired.stand.visible
@@ -85,7 +69,7 @@ def test_the_reference_is_a_ghost_over_the_arm_or_beside_it(view: replay.View) -
     assert ghosts and all((node.color, node.opacity < 0.5) == (DESIRED, True) for node in ghosts)
 
 
-def test_the_paths_of_both_tips_are_thin_lines_from_start_to_end(view: replay.View) -> None:
+def test_the_paths_of_both_tips_are_thin_lines_from_start_to_end(view):
     stage, motion = view._drawing.stage, view._drawing.motion
     for name, tips in (("/arm tip", motion.actual_tip), ("/reference tip", motion.desired_tip)):
         line = view._server.scene.get_handle_by_name(name)
@@ -95,9 +79,8 @@ def test_the_paths_of_both_tips_are_thin_lines_from_start_to_end(view: replay.Vi
         assert line.thickness_units == "screen"
 
 
-def test_the_charts_have_the_error_in_its_envelope_and_a_line_at_the_time(view: replay.View) -> None:
+def test_the_charts_have_the_error_in_its_envelope_and_a_line_at_the_time(view):
     log = view._drawing.run.log
-    assert log is not None and log.envelope is not None
     view._chart(1)
     view._show(0.2)
     error, torque = (chart._chart for chart in view._charts)
@@ -111,8 +94,8 @@ def test_the_charts_have_the_error_in_its_envelope_and_a_line_at_the_time(view: 
     assert len(torque.data) == 3 and torque.bands is None
 
 
-def test_time_passes_at_the_chosen_speed_and_begins_again() -> None:
-    shown: list[float] = []
+def test_time_passes_at_the_chosen_speed_and_begins_again():
+    shown = []
     player = Player(1.0, 2.0, shown.append)
     player.advance(0.1)
     assert shown == [1.0]
@@ -129,7 +112,7 @@ def test_time_passes_at_the_chosen_speed_and_begins_again() -> None:
     assert shown[-1] == 2.0 == player.time
 
 
-def test_the_button_says_what_it_does_next(view: replay.View) -> None:
+def test_the_button_says_what_it_does_next(view):
     view.play()
     assert view._button.label == "Pause"
     view.play(False)
@@ -138,9 +121,7 @@ def test_the_button_says_what_it_does_next(view: replay.View) -> None:
     assert view.time == 0.1
 
 
-def test_without_its_packages_it_says_what_to_install(
-    swing: tuple[Plant, Run], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_its_packages_it_says_what_to_install(swing, monkeypatch):
     plant, run = swing
     find = importlib.util.find_spec
     monkeypatch.setattr("slidax.report.replay.drawing.find_spec", lambda name: None if name == "viser" else find(name))

@@ -1,14 +1,10 @@
-"""A picture stands where the robot says that it is."""
-
-from __future__ import annotations
-
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from slidax import arms
-from slidax.arms import AbstractRobot, Articulated, Scara, TwoLink
+from slidax.arms import Scara, TwoLink
 from slidax.core.errors import DefinitionError
 from slidax.report.replay import Skeleton, skeleton, skeleton_of
 
@@ -17,7 +13,7 @@ SCARA = Scara(lengths=[0.3, 0.2], masses=[1.0, 1.0, 1.0])
 
 
 @pytest.mark.parametrize("robot", [arms.panda(), arms.ur5e(), TWO_LINK, SCARA], ids=lambda robot: type(robot).__name__)
-def test_the_tip_is_the_robots_own(robot: AbstractRobot) -> None:
+def test_the_tip_is_the_robots_own(robot):
     bones = skeleton_of(robot)
     postures = np.random.default_rng(0).uniform(-2, 2, (5, robot.joints))
     tips = bones.tips(bones.poses(postures))
@@ -25,7 +21,7 @@ def test_the_tip_is_the_robots_own(robot: AbstractRobot) -> None:
         np.testing.assert_allclose(tip, robot.tip(jnp.asarray(q)), atol=1e-12)
 
 
-def test_the_bodies_of_an_arm_are_its_own_frames() -> None:
+def test_the_bodies_of_an_arm_are_its_own_frames():
     robot = arms.panda()
     postures = np.random.default_rng(1).uniform(-2, 2, (3, 7))
     poses = skeleton_of(robot).poses(postures)
@@ -36,7 +32,7 @@ def test_the_bodies_of_an_arm_are_its_own_frames() -> None:
         np.testing.assert_allclose(poses.places[k, 1:], places, atol=1e-12)
 
 
-def test_the_paper_arms_are_three_points_and_four() -> None:
+def test_the_paper_arms_are_three_points_and_four():
     np.testing.assert_allclose(
         skeleton(TWO_LINK, [np.pi / 2, -np.pi / 2]), [[0, 0, 0], [0, 1.2, 0], [0.8, 1.2, 0]], atol=1e-12
     )
@@ -45,13 +41,13 @@ def test_the_paper_arms_are_three_points_and_four() -> None:
     )
 
 
-def test_joints_that_meet_are_one_point() -> None:
+def test_joints_that_meet_are_one_point():
     points = skeleton(arms.panda(), np.zeros(7))
     assert np.linalg.norm(np.diff(points, axis=0), axis=1).min() > 1e-3
     np.testing.assert_allclose(points[1], [0, 0, 0.333], atol=1e-12)
 
 
-def test_up_is_against_gravity() -> None:
+def test_up_is_against_gravity():
     np.testing.assert_array_equal(skeleton_of(TWO_LINK).up, [0, 1, 0])
     np.testing.assert_allclose(skeleton_of(arms.panda()).up, [0, 0, 1])
     hanging = eqx.tree_at(lambda arm: arm.gravity_vector, arms.panda(), jnp.array([0.0, 9.81, 0.0]))
@@ -64,7 +60,7 @@ class Stranger(eqx.Module):
     """A robot of somebody else."""
 
 
-def test_a_robot_of_your_own_is_taught_by_registering_it() -> None:
+def test_a_robot_of_your_own_is_taught_by_registering_it():
     with pytest.raises(DefinitionError, match=r"`Stranger` has no skeleton.*skeleton_of\.register"):
         skeleton_of(Stranger())
 
@@ -75,8 +71,8 @@ def test_a_robot_of_your_own_is_taught_by_registering_it() -> None:
     assert skeleton_of(Stranger()).joints == 2
 
 
-def test_the_reach_goes_along_the_arm() -> None:
-    robot: Articulated = arms.panda()
+def test_the_reach_goes_along_the_arm():
+    robot = arms.panda()
     points = skeleton(robot, np.zeros(7))
     along = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
     assert skeleton_of(robot).reach == pytest.approx(along)

@@ -1,9 +1,4 @@
-"""What is about an arm: the box that its tip carries and lets go, and the table."""
-
-from __future__ import annotations
-
 import dataclasses
-from pathlib import Path
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -12,9 +7,9 @@ import pytest
 
 pytest.importorskip("viser")
 
-from slidax.arms import Articulated, Payload, TimedPayload
+from slidax.arms import Payload, TimedPayload
 from slidax.report import replay
-from slidax.report.replay.drawing import Drawing, PayloadMotion, draw, make_stage
+from slidax.report.replay.drawing import draw, make_stage
 from slidax.simulation import MujocoPlant, Plant, Run, Table
 
 from .runs import crane_run
@@ -31,70 +26,66 @@ Moved = tuple[Plant | MujocoPlant, Run]
 
 
 @pytest.fixture(scope="module")
-def ours() -> Moved:
+def ours():
     return crane_run(torque=100.0, load=TimedPayload(BOX, ATTACHED, RELEASED))
 
 
 @pytest.fixture(scope="module")
-def mujocos() -> Moved:
+def mujocos():
     pytest.importorskip("mujoco")
     return crane_run(torque=100.0, load=TimedPayload(BOX, ATTACHED, RELEASED), table=Table(-0.6), mujoco=True)
 
 
-def drawn(moved: Moved) -> Drawing:
-    """A frame every .02 s, at samples of the log."""
+def drawn(moved):
     plant, run = moved
     return draw(run, plant, rate=50.0, most=1000, plain=True)
 
 
-def load_of(drawing: Drawing) -> PayloadMotion:
+def load_of(drawing):
     assert drawing.payload is not None
     return drawing.payload
 
 
-def assert_with_the_tip(moved: Moved, seen: Drawing, frames: np.ndarray) -> None:
+def assert_with_the_tip(moved, picture, frames):
     plant, run = moved
-    assert run.log is not None and isinstance(plant.robot, Articulated)
     for frame in frames:
-        sample = int(np.argmin(np.abs(run.log.t - seen.motion.t[frame])))
+        sample = int(np.argmin(np.abs(run.log.t - picture.motion.t[frame])))
         rotation, place = plant.robot.tip_frame(jnp.asarray(run.log.state.q[sample]))
-        np.testing.assert_allclose(load_of(seen).rotations[frame], rotation, atol=1e-9)
-        np.testing.assert_allclose(load_of(seen).places[frame], place, atol=1e-9)
+        np.testing.assert_allclose(load_of(picture).rotations[frame], rotation, atol=1e-9)
+        np.testing.assert_allclose(load_of(picture).places[frame], place, atol=1e-9)
 
 
-def test_payload_is_the_box_with_its_mass_and_moments(ours: Moved) -> None:
+def test_payload_is_the_box_with_its_mass_and_moments(ours):
     vertices = load_of(drawn(ours)).solid.vertices
     np.testing.assert_allclose(vertices.max(axis=0), CENTER + SIDES / 2, atol=1e-12)
     np.testing.assert_allclose(vertices.min(axis=0), CENTER - SIDES / 2, atol=1e-12)
 
 
-def test_our_own_load_is_with_the_tip_while_it_is_carried_and_is_not_seen_otherwise(ours: Moved) -> None:
-    seen = drawn(ours)
-    t = seen.motion.t
-    assert list(load_of(seen).visible) == list((t > ATTACHED) & (t < RELEASED))
-    assert_with_the_tip(ours, seen, np.flatnonzero(load_of(seen).visible))
+def test_our_own_load_is_with_the_tip_while_it_is_carried_and_is_not_seen_otherwise(ours):
+    picture = drawn(ours)
+    t = picture.motion.t
+    assert list(load_of(picture).visible) == list((t > ATTACHED) & (t < RELEASED))
+    assert_with_the_tip(ours, picture, np.flatnonzero(load_of(picture).visible))
 
 
-def test_released_payload_follows_its_free_motion(mujocos: Moved) -> None:
+def test_released_payload_follows_its_free_motion(mujocos):
     way = mujocos[1].load
-    seen = drawn(mujocos)
-    load, t = load_of(seen), seen.motion.t
-    assert way is not None
+    picture = drawn(mujocos)
+    load, t = load_of(picture), picture.motion.t
     assert list(load.visible) == list(t > ATTACHED)
-    assert_with_the_tip(mujocos, seen, np.flatnonzero((t > ATTACHED) & (t < RELEASED)))
+    assert_with_the_tip(mujocos, picture, np.flatnonzero((t > ATTACHED) & (t < RELEASED)))
     free = np.flatnonzero(t > RELEASED)
     assert len(free) == 6
     for frame in free:
         sample = int(np.argmin(np.abs(way.t - t[frame])))
         np.testing.assert_allclose(load.rotations[frame], way.rotation[sample], atol=1e-9)
         np.testing.assert_allclose(load.places[frame], way.place[sample], atol=1e-9)
-    assert load.places[-1, 2] < seen.motion.actual_tip[-1, 2] - 0.02
+    assert load.places[-1, 2] < picture.motion.actual_tip[-1, 2] - 0.02
 
 
-def test_between_two_samples_a_falling_box_is_between_their_poses(mujocos: Moved) -> None:
+def test_between_two_samples_a_falling_box_is_between_their_poses(mujocos):
     plant, run = mujocos
     way = run.load
-    assert way is not None
     coarse = eqx.tree_at(lambda way: (way.t, way.rotation, way.place), way, (way.t[::25], *_every(way, 25)))
     load = load_of(drawn((plant, eqx.tree_at(lambda run: run.load, run, coarse))))
     exact = load_of(drawn(mujocos))
@@ -105,32 +96,30 @@ def test_between_two_samples_a_falling_box_is_between_their_poses(mujocos: Moved
     np.testing.assert_allclose(load.places, exact.places, atol=0.01)
 
 
-def _every(way: eqx.Module, step: int) -> tuple[np.ndarray, np.ndarray]:
-    return way.rotation[::step], way.place[::step]  # type: ignore[attr-defined]
+def _every(way, step):
+    return way.rotation[::step], way.place[::step]
 
 
-def test_a_box_stays_where_it_was_last_known(mujocos: Moved) -> None:
+def test_a_box_stays_where_it_was_last_known(mujocos):
     plant, run = mujocos
-    assert run.load is not None
     for known in (0, 1, 20):
         place = np.array(run.load.place)
         place[known:] = np.nan
         load = load_of(drawn((plant, eqx.tree_at(lambda run: run.load.place, run, place))))
-        assert np.isfinite(load.places).all()
-        assert load.visible[-1] == (known > 0)
+        assert np.isfinite(load.places).all() and load.visible[-1] == (known > 0)
         if known:
             np.testing.assert_array_equal(load.places[-1], run.load.place[known - 1])
 
 
-def test_a_bare_robot_and_one_that_carries_nothing_have_no_box(ours: Moved) -> None:
+def test_a_bare_robot_and_one_that_carries_nothing_have_no_box(ours):
     plant, run = ours
     empty = eqx.tree_at(lambda plant: plant.load.payload.mass, plant, jnp.array(0.0))
-    for given in (plant.robot, empty, Plant(plant.robot, plant.disturbance)):
-        seen = draw(run, given, rate=50.0, most=1000, plain=True)
-        assert seen.payload is None and seen.table is None
+    for arm in (plant.robot, empty, Plant(plant.robot, plant.disturbance)):
+        picture = draw(run, arm, rate=50.0, most=1000, plain=True)
+        assert picture.payload is None and picture.table is None
 
 
-def with_table(ours: Moved, height: float, gravity: tuple[float, float, float]) -> Drawing:
+def with_table(ours, height, gravity):
     plant, run = ours
     robot = eqx.tree_at(lambda robot: robot.gravity_vector, plant.robot, jnp.array(gravity))
     table = MujocoPlant(robot, plant.disturbance, load=plant.load, surroundings=Table(height))
@@ -140,54 +129,47 @@ def with_table(ours: Moved, height: float, gravity: tuple[float, float, float]) 
 @pytest.mark.parametrize(
     ("height", "gravity"), [(-0.5, (0.0, 0.0, -9.81)), (0.0, (0.0, 9.81, 0.0)), (0.31, (6.0, 0.0, -8.0))]
 )
-def test_the_table_is_level_at_its_height_against_gravity(
-    height: float, gravity: tuple[float, float, float], ours: Moved
-) -> None:
-    seen = with_table(ours, height, gravity)
-    assert seen.table is not None
-    stage = seen.stage
-    based = (seen.table.vertices - stage.base) @ stage.rotation
+def test_the_table_is_level_at_its_height_against_gravity(height, gravity, ours):
+    picture = with_table(ours, height, gravity)
+    stage = picture.stage
+    based = (picture.table.vertices - stage.base) @ stage.rotation
     above = based @ -np.array(gravity) / np.linalg.norm(gravity)
     assert above.max() == pytest.approx(height, abs=1e-12)
     # The upper face is all of the slab, seen from above, and lies below the whole path of the tip.
-    corners = seen.table.vertices[above > height - 1e-9, :2]
-    np.testing.assert_array_equal(np.ptp(corners, axis=0), np.ptp(seen.table.vertices[:, :2], axis=0))
+    corners = picture.table.vertices[above > height - 1e-9, :2]
+    np.testing.assert_array_equal(np.ptp(corners, axis=0), np.ptp(picture.table.vertices[:, :2], axis=0))
     assert above.min() > height - 0.05
-    tips = stage.points(seen.motion.actual_tip)[:, :2]
+    tips = stage.points(picture.motion.actual_tip)[:, :2]
     assert (corners.min(axis=0) < tips.min(axis=0)).all() and (tips.max(axis=0) < corners.max(axis=0)).all()
 
 
-def test_the_ground_is_below_the_table_and_in_none_of_its_faces(ours: Moved) -> None:
-    seen = drawn(ours)
+def test_the_ground_is_below_the_table_and_in_none_of_its_faces(ours):
+    picture = drawn(ours)
     # The boom is level, so that the base is on the ground.
-    level = seen.skeleton.poses(np.tile([-0.4, 0.0], (16, 1)))
-    tips = seen.skeleton.tips(level)
-    motion = dataclasses.replace(seen.motion, actual=level, desired=level, actual_tip=tips, desired_tip=tips)
+    level = picture.skeleton.poses(np.tile([-0.4, 0.0], (16, 1)))
+    tips = picture.skeleton.tips(level)
+    motion = dataclasses.replace(picture.motion, actual=level, desired=level, actual_tip=tips, desired_tip=tips)
     for height in (-0.5, -0.01, 0.0, 0.01, 0.012, 0.02, 0.31):
-        room = make_stage(seen.skeleton, motion, None, height)
-        assert room.table is not None
-        assert room.ground <= 0
-        assert room.table[0, 2] > room.ground + 1e-3
+        room = make_stage(picture.skeleton, motion, None, height)
+        assert room.ground <= 0 and room.table[0, 2] > room.ground + 1e-3
         assert room.table[1, 2] == pytest.approx(room.height + height)
 
 
-def test_the_camera_sees_the_table_and_what_fell_on_it(mujocos: Moved) -> None:
-    seen = drawn(mujocos)
-    assert seen.table is not None
-    box = seen.stage.points(load_of(seen).corners(load_of(seen).visible))
-    assert_seen(seen.stage.camera, seen.stage.target, np.concatenate([box, seen.table.vertices]))
+def test_the_camera_sees_the_table_and_what_fell_on_it(mujocos):
+    picture = drawn(mujocos)
+    box = picture.stage.points(load_of(picture).corners(load_of(picture).visible))
+    assert_seen(picture.stage.camera, picture.stage.target, np.concatenate([box, picture.table.vertices]))
 
 
-def test_payload_that_falls_forever_leaves_the_picture(mujocos: Moved) -> None:
+def test_payload_that_falls_forever_leaves_the_picture(mujocos):
     plant, run = mujocos
-    assert run.load is not None and isinstance(plant, MujocoPlant)
     place = run.load.place - np.linspace(0, 1000, len(run.load.t))[:, None] * [0, 0, 1]
     bare = eqx.tree_at(lambda plant: plant.surroundings, plant, None)
     falling = drawn((bare, eqx.tree_at(lambda run: run.load.place, run, place)))
     assert falling.stage.size < 1.2 * drawn(mujocos).stage.size
 
 
-def test_a_replay_puts_the_box_where_it_is_and_takes_it_out_of_sight(mujocos: Moved, ours: Moved) -> None:
+def test_a_replay_puts_the_box_where_it_is_and_takes_it_out_of_sight(mujocos, ours):
     for plant, run in (mujocos, ours):
         with replay.show(run, plant, open_browser=False, plain=True) as view:
             load, node = load_of(view._drawing), view._scene.payload
@@ -201,14 +183,14 @@ def test_a_replay_puts_the_box_where_it_is_and_takes_it_out_of_sight(mujocos: Mo
             assert (table is None) == (view._drawing.table is None)
 
 
-def test_a_page_shows_the_box_from_when_it_is_taken_up_until_it_is_let_go(ours: Moved, tmp_path: Path) -> None:
+def test_a_page_shows_the_box_from_when_it_is_taken_up_until_it_is_let_go(ours, tmp_path):
     plant, run = ours
     page = replay.record(run, plant, tmp_path / "crane.html", plain=True).read_text(encoding="utf-8")
-    said = [
+    text = [
         (t, message["visible"])
         for t, message in recorded(page)["messages"]
         if message["type"] == "SetSceneNodeVisibilityMessage" and message["name"] == "/arm/load"
     ]
-    turns = [at for at, before in zip(said[1:], said[:-1], strict=True) if at[1] != before[1]]
-    assert not said[0][1]
+    turns = [at for at, before in zip(text[1:], text[:-1], strict=True) if at[1] != before[1]]
+    assert not text[0][1]
     assert turns == [(pytest.approx(ATTACHED, abs=0.02), True), (pytest.approx(RELEASED, abs=0.02), False)]
