@@ -1,17 +1,25 @@
-"""The rules of the package: layers, sizes, docstrings, and imports without side effects."""
+"""The rules of the package: layers, circles, sizes, docstrings, checked shapes, imports without side effects."""
 
+from __future__ import annotations
+
+import ast
 import importlib
 import inspect
 import os
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
+import jax.numpy as jnp
 import pytest
+from jaxtyping import TypeCheckError
 
 import slidax
-from slidax.core import AbstractPart
+from slidax.core import AbstractPart, vector_norm
+from tests import array_modules
 
 SOURCE = Path(slidax.__file__).parent
 ROOT = SOURCE.parents[1]
@@ -23,18 +31,23 @@ PACKAGES = sorted(".".join(path.parent.relative_to(SOURCE).parts) for path in SO
 """The rooms, and the packages inside of them that have a list of exports of their own."""
 
 
-def test_imports_go_down_the_floors_only():
-    """The contract is in pyproject.toml, read by import-linter."""
+def in_a_fresh_interpreter(code, folder=None):
     done = subprocess.run(
-        [sys.executable, "-c", "import sys; from importlinter.cli import lint_imports; sys.exit(lint_imports())"],
-        cwd=ROOT,
-        env=os.environ | {"PYTHONPATH": str(SOURCE.parent)},
+        [sys.executable, "-c", code],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(SOURCE.parent), str(TESTS.parent)])},
         capture_output=True,
         text=True,
         check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "KEPT" in done.stdout
+    return done.stdout
+
+
+def test_imports_go_down_the_floors_only():
+    """The contract is in pyproject.toml, read by import-linter."""
+    code = "import sys; from importlinter.cli import lint_imports; sys.exit(lint_imports())"
+    assert "KEPT" in in_a_fresh_interpreter(code, ROOT)
 
 
 def those(paths, wrong):
@@ -48,8 +61,7 @@ def test_no_module_is_longer_than_a_person_reads_at_once(paths):
 
 
 def test_every_module_says_what_it_is():
-    assert MODULES
-    assert not those(MODULES, lambda text: not text.startswith('"""'))
+    assert MODULES and not those(MODULES, lambda text: not text.startswith('"""'))
 
 
 def public(room):
@@ -124,26 +136,12 @@ def test_every_member_of_a_kind_is_enrolled_in_the_law_tests(room):
         for _, thing in public(room)
         if inspect.isclass(thing) and not inspect.isabstract(thing) and bases & set(thing.__mro__[1:])
     }
-    assert family
-    assert not family - enrolled
-
-
-def in_a_fresh_interpreter(code):
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(SOURCE.parent), str(TESTS.parent)])},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    assert family and not family - enrolled
 
 
 def test_every_package_of_the_source_is_imported_by_these_tests():
     assert {"arms", "codegen", "core", "law", "scenarios", "report", "paper", "export"} <= set(ROOMS)
-    assert len(ROOMS) == 19
-    assert {"codegen.trace", "law.sampled", "report.figures"} <= set(PACKAGES)
+    assert len(ROOMS) == 19 and {"codegen.trace", "law.sampled", "report.figures"} <= set(PACKAGES)
 
 
 DRAWING = {"analysis", "certify", "cli", "design", "export", "paper", "report", "scenarios", "studies", "studio"}
@@ -174,7 +172,7 @@ except DefinitionError as error:
     assert 'jax.config.update("jax_enable_x64", True)' in in_a_fresh_interpreter(code)
 
 
-def test_32_bit_numbers_are_refused_by_states_certificates_and_designs() -> None:
+def test_32_bit_numbers_are_refused_by_states_certificates_and_designs():
     code = """
 import numpy as np
 from slidax.core.errors import DefinitionError
@@ -197,3 +195,73 @@ for ask in (lambda: states_of(robot, np.zeros((1, 2))), lambda: certify(scenario
 def test_metrics_and_figures_have_short_names():
     assert slidax.metrics.settling_time is importlib.import_module("slidax.analysis").settling_time
     assert slidax.figures.tracking_error is importlib.import_module("slidax.report.figures").tracking_error
+
+
+def modules() -> dict[str, ast.Module]:
+    return {
+        ".".join(("slidax", *path.relative_to(SOURCE).with_suffix("").parts)).removesuffix(".__init__"): ast.parse(
+            path.read_text(encoding="utf-8")
+        )
+        for path in sorted(SOURCE.rglob("*.py"))
+    }
+
+
+def imports(node: ast.AST) -> Iterator[ast.ImportFrom]:
+    """All imports except those for type checkers alone."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.dump(child.test):
+            continue
+        if isinstance(child, ast.ImportFrom):
+            yield child
+        yield from imports(child)
+
+
+def imported(name: str, trees: dict[str, ast.Module], packages: set[str]) -> set[str]:
+    """The modules that a module imports from; a package stands for the modules whose names it exports."""
+    needed = set()
+    parts = name.split(".")
+    package = parts if name in packages else parts[:-1]
+    for node in imports(trees[name]):
+        above = package[: len(package) - node.level + 1] if node.level else []
+        base = ".".join([*above, *filter(None, [node.module])])
+        for alias in node.names:
+            inner = f"{base}.{alias.name}"
+            if inner in trees:
+                needed.add(inner)
+            elif base in packages and base != name:
+                needed |= {
+                    ".".join([base, *filter(None, [export.module])])
+                    for export in imports(trees[base])
+                    if any((each.asname or each.name) == alias.name for each in export.names)
+                }
+            else:
+                needed.add(base)
+    return needed & set(trees) - {name}
+
+
+def test_imports_have_one_direction():
+    trees = modules()
+    packages = {name for name in trees if (SOURCE.parent / name.replace(".", "/") / "__init__.py").exists()}
+    plain = set(trees) - packages
+    graph = {name: imported(name, trees, packages) & plain for name in plain}
+    assert len(plain) > 250 and sum(map(len, graph.values())) > 1000
+    try:
+        list(TopologicalSorter(graph).static_order())
+    except CycleError as error:
+        pytest.fail(f"a circle: {' <- '.join(error.args[1])}")
+
+
+def test_every_module_that_writes_shapes_is_checked():
+    names = set(array_modules.names())
+    writes = {
+        ".".join(("slidax", *path.relative_to(array_modules.SOURCE).with_suffix("").parts))
+        for path in array_modules.SOURCE.rglob("*.py")
+        if "from jaxtyping import" in (text := path.read_text(encoding="utf-8")) and "Float[" in text
+    }
+    assert {name for name in writes if not name.startswith("slidax.codegen.")} <= names
+    assert "slidax.core.powers" in names
+
+
+def test_a_wrong_shape_is_an_error():
+    with pytest.raises(TypeCheckError):
+        vector_norm(jnp.zeros((2, 2)))

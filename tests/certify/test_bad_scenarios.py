@@ -1,7 +1,5 @@
 """Inadmissible scenarios are refused when they are read, or a certificate names the failing assumption."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest
@@ -38,9 +36,7 @@ RULES: list[tuple[str, dict[str, Any], str]] = [
 
 
 @pytest.mark.parametrize(("name", "changes", "rule"), RULES, ids=[f"{next(iter(line))}" for _, line, _ in RULES])
-def test_parameter_outside_its_range_is_refused_with_its_equation(
-    name: str, changes: dict[str, Any], rule: str
-) -> None:
+def test_parameter_outside_its_range_is_refused_with_its_equation(name, changes, rule):
     with pytest.raises(DefinitionError, match=rule):
         load(name, changes)
 
@@ -67,34 +63,32 @@ FAILING: list[tuple[Any, str, dict[str, Any], str]] = [
     ("certificate", "name", "changes", "text"),
     [pytest.param(*case, marks=[pytest.mark.full] if k % 3 else []) for k, case in enumerate(FAILING)],
 )
-def test_certificate_fails_with_the_name_of_the_failing_assumption(
-    certificate: Any, name: str, changes: dict[str, Any], text: str
-) -> None:
+def test_certificate_fails_with_the_name_of_the_failing_assumption(certificate, name, changes, text):
     verdict = certificate(load(name, changes))
     assert verdict.holds is False
     assert any(text in line.text for line in verdict.assumptions if line.status == "fails"), verdict.assumptions
 
 
 @pytest.mark.full
-def test_printed_period_fails_for_a_period_that_is_too_long() -> None:
+def test_printed_period_fails_for_a_period_that_is_too_long():
     assert printed_period(load("example-4.2", {"simulation.mode": "held", "simulation.t1": 8.0})).holds is False
 
 
-def test_start_set_just_inside_the_envelope_is_admissible() -> None:
+def test_start_set_just_inside_the_envelope_is_admissible():
     near = {"uncertainty": {"start.q": {"around": 0.099, "each": "joint"}}, **NEAR}
     verdict = admissibility(load("example-4.1", near))
     assert verdict.holds and verdict.margin == pytest.approx(1 - 0.599 / 0.6)
 
 
 @pytest.mark.full
-def test_wider_envelope_of_the_remedy_is_admissible() -> None:
+def test_wider_envelope_of_the_remedy_is_admissible():
     far = {"start.q": [-1.0, 2.5], **NEAR}
     remedy = admissibility(load("example-4.1", far)).remedies[0]
     assert admissibility(load("example-4.1", {**far, **remedy.changes})).holds
 
 
 @pytest.mark.full
-def test_motion_beyond_speed_or_position_limits_is_not_admissible() -> None:
+def test_motion_beyond_speed_or_position_limits_is_not_admissible():
     fast = {"trajectory.frequency": 5.4, "simulation.limits": "ignore", **NEAR}
     verdict = admissibility(load("panda-payload", fast))
     assert [line.text for line in verdict.assumptions if line.status == "fails"] == [

@@ -1,21 +1,26 @@
-"""All certificates of a scenario together, and the statistical one."""
+"""All certificates of a scenario together: none claims more than was computed."""
 
-from __future__ import annotations
+from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from scipy.stats import binom
 
 import slidax
-from slidax.certify import Verdict, certify, statistical
+from slidax.certify import CERTIFICATES, Verdict, admissibility, certify, statistical
 from slidax.certify import certify as certify_module
-from slidax.certify.certificate import certificate
+from slidax.certify.arm import compute_demand, robust_torque
+from slidax.certify.certificate import Assumption, certificate
+from slidax.certify.loop import inertia_ratio, loop_rate
+from slidax.certify.printed.printed_law import PrintedLaw, continuous_premises
 from slidax.core.errors import DefinitionError
 from slidax.scenarios import Scenario, load
 
 SHORT = {"simulation.t1": 0.05}
 
 
-def test_refusal_of_one_certificate_does_not_affect_others(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_refusal_of_one_certificate_does_not_affect_others(monkeypatch):
     import importlib
 
     module = importlib.import_module("slidax.certify.certify")
@@ -43,19 +48,19 @@ def test_refusal_of_one_certificate_does_not_affect_others(monkeypatch: pytest.M
         certify(scenario, runs=0)
 
 
-def test_scenario_changed_in_python_is_refused() -> None:
+def test_scenario_changed_in_python_is_refused():
     with pytest.raises(DefinitionError, match="t1"):
         slidax.certify.certify(load("example-4.1", SHORT).replace(t1=0.1))
     assert slidax.certify.certify is certify_module
 
 
-def test_invalid_set_raises() -> None:
+def test_invalid_set_raises():
     with pytest.raises(DefinitionError, match="uncertainty"):
         certify(load("example-4.1", {"uncertainty": {"robot.plant.masses": {"between": [-1.0, 1.0]}}, **SHORT}))
 
 
 @pytest.mark.full
-def test_failure_rate_bound_is_exact_if_all_runs_hold() -> None:
+def test_failure_rate_bound_is_exact_if_all_runs_hold():
     calm = {"uncertainty": {"disturbance.scale": {"between": [0, 1]}}, **SHORT}
     verdict = statistical(load("example-4.1-1khz", calm), runs=64)
     assert verdict.holds and verdict.bound["failures"] == 0
@@ -64,7 +69,7 @@ def test_failure_rate_bound_is_exact_if_all_runs_hold() -> None:
     assert verdict.bound["steady_error"] > 0 and verdict.bound["steady_torque_step"] > 0
 
 
-def test_failures_are_counted_and_the_search_finds_a_violation() -> None:
+def test_failures_are_counted_and_the_search_finds_a_violation():
     wild = {"uncertainty": {"start.q": {"around": 0.15, "each": "joint"}}, **SHORT}
     verdict = statistical(load("example-4.1-1khz", wild), runs=32)
     assert verdict.holds is False and 0 < verdict.bound["failures"] < 32
@@ -73,6 +78,166 @@ def test_failures_are_counted_and_the_search_finds_a_violation() -> None:
     assert verdict.margin is not None and verdict.margin < 0
 
 
-def test_statistical_does_not_apply_without_set_or_runs() -> None:
+def test_statistical_does_not_apply_without_set_or_runs():
     assert statistical(load("example-4.1", SHORT)).holds is None
     assert statistical(load("example-4.1", SHORT), runs=0).holds is None
+
+
+FILES = Path(__file__).parent / "counterexamples"
+
+NAME = "example-4.1-1khz"
+WITHOUT = {"scheme.sampled_data.adaptation": None}
+RIPPLE = {"disturbance.terms.1.frequency": 6283.185, "disturbance.terms.1.amplitude": [20.0, 20.0]}
+
+PATHS: list[tuple[str, Any, Any]] = [
+    ("sensor.resolution", 8e-5, {"between": [1e-6, 8e-5]}),
+    ("sensor.delay", 2.0, {"between": [0.0, 2.0]}),
+    ("sensor.loss.probability", 0.1, {"between": [0.0, 0.1]}),
+    ("sensor.jitter", 0.1, {"between": [0.0, 0.1]}),
+    ("actuator.time_constant", 0.003, {"between": [0.0, 0.003]}),
+    ("actuator.dead_time", 0.5, {"between": [0.0, 0.5]}),
+    ("actuator.torque", 55.0, {"between": [50.0, 60.0]}),
+    ("trajectory.offset", [1.2, 1.25], {"around": 0.01, "each": "joint"}),
+]
+
+
+@pytest.mark.parametrize("block", ["uncertainty", "truth"])
+@pytest.mark.parametrize(("path", "value", "uncertainty"), PATHS, ids=[path for path, *_ in PATHS])
+def test_certificate_does_not_apply_to_a_path_that_it_does_not_cover(block, path, value, uncertainty):
+    scenario = load(NAME, {block: {path: uncertainty if block == "uncertainty" else value}, "simulation.t1": 3.0})
+    for verdict in (inertia_ratio(scenario, compute_demand(scenario)), loop_rate(scenario)):
+        assert verdict.holds is None and verdict.grade is None
+        assert f"`{path}`" in verdict.statement and f"`{block}`" in verdict.statement
+
+
+def test_no_certificate_holds_for_a_set_that_it_does_not_cover():
+    paths = {path: entry for path, _, entry in PATHS}
+    certified = slidax.certify.certify(load(NAME, {"uncertainty": paths, "simulation.t1": 3.0}), runs=0)
+    assert {entry.name for entry in certified} == {entry.name for entry in CERTIFICATES}
+    for verdict in certified:
+        assert verdict.holds is None, verdict.name
+
+
+def test_set_of_a_single_value_changes_no_verdict():
+    sets = {"sensor.resolution": {"around": 0.0}, "robot.plant.masses": {"around": "0 %", "each": "joint"}}
+    with_it = load(NAME, {"uncertainty": sets, "simulation.t1": 3.0})
+    assert robust_torque(with_it).as_json() == robust_torque(load(NAME, {"simulation.t1": 3.0})).as_json()
+
+
+def test_pulse_between_probe_times_has_an_effect_and_an_idle_one_is_named():
+    pulse = {"kind": "step", "value": [0.0, 0.0], "start": 1.2345, "end": 1.2365}
+    sets = {"disturbance.terms.0.value": {"between": [-12.0, 12.0], "each": "joint"}}
+    changes = {"disturbance.terms": [pulse], "uncertainty": sets, "simulation.t1": 3.0, **WITHOUT}
+    request = compute_demand(load(NAME, changes))
+    assert request.effects is not None
+    inside = (request.times >= 1.2345) & (request.times < 1.2365)
+    assert (np.abs(request.effects).sum(axis=1)[:, inside].min() > 0.1) and inside.sum() == 2
+    late = {**pulse, "start": 50.0, "end": 51.0}
+    request = compute_demand(load(NAME, {**changes, "disturbance.terms": [late]}))
+    assert any("no torque depends on it" in line.text and line.status == "tested" for line in request.assumptions)
+
+
+@pytest.mark.parametrize(("reach", "statuses"), [(0.6, ["proved"]), (0.9, ["fails"])])
+def test_start_is_proved_inside_the_envelope_only_if_all_starts_are_inside(reach, statuses):
+    # The envelope begins at 1.2, and the reference is 0.5 from the middle of the starts.
+    scenario = load("example-4.2", {"uncertainty": {"start.q": {"around": reach, "each": "joint"}}})
+    printed = PrintedLaw.of(scenario)
+    assert printed is not None
+    for assumptions in (admissibility(scenario).assumptions, continuous_premises(printed)):
+        assert [line.status for line in assumptions if "side the envelope" in line.text] == statuses
+
+
+BRIEF = {
+    "trajectory": {"kind": "sinusoid", "offset": [5.0, 0.8], "amplitude": [0.2, 0.2], "frequency": [2.0, 2.0]},
+    "start": {"q": [5.0, 0.8], "dq": [0.4, 0.4]},
+    "simulation.t1": 1.7,
+    **WITHOUT,
+}
+
+
+@pytest.mark.parametrize("position", [None, {"between": [5.1995, 5.6]}], ids=["surface known", "surface uncertain"])
+def test_brief_contact_counts_with_its_uncertain_stiffness(position):
+    # The first joint is 0.5 mrad deep in the surface at t = 0.785 s, and less than 36 ms in contact.
+    stop = {"kind": "elastic_stop", "position": [5.1995, 15.0], "stiffness": [20000.0, 0.0], "damping": [0.0, 0.0]}
+    sets: dict[str, Any] = {"disturbance.terms.0.stiffness": {"between": [0.0, 40000.0]}}
+    if position:
+        sets["disturbance.terms.0.position.0"] = position
+    touched = compute_demand(load(NAME, {**BRIEF, "disturbance.terms": [stop], "uncertainty": sets}))
+    # The stiffest surface presses with 20 N m.
+    pressed = compute_demand(load(NAME, {**BRIEF, "disturbance.terms": [{"kind": "constant", "value": [-20.0, 0.0]}]}))
+    k = round(0.25 * np.pi / 0.001)
+    assert touched.effects is not None
+    bound = np.abs(touched.disturbance[:, k]).max(axis=0) + np.abs(touched.effects[:, :, k]).sum(axis=1).max(axis=0)
+    assert (bound >= 0.999 * np.abs(pressed.disturbance[0, k])).all()
+
+
+def test_ripple_that_vanishes_at_each_sample_counts_between_samples():
+    # A sine of 1 kHz at 1 kHz: of 20 N m nothing is seen at a sample.
+    verdict = robust_torque(load(NAME, {**RIPPLE, "simulation.t1": 3.0}))
+    assert verdict.holds is False and verdict.bound["needed"] > 20.0
+    still = robust_torque(load(NAME, {**RIPPLE, "disturbance.terms.1.amplitude": [0.0, 0.0], "simulation.t1": 3.0}))
+    assert still.holds and still.bound["needed"] < 15.0
+
+
+def test_step_between_two_samples_counts_in_full():
+    push = {"kind": "step", "value": [3.0, 0.0], "start": 1.0004, "end": 1.0008}
+    request = compute_demand(load(NAME, {"disturbance.terms": [push], "simulation.t1": 3.0, **WITHOUT}))
+    assert request.jumps is not None
+    k = round(1.0 / 0.001)
+    bare = compute_demand(load(NAME, {"disturbance.terms": [], "simulation.t1": 3.0, **WITHOUT}))
+    assert request.jumps[k].max() > 0.3 and np.array_equal(request.disturbance[:, k], bare.disturbance[:, k])
+    assert not request.jumps[k + 2 :].any() and not request.jumps[: k - 1].any()
+
+
+@pytest.mark.full
+def test_loop_rate_of_a_learning_law_has_no_proved_assumption():
+    masses = {"robot.plant.masses": {"around": "10 %", "each": "joint"}}
+    verdict = loop_rate(load(NAME, {"uncertainty": masses, "simulation.t1": 3.0}), remedies=False)
+    assert verdict.holds and verdict.grade == "C"
+    assert not any(line.status == "proved" for line in verdict.assumptions)
+    assert "16 simulated arms" in verdict.statement
+    # Nor where the envelope narrows so fast that the closed form of the rule does not hold.
+    wide = {**masses, "start.q": {"around": 0.05, "each": "joint"}}
+    assert loop_rate(load(NAME, {"uncertainty": wide}), remedies=False).grade == "C"
+
+
+def test_grade_depends_on_the_share_of_proved_assumptions():
+    def grade(*statuses: Any, holds: bool | None = True) -> str | None:
+        return Verdict("", "", holds, None, {}, [Assumption("", line) for line in statuses], "").grade
+
+    assert grade("proved", "proved") == "A" and grade("proved", "tested") == grade("proved", "assumed") == "B"
+    assert grade("tested", "assumed") == grade() == "C"
+    assert grade("proved", holds=None) is None and grade("proved", "fails", holds=False) is None
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("name", ["panda-payload", "ur5e-payload"])
+def test_inertia_ratio_fails_if_only_single_loops_are_stable(name):
+    scenario = load(name)
+    verdict = inertia_ratio(scenario, compute_demand(scenario))
+    assert np.max(verdict.bound["radius"]) < 1.0 < verdict.bound["radius_together"]
+    assert verdict.holds is False and "together" in verdict.statement
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("name", ["learning", "pulse"])
+def test_loop_rate_fails_for_the_counterexamples_in_files(name):
+    assert loop_rate(load(FILES / f"{name}.yaml"), remedies=False).holds is False
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("more", [{}, {"scheme.performance.final": [2e-5, 2e-5], "simulation.substeps": 1}])
+def test_loop_rate_fails_for_a_ripple_at_the_sample_rate(more):
+    assert loop_rate(load(NAME, {**RIPPLE, **more}), remedies=False).holds is False
+
+
+@pytest.mark.full
+def test_bound_of_seven_joints_does_not_depend_on_the_order_of_its_set():
+    mass = {"robot.plant.load.mass": {"between": [0.2, 0.8]}}
+    rotors = {"robot.plant.armature": {"between": [0.099, 0.101], "each": "joint"}}
+    base = {**WITHOUT, "robot.plant.coulomb": 0.05, "simulation.t1": 3.0}
+    first, last = (
+        loop_rate(load("panda-payload", {**base, "uncertainty": sets}), remedies=False).as_json()
+        for sets in ({**mass, **rotors}, {**rotors, **mass})
+    )
+    assert first == last

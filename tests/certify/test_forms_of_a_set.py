@@ -1,7 +1,5 @@
 """Verdicts depend on a set and not on its form: order, equal terms, padding."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import Any
 
@@ -78,7 +76,7 @@ def permuted(draw: st.DrawFn, sets: dict[str, Any]) -> dict[str, Any]:
 
 @once
 @given(permuted(SET))
-def test_quick_certificates_do_not_depend_on_order_and_padding_of_a_set(sets: dict[str, Any]) -> None:
+def test_quick_certificates_do_not_depend_on_order_and_padding_of_a_set(sets):
     plain, other = written(SET), written(dict(reversed(sets.items())))
     for certificate in QUICK:
         assert certificate(plain).as_json() == certificate(other).as_json(), certificate.name
@@ -86,7 +84,7 @@ def test_quick_certificates_do_not_depend_on_order_and_padding_of_a_set(sets: di
 
 @once
 @given(st.integers(2, 3))
-def test_quick_certificates_do_not_depend_on_splitting_into_equal_terms(terms: int) -> None:
+def test_quick_certificates_do_not_depend_on_splitting_into_equal_terms(terms):
     plain, other = written(SET), written(SET, terms)
     for certificate in QUICK:
         assert near(numbers(certificate(plain)), numbers(certificate(other)), 1e-6), certificate.name
@@ -95,7 +93,7 @@ def test_quick_certificates_do_not_depend_on_splitting_into_equal_terms(terms: i
 @pytest.mark.full
 @some
 @given(permuted(SET))
-def test_all_certificates_do_not_depend_on_order_and_padding_of_a_set(sets: dict[str, Any]) -> None:
+def test_all_certificates_do_not_depend_on_order_and_padding_of_a_set(sets):
     plain, other = written(SET), written(sets)
     for certificate in (*CERTIFICATES, lambda item: statistical(item, 40)):
         assert certificate(plain).as_json() == certificate(other).as_json()
@@ -111,7 +109,7 @@ NOTHING_PRINTED = {"start.q": {"around": 0.0, "each": "joint"}, "disturbance.sca
 @pytest.mark.full
 @settings(some, max_examples=2)
 @given(st.integers(2, 8), st.booleans())
-def test_all_certificates_do_not_depend_on_equal_or_zero_terms(terms: int, learns: bool) -> None:
+def test_all_certificates_do_not_depend_on_equal_or_zero_terms(terms, learns):
     more = {"scheme.sampled_data.adaptation": {"kind": "joint_learning"}} if learns else {}
     plain, other = written(SET, **more), written(SET, terms, **more)
     nothing = [{**TERM, "amplitude": [0.0, 0.0]}, {"kind": "step", "value": [0.0, 0.0], "start": 1.0, "end": 1.1}]
@@ -125,7 +123,7 @@ def test_all_certificates_do_not_depend_on_equal_or_zero_terms(terms: int, learn
 
 @pytest.mark.full
 @pytest.mark.parametrize("learns", [False, True])
-def test_larger_set_has_no_smaller_bounds(learns: bool) -> None:
+def test_larger_set_has_no_smaller_bounds(learns):
     more = {"scheme.sampled_data.adaptation": {"kind": "joint_learning"}} if learns else {}
     sizes = []
     for part in (0.25, 0.5, 1.0):
@@ -153,7 +151,7 @@ def test_larger_set_has_no_smaller_bounds(learns: bool) -> None:
             assert (np.asarray(large[name]) >= spare * np.asarray(small[name])).all(), name
 
 
-def test_more_numbers_than_a_product_can_be_bounded_for_are_sampled() -> None:
+def test_more_numbers_than_a_product_can_be_bounded_for_are_sampled():
     (robust_torque,) = (certificate for certificate in CERTIFICATES if certificate.name == "robust_torque")
     lines = [line for line in robust_torque(written(SET, 12)).assumptions if "disturbance.terms.0" in line.text]
     assert [line.status for line in lines] == ["tested"]

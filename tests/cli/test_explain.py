@@ -1,8 +1,7 @@
 import json
 
-from tests.analysis.diagnosis.seeded import UNLEARNT
-
-from .commands import in_process
+from tests.analysis.test_explain import UNLEARNT
+from tests.cli.commands import in_process
 
 LIGHT = [
     *("--set", "robot.nominal.armature=0.01", "--set", "robot.plant.armature=0.1"),

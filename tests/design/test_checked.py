@@ -1,6 +1,4 @@
-"""What becomes of a design after its check."""
-
-from __future__ import annotations
+"""Designs after their check: taken, made anew, or refused."""
 
 import sys
 from dataclasses import dataclass
@@ -31,7 +29,7 @@ def check(margin: float, step: float) -> Verdict:
 
 
 @pytest.fixture
-def checked(monkeypatch: pytest.MonkeyPatch) -> Any:
+def checked(monkeypatch):
     """Of the margins that the checks find, one after the other, the design, and what the checks were asked."""
 
     def of(
@@ -63,37 +61,36 @@ def checked(monkeypatch: pytest.MonkeyPatch) -> Any:
     return of
 
 
-def test_a_design_whose_worst_case_has_room_is_taken_at_once(checked: Any) -> None:
+def test_a_design_whose_worst_case_has_room_is_taken_at_once(checked):
     built, seeds, harder = checked(0.2)
     assert (built.choice.law, seeds, harder) == (0, [1], [])
 
 
-def test_a_design_that_was_left_is_made_anew_with_the_worst_cases_and_other_ones_for_its_check(checked: Any) -> None:
+def test_a_design_that_was_left_is_made_anew_with_the_worst_cases_and_other_ones_for_its_check(checked):
     built, seeds, harder = checked(-0.1, 0.15)
     assert (built.choice.law, seeds, harder) == (1, [1, 2], ["the worst with 1"])
 
 
-def test_of_designs_that_hold_without_much_room_the_roomiest_is_taken(checked: Any) -> None:
+def test_of_designs_that_hold_without_much_room_the_roomiest_is_taken(checked):
     assert checked(0.05, 0.07, -0.1, -0.1)[0].choice.law == 1
     assert checked(0.05, -0.2, -0.1, -0.1)[0].choice.law == 0
 
 
-def test_with_an_accuracy_that_is_required_a_design_that_holds_is_taken(checked: Any) -> None:
+def test_with_an_accuracy_that_is_required_a_design_that_holds_is_taken(checked):
     assert checked(0.01, accuracy=1e-3)[0].choice.law == 0
 
 
-def test_each_time_the_envelope_ends_wider_where_no_accuracy_is_required(checked: Any) -> None:
-    assert checked(0.2)[0].choice.final == 1.0
-    assert checked(-0.1, 0.2)[0].choice.final == 1.5
+def test_envelope_ends_wider_after_each_failed_check_if_no_accuracy_is_required(checked):
+    assert checked(0.2)[0].choice.final == 1.0 and checked(-0.1, 0.2)[0].choice.final == 1.5
     assert checked(-0.1, -0.1, 0.2)[0].choice.final == 1.5**2
     assert checked(-0.1, 0.2, accuracy=1e-3)[0].choice.final == 1.0
 
 
-def test_what_is_left_four_times_is_refused(checked: Any) -> None:
+def test_design_that_fails_four_checks_is_refused(checked):
     assert isinstance(checked(-0.1, -0.2, -0.1, -0.1)[0], Refusal)
 
 
-def test_a_design_that_is_wilder_in_its_check_than_is_required_gives_way_to_a_calmer_one(checked: Any) -> None:
+def test_a_design_that_is_wilder_in_its_check_than_is_required_gives_way_to_a_calmer_one(checked):
     assert checked(0.2, 0.2, steps=(0.7, 0.5), required=0.6)[0].choice.law == 1
     # It is looked for half as much below what was allowed as the first was above it.
     (aim,) = checked.aims
@@ -102,15 +99,14 @@ def test_a_design_that_is_wilder_in_its_check_than_is_required_gives_way_to_a_ca
     assert checked(0.2, steps=(0.7,))[0].choice.law == 0
 
 
-def test_a_torque_step_that_no_law_has_in_its_check_is_refused_with_what_it_has(checked: Any) -> None:
+def test_a_torque_step_that_no_law_has_in_its_check_is_refused_with_what_it_has(checked):
     built = checked(0.2, 0.2, 0.2, 0.2, steps=(0.7, 0.7, 0.7, 0.65), required=0.6)[0]
-    assert isinstance(built, Refusal)
-    assert "0.65 N m in the worst of 10 cases" in built.reason
+    assert isinstance(built, Refusal) and "0.65 N m in the worst of 10 cases" in built.reason
     assert built.would_do[0].changes == {"requirements.torque_step": 0.75}
 
 
 @pytest.fixture
-def certified(monkeypatch: pytest.MonkeyPatch) -> Any:
+def certified(monkeypatch):
     """The radius of a law whose certificate asks for these, one after the other, and how often it was asked."""
 
     def of(*radii: float, accuracy: Any = "best") -> tuple[float, bool, int]:
@@ -139,17 +135,16 @@ def certified(monkeypatch: pytest.MonkeyPatch) -> Any:
     return of
 
 
-def test_an_envelope_that_is_certified_stays_as_it_is(certified: Any) -> None:
+def test_an_envelope_that_is_certified_stays_as_it_is(certified):
     assert certified(0.4) == (0.5, True, 1)
 
 
-def test_an_envelope_is_widened_to_what_its_certificate_asks_for(certified: Any) -> None:
+def test_an_envelope_is_widened_to_what_its_certificate_asks_for(certified):
     assert certified(1.0, 1.01) == (1.0 * WIDER[0], True, 2)
     # Of the wider one more is asked for.
     assert certified(1.0, 1.1, 1.11) == (1.1 * WIDER[1], True, 3)
 
 
-def test_what_would_be_too_wide_or_is_required_is_not_widened(certified: Any) -> None:
-    assert certified(3.0) == (0.5, False, 1)
-    assert certified(0.6, 0.7, 0.8, 1.2, 1.9) == (0.5, False, 5)
+def test_envelope_that_is_required_or_would_be_too_wide_is_not_widened(certified):
+    assert certified(3.0) == (0.5, False, 1) and certified(0.6, 0.7, 0.8, 1.2, 1.9) == (0.5, False, 5)
     assert certified(1.0, accuracy=0.5) == (0.5, False, 1)

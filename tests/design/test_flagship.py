@@ -1,25 +1,17 @@
 """The flagship path on the two-link arm, with all of its real parts: requirements, design, certificates, exported C."""
 
-from __future__ import annotations
-
 import json
-from pathlib import Path
-
-import pytest
 
 from slidax.design import search
 from slidax.export import export_c
 from slidax.scenarios import load
 from tests.cli.commands import in_process
+from tests.design.test_requirements import EXAMPLES
 from tests.export.exported import COMPILERS, compiled, needs_a_compiler, run
-
-from .test_requirements import EXAMPLES
 
 
 @needs_a_compiler
-def test_requirements_become_a_certified_law_whose_c_answers_the_golden_samples(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_requirements_become_a_certified_law_whose_c_answers_the_golden_samples(tmp_path, monkeypatch):
     # A short search and short runs; the design is only less exact.
     monkeypatch.setattr(search, "GENERATIONS", 2)
     requirements = tmp_path / "requirements.yaml"
@@ -30,8 +22,7 @@ def test_requirements_become_a_certified_law_whose_c_answers_the_golden_samples(
     done = in_process("design", str(requirements), "--out", str(tmp_path / "arm.yaml"), "--json", "--runs", "10")
     assert done.exit_code == 0, done.output
     answer = json.loads(done.stdout)
-    assert answer["designed"] is True
-    assert answer["proof"] == "bound"
+    assert answer["designed"] is True and answer["proof"] == "bound"
     certificates = {each["name"]: each for each in answer["certificates"]}
     assert certificates["loop_rate"]["holds"] is True
     assert not [name for name, each in certificates.items() if each["holds"] is False]

@@ -1,24 +1,29 @@
-"""On which cases laws are compared."""
+"""Cases for the comparison of laws, the first law of a design, and refusals with an alternative."""
 
-from __future__ import annotations
-
+import sys
 from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import yaml
+from ruamel.yaml import YAML
 
+from slidax.certify import Verdict
+from slidax.design import read_problem, refusal
 from slidax.design.candidates import DesignPoint
 from slidax.design.design import _begin
-from slidax.design.problem import read_problem
+from slidax.design.proof import error_in_cases
 from slidax.design.trials import BEYOND, Trials
+from tests.design.test_requirements import EXAMPLES
 
 ARMATURE, LOAD = "robot.plant.armature", "robot.plant.load.mass"
 
 
 @pytest.fixture(scope="module")
-def trials(tmp_path_factory: pytest.TempPathFactory) -> Trials:
+def trials(tmp_path_factory):
     request: dict[str, Any] = {
         "robot": {"kind": "ur5e", "plant": {"load": {"mass": 1.0}}},
         "workspace": {"speed": 0.5, "acceleration": 1.0},
@@ -37,26 +42,24 @@ def trials(tmp_path_factory: pytest.TempPathFactory) -> Trials:
     return Trials(problem, *_begin(problem))
 
 
-def test_each_joint_is_once_light_among_heavy_ones_and_once_heavy_among_light_ones(trials: Trials) -> None:
+def test_each_joint_is_once_light_among_heavy_ones_and_once_heavy_among_light_ones(trials):
     rotors = trials.cases(48)[ARMATURE]
     for joint in range(6):
         others = np.delete(np.arange(6), joint)
         light = (rotors[:, joint] < 0.11) & (rotors[:, others] > 0.29).all(axis=1)
         heavy = (rotors[:, joint] > 0.29) & (rotors[:, others] < 0.11).all(axis=1)
-        assert light.any()
-        assert heavy.any()
+        assert light.any() and heavy.any()
 
 
-def test_in_the_search_an_arm_is_unknown_by_more_and_its_starts_are_not(trials: Trials) -> None:
+def test_in_the_search_an_arm_is_unknown_by_more_and_its_starts_are_not(trials):
     cases, beyond = trials.cases(48), trials.beyond(48)
     assert np.allclose(beyond[ARMATURE] - 0.2, BEYOND * (cases[ARMATURE] - 0.2))
     assert np.array_equal(beyond["start.q"], cases["start.q"])
     # Nothing weighs less than nothing.
-    assert beyond[LOAD].min() == 0.0
-    assert beyond[LOAD].max() > 2.0
+    assert beyond[LOAD].min() == 0.0 and beyond[LOAD].max() > 2.0
 
 
-def test_hard_cases_are_among_the_few_behind_the_corners_the_newest_first(trials: Trials) -> None:
+def test_hard_cases_are_among_the_few_behind_the_corners_the_newest_first(trials):
     def hard(value: float) -> dict[str, Any]:
         return {path: np.full_like(array[:2], value) for path, array in trials.cases(8).items()}
 
@@ -67,11 +70,11 @@ def test_hard_cases_are_among_the_few_behind_the_corners_the_newest_first(trials
     assert len(harder.cases(48)[ARMATURE]) == 48
 
 
-def test_a_part_of_the_set_is_as_small_as_asked(trials: Trials) -> None:
+def test_a_part_of_the_set_is_as_small_as_asked(trials):
     assert replace(trials, smaller={LOAD: 0.5}).cases(8)[LOAD].max() == pytest.approx(1.0)
 
 
-def test_what_a_joint_asks_of_its_drive_is_counted_by_its_own_limit(trials: Trials) -> None:
+def test_torque_step_of_a_joint_counts_by_its_own_limit(trials):
     choice = DesignPoint(0.01, 1.0, 1.0, np.full(6, 0.05), 1.0)
 
     def driven(*changes: float) -> float:
@@ -79,9 +82,141 @@ def test_what_a_joint_asks_of_its_drive_is_counted_by_its_own_limit(trials: Tria
         return replace(trials, frame=frame).judged([choice], trials.cases(2))[0].driven
 
     step = trials.judged([choice], trials.cases(2))[0].step
-    assert driven(*[2.0] * 6) == pytest.approx(step / 2.0)
-    assert driven(*[np.inf] * 6) == 0.0
+    assert driven(*[2.0] * 6) == pytest.approx(step / 2.0) and driven(*[np.inf] * 6) == 0.0
     # A wrist that no one would notice beside the shoulder is noticed at its own drive.
     wrist = driven(*[np.inf] * 5, 2.0)
-    assert 0.0 < wrist < driven(*[2.0] * 6)
-    assert driven(*[2.0] * 5, 1e-4) == pytest.approx(2e4 * wrist)
+    assert 0.0 < wrist < driven(*[2.0] * 6) and driven(*[2.0] * 5, 1e-4) == pytest.approx(2e4 * wrist)
+
+
+design = sys.modules["slidax.design.design"]
+
+
+@pytest.mark.parametrize(
+    ("file", "proof", "learns"),
+    [("two-link", "bound", True), ("panda-light", "bound", False), ("panda-light", "tested", True)],
+)
+def test_a_law_of_many_joints_for_which_a_bound_is_asked_does_not_learn(file, proof, learns, tmp_path):
+    data = YAML(typ="safe").load((EXAMPLES / f"{file}.yaml").read_text(encoding="utf-8"))
+    data["requirements"]["proof"] = proof
+    path = tmp_path / "requirements.yaml"
+    with path.open("w", encoding="utf-8") as written:
+        YAML(typ="safe").dump(data, written)
+    problem = read_problem(path)
+    frame, choice = design._begin(problem)
+    assert frame.learns is learns
+    scenario: Any = frame.described(choice).build("begun")
+    assert (scenario.controller.adaptation is not None) is learns
+
+
+REQUIREMENTS = """
+robot:
+  kind: two_link
+  plant: {lengths: [1.0, 0.8], masses: [0.5, 1.5], inertias: [5.0, 5.0], gravity_acceleration: 9.8}
+  nominal: {masses: [0.6, 1.8], inertias: [6.0, 6.0]}
+trajectory: {kind: sinusoid, offset: [1.0, 1.0], amplitude: [0.3, 0.3], frequency: [2.0, 2.5]}
+sensor: {resolution: 1.0e-5, velocity: differenced}
+simulation: {period: 2.0e-3, substeps: 2, t1: 2.4}
+uncertainty: {robot.plant.masses: {around: 20 %, each: joint}}
+requirements: {deadline: 1.2}
+"""
+
+
+@pytest.mark.full
+def test_a_joint_that_misses_more_than_the_rule_allows_is_named_with_both_numbers(tmp_path):
+    path = tmp_path / "requirements.yaml"
+    path.write_text(REQUIREMENTS, encoding="utf-8")
+    problem = read_problem(path)
+    frame, first = import_module("slidax.design.design")._begin(problem)
+    trials = Trials(problem, frame, first)
+    wide = error_in_cases(trials, replace(first, final=np.full(2, 0.05)))
+    assert not wide.beyond and wide.in_words() == "" and (wide.missed > 0.0).all()
+    narrow = error_in_cases(trials, replace(first, final=np.array([1e-7, 0.05])))
+    np.testing.assert_allclose(narrow.allowed[0], 0.9e-7 / first.horizon**2)
+    assert narrow.beyond[0] == 0 and "`joint 1` misses" in narrow.in_words() and "(rule: " in narrow.in_words()
+    assert set(narrow.as_json()) == {"joint 1", "joint 2"}
+
+
+NONE = Verdict("loop_rate", "", False, None, {}, (), "It grows")
+
+
+def proof_trials(folder: Path, told: bool = False, accuracy: Any = "best") -> Trials:
+    load = {"mass": 1.0, "center": [0.0, 0.0, 0.1]}
+    request: dict[str, Any] = {
+        "robot": {"kind": "ur5e", "plant": {"load": load}, "nominal": {"load": load} if told else {}},
+        "workspace": {"speed": 0.5, "acceleration": 1.0},
+        "actuator": {"torque": "robot"},
+        "simulation": {"period": 2e-3, "t1": 1.0},
+        "uncertainty": {"robot.plant.load.mass": {"between": [0.8, 1.2]}},
+        "requirements": {"deadline": 0.5, "accuracy": accuracy, "proof": "bound"},
+    }
+    path = folder / "asked.yaml"
+    path.write_text(yaml.safe_dump(request), encoding="utf-8")
+    problem = read_problem(path)
+    return Trials(problem, *_begin(problem))
+
+
+@pytest.fixture
+def certified(monkeypatch):
+    """Scenarios of which a certificate was asked, which they have with these radii; None: with none."""
+
+    def with_radius(radius: float | None) -> list[Any]:
+        request: list[Any] = []
+
+        def rate(scenario: Any) -> Verdict:
+            request.append(scenario.description)
+            if radius is None:
+                return NONE
+            final = np.asarray(scenario.controller.step.transformation.performance.final)
+            bound = {"required_radius": np.full(6, radius)}
+            return Verdict("loop_rate", "", bool((final >= radius).all()), 0.0, bound, (), "")
+
+        monkeypatch.setattr(refusal, "loop_rate_verdict", rate)
+        return request
+
+    return with_radius
+
+
+CHOICE = DesignPoint(0.01, 1.0, 0.5, np.full(6, 1e-3), 1.0)
+
+
+def test_a_law_that_does_not_know_its_payload_is_told_of_the_middle_of_its_set(tmp_path, certified):
+    request = certified(3e-3)
+    first, last = refusal.proof_refusal(proof_trials(tmp_path), CHOICE, NONE).would_do
+    assert first.words == "a law that is told of 1 kg at its tip"
+    assert first.changes == {"robot.nominal.load": {"mass": 1.0, "center": [0.0, 0.0, 0.1]}}
+    assert last.changes == {"requirements.proof": "tested"}
+    assert [item.robot.nominal.load.mass for item in request] == [1.0, 1.0]
+
+
+@pytest.mark.parametrize("radius", [None, 1e3], ids=["no radius", "one beyond the envelope"])
+def test_nothing_is_promised_of_a_payload_that_would_not_do(tmp_path, certified, radius):
+    certified(radius)
+    (only,) = refusal.proof_refusal(proof_trials(tmp_path), CHOICE, NONE).would_do
+    assert only.changes == {"requirements.proof": "tested"}
+
+
+def test_a_law_that_knows_of_a_payload_is_not_told_again(tmp_path, certified):
+    request = certified(1e-4)
+    assert len(refusal.proof_refusal(proof_trials(tmp_path, told=True), CHOICE, NONE).would_do) == 1 and not request
+
+
+def refused_at(radius: float) -> Verdict:
+    return Verdict("loop_rate", "", False, 0.0, {"required_radius": np.full(6, radius)}, (), "It is wide")
+
+
+def test_an_accuracy_is_named_that_is_certified(tmp_path, certified):
+    # Of the wider one more is asked for.
+    request = certified(1.08e-3)
+    result = refusal.proof_refusal(
+        proof_trials(tmp_path, told=True, accuracy=1e-3), CHOICE, refused_at(1.05e-3)
+    ).would_do
+    assert [item.words for item in result] == ["an accuracy of 0.00113", "what is tested in simulation alone"]
+    assert result[0].changes == {"requirements.accuracy": [1.134e-3] * 6} and len(request) == 2
+
+
+def test_no_accuracy_is_named_where_none_is_certified_or_the_best_was_looked_for(tmp_path, certified):
+    request = certified(None)
+    laws = proof_trials(tmp_path, told=True, accuracy=1e-3)
+    assert len(refusal.proof_refusal(laws, CHOICE, refused_at(1.05e-3)).would_do) == 1 and len(request) == 1
+    laws = proof_trials(tmp_path, told=True)
+    assert len(refusal.proof_refusal(laws, CHOICE, refused_at(1.05e-3)).would_do) == 1 and len(request) == 1

@@ -1,14 +1,28 @@
-"""Every script in examples/ runs, and is short."""
+"""Code and commands that examples, README and documentation show run."""
 
 from __future__ import annotations
 
 import json
 import os
+import re
+import shlex
 import subprocess
 import sys
+import tomllib
+from functools import cache
+from importlib.metadata import packages_distributions
 from pathlib import Path
+from typing import Any
 
+import matplotlib as mpl
+import numpy as np
 import pytest
+from typer.main import get_command
+
+from slidax.cli import app
+from slidax.scenarios import parse
+from slidax.scenarios.yaml_text import read_yaml
+from tests.cli.commands import in_process
 
 SCRIPTS = sorted((Path(__file__).parents[2] / "examples").glob("[0-9]*.py"))
 EVERY = pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
@@ -27,7 +41,7 @@ print(json.dumps(said))
 
 
 def output(folder: Path, *arguments: str) -> str:
-    """What Python prints, with warnings as errors."""
+    """Output of Python, with warnings as errors."""
     result = subprocess.run(
         [sys.executable, "-W", "error", *arguments],
         cwd=folder,
@@ -40,26 +54,25 @@ def output(folder: Path, *arguments: str) -> str:
     return result.stdout
 
 
-def assert_says_something(said: str) -> None:
-    assert said.strip()
-    assert "nan" not in said
+def assert_says_something(printed: str) -> None:
+    assert printed.strip() and "nan" not in printed
 
 
-def test_the_examples_run_one_after_the_other_and_each_says_something(tmp_path: Path) -> None:
-    said = json.loads(output(tmp_path, "-c", TOGETHER, *map(str, SCRIPTS)))
-    assert len(said) == len(SCRIPTS)
-    for text in said.values():
+def test_the_examples_run_one_after_the_other_and_each_says_something(tmp_path):
+    printed = json.loads(output(tmp_path, "-c", TOGETHER, *map(str, SCRIPTS)))
+    assert len(printed) == len(SCRIPTS)
+    for text in printed.values():
         assert_says_something(text)
 
 
 @pytest.mark.full
 @EVERY
-def test_an_example_runs_by_itself(script: Path, tmp_path: Path) -> None:
+def test_an_example_runs_by_itself(script, tmp_path):
     assert_says_something(output(tmp_path, str(script)))
 
 
 @EVERY
-def test_64_bit_numbers_are_switched_on_before_anything_else(script: Path) -> None:
+def test_64_bit_numbers_are_switched_on_before_anything_else(script):
     """Run one after the other, the first would do it for all."""
     before = script.read_text(encoding="utf-8").split('jax.config.update("jax_enable_x64", True)')[0]
     assert "slidax as" not in before and "jax.numpy" not in before
@@ -67,5 +80,154 @@ def test_64_bit_numbers_are_switched_on_before_anything_else(script: Path) -> No
 
 
 @EVERY
-def test_an_example_is_under_60_lines(script: Path) -> None:
+def test_an_example_is_under_60_lines(script):
     assert len(script.read_text(encoding="utf-8").splitlines()) < 60
+
+
+ROOT = Path(__file__).parents[2]
+PAGES = sorted([*(ROOT / "docs").glob("*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"])
+PAGE = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+START = ROOT / "docs" / "getting-started.md"
+
+
+@cache
+def names() -> dict[str, Any]:
+    """Names that the blocks of docs/extending.md define, run in their order."""
+    namespace: dict[str, Any] = {}
+    for code in BLOCKS:
+        exec(compile(code, "extending.md", "exec"), namespace)
+    return namespace
+
+
+def test_the_scheme_on_the_page_about_extending_is_short_and_tracks():
+    (block,) = (block for block in BLOCKS if "class ComputedTorquePID" in block)
+    scheme = block.split("class ")[1].split("\n\n\n")[0]
+    assert len([line for line in scheme.splitlines() if line.strip()]) <= 30
+    run = names()["run"]
+    assert run.outcome.ok and np.max(run.tally.steady_error) < 2e-3
+
+
+def test_documented_sensor_and_estimator_give_the_error_of_the_sensor():
+    biased = names()["biased"]
+    assert biased.outcome.ok
+    # The arm is brought to where the sensor says that it should be.
+    np.testing.assert_allclose(biased.tally.steady_error, [1e-4, 0.0], atol=1e-6)
+
+
+def test_documented_surface_is_explained_by_its_declarations_and_holds_the_envelope():
+    surface = names()["Flattening"]
+    assert "- `slope`: k, slope at zero, one number or [n], 1/s, > 0." in surface.__doc__
+    assert names()["flattened"].outcome.ok
+
+
+@pytest.fixture
+def empty_folder(tmp_path, monkeypatch):
+    mpl.use("agg")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def modules_of_other_extras(page: str) -> set[str]:
+    """Modules of the extras that the install command of a page does not name."""
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+    (line,) = re.findall(r"pip install '\.\[(.*)\]'", page)
+    named = {_package(need) for extra in line.split(",") for need in extras[extra]}
+    others = {_package(need) for extra, needs in extras.items() if extra != "all" for need in needs} - named
+    modules = {module for module, packages in packages_distributions().items() if {*map(_package, packages)} & others}
+    assert {"mujoco", "foxglove", "SALib"} <= modules and "pyarrow" not in modules
+    return modules
+
+
+def _package(requirement: str) -> str:
+    return re.split(r"[>=<\[; ]", requirement)[0].lower().replace("_", "-")
+
+
+def test_the_commands_and_the_code_for_beginners_run_in_their_order(empty_folder, capsys, monkeypatch):
+    namespace: dict[str, Any] = {}
+    for module in modules_of_other_extras(START.read_text(encoding="utf-8")):
+        monkeypatch.setitem(sys.modules, module, None)
+    for language, text in re.findall(r"```(\w+)\n(.*?)```", START.read_text(encoding="utf-8"), re.DOTALL):
+        if language == "yaml":
+            name = re.match(r"# (\S+\.yaml)\n", text)
+            assert name, "the first line of a file on that page is its name"
+            (empty_folder / name[1]).write_text(text, encoding="utf-8")
+        elif language == "python":
+            exec(compile(text, START.name, "exec"), namespace)
+        elif language == "console":
+            for line in text.strip().splitlines():
+                command = shlex.split(line.removeprefix("$ slidax "), comments=True)
+                result = in_process(*command)
+                assert result.exit_code == 0, f"{line}: {result.output}"
+        else:
+            assert language == "sh"
+    assert namespace["run"].outcome.ok and namespace["later"].simulate().outcome.ok and namespace["printed"].outcome.ok
+    assert len(namespace["runs"]) == 3
+    assert {path.name for path in empty_folder.iterdir()} >= {"my-arm.yaml", "report", "error.svg", "torque.svg"}
+    assert "ok" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "extra"), [("--out report", "parquet"), ("run.frame()", "frame"), ("--view", "view")]
+)
+def test_the_page_for_beginners_installs_what_it_uses(words, extra):
+    page = START.read_text(encoding="utf-8")
+    (line,) = re.findall(r"pip install '\.\[(.*)\]'", page)
+    assert words in page and extra in line.split(",")
+
+
+def test_the_pages_name_the_default_of_design():
+    (runs,) = (parameter for parameter in get_command(app).commands["design"].params if parameter.name == "runs")
+    for page, words in (("newcomer.md", "`--runs {}`, its"), ("tutorials/design-and-certify.md", "{} cases are tried")):
+        assert words.format(runs.default) in (ROOT / "docs" / page).read_text(encoding="utf-8")
+
+
+def test_every_scenario_on_the_page_about_files_is_valid():
+    blocks = re.findall(r"```yaml\n(.*?)```", (ROOT / "docs" / "scenarios.md").read_text(encoding="utf-8"), re.DOTALL)
+    first = read_yaml(blocks[0])
+    parse(blocks[0])
+    added = [read_yaml(block) for block in blocks[1:]]
+    for block in [block for block in added if isinstance(block, dict)]:
+        scheme = first["scheme"] if "name" not in block.get("scheme", {}) else {}
+        changes = {**block, "scheme": {**scheme, **block.get("scheme", {})}}
+        parse(blocks[0], changes)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_file_that_a_page_links_to_is_there(page):
+    for link in re.findall(r"\]\((?!http)([^)#]+)", page.read_text(encoding="utf-8")):
+        assert (page.parent / link).exists(), link
+
+
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+OVERVIEW = (ROOT / "docs" / "overview.md").read_text(encoding="utf-8")
+
+
+def test_the_python_example_is_ten_lines_and_runs(tmp_path, monkeypatch):
+    (code,) = re.findall(r"```python\n(.*?)```", OVERVIEW, re.DOTALL)
+    assert len([line for line in code.splitlines() if line.strip()]) <= 10
+    mpl.use("agg")
+    monkeypatch.chdir(tmp_path)
+    exec(compile(code, "overview.md", "exec"), {})
+    assert (tmp_path / "tracking_error.svg").stat().st_size > 1000
+
+
+def test_the_table_in_the_overview_is_the_one_that_the_command_prints():
+    shown = OVERVIEW.split("$ slidax run example-4.1\n")[1].split("```")[0]
+    printed = in_process("run", "example-4.1").stdout
+    for line in shown.strip().splitlines():
+        assert line.rstrip() in printed, line
+
+
+def test_the_moving_picture_is_small_and_asks_nothing_of_others():
+    text = (ROOT / "docs" / "figures" / "panda-moving.svg").read_text(encoding="utf-8")
+    assert len(text) < 2_000_000
+    assert "<animate" in text and "prefers-color-scheme: dark" in text and "<title" in text
+    assert not re.findall(r"<script|https?://(?!www\.w3\.org/2000/svg)", text)
+
+
+def test_every_command_that_is_shown_is_one():
+    commands = {tuple(line.split()[:1]) for line in re.findall(r"\$ slidax (.*)", README + OVERVIEW)}
+    known = in_process("--help").stdout
+    for (name,) in commands:
+        assert f" {name} " in known, name

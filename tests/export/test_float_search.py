@@ -10,7 +10,7 @@ from slidax.law import EnvelopeFrame, Sides
 from slidax.law.implicit_steps import ROUNDING, Barrier
 from tests.codegen.compiled_c import needs_a_compiler
 from tests.export.exported import compiled
-from tests.law.surfaces.members import SURFACES
+from tests.law.members import SURFACES
 
 pytestmark = needs_a_compiler
 

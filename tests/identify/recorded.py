@@ -1,7 +1,5 @@
 """Logs of arms whose numbers are known, without a simulation: the torque of a given motion."""
 
-from __future__ import annotations
-
 import equinox as eqx
 import numpy as np
 
@@ -19,12 +17,12 @@ PAYLOAD = Payload(
 def true_arm() -> Articulated:
     """A UR5e with rotors, friction and a payload."""
     values = ([0.3, 0.3, 0.2, 0.06, 0.05, 0.04], [2.0, 2.5, 1.5, 0.5, 0.4, 0.3], [1.0, 0.8, 0.9, 0.3, 0.2, 0.25])
-    made: Articulated = eqx.tree_at(
+    arm: Articulated = eqx.tree_at(
         lambda arm: (arm.armature, arm.coulomb, arm.viscous, arm.payload),
         ur5e(),
         (*(as_array(value) for value in values), PAYLOAD),
     )
-    return made
+    return arm
 
 
 def moved(seconds: float, rate: float, joints: int, seed: int = 3, size: float = 1.5) -> tuple[np.ndarray, JointMotion]:
@@ -44,13 +42,13 @@ def recorded(
     offset: float = 0.0,
     lag: float = 0.0,
     still: tuple[int, ...] = (),
-    given: tuple[np.ndarray, JointMotion] | None = None,
+    times_and_motion: tuple[np.ndarray, JointMotion] | None = None,
 ) -> JointLog:
     """Positions to 1e-5, and torques with noise, a share of their root mean square.
 
-    Joints that stand are `still`; `given` is another motion.
+    Joints that stand are `still`.
     """
-    t, motion = given or moved(seconds, rate, arm.joints)
+    t, motion = times_and_motion or moved(seconds, rate, arm.joints)
     for joint in still:
         for part in motion:
             part[:, joint] = 0.0

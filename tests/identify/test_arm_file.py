@@ -19,48 +19,48 @@ ARM = {"kind": "ur5e"}
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
     folder = tmp_path_factory.mktemp("identified")
-    found = identify(recorded(true_arm(), offset=0.1), sx.arms.ur5e())
-    write_arm(found, ARM, folder / "arm.yaml")
-    return found, folder / "arm.yaml"
+    result = identify(recorded(true_arm(), offset=0.1), sx.arms.ur5e())
+    write_arm(result, ARM, folder / "arm.yaml")
+    return result, folder / "arm.yaml"
 
 
 def test_the_file_has_each_number_under_its_path_with_an_uncertainty(written):
-    found, path = written
+    result, path = written
     data = YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
-    for one in found.parameters:
-        if not one.path:
+    for parameter in result.parameters:
+        if not parameter.path:
             continue
-        said = data["uncertainty"][f"robot.{one.path}"]
-        assert said["standard_error"] == pytest.approx(one.standard_error, rel=1e-3)
-        assert (said["identifiable"], said["unit"]) == (one.identifiable, one.unit)
+        uncertainty = data["uncertainty"][f"robot.{parameter.path}"]
+        assert uncertainty["standard_error"] == pytest.approx(parameter.standard_error, rel=1e-3)
+        assert (uncertainty["identifiable"], uncertainty["unit"]) == (parameter.identifiable, parameter.unit)
         place = data["robot"]
-        for key in one.path.split("."):
+        for key in parameter.path.split("."):
             place = place[int(key)] if isinstance(place, list) else place[key]
-        assert place == pytest.approx(one.value, rel=1e-8, abs=1e-12)
+        assert place == pytest.approx(parameter.value, rel=1e-8, abs=1e-12)
     assert len(data["torque_offset"]["value"]) == 6
 
 
 def test_a_scenario_takes_it_as_its_robot(written):
-    found, path = written
+    result, path = written
     scenario = sx.scenarios.load("ur5e-payload", {"robot.kind": "identified", "robot.file": str(path)})
     nominal, true = scenario.controller.nominal, scenario.plant.robot
-    np.testing.assert_allclose(nominal.armature, found.robot.armature, rtol=1e-8)
-    np.testing.assert_allclose(nominal.payload.center, found.robot.payload.center, rtol=1e-7)
-    np.testing.assert_allclose(nominal.payload.inertia, found.robot.payload.inertia, rtol=1e-7, atol=1e-12)
-    np.testing.assert_allclose(true.coulomb, found.robot.coulomb, rtol=1e-8)
-    # What is said beside the file takes the place of what is there, and no more.
+    np.testing.assert_allclose(nominal.armature, result.robot.armature, rtol=1e-8)
+    np.testing.assert_allclose(nominal.payload.center, result.robot.payload.center, rtol=1e-7)
+    np.testing.assert_allclose(nominal.payload.inertia, result.robot.payload.inertia, rtol=1e-7, atol=1e-12)
+    np.testing.assert_allclose(true.coulomb, result.robot.coulomb, rtol=1e-8)
+    # Values in the scenario replace those of the file, and no others.
     changes = {"robot.kind": "identified", "robot.file": str(path), "robot.plant": {"viscous": 2.0}}
     other = sx.scenarios.load("ur5e-payload", changes).plant.robot
     np.testing.assert_allclose(other.viscous, 2.0)
-    np.testing.assert_allclose(other.coulomb, found.robot.coulomb, rtol=1e-8)
+    np.testing.assert_allclose(other.coulomb, result.robot.coulomb, rtol=1e-8)
 
 
 def test_links_come_back_from_the_file_too(tmp_path):
-    found = identify(recorded(true_arm()), sx.arms.ur5e(), links=True)
-    write_arm(found, ARM, tmp_path / "arm.yaml")
+    result = identify(recorded(true_arm()), sx.arms.ur5e(), links=True)
+    write_arm(result, ARM, tmp_path / "arm.yaml")
     arm, _ = named_robot(str(tmp_path / "arm.yaml"))
     for name in ("masses", "centers", "inertias"):
-        np.testing.assert_allclose(getattr(arm, name), getattr(found.robot, name), rtol=1e-7, atol=1e-12)
+        np.testing.assert_allclose(getattr(arm, name), getattr(result.robot, name), rtol=1e-7, atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -95,7 +95,7 @@ def test_the_commands_go_from_a_robot_to_a_motion_and_from_a_log_to_an_arm(tmp_p
     assert result.exit_code == 0, result.output
     answer = json.loads(result.output)
     assert set(answer["torque_rms"]) == {"fit", "held_out"} and len(answer["measured_rms"]) == 6
-    (mass,) = (one for one in answer["parameters"] if one["name"] == "payload.mass")
+    (mass,) = (parameter for parameter in answer["parameters"] if parameter["name"] == "payload.mass")
     assert mass["value"] == pytest.approx(1.4, abs=4 * mass["standard_error"])
     page = (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
     assert "payload.mass" in page and "held-out part" in page and "<svg" in page
@@ -113,5 +113,4 @@ def test_the_commands_go_from_a_robot_to_a_motion_and_from_a_log_to_an_arm(tmp_p
 )
 def test_a_command_that_cannot_be_done_is_one_line(command, words):
     result = in_process(*command)
-    assert result.exit_code == 2
-    assert words in result.output and len(result.output.strip().splitlines()) == 1
+    assert result.exit_code == 2 and words in result.output and len(result.output.strip().splitlines()) == 1

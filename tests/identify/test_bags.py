@@ -1,7 +1,5 @@
 """Recordings of ROS 2: topics, orders of joints, other publishers, both storages."""
 
-from __future__ import annotations
-
 import shutil
 import sqlite3
 import struct
@@ -74,6 +72,10 @@ def write_mcap(path, topics, kind="sensor_msgs/msg/JointState", *, close=True):
     return path
 
 
+def bag(folder, messages, name="a.mcap"):
+    return write_mcap(folder / name, {"/joint_states": messages})
+
+
 def write_database(path, topics):
     base = sqlite3.connect(path)
     base.execute(
@@ -109,28 +111,23 @@ def assert_read(log, *notes):
 
 
 def test_joints_are_found_by_their_names(tmp_path):
-    path = write_mcap(tmp_path / "a.mcap", {"/joint_states": arm_messages(sorted(ARM), dq=TAU)})
-    log = read_log(path, ARM)
+    log = read_log(bag(tmp_path, arm_messages(sorted(ARM), dq=TAU)), ARM)
     assert_read(log)
     np.testing.assert_array_equal(log.dq, TAU)
 
 
-def test_only_topic_with_joint_states_is_taken_by_itself(tmp_path):
-    path = write_mcap(tmp_path / "a.mcap", {"/robot1/joint_states": arm_messages()})
-    assert_read(read_log(path, ARM), "reading topic `/robot1/joint_states`")
+GRIPPER = {"/joint_states": [joint_state(t, ["finger1"], [0.0], (), [0.0]) for t in T]}
 
 
-def test_topic_that_has_the_arms_joints_is_taken(tmp_path):
-    gripper = [joint_state(t, ["finger1"], [0.0], (), [0.0]) for t in T]
-    path = write_mcap(tmp_path / "a.mcap", {"/joint_states": gripper, "/arm/joint_states": arm_messages()})
-    assert_read(read_log(path, ARM), "reading topic `/arm/joint_states`")
-
-
-def test_topic_with_the_arms_joints_in_another_case_is_taken(tmp_path):
-    gripper = [joint_state(t, ["finger1"], [0.0], (), [0.0]) for t in T]
-    arm = [joint_state(t, [name.upper() for name in ARM], Q[k], (), TAU[k]) for k, t in enumerate(T)]
-    path = write_mcap(tmp_path / "a.mcap", {"/joint_states": gripper, "/arm/joint_states": arm})
-    assert_read(read_log(path, ARM), "reading topic `/arm/joint_states`")
+@pytest.mark.parametrize(
+    ("topic", "others", "case"),
+    [("/robot1/joint_states", {}, str), ("/arm/joint_states", GRIPPER, str), ("/arm/joint_states", GRIPPER, str.upper)],
+    ids=["only topic", "among others", "in another case"],
+)
+def test_topic_that_has_the_arms_joints_is_taken(tmp_path, topic, others, case):
+    arm = [joint_state(t, [case(name) for name in ARM], Q[k], (), TAU[k]) for k, t in enumerate(T)]
+    path = write_mcap(tmp_path / "a.mcap", {**others, topic: arm})
+    assert_read(read_log(path, ARM), f"reading topic `{topic}`")
 
 
 def test_of_several_topics_the_user_says_which(tmp_path):
@@ -142,7 +139,7 @@ def test_of_several_topics_the_user_says_which(tmp_path):
 
 
 def test_topic_that_is_not_there_is_refused_with_those_that_are(tmp_path):
-    path = write_mcap(tmp_path / "a.mcap", {"/joint_states": arm_messages()})
+    path = bag(tmp_path, arm_messages())
     with pytest.raises(DefinitionError, match="did you mean `/joint_states`"):
         read_log(path, ARM, topic="/joint_state")
     path = write_mcap(tmp_path / "b.mcap", {"/camera": [b"\0\1\0\0"]}, "sensor_msgs/msg/Image")
@@ -155,8 +152,7 @@ def test_messages_of_another_publisher_are_left_out(tmp_path):
     mixed = []
     for k, message in enumerate(arm_messages()):
         mixed += [message] + ([joint_state(T[k] + 0.001, ["finger1"], [0.0], (), [0.0])] if k % 4 == 0 else [])
-    path = write_mcap(tmp_path / "a.mcap", {"/joint_states": mixed})
-    assert_read(read_log(path, ARM), f"60 of {K + 60} messages are of another publisher")
+    assert_read(read_log(bag(tmp_path, mixed), ARM), f"60 of {K + 60} messages are of another publisher")
 
 
 def test_driver_that_fills_in_torques_of_0_is_refused(tmp_path):
@@ -172,43 +168,37 @@ def test_joints_of_a_gripper_in_the_same_message_are_left_out_and_named(tmp_path
         joint_state(t, ["finger1", *ARM, "finger2"], [1.0, *Q[k], 2.0], (), [3.0, *TAU[k], 4.0])
         for k, t in enumerate(T)
     ]
-    path = write_mcap(tmp_path / "a.mcap", {"/joint_states": messages})
-    assert_read(read_log(path, ARM), "no joint `finger1`, `finger2`: left out")
+    assert_read(read_log(bag(tmp_path, messages), ARM), "no joint `finger1`, `finger2`: left out")
 
 
 def test_names_in_another_case_are_the_arms_joints(tmp_path):
     names = ("Wrist", "SHOULDER", "el_bow")
     messages = [joint_state(t, names, Q[k, [2, 0, 1]], (), TAU[k, [2, 0, 1]]) for k, t in enumerate(T)]
-    assert_read(read_log(write_mcap(tmp_path / "a.mcap", {"/joint_states": messages}), ARM))
+    assert_read(read_log(bag(tmp_path, messages), ARM))
 
 
 def test_missing_joints_are_named(tmp_path):
     messages = [joint_state(t, ARM[:1], Q[k, :1], (), TAU[k, :1]) for k, t in enumerate(T)]
-    path = write_mcap(tmp_path / "a.mcap", {"/joint_states": messages})
+    path = bag(tmp_path, messages)
     with pytest.raises(DefinitionError, match="there is no joint `elbow`, `wrist`"):
         read_log(path, ARM)
 
 
-def test_velocities_that_are_all_zero_count_as_not_measured(tmp_path):
-    path = write_mcap(tmp_path / "a.mcap", {"/joint_states": arm_messages(dq=np.zeros((K, 3)))})
-    log = read_log(path, ARM)
+@pytest.mark.parametrize(
+    ("dq", "drop", "note"),
+    [(np.zeros((K, 3)), [], "all velocities are 0 while the arm moves"), (TAU, ["dq"], "`dq` is left out")],
+)
+def test_velocities_are_left_out_if_they_are_zero_or_dropped(tmp_path, dq, drop, note):
+    log = read_log(bag(tmp_path, arm_messages(dq=dq)), ARM, drop=drop)
     assert log.dq is None
-    assert_read(log, "all velocities are 0 while the arm moves")
-
-
-def test_velocities_can_be_left_out_of_a_bag(tmp_path):
-    path = write_mcap(tmp_path / "a.mcap", {"/joint_states": arm_messages(dq=TAU)})
-    log = read_log(path, ARM, drop=["dq"])
-    assert log.dq is None
-    assert_read(log, "`dq` is left out")
+    assert_read(log, note)
 
 
 def test_bag_that_breaks_off_is_read_with_a_note(tmp_path):
-    body = write_mcap(tmp_path / "a.mcap", {"/joint_states": arm_messages()}).read_bytes()
+    body = bag(tmp_path, arm_messages()).read_bytes()
     (tmp_path / "b.mcap").write_bytes(body[: int(0.9 * len(body))])
     log = read_log(tmp_path / "b.mcap", ARM)
-    assert 200 <= len(log.t) < K
-    assert "is incomplete or damaged" in log.notes[0]
+    assert 200 <= len(log.t) < K and "is incomplete or damaged" in log.notes[0]
 
 
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])

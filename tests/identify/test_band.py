@@ -258,7 +258,7 @@ def test_standard_errors_are_right_for_noise_that_is_correlated():
 
 def log_of(arm, seed, seconds=20.0):
     given = moved(seconds, 125.0, arm.joints, seed=3 + seed, size=2.5)
-    return recorded(arm, noise=0.01, seed=seed, given=given)
+    return recorded(arm, noise=0.01, seed=seed, times_and_motion=given)
 
 
 def covered(result, arm):

@@ -55,8 +55,7 @@ def test_excitation_is_more_informative_than_a_random_motion_and_follows_the_see
     series = FourierSeries(5.0, 10)
     of = excitation.ExcitationSearch(ARM, 0.7, None, None, LOAD, links=False)
     chance = [of.score(of.fitted(series, series.random(np.random.default_rng(seed), 6), 100)) for seed in range(10)]
-    assert motion.information > max(chance)
-    assert "bits" in str(motion) and ARM.joint_names[0] in str(motion)
+    assert motion.information > max(chance) and "bits" in str(motion) and ARM.joint_names[0] in str(motion)
 
 
 @pytest.mark.parametrize(

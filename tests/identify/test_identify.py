@@ -1,4 +1,4 @@
-"""What a log says of an arm whose numbers are known."""
+"""Identification of an arm whose parameters are known."""
 
 import numpy as np
 import pytest
@@ -10,54 +10,53 @@ from tests.identify.recorded import PAYLOAD, recorded, true_arm
 
 
 @pytest.fixture(scope="module")
-def found():
+def identified():
     return identify(recorded(true_arm(), offset=0.2, lag=2e-3), sx.arms.ur5e())
 
 
-def test_rotors_friction_and_payload_are_found_to_what_the_noise_allows(found):
+def test_rotors_friction_and_payload_are_found_to_what_the_noise_allows(identified):
     arm = true_arm()
     for name in ("armature", "coulomb", "viscous"):
-        off = found.values(name) - np.asarray(getattr(arm, name))
-        assert (np.abs(off) < 4.0 * found.standard_errors(name)).all(), name
-    np.testing.assert_allclose(found.values("coulomb"), arm.coulomb, rtol=0.1)
-    np.testing.assert_allclose(found.values("offset"), 0.2, atol=0.2)
-    assert found.values("payload.mass") == pytest.approx(1.4, rel=0.02)
-    center = [found.values(f"payload.center.{axis}")[0] for axis in "xyz"]
+        off = identified.values(name) - np.asarray(getattr(arm, name))
+        assert (np.abs(off) < 4.0 * identified.standard_errors(name)).all(), name
+    np.testing.assert_allclose(identified.values("coulomb"), arm.coulomb, rtol=0.1)
+    np.testing.assert_allclose(identified.values("offset"), 0.2, atol=0.2)
+    assert identified.values("payload.mass") == pytest.approx(1.4, rel=0.02)
+    center = [identified.values(f"payload.center.{axis}")[0] for axis in "xyz"]
     np.testing.assert_allclose(center, PAYLOAD.center, atol=5e-3)
 
 
-def test_the_time_by_which_torques_lag_is_found(found):
-    assert found.lag == pytest.approx(2e-3, abs=5e-4)
-    assert abs(found.lag - 2e-3) < 4.0 * found.lag_error
+def test_the_time_by_which_torques_lag_is_found(identified):
+    assert identified.lag == pytest.approx(2e-3, abs=5e-4) and abs(identified.lag - 2e-3) < 4.0 * identified.lag_error
 
 
-def test_the_identified_arm_has_these_numbers_and_predicts_the_part_that_was_held_out(found):
-    np.testing.assert_array_equal(found.robot.armature, found.values("armature"))
-    assert float(found.robot.payload.mass) == found.values("payload.mass")[0]
-    assert (found.held_out_rms < 0.1 * found.measured_rms).all()
-    assert "payload.mass" in str(found) and "held out" in str(found)
-    assert not found.unseen or {one.name.split(".")[0] for one in found.unseen} == {"payload"}
+def test_the_identified_arm_has_these_numbers_and_predicts_the_part_that_was_held_out(identified):
+    np.testing.assert_array_equal(identified.robot.armature, identified.values("armature"))
+    assert float(identified.robot.payload.mass) == identified.values("payload.mass")[0]
+    assert (identified.held_out_rms < 0.1 * identified.measured_rms).all()
+    assert "payload.mass" in str(identified) and "held out" in str(identified)
+    assert not identified.unseen or {parameter.name.split(".")[0] for parameter in identified.unseen} == {"payload"}
 
 
 def test_intervals_hold_the_truth_about_as_often_as_they_say():
     arm, inside = true_arm(), []
     for seed in range(8):
-        one = identify(recorded(arm, seconds=8.0, noise=0.02, seed=seed), sx.arms.ur5e(), cut_off=8.0)
+        result = identify(recorded(arm, seconds=8.0, noise=0.02, seed=seed), sx.arms.ur5e(), cut_off=8.0)
         for name in ("armature", "coulomb", "viscous"):
-            off = one.values(name) - np.asarray(getattr(arm, name))
-            inside.append(np.abs(off) < 1.96 * one.standard_errors(name))
+            off = result.values(name) - np.asarray(getattr(arm, name))
+            inside.append(np.abs(off) < 1.96 * result.standard_errors(name))
     assert 0.88 <= np.mean(inside) <= 0.995
 
 
 def test_a_joint_that_stands_is_said_to_be_unseen_by_name():
     log = recorded(true_arm(), still=(5,))
-    found = identify(log, sx.arms.ur5e())
-    unseen = {(one.name, one.joint) for one in found.unseen}
+    identified = identify(log, sx.arms.ur5e())
+    unseen = {(parameter.name, parameter.joint) for parameter in identified.unseen}
     last = sx.arms.ur5e().joint_names[5]
     assert {("armature", last), ("coulomb", last), ("viscous", last)} <= unseen
     assert ("armature", sx.arms.ur5e().joint_names[0]) not in unseen
-    assert f"armature of {last}" in str(found) and "not seen in this log" in str(found)
-    assert found.unseen_directions >= 3
+    assert f"armature of {last}" in str(identified) and "not seen in this log" in str(identified)
+    assert identified.unseen_directions >= 3
 
 
 def test_links_that_are_wrong_in_the_file_are_found_as_far_as_they_show():
@@ -73,11 +72,10 @@ def test_links_that_are_wrong_in_the_file_are_found_as_far_as_they_show():
 
 
 def test_an_empty_hand_gets_a_payload_that_a_body_can_have():
-    found = identify(recorded(sx.arms.ur5e(), noise=0.05), sx.arms.ur5e())
-    load = found.robot.payload
-    assert 0.0 <= float(load.mass) < 0.2
-    assert np.linalg.eigvalsh(np.asarray(load.inertia)).min() >= 0.0
-    assert (np.asarray(found.robot.armature) >= 0).all()
+    identified = identify(recorded(sx.arms.ur5e(), noise=0.05), sx.arms.ur5e())
+    load = identified.robot.payload
+    assert 0.0 <= float(load.mass) < 0.2 and np.linalg.eigvalsh(np.asarray(load.inertia)).min() >= 0.0
+    assert (np.asarray(identified.robot.armature) >= 0).all()
 
 
 @pytest.mark.parametrize(
@@ -99,6 +97,30 @@ def test_unusable_log_is_refused_with_the_reason(changed, words):
     dq = None if "dq" not in changed else changed["dq"] * np.gradient(log.q, log.t, axis=0)
     if "nan" in changed:
         tau[changed["nan"], 2] = np.nan
-    asked = {key: changed[key] for key in ("held_out", "cut_off") if key in changed}
+    options = {key: changed[key] for key in ("held_out", "cut_off") if key in changed}
     with pytest.raises(DefinitionError, match=words):
-        identify(JointLog("a log", log.joints, log.t[:k], q, tau, dq), sx.arms.ur5e(), **asked)
+        identify(JointLog("a log", log.joints, log.t[:k], q, tau, dq), sx.arms.ur5e(), **options)
+
+
+@pytest.mark.full
+def test_a_log_of_20_s_shows_rotors_friction_and_payload():
+    pytest.importorskip("mujoco")
+    changes = {
+        "robot.plant.mass_factor": 1.0,
+        "simulation.plant": "mujoco",
+        "simulation.friction": "dry",
+        "simulation.t1": 20.0,
+    }
+    log = sx.scenarios.load("panda-payload", changes).simulate(log_every=1, progress=False).log
+    tau = np.asarray(log.tau)
+    noise = 0.01 * np.sqrt(np.mean(tau**2, axis=0)) * np.random.default_rng(0).normal(size=tau.shape)
+    q = 1e-5 * np.round(np.asarray(log.state.q) / 1e-5)
+    arm = sx.arms.panda()
+    identified = identify(JointLog("a run", arm.joint_names, np.asarray(log.t), q, tau + noise), arm)
+    np.testing.assert_allclose(identified.values("armature"), 0.1, rtol=0.05)
+    np.testing.assert_allclose(identified.values("coulomb"), 0.3, rtol=0.05)
+    assert identified.values("payload.mass")[0] == pytest.approx(2.0, rel=0.02)
+    center = [identified.values(f"payload.center.{axis}")[0] for axis in "xyz"]
+    np.testing.assert_allclose(center, [0.0, 0.0, 0.1], atol=5e-3)
+    # Torques that are held for a period come half of it before what they do.
+    assert identified.lag == pytest.approx(-0.45e-3, abs=5 * identified.lag_error + 5e-5)

@@ -1,6 +1,4 @@
-"""Tables of other tools: their titles, separators, decimal signs, units and times."""
-
-from __future__ import annotations
+"""Tables of other tools, as text and Parquet: titles, separators, decimal signs, units, types and times."""
 
 import numpy as np
 import pytest
@@ -307,37 +305,29 @@ def test_columns_of_another_form_are_refused(text):
         parse_columns([text])
 
 
+def with_entry(text):
+    return lambda line: ",".join([*line.split(",")[:5], text, *line.split(",")[6:]])
+
+
 @pytest.mark.parametrize(
-    ("damage", "words"),
+    ("row", "damage", "words"),
     [
-        (
-            lambda lines: lines.__setitem__(7, lines[7].replace(lines[7].split(",")[5], "", 1)),
-            "line 8: column `tau_2` is empty",
-        ),
-        (
-            lambda lines: lines.__setitem__(7, lines[7].replace(lines[7].split(",")[5], "n/a", 1)),
-            "line 8: `n/a` in column `tau_2`",
-        ),
-        (
-            lambda lines: lines.__setitem__(7, lines[7].replace(lines[7].split(",")[5], "1_5", 1)),
-            "line 8: `1_5` in column `tau_2`",
-        ),
-        (
-            lambda lines: lines.__setitem__(7, lines[7].rpartition(",")[0]),
-            "line 8: 6 entries, but line 1 names 7 columns",
-        ),
-        (lambda lines: lines.__setitem__(7, lines[7] + ",1"), "line 8: 8 entries, but line 1 names 7 columns"),
-        (lambda lines: lines.__setitem__(-1, lines[-1][:9]), "leave out this line if its writing was interrupted"),
-        (lambda lines: lines.__delitem__(slice(1, None)), "has titles, but no rows of numbers"),
-        (lambda lines: lines.__delitem__(0), "line 1: numbers, but the first line must name the columns"),
-        (lambda lines: lines.__setitem__(9, "\0" * 40), "line 10: a character of code 0"),
+        (7, with_entry(""), "line 8: column `tau_2` is empty"),
+        (7, with_entry("n/a"), "line 8: `n/a` in column `tau_2`"),
+        (7, with_entry("1_5"), "line 8: `1_5` in column `tau_2`"),
+        (7, lambda line: line.rpartition(",")[0], "line 8: 6 entries, but line 1 names 7 columns"),
+        (7, lambda line: line + ",1", "line 8: 8 entries, but line 1 names 7 columns"),
+        (-1, lambda line: line[:9], "leave out this line if its writing was interrupted"),
+        (slice(1, None), lambda lines: [], "has titles, but no rows of numbers"),
+        (slice(0, 1), lambda lines: [], "line 1: numbers, but the first line must name the columns"),
+        (9, lambda line: "\0" * 40, "line 10: a character of code 0"),
     ],
     ids=["hole", "word", "underscore", "short", "long", "cut", "header alone", "no header", "zeros"],
 )
-def test_place_and_remedy_of_a_wrong_entry_are_named(tmp_path, damage, words):
+def test_place_and_remedy_of_a_wrong_entry_are_named(tmp_path, row, damage, words):
     path = write(tmp_path / "a.csv", PLAIN)
     lines = path.read_text().splitlines()
-    damage(lines)
+    lines[row] = damage(lines[row])
     path.write_text("\n".join(lines))
     with pytest.raises(DefinitionError, match=words) as error:
         read_log(path, ARM)
@@ -370,3 +360,54 @@ def test_decimal_commas_between_commas_are_named(tmp_path):
     path = write(tmp_path / "a.csv", PLAIN, np.column_stack([T + 0.1, Q + 0.123, TAU + 0.123]), comma=True)
     with pytest.raises(DefinitionError, match="if a comma stands before the decimals, separate the columns by semi"):
         read_log(path, ARM)
+
+
+pa = pytest.importorskip("pyarrow")
+pq = pytest.importorskip("pyarrow.parquet")
+
+
+@pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
+def test_parquet_timestamps_are_read_by_their_unit(tmp_path, unit):
+    ticks = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}[unit]
+    t = np.arange(K) * (1.0 if unit == "s" else 0.004)
+    stamps = pa.array(1_700_000_000 * ticks + np.round(t * ticks).astype(np.int64), pa.timestamp(unit, tz="UTC"))
+    columns = dict(zip(PLAIN[1:], np.column_stack([Q, TAU]).T, strict=True))
+    pq.write_table(pa.table({"time": stamps, **columns}), tmp_path / "a.parquet")
+    log = read_log(tmp_path / "a.parquet", ARM)
+    assert_read(log, t=t)
+    # Parquet has no timestamps in s.
+    assert f"timestamp[{unit if unit != 's' else 'ms'}" in log.notes[0]
+
+
+def test_parquet_types_are_converted_knowingly(tmp_path):
+    columns = {"time": pa.array(T), **dict(zip(PLAIN[1:], map(pa.array, np.column_stack([Q, TAU]).T), strict=True))}
+    columns["q_1"] = columns["q_1"].cast(pa.decimal128(20, 12))
+    columns["q_2"] = columns["q_2"].dictionary_encode()
+    pq.write_table(pa.table(columns), tmp_path / "a.parquet")
+    assert_read(read_log(tmp_path / "a.parquet", ARM))
+    for kind, wrong in (("bool", [True] * K), ("string", ["1"] * K), ("timestamp", np.zeros(K, "datetime64[us]"))):
+        pq.write_table(pa.table({**columns, "tau_3": pa.array(wrong)}), tmp_path / "a.parquet")
+        with pytest.raises(DefinitionError, match=f"column `tau_3` has .*{kind}"):
+            read_log(tmp_path / "a.parquet", ARM)
+    pq.write_table(
+        pa.table({**columns, "tau_3": pa.array([1.0] * 7 + [None] + [1.0] * (K - 8))}), tmp_path / "a.parquet"
+    )
+    with pytest.raises(DefinitionError, match="column `tau_3` has no value in row 8"):
+        read_log(tmp_path / "a.parquet", ARM)
+
+
+def test_names_in_a_parquet_list_say_which_joint_the_numbers_are_of(tmp_path):
+    names, places = ["wrist", "finger", "shoulder", "elbow"], [2, 0, 0, 1]
+    columns = {"time": T, "position": Q[:, places].tolist(), "effort": TAU[:, places].tolist()}
+    pq.write_table(pa.table({**columns, "name": [names] * K}), tmp_path / "a.parquet")
+    log = read_log(tmp_path / "a.parquet", ARM)
+    assert_read(log)
+    assert log.notes == ("the arm has no joint `finger`: left out",)
+    pq.write_table(pa.table({**columns, "name": [names] * (K - 1) + [names[::-1]]}), tmp_path / "a.parquet")
+    with pytest.raises(DefinitionError, match="names in column `name` differ from row to row"):
+        read_log(tmp_path / "a.parquet", ARM)
+
+
+def test_lists_in_parquet_are_vectors(tmp_path):
+    pq.write_table(pa.table({"time": T, "position": Q.tolist(), "effort": TAU.tolist()}), tmp_path / "a.parquet")
+    assert_read(read_log(tmp_path / "a.parquet", ARM))

@@ -70,12 +70,12 @@ def test_our_own_log_is_read(tmp_path):
     columns = {f"{name}_{i + 1}": values[:, i] for name, values in parts.items() for i in N}
     pq.write_table(pa.table({"k": np.arange(len(LOG.t)), "t": LOG.t, **columns}), tmp_path / "log.parquet")
     read = read_log(tmp_path / "log.parquet", ARM.joint_names)
-    for found, given in ((read.q, LOG.q), (read.tau, LOG.tau), (read.dq, dq)):
-        np.testing.assert_array_equal(found, given)
+    for column, expected in ((read.q, LOG.q), (read.tau, LOG.tau), (read.dq, dq)):
+        np.testing.assert_array_equal(column, expected)
 
 
 @pytest.mark.parametrize(
-    ("name", "made", "words"),
+    ("name", "table_of", "words"),
     [
         ("text", lambda pa: None, "cannot read the file .*text.parquet`: "),
         ("twice", lambda pa: pa.table([[0.0], [1.0]], names=["t", "t"]), "has two columns `t`"),
@@ -86,10 +86,10 @@ def test_our_own_log_is_read(tmp_path):
         ),
     ],
 )
-def test_error_in_a_parquet_file_is_named(tmp_path, name, made, words):
+def test_error_in_a_parquet_file_is_named(tmp_path, name, table_of, words):
     pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     path = tmp_path / f"{name}.parquet"
-    table = made(pa)
+    table = table_of(pa)
     path.write_text("no table", encoding="utf-8") if table is None else pq.write_table(table, path)
     with pytest.raises(DefinitionError, match=words):
         read_log(path, ARM.joint_names)
@@ -127,8 +127,3 @@ def test_error_in_a_log_file_is_named(tmp_path, name, text, words):
     (tmp_path / name).write_text(text, encoding="utf-8")
     with pytest.raises(DefinitionError, match=words):
         read_log(tmp_path / name, ARM.joint_names)
-
-
-def test_missing_log_file_is_named(tmp_path):
-    with pytest.raises(DefinitionError, match="cannot read the file"):
-        read_log(tmp_path / "none.csv", ARM.joint_names)

@@ -1,4 +1,4 @@
-"""What every actuator must be: a pure function of arrays, causal, limited, and finite whatever is commanded."""
+"""Every actuator is a pure function of arrays, causal, limited, and finite whatever is commanded."""
 
 import equinox as eqx
 import jax
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from slidax.plant import Actuator, TorqueLimits
-from tests.enrolled import every
+from tests.enrolled import assert_finite, assert_same, assert_same_form, every
 
 PERIOD = jnp.asarray(1e-2)
 COMMANDS = jnp.asarray(np.random.default_rng(0).normal(size=(20, 2)) * [30.0, 3.0])
@@ -26,7 +26,7 @@ EVERY = every("actuator", ACTUATORS, full=("limited", "lag", "one_period", "betw
 
 
 def uncompiled(actuator, commands=COMMANDS, period=PERIOD):
-    """What is set at each sample, and what is delivered at its start, in its middle and at its end."""
+    """Torques set at each sample, and delivered at its start, in its middle and at its end."""
 
     def sample(memory, tau):
         tau_set, memory = actuator.set(tau, period, memory)
@@ -39,11 +39,6 @@ def uncompiled(actuator, commands=COMMANDS, period=PERIOD):
 delivered = eqx.filter_jit(uncompiled)
 
 
-def assert_same(a, b, rtol=0.0):
-    for x, y in zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True):
-        np.testing.assert_allclose(x, y, rtol=rtol, atol=rtol)
-
-
 @EVERY
 def test_compiled_and_eager_agree(actuator):
     with jax.disable_jit():
@@ -53,9 +48,9 @@ def test_compiled_and_eager_agree(actuator):
 
 @EVERY
 def test_a_batch_over_parameters_and_commands_is_the_loop_over_them(actuator):
-    given = [jax.tree.map(lambda x, f=factor: x * f, (actuator, COMMANDS)) for factor in (0.5, 1.0, 2.0)]
-    looped = [delivered(*each) for each in given]
-    many, looped = (jax.tree.map(lambda *parts: jnp.stack(parts), *each) for each in (given, looped))
+    inputs = [jax.tree.map(lambda x, f=factor: x * f, (actuator, COMMANDS)) for factor in (0.5, 1.0, 2.0)]
+    looped = [delivered(*each) for each in inputs]
+    many, looped = (jax.tree.map(lambda *parts: jnp.stack(parts), *each) for each in (inputs, looped))
     assert_same(eqx.filter_jit(jax.vmap(uncompiled))(*many), looped, rtol=1e-12)
 
 
@@ -68,13 +63,11 @@ def test_the_same_call_gives_the_same_bits(actuator):
 def test_the_memory_keeps_its_tree_its_shapes_and_its_kinds(actuator):
     memory = actuator.init(jnp.zeros(2))
     after = actuator.set(COMMANDS[0], PERIOD, memory)[1]
-    assert jax.tree.structure(after) == jax.tree.structure(memory)
-    for old, new in zip(jax.tree.leaves(memory), jax.tree.leaves(after), strict=True):
-        assert (old.shape, old.dtype) == (new.shape, new.dtype)
+    assert_same_form(after, memory)
 
 
 @EVERY
-def test_what_is_set_keeps_both_limits(actuator):
+def test_set_torque_keeps_both_limits(actuator):
     tau = np.asarray(delivered(actuator)[0])
     changes = np.abs(np.diff(np.concatenate([np.zeros((1, 2)), tau]), axis=0))
     assert np.all(np.abs(tau) <= actuator.limits.torque)
@@ -82,7 +75,7 @@ def test_what_is_set_keeps_both_limits(actuator):
 
 
 @EVERY
-def test_what_is_delivered_lies_between_commands_that_were_set(actuator):
+def test_delivered_torque_lies_between_set_commands(actuator):
     tau, moments = delivered(actuator)
     highest = np.maximum.accumulate(np.maximum(np.asarray(tau), 0.0))
     lowest = np.minimum.accumulate(np.minimum(np.asarray(tau), 0.0))
@@ -117,15 +110,14 @@ def test_the_future_has_no_influence(actuator):
 @EVERY
 def test_whatever_is_commanded_the_torque_is_finite(actuator, size):
     commands = size * jnp.tile(jnp.array([[1.0, -1.0], [-1.0, 1.0]]), (10, 1))
-    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(delivered(actuator, commands)))
+    assert_finite(delivered(actuator, commands))
 
 
 @EVERY
 def test_gradients_by_parameters_commands_and_period_are_finite(actuator):
     @eqx.filter_jit
     @eqx.filter_grad
-    def gradients(given):
-        return sum(jnp.sum(leaf) for leaf in jax.tree.leaves(uncompiled(*given)))
+    def gradients(inputs):
+        return sum(jnp.sum(leaf) for leaf in jax.tree.leaves(uncompiled(*inputs)))
 
-    found = gradients((actuator, COMMANDS, PERIOD))
-    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(found))
+    assert_finite(gradients((actuator, COMMANDS, PERIOD)))

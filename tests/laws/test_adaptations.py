@@ -1,4 +1,4 @@
-"""What every adaptation must be: a pure function of arrays that believes in an arm that can be, whatever it sees."""
+"""Every adaptation is a pure function of arrays that believes in an arm that can be, whatever it sees."""
 
 import equinox as eqx
 import jax
@@ -9,9 +9,9 @@ import pytest
 from slidax.core.types import Reference, State
 from slidax.law import ComputedTorque, Experience, sampled_data
 from slidax.law.adaptation import with_rotors
-from tests.enrolled import every
-from tests.law.adaptation.members import ADAPTATIONS
-from tests.law.adaptation.moved import LINKS, motion, swept, taught
+from tests.enrolled import assert_same, assert_same_form, every
+from tests.law.members import ADAPTATIONS
+from tests.law.moved import LINKS, motion, swept, taught
 from tests.paper_examples import TWO_LINK, law_4_1
 
 FIRST = State(q=jnp.array([0.1, -0.2]), dq=jnp.zeros(2))
@@ -33,9 +33,7 @@ def experience(scale=1.0):
 def test_the_memory_is_the_same_tree_after_a_sample(adaptation):
     before = adaptation.init(FIRST)
     after = adaptation(experience(), before)
-    assert jax.tree.structure(before) == jax.tree.structure(after)
-    shapes = [(leaf.shape, leaf.dtype) for leaf in jax.tree.leaves(before)]
-    assert shapes == [(leaf.shape, leaf.dtype) for leaf in jax.tree.leaves(after)]
+    assert_same_form(before, after)
 
 
 @every("adaptation", ADAPTATIONS)
@@ -56,8 +54,7 @@ def test_eager_and_compiled_agree(adaptation):
     with jax.disable_jit():
         eager = adaptation(experience(), first)
     compiled = eqx.filter_jit(adaptation)(experience(), first)
-    for one, other in zip(jax.tree.leaves(compiled), jax.tree.leaves(eager), strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-300)
+    assert_same(compiled, eager, rtol=1e-12, atol=1e-300)
 
 
 @every("adaptation", ADAPTATIONS)

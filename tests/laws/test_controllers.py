@@ -1,4 +1,4 @@
-"""What every scheme must be: a pure function of arrays that compiles once, batches and differentiates.
+"""Every scheme is a pure function of arrays that compiles once, batches and differentiates.
 
 Each member is compiled twice for all of this: `compiled` at one point, and `sloped` with its gradient over a batch.
 """
@@ -13,8 +13,8 @@ import pytest
 
 from slidax.core.types import Reference, State
 from slidax.law import GravityCompensatedPD, JointPID, Kalman
-from tests.enrolled import every
-from tests.law.controllers.members import CONTROLLERS, LIKE_OTHERS
+from tests.enrolled import assert_finite, assert_float_leaves, assert_same, every, stacked
+from tests.law.members import CONTROLLERS, CONTROLLERS_LIKE_OTHERS
 
 
 class Point(NamedTuple):
@@ -87,10 +87,6 @@ def scaled(controller, factor):
     return jax.tree.map(lambda leaf: leaf * factor, controller)
 
 
-def stacked(parts):
-    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *parts)
-
-
 @pytest.fixture(scope="module")
 def sloped(case):
     """Torques and their slopes by gains and state: near the motion with other gains; near and on it; at the start."""
@@ -101,18 +97,16 @@ def sloped(case):
     return torques_and_slopes(stacked([scaled(case.controller, factor) for factor in factors]), stacked(points))
 
 
-EVERY = every("case", CONTROLLERS, full=LIKE_OTHERS, scope="module")
+EVERY = every("case", CONTROLLERS, full=CONTROLLERS_LIKE_OTHERS, scope="module")
 # Uncompiled or with slopes, a search for a plan takes long; a sampled-data law with less to search has both every day.
 SLOW = ("sampled_cftsmppc_4_1_layer_delay_and_recovery", "nftsmc_4_2", "sfsmc_4_2")
-SLOPED = every("case", CONTROLLERS, full=(*LIKE_OTHERS, *SLOW), scope="module")
+SLOPED = every("case", CONTROLLERS, full=(*CONTROLLERS_LIKE_OTHERS, *SLOW), scope="module")
 
 
 @SLOPED
 def test_compiled_and_eager_agree(case):
     point = at(case, 1.0, near(case, 1.0))
-    eager = answer(case.controller, point)
-    for a, b in zip(jax.tree.leaves(eager), jax.tree.leaves(compiled(case.controller, point)), strict=True):
-        np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-12)
+    assert_same(answer(case.controller, point), compiled(case.controller, point), rtol=1e-9, atol=1e-12)
 
 
 @SLOPED
@@ -134,14 +128,12 @@ def test_one_trace_serves_many_gains_states_and_times(case):
 
 @EVERY
 def test_every_gain_is_a_floating_array_leaf(case):
-    leaves = jax.tree.leaves(case.controller)
-    assert leaves
-    assert all(isinstance(leaf, jax.Array) and leaf.dtype == float for leaf in leaves)
+    assert_float_leaves(case.controller)
 
 
 @SLOPED
 def test_gradients_by_all_gains_and_by_the_state_are_finite_also_without_any_error(case, sloped):
-    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(sloped))
+    assert_finite(sloped)
 
 
 @SLOPED
@@ -186,8 +178,7 @@ def test_the_memory_and_its_rate_keep_its_tree_shapes_and_types(case):
 def test_the_scheme_commands_one_torque_per_joint_of_its_arm(case):
     assert case.controller.joints == case.robot.joints
     tau = compiled(case.controller, at(case, 0.5, near(case, 0.5))).tau
-    assert tau.shape == (case.robot.joints,)
-    assert np.all(np.isfinite(tau))
+    assert tau.shape == (case.robot.joints,) and np.all(np.isfinite(tau))
 
 
 @EVERY
@@ -197,8 +188,7 @@ def test_the_start_lies_inside_the_envelope_that_the_scheme_promises(case):
     envelope = case.controller.envelope(jnp.zeros(()), memory)
     if envelope is not None:
         e = np.asarray(case.start.q - reference.q)
-        assert np.all(np.asarray(envelope.lower) < e)
-        assert np.all(e < np.asarray(envelope.upper))
+        assert np.all(np.asarray(envelope.lower) < e) and np.all(e < np.asarray(envelope.upper))
 
 
 @EVERY
@@ -208,8 +198,7 @@ def test_the_same_measurements_give_the_same_bits_twice(case):
     np.testing.assert_array_equal(first, second)
 
 
-# What a law predicts over its delay hangs on the torques that are under way; what a filter says of the velocity, on
-# what came before.
+# A prediction over a delay depends on the torques under way, and a filtered velocity on earlier samples.
 IMMEDIATE = [
     (name, case)
     for name, case in CONTROLLERS
@@ -223,7 +212,7 @@ def feed_forward(nominal, state, ddq):
     return nominal.mass(state.q) @ ddq + nominal.coriolis(state.q, state.dq) @ state.dq, nominal.gravity(state.q)
 
 
-@every("case", IMMEDIATE, full=LIKE_OTHERS[1:], scope="module")
+@every("case", IMMEDIATE, full=CONTROLLERS_LIKE_OTHERS[1:], scope="module")
 def test_without_any_error_the_torque_is_the_feed_forward_of_the_nominal_arm(case):
     """At e = ė = 0 every law is `M0 q̈_d + C0 q̇ + G0`; a PD knows the last of them only, a PID its share of it."""
     for t in (0.5, 1.5, 8.0):
@@ -236,5 +225,5 @@ def test_without_any_error_the_torque_is_the_feed_forward_of_the_nominal_arm(cas
             gravity = case.controller.gravity * gravity
         # A law that plans over a period takes the mean acceleration, so the motion goes on evenly here.
         ahead = Reference(reference.q + 1e-3 * reference.dq, reference.dq + 1e-3 * reference.ddq, reference.ddq)
-        given = compiled(case.controller, point._replace(start=on_reference(case, 0.0), ahead=ahead))
-        np.testing.assert_allclose(given.tau, motion + gravity, rtol=1e-10, atol=1e-11)
+        command = compiled(case.controller, point._replace(start=on_reference(case, 0.0), ahead=ahead))
+        np.testing.assert_allclose(command.tau, motion + gravity, rtol=1e-10, atol=1e-11)

@@ -1,4 +1,4 @@
-"""What every disturbance must be: a force that adds up and scales."""
+"""Every disturbance is a force that adds up and scales."""
 
 import jax
 import jax.numpy as jnp
@@ -6,7 +6,7 @@ import numpy as np
 
 from slidax.core.types import State
 from slidax.plant import Constant, Samples, Scaled, Step, Sum
-from tests.enrolled import every
+from tests.enrolled import assert_finite, assert_float_leaves, every
 from tests.plant.disturbances.members import DISTURBANCES
 
 rng = np.random.default_rng(0)
@@ -46,10 +46,8 @@ def test_one_force_per_joint_and_finite_gradients_by_every_parameter(disturbance
         assert tau.shape == (2,)
         return jnp.sum(tau)
 
-    leaves = jax.tree.leaves(disturbance)
-    assert leaves
-    assert all(isinstance(leaf, jax.Array) and leaf.dtype == float for leaf in leaves)
-    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(jax.grad(total)(disturbance)))
+    assert_float_leaves(disturbance)
+    assert_finite(jax.grad(total)(disturbance))
 
 
 PERIOD, INSIDE = 0.05, 41
@@ -71,12 +69,12 @@ def moving(seed):
     k = np.repeat(np.arange(len(TICKS) - 1), INSIDE)
     s = FINE - TICKS[k]
     fine = q[k] + dq[k] * s[:, None] + 0.5 * acceleration[k] * s[:, None] ** 2, dq[k] + acceleration[k] * s[:, None]
-    return tuple(np.concatenate([one, last[-1:]]) for one, last in zip(fine, (q, dq), strict=True))
+    return tuple(np.concatenate([part, last[-1:]]) for part, last in zip(fine, (q, dq), strict=True))
 
 
 def off_the_chord(disturbance, dense):
-    """How far its force really is from the line between two samples [N 2]."""
-    q, dq = (jnp.asarray(one[:-1]) for one in dense)
+    """Distance of the force from the line between two samples [N 2]."""
+    q, dq = (jnp.asarray(part[:-1]) for part in dense)
     tau = np.asarray(jax.vmap(lambda t, q, dq: disturbance(t, State(q=q, dq=dq)))(jnp.asarray(FINE), q, dq))
     tau = tau.reshape(len(TICKS) - 1, INSIDE, 2)
     share = np.linspace(0.0, 1.0, INSIDE)[:, None]
@@ -97,8 +95,8 @@ def test_the_force_stays_as_near_to_its_chord_as_its_class_says_over_a_box_of_it
         dense = moving(seed)
         bound = lower.off_chord(upper, sampled(dense))
         assert np.isfinite(bound).all()
-        one = jax.tree.map(lambda low, high: low + (high - low) * random.uniform(size=low.shape), lower, upper)
-        assert (off_the_chord(one, dense) <= bound + 1e-12)[:-1].all()
+        part = jax.tree.map(lambda low, high: low + (high - low) * random.uniform(size=low.shape), lower, upper)
+        assert (off_the_chord(part, dense) <= bound + 1e-12)[:-1].all()
 
 
 @every("disturbance", DISTURBANCES)

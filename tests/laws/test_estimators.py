@@ -1,4 +1,4 @@
-"""What every estimator must be: a pure function of arrays that finds a constant disturbance, and is finite always."""
+"""Every estimator is a pure function of arrays that finds a constant disturbance, and is finite always."""
 
 import equinox as eqx
 import jax
@@ -8,14 +8,14 @@ import pytest
 
 from slidax.core.types import State
 from slidax.law import Estimate, FilteredDifference, Measured
-from tests.enrolled import every
-from tests.law.estimators.followed import accelerated, followed, predicted, swinging
-from tests.law.estimators.members import ESTIMATORS, LIKE_OTHERS
+from tests.enrolled import assert_finite, assert_float_leaves, assert_same, assert_same_form, every
+from tests.law.followed import accelerated, followed, predicted, swinging
+from tests.law.members import ESTIMATORS, ESTIMATORS_LIKE_OTHERS
 
 PERIOD = jnp.asarray(1e-3)
 PUSH = jnp.array([4.0, -0.5])
 OF_POSITIONS = [case for case in ESTIMATORS if not case[0].startswith("measured")]
-EVERY = every("estimator", ESTIMATORS, full=LIKE_OTHERS)
+EVERY = every("estimator", ESTIMATORS, full=ESTIMATORS_LIKE_OTHERS)
 WITHOUT_PUSH = [("measured_alone", Measured(0.0)), ("filtered_alone", FilteredDifference(200.0, 0.0))]
 
 
@@ -48,11 +48,6 @@ def driven(estimator, acceleration):
     return followed(estimator, accelerated(acceleration), 2000)
 
 
-def assert_same(a, b, rtol=0.0):
-    for x, y in zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True):
-        np.testing.assert_allclose(x, y, rtol=rtol, atol=rtol)
-
-
 @EVERY
 def test_compiled_and_eager_agree(estimator):
     with jax.disable_jit():
@@ -62,12 +57,12 @@ def test_compiled_and_eager_agree(estimator):
 
 @EVERY
 def test_a_batch_over_parameters_is_the_loop_over_them(estimator):
-    acceleration, given = jnp.array([400.0, -500.0]), []
+    acceleration, inputs = jnp.array([400.0, -500.0]), []
     for factor in (0.25, 0.5, 1.0):
-        given += [jax.tree.map(lambda x, f=factor: x * f, estimator)]
+        inputs += [jax.tree.map(lambda x, f=factor: x * f, estimator)]
     batch = eqx.filter_jit(jax.vmap(lambda estimator: followed(estimator, accelerated(acceleration), 20)))
-    many = batch(jax.tree.map(lambda *parts: jnp.stack(parts), *given))
-    alone = [jax.tree.map(lambda x: x[:20], driven(each, acceleration)) for each in given]
+    many = batch(jax.tree.map(lambda *parts: jnp.stack(parts), *inputs))
+    alone = [jax.tree.map(lambda x: x[:20], driven(each, acceleration)) for each in inputs]
     looped = jax.tree.map(lambda *parts: jnp.stack(parts), *alone)
     assert_same(many, looped, rtol=1e-8)
     assert np.all(np.ptp(looped.disturbance, axis=0)[0] > 0)
@@ -81,9 +76,7 @@ def test_the_same_call_gives_the_same_bits(estimator):
 @EVERY
 def test_the_memory_keeps_its_tree_its_shapes_and_its_kinds(estimator):
     memory, after = estimator.init(MEASURED), answer(estimator)[1]
-    assert jax.tree.structure(after) == jax.tree.structure(memory)
-    for old, new in zip(jax.tree.leaves(memory), jax.tree.leaves(after), strict=True):
-        assert (old.shape, old.dtype) == (new.shape, new.dtype)
+    assert_same_form(after, memory)
 
 
 @pytest.mark.parametrize("missed", [False, True])
@@ -98,60 +91,57 @@ def test_whatever_is_measured_the_estimate_is_finite(estimator, size, missed):
             Estimate(state=State(q=-far, dq=far), disturbance=-far),
             Estimate(state=State(q=none, dq=none), disturbance=none),
         ):
-            found = answer(estimator, measured, prior, missed=missed)
-            assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(found))
+            assert_finite(answer(estimator, measured, prior, missed=missed))
 
 
 @EVERY
 def test_gradients_by_parameters_measurements_and_predictions_are_finite(estimator):
     @eqx.filter_jit
     @eqx.filter_grad
-    def gradients(given):
-        return sum(jnp.sum(leaf) for leaf in jax.tree.leaves(uncompiled(*given)))
+    def gradients(inputs):
+        return sum(jnp.sum(leaf) for leaf in jax.tree.leaves(uncompiled(*inputs)))
 
     for residual in (0.0, 1e-12, 1.0):
         measured = State(q=PRIOR.state.q + residual, dq=PRIOR.state.dq)
-        found = gradients((estimator, measured, PRIOR, PERIOD))
-        assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(found))
+        assert_finite(gradients((estimator, measured, PRIOR, PERIOD)))
 
 
 @EVERY
 def test_numbers_are_arrays_that_a_batch_can_vary(estimator):
-    leaves = jax.tree.leaves(estimator)
-    assert leaves and all(isinstance(leaf, jax.Array) and leaf.dtype == float for leaf in leaves)
+    assert_float_leaves(estimator)
 
 
-@every("estimator", ESTIMATORS + WITHOUT_PUSH, full=LIKE_OTHERS)
-def test_what_was_predicted_is_believed(estimator):
+@every("estimator", ESTIMATORS + WITHOUT_PUSH, full=ESTIMATORS_LIKE_OTHERS)
+def test_correct_prediction_is_kept(estimator):
     """A measurement that agrees with the prediction changes nothing."""
     last = Estimate(state=arrays_of([0.2, 0.1], [1.0, -2.0]), disturbance=jnp.array([3.0, -1.0]))
     prior = predicted(last, PERIOD)
-    found, _ = answer(estimator, prior.state, prior, first=last.state)
-    assert_same(found.state, prior.state, rtol=1e-13)
-    np.testing.assert_allclose(found.disturbance, last.disturbance, rtol=1e-9)
+    estimate, _ = answer(estimator, prior.state, prior, first=last.state)
+    assert_same(estimate.state, prior.state, rtol=1e-13)
+    np.testing.assert_allclose(estimate.disturbance, last.disturbance, rtol=1e-9)
 
 
-@every("estimator", ESTIMATORS + WITHOUT_PUSH, full=LIKE_OTHERS)
+@every("estimator", ESTIMATORS + WITHOUT_PUSH, full=ESTIMATORS_LIKE_OTHERS)
 def test_a_constant_velocity_is_followed_without_error(estimator):
-    found = jax.tree.map(lambda x: x[:200], driven(estimator, jnp.zeros(2)))
+    estimate = jax.tree.map(lambda x: x[:200], driven(estimator, jnp.zeros(2)))
     times = np.arange(1, 201)[:, None] * 1e-3
-    np.testing.assert_allclose(found.state.q, times * [1.0, -2.0], atol=1e-13)
-    np.testing.assert_allclose(found.state.dq, np.tile([1.0, -2.0], (200, 1)), atol=1e-11)
-    np.testing.assert_allclose(found.disturbance, 0.0, atol=1e-8)
+    np.testing.assert_allclose(estimate.state.q, times * [1.0, -2.0], atol=1e-13)
+    np.testing.assert_allclose(estimate.state.dq, np.tile([1.0, -2.0], (200, 1)), atol=1e-11)
+    np.testing.assert_allclose(estimate.disturbance, 0.0, atol=1e-8)
 
 
 @EVERY
 def test_a_constant_push_is_found_and_then_all_is_exact(estimator):
-    found = driven(estimator, PUSH)
-    np.testing.assert_allclose(found.disturbance[-1], PUSH, atol=1e-6)
-    np.testing.assert_allclose(found.state.dq[-1], [9.0, -3.0], atol=1e-8)
-    np.testing.assert_allclose(found.state.q[-1], [10.0, -5.0], atol=1e-10)
+    estimate = driven(estimator, PUSH)
+    np.testing.assert_allclose(estimate.disturbance[-1], PUSH, atol=1e-6)
+    np.testing.assert_allclose(estimate.state.dq[-1], [9.0, -3.0], atol=1e-8)
+    np.testing.assert_allclose(estimate.state.q[-1], [10.0, -5.0], atol=1e-10)
 
 
 @EVERY
 def test_a_constant_push_is_approached_and_not_overshot_by_half(estimator):
-    found = np.asarray(driven(estimator, PUSH).disturbance) / np.asarray(PUSH)
-    assert np.all(found > -0.01) and np.all(found < 1.5)
+    estimate = np.asarray(driven(estimator, PUSH).disturbance) / np.asarray(PUSH)
+    assert np.all(estimate > -0.01) and np.all(estimate < 1.5)
 
 
 @eqx.filter_jit
@@ -161,25 +151,25 @@ def swung(estimator):
 
 @EVERY
 def test_a_slowly_changing_push_is_followed(estimator):
-    found = swung(estimator)
+    estimate = swung(estimator)
     times = jnp.asarray(np.arange(1, 8001) * 1e-3)
     right = jax.vmap(swinging)(times)
-    np.testing.assert_allclose(found.disturbance[3000:], -right.q[3000:], atol=0.1)
-    np.testing.assert_allclose(found.state.dq[3000:], right.dq[3000:], atol=2e-3)
-    np.testing.assert_allclose(found.state.q[3000:], right.q[3000:], atol=2e-5)
+    np.testing.assert_allclose(estimate.disturbance[3000:], -right.q[3000:], atol=0.1)
+    np.testing.assert_allclose(estimate.state.dq[3000:], right.dq[3000:], atol=2e-3)
+    np.testing.assert_allclose(estimate.state.q[3000:], right.q[3000:], atol=2e-5)
 
 
 @every("estimator", WITHOUT_PUSH)
 def test_a_gain_of_zero_leaves_the_push_as_it_is(estimator):
-    found = followed(estimator, accelerated(PUSH), 100, disturbance=0.25)
-    np.testing.assert_array_equal(found.disturbance, 0.25)
+    estimate = followed(estimator, accelerated(PUSH), 100, disturbance=0.25)
+    np.testing.assert_array_equal(estimate.disturbance, 0.25)
 
 
 @EVERY
 def test_after_a_long_gap_the_push_stays_and_the_measured_position_is_believed(estimator):
-    found, _ = answer(estimator, elapsed=jnp.asarray(1.0), missed=True)
-    np.testing.assert_array_equal(found.disturbance, PRIOR.disturbance)
-    np.testing.assert_allclose(found.state.q, MEASURED.q, rtol=1e-6)
+    estimate, _ = answer(estimator, elapsed=jnp.asarray(1.0), missed=True)
+    np.testing.assert_array_equal(estimate.disturbance, PRIOR.disturbance)
+    np.testing.assert_allclose(estimate.state.q, MEASURED.q, rtol=1e-6)
 
 
 @EVERY
@@ -188,9 +178,9 @@ def test_after_a_gap_with_a_push_that_nobody_knew_the_velocity_is_nearer_than_th
     for elapsed in (jnp.asarray(0.002), jnp.asarray(0.02), jnp.asarray(0.5)):
         last = Estimate(state=true(jnp.asarray(0.5)), disturbance=jnp.zeros(2))
         measured, prior = true(0.5 + elapsed), predicted(last, elapsed)
-        found, _ = answer(estimator, measured, prior, elapsed, missed=True, first=last.state)
+        estimate, _ = answer(estimator, measured, prior, elapsed, missed=True, first=last.state)
         before = np.abs(prior.state.dq - measured.dq)
-        assert np.all(np.abs(found.state.dq - measured.dq) < before)
+        assert np.all(np.abs(estimate.state.dq - measured.dq) < before)
 
 
 @EVERY
@@ -200,7 +190,7 @@ def test_each_joint_is_estimated_by_itself(estimator):
         assert a[0] == b[0]
 
 
-@every("estimator", OF_POSITIONS, full=LIKE_OTHERS)
+@every("estimator", OF_POSITIONS, full=ESTIMATORS_LIKE_OTHERS)
 def test_estimators_of_positions_do_not_look_at_measured_velocities(estimator):
     other = arrays_of(MEASURED.q, [50.0, -50.0])
     assert_same(answer(estimator, other), answer(estimator))

@@ -1,4 +1,4 @@
-"""What every reaching law must be: a push along s that vanishes with it, and a direction no longer than one."""
+"""Every reaching law is a push along s that vanishes with it, and a direction no longer than one."""
 
 import equinox as eqx
 import jax
@@ -10,11 +10,11 @@ from slidax.core import matvec
 from slidax.core.errors import DefinitionError
 from slidax.core.types import State
 from slidax.law import FixedTimeReaching, SaturatedReaching
-from tests.enrolled import every
-from tests.law.reaching_laws.members import BOUNDS, LIKE_OTHERS, REACHING
+from tests.enrolled import assert_finite, every
+from tests.law.members import BOUNDS, REACHING, REACHING_LIKE_OTHERS
 
 S = jnp.asarray(np.random.default_rng(0).normal(size=(200, 2)) * np.logspace(-6, 2, 200)[:, None])
-EVERY = every("reaching", REACHING, full=LIKE_OTHERS)
+EVERY = every("reaching", REACHING, full=REACHING_LIKE_OTHERS)
 
 
 @eqx.filter_jit
@@ -42,7 +42,7 @@ def test_the_direction_is_no_longer_than_one(reaching):
     assert np.all(np.linalg.norm(direction, axis=1) <= 1 + 1e-15)
 
 
-@every("reaching", PARALLEL, full=LIKE_OTHERS)
+@every("reaching", PARALLEL, full=REACHING_LIKE_OTHERS)
 def test_the_direction_is_parallel_to_s(reaching):
     direction = np.asarray(terms(reaching, S)[1])
     cross = direction[:, 0] * np.asarray(S)[:, 1] - direction[:, 1] * np.asarray(S)[:, 0]
@@ -58,8 +58,7 @@ def test_at_zero_both_are_zero_with_finite_gradients(reaching):
             return jnp.sum(getattr(reaching, name)(s))
 
         np.testing.assert_array_equal(getattr(reaching, name)(jnp.zeros(2)), 0.0)
-        gradients = jax.jit(jax.grad(total, argnums=(0, 1)))(reaching, jnp.zeros(2))
-        assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(gradients))
+        assert_finite(jax.jit(jax.grad(total, argnums=(0, 1)))(reaching, jnp.zeros(2)))
 
 
 CASES = 400
@@ -81,7 +80,7 @@ def implicit(reaching, s=STARTS):
     return np.asarray(steps(reaching, METRICS, s, SIZES))
 
 
-@every("reaching", IMPLICIT, full=LIKE_OTHERS)
+@every("reaching", IMPLICIT, full=REACHING_LIKE_OTHERS)
 def test_the_implicit_step_solves_its_equation_in_every_case(reaching):
     """`A (s⁺ - s) + P(s⁺) ∈ -u N(s⁺)`: to 1e-12 where N is single-valued, within its set where it is not."""
     after = implicit(reaching)
@@ -103,7 +102,7 @@ def test_the_implicit_step_solves_its_equation_in_every_case(reaching):
     assert np.all(np.linalg.norm(rest[stuck], axis=1) <= np.asarray(SIZES)[stuck])
 
 
-@every("reaching", IMPLICIT, full=LIKE_OTHERS)
+@every("reaching", IMPLICIT, full=REACHING_LIKE_OTHERS)
 def test_the_implicit_step_stays_at_zero_exactly_where_the_push_is_within_u(reaching):
     if isinstance(reaching, SaturatedReaching) or reaching.layer > 0:
         np.testing.assert_array_equal(implicit(reaching, s=0.0 * STARTS), 0.0)
@@ -114,7 +113,7 @@ def test_the_implicit_step_stays_at_zero_exactly_where_the_push_is_within_u(reac
     assert 50 < stuck.sum() < 350
 
 
-@every("reaching", IMPLICIT, full=LIKE_OTHERS)
+@every("reaching", IMPLICIT, full=REACHING_LIKE_OTHERS)
 def test_the_implicit_step_brings_any_two_starts_together_in_the_metric(reaching):
     """The resolvent of a monotone map does not widen a distance: no step can overshoot."""
     first, second = implicit(reaching), implicit(reaching, s=-0.7 * STARTS[::-1])
@@ -133,7 +132,7 @@ def slopes(reaching, metric, s, u):
     return jax.jacrev(lambda law, s, u: law.implicit(metric, s, u), argnums=(1, 2, 0))(reaching, s, u)
 
 
-@every("reaching", IMPLICIT, full=LIKE_OTHERS)
+@every("reaching", IMPLICIT, full=REACHING_LIKE_OTHERS)
 def test_the_derivative_of_the_implicit_step_is_that_of_the_solution(reaching):
     """Against differences, away from the kinks, where there are two."""
     metric, s, u = jnp.array([[300.0, 40.0], [40.0, 200.0]]), jnp.array([0.5, -0.4]), jnp.asarray(20.0)
@@ -143,7 +142,7 @@ def test_the_derivative_of_the_implicit_step_is_that_of_the_solution(reaching):
     by_s, by_s_too, by_u = np.asarray(shifted[::2] - shifted[1::2])
     np.testing.assert_allclose(slope_s, np.stack([by_s, by_s_too], axis=1) / 2e-5, rtol=1e-6, atol=1e-8)
     np.testing.assert_allclose(slope_u, by_u / 2e-4, rtol=1e-6, atol=1e-9)
-    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(gradient))
+    assert_finite(gradient)
 
 
 def test_a_full_gain_matrix_has_no_implicit_step():
@@ -156,13 +155,11 @@ def test_a_bound_is_one_positive_number_that_no_torque_or_state_lessens(bound):
     """It has finite derivatives, also at rest without a torque, and compiles to the same number."""
     rest = State(q=jnp.zeros(2), dq=jnp.zeros(2))
     least = bound(rest, jnp.zeros(2))
-    assert least.shape == ()
-    assert least > 0
+    assert least.shape == () and least > 0
     compiled = eqx.filter_jit(type(bound).__call__)
     for q, dq, tau in np.random.default_rng(0).normal(size=(50, 3, 2)) * [[1.0], [2.0], [50.0]]:
         state = State(q=jnp.asarray(q), dq=jnp.asarray(dq))
         u = bound(state, jnp.asarray(tau))
         assert u >= least
         np.testing.assert_allclose(compiled(bound, state, jnp.asarray(tau)), u, rtol=1e-14)
-    gradients = jax.grad(lambda bound, state, tau: bound(state, tau), argnums=(0, 1, 2))(bound, rest, jnp.zeros(2))
-    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(gradients))
+    assert_finite(jax.grad(lambda bound, state, tau: bound(state, tau), argnums=(0, 1, 2))(bound, rest, jnp.zeros(2)))

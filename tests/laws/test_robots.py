@@ -1,4 +1,4 @@
-"""What every robot must be: a rigid arm whose matrices belong together.
+"""Every robot is a rigid arm whose matrices belong together.
 
 All that is compared of one arm is compiled at once, in `mechanics`.
 """
@@ -11,7 +11,7 @@ import pytest
 
 from slidax.core.types import State
 from tests.arms.members import LIKE_OTHERS, ROBOTS
-from tests.enrolled import every
+from tests.enrolled import assert_float_leaves, every
 
 SAMPLES = 200
 EVERY = every("robot", ROBOTS, full=LIKE_OTHERS, scope="module")
@@ -52,45 +52,45 @@ def states(robot):
 
 
 @pytest.fixture(scope="module")
-def found(robot, states):
+def mechanical(robot, states):
     return jax.tree.map(np.asarray, mechanics(robot, *states))
 
 
 @EVERY
-def test_inertia_is_symmetric_and_positive_definite(robot, found):
-    mass = found["mass"]
+def test_inertia_is_symmetric_and_positive_definite(robot, mechanical):
+    mass = mechanical["mass"]
     np.testing.assert_allclose(mass, mass.swapaxes(1, 2), rtol=0, atol=1e-14)
     assert np.linalg.eigvalsh(mass).min() > 0
 
 
 @EVERY
-def test_the_rate_of_inertia_less_twice_coriolis_is_skew(robot, found):
-    n = found["mass_rate"] - 2.0 * found["coriolis"]
+def test_the_rate_of_inertia_less_twice_coriolis_is_skew(robot, mechanical):
+    n = mechanical["mass_rate"] - 2.0 * mechanical["coriolis"]
     np.testing.assert_allclose(n, -n.swapaxes(1, 2), rtol=0, atol=1e-12)
     assert np.abs(n).max() > 1e-3
 
 
 @EVERY
-def test_the_bias_is_coriolis_times_velocity_plus_gravity(robot, states, found):
-    parts = np.einsum("kij,kj->ki", found["coriolis"], states[1]) + found["gravity"]
-    np.testing.assert_allclose(found["bias"], parts, rtol=1e-12, atol=1e-12)
+def test_the_bias_is_coriolis_times_velocity_plus_gravity(robot, states, mechanical):
+    parts = np.einsum("kij,kj->ki", mechanical["coriolis"], states[1]) + mechanical["gravity"]
+    np.testing.assert_allclose(mechanical["bias"], parts, rtol=1e-12, atol=1e-12)
 
 
 @EVERY
-def test_gravity_is_the_gradient_of_the_potential(robot, found):
-    np.testing.assert_allclose(found["gravity"], found["potential_slope"], rtol=1e-12, atol=1e-12)
+def test_gravity_is_the_gradient_of_the_potential(robot, mechanical):
+    np.testing.assert_allclose(mechanical["gravity"], mechanical["potential_slope"], rtol=1e-12, atol=1e-12)
 
 
 @EVERY
-def test_the_acceleration_solves_the_equation_of_motion(robot, states, found):
-    back = np.einsum("kij,kj->ki", found["mass"], found["acceleration"]) + found["bias"]
+def test_the_acceleration_solves_the_equation_of_motion(robot, states, mechanical):
+    back = np.einsum("kij,kj->ki", mechanical["mass"], mechanical["acceleration"]) + mechanical["bias"]
     np.testing.assert_allclose(back, states[2], rtol=1e-10, atol=1e-10)
 
 
 @EVERY
-def test_power_in_is_the_rate_of_energy(robot, states, found):
+def test_power_in_is_the_rate_of_energy(robot, states, mechanical):
     _, dq, tau = states
-    np.testing.assert_allclose(found["energy_rate"], np.sum(tau * dq, axis=1), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(mechanical["energy_rate"], np.sum(tau * dq, axis=1), rtol=0, atol=1e-9)
 
 
 @eqx.filter_jit
@@ -137,26 +137,24 @@ def test_an_unforced_arm_keeps_its_energy_to_the_integrators_order(robot):
     energy, potential = energies(robot, jax.tree.map(lambda *x: jnp.stack(x), start, *ends))
     coarse, fine = np.abs(energy[1:] - energy[0])
     scale = max(1.0, float(np.abs(energy[0])), float(np.max(energy[1:] - potential[1:])))
-    assert abs(float(ends[1].q[0] - start.q[0])) > 0.1
-    assert fine < 1e-6 * scale
+    assert abs(float(ends[1].q[0] - start.q[0])) > 0.1 and fine < 1e-6 * scale
     assert fine < coarse / 2 ** (3.5 if halvings == 1 else 3.0 * halvings) or fine < 1e-10 * scale
 
 
 @EVERY
 def test_units_fit_the_joints(robot):
-    assert len(robot.joint_units) == robot.joints
-    assert set(robot.joint_units) <= {"rad", "m"}
+    assert len(robot.joint_units) == robot.joints and set(robot.joint_units) <= {"rad", "m"}
     expected = tuple({"rad": "N m", "m": "N"}[unit] for unit in robot.joint_units)
     assert robot.torque_units == expected
 
 
 @EVERY
-def test_the_arm_looks_the_same_after_a_full_turn(robot, states, found):
+def test_the_arm_looks_the_same_after_a_full_turn(robot, states, mechanical):
     q, dq, tau = states
     turn = jnp.asarray([2 * np.pi if unit == "rad" else 0.0 for unit in robot.joint_units])
     turned = mechanics(robot, q + turn, dq, tau)
-    np.testing.assert_allclose(turned["tip"], found["tip"], atol=1e-13)
-    np.testing.assert_allclose(turned["mass"], found["mass"], atol=1e-12)
+    np.testing.assert_allclose(turned["tip"], mechanical["tip"], atol=1e-13)
+    np.testing.assert_allclose(turned["mass"], mechanical["mass"], atol=1e-12)
 
 
 @eqx.filter_jit
@@ -168,9 +166,7 @@ def effect_of_parameters(robot):
 
 @EVERY
 def test_every_parameter_of_the_robot_is_a_differentiable_leaf(robot):
-    leaves = jax.tree.leaves(robot)
-    assert leaves
-    assert all(isinstance(leaf, jax.Array) and leaf.dtype == float for leaf in leaves)
+    assert_float_leaves(robot)
     gradient = jax.tree.leaves(effect_of_parameters(robot))
     assert all(np.all(np.isfinite(leaf)) for leaf in gradient)
     assert any(np.any(np.asarray(leaf) != 0) for leaf in gradient)

@@ -1,6 +1,4 @@
-"""What every scheme keeps on every arm, as it is printed and at the arm's own rate."""
-
-from __future__ import annotations
+"""Guarantees of every scheme on every arm, as printed and at the sampling rate of the arm."""
 
 from typing import Any
 
@@ -36,7 +34,7 @@ LAG = {"gravity_pd": 0.01, "pid": 0.01}
 """The steady error that a scheme may have [rad or m]: these do not know the motion's torques."""
 
 UNDISTURBED = {("scara", "anftsmc"), ("scara", "computed_torque")}
-"""What settles as it is printed without the example's disturbances: against them its gains are small."""
+"""Printed schemes whose gains are small against the disturbances of the example."""
 
 COMPENSATED = {"two_link": 2e-5, "scara": 1e-4, "panda": 1e-3}
 """The steady error that is left where the disturbance is estimated and made up for [rad or m]."""
@@ -49,10 +47,7 @@ START, LOST = 2.0, 10
 
 
 def pairs(turn: int) -> list:
-    """Every scheme with every arm; for every day are every other scheme, by turns on one of the small arms.
-
-    - `turn`: 0 or 1, whether the first scheme is for every day or the second: so each has its day in one form.
-    """
+    """Every scheme with every arm; for every day are every other scheme, by turns on one of the small arms."""
     cases = []
     for arm in ARMS:
         for k, scheme in enumerate(SCHEMES):
@@ -97,8 +92,7 @@ def test_at_the_arms_rate_it_settles_within_its_limits_also_after_lost_samples(a
     steps = np.abs(np.diff(tau, axis=0))
     assert np.all(steps <= np.asarray(limits.rate) * scenario.period * (1 + 1e-12))
     lost = round(START / scenario.period)
-    assert np.all(steps[lost : lost + LOST - 1] == 0.0)
-    assert np.all(steps[[lost - 2, lost + LOST]].max(1) > 0.0)
+    assert np.all(steps[lost : lost + LOST - 1] == 0.0) and np.all(steps[[lost - 2, lost + LOST]].max(1) > 0.0)
 
 
 @pytest.mark.parametrize(("arm", "scheme"), pairs(1))

@@ -1,4 +1,4 @@
-"""What every sensor must be: a pure function of arrays, with chance from its seed only, and finite whatever happens."""
+"""Every sensor is a pure function of arrays, with chance from its seed only, and finite whatever happens."""
 
 import equinox as eqx
 import jax
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from slidax.core.types import State
-from tests.enrolled import every
+from tests.enrolled import assert_finite, assert_same, assert_same_form, every, stacked
 from tests.plant.sensors.members import LIKE_OTHERS, SENSORS
 from tests.plant.sensors.sampled import moving, sampled
 
@@ -40,10 +40,10 @@ def measured_of_jumps(sensor, size):
 
 @eqx.filter_jit
 @eqx.filter_grad
-def slopes(given):
-    sensor, scale = given
-    seen = sampled(sensor, lambda t: jax.tree.map(lambda x: scale * x, moving(t))).state
-    return jnp.sum(seen.q) + jnp.sum(seen.dq)
+def slopes(inputs):
+    sensor, scale = inputs
+    measurement = sampled(sensor, lambda t: jax.tree.map(lambda x: scale * x, moving(t))).state
+    return jnp.sum(measurement.q) + jnp.sum(measurement.dq)
 
 
 def one_by_one(sensor, samples):
@@ -53,16 +53,6 @@ def one_by_one(sensor, samples):
         measurement, memory = sensor(jnp.asarray(k), state, PERIOD, memory)
         measurements.append(measurement)
     return stacked(measurements)
-
-
-def stacked(parts):
-    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *parts)
-
-
-def assert_same(a, b, rtol=0.0):
-    assert jax.tree.structure(a) == jax.tree.structure(b)
-    for x, y in zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True):
-        np.testing.assert_allclose(x, y, rtol=rtol, atol=rtol)
 
 
 @EVERY
@@ -105,22 +95,18 @@ def test_the_first_sample_arrives_and_is_near_the_truth(sensor):
 def test_the_memory_keeps_its_tree_its_shapes_and_its_kinds(sensor):
     memory = sensor.init(moving(jnp.zeros(())))
     after = sensor(jnp.asarray(0), moving(jnp.zeros(())), PERIOD, memory)[1]
-    assert jax.tree.structure(after) == jax.tree.structure(memory)
-    for old, new in zip(jax.tree.leaves(memory), jax.tree.leaves(after), strict=True):
-        assert (old.shape, old.dtype) == (new.shape, new.dtype)
+    assert_same_form(after, memory)
 
 
 @pytest.mark.parametrize("size", [0.0, 5e-324, 1e-160, 1e16, 1e150, 1e280])
 @EVERY
 def test_whatever_the_state_the_measurement_is_finite(sensor, size):
-    seen = measured_of_jumps(sensor, jnp.asarray(size))
-    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(seen))
+    assert_finite(measured_of_jumps(sensor, jnp.asarray(size)))
 
 
 @EVERY
 def test_gradients_by_parameters_and_states_are_finite(sensor):
-    found = slopes((sensor, jnp.ones(())))
-    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(found))
+    assert_finite(slopes((sensor, jnp.ones(()))))
 
 
 @EVERY

@@ -1,16 +1,16 @@
-"""What every surface must be: an odd, increasing, continuously differentiable pull per joint."""
+"""Every surface is an odd, increasing, continuously differentiable pull per joint."""
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from slidax.law import LinearCoreFixedTime
-from tests.enrolled import every
-from tests.law.surfaces.members import LIKE_OTHERS, SURFACES
+from tests.enrolled import assert_finite, every
+from tests.law.members import SURFACES, SURFACES_LIKE_OTHERS
 
 # The older surface has a kink: what holds only without one is asked of the others.
 SMOOTH = [(name, member) for name, member in SURFACES if not isinstance(member, LinearCoreFixedTime)]
-EVERY = every("surface", SURFACES, full=LIKE_OTHERS)
+EVERY = every("surface", SURFACES, full=SURFACES_LIKE_OTHERS)
 GRID = np.concatenate([np.linspace(-3.0, 3.0, 1201), np.linspace(-0.02, 0.02, 801)])
 GRID.sort()
 
@@ -52,7 +52,7 @@ def test_joints_do_not_mix(surface):
     np.testing.assert_array_equal(jacobian - np.diag(np.diagonal(jacobian)), 0.0)
 
 
-@every("surface", SMOOTH, full=LIKE_OTHERS)
+@every("surface", SMOOTH, full=SURFACES_LIKE_OTHERS)
 def test_the_slope_is_continuous(surface):
     """Bisection towards the largest change would close in on a jump; without one the change goes to nothing."""
     at = jax.jit(lambda x: slope(surface, jnp.stack([x, x])))
@@ -75,7 +75,7 @@ def test_all_gains_have_finite_gradients_also_at_zero_error(surface):
 
     for eps in (jnp.zeros(2), jnp.array([0.01, -0.01]), jnp.array([20.0, -20.0])):
         for gradient in gradients(surface, eps):
-            assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(gradient))
+            assert_finite(gradient)
 
 
 @EVERY

@@ -1,10 +1,10 @@
-"""What every trajectory must be: a position whose velocity and acceleration are its derivatives."""
+"""Every trajectory is a position whose velocity and acceleration are its derivatives."""
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from tests.enrolled import every
+from tests.enrolled import assert_finite, assert_float_leaves, every
 from tests.motions.members import LIKE_OTHERS, TRAJECTORIES
 
 TIMES = jnp.asarray(np.random.default_rng(0).uniform(0.01, 4.0, 60))
@@ -32,14 +32,10 @@ def test_the_acceleration_is_the_derivative_of_the_velocity(trajectory):
 
 @EVERY
 def test_all_parameters_are_differentiable_leaves(trajectory):
-    leaves = jax.tree.leaves(trajectory)
-    assert leaves
-    assert all(isinstance(leaf, jax.Array) and leaf.dtype == float for leaf in leaves)
-    gradient = jax.jit(jax.grad(lambda trajectory: jnp.sum(trajectory.position(jnp.asarray(0.8)))))(trajectory)
-    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(gradient))
+    assert_float_leaves(trajectory)
+    assert_finite(jax.jit(jax.grad(lambda trajectory: jnp.sum(trajectory.position(jnp.asarray(0.8)))))(trajectory))
 
 
 @EVERY
 def test_the_motion_is_finite_from_the_start_to_long_after(trajectory):
-    reference = jax.jit(jax.vmap(trajectory.reference))(jnp.array([0.0, 1e-12, 1.0, 1e3]))
-    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(reference))
+    assert_finite(jax.jit(jax.vmap(trajectory.reference))(jnp.array([0.0, 1e-12, 1.0, 1e3])))

@@ -1,4 +1,4 @@
-"""What every transformation must be: an envelope made into a line, and a rate that is the true rate."""
+"""Every transformation is an envelope made into a line, and a rate that is the true rate."""
 
 import equinox as eqx
 import jax
@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from slidax.law import Unconstrained
-from tests.enrolled import every
-from tests.law.error_transformations.members import LIKE_OTHERS, TRANSFORMATIONS
+from tests.enrolled import assert_finite, every
+from tests.law.members import TRANSFORMATIONS, TRANSFORMATIONS_LIKE_OTHERS
 
 ENVELOPED = [(name, member) for name, member in TRANSFORMATIONS if not isinstance(member, Unconstrained)]
-EVERY = every("transformation", TRANSFORMATIONS, full=LIKE_OTHERS)
+EVERY = every("transformation", TRANSFORMATIONS, full=TRANSFORMATIONS_LIKE_OTHERS)
 STARTS = [jnp.array([0.3, 0.2]), jnp.array([-0.3, 0.2]), jnp.array([-0.3, -0.2]), jnp.zeros(2)]
 
 
@@ -55,8 +55,8 @@ def test_the_rate_of_alpha_is_its_derivative(transformation):
         return jax.jvp(alpha, (t,), (jnp.ones_like(t),)), along(transformation, memory, t).alpha_rate
 
     for t in (0.0, 0.4, 0.9):
-        (_, true), given = alpha_and_rates(t)
-        np.testing.assert_allclose(given, true, rtol=1e-11)
+        (_, true), rate = alpha_and_rates(t)
+        np.testing.assert_allclose(rate, true, rtol=1e-11)
 
 
 @eqx.filter_jit
@@ -72,15 +72,13 @@ def transformed(transformation, start, shares):
     return jax.vmap(eps)(shares)
 
 
-@every("transformation", ENVELOPED, full=LIKE_OTHERS)
+@every("transformation", ENVELOPED, full=TRANSFORMATIONS_LIKE_OTHERS)
 @pytest.mark.parametrize("start", STARTS)
 def test_errors_at_the_bounds_go_to_plus_and_minus_infinity(transformation, start):
     grid = np.asarray(
         transformed(transformation, start, jnp.array([1e-12, 1e-6, 0.1, 0.3, 0.7, 0.9, 1 - 1e-6, 1 - 1e-12]))
     )
-    assert np.all(np.diff(grid, axis=0) > 0)
-    assert np.all(grid[0] < -20)
-    assert np.all(grid[-1] > 20)
+    assert np.all(np.diff(grid, axis=0) > 0) and np.all(grid[0] < -20) and np.all(grid[-1] > 20)
 
 
 @EVERY
@@ -92,11 +90,10 @@ def test_zero_error_is_zero_transformed_error_and_lies_inside(transformation, st
     np.testing.assert_allclose(error.eps2, 0.0, atol=1e-15)
     envelope = transformation.envelope(jnp.asarray(0.5), memory)
     if envelope is not None:
-        assert np.all(np.asarray(envelope.lower) < 0)
-        assert np.all(np.asarray(envelope.upper) > 0)
+        assert np.all(np.asarray(envelope.lower) < 0) and np.all(np.asarray(envelope.upper) > 0)
 
 
-@every("transformation", ENVELOPED, full=LIKE_OTHERS)
+@every("transformation", ENVELOPED, full=TRANSFORMATIONS_LIKE_OTHERS)
 def test_alpha_is_not_negative_and_beta_exceeds_twice_the_inverse_radius(transformation):
     """Proposition 5, at random errors inside the envelope and at random times."""
     rng = np.random.default_rng(0)
@@ -128,8 +125,7 @@ def test_all_gains_have_finite_gradients_also_at_zero_error(transformation):
         return sum(jnp.sum(leaf) for leaf in jax.tree.leaves(error))
 
     for t in (0.0, 1.0, 5.0, 50.0):
-        gradient = gradients(transformation, jnp.asarray(t))
-        assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(gradient))
+        assert_finite(gradients(transformation, jnp.asarray(t)))
 
 
 @EVERY
@@ -143,7 +139,7 @@ def test_a_frame_maps_the_led_error_there_and_back(transformation):
         np.testing.assert_allclose(slope, difference, rtol=1e-6, atol=1e-10)
 
 
-@every("transformation", ENVELOPED, full=LIKE_OTHERS)
+@every("transformation", ENVELOPED, full=TRANSFORMATIONS_LIKE_OTHERS)
 @pytest.mark.parametrize("start", STARTS)
 def test_a_frame_is_the_envelope_led_by_its_rate_and_its_tangent(transformation, start):
     memory, t = transformation.init(jnp.asarray(0.0), start), jnp.asarray(0.5)

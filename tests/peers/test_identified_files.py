@@ -32,7 +32,7 @@ def test_an_arm_from_a_file_is_excited_and_identified(file, monkeypatch):
         ),
     )
     motion = excite(true, seed=0, duration=10.0, rate=250.0)
-    identified = identify(recorded(true, given=(motion.t, motion.motion)), arm)
+    identified = identify(recorded(true, times_and_motion=(motion.t, motion.motion)), arm)
     for name in ("armature", "coulomb", "viscous"):
         off = np.abs(identified.values(name) - np.asarray(getattr(true, name)))
         assert (off < 4.5 * identified.standard_errors(name)).all(), name

@@ -1,24 +1,17 @@
-"""No default diverges: at any rate, with any sensor and delay, after a sudden change of the arm."""
-
-from __future__ import annotations
+"""Defaults: no loop diverges at any rate, sensor and delay, and a default bound follows from the arm."""
 
 from typing import Any
 
 import numpy as np
 import pytest
 
-from scripts.figures.loop_rate import (
-    DELAYS,
-    RATES,
-    SCENARIOS,
-    SENSORS,
-    Setting,
-    diverging,
-    simulated,
-)
-from slidax import scenarios
+from scripts.figures.loop_rate import DELAYS, RATES, SCENARIOS, SENSORS, Setting, diverging, simulated
+from slidax import analysis, scenarios
+from slidax.core.errors import DefinitionError, DefinitionWarning
 from slidax.law import Measured
 from slidax.law.joint_loop import LinearLoop
+from slidax.plant import TorqueLimits
+from slidax.scenarios.default_bound import default_bound
 
 HALF = ("half the torque",)
 WORST: list[tuple[str, int, str, float, tuple[str, ...], int]] = [
@@ -32,9 +25,7 @@ WORST: list[tuple[str, int, str, float, tuple[str, ...], int]] = [
 
 
 @pytest.mark.parametrize(("name", "rate", "sensor", "delay", "changes", "arms"), WORST)
-def test_the_worst_defaults_do_not_diverge(
-    name: str, rate: int, sensor: str, delay: float, changes: tuple[str, ...], arms: int
-) -> None:
+def test_the_worst_defaults_do_not_diverge(name, rate, sensor, delay, changes, arms):
     setting = Setting(name, rate, sensor, delay)
     assert not diverging(setting, simulated(setting, arms, 5, changes)).any()
 
@@ -44,13 +35,13 @@ def test_the_worst_defaults_do_not_diverge(
 @pytest.mark.parametrize("sensor", SENSORS)
 @pytest.mark.parametrize("rate", RATES)
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_no_default_diverges(name: str, rate: int, sensor: str, delay: float) -> None:
+def test_no_default_diverges(name, rate, sensor, delay):
     setting = Setting(name, rate, sensor, delay)
     assert not diverging(setting, simulated(setting, 10, 38)).any()
 
 
 @pytest.mark.full
-def test_the_measure_of_divergence_finds_a_gain_that_is_too_large() -> None:
+def test_the_measure_of_divergence_finds_a_gain_that_is_too_large():
     eager = {"estimator": {"kind": "measured", "gain": 0.7}}
     setting = Setting("panda-payload", 100, "velocity sensor", 1, tuple({"horizon": 0.02, **eager}.items()))
     assert diverging(setting, simulated(setting, 20, 5, HALF)).sum() >= 2
@@ -65,28 +56,74 @@ def loop_of(period: float, delay: float, sensor: dict[str, Any]) -> LinearLoop:
 
 @pytest.mark.parametrize("delay", [0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0])
 @pytest.mark.parametrize("period", [0.02, 0.004, 0.001])
-def test_default_loops_tolerate_a_third_to_one_and_a_half_of_the_true_inertia(period: float, delay: float) -> None:
+def test_default_loops_tolerate_a_third_to_one_and_a_half_of_the_true_inertia(period, delay):
     least, largest = loop_of(period, delay, SENSORS["velocity sensor"]).stable_range()
     assert least < 1 / 3 and largest > 1.5
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.5, 1.0, 1.5, 2.0, 3.0])
 @pytest.mark.parametrize("period", [0.02, 0.004, 0.001])
-def test_default_loops_with_encoders_tolerate_half_to_five_quarters_of_the_true_inertia(
-    period: float, delay: float
-) -> None:
+def test_default_loops_with_encoders_tolerate_half_to_five_quarters_of_the_true_inertia(period, delay):
     exact = {"velocity": "differenced"}
     for sensor in (exact, SENSORS["encoders"]):
         least, largest = loop_of(period, delay, sensor).stable_range()
         assert least < 0.5 and largest > 1.25
 
 
-def test_a_filter_without_trend_has_no_mode_that_stays() -> None:
+def test_a_filter_without_trend_has_no_mode_that_stays():
     loop = LinearLoop(1e-3, 12.0, 3.0, (0.2, 0.0, 0.0), measures_velocity=True)
-    assert loop.radius() < 0.99
-    assert np.all(np.isfinite(loop.stable_range()))
+    assert loop.radius() < 0.99 and np.all(np.isfinite(loop.stable_range()))
 
 
-def test_the_default_gain_is_not_larger_than_what_is_asked_for() -> None:
-    assert float(Measured.tolerant(0.0, 0.1).gain) == 0.1
-    assert float(Measured.tolerant(2.0, 0.1).gain) == 0.1
+def test_the_default_gain_is_not_larger_than_what_is_asked_for():
+    assert float(Measured.tolerant(0.0, 0.1).gain) == 0.1 and float(Measured.tolerant(2.0, 0.1).gain) == 0.1
+
+
+NONE = {"scheme.bound": {}, "simulation.log_every": 100}
+
+
+def bound_of(name: str, changes: dict) -> object:
+    law = scenarios.load(name, {**NONE, **changes}).controller
+    return getattr(law, "step", law).bound
+
+
+@pytest.mark.parametrize("name", ["panda-payload", "example-4.1-1khz", "example-4.2-1khz"])
+def test_a_scenario_holds_without_a_bound_of_its_own(name):
+    run = scenarios.load(name, {**NONE, "simulation.t1": 4.0}).simulate()
+    assert analysis.envelope_violations(run) == 0
+
+
+def test_the_printed_law_has_the_gamma_of_its_stated_mismatch():
+    bound = bound_of("example-4.1", {})
+    assert float(bound.gamma) == pytest.approx(0.2, abs=1e-3) and float(bound.b2) > 0
+
+
+def test_a_heavier_payload_asks_for_more_and_no_more_than_a_quarter_of_the_drives():
+    strength = 87.0 * 2.0
+    bounds = []
+    for mass in (3.0, 6.0):
+        changes = {"robot.plant.load.mass": mass, "robot.plant.mass_factor": 1.0}
+        arms = scenarios.load("panda-payload", changes).description.robot.build()
+        strong, weak = (
+            default_bound(arms.true, arms.nominal, arms.load, TorqueLimits(torque=torque), sampled=True)
+            for torque in (1e4, strength / 7**0.5)
+        )
+        assert weak["b0"] + weak["margin"] == pytest.approx(0.25 * strength, rel=1e-3)
+        bounds.append(strong["b0"])
+    assert bounds[1] == pytest.approx(2.0 * bounds[0], rel=0.1)
+
+
+def test_given_bound_stays_and_only_the_rest_is_computed():
+    bound = bound_of("panda-payload", {"scheme.bound.b0": 3.0})
+    assert float(bound.b0) == 3.0 and float(bound.margin) > 0
+
+
+def test_m1_above_the_m2_that_is_found_is_refused_as_ever():
+    with pytest.raises(DefinitionError, match=r"eq\. 47"):
+        bound_of("panda-payload", {"scheme.bound.inverse_inertia_min": 1e6})
+
+
+@pytest.mark.parametrize(("margin", "words"), [(0.5, "ask for"), (500.0, "all drives together")])
+def test_a_bound_of_another_arm_is_noticed_with_numbers(margin, words):
+    with pytest.warns(DefinitionWarning, match=rf"scheme.bound gives u = {margin:g} N m .*{words}"):
+        scenarios.load("panda-payload", {"scheme.bound.margin": margin})

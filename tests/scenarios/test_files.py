@@ -1,10 +1,9 @@
-"""Scenario files: what is shipped is valid, and what is read is what was written."""
-
-from __future__ import annotations
+"""Scenario files: shipped scenarios are valid, files are found, and replaced parts take effect."""
 
 from pathlib import Path
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import jsonschema
 import numpy as np
@@ -12,10 +11,13 @@ import pytest
 
 from slidax import scenarios
 from slidax.core.errors import DefinitionError
+from slidax.core.types import State
 from slidax.law import Recovery
+from slidax.motions import ConstantPosture
 from slidax.scenarios.instruments import ActuatorDescription, LossDescription, OutageDescription, SensorDescription
 from slidax.scenarios.sampled_data import SampledDataDescription
 from slidax.scenarios.yaml_text import read_yaml
+from slidax.simulation import native_engine
 
 BUILT_IN = Path(scenarios.__file__).parent / "built_in"
 DOCUMENTED = Path(__file__).parents[2] / "docs" / "scenarios.md"
@@ -25,19 +27,19 @@ PAPER = [name for name in scenarios.names() if name.startswith("example-")]
 
 
 @pytest.mark.parametrize("name", scenarios.names())
-def test_a_built_in_scenario_is_valid_by_the_published_schema(name: str) -> None:
+def test_a_built_in_scenario_is_valid_by_the_published_schema(name):
     data = read_yaml((BUILT_IN / f"{name}.yaml").read_text(encoding="utf-8"))
     jsonschema.Draft202012Validator(scenarios.schema()).validate(data)
 
 
-def test_the_schema_refuses_an_unknown_key() -> None:
+def test_the_schema_refuses_an_unknown_key():
     data = read_yaml((BUILT_IN / "example-4.1.yaml").read_text(encoding="utf-8"))
     data["scheme"]["surfce"] = {}
     assert not jsonschema.Draft202012Validator(scenarios.schema()).is_valid(data)
 
 
 @pytest.mark.parametrize("name", PAPER)
-def test_the_example_follows_the_motion_that_the_paper_prints(name: str) -> None:
+def test_the_example_follows_the_motion_that_the_paper_prints(name):
     t = 0.7
     printed = {
         "example-4.1": [
@@ -51,7 +53,7 @@ def test_the_example_follows_the_motion_that_the_paper_prints(name: str) -> None
 
 
 @pytest.mark.parametrize("name", PAPER)
-def test_the_example_is_disturbed_as_the_paper_prints(name: str) -> None:
+def test_the_example_is_disturbed_as_the_paper_prints(name):
     t = 0.3
     ripple = 0.5 * np.sin(200 * np.pi * t)
     printed = {
@@ -68,7 +70,7 @@ def test_the_example_is_disturbed_as_the_paper_prints(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["example-4.1", "example-4.2"])
-def test_at_1_khz_the_law_has_the_papers_gains_and_no_boundary_layer(name: str) -> None:
+def test_at_1_khz_the_law_has_the_papers_gains_and_no_boundary_layer(name):
     slow, printed = scenarios.load(f"{name}-1khz"), scenarios.load(name)
     for part in ("transformation", "surface", "bound"):
         assert eqx.tree_equal(getattr(slow.controller.step, part), getattr(printed.controller, part)), part
@@ -79,33 +81,31 @@ def test_at_1_khz_the_law_has_the_papers_gains_and_no_boundary_layer(name: str) 
     np.testing.assert_allclose(slow.controller.nominal.masses, 1.2 * slow.plant.robot.masses, rtol=1e-15)
 
 
-def test_the_nominal_robot_takes_from_the_plant_what_it_is_not_given() -> None:
+def test_the_nominal_robot_takes_from_the_plant_what_it_is_not_given():
     nominal = scenarios.load("example-4.1", {"robot.plant.lengths": [0.9, 0.7]}).controller.nominal
     np.testing.assert_array_equal(nominal.lengths, [0.9, 0.7])
     np.testing.assert_array_equal(nominal.masses, [0.6, 1.8])
 
 
-def test_a_file_is_read_like_a_built_in_scenario(tmp_path: Path) -> None:
+def test_a_file_is_read_like_a_built_in_scenario(tmp_path):
     file = tmp_path / "mine.yaml"
     file.write_text((BUILT_IN / "example-4.1.yaml").read_text(encoding="utf-8"), encoding="utf-8")
     scenario = scenarios.load(file, {"simulation.t1": 0.01})
-    assert scenario.name == "mine"
-    assert scenario.simulate().outcome.ok
+    assert scenario.name == "mine" and scenario.simulate().outcome.ok
 
 
-def test_the_scenario_in_the_documentation_runs_inside_its_envelope() -> None:
+def test_the_scenario_in_the_documentation_runs_inside_its_envelope():
     text = DOCUMENTED.read_text(encoding="utf-8").split("```yaml\n")[1].split("```")[0]
     assert scenarios.parse(text).build("documented").simulate(log_every=None).outcome.ok
 
 
-def test_the_documented_sensor_actuator_and_sampled_data_fit_the_documented_scenario() -> None:
+def test_the_documented_sensor_actuator_and_sampled_data_fit_the_documented_scenario():
     blocks = DOCUMENTED.read_text(encoding="utf-8").split("```yaml\n")
     (at_rate,) = (block for block in blocks if block.startswith("sensor:"))
     scenario, rate = blocks[1].split("```")[0], read_yaml(at_rate.split("```")[0])
     assert list(rate) == ["sensor", "actuator", "scheme", "simulation"]
     own = rate.pop("scheme")["sampled_data"]
     built = scenarios.parse(scenario, rate | {"scheme.sampled_data": own}).build("documented")
-    # What the page says of leaving the recovery out.
     assert eqx.tree_equal(built.controller.step.recovery, Recovery())
     run = built.simulate(log_every=None)
     assert run.outcome.ok, run.outcome.message
@@ -115,7 +115,7 @@ def test_the_documented_sensor_actuator_and_sampled_data_fit_the_documented_scen
     assert printed.outcome.kind == "not_finite"
 
 
-def test_every_field_of_the_sensor_and_the_actuator_is_documented() -> None:
+def test_every_field_of_the_sensor_and_the_actuator_is_documented():
     text = DOCUMENTED.read_text(encoding="utf-8")
     section = text[text.index("## At the rate of a robot") :]
     for model in (SensorDescription, ActuatorDescription, LossDescription, OutageDescription, SampledDataDescription):
@@ -125,7 +125,7 @@ def test_every_field_of_the_sensor_and_the_actuator_is_documented() -> None:
         assert f"- `{kind}`" in section
 
 
-def test_numbers_with_an_exponent_are_numbers_in_yaml_1_2() -> None:
+def test_numbers_with_an_exponent_are_numbers_in_yaml_1_2():
     assert read_yaml("1e-4") == 1e-4
 
 
@@ -137,13 +137,117 @@ def test_numbers_with_an_exponent_are_numbers_in_yaml_1_2() -> None:
         ("title: only this", "robot: is missing"),
     ],
 )
-def test_a_file_that_is_no_scenario_is_refused_in_one_sentence(text: str, words: str) -> None:
+def test_a_file_that_is_no_scenario_is_refused_in_one_sentence(text, words):
     with pytest.raises(DefinitionError, match=words):
         scenarios.parse(text)
 
 
-def test_a_binary_file_is_refused(tmp_path: Path) -> None:
+def test_a_binary_file_is_refused(tmp_path):
     file = tmp_path / "picture.yaml"
     file.write_bytes(b"\x89PNG\xff\xfe")
     with pytest.raises(DefinitionError, match="not UTF-8"):
         scenarios.load(file)
+
+
+URDF = """<robot name="one">
+<link name="base"/>
+<link name="arm"><inertial><origin xyz="0.1 0 0"/><mass value="2"/>
+<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="shoulder" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/></joint>
+</robot>"""
+
+SCENARIO = """
+title: One joint from a file beside this one
+robot: {kind: urdf, file: arms/one.urdf}
+trajectory: {kind: csv, file: motions/turn.csv}
+start: {q: [0.0]}
+scheme: {name: computed_torque}
+simulation: {mode: held, period: 1.0e-2, t1: 0.5}
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for name, text in {
+        "task/arms/one.urdf": URDF,
+        "task/motions/turn.csv": "time,shoulder\n0,0\n0.25,0.1\n0.5,0.2\n",
+        "task/one.yaml": SCENARIO,
+        "elsewhere/arms/one.urdf": URDF.replace('mass value="2"', 'mass value="3"'),
+    }.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    return tmp_path
+
+
+def mass(scenario: scenarios.Scenario) -> float:
+    return float(np.asarray(scenario.plant.robot.masses)[0])
+
+
+def test_files_are_found_from_the_folder_of_the_scenario(folder, monkeypatch):
+    monkeypatch.chdir(folder / "elsewhere")
+    assert mass(scenarios.load(folder / "task" / "one.yaml")) == 2.0
+    assert mass(scenarios.load(Path("..") / "task" / "one.yaml")) == 2.0
+
+
+def test_a_file_that_is_set_is_found_from_the_current_folder(folder, monkeypatch):
+    monkeypatch.chdir(folder / "elsewhere")
+    changed = scenarios.load(folder / "task" / "one.yaml", {"robot.file": "arms/one.urdf"})
+    assert mass(changed) == 3.0
+
+
+def test_a_file_that_is_not_there_is_named_with_its_folder(folder):
+    (folder / "task" / "arms" / "one.urdf").unlink()
+    with pytest.raises(DefinitionError, match=r"^robot: .*task/arms/one.urdf"):
+        scenarios.load(folder / "task" / "one.yaml")
+
+
+BASE = scenarios.load("example-4.1").replace(t1=0.05, mode="held", period=1e-3)
+GAINS = jnp.array([0.1, 0.3])
+
+
+def with_gain(scenario, k1):
+    return scenario.replace(controller=eqx.tree_at(lambda c: c.surface.k1, scenario.controller, k1))
+
+
+def test_parts_times_and_stepping_are_replaced_and_the_rest_stays():
+    before = scenarios.load("example-4.1")
+    after = before.replace(state0=State([0.3, 2.4]), t1=0.05, period=1e-3, mode="held")
+    assert (after.t1, after.period, after.stepping.mode) == (0.05, 1e-3, "held")
+    assert (before.t1, before.stepping.mode) == (10.0, "continuous")
+    assert after.controller is before.controller and after.stepping.integrator is before.stepping.integrator
+    assert after.changed == ("state0", "t1", "period", "mode") and int(after.simulate().tally.samples) == 51
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"trajectory": ConstantPosture([0.0, 0.0, 0.0])}, r"the trajectory gives \[3\] positions"),
+        ({"state0": State([0.0])}, "`state0.q` must have one entry for each of the 2 joints"),
+        ({"controler": None}, "a scenario has no field `controler`; did you mean `controller`?"),
+        ({"period": -1.0}, "`Stepping.period` must be > 0 s"),
+    ],
+)
+def test_parts_that_do_not_fit_are_refused(change, message):
+    with pytest.raises(DefinitionError, match=message):
+        BASE.replace(**change)
+
+
+def test_many_at_once_are_each_alone():
+    runs = BASE.simulate_batch(with_gain, GAINS, log_every=1)
+    for run, k1 in zip(runs, GAINS, strict=True):
+        alone = with_gain(BASE, k1).simulate(log_every=1)
+        for many, single in zip(jax.tree.leaves(run), jax.tree.leaves(alone), strict=True):
+            np.testing.assert_array_equal(many, single)
+    assert np.any(runs[0].tally.last_torque != runs[1].tally.last_torque)
+
+
+def test_the_same_batch_is_compiled_once():
+    BASE.simulate_batch(with_gain, GAINS, log_every=1)
+    before = native_engine._compiled_batch.cache_info().misses
+    BASE.simulate_batch(with_gain, GAINS, log_every=1)
+    assert native_engine._compiled_batch.cache_info().misses == before
+
+
+def test_all_runs_of_a_batch_pass_through_the_same_time():
+    with pytest.raises(DefinitionError, match="all runs of a batch have one `t1` and one stepping"):
+        BASE.simulate_batch(lambda scenario, k1: with_gain(scenario, k1).replace(t1=0.1), GAINS)

@@ -1,17 +1,31 @@
-"""Sensors and actuators in a scenario file become the parts that they describe, and the law is told of them."""
-
-from __future__ import annotations
+"""Sensors, actuators and the sampled-data block become the described parts, and the law knows them."""
 
 from typing import Any
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from slidax import scenarios
 from slidax.core.errors import DefinitionError
+from slidax.law import (
+    AbstractEstimator,
+    FilteredDifference,
+    Kalman,
+    Measured,
+    MeasurementGate,
+    Recovery,
+    RobustDifferentiator,
+    SampledData,
+    SaturatedReaching,
+    sampled_data,
+)
+from slidax.law.kalman import FASTEST_PACE
 from slidax.plant import AbstractSensor, Actuator, Delayed, DifferencedEncoders, Encoders, Exact, Lossy, TorqueLimits
 from slidax.scenarios import Scenario
+from slidax.scenarios.schemes import SCHEMES, switch_scheme
+from tests.paper_examples import START_4_1, TWO_LINK_NOMINAL, law_4_1
 
 NAME = "example-4.1-1khz"
 
@@ -46,7 +60,7 @@ SENSORS: list[tuple[dict[str, Any], AbstractSensor | None]] = [
 
 
 @pytest.mark.parametrize(("described", "sensor"), SENSORS)
-def test_a_sensor_is_the_one_that_is_described(described: dict[str, Any], sensor: AbstractSensor | None) -> None:
+def test_a_sensor_is_the_one_that_is_described(described, sensor):
     assert eqx.tree_equal(loaded(described).plant.sensor, sensor)
 
 
@@ -62,11 +76,11 @@ ACTUATORS: list[tuple[dict[str, Any], Actuator | None]] = [
 
 
 @pytest.mark.parametrize(("described", "actuator"), ACTUATORS)
-def test_an_actuator_is_the_one_that_is_described(described: dict[str, Any], actuator: Actuator | None) -> None:
+def test_an_actuator_is_the_one_that_is_described(described, actuator):
     assert eqx.tree_equal(loaded(actuator=described).plant.actuator, actuator)
 
 
-def test_a_sensor_without_seed_has_the_seed_zero_and_an_outage_begins_at_the_nearest_sample() -> None:
+def test_a_sensor_without_seed_has_the_seed_zero_and_an_outage_begins_at_the_nearest_sample():
     sensor = loaded(
         {"loss": {"outages": [{"start": 0.0299, "samples": 1}]}}, **{"simulation.period": 2e-3}
     ).plant.sensor
@@ -74,27 +88,24 @@ def test_a_sensor_without_seed_has_the_seed_zero_and_an_outage_begins_at_the_nea
     assert int(sensor.seed) == 0
 
 
-def test_the_law_is_told_of_delay_dead_time_and_limits() -> None:
+def test_the_law_is_told_of_delay_dead_time_and_limits():
     actuator = {"torque": [60, 30], "rate": 4000, "dead_time": 0.75, "time_constant": 1e-3}
     law = loaded({"delay": 1.5, "jitter": 0.5}, actuator).controller
     assert (law.delay, law.dead_time) == (2.25, 0.75)
     assert eqx.tree_equal(law.limits, TorqueLimits([60.0, 30.0], 4000.0))
     ideal = loaded().controller
-    assert (ideal.delay, ideal.dead_time) == (0.0, 0.0)
-    assert eqx.tree_equal(ideal.limits, TorqueLimits())
+    assert (ideal.delay, ideal.dead_time) == (0.0, 0.0) and eqx.tree_equal(ideal.limits, TorqueLimits())
 
 
-def test_a_printed_law_too_can_have_a_sensor_and_an_actuator() -> None:
+def test_a_printed_law_too_can_have_a_sensor_and_an_actuator():
     changes = {"simulation.mode": "held", "simulation.t1": 0.05, "sensor.resolution": 1e-4, "actuator.torque": 50}
     run = scenarios.load("example-4.1", changes).simulate(log_every=1)
-    assert run.outcome.ok
-    assert run.log is not None
-    assert np.abs(run.log.tau).max() == 50
+    assert run.outcome.ok and run.log is not None and np.abs(run.log.tau).max() == 50
     free = scenarios.load("example-4.1", {**changes, "sensor": {}, "actuator": {}}).simulate(log_every=None)
     assert np.asarray(free.tally.peak_torque).max() > 100
 
 
-def test_the_files_word_on_what_happens_outside_is_what_the_run_does() -> None:
+def test_the_files_word_on_what_happens_outside_is_what_the_run_does():
     assert scenarios.load("example-4.1").stepping.outside == "raise"
     assert scenarios.load(NAME).stepping.outside == "recover"
     start = {"start.q": [5.0, 5.0], "simulation.t1": 0.01}
@@ -103,7 +114,7 @@ def test_the_files_word_on_what_happens_outside_is_what_the_run_does() -> None:
         scenarios.load(NAME, start | {"simulation.outside": "raise"}).simulate(log_every=None)
 
 
-def test_the_same_seed_gives_the_same_run_and_another_one_another() -> None:
+def test_the_same_seed_gives_the_same_run_and_another_one_another():
     def aice(seed: int) -> Any:
         changes = {"sensor": {"position_noise": 1e-6, "seed": seed}, "simulation.t1": 0.05}
         return scenarios.load(NAME, changes).simulate(log_every=None).tally.torque_travel
@@ -125,19 +136,135 @@ def test_the_same_seed_gives_the_same_run_and_another_one_another() -> None:
         ),
     ],
 )
-def test_a_sensor_by_its_kind_is_the_one_that_the_short_fields_describe(flat: Any, instrument: Any) -> None:
+def test_a_sensor_by_its_kind_is_the_one_that_the_short_fields_describe(flat, instrument):
     """With the law's own estimator, which goes by what is measured and how well."""
     block = {"delay": 1.0, "loss": {"probability": 0.01}}
-    one, other = (
-        scenarios.load("example-4.1-1khz", {"sensor": {**said, **block}}) for said in (flat, {"instrument": instrument})
+    short, other = (
+        scenarios.load("example-4.1-1khz", {"sensor": {**block_of, **block}})
+        for block_of in (flat, {"instrument": instrument})
     )
-    assert eqx.tree_equal(one.plant.sensor, other.plant.sensor)
-    assert eqx.tree_equal(one.controller, other.controller)
+    assert eqx.tree_equal(short.plant.sensor, other.plant.sensor)
+    assert eqx.tree_equal(short.controller, other.controller)
 
 
-def test_encoders_and_another_sensor_are_not_both_described() -> None:
+def test_encoders_and_another_sensor_are_not_both_described():
     sensor = {"resolution": 1e-5, "instrument": {"kind": "exact"}}
     with pytest.raises(
         DefinitionError, match=r"^sensor.resolution: describes encoders, and `instrument` another sensor"
     ):
         scenarios.load("example-4.1-1khz", {"sensor": sensor})
+
+
+PRINTED = law_4_1(layer=0.0)
+MASS = TWO_LINK_NOMINAL.mass(START_4_1.q)
+SLIDING = ["cftsmppc", "ftsmc", "ftsmppc", "sfsmc", "sfsmppc", "slotine_li", "slotine_li_ppc"]
+
+
+def law(block: dict[str, Any], **changes: Any) -> SampledData:
+    built = scenarios.load(NAME, {"scheme.sampled_data": block, **changes}).controller
+    assert isinstance(built, SampledData)
+    return built
+
+
+def by_hand(**changes: Any) -> SampledData:
+    options: dict[str, Any] = {
+        "period": 1e-3,
+        "limits": TorqueLimits(60.0, 4000.0),
+        "delay": 1.0,
+        "recovery": Recovery(),
+        "gate": MeasurementGate.of_arm(TWO_LINK_NOMINAL, torque=60.0, mass=MASS, spread=1e-8 * jnp.ones(2)),
+    }
+    return sampled_data(PRINTED, **options | changes)
+
+
+FORMS: list[tuple[dict[str, Any], dict[str, Any]]] = [
+    ({}, {}),
+    ({"horizon": 0.02}, {"horizon": 0.02}),
+    ({"slopes": False}, {"slopes": False}),
+    ({"recovery": None}, {"recovery": None}),
+    ({"recovery": {}}, {}),
+    ({"recovery": {"deadline": 0.5, "room": 2, "share": 0.1}}, {"recovery": Recovery(0.5, 2.0, 0.1)}),
+    ({"estimator": {"kind": "measured", "gain": 0.3}}, {"estimator": Measured.critical(0.3, 2.0)}),
+]
+
+
+@pytest.mark.parametrize(("block", "changes"), FORMS)
+def test_the_form_is_the_one_that_is_described(block, changes):
+    assert eqx.tree_equal(law({"adaptation": None, **block}), by_hand(**changes))
+
+
+ESTIMATOR_BLOCKS: list[tuple[dict[str, Any], AbstractEstimator]] = [
+    ({"kind": "measured"}, Measured.critical(1.0 / 6.0, 2.0)),
+    ({"kind": "measured", "gain": 0.4}, Measured.critical(0.4, 2.0)),
+    ({"kind": "measured", "gain": [0.3, 0.4], "trend": 0.0}, Measured([0.3, 0.4], 0.0, 2.0)),
+    ({"kind": "kalman"}, Kalman.of_arm(MASS, variance=1e-18, period=1e-3, fastest=FASTEST_PACE)),
+    (
+        {"kind": "kalman", "torque_density": [0.1, 0.2], "variance": 1e-12},
+        Kalman.of_arm(MASS, variance=1e-12, period=1e-3, torque_density=jnp.array([0.1, 0.2])),
+    ),
+    ({"kind": "filtered_difference", "cutoff": 300}, FilteredDifference(300.0, 0.25)),
+    ({"kind": "filtered_difference", "cutoff": [300, 200], "gain": 0.4}, FilteredDifference([300.0, 200.0], 0.4)),
+    ({"kind": "robust_differentiator", "lipschitz": [50, 80]}, RobustDifferentiator([50.0, 80.0])),
+]
+
+
+@pytest.mark.parametrize(("described", "estimator"), ESTIMATOR_BLOCKS)
+def test_an_estimator_is_the_one_that_is_described(described, estimator):
+    assert eqx.tree_equal(law({"estimator": described, "adaptation": None}).estimator, estimator)
+
+
+def test_with_encoders_alone_the_estimator_is_a_kalman_filter_for_their_resolution_and_noise():
+    sensor = {"velocity": "differenced", "resolution": [1e-5, 2e-5], "position_noise": 1e-6}
+    variance = jnp.array([1e-10, 4e-10]) / 12 + 1e-12
+    wanted = Kalman.of_arm(MASS, variance=variance, period=1e-3)
+    assert eqx.tree_equal(law({}, sensor=sensor).estimator, wanted)
+    # With a velocity sensor the velocity is used, however coarse the encoders are.
+    assert isinstance(law({}, sensor=sensor | {"velocity": "measured"}).estimator, Measured)
+
+
+@pytest.mark.parametrize(
+    ("period", "delay", "horizon"),
+    [(0.001, 1, 0.012), (0.001, 3, 0.012), (0.01, 0, 0.02), (0.01, 1, 0.03), (0.01, 2.5, 0.0525), (0.02, 3, 0.12)],
+)
+def test_the_default_horizon_grows_with_the_period_and_the_delay(period, delay, horizon):
+    built = law({}, **{"simulation.period": period, "sensor.delay": delay})
+    assert float(built.period) == period and float(built.horizon) == pytest.approx(horizon, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("delay", "estimator"),
+    [(1, Measured.critical(1.0 / 6.0, 2.0)), (1.5, Measured(1.0 / 6.0)), (3, Measured(1.0 / 6.0))],
+)
+def test_the_default_estimator_extrapolates_no_trend_over_long_delays(delay, estimator):
+    assert eqx.tree_equal(law({}, **{"sensor.delay": delay}).estimator, estimator, rtol=1e-12)
+
+
+def test_without_the_block_the_law_is_the_printed_one():
+    built = scenarios.load(NAME, {"scheme.sampled_data": None}).controller
+    assert eqx.tree_equal(built, PRINTED)
+
+
+@pytest.mark.parametrize("name", SLIDING)
+def test_another_scheme_by_name_keeps_its_sampled_data_form(name):
+    changes = {"scheme.name": name, "scheme.sampled_data.horizon": 0.015}
+    built = scenarios.load(NAME, changes).controller
+    plain = scenarios.load(NAME, {"scheme.name": name, "scheme.sampled_data": None}).controller
+    assert isinstance(built, SampledData) and float(built.horizon) == 0.015
+    assert eqx.tree_equal(built.step.surface, plain.surface)
+    assert eqx.tree_equal(built.step.transformation, plain.transformation)
+    if name.startswith("slotine_li"):
+        assert isinstance(built.step.reaching, SaturatedReaching)
+        assert eqx.tree_equal(built.step.reaching.damping, plain.damping)
+    else:
+        assert eqx.tree_equal((built.step.reaching, built.step.bound), (plain.reaching, plain.bound))
+
+
+def test_every_scheme_keeps_the_block_but_for_what_only_plans_have():
+    estimator = {"kind": "kalman"}
+    scheme = {"name": "cftsmppc", "sampled_data": {"horizon": 0.02, "slopes": False, "estimator": estimator}}
+    for name in set(SCHEMES) - {"cftsmppc"}:
+        plans = name not in ("anftsmc", "computed_torque", "gravity_pd", "nftsmc", "pid")
+        kept = scheme["sampled_data"] if plans else {"estimator": estimator}
+        assert switch_scheme(scheme, name) == {"name": name, "sampled_data": kept}
+    built = scenarios.load("panda-payload", {"scheme.name": "computed_torque"}).controller
+    assert isinstance(built, SampledData) and built.horizon is None and isinstance(built.estimator, Kalman)

@@ -1,10 +1,7 @@
 """Every scheme can be named in a scenario, and naming another one keeps what belongs to the task and the arm."""
 
-from __future__ import annotations
-
 import inspect
 from pathlib import Path
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -48,9 +45,7 @@ BY_HAND = [
 
 
 @pytest.mark.parametrize(("scenario", "name", "changes", "by_hand"), BY_HAND, ids=[case[1] for case in BY_HAND])
-def test_a_scheme_by_name_is_the_one_of_the_papers_tables(
-    scenario: str, name: str, changes: dict[str, Any], by_hand: Any
-) -> None:
+def test_a_scheme_by_name_is_the_one_of_the_papers_tables(scenario, name, changes, by_hand):
     built = scenarios.load(scenario, {"scheme.name": name, **changes}).controller
     assert eqx.tree_equal(built, by_hand, typematch=False)
 
@@ -64,16 +59,15 @@ PLACES = [
 
 
 @pytest.mark.parametrize(("example", "name"), PLACES)
-def test_any_scheme_can_take_the_place_of_the_files_and_runs(example: str, name: str) -> None:
+def test_any_scheme_can_take_the_place_of_the_files_and_runs(example, name):
     scenario = scenarios.load(example, {"scheme.name": name, "simulation.t1": 0.02, "simulation.mode": "held"})
     assert scenario.scheme == name
     run = scenario.simulate(log_every=None)
-    assert run.outcome.ok
-    assert np.all(np.isfinite(run.tally.peak_torque))
+    assert run.outcome.ok and np.all(np.isfinite(run.tally.peak_torque))
 
 
 @pytest.mark.parametrize("name", ["ftsmppc", "sfsmppc", "slotine_li_ppc"])
-def test_the_envelope_goes_along_to_every_scheme_that_has_one(name: str) -> None:
+def test_the_envelope_goes_along_to_every_scheme_that_has_one(name):
     changes = {"scheme.name": name, "scheme.performance.final": 0.003}
     transformation = scenarios.load("example-4.1", changes).controller.transformation
     wanted = eqx.tree_at(lambda p: p.performance.final, AROUND_4_1, np.asarray(0.003))
@@ -82,15 +76,13 @@ def test_the_envelope_goes_along_to_every_scheme_that_has_one(name: str) -> None
 
 
 @pytest.mark.parametrize("name", ["ftsmc", "sfsmc"])
-def test_a_scheme_without_an_envelope_drops_the_files_and_what_its_bound_has_not(name: str) -> None:
+def test_a_scheme_without_an_envelope_drops_the_files_and_what_its_bound_has_not(name):
     controller = scenarios.load("example-4.1", {"scheme.name": name}).controller
-    assert isinstance(controller, SlidingMode)
-    assert float(controller.bound.b1) == 0.0
-    assert float(controller.bound.b0) == 12.0
-    assert jax.tree.leaves(controller.transformation) == []
+    assert isinstance(controller, SlidingMode) and float(controller.bound.b1) == 0.0
+    assert float(controller.bound.b0) == 12.0 and jax.tree.leaves(controller.transformation) == []
 
 
-def test_the_other_changes_of_the_scheme_come_after_the_switch_in_any_order() -> None:
+def test_the_other_changes_of_the_scheme_come_after_the_switch_in_any_order():
     changes = {"scheme.surface.k1": 2.0, "scheme.name": "ftsmc", "scheme.reaching.layer": 0.05}
     for order in (changes, dict(reversed(changes.items()))):
         controller = scenarios.load("example-4.1", order).controller
@@ -98,7 +90,7 @@ def test_the_other_changes_of_the_scheme_come_after_the_switch_in_any_order() ->
         assert eqx.tree_equal(controller, ftsmc_4_1(k1=2.0, layer=0.05), typematch=False)
 
 
-def test_naming_the_files_own_scheme_changes_nothing() -> None:
+def test_naming_the_files_own_scheme_changes_nothing():
     changes = {"scheme.surface.k1": 0.3}
     plain, named = (
         scenarios.load("example-4.1", c).controller for c in (changes, {"scheme.name": "cftsmppc"} | changes)
@@ -106,16 +98,16 @@ def test_naming_the_files_own_scheme_changes_nothing() -> None:
     assert eqx.tree_equal(plain, named)
 
 
-def test_the_switch_does_not_touch_the_mapping_it_is_given() -> None:
+def test_the_switch_does_not_touch_the_mapping_it_is_given():
     scheme = {"name": "cftsmppc", "overshoot": 0.2, "surface": {"k1": 1.0}, "bound": {"b1": 2.2, "margin": 1.0}}
     assert switch_scheme(scheme, "ftsmc") == {"name": "ftsmc", "bound": {"margin": 1.0}}
     kept = {"transformation": {"overshoot": 0.2}, "bound": scheme["bound"]}
     assert switch_scheme(scheme, "ftsmppc") == {"name": "ftsmppc", **kept}
     assert switch_scheme(scheme, "computed_torque") == {"name": "computed_torque"}
-    assert scheme["surface"] == {"k1": 1.0}
-    assert scheme["bound"] == {"b1": 2.2, "margin": 1.0}
+    assert scheme["surface"] == {"k1": 1.0} and scheme["bound"] == {"b1": 2.2, "margin": 1.0}
 
 
+SHRINKING = {"kind": "exponential", "initial": 0.9, "final": 0.01, "rate": 1.0}
 COMPOSED = {
     "another surface in the envelope": (
         {"scheme.surface.kind": "linear", "scheme.surface.rate": 0.6},
@@ -125,34 +117,20 @@ COMPOSED = {
         {"scheme.reaching": {"kind": "two_power", "k1": 5.0, "k2": 5.0, "v1": 2.5, "v2": 0.5, "layer": 0.05}},
         lambda law: float(law.reaching.v1) == 2.5,
     ),
-    "another bound": (
-        {"scheme.bound": {"kind": "fixed", "size": 30.0}},
-        lambda law: float(law.bound.size) == 30.0,
-    ),
+    "another bound": ({"scheme.bound": {"kind": "fixed", "size": 30.0}}, lambda law: float(law.bound.size) == 30.0),
     "another envelope": (
-        {"scheme.performance": {"kind": "exponential", "initial": 0.9, "final": 0.01, "rate": 1.0}},
+        {"scheme.performance": SHRINKING},
         lambda law: float(law.transformation.performance.rate) == 1.0,
     ),
     "super-twisting in an envelope": (
-        {
-            "scheme": {
-                "name": "super_twisting",
-                "performance": {"kind": "exponential", "initial": 0.9, "final": 0.01, "rate": 1.0},
-                "overshoot": 0.2,
-                "rate": 0.6,
-            }
-        },
+        {"scheme": {"name": "super_twisting", "performance": SHRINKING, "overshoot": 0.2, "rate": 0.6}},
         lambda law: isinstance(law, SuperTwisting) and isinstance(law.transformation, PrescribedPerformance),
     ),
     "the same with every part where it belongs": (
         {
             "scheme": {
                 "name": "super_twisting",
-                "transformation": {
-                    "kind": "prescribed_performance",
-                    "performance": {"kind": "exponential", "initial": 0.9, "final": 0.01, "rate": 1.0},
-                    "overshoot": 0.2,
-                },
+                "transformation": {"kind": "prescribed_performance", "performance": SHRINKING, "overshoot": 0.2},
                 "surface": {"kind": "singularity_free", "c1": 0.2, "c2": 0.6, "alpha": 0.7, "beta": 1.2, "r": 1.7}
                 | {"delta": 0.3},
             }
@@ -175,14 +153,13 @@ COMPOSED = {
 
 
 @pytest.mark.parametrize(("changes", "holds"), COMPOSED.values(), ids=COMPOSED)
-def test_a_file_composes_whatever_python_can(changes: dict[str, Any], holds: Any) -> None:
+def test_a_file_composes_whatever_python_can(changes, holds):
     short = {"simulation.t1": 0.02, "simulation.mode": "held"}
     scenario = scenarios.load("example-4.1", {**changes, **short})
-    assert holds(scenario.controller)
-    assert scenario.simulate(log_every=None).outcome.ok
+    assert holds(scenario.controller) and scenario.simulate(log_every=None).outcome.ok
 
 
-def test_files_with_earlier_names_mean_the_same() -> None:
+def test_files_with_earlier_names_mean_the_same():
     now = {"inverse_inertia_min": 0.1, "inverse_inertia_max": 0.3, "b0": 1.0, "b1": 2.0, "b2": 3.0, "margin": 4.0}
     earlier = {"inertia_min": 0.1, "inertia_max": 0.3, "constant": 1.0, "position": 2.0, "velocity": 3.0, "margin": 4.0}
     loaded = [scenarios.load("example-4.1", {"scheme.bound": bound}).controller for bound in (now, earlier)]
@@ -196,16 +173,16 @@ def test_files_with_earlier_names_mean_the_same() -> None:
     assert eqx.tree_equal(*factors)
 
 
-def test_a_preset_is_the_same_in_python_and_in_a_file() -> None:
+def test_a_preset_is_the_same_in_python_and_in_a_file():
     file = scenarios.load("example-4.1", {"scheme.k1": 0.3, "scheme.layer": 0.01}).controller
-    given = {"performance": AROUND_4_1.performance, "overshoot": 0.2, "bound": file.bound}
-    assert eqx.tree_equal(controllers.cftsmppc(file.nominal, k1=0.3, layer=0.01, **given), file)
-    mapped = controllers.cftsmppc(file.nominal, surface={"k1": 0.3}, reaching={"layer": 0.01}, **given)
+    options = {"performance": AROUND_4_1.performance, "overshoot": 0.2, "bound": file.bound}
+    assert eqx.tree_equal(controllers.cftsmppc(file.nominal, k1=0.3, layer=0.01, **options), file)
+    mapped = controllers.cftsmppc(file.nominal, surface={"k1": 0.3}, reaching={"layer": 0.01}, **options)
     assert eqx.tree_equal(mapped, file)
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("options", "message"),
     [
         ({"overshot": 1.0}, r"`overshot` is unknown; did you mean `overshoot`"),
         ({}, r"transformation: `PrescribedPerformance` needs `performance` and `overshoot`"),
@@ -213,10 +190,10 @@ def test_a_preset_is_the_same_in_python_and_in_a_file() -> None:
         ({"surface": Linear(1.0), "k1": 1.0}, r"`k1` is a number of `surface`, which is given as a whole"),
     ],
 )
-def test_what_a_preset_cannot_be_is_refused(given: dict[str, Any], message: str) -> None:
+def test_preset_with_wrong_arguments_is_refused(options, message):
     nominal = scenarios.load("example-4.1").controller.nominal
     with pytest.raises(DefinitionError, match=message):
-        controllers.cftsmppc(nominal, **given)
+        controllers.cftsmppc(nominal, **options)
 
 
 @pytest.mark.parametrize(
@@ -233,12 +210,12 @@ def test_what_a_preset_cannot_be_is_refused(given: dict[str, Any], message: str)
         ({"scheme": 3, "scheme.name": "ftsmc"}, r"^scheme: .*got 3"),
     ],
 )
-def test_what_cannot_be_is_refused_with_its_path(changes: dict[str, Any], message: str) -> None:
+def test_wrong_scheme_is_refused_with_its_path(changes, message):
     with pytest.raises(DefinitionError, match=message):
         scenarios.load("example-4.1", changes)
 
 
-def test_the_documented_rows_of_table_2_are_the_rivals_of_example_4_2() -> None:
+def test_the_documented_rows_of_table_2_are_the_rivals_of_example_4_2():
     text = "- name" + DOCUMENTED.read_text(encoding="utf-8").split("```yaml\n- name")[1].split("```")[0]
     rows = read_yaml(text)
     by_hand = {"nftsmc": nftsmc_4_2(), "anftsmc": anftsmc_4_2(), "sfsmc": sfsmc_4_2()}
@@ -248,7 +225,7 @@ def test_the_documented_rows_of_table_2_are_the_rivals_of_example_4_2() -> None:
         assert eqx.tree_equal(built, by_hand[row["name"]], typematch=False)
 
 
-def test_every_scheme_class_is_the_law_of_a_preset() -> None:
+def test_every_scheme_class_is_the_law_of_a_preset():
     laws = {
         thing
         for thing in vars(controllers).values()
@@ -262,8 +239,7 @@ def test_every_scheme_class_is_the_law_of_a_preset() -> None:
     assert {preset.law for preset in presets.values()} == laws - {controllers.SampledData}
 
 
-def test_the_catalogue_has_a_line_for_every_scheme() -> None:
+def test_the_catalogue_has_a_line_for_every_scheme():
     lines = scenarios.catalogue()["schemes"]
-    assert list(lines) == list(SCHEMES)
-    assert all(len(line) > 15 for line in lines.values())
+    assert list(lines) == list(SCHEMES) and all(len(line) > 15 for line in lines.values())
     assert len(set(lines.values())) == len(lines)

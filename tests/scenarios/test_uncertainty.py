@@ -1,18 +1,20 @@
-"""What is not known of a scenario: sets of values by path, drawn from the unit cube; its law knows nothing of them."""
+"""Uncertainty sets by path, drawn from the unit cube, and paths of single numbers. The law knows nothing of them."""
 
-from __future__ import annotations
-
-from pathlib import Path
 from typing import Any
 
 import jax
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 from scipy import stats
 
 from slidax import scenarios
 from slidax.core.errors import DefinitionError
+from slidax.scenarios import load
 from slidax.scenarios.family import Family
+from slidax.scenarios.load import alter_description, read_description
+from slidax.scenarios.uncertainty import Uncertainty
+from tests.cli.commands import in_process
 
 NAME = "example-4.1-1khz"
 CUBE = np.random.default_rng(3).random((4000, 2))
@@ -22,10 +24,10 @@ def family(sets: dict[str, Any], name: str = NAME, **changes: Any) -> Family:
     return Family.of(scenarios.load(name, {"uncertainty": sets, **changes}).description)
 
 
-def drawn(path: str, one: dict[str, Any], name: str = NAME) -> np.ndarray:
-    found = family({path: one}, name)
-    cube = np.random.default_rng(3).random((4000, found.space.dimensions))
-    return found.space.values(cube)[path]
+def drawn(path: str, entry: dict[str, Any], name: str = NAME) -> np.ndarray:
+    sets_family = family({path: entry}, name)
+    cube = np.random.default_rng(3).random((4000, sets_family.space.dimensions))
+    return sets_family.space.values(cube)[path]
 
 
 def fits(values: np.ndarray, distribution: Any) -> bool:
@@ -33,19 +35,18 @@ def fits(values: np.ndarray, distribution: Any) -> bool:
     return bool(stats.kstest(values, distribution).pvalue > 1e-3)
 
 
-def test_between_is_uniform_unless_another_distribution_is_named() -> None:
+def test_between_is_uniform_unless_another_distribution_is_named():
     between = {"between": [0.5, 2.0]}
     assert fits(drawn("disturbance.scale", between), stats.uniform(0.5, 1.5).cdf)
     log = drawn("disturbance.scale", {**between, "distribution": "log_uniform"})
-    assert fits(log, stats.loguniform(0.5, 2.0).cdf)
-    assert not fits(log, stats.uniform(0.5, 1.5).cdf)
+    assert fits(log, stats.loguniform(0.5, 2.0).cdf) and not fits(log, stats.uniform(0.5, 1.5).cdf)
     peak = drawn("disturbance.scale", {**between, "distribution": "triangular"})
     assert fits(peak, stats.triang(0.5, 0.5, 1.5).cdf)
     normal = drawn("disturbance.scale", {**between, "distribution": "normal", "mean": 1.0, "deviation": 0.5})
     assert fits(normal, stats.truncnorm(-1.0, 2.0, 1.0, 0.5).cdf)
 
 
-def test_around_takes_a_share_of_the_own_value_or_a_distance() -> None:
+def test_around_takes_a_share_of_the_own_value_or_a_distance():
     share = drawn("robot.plant.masses", {"around": "20 %"})
     assert np.allclose(share.min(axis=0), [0.4, 1.2], rtol=1e-3) and np.allclose(
         share.max(axis=0), [0.6, 1.8], rtol=1e-3
@@ -57,36 +58,32 @@ def test_around_takes_a_share_of_the_own_value_or_a_distance() -> None:
     assert np.ptp(drawn("start.q", {"around": 0.1})[:, 0]) == pytest.approx(0.2, rel=1e-2)
 
 
-def test_one_number_for_all_joints_becomes_one_for_each_where_that_is_asked_for() -> None:
+def test_one_number_for_all_joints_becomes_one_for_each_where_that_is_asked_for():
     path = "robot.plant.coulomb"
     assert drawn(path, {"between": [0.1, 0.5]}, "panda-payload").shape == (4000,)
     each = drawn(path, {"between": [0.1, 0.5], "each": "joint"}, "panda-payload")
-    assert each.shape == (4000, 7)
-    assert np.abs(np.corrcoef(each.T) - np.eye(7)).max() < 0.08
+    assert each.shape == (4000, 7) and np.abs(np.corrcoef(each.T) - np.eye(7)).max() < 0.08
 
 
-def test_a_ball_is_filled_evenly_in_all_directions() -> None:
-    found = drawn("robot.plant.load.center", {"ball": 0.05}, "panda-payload") - np.array([0.0, 0.0, 0.1])
-    far = np.linalg.norm(found, axis=1) / 0.05
-    assert far.max() < 1.0
-    assert fits(far**3, "uniform")
-    assert np.abs(found.mean(axis=0)).max() < 0.002
+def test_a_ball_is_filled_evenly_in_all_directions():
+    center = drawn("robot.plant.load.center", {"ball": 0.05}, "panda-payload") - np.array([0.0, 0.0, 0.1])
+    far = np.linalg.norm(center, axis=1) / 0.05
+    assert far.max() < 1.0 and fits(far**3, "uniform") and np.abs(center.mean(axis=0)).max() < 0.002
     on = drawn("robot.plant.load.center", {"ball": 0.05, "distribution": "surface"}, "panda-payload")
     assert np.allclose(np.linalg.norm(on - np.array([0.0, 0.0, 0.1]), axis=1), 0.05)
 
 
-def test_a_choice_keeps_its_weights_and_a_seed_may_be_any() -> None:
-    found = drawn("sensor.delay", {"choice": [1, 2, 5], "weights": [1, 2, 1]})
-    values, counts = np.unique(found, return_counts=True)
-    assert values.tolist() == [1, 2, 5]
-    assert np.allclose(counts / 4000, [0.25, 0.5, 0.25], atol=0.03)
+def test_a_choice_keeps_its_weights_and_a_seed_may_be_any():
+    delays = drawn("sensor.delay", {"choice": [1, 2, 5], "weights": [1, 2, 1]})
+    values, counts = np.unique(delays, return_counts=True)
+    assert values.tolist() == [1, 2, 5] and np.allclose(counts / 4000, [0.25, 0.5, 0.25], atol=0.03)
     seeds = drawn("sensor.seed", {"choice": "any"})
     assert seeds.dtype.kind == "i" and len(np.unique(seeds)) > 3990
 
 
-def test_starts_are_inside_the_envelope_and_reach_its_share() -> None:
-    found = family({"start": {"inside": "envelope", "share": 0.5}})
-    q = found.space.values(CUBE)["start.q"]
+def test_starts_are_inside_the_envelope_and_reach_its_share():
+    sets_family = family({"start": {"inside": "envelope", "share": 0.5}})
+    q = sets_family.space.values(CUBE)["start.q"]
     loaded = scenarios.load(NAME)
     t = jax.numpy.zeros(())
     e = q - np.asarray(loaded.trajectory.position(t))
@@ -96,7 +93,7 @@ def test_starts_are_inside_the_envelope_and_reach_its_share() -> None:
     assert np.allclose(np.abs(middle), 0.4 * np.array([0.8, 0.6]), rtol=2e-2)
 
 
-def test_the_law_never_sees_what_is_uncertain() -> None:
+def test_the_law_never_sees_what_is_uncertain():
     sets = {
         "robot.plant.mass_factor": {"around": "20 %"},
         "robot.plant.load.mass": {"between": [0.5, 3]},
@@ -105,20 +102,22 @@ def test_the_law_never_sees_what_is_uncertain() -> None:
         "robot.nominal.armature": {"choice": [0.02]},
     }
     sets.pop("actuator.torque")
-    found = family(sets, "panda-payload")
-    values = {path: array[0] for path, array in found.space.values(np.full((1, found.space.dimensions), 0.9)).items()}
-    case, own = found.scenario(values, "case"), scenarios.load("panda-payload")
-    leaves = [jax.tree.leaves(one.controller) for one in (case, own)]
+    sets_family = family(sets, "panda-payload")
+    values = {
+        path: array[0]
+        for path, array in sets_family.space.values(np.full((1, sets_family.space.dimensions), 0.9)).items()
+    }
+    case, own = sets_family.scenario(values, "case"), scenarios.load("panda-payload")
+    leaves = [jax.tree.leaves(scenario.controller) for scenario in (case, own)]
     assert all(np.array_equal(a, b) for a, b in zip(*leaves, strict=True))
-    assert float(case.plant.load.payload.mass) == pytest.approx(2.75)
-    assert case.plant.sensor.periods == 3.0
+    assert float(case.plant.load.payload.mass) == pytest.approx(2.75) and case.plant.sensor.periods == 3.0
     assert np.allclose(case.plant.robot.armature, 0.02)
     # The same values by `--set` do tell the law.
     told = scenarios.load("panda-payload", {"sensor.delay": 3, "robot.nominal.armature": 0.02})
     assert not all(np.array_equal(a, b) for a, b in zip(jax.tree.leaves(told.controller), leaves[1], strict=False))
 
 
-def test_what_identify_writes_can_be_used_as_it_stands(tmp_path: Path) -> None:
+def test_file_of_identify_is_an_uncertainty_as_it_stands(tmp_path):
     arm = tmp_path / "arm.yaml"
     arm.write_text(
         'robot:\n  kind: "panda"\n  nominal: {armature: [0.1, 0.1, 0.1, 0.1, 0.05, 0.05, 0.05]}\n'
@@ -129,13 +128,12 @@ def test_what_identify_writes_can_be_used_as_it_stands(tmp_path: Path) -> None:
         encoding="utf-8",
     )
     changes = {"robot": {"kind": "identified", "file": str(arm)}, "uncertainty": {"file": str(arm)}}
-    found = Family.of(scenarios.load("panda-payload", changes).description)
-    values = found.space.values(np.random.default_rng(0).random((2000, found.space.dimensions)))
+    sets_family = Family.of(scenarios.load("panda-payload", changes).description)
+    values = sets_family.space.values(np.random.default_rng(0).random((2000, sets_family.space.dimensions)))
     rotors = values["robot.nominal.armature"]
     assert rotors[:, 0].std() == pytest.approx(0.01, rel=0.05) and rotors[:, 0].max() <= 0.1301
     # A rotor has no inertia below zero, however wide the estimate.
-    assert rotors[:, 4].min() == 0.0
-    assert values["robot.plant.coulomb"].mean() == pytest.approx(0.4, abs=0.01)
+    assert rotors[:, 4].min() == 0.0 and values["robot.plant.coulomb"].mean() == pytest.approx(0.4, abs=0.01)
 
 
 BAD: list[tuple[dict[str, Any], str]] = [
@@ -174,10 +172,72 @@ BAD: list[tuple[dict[str, Any], str]] = [
 ]
 
 
-@pytest.mark.parametrize(("sets", "said"), BAD)
-def test_a_bad_set_is_one_line_that_names_the_path_before_anything_runs(sets: dict[str, Any], said: str) -> None:
+@pytest.mark.parametrize(("sets", "words"), BAD)
+def test_a_bad_set_is_one_line_that_names_the_path_before_anything_runs(sets, words):
     with pytest.raises(DefinitionError) as caught:
         family(sets)
     message = str(caught.value)
-    assert said in message, message
+    assert words in message, message
     assert "uncertainty" in message and "\n" not in message
+
+
+PANDA = read_description("panda-payload")
+
+
+@pytest.mark.parametrize("path", ["start.q[3]", "start.q[panda_joint4]", "start.q[Panda-Joint4]", "start.q.3"])
+def test_one_joint_is_set_by_its_name_or_its_place(path):
+    changed = alter_description(PANDA, {path: -1.75})
+    expected = list(PANDA.start.q)
+    expected[3] = -1.75
+    assert changed.start.q == expected
+
+
+def test_one_number_for_all_joints_becomes_one_for_each():
+    changed = alter_description(PANDA, {"scheme.k1": 0.5, "scheme.k1[panda_joint2]": 0.25})
+    assert changed.scheme.surface.k1 == [0.5, 0.25, *[0.5] * 5]
+
+
+def test_numbered_joints_are_named_by_their_numbers_from_1():
+    scenario = load("example-4.1", {"start.q[joint 2]": 2.25, "start.q[0]": 0.05, "simulation.t1": 0.1})
+    np.testing.assert_array_equal(scenario.state0.q, [0.05, 2.25])
+
+
+@pytest.mark.parametrize(
+    ("path", "words"),
+    [
+        ("start.q[7]", "`start.q` is a list of 7; `7` is not one of its numbers from 0"),
+        ("start.q.panda_joint4", "is not one of its numbers from 0. Write `start.q[0]`, or `start.q[JOINT]`"),
+        ("start.q[panda_joint]", "`panda_joint` is no joint of the robot, and no number from 0 to 6; did you mean"),
+        ("start.q[-1]", "`-1` is no joint of the robot, and no number from 0 to 6"),
+        ("start.q[", "is no path: a place in a list has the form"),
+        ("start.q[0]]", "is no path: a place in a list has the form"),
+        ("start.dq[0]", "`start.dq` is not in the file, so that one of its numbers cannot be set: set all"),
+        ("start[0]", "start: unknown key `0`"),
+        ("start.q[0][1]", "`start.q.0` is a single value"),
+    ],
+)
+def test_a_place_that_is_none_is_refused_with_those_that_are(path, words):
+    with pytest.raises(DefinitionError) as caught:
+        alter_description(PANDA, {path: 0.1})
+    assert words in str(caught.value)
+
+
+def test_the_command_line_takes_brackets():
+    result = in_process("run", "example-4.1", "--set", "start.q[0]=0.05", "--set", "simulation.t1=0.01", "--json")
+    assert result.exit_code == 0, result.output
+
+
+@pytest.mark.parametrize(
+    ("path", "column", "label"),
+    [
+        ("start.q", "start.q[3]", "start.q[panda_joint4]"),
+        ("start.q[panda_joint4]", "start.q.3", "start.q[panda_joint4]"),
+        ("robot.plant.coulomb", "robot.plant.coulomb[0]", "robot.plant.coulomb[panda_joint1]"),
+        ("robot.plant.load.center", "robot.plant.load.center[2]", "robot.plant.load.center[2]"),
+    ],
+)
+def test_a_label_names_the_joint_and_can_be_set(path, column, label):
+    sets: Any = TypeAdapter(Uncertainty).validate_python({path: {"around": 0.01, "each": "joint"}})
+    family = Family.of(PANDA, sets)
+    assert family.label(column) == label
+    alter_description(PANDA, {"robot.plant.coulomb": [0.5] * 7, label: 0.1})

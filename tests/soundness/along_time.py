@@ -1,7 +1,5 @@
 """The worst-case recursion with delay, noise and s⁺: steps of the law's own plan on many disturbed joints."""
 
-from __future__ import annotations
-
 import functools
 
 import jax
@@ -103,11 +101,7 @@ def courses(rng: np.random.Generator, joints: int, kinds: int) -> np.ndarray:
 
 
 def judged(seed: int, groups: int, joints: int, count: Counted, kinds: int = 5) -> None:
-    """Count the joints of some groups.
-
-    - `groups`: each with a period, a horizon, a delay and noise.
-    - `kinds`: number of courses of the disturbance.
-    """
+    """Count the joints of some groups."""
     for group in range(groups):
         rng = np.random.default_rng([seed, group])
         joint_data = drawn(rng, joints)

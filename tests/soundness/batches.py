@@ -1,7 +1,5 @@
 """Many laws of one kind in one compiled loop."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -21,13 +19,7 @@ def simulated(
     stepping: Stepping,
     log_every: int = 1,
 ) -> Run:
-    """Return the runs of all cases of all laws, those of the first law first.
-
-    - `laws`: equal but for their values.
-    - `values`: a pytree of arrays for each law and case [laws cases ...].
-    - `parts`: from a law and the values of one case to its closed loop.
-    - `t1`, `stepping`, `log_every`: as in `simulate_batch`.
-    """
+    """Return the runs of all cases of all laws, those of the first law first."""
     numbers, rest = eqx.partition(laws[0], eqx.is_array)
     form = jax.tree.structure(numbers)
     each = zip(*(jax.tree.leaves(eqx.filter(law, eqx.is_array)) for law in laws), strict=True)

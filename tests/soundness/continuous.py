@@ -1,7 +1,5 @@
 """`settling_time` and `ultimate_bound`: the printed law in continuous time on arms of constant inertia, in batches."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -71,10 +69,7 @@ def _parts(law: Any) -> dict[str, Any]:
 
 
 def scenario_of(law: Any, start: State, pushes: np.ndarray) -> Scenario:
-    """The law on its own arm.
-
-    - `pushes`: disturbances, one after the other [k n], N m.
-    """
+    """The law on its own arm."""
     arm = Plant(law.nominal, Changing(pushes, END / len(pushes)))
     return _base().replace(**{**_parts(law), "plant": arm, "state0": start})
 
@@ -137,12 +132,7 @@ def _judged(
 
 
 def judged_settling(seed: int, laws: int, cases: int, joints: int, count: Counted, each: int = 4) -> None:
-    """Count cases of random laws: the time of final entry into |ε1| <= δ, over the bound for this or any start.
-
-    - `laws`, `cases`: number of laws, and of cases of each.
-    - `count`: counts bounds that end within the run.
-    - `each`: cases of a law with the bound for their start; the others have that for any start.
-    """
+    """Count cases of random laws: the time of final entry into |ε1| <= δ, over the bound for this or any start."""
     rng = np.random.default_rng([seed, joints, 0])
     random_laws = [law_of(rng, joints, layered=False) for _ in range(laws)]
     drawn = [starts_and_pushes(rng, law, cases) for law in random_laws]

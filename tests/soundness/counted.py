@@ -1,7 +1,5 @@
 """Counts of the cases of a certificate."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -31,13 +29,7 @@ class Counted:
     def kept(
         self, shares: object, joints: int, where: str = "", slack: float = 1e-6, nearest: float | None = None
     ) -> None:
-        """Count cases by the share of the bound that each reached.
-
-        - `shares`: one number per case.
-        - `where`: name of the cases in a note.
-        - `slack`: for rounding.
-        - `nearest`: the largest share that shows the sharpness; by default of all.
-        """
+        """Count cases by the share of the bound that each reached."""
         each = np.ravel(np.asarray(shares, float))
         beyond = ~(each <= 1.0 + slack)
         self.cases += each.size
@@ -49,10 +41,7 @@ class Counted:
             self.notes.append(f"{where}: {int(beyond.sum())} of {each.size} beyond, {np.max(each):.6g}")
 
     def row(self, name: str, what: str) -> str:
-        """A line of the table; without counts if nothing was tried.
-
-        - `what`: the compared quantity.
-        """
+        """A line of the table; without counts if nothing was tried."""
         joints = f"{min(self.joints)} to {max(self.joints)}" if len(self.joints) > 1 else str(*self.joints)
         compared = f"{self.cases} | {self.exceeded} | {self.nearest:.3f}" if self.cases else " | | "
         unpromised = f"{self.refused} | {self.missed}" if self.refused + self.missed else " | "

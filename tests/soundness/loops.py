@@ -1,7 +1,5 @@
 """`loop_rate` on linear arms: the law itself under the worst known disturbances, against its bound."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import jax
@@ -65,10 +63,7 @@ def edge(rng, case):
 
 
 def shares_of(bounds: CertifiedBounds, e: np.ndarray) -> np.ndarray:
-    """The largest share of its bound that each run reached [m].
-
-    - `e`: of the runs [m N n].
-    """
+    """The largest share of its bound that each run reached [m]."""
     below, above = bounds.bounds.error[:, 0], bounds.bounds.error[:, 1]
     e = e[:, : len(below)]
     share: np.ndarray = np.max(np.abs(e) / np.maximum(np.where(e > 0, above, below), 1e-12), axis=(1, 2))
@@ -76,11 +71,7 @@ def shares_of(bounds: CertifiedBounds, e: np.ndarray) -> np.ndarray:
 
 
 def left(case, bounds: CertifiedBounds, e: np.ndarray) -> np.ndarray:
-    """True for runs that left their envelope at some sample of the bound [m].
-
-    - `bounds`: only its times and sides are used.
-    - `e`: of the runs [m N n].
-    """
+    """True for runs that left their envelope at some sample of the bound [m]."""
     late = round(float(bounds.narrowing.times[0] - 0.0) / case.period)
     drawn = case.controller.step.transformation.performance
     times = jnp.asarray(np.arange(e.shape[1]) * case.period)

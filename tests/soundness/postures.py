@@ -1,7 +1,5 @@
 """The constants of random chains of one to seven joints, in random postures."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +13,7 @@ STATES = 4000
 
 
 def judged(folder: Path, seed: int, count: Counted) -> None:
-    """Count the postures of one chain by the constant that is closest to being exceeded.
-
-    - `folder`: for its file.
-    """
+    """Count the postures of one chain by the constant that is closest to being exceeded."""
     robot = random_arm(folder, seed)
     constants, sampled = arm_constants(robot), worst(robot, seed)
     shares = [

@@ -1,7 +1,5 @@
 """`inertia_ratio`: κ drawn from the certified range, and from beyond the range in which a loop is stable."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -16,10 +14,7 @@ WIDEST = 8.0
 
 
 def judged(seed: int, laws: int, kappas: int, joints: int, count: Counted) -> None:
-    """Count κ of random laws by the largest modulus of the loop's eigenvalues, which must be below 1.
-
-    - `laws`, `kappas`: number of laws, and of κ of each.
-    """
+    """Count κ of random laws by the largest modulus of the loop's eigenvalues, which must be below 1."""
     for number in range(laws):
         rng = np.random.default_rng([seed, joints, number])
         delay, kalman = int(rng.integers(3)), bool(rng.integers(2))

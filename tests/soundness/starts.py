@@ -1,7 +1,5 @@
 """`admissibility`: starts drawn from random sets, and parameters outside their ranges."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 
@@ -23,10 +21,7 @@ ARMS = {2: "example-4.1", 3: "example-4.2", 6: "ur5e-payload", 7: "panda-payload
 
 
 def judged(seed: int, sets: int, draws: int, joints: int, count: Counted) -> None:
-    """Count starts of random sets by the error over the envelope, if all of the set should be inside.
-
-    - `sets`, `draws`: number of sets, and of starts of each.
-    """
+    """Count starts of random sets by the error over the envelope, if all of the set should be inside."""
     for number in range(sets):
         rng = np.random.default_rng([seed, joints, number])
         verdict, shares = (_of_a_set if joints in ARMS else _of_one)(rng, joints, draws)
@@ -102,10 +97,7 @@ def parameters(rng: np.random.Generator) -> dict[str, tuple[Callable[..., Any], 
 
 
 def judged_parameters(seed: int, draws: int, count: Counted) -> None:
-    """Count components with values in their ranges, and ones with a value outside, which must be refused.
-
-    - `draws`: number for each kind.
-    """
+    """Count components with values in their ranges, and ones with a value outside, which must be refused."""
     for number in range(draws):
         rng = np.random.default_rng([seed, number])
         for make, good, bad in parameters(rng).values():

@@ -1,7 +1,5 @@
 """The monitor on linear arms: each run that leaves its envelope was warned about before."""
 
-from __future__ import annotations
-
 import jax.numpy as jnp
 import numpy as np
 
@@ -21,12 +19,7 @@ def _watched(law):
 
 
 def judged(seed: int, laws: int, runs: int, joints: int, count: Counted, *, kalman: bool = False) -> None:
-    """Count runs that leave their envelope by whether a warning came before, or at the same sample.
-
-    - `laws`, `runs`: number of laws, and of runs of each.
-    - `kalman`: if True, a filter slower than the horizon estimates the state; else it is measured.
-    - `count`: a run with a warning counts as refused, one without as missed.
-    """
+    """Count runs that leave their envelope by whether a warning came before, or at the same sample."""
     rng = np.random.default_rng([seed, joints, kalman])
     period = float(10 ** rng.uniform(-3.3, -2.4))
     options = {"delay": 0, "kalman": kalman, "resolution": 0.0, "samples": SAMPLES}

@@ -1,6 +1,4 @@
-"""Studies of the two-link arm, short enough to be run in tests."""
-
-from __future__ import annotations
+"""Studies short enough to be run in tests."""
 
 from pathlib import Path
 from typing import Any
@@ -27,13 +25,45 @@ FAILING: dict[str, Any] = {**STUDY, "uncertainty": {"disturbance.scale": {"betwe
 
 
 def study(**changes: Any) -> Any:
-    """The study with other values."""
     result: AbstractStudy = study_of({**STUDY, **changes})
     return result
 
 
 def ran(out: Path | None = None, *, resume: bool = False, **changes: Any) -> Any:
-    """What it finds."""
     request = study(**changes)
     assert isinstance(request, MonteCarlo)
     return request.run(RunOptions(out, resume))
+
+
+SMALL_SETS = {
+    "robot.plant.masses": {"around": "20 %"},
+    "robot.plant.inertias": {"around": "20 %", "each": "joint"},
+    "disturbance.scale": {"between": [0.0, 1.2]},
+    "start.q": {"around": 0.06, "each": "joint"},
+}
+
+SHORT = {"simulation.t1": 0.5, "simulation.substeps": 1, "simulation.log_every": 1}
+
+WEAK = {
+    "robot.plant.masses": {"around": "20 %", "each": "joint"},
+    "robot.plant.inertias": {"around": "20 %", "each": "joint"},
+    "robot.plant.lengths": {"around": "10 %", "each": "joint"},
+    "disturbance.scale": {"between": [0.0, 1.2]},
+    "start.q": {"around": 0.06, "each": "joint"},
+    "start.dq": {"between": [-0.03, 0.03], "each": "joint"},
+}
+"""Of an arm whose drives may be too weak: where its second link is short, its masses are large, its start is low."""
+
+
+def result_of(kind, **text):
+    return study_of_kind(kind, **text).run(RunOptions())
+
+
+def study_of_kind(kind, **text):
+    common = {"scenario": "example-4.1-1khz", "changes": SHORT, "uncertainty": SMALL_SETS}
+    return study_of({**common, "study": kind, **text})
+
+
+def weak(kind, torque, **text):
+    changes = {"simulation.t1": 3.0, "simulation.substeps": 2, "actuator.torque": torque}
+    return result_of(kind, changes=changes, uncertainty=WEAK, **text)

@@ -1,7 +1,5 @@
 """Many cases at once: each is, bit for bit, the run that its scenario has alone."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -11,8 +9,7 @@ from slidax.core.errors import DefinitionError
 from slidax.scenarios.family import Family
 from slidax.scenarios.load import alter_description, read_description
 from slidax.studies.cases import Cases, columns_of, points
-
-from .files import UNCERTAIN
+from tests.studies.files import UNCERTAIN
 
 SHORT = {"simulation.t1": 0.1}
 
@@ -31,8 +28,10 @@ def alone(of: Cases, values: dict[str, Any], row: int) -> dict[str, Any]:
     return columns_of(item.simulate(log_every=None))
 
 
-def same(many: dict[str, Any], row: int, one: dict[str, Any], rtol: float = 0.0) -> bool:
-    return all(np.allclose(many[name][row], one[name][0], rtol=rtol, atol=rtol, equal_nan=True) for name in one)
+def same(many: dict[str, Any], row: int, row_alone: dict[str, Any], rtol: float = 0.0) -> bool:
+    return all(
+        np.allclose(many[name][row], row_alone[name][0], rtol=rtol, atol=rtol, equal_nan=True) for name in row_alone
+    )
 
 
 MORE = {
@@ -45,7 +44,7 @@ MORE = {
 }
 
 
-def test_each_row_is_the_run_that_its_scenario_has_alone_bit_for_bit() -> None:
+def test_each_row_is_the_run_that_its_scenario_has_alone_bit_for_bit():
     of = cases("example-4.1-1khz", MORE, {**SHORT, "sensor.position_noise": 1e-6})
     values = drawn(of, 40)
     table = of.run(values)
@@ -55,7 +54,7 @@ def test_each_row_is_the_run_that_its_scenario_has_alone_bit_for_bit() -> None:
     assert len(np.unique(table["rms_error"])) == 40
 
 
-def test_a_row_does_not_depend_on_the_others() -> None:
+def test_a_row_does_not_depend_on_the_others():
     of = cases("example-4.1-1khz", UNCERTAIN, SHORT)
     values = drawn(of, 20)
     whole = of.run(values)
@@ -66,7 +65,7 @@ def test_a_row_does_not_depend_on_the_others() -> None:
 
 @pytest.mark.full
 @pytest.mark.parametrize("scenario", ["panda-payload", "ur5e-payload"])
-def test_an_arm_with_all_that_can_be_uncertain_about_it(scenario: str) -> None:
+def test_an_arm_with_all_that_can_be_uncertain_about_it(scenario):
     sets = {
         "robot.plant.mass_factor": {"around": "20 %", "each": "joint"},
         "robot.plant.load.mass": {"between": [0.1, 2]},
@@ -83,7 +82,7 @@ def test_an_arm_with_all_that_can_be_uncertain_about_it(scenario: str) -> None:
 
 # XLA compiles it for long; `tests/simulation/test_simulate_batch.py` has a batch of both engines every day.
 @pytest.mark.full
-def test_both_engines_have_the_same_rows_up_to_rounding() -> None:
+def test_both_engines_have_the_same_rows_up_to_rounding():
     changes = {**SHORT, "simulation.t1": 0.02}
     native = cases("example-4.1-1khz", UNCERTAIN, changes)
     values = drawn(native, 5)
@@ -93,7 +92,7 @@ def test_both_engines_have_the_same_rows_up_to_rounding() -> None:
         assert same(table, row, {name: xla[name][row : row + 1] for name in xla}, rtol=1e-7)
 
 
-def test_a_period_makes_a_loop_of_its_own_and_too_many_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_period_makes_a_loop_of_its_own_and_too_many_are_refused(monkeypatch):
     base = alter_description(read_description("example-4.1-1khz"), SHORT)
     sets = {"simulation.period": {"choice": [0.001, 0.002]}, "disturbance.scale": {"between": [0, 1]}}
     family = Family.of(base, {}, type(base).model_validate({**base.model_dump(), "uncertainty": sets}).uncertainty)
@@ -109,9 +108,8 @@ def test_a_period_makes_a_loop_of_its_own_and_too_many_are_refused(monkeypatch: 
         of.run({**values, "simulation.period": np.repeat([0.001, 0.002, 0.004, 0.005], 2)})
 
 
-def test_points_can_be_had_alone_and_fill_the_cube() -> None:
+def test_points_can_be_had_alone_and_fill_the_cube():
     whole = points(3, 0, 1000, 5)
     assert np.array_equal(points(3, 617, 4, 5), whole[617:621])
-    assert not np.array_equal(points(4, 0, 1000, 5), whole)
-    assert np.abs(whole.mean(axis=0) - 0.5).max() < 0.04
+    assert not np.array_equal(points(4, 0, 1000, 5), whole) and np.abs(whole.mean(axis=0) - 0.5).max() < 0.04
     assert np.abs(np.corrcoef(whole.T) - np.eye(5)).max() < 0.12

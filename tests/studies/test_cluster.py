@@ -1,11 +1,8 @@
 """Chunks on a cluster of Dask: the same rows, whichever worker computed them, and whichever of them died."""
 
-from __future__ import annotations
-
 import os
 import signal
 import threading
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,9 +11,8 @@ import pytest
 from slidax.core.errors import DefinitionError
 from slidax.studies import RunOptions
 from slidax.studies.cluster import Cluster
-
-from .files import ran, study
-from .test_store import assert_same_rows
+from tests.studies.files import ran, study
+from tests.studies.test_store import assert_same_rows
 
 pytest.importorskip("distributed", reason="Dask is not installed")
 
@@ -25,16 +21,16 @@ pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pyte
 
 
 @pytest.mark.parametrize(
-    ("where", "said"),
+    ("where", "words"),
     [("local", "a number of processes"), ("local:x", "got `local:x`"), ("local:0", "number"), ("farm:8786", "tcp://")],
 )
-def test_an_address_that_is_none_is_one_line(where: str, said: str) -> None:
-    with pytest.raises(DefinitionError, match=said):
+def test_an_address_that_is_none_is_one_line(where, words):
+    with pytest.raises(DefinitionError, match=words):
         Cluster(where)
 
 
 @pytest.mark.full
-def test_a_scheduler_that_does_not_answer_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_scheduler_that_does_not_answer_is_one_line(monkeypatch):
     monkeypatch.setattr("slidax.studies.cluster.PATIENCE", 1.0)
     with pytest.raises(DefinitionError, match="no Dask scheduler answers"), Cluster("tcp://127.0.0.1:1"):
         pass
@@ -66,7 +62,7 @@ class Workers:
             self.over.set()
 
 
-def test_a_worker_that_died_while_it_started_is_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_worker_that_died_while_it_started_is_replaced(monkeypatch):
     monkeypatch.setattr("slidax.studies.cluster.LOOKS", 1e-3)
     pool = Cluster("local:2")
     pool._over = threading.Event()
@@ -75,8 +71,7 @@ def test_a_worker_that_died_while_it_started_is_replaced(monkeypatch: pytest.Mon
     watch = threading.Thread(target=pool._replace_the_dead, daemon=True)
     watch.start()
     watch.join(10.0)
-    assert not watch.is_alive()
-    assert pool._cluster.workers == {0: alive} and pool._cluster.asked == 2
+    assert not watch.is_alive() and pool._cluster.workers == {0: alive} and pool._cluster.asked == 2
     assert dead.closed and not alive.closed
 
 
@@ -96,9 +91,7 @@ def kill_workers(pool: Any, times: list[float], stop: threading.Event, killed: l
 
 @pytest.mark.full
 @pytest.mark.parametrize("kills", [0, 20])
-def test_the_rows_are_those_of_one_process_whichever_worker_dies(
-    kills: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_rows_are_those_of_one_process_whichever_worker_dies(kills, tmp_path, monkeypatch):
     for name in ("LEAST", "MOST"):
         monkeypatch.setattr(f"slidax.studies.runner.{name}", 64)
     changes = {"runs": 6400 if kills else 640, "changes": {"simulation.t1": 1}}

@@ -1,7 +1,5 @@
 """Damaged files, foreign files and several writers in a study's folder: no row is lost, and none is wrong."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import threading
@@ -46,7 +44,7 @@ def chunk(first: int, rows: int) -> dict[str, np.ndarray]:
 
 
 def fill(store: Store) -> int:
-    """Compute what is missing, and finish. How many rows were computed."""
+    """Compute the missing rows, finish, and return the number of computed rows."""
     computed = 0
     for first, rows in CHUNKS.items():
         if store.read(first, rows) is None:
@@ -56,50 +54,46 @@ def fill(store: Store) -> int:
     return computed
 
 
-def same(one: Path, other: Path) -> bool:
-    return (one / "rows.parquet").read_bytes() == (other / "rows.parquet").read_bytes()
+def same(folder: Path, other: Path) -> bool:
+    return (folder / "rows.parquet").read_bytes() == (other / "rows.parquet").read_bytes()
 
 
 def damage(path: Path, how: str) -> None:
     content = path.read_bytes()
-    if how == "empty":
-        path.write_bytes(b"")
-    elif how == "cut":
-        path.write_bytes(content[: len(content) // 2])
-    elif how == "text":
-        path.write_text("row,outcome\n1,2\n")
-    elif how == "zeros":
-        path.write_bytes(bytes(len(content)))
-    elif how == "device":
-        path.unlink()
-        path.symlink_to("/dev/zero")
-    elif how == "pipe":
-        path.unlink()
+    contents = {
+        "empty": b"",
+        "cut": content[: len(content) // 2],
+        "text": b"row,outcome\n1,2\n",
+        "zeros": bytes(len(content)),
+    }
+    if how in contents:
+        path.write_bytes(contents[how])
+        return
+    path.unlink()
+    if how == "pipe":
         os.mkfifo(path)
     else:
-        assert how == "dangling"
-        path.unlink()
-        path.symlink_to("nowhere")
+        path.symlink_to({"device": "/dev/zero", "dangling": "nowhere"}[how])
 
 
 DAMAGES = ("empty", "cut", "text", "zeros", "device", "pipe", "dangling")
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def whole(tmp_path_factory):
     out = tmp_path_factory.mktemp("whole") / "out"
     assert fill(opened(out, resume=False)) == 200
     return out
 
 
 @pytest.fixture
-def out(whole: Path, tmp_path: Path) -> Path:
+def out(whole, tmp_path):
     shutil.copytree(whole, tmp_path / "out")
     return tmp_path / "out"
 
 
 @pytest.mark.parametrize("how", DAMAGES)
-def test_a_damaged_part_is_named_and_computed_again(whole: Path, out: Path, how: str) -> None:
+def test_a_damaged_part_is_named_and_computed_again(whole, out, how):
     part = out / "parts" / "000000000064-64.parquet"
     damage(part, how)
     if how == "dangling":
@@ -107,11 +101,10 @@ def test_a_damaged_part_is_named_and_computed_again(whole: Path, out: Path, how:
     else:
         with pytest.warns(DefinitionWarning, match=rf"{part.name}` .*: its 64 rows are computed again"):
             assert fill(opened(out)) == 64
-    assert same(out, whole) and part.is_file() and not part.is_symlink()
-    assert count_rows(out) == 200
+    assert same(out, whole) and part.is_file() and not part.is_symlink() and count_rows(out) == 200
 
 
-def test_every_changed_byte_of_a_part_is_noticed_or_changes_no_row(whole: Path, out: Path) -> None:
+def test_every_changed_byte_of_a_part_is_noticed_or_changes_no_row(whole, out):
     name = "000000000192-8.parquet"
     content = (whole / "parts" / name).read_bytes()
     expected, store, noticed = chunk(192, 8), opened(out), 0
@@ -129,7 +122,7 @@ def test_every_changed_byte_of_a_part_is_noticed_or_changes_no_row(whole: Path, 
     assert noticed > 100
 
 
-def test_parts_of_another_study_or_place_are_named_and_computed_again(whole: Path, out: Path, tmp_path: Path) -> None:
+def test_parts_of_another_study_or_place_are_named_and_computed_again(whole, out, tmp_path):
     other = tmp_path / "other"
     fill(opened(other, OTHER))
     shutil.copy(other / "parts" / "000000000064-64.parquet", out / "parts")
@@ -144,7 +137,7 @@ def test_parts_of_another_study_or_place_are_named_and_computed_again(whole: Pat
     assert same(out, whole)
 
 
-def test_a_part_that_announces_other_rows_is_not_read(whole: Path, out: Path) -> None:
+def test_a_part_that_announces_other_rows_is_not_read(whole, out):
     """A few bytes can stand for gigabytes of equal numbers."""
     path = out / "parts" / "000000000064-64.parquet"
     marks = pq.read_schema(path).metadata
@@ -166,26 +159,24 @@ def test_a_part_that_announces_other_rows_is_not_read(whole: Path, out: Path) ->
     ],
     ids=["two of one name", "text", "lists"],
 )
-def test_a_table_with_other_columns_is_a_clear_line(
-    out: Path, names: tuple[str, ...], columns: tuple[list[Any], ...], words: str
-) -> None:
+def test_a_table_with_other_columns_is_a_clear_line(out, names, columns, words):
     pq.write_table(pa.table([pa.array(column) for column in columns], names=names), out / "rows.parquet")
     with pytest.raises(DefinitionError, match=rf"rows\.parquet` is damaged: {words}"):
         read_rows(out)
 
 
-def test_a_table_that_announces_too_many_numbers_is_not_read(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_table_that_announces_too_many_numbers_is_not_read(out, monkeypatch):
     monkeypatch.setattr("slidax.studies.store.MOST_NUMBERS", 799)
     with pytest.raises(DefinitionError, match=r"it has 200 rows, and 4 columns .* at most 8e\+02 numbers are read"):
         read_rows(out)
 
 
-def test_a_missing_folder_is_named_and_no_other(tmp_path: Path) -> None:
+def test_a_missing_folder_is_named_and_no_other(tmp_path):
     with pytest.raises(DefinitionError, match=r"there is no folder `.*nowhere`$"):
         read_rows(tmp_path / "nowhere")
 
 
-def test_other_files_among_the_parts_are_passed_over(whole: Path, out: Path) -> None:
+def test_other_files_among_the_parts_are_passed_over(whole, out):
     names = ("notes.parquet", "a-b.parquet", "000000000001.parquet", "-1-64.parquet", "1-64.parquet", "x.tmp")
     for name in names:
         (out / "parts" / name).write_text("mine")
@@ -193,7 +184,7 @@ def test_other_files_among_the_parts_are_passed_over(whole: Path, out: Path) -> 
     assert all((out / "parts" / name).read_text() == "mine" for name in names)
 
 
-def test_a_damaged_longer_part_does_not_stand_in_the_way_of_fewer_rows(out: Path) -> None:
+def test_a_damaged_longer_part_does_not_stand_in_the_way_of_fewer_rows(out):
     damage(out / "parts" / "000000000064-64.parquet", "cut")
     store = opened(out)
     store.write(64, chunk(64, 36))
@@ -216,9 +207,7 @@ BAD_IDENTITIES = (
 
 
 @pytest.mark.parametrize("content", BAD_IDENTITIES)
-def test_a_damaged_identity_is_written_again_if_the_rows_are_of_this_study(
-    whole: Path, out: Path, content: str | None
-) -> None:
+def test_a_damaged_identity_is_written_again_if_the_rows_are_of_this_study(whole, out, content):
     path = out / "study.json"
     path.unlink() if content is None else path.write_text(content, encoding="utf-8", errors="surrogateescape")
     for refused in (lambda: opened(out, resume=False), lambda: scenario_of_row(out, 3)):
@@ -232,7 +221,7 @@ def test_a_damaged_identity_is_written_again_if_the_rows_are_of_this_study(
 
 
 @pytest.mark.parametrize("how", DAMAGES)
-def test_a_damaged_table_is_a_clear_line_and_is_written_again(whole: Path, out: Path, how: str) -> None:
+def test_a_damaged_table_is_a_clear_line_and_is_written_again(whole, out, how):
     damage(out / "rows.parquet", how)
     for refused in (lambda: read_rows(out), lambda: read_rows(out / "rows.parquet"), lambda: scenario_of_row(out, 3)):
         with pytest.raises(DefinitionError, match=r"rows\.parquet`.*--resume` writes it again"):
@@ -240,14 +229,14 @@ def test_a_damaged_table_is_a_clear_line_and_is_written_again(whole: Path, out: 
     assert fill(opened(out)) == 0 and same(out, whole)
 
 
-def test_rows_of_another_study_are_no_cases_of_this_one(out: Path, tmp_path: Path) -> None:
+def test_rows_of_another_study_are_no_cases_of_this_one(out, tmp_path):
     fill(opened(tmp_path / "other", OTHER))
     shutil.copy(tmp_path / "other" / "rows.parquet", out)
     with pytest.raises(DefinitionError, match="rows of another study than"):
         scenario_of_row(out, 3)
 
 
-def test_two_different_studies_that_begin_at_once_do_not_mix(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_two_different_studies_that_begin_at_once_do_not_mix(tmp_path, monkeypatch):
     out = tmp_path / "out"
     # The second one looks before the first one writes.
     monkeypatch.setattr("slidax.studies.store._is_free", lambda folder: True)
@@ -257,14 +246,14 @@ def test_two_different_studies_that_begin_at_once_do_not_mix(tmp_path: Path, mon
     opened(out, {**IDENTITY, "made_by": {"machine": "b"}})
 
 
-def test_a_folder_in_which_a_process_was_killed_at_its_start_is_free(tmp_path: Path) -> None:
+def test_a_folder_in_which_a_process_was_killed_at_its_start_is_free(tmp_path):
     out = tmp_path / "out"
     out.mkdir()
     (out / ".slidax-elsewhere-12-0123456789ab.tmp").write_text("{")
     assert fill(opened(out, resume=False)) == 200
 
 
-def test_four_writers_at_once_leave_the_bytes_of_one(whole: Path, tmp_path: Path) -> None:
+def test_four_writers_at_once_leave_the_bytes_of_one(whole, tmp_path):
     for number in range(10):
         out, barrier = tmp_path / f"out{number}", threading.Barrier(4)
         computed: list[int] = []
@@ -279,6 +268,5 @@ def test_four_writers_at_once_leave_the_bytes_of_one(whole: Path, tmp_path: Path
             writer.start()
         for writer in writers:
             writer.join()
-        assert len(computed) == 4 and sum(computed) >= 200
-        assert same(out, whole)
+        assert len(computed) == 4 and sum(computed) >= 200 and same(out, whole)
         assert not [path for path in out.rglob("*") if is_temporary(path.name)]

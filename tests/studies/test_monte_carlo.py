@@ -1,9 +1,6 @@
-"""How often it holds: counted exactly, stopped in time, and told to a person and to a program."""
-
-from __future__ import annotations
+"""The failure rate: counted exactly, stopped in time, reported to a person and to a program."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,11 +11,10 @@ from slidax.core.errors import DefinitionError
 from slidax.report import write_scenario, write_study_report
 from slidax.studies import Predicate, read_rows, scenario_of_row
 from slidax.studies.cases import columns_of
+from tests.studies.files import FAILING, ran, study
 
-from .files import FAILING, ran, study
 
-
-def test_the_rate_is_that_of_the_rows_with_the_exact_interval(tmp_path: Path) -> None:
+def test_the_rate_is_that_of_the_rows_with_the_exact_interval(tmp_path):
     result = ran(tmp_path / "out", holds=["steady_error < 0.2", "envelope"])
     rows = read_rows(tmp_path / "out")
     held = rows["steady_error"] < 0.2
@@ -27,11 +23,10 @@ def test_the_rate_is_that_of_the_rows_with_the_exact_interval(tmp_path: Path) ->
     assert first.failures == (~held).sum()
     exact = binomtest(int(held.sum()), 200).proportion_ci(0.99, "exact")
     assert (first.holding.lower, first.holding.upper) == pytest.approx((exact.low, exact.high), rel=1e-9)
-    assert result.as_json()["probability"]["confidence"] == 0.99
-    assert result.rates[1].failures == 0
+    assert result.as_json()["probability"]["confidence"] == 0.99 and result.rates[1].failures == 0
 
 
-def test_every_row_can_be_replayed_alone_bit_for_bit(tmp_path: Path) -> None:
+def test_every_row_can_be_replayed_alone_bit_for_bit(tmp_path):
     result = ran(tmp_path / "out", runs=64)
     write_scenario(scenario_of_row(tmp_path / "out", 41), tmp_path / "case.yaml")
     again = columns_of(scenarios.load(tmp_path / "case.yaml").simulate(log_every=None))
@@ -41,7 +36,7 @@ def test_every_row_can_be_replayed_alone_bit_for_bit(tmp_path: Path) -> None:
         scenario_of_row(tmp_path / "out", 64)
 
 
-def test_figure_and_table_name_the_same_joint_by_one_name() -> None:
+def test_figure_and_table_name_the_same_joint_by_one_name():
     result = ran(runs=16, uncertainty={"start.q": {"around": 0.05, "each": "joint"}})
     (chart,) = [chart for section in result.sections() for chart in section.figures if chart.kind == "margin_over"]
     shown = list(chart.values[1])
@@ -52,17 +47,16 @@ def test_figure_and_table_name_the_same_joint_by_one_name() -> None:
     assert rows == {f"start.q[joint {k + 1}]": result.table[f"start.q[{k}]"][result.worst] for k in range(2)}
 
 
-def test_the_sequential_stop_shows_what_was_asked_or_ends_at_a_failure() -> None:
+def test_the_sequential_stop_shows_what_was_asked_or_ends_at_a_failure():
     shown = ran(runs=3000, until={"probability": 0.98})
-    assert "shown after" in shown.ended and shown.runs < 500
-    assert shown.rates[0].holding.lower >= 0.98
+    assert "shown after" in shown.ended and shown.runs < 500 and shown.rates[0].holding.lower >= 0.98
     stopped = ran(runs=3000, holds=["steady_error < 0.2"], until={"probability": 0.999})
     assert "stopped at failure 1" in stopped.ended
     assert stopped.rates[0].failures == 1 and stopped.table["steady_error"][-1] >= 0.2
     assert "not decided" in ran(runs=50, until={"probability": 0.999}).ended
 
 
-def test_the_worst_case_is_a_scenario_that_replays_it_bit_for_bit(tmp_path: Path) -> None:
+def test_the_worst_case_is_a_scenario_that_replays_it_bit_for_bit(tmp_path):
     result = ran()
     page = write_study_report(study(), result, tmp_path, seconds=1.0, command="slidax study s.yaml")
     again = columns_of(scenarios.load(tmp_path / "worst.yaml").simulate(log_every=None))
@@ -74,17 +68,15 @@ def test_the_worst_case_is_a_scenario_that_replays_it_bit_for_bit(tmp_path: Path
     assert json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))["runs"] == 200
 
 
-def test_a_study_in_which_every_run_fails_says_why_once_with_counts() -> None:
+def test_a_study_in_which_every_run_fails_says_why_once_with_counts():
     result = ran(**FAILING)
-    assert result.rates[0].failures == 64
-    assert result.why
+    assert result.rates[0].failures == 64 and result.why
     answer = result.as_json()
-    assert answer["why"] == result.why
-    assert sum(item["runs"] for item in answer["causes"]) == 64
+    assert answer["why"] == result.why and sum(item["runs"] for item in answer["causes"]) == 64
     assert sum(result.why in section.note for section in result.sections()) == 1
 
 
-def test_a_predicate_is_about_runs_that_reached_their_end() -> None:
+def test_a_predicate_is_about_runs_that_reached_their_end():
     columns = {"outcome": np.array([0, 1, 2, 3]), "margin": np.zeros(4), "steady_error": np.full(4, 1e-4)}
     assert Predicate("steady_error < 1e-3").holds(columns).tolist() == [True, False, False, True]
     assert Predicate("envelope").holds(columns).tolist() == [True, False, False, False]
@@ -96,6 +88,6 @@ def test_a_predicate_is_about_runs_that_reached_their_end() -> None:
         Predicate("stedy_error < 1").holds(columns)
 
 
-def test_nothing_uncertain_is_refused() -> None:
+def test_nothing_uncertain_is_refused():
     with pytest.raises(DefinitionError, match="all runs would be the same"):
         ran(uncertainty={})

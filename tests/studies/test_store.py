@@ -1,12 +1,12 @@
-"""Rows on disk: whole or not at all, none lost, none twice, whatever stopped the study."""
+"""Rows on disk: whole or absent, none lost or doubled, from one process and from several."""
 
-from __future__ import annotations
-
+import json
 import os
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,30 +14,36 @@ import numpy as np
 import pytest
 
 from slidax.core.errors import DefinitionError, DefinitionWarning
-from slidax.studies import RunOptions, read_rows
+from slidax.core.writing import is_temporary
+from slidax.studies import Part, PartDone, RunOptions, read_rows
 from slidax.studies.runner import Runner
+from tests.studies.files import STUDY, ran, study
 
-from .files import STUDY, ran, study
-
-RUNNER = """
+PROCESS = """
 import sys, json, jax
 jax.config.update("jax_enable_x64", True)
 from pathlib import Path
-from slidax.studies import RunOptions, study_of
+from slidax.studies import Part, PartDone, RunOptions, study_of
 from slidax.studies import runner
 runner.LEAST = runner.MOST = 64
+text, out, part = sys.argv[1:]
 print("begin", flush=True)
-options = RunOptions(Path(sys.argv[2]), True, progress=lambda rows: print(rows, flush=True))
-study_of(json.loads(sys.argv[1])).run(options)
+part = Part.parsed(part) if part else None
+try:
+    study_of(json.loads(text)).run(RunOptions(Path(out), True, part=part))
+except PartDone as done:
+    print("missing", done.missing, flush=True)
+else:
+    print("whole", flush=True)
 """
 
 
 def killed_after(seconds: float, out: Path, **changes: Any) -> bool:
-    """Whether the study, resumed in a process that is killed after so long, came to its end."""
+    """True if the study, resumed in a process that is killed after so long, came to its end."""
     import json
 
     text = json.dumps({**STUDY, **changes})
-    with subprocess.Popen([sys.executable, "-c", RUNNER, text, str(out)], stdout=subprocess.PIPE) as process:
+    with subprocess.Popen([sys.executable, "-c", PROCESS, text, str(out), ""], stdout=subprocess.PIPE) as process:
         assert process.stdout is not None
         process.stdout.readline()
         try:
@@ -57,23 +63,22 @@ def kill_until_done(out: Path, most: int, seed: int, low: float, high: float, **
     return kills
 
 
-def assert_same_rows(one: Path, other: Path, rows: int) -> None:
-    table, expected = read_rows(one), read_rows(other)
-    assert table["row"].tolist() == list(range(rows))
-    assert table.keys() == expected.keys()
+def assert_same_rows(folder: Path, other: Path, rows: int) -> None:
+    table, expected = read_rows(folder), read_rows(other)
+    assert table["row"].tolist() == list(range(rows)) and table.keys() == expected.keys()
     for name, column in expected.items():
         assert np.array_equal(table[name], column, equal_nan=True), name
-    assert (one / "rows.parquet").read_bytes() == (other / "rows.parquet").read_bytes()
+    assert (folder / "rows.parquet").read_bytes() == (other / "rows.parquet").read_bytes()
 
 
 @pytest.fixture
-def small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
+def small_chunks(monkeypatch):
     monkeypatch.setattr("slidax.studies.runner.LEAST", 64)
     monkeypatch.setattr("slidax.studies.runner.MOST", 64)
 
 
 @pytest.mark.usefixtures("small_chunks")
-def test_a_study_that_was_killed_goes_on_and_ends_with_the_same_file(tmp_path: Path) -> None:
+def test_a_study_that_was_killed_goes_on_and_ends_with_the_same_file(tmp_path):
     ran(tmp_path / "whole")
     out = tmp_path / "out"
 
@@ -102,7 +107,7 @@ def test_a_study_that_was_killed_goes_on_and_ends_with_the_same_file(tmp_path: P
 
 
 @pytest.mark.full
-def test_twenty_kills_at_random_moments_lose_no_row(tmp_path: Path) -> None:
+def test_twenty_kills_at_random_moments_lose_no_row(tmp_path):
     changes = {"runs": 6000, "changes": {"simulation.t1": 1}}
     assert killed_after(600.0, tmp_path / "whole", **changes)
     started = time.monotonic()
@@ -117,7 +122,7 @@ def test_twenty_kills_at_random_moments_lose_no_row(tmp_path: Path) -> None:
     assert_same_rows(tmp_path / "out", tmp_path / "whole", 6000)
 
 
-def test_a_folder_with_something_else_is_left_alone(tmp_path: Path) -> None:
+def test_a_folder_with_something_else_is_left_alone(tmp_path):
     ran(tmp_path / "out", runs=64)
     with pytest.raises(DefinitionError, match="--resume"):
         ran(tmp_path / "out", runs=64)
@@ -131,13 +136,131 @@ def test_a_folder_with_something_else_is_left_alone(tmp_path: Path) -> None:
         ran(tmp_path / "other", runs=64)
 
 
-def test_more_runs_of_the_same_study_keep_those_that_are_done(tmp_path: Path) -> None:
+def test_more_runs_of_the_same_study_keep_those_that_are_done(tmp_path):
     ran(tmp_path / "out", runs=64)
     for runs in (80, 200, 100):
         result = ran(tmp_path / "out", resume=True, runs=runs)
-        assert result.runs == runs
-        assert np.array_equal(read_rows(tmp_path / "out")["row"], np.arange(runs))
+        assert result.runs == runs and np.array_equal(read_rows(tmp_path / "out")["row"], np.arange(runs))
 
 
-def test_a_chunk_has_a_few_seconds_of_work() -> None:
+def test_a_chunk_has_a_few_seconds_of_work():
     assert [Runner.rows_of_chunk(samples) for samples in (10, 2000, 8000, 10**7)] == [8192, 2048, 512, 64]
+
+
+def begun(out: Path, part: str = "", **changes: Any) -> subprocess.Popen[str]:
+    """A process that runs the study, and has got as far as to open its folder."""
+    command = [sys.executable, "-W", "error", "-c", PROCESS, json.dumps({**STUDY, **changes}), str(out), part]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    return process
+
+
+def ended(processes: Sequence[subprocess.Popen[str]]) -> list[str]:
+    """The last line of each, none of which may have failed or warned."""
+    lines = []
+    for process in processes:
+        out, errors = process.communicate(timeout=600)
+        assert (process.returncode, errors) == (0, "")
+        lines.append(out.splitlines()[-1])
+    return lines
+
+
+def assert_clean(out: Path) -> None:
+    assert not [path for path in out.rglob("*") if is_temporary(path.name)]
+
+
+@pytest.mark.full
+@pytest.mark.usefixtures("small_chunks")
+def test_two_processes_on_one_folder_leave_the_bytes_of_one(tmp_path):
+    ran(tmp_path / "alone")
+    processes = [begun(tmp_path / "out") for _ in range(2)]
+    assert ended(processes) == ["whole", "whole"]
+    assert_same_rows(tmp_path / "out", tmp_path / "alone", 200)
+    assert_clean(tmp_path / "out")
+
+
+@pytest.mark.usefixtures("small_chunks")
+def test_parts_of_a_study_are_put_together_by_whoever_is_last(tmp_path):
+    ran(tmp_path / "alone")
+    out = tmp_path / "out"
+    with pytest.raises(PartDone) as done:
+        study().run(RunOptions(out, part=Part(2, 3)))
+    assert (done.value.missing, done.value.total) == (136, 200) and not (out / "rows.parquet").exists()
+    with pytest.raises(PartDone) as done:
+        study().run(RunOptions(out, part=Part(1, 3)))
+    assert done.value.missing == 64
+    last = study().run(RunOptions(out, part=Part(3, 3)))
+    assert (last.computed, last.runs) == (64, 200)
+    assert_same_rows(out, tmp_path / "alone", 200)
+    with pytest.raises(DefinitionError, match="another study"):
+        study(seed=6).run(RunOptions(out, part=Part(3, 3)))
+
+
+COMPARE = {"study": "compare", "schemes": {"ours": {}, "wider": {"scheme.performance.final": 0.006}}, "runs": 128}
+
+
+@pytest.mark.full
+@pytest.mark.usefixtures("small_chunks")
+def test_a_comparison_is_computed_in_parts(tmp_path):
+    request = study(**COMPARE)
+    request.run(RunOptions(tmp_path / "alone"))
+    with pytest.raises(PartDone) as done:
+        request.run(RunOptions(tmp_path / "out", part=Part(1, 2)))
+    assert (done.value.missing, done.value.total) == (128, 256)
+    request.run(RunOptions(tmp_path / "out", part=Part(2, 2)))
+    for name in ("ours", "wider"):
+        assert_same_rows(tmp_path / "out" / name, tmp_path / "alone" / name, 128)
+
+
+@pytest.mark.parametrize("text", ["", "1", "0/2", "3/2", "1/0", "a/b", "1/2/3", "-1/2", "1.0/2", "１/２", "1/99999999"])
+def test_a_part_that_is_none_is_refused(text):
+    with pytest.raises(DefinitionError, match=r"such as 2/4"):
+        Part.parsed(text)
+
+
+def test_a_part_is_refused_where_rows_depend_on_the_ones_before(tmp_path):
+    with pytest.raises(DefinitionError, match="monte_carlo with `until` chooses each row by the ones before"):
+        study(until={"probability": 0.9}).run(RunOptions(tmp_path / "out", part=Part(1, 2)))
+    with pytest.raises(DefinitionError, match="falsify chooses each row by the ones before"):
+        study(study="falsify", runs=64).run(RunOptions(tmp_path / "out", part=Part(1, 2)))
+    with pytest.raises(DefinitionError, match="--out"):
+        study().run(RunOptions(part=Part(1, 2)))
+    assert not (tmp_path / "out").exists()
+
+
+LONG = {"runs": 1280, "changes": {"simulation.t1": 1}}
+
+
+@pytest.mark.full
+def test_two_processes_on_one_folder_twenty_times(tmp_path):
+    assert ended([begun(tmp_path / "alone", **LONG)]) == ["whole"]
+    random = np.random.default_rng(38)
+    for number in range(20):
+        out = tmp_path / f"out{number}"
+        first = begun(out, **LONG)
+        time.sleep(float(random.choice([0.0, random.uniform(0.0, 4.0)])))
+        assert ended([first, begun(out, **LONG)]) == ["whole", "whole"]
+        assert_same_rows(out, tmp_path / "alone", 1280)
+        assert_clean(out)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("seed", range(5))
+def test_parts_one_of_which_is_killed_and_a_third_process_that_joins(tmp_path, seed):
+    assert ended([begun(tmp_path / "alone", **LONG)]) == ["whole"]
+    out, random = tmp_path / "out", np.random.default_rng(seed)
+    first, second = begun(out, "1/2", **LONG), begun(out, "2/2", **LONG)
+    until = time.monotonic() + 120
+    while len(list(out.glob("parts/*.parquet"))) < 2:
+        assert time.monotonic() < until
+        time.sleep(0.01)
+    time.sleep(float(random.uniform(0.0, 0.3)))
+    second.send_signal(signal.SIGKILL)
+    second.communicate()
+    third = begun(out, **LONG)
+    last = ended([first, third])
+    assert last[1] == "whole" and last[0].startswith(("whole", "missing"))
+    assert_same_rows(out, tmp_path / "alone", 1280)
+    # The killed one's file, if any, is removed by the next that joins.
+    assert ended([begun(out, "2/2", **LONG)]) == ["whole"]
+    assert_clean(out)

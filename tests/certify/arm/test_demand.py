@@ -1,14 +1,66 @@
-"""The demand of a set bounds every member, on the reference and near it."""
+"""The demand of a set, and verdicts on torques: failures have remedies that hold."""
 
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 from scipy.signal import lfilter
 
-from slidax.certify.arm import compute_demand
+from slidax.certify.arm import compute_demand, robust_torque, torque_budget, uncertainty_bound
 from slidax.certify.arm.demand import Demand
-from slidax.scenarios import load
+from slidax.certify.arm.members import Members
+from slidax.certify.arm.robust_torque import UncertaintySamples, largest_share, uncertainty_samples
+from slidax.certify.arm.torque_budget import motion_torques
+from slidax.core.types import State
+from slidax.law import SampledData
+from slidax.scenarios import Scenario, load
+from slidax.scenarios.family import Family
+from slidax.scenarios.load import alter
+from slidax.scenarios.uncertainty import Uncertainty
 
-from .sets import asked_by, member, with_set
+
+def with_set(scenario: Scenario, uncertainty: dict[str, Any], changes: dict[str, Any]) -> tuple[Scenario, Family]:
+    changed = alter(scenario, changes)
+    return changed, Family.of(changed.description, TypeAdapter(Uncertainty).validate_python(uncertainty))
+
+
+def member(family: Family, seed: int) -> Any:
+    """The plant of one random member, as a scenario file defines it."""
+    cube = np.random.default_rng(seed).uniform(size=(1, family.space.dimensions))
+    values = {path: some[0] for path, some in family.space.values(cube).items()}
+    plant = family.case(values).as_it_is().moving().plant
+    return getattr(plant, "own", plant)
+
+
+def asked_by(scenario: Scenario) -> Any:
+    """Return a function from a member, times and deviations q and dq from the reference to w* [N n]."""
+    law, h = scenario.controller, scenario.period
+    robot, rubbed = law.nominal, jnp.zeros(law.joints)
+    adaptation = law.adaptation if isinstance(law, SampledData) else None
+    memory = None if adaptation is None else adaptation.init(scenario.state0)
+
+    @eqx.filter_jit
+    def answers(plant: Any, times: Any, q: Any, dq: Any) -> Any:
+        return jax.vmap(lambda *args: at(plant, *args))(times, q, dq)
+
+    def at(plant: Any, t: Any, q: Any, dq: Any) -> Any:
+        now, later = (scenario.trajectory.reference(args) for args in (t, t + h))
+        ddq = (later.dq - now.dq) / h
+        believed, friction = robot, rubbed
+        if adaptation is not None:
+            believed, friction = adaptation.robot(robot, memory), adaptation.friction(memory, now.dq)
+        state = State(q=now.q + q, dq=now.dq + dq)
+        true = plant.at(t)
+        known = believed.mass(state.q) @ ddq + believed.bias(state.q, state.dq) + friction
+        needed = true.mass(state.q) @ ddq + true.bias(state.q, state.dq) + true.friction(state.dq)
+        return jnp.linalg.solve(believed.mass(state.q), known - needed + plant.disturbance(t, state))
+
+    return answers
+
 
 SETS = {
     "two links": (
@@ -100,3 +152,122 @@ def test_boxed_demand_covers_every_member_of_the_set():
         middle = np.einsum("m,mkj->kj", share, push)
         assert (np.abs(disturbance - middle) + 0.1 <= boxed.stray + 1e-12).all()
     assert boxed.boxed() is boxed
+
+
+SHORT = {"simulation.t1": 1.0}
+
+# Numbers that cannot be meant are what some of these tests are about.
+MEANT = pytest.mark.filterwarnings("ignore::slidax.core.errors.DefinitionWarning")
+
+
+@pytest.fixture(scope="module")
+def two_links():
+    return with_set(
+        load("example-4.1-1khz"),
+        {"robot.plant.masses": {"around": "20 %"}, "disturbance.scale": {"between": [0, 1]}},
+        SHORT,
+    )
+
+
+@pytest.fixture(scope="module")
+def asked_of_two_links(two_links):
+    return compute_demand(*two_links)
+
+
+@MEANT
+def test_robust_torque_fails_for_a_small_u_with_a_remedy_that_holds(two_links, asked_of_two_links):
+    scenario, _ = two_links
+    good = robust_torque(scenario, asked_of_two_links)
+    assert good.holds and good.margin > 0.5
+    nothing = {f"scheme.bound.{name}": 0.0 for name in ("b0", "b1", "b2")} | {"scheme.bound.margin": 0.01}
+    weak = alter(scenario, nothing | {"scheme.bound.inverse_inertia_max": 0.09})
+    refused = robust_torque(weak, asked_of_two_links)
+    assert refused.holds is False and refused.bound["needed"] == pytest.approx(good.bound["needed"], rel=1.0)
+    enough = robust_torque(alter(weak, dict(refused.remedies[0].changes)), asked_of_two_links)
+    assert enough.holds
+
+
+def test_deviation_from_the_reference_lowers_the_margin_of_u(two_links, asked_of_two_links):
+    scenario, _ = two_links
+    on_it = robust_torque(scenario, asked_of_two_links)
+    beside = robust_torque(scenario, asked_of_two_links, radius=np.full(2, 1e-2), speed=np.full(2, 0.1))
+    assert beside.margin < on_it.margin
+
+
+def test_robust_torque_does_not_apply_to_computed_torque():
+    scenario = load("example-4.1-1khz", {"scheme.name": "computed_torque", **SHORT})
+    assert robust_torque(scenario).holds is None
+
+
+def test_torque_along_the_motion_agrees_with_a_run(two_links, asked_of_two_links):
+    scenario, _ = two_links
+    run = scenario.simulate(log_every=1, progress=False)
+    late = np.asarray(run.log.t) > 0.7
+    used = np.abs(np.asarray(run.log.tau)[late]).max(axis=0)
+    torque, _ = motion_torques(scenario, asked_of_two_links, Members.of(scenario))
+    assert (torque > 0.95 * used).all()
+
+
+@MEANT
+def test_torque_budget_fails_for_weak_drives_with_a_sufficient_remedy(two_links, asked_of_two_links):
+    scenario, family = two_links
+    weak = alter(scenario, {"actuator.torque": 30.0})
+    refused = torque_budget(weak, asked_of_two_links, family)
+    assert refused.holds is False and (np.asarray(refused.bound["torque"]) > 30.0).any()
+    stronger = alter(weak, dict(refused.remedies[0].changes))
+    torque = torque_budget(stronger, asked_of_two_links, family).bound["torque"]
+    assert (torque < np.asarray(stronger.plant.actuator.limits.torque)).all()
+
+
+def test_torque_budget_holds_from_a_time_on_for_a_distant_start():
+    far = load("example-4.1-1khz", SHORT)
+    reference = far.trajectory.reference(jnp.zeros(()))
+    start = {"start.q": np.asarray(reference.q).tolist(), "start.dq": np.asarray(reference.dq).tolist()}
+    near = torque_budget(load("example-4.1-1khz", SHORT | start | {"disturbance.scale": 0.0, "actuator.rate": 1e6}))
+    reached = torque_budget(far)
+    assert near.holds and near.since is None, near.statement
+    assert reached.holds and reached.since == max(reached.bound["free_after"]) > 0.0
+    assert reached.answer == f"from {reached.since:.3g} s" and reached.margin > 0.1
+
+
+def test_torque_budget_fails_if_a_limit_is_reached_up_to_the_end():
+    # The drives can just hold the motion, and chatter at their rate limit to the end.
+    scenario = load("example-4.1-1khz", SHORT | {"actuator.rate": 600.0})
+    verdict = torque_budget(scenario)
+    assert verdict.holds is False and verdict.since is None and verdict.margin is None
+    assert "up to the end" in verdict.statement
+
+
+def test_largest_share_of_zero_bounds_is_infinite_or_zero():
+    samples = UncertaintySamples(*(np.array([1.0, 2.0]) for _ in range(4)))
+    assert largest_share(np.zeros(3), 0.0, samples) == np.inf
+    assert largest_share(np.zeros(3), 1.0, samples) == 0.0
+    assert largest_share(np.array([4.0, 0.0, 0.0]), 0.0, samples) == 0.5
+
+
+@MEANT
+def test_uncertainty_bound_does_not_apply_to_sampled_data_laws():
+    verdict = uncertainty_bound(
+        load("example-4.1-1khz", SHORT | {f"scheme.bound.{b}": 0.0 for b in ("b0", "b1", "b2")})
+    )
+    assert verdict.holds is None and verdict.answer == "-"
+    assert all(abs(number) < 1e6 for number in verdict.bound.values())
+
+
+def test_torque_budget_does_not_apply_without_limits():
+    scenario = load("example-4.1", {"simulation.t1": 0.01})
+    assert torque_budget(scenario).holds is None
+
+
+def test_smallest_bound_covers_independent_samples_and_the_paper_suffices():
+    scenario, family = with_set(load("example-4.1"), {"robot.plant.masses": {"around": "20 %"}}, {"simulation.t1": 2.0})
+    verdict = uncertainty_bound(scenario, family)
+    assert verdict.holds
+    fresh = uncertainty_samples(Members.of(scenario, family), 16, seed=99)
+    b0, b1, b2, gamma = (verdict.bound[name] for name in ("b0", "b1", "b2", "gamma"))
+    covered = b0 + b1 * fresh.position + b2 * fresh.speed + gamma * fresh.torque
+    assert np.mean(fresh.lumped > covered * (1 + 1e-9)) < 1e-3
+    half = {f"scheme.bound.{name}": 0.3 * verdict.bound[name] for name in ("b0", "b1", "b2")}
+    refused = uncertainty_bound(alter(scenario, half), family)
+    assert refused.holds is False
+    assert uncertainty_bound(alter(scenario, dict(refused.remedies[0].changes)), family).holds

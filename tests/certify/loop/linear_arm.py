@@ -1,7 +1,5 @@
 """An arm of constant inertia, a law on it, and disturbances that change each period."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import equinox as eqx
@@ -70,14 +68,7 @@ def scenario(
     joints: int = 2,
     period: float | None = None,
 ) -> Scenario:
-    """A random law on a random arm that it knows.
-
-    - `delay`: of the sensor [periods].
-    - `kalman`: if True, velocities are estimated from positions.
-    - `resolution`: of the encoders [rad].
-    - `samples`: of the run.
-    - `period`: h [s]; random by default.
-    """
+    """A random law on a random arm that it knows."""
     h = float(10 ** rng.uniform(-3.3, -2.4)) if period is None else period
     horizon = h * rng.uniform(2.0, 8.0)
     inertia = np.diag(10 ** rng.uniform(-1.0, 1.0, joints))
@@ -113,12 +104,7 @@ def scenario(
 def demand(
     case: Scenario, *, stray: float | np.ndarray, kappa: tuple[float, float], coupling: float | np.ndarray
 ) -> Demand:
-    """The demand of any disturbance within a bound, and of an inertia error.
-
-    - `stray`: w̄ [n], or of all joints [rad/s²].
-    - `kappa`: least and largest, of all joints.
-    - `coupling`: |K_ij/K_jj| [n n], or of all.
-    """
+    """The demand of any disturbance within a bound, and of an inertia error."""
     times = np.arange(round(case.t1 / case.period) + 1) * case.period
     n = case.controller.joints
     return Demand(
@@ -132,12 +118,7 @@ def demand(
 
 
 def errors(ones: Sequence[Scenario], inertias: np.ndarray, pushes: np.ndarray) -> np.ndarray:
-    """e of many runs of each law [laws m N n].
-
-    - `ones`: scenarios with one period, delay and kind of estimator.
-    - `inertias`: of the true arms [laws m n n].
-    - `pushes`: w* in each period [laws m k n], rad/s².
-    """
+    """e of many runs of each law [laws m N n]."""
     first = ones[0]
     believed = np.stack([np.asarray(case.controller.nominal.inertia) for case in ones])
     torques = np.einsum("lij,lmkj->lmki", believed, pushes)

@@ -1,7 +1,5 @@
 """All joints as one loop: a time-varying matrix K is known, and its uncertainty enters as a disturbance."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -133,17 +131,14 @@ def test_no_run_with_a_varying_coupling_exceeds_its_bound():
     sizes, _ = known.told(COUNT, 1, 1, False)
     unknown = np.abs(e[:COUNT] - sizes[:, 1, ERROR])
     bound = before + known.free.reshape(-1, OUTPUTS, 2)[:COUNT, ERROR]
-    assert (unknown <= bound * (1.0 + 1e-9)).all()
-    assert float(np.max(unknown / bound)) > 0.3
+    assert (unknown <= bound * (1.0 + 1e-9)).all() and float(np.max(unknown / bound)) > 0.3
 
 
 def test_loop_memory_reports_temporary_growth():
     wild = 1.0 + 1.5 * (np.abs(np.arange(1200) - 700) < 100)
     memory = loop_memory(LoopsAlongMotion(LOOPS, MATRIX * wild[:, None, None]), 1200)
     calm = loop_memory(LoopsAlongMotion(LOOPS, np.repeat(MATRIX[None], 1200, axis=0)), 1200)
-    assert calm.memory is not None
-    assert calm.grown < 1.0 < memory.grown
-    assert 600 <= memory.then <= 1199
+    assert calm.memory is not None and calm.grown < 1.0 < memory.grown and 600 <= memory.then <= 1199
 
 
 def test_halves_of_a_set_share_its_middle_and_its_ends():
@@ -180,5 +175,4 @@ ARMS = [
 def test_arms_of_six_and_seven_joints_hold_and_no_case_exceeds_its_bound(case):
     subject = subject_of(*case)
     whole = set_bound(subject)
-    assert whole.holds
-    assert share_of_the_bound(subject, whole, 32, 3) <= 1.0
+    assert whole.holds and share_of_the_bound(subject, whole, 32, 3) <= 1.0

@@ -1,7 +1,5 @@
 """The certificate on whole scenarios: after the initial set no error of a case exceeds its bound."""
 
-from __future__ import annotations
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -70,8 +68,7 @@ def test_paper_example_at_1_khz_holds_with_uncertain_masses(tmp_path):
     assert whole.holds
     # The law learns: nothing is proved for more than the arms that were simulated.
     assert not any(line.status == "proved" for line in [*whole.premises, *whole.demand.assumptions])
-    assert whole.assembly.set_in[0] < 2.0
-    assert share_of_the_bound(subject, whole, 8, 1) <= 1.0
+    assert whole.assembly.set_in[0] < 2.0 and share_of_the_bound(subject, whole, 8, 1) <= 1.0
     if COMPILERS:
         assert 0.5 < attacked(subject.scenario, whole, tmp_path, 12) <= 1.0
 
@@ -90,8 +87,7 @@ def test_no_case_of_a_set_exceeds_its_bound(case):
 @pytest.mark.parametrize("name", ["example-4.1-1khz", "example-4.2-1khz"])
 def test_built_in_scenarios_hold_with_a_tenth_of_their_radius(name):
     verdict = loop_rate(load(name))
-    assert verdict.holds
-    assert not verdict.remedies
+    assert verdict.holds and not verdict.remedies
     assert (np.asarray(verdict.bound["required_radius"]) < 2e-4).all()
 
 
@@ -109,8 +105,7 @@ def test_nominal_run_is_that_of_an_arm_equal_to_its_model():
 def test_loop_rate_fails_for_a_large_set_with_a_failing_assumption():
     wild = {"robot.plant.masses": {"between": [0.05, 8.0]}}
     verdict = loop_rate(load("example-4.1-1khz", {"uncertainty": wild, **WITHOUT}), remedies=False)
-    assert verdict.holds is False
-    assert any(line.status == "fails" for line in verdict.assumptions)
+    assert verdict.holds is False and any(line.status == "fails" for line in verdict.assumptions)
 
 
 def test_slope_table_bounds_all_slopes_between_two_places():
@@ -167,5 +162,4 @@ def test_planned_error_direction_needs_no_acceleration():
     held[2] = follows * led
     command = maps.outputs[4] @ basis[:, 0] + maps.direct[4] @ held
     # The delay moves e a little further before the plan begins.
-    assert abs(command) < 0.1 * abs((1 - follows) * led / loop.horizon**2)
-    assert (sizes == 0.0).all()
+    assert abs(command) < 0.1 * abs((1 - follows) * led / loop.horizon**2) and (sizes == 0.0).all()

@@ -1,7 +1,5 @@
 """The worked example of docs/certificates/loop-rate.md, and scenarios that a certificate refuses."""
 
-from __future__ import annotations
-
 import importlib
 from dataclasses import replace
 

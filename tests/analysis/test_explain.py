@@ -1,0 +1,218 @@
+"""The named cause of a failure is the seeded one, and the log estimates agree with the arm."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from slidax.analysis import RunRecord, explain, forecast
+from slidax.analysis.log_estimate import believed_inertia, encoder_resolution, estimate_from_log
+from slidax.analysis.loop_causes import InertiaCause
+from slidax.analysis.torque_causes import ContactCause, _cover_remedies
+from slidax.arms import panda
+from slidax.core.errors import DefinitionError
+from slidax.law.joint_loop import LinearLoop
+from slidax.scenarios import Scenario, load, names
+from slidax.scenarios.sampled_data import SampledDataDescription
+
+PANDA = "panda-payload"
+ESTIMATOR = "scheme.sampled_data.estimator"
+UNLEARNT: dict[str, Any] = (
+    {"scheme.sampled_data.adaptation": None} if "adaptation" in SampledDataDescription.model_fields else {}
+)
+"""A law that learns its arm's inertia would hold where these are to fail."""
+
+SEEDED: dict[str, tuple[str, dict[str, Any], str]] = {
+    "too light a model": (PANDA, {"robot.nominal.armature": 0.01, "robot.plant.armature": 0.1}, "inertia"),
+    "too heavy a model": (PANDA, {"robot.plant.armature": 0.02}, "inertia"),
+    "torque limit": (PANDA, {"actuator.torque": [87, 50, 40, 25, 12, 12, 12]}, "torque"),
+    "torque rate limit": (PANDA, {"actuator.rate": 100}, "torque_rate"),
+    "robust torque": (PANDA, {"scheme.bound.margin": 1.0}, "robust_torque"),
+    "long period": (
+        PANDA,
+        {"simulation.period": 1.6e-2, "simulation.substeps": 40, "scheme.sampled_data.horizon": None},
+        "period",
+    ),
+    "coarse substeps": (
+        PANDA,
+        {"simulation.period": 8e-3, "simulation.substeps": 1, "scheme.sampled_data.horizon": None},
+        "substeps",
+    ),
+    "heavy payload": ("ur5e-payload", {"robot.plant.load.mass": 10.0}, "payload"),
+    "slow estimator": (PANDA, {f"{ESTIMATOR}.torque_density": 1e-8}, "estimator"),
+    "delay": (PANDA, {"sensor.delay": 4, "scheme.sampled_data.delay": 1}, "delay"),
+    "coarse encoder": (PANDA, {"sensor.resolution": 1e-3}, "encoder"),
+    "contact": ("panda-table", {"surroundings.table.height": 0.5353}, "contact"),
+}
+"""By what is wrong: a scenario, what is changed in it, and the cause that is to be named."""
+
+
+def seeded(which: str) -> Scenario:
+    base, changes, _ = SEEDED[which]
+    return load(base, UNLEARNT | changes)
+
+
+QUICK = ["too light a model", "too heavy a model", "robust torque", "coarse encoder"]
+
+
+def marked(values, daily):
+    return [pytest.param(value, marks=[] if value in daily else [pytest.mark.full]) for value in values]
+
+
+# A bound that is far too small is the fault of one of them.
+@pytest.mark.filterwarnings("ignore:scheme.bound")
+@pytest.mark.parametrize("which", marked(SEEDED, QUICK))
+def test_cause_of_a_seeded_fault_is_named_and_its_remedy_holds(which):
+    scenario = seeded(which)
+    run = scenario.simulate(log_every=1)
+    assert not run.outcome.ok
+    first = explain(scenario, run)[0]
+    assert (first.finding.name, first.tried, first.holds) == (SEEDED[which][2], True, True), first.sentence()
+
+
+def test_the_inertia_of_a_joint_is_seen_in_the_log_within_a_few_percent():
+    scenario = seeded("too light a model")
+    record = RunRecord.of(scenario, scenario.simulate(log_every=1))
+    true = scenario.plant.robot.mass(scenario.state0.q)[6, 6]
+    estimate = estimate_from_log(record)
+    assert estimate.inertia[6] == pytest.approx(float(true), rel=0.1) and estimate.coherence[6] > 0.95
+
+
+def test_an_inertia_that_was_learnt_is_not_blamed():
+    """The model is 20 times too light, the law has learnt so, and it is what it learnt that counts."""
+    scenario = load("panda-payload", {"robot.nominal.armature": 0.0, "robot.plant.armature": 0.1})
+    record = RunRecord.of(scenario, scenario.simulate(log_every=1))
+    estimate = estimate_from_log(record)
+    assert estimate.nominal[6] < 0.1 * estimate.inertia[6]
+    assert believed_inertia(record, estimate)[6] == pytest.approx(estimate.inertia[6], rel=0.2)
+    assert InertiaCause().finding(record) is None
+
+
+@pytest.mark.full
+def test_the_delay_is_seen_in_the_log():
+    scenario = seeded("delay")
+    record = RunRecord.of(scenario, scenario.simulate(log_every=1))
+    assert abs(estimate_from_log(record).delay - 4.0) <= 0.5
+
+
+def test_the_encoders_steps_are_found_in_their_readings():
+    q = np.cumsum(np.random.default_rng(0).normal(scale=5e-3, size=(500, 2)), axis=0)
+    q[:, 0] = 1e-3 * np.round(q[:, 0] / 1e-3)
+    np.testing.assert_allclose(encoder_resolution(q), [1e-3, 0.0], rtol=1e-9)
+
+
+def test_without_delay_and_estimate_the_loop_bears_what_the_derivation_says():
+    """`κ < 4/(r (4 - r))`, docs/sampled-data.md."""
+    for periods in (1.0, 3.0, 12.0):
+        loop = LinearLoop(h=1e-3, horizon=periods, believed=0.0, gains=(0.0, 0.0, 0.0), measures_velocity=True)
+        limit = 4.0 * periods**2 / (4.0 * periods - 1.0)
+        # The push that is not estimated stays as it is: one eigenvalue of 1 that says nothing.
+        matrix = loop.maps(0.99 * limit, 0.0).step
+        assert np.sort(np.abs(np.linalg.eigvals(matrix)))[-3] < 1.0 and loop.radius(1.01 * limit) > 1.0
+
+
+def test_an_exact_model_is_stable_with_the_kalman_filter_at_any_delay_that_is_known():
+    for delay in (0.0, 0.5, 1.0, 2.5, 4.0):
+        loop = LinearLoop(h=1e-3, horizon=7.0, believed=delay, gains=(0.2, 0.02, 0.001), measures_velocity=False)
+        assert loop.radius() < 1.0 and loop.radius(1.0, delay + 8.0) > 1.0
+
+
+def test_a_run_that_holds_has_nothing_to_explain():
+    scenario = load("example-4.1-1khz", UNLEARNT | {"simulation.t1": 1.0})
+    assert explain(scenario, scenario.simulate(log_every=1)) == []
+
+
+def test_a_margin_that_the_file_leaves_out_is_raised_from_what_was_found_for_the_arm():
+    scenario = load("panda-payload", {"scheme.bound.margin": None, "simulation.t1": 0.1})
+    record = RunRecord.of(scenario, scenario.simulate(log_every=1))
+    first = _cover_remedies(record, covers=10.0, lacks=20.0)[0]
+    margin = float(record.law.step.bound.margin)
+    assert first.changes["scheme.bound.margin"] == pytest.approx(margin + 20.0, rel=5e-3)
+
+
+def test_diagnosis_refusal_names_the_missing_part():
+    scenario = load("example-4.1-1khz", UNLEARNT | {"simulation.t1": 1.0})
+    with pytest.raises(DefinitionError, match="log_every=1"):
+        explain(scenario, scenario.simulate(log_every=10))
+    printed = load("example-4.1", {"simulation.t1": 0.01})
+    with pytest.raises(DefinitionError, match="sampled_data"):
+        explain(printed, printed.simulate(log_every=1))
+
+
+@pytest.mark.parametrize("name", marked(names(), ["example-4.1-1khz", "panda-payload"]))
+def test_built_in_scenario_raises_no_warning_before_its_run(name):
+    assert forecast(load(name)) == []
+
+
+@pytest.mark.filterwarnings("ignore:scheme.bound")
+@pytest.mark.parametrize(
+    ("which", "words"),
+    [
+        ("too light a model", "κ"),
+        ("too heavy a model", "κ"),
+        ("torque limit", "needs"),
+        ("robust torque", "u covers"),
+        ("coarse substeps", "simulation.substeps"),
+        ("slow estimator", "too slow"),
+    ],
+)
+def test_likely_failure_is_reported_before_the_run(which, words):
+    assert any(words in sentence for sentence in forecast(seeded(which)))
+
+
+def test_a_fast_estimator_is_doubted_where_its_noise_needs_the_drives_rate():
+    density = "scheme.sampled_data.estimator.torque_density"
+    (doubt,) = forecast(load("panda-payload", {density: 1e4}))
+    assert "so fast" in doubt and "rate limit" in doubt
+    # As fast, with encoders as fine as that.
+    assert forecast(load("panda-payload", {density: 1.0, "sensor.resolution": 1e-6})) == []
+
+
+PERIOD = 2e-3
+LEFT = 800
+
+
+@pytest.fixture(scope="module")
+def swung():
+    """A Panda whose motion becomes ten times as fast at t = 1.4 s, and its tip's Jacobians and accelerations."""
+    robot = panda()
+    t = PERIOD * np.arange(1000)
+    swing = 0.02 * np.sin(t) + np.where(t > 1.4, 0.1 * (1.0 - np.cos(10.0 * (t - 1.4))), 0.0)
+    q = np.array([0.0, -0.3, 0.0, -2.0, 0.0, 1.7, 0.5]) + swing[:, None] * np.array([0, 1.0, 0, 1, 0, -1, 0])
+    tips = np.asarray(jax.vmap(robot.tip)(jnp.asarray(q)))
+    accelerations = np.gradient(np.gradient(tips, PERIOD, axis=0), PERIOD, axis=0)
+    jacobians = np.asarray(jax.vmap(jax.jacfwd(robot.tip))(jnp.asarray(q)))
+    return robot, t, q, jacobians, accelerations
+
+
+def finding(swung, force):
+    """Of a run on which the law's model lacks what a force on the tip asks of the drives."""
+    robot, t, q, jacobians, _ = swung
+    record = SimpleNamespace(
+        nominal=robot,
+        joints=7,
+        period=PERIOD,
+        left=LEFT,
+        t=t,
+        q=q,
+        unexplained=-np.einsum("kij,ki->kj", jacobians, force),
+        scenario=SimpleNamespace(description=SimpleNamespace(surroundings=SimpleNamespace(table=None))),
+    )
+    return ContactCause().finding(record)
+
+
+def test_a_force_that_comes_at_once_is_a_contact(swung):
+    force = np.where(swung[1][:, None] > 1.5, np.array([0.0, 0.0, 30.0]), 0.0)
+    contact = finding(swung, force)
+    assert contact is not None and contact.numbers["force"] == pytest.approx(30.0, rel=0.05)
+
+
+def test_payload_inertia_in_a_sudden_motion_is_no_contact(swung):
+    assert finding(swung, -3.0 * swung[4]) is None
+
+
+def test_force_of_a_payload_heavier_than_the_arm_is_a_contact(swung):
+    assert finding(swung, -300.0 * swung[4]) is not None

@@ -1,0 +1,283 @@
+"""The linear loop is the simulated loop near a point: by differences, by theory, by its gain margins."""
+
+import dataclasses
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from slidax import scenarios
+from slidax.analysis import linearise
+from slidax.analysis.linearise import operating_point
+from slidax.analysis.period_map import INPUTS, period_map
+from slidax.analysis.sampled_system import connected_states
+from slidax.core.errors import DefinitionError
+from slidax.law.joint_loop import LinearLoop
+from slidax.scenarios import Scenario
+from slidax.simulation.loop import ClosedLoop
+
+
+def off_by(changes: dict[str, Any], at: float) -> float:
+    """Distance of derivatives from differences of the simulated sample, as a share of the largest in their column.
+
+    Differences are extrapolated to a step of nothing. Each column has the step at which they agree most: rounding wants
+    a long one where a number does little, and powers near zero a short one.
+    """
+    loop, carry, _ = operating_point(scenarios.load("example-4.1-1khz", changes), at)
+    sample = period_map(loop, carry)
+    derivative = sample.derivative()
+    m = sample.x.size
+    kept = connected_states(derivative[:m, :m], derivative[:m, m:], derivative[m:, :m])
+    assert len(kept) > 8
+    place = np.ix_(*(np.concatenate([kept, np.arange(m, size)]) for size in derivative.shape))
+    size = np.abs(derivative[place]).max(axis=0)
+    # A velocity that nobody measures, and the like, does nothing, and must do so in both.
+    size = np.where(size > 0.0, size, 1.0)
+    best = np.full(size.shape, np.inf)
+    for power in np.arange(1.0, 8.6, 0.5):
+        step = np.full(derivative.shape[1], 10.0**-power)
+        extrapolated = (4 * sample.differences(0.5 * step) - sample.differences(step)) / 3
+        off = (np.abs(derivative - extrapolated)[place] / size).max(axis=0)
+        best = np.fmin(best, off)
+    return float(best.max())
+
+
+@pytest.mark.parametrize(
+    ("changes", "at", "close"),
+    [
+        pytest.param({}, 1.0, 1e-9, marks=pytest.mark.full),
+        # Where s is next to zero, its power bends within what a step must have.
+        pytest.param({}, 5.0, 1e-8, marks=pytest.mark.full),
+        ({"scheme.name": "computed_torque"}, 1.0, 1e-9),
+        pytest.param({"scheme.name": "computed_torque"}, 5.0, 1e-9, marks=pytest.mark.full),
+    ],
+)
+def test_the_derivative_is_that_of_the_simulated_sample(changes, at, close):
+    assert off_by(changes, at) < close
+
+
+HEAVY = 50.0
+"""kg m² of each rotor; links hardly count."""
+
+HORIZON, VARIANCE, PERIOD = 10.0, 1e-12, 1e-3
+STILL = {"trajectory": {"kind": "constant", "value": [0.3, 0.4]}, "start.q": [0.3, 0.4], "disturbance.scale": 0.0}
+SHORT = {**STILL, "scheme.sampled_data.adaptation": None, "actuator": {}, "simulation.t1": 0.5}
+
+
+@pytest.fixture(scope="module")
+def linearised():
+    return linearise(scenarios.load("example-4.1-1khz", SHORT))
+
+
+def test_derivative_error_is_reported(linearised):
+    assert linearised.apart < 0.05 and linearised.stable and linearised.held
+    assert linearised.system.inputs[:2] == ("disturbance[joint 1]", "disturbance[joint 2]")
+    assert linearised.system.input_units[:2] == ("N m", "N m") and len(linearised.system.inputs) == 2 * len(INPUTS)
+
+
+def test_a_perturbed_run_is_that_of_the_linear_system(linearised):
+    """A push of the first joint that is small enough: a tenth of a second of the simulation itself."""
+    push = 1e-6
+    disturbance = {"scale": 1.0, "terms": [{"kind": "step", "value": [push, 0.0], "start": 0.5}]}
+    changes = {name: value for name, value in SHORT.items() if name != "disturbance.scale"}
+    changes |= {"disturbance": disturbance, "simulation.t1": 0.6}
+    scenario = scenarios.load("example-4.1-1khz", changes)
+    run, still = (scenarios.alter(scenario, {"disturbance.scale": on}).simulate(log_every=1) for on in (1.0, 0.0))
+    times, steps = linearised.system.part("disturbance[joint 1]", "error").step_response(0.1)
+    moved = (np.asarray(run.log.e) - np.asarray(still.log.e))[500:601]
+    np.testing.assert_allclose(moved / push, steps[:, :, 0], atol=0.02 * np.abs(steps).max())
+    assert times[-1] == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("where", ["torque", "measurement"])
+def test_at_its_gain_margin_the_loop_is_at_the_edge(linearised, where):
+    """With another gain at the place where it was broken, the loop's own eigenvalues say when it is unstable."""
+    closed = linearised.closed(where)
+    for joint, margin in enumerate(linearised.margins(where)):
+        b, c = closed.b[:, [joint]], closed.c[[joint]]
+        for gain in (margin.gain_up, margin.gain_down):
+            if gain is None:
+                continue
+            radius = np.abs(np.linalg.eigvals(closed.a + (gain - 1) * b @ c)).max()
+            assert radius == pytest.approx(1.0, abs=1e-6)
+        within = 0.5 * (1 + margin.gain_up)
+        assert np.abs(np.linalg.eigvals(closed.a + (within - 1) * b @ c)).max() < 1.0
+        # The disk margin is within each margin by itself.
+        low, high = margin.disk_gains
+        assert high <= margin.gain_up * (1 + 1e-6)
+        assert margin.gain_down is None or low >= margin.gain_down * (1 - 1e-6)
+        assert margin.disk_phase <= margin.phase * (1 + 1e-6)
+        assert margin.disk <= 1 / (margin.sensitivity - 0.5) * (1 + 1e-6)
+
+
+def test_a_delay_as_long_as_the_margin_makes_the_loop_unstable(linearised):
+    """Whole periods, one after another, before the drives."""
+    closed = linearised.closed("torque")
+    margin = linearised.margins("torque")[0]
+    b, c = closed.b[:, [0]], closed.c[[0]]
+
+    def radius(periods: int) -> float:
+        # The torque without its own share, and that share late, in a register.
+        a = closed.a - b @ c
+        size, late = len(a), periods
+        whole = np.zeros((size + late, size + late))
+        whole[:size, :size] = a
+        if not late:
+            return float(np.abs(np.linalg.eigvals(a + b @ c)).max())
+        whole[:size, [size + late - 1]] = b
+        whole[size, :size] = c
+        whole[size + 1 :, size:-1] = np.eye(late - 1)
+        return float(np.abs(np.linalg.eigvals(whole)).max())
+
+    periods = margin.delay / closed.period
+    assert radius(int(np.floor(periods))) < 1.0 <= radius(int(np.ceil(periods)))
+
+
+def test_the_open_loop_closed_again_is_the_loop(linearised):
+    opened = linearised.loop("torque", 1)
+    again = opened.a + opened.b @ -opened.c
+    closed = np.sort_complex(linearised.system.eigenvalues)
+    np.testing.assert_allclose(np.sort_complex(np.linalg.eigvals(again).astype(complex)), closed, atol=1e-5)
+
+
+def of_heavy_rotors(kappa: float, delay: int) -> Scenario:
+    """A joint that is all rotor, in an arm whose law believes κ of it, as docs/learning.md has it."""
+    believed = kappa * HEAVY
+    density = (1.4 / HORIZON) ** 6 * VARIANCE / PERIOD**5 * believed**2
+    robot = {"kind": "urdf", "file": "examples/robots/two_link.urdf", "tip": "tip"}
+    robot |= {"nominal": {"armature": [HEAVY, believed]}, "plant": {"armature": HEAVY}}
+    estimator = {"kind": "kalman", "torque_density": density, "variance": VARIANCE}
+    changes = {
+        **SHORT,
+        "robot": robot,
+        "sensor": {"velocity": "differenced", "delay": delay},
+        "scheme.transformation.performance.final": 0.5,
+        "scheme.surface.k1": 50.0,
+        "scheme.sampled_data": {"horizon": HORIZON * PERIOD, "estimator": estimator, "adaptation": None},
+    }
+    return scenarios.load("example-4.1-1khz", changes)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("delay", [0, 1])
+def test_the_inertia_that_it_bears_is_that_of_the_one_joint_theory(delay, monkeypatch, request):
+    monkeypatch.chdir(request.config.rootpath)
+    low, high = LinearLoop.of(of_heavy_rotors(1.0, delay).controller, 1).stable_range()
+    for kappa, stable in ((0.85 * low, False), (1.15 * low, True), (0.8 * high, True), (1.25 * high, False)):
+        assert linearise(of_heavy_rotors(kappa, delay), at=0.01).stable == stable, kappa
+
+
+RIVALS = ("slotine_li", "super_twisting", "pid", "nftsmc", "anftsmc", "sfsmc", "gravity_pd")
+
+
+@pytest.mark.parametrize(
+    "scheme", [pytest.param(loop, marks=[] if loop == "pid" else [pytest.mark.full]) for loop in RIVALS]
+)
+def test_competing_schemes_are_linearised_in_the_same_form(scheme):
+    changes = {**SHORT, "scheme.name": scheme}
+    loop = linearise(scenarios.load("example-4.1-1khz", changes), at=0.05)
+    assert loop.system.a.shape[0] >= 4 and np.isfinite(loop.system.eigenvalues).all()
+    if loop.stable:
+        assert all(margins.sensitivity >= 1.0 for margins in loop.margins("torque"))
+
+
+def test_computed_torque_has_the_eigenvalues_of_its_gains():
+    """With the exact model, no delay and no limits `ë + kd ė + kp e = 0`, held over short periods."""
+    changes = {
+        **STILL,
+        "robot.nominal": {},
+        "scheme": {"name": "computed_torque", "kp": 100.0, "kd": 25.0},
+        "simulation": {"mode": "held", "period": 1e-4, "substeps": 1, "t1": 0.01},
+        "sensor": {},
+        "actuator": {},
+    }
+    loop = linearise(scenarios.load("example-4.1-1khz", changes), at=0.005)
+    expected = np.sort(np.roots([1.0, 25.0, 100.0]))
+    rates = np.sort([(np.log(z) / 1e-4).real for z, _, _ in loop.modes])
+    np.testing.assert_allclose(rates, np.repeat(expected, 2), rtol=2e-3)
+    # At rest a disturbance moves it by d/(M kp).
+    response = loop.system.part("disturbance", "error").response(np.array([1e-6]))[0]
+    mass = scenarios.load("example-4.1-1khz", changes).plant.robot.mass(jnp.asarray([0.3, 0.4]))
+    np.testing.assert_allclose(response.real, np.linalg.inv(mass) / 100.0, rtol=1e-6)
+
+
+def test_continuous_mode_has_eigenvalues_and_no_open_loop():
+    loop = linearise(scenarios.load("example-4.1", {"simulation.t1": 0.01}))
+    assert not loop.held and np.isfinite(loop.system.radius)
+    with pytest.raises(DefinitionError, match="no sampled loop can be broken open"):
+        loop.closed("torque")
+    assert loop.as_json()["margins"] is None
+
+
+def test_notes_list_the_parts_left_out():
+    changes = {
+        **STILL,
+        "sensor": {
+            "resolution": 1e-4,
+            "velocity": "differenced",
+            "delay": 1.5,
+            "jitter": 0.2,
+            "loss": {"probability": 0.1},
+        },
+        "simulation.t1": 0.05,
+    }
+    loop = linearise(scenarios.load("example-4.1-1khz", changes))
+    notes = " ".join(loop.notes)
+    for words in ("rounding", "lost samples", "jitter", "learning"):
+        assert words in notes
+
+
+@pytest.mark.full
+def test_learning_that_stands_still_is_no_state(linearised):
+    """With what was learnt as known from the start the loop is the same."""
+    learning = linearise(
+        scenarios.load("example-4.1-1khz", {**SHORT, "scheme.sampled_data.adaptation": {"kind": "joint_learning"}})
+    )
+    assert "learning" in " ".join(learning.notes)
+    assert learning.system.a.shape[0] <= linearised.system.a.shape[0] + 2 * 2
+
+
+@pytest.mark.parametrize(
+    ("changes", "at", "message"),
+    [
+        ({}, 99.0, "`at` must be from"),
+        ({"simulation.t1": 10.0, "scheme.sampled_data": None}, 9.0, "the run .* at t = .*, before the time"),
+    ],
+)
+def test_loop_without_a_derivative_is_refused(changes, at, message):
+    with pytest.raises(DefinitionError, match=message):
+        linearise(scenarios.load("example-4.1-1khz", changes), at)
+
+
+def test_the_parts_have_names(linearised):
+    part = linearised.system.part("torque[joint 2]", ["error", "torque[joint 1]"])
+    assert part.outputs == ("error[joint 1]", "error[joint 2]", "torque[joint 1]")
+    with pytest.raises(DefinitionError, match="did you mean `torque`"):
+        linearised.system.part("torq", "error")
+    with pytest.raises(DefinitionError, match='broken at the "torque"'):
+        linearised.closed("joint")
+
+
+def test_margins_agree_with_python_control(linearised):
+    control = pytest.importorskip("control", reason="pip install 'slidax[linear]'")
+    loop = linearised.loop("torque", 0)
+    theirs = loop.for_control()
+    assert theirs.dt == pytest.approx(1e-3)
+    omega = np.array([1.0, 50.0, 400.0, 2000.0])
+    np.testing.assert_allclose(theirs(np.exp(1j * omega * 1e-3)), loop.response(omega)[:, 0, 0], rtol=1e-6)
+    # By the response at many frequencies: its polynomials of 18 states have lost their digits.
+    omega = np.linspace(1.0, np.pi * 1e3, 20000)
+    response = loop.response(omega)[:, 0, 0]
+    gain, phase, *_ = control.stability_margins((np.abs(response), np.degrees(np.angle(response)), omega))
+    ours = linearised.margins("torque")[0]
+    assert gain == pytest.approx(ours.gain_up, rel=1e-3) and abs(phase) == pytest.approx(ours.phase, rel=1e-3)
+    times, steps = linearised.system.part("disturbance", "error").step_response(0.05)
+    expected = control.step_response(linearised.system.part("disturbance", "error").for_control(), T=times)
+    np.testing.assert_allclose(steps[:, 0, 1], expected.outputs[0, 1], atol=1e-12)
+
+
+def test_the_loop_itself_is_not_changed():
+    loop, carry, _ = operating_point(scenarios.load("example-4.1-1khz", SHORT), 0.1)
+    assert isinstance(loop, ClosedLoop) and int(carry.k) == 100
+    assert dataclasses.is_dataclass(period_map(loop, carry))

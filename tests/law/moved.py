@@ -1,0 +1,69 @@
+"""Adaptation on two joints that known torques move."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from slidax.core.types import State
+from slidax.law import AbstractAdaptation, Experience
+
+PERIOD = 1e-3
+LINKS = np.array([[0.5, 0.08], [0.08, 0.02]])
+
+
+def motion(
+    torque: Any, rotor: Any, coulomb: Any, weight: Any = 0.0, fine: int = 10, links: Any = LINKS
+) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and velocities of two joints with a constant inertia, `fine` Euler steps in each period."""
+    inverse = np.linalg.inv(links + np.diag(np.broadcast_to(rotor, 2)))
+    push = np.broadcast_to(weight, np.shape(torque))
+    q, dq, positions, velocities = np.zeros(2), np.zeros(2), [], []
+    for now, outside in zip(torque, push, strict=True):
+        positions.append(q)
+        velocities.append(dq)
+        for _ in range(fine):
+            dq = dq + PERIOD / fine * (inverse @ (now + outside - coulomb * np.tanh(dq / 0.01)))
+            q = q + PERIOD / fine * dq
+    return np.array(positions), np.array(velocities)
+
+
+@eqx.filter_jit
+def _adapted(adaptation: AbstractAdaptation, positions: Any, velocities: Any, torque: Any, missed: Any) -> Any:
+    mass = jnp.asarray(LINKS) + jnp.diag(jnp.broadcast_to(adaptation.counted, 2))
+
+    def sample(memory: Any, inputs: Any) -> Any:
+        q, dq, tau, gap = inputs
+        bias = jnp.zeros(2)
+        experience = Experience(q=q, dq=dq, tau=tau, mass=mass, bias=bias, period=jnp.asarray(PERIOD), missed=gap)
+        memory = adaptation(experience, memory)
+        return memory, adaptation.learnt(memory)
+
+    first = adaptation.init(State(q=positions[0], dq=velocities[0]))
+    return jax.lax.scan(sample, first, (positions, velocities, torque, missed))
+
+
+def taught(
+    adaptation: AbstractAdaptation,
+    positions: np.ndarray,
+    velocities: np.ndarray,
+    torque: np.ndarray,
+    missed: Any = False,
+) -> Any:
+    """The memory at the end, and what was learnt at each sample.
+
+    The torque of sample k acts from k to k + 1, so that at a sample that of the one before has acted.
+    """
+    acted = np.vstack([torque[:1] * 0.0, torque[:-1]])
+    gaps = np.broadcast_to(missed, len(positions))
+    return _adapted(adaptation, *(jnp.asarray(x) for x in (positions, velocities, acted, gaps)))
+
+
+def swept(amplitude: float, seconds: float = 2.0) -> np.ndarray:
+    """Torques of several frequencies from 15 to 120 rad/s on both joints, [k 2]."""
+    t = np.arange(int(seconds / PERIOD)) * PERIOD
+    first = sum(np.sin(w * t + w) for w in (17.0, 43.0, 97.0))
+    second = sum(np.sin(w * t + 2 * w) for w in (23.0, 61.0, 113.0))
+    return amplitude * np.stack([8.0 * first, first * 0.0 + second], axis=1)

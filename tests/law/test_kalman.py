@@ -1,0 +1,246 @@
+"""Gains of the Kalman filter against a general solver, and their effect against their definition."""
+
+import itertools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.linalg import solve_discrete_are
+
+from slidax.core.errors import DefinitionError
+from slidax.core.types import State
+from slidax.law import Estimate, Kalman, sampled_data
+from slidax.plant import Encoders
+from slidax.simulation import Plant, simulate, simulate_batch
+from tests.law.followed import followed
+from tests.paper_examples import MOTION_4_1, START_4_1, TWO_LINK, law_4_1
+from tests.simulation.simple import SMOOTH_PLANT
+
+CASES = np.array(list(itertools.product(np.logspace(-4, 4, 5), [1e-6, 1e-5, 1e-4, 1e-3])))
+"""Densities and resolutions."""
+
+
+def system(density, period):
+    """The discrete triple integrator, and the covariance that white noise on the third derivative gives it."""
+    h = period
+    moved = np.array([[1, h, h**2 / 2], [0, 1, h], [0, 0, 1]])
+    drift = np.array([[h**5 / 20, h**4 / 8, h**3 / 6], [h**4 / 8, h**3 / 3, h**2 / 2], [h**3 / 6, h**2 / 2, h]])
+    return moved, density * drift
+
+
+def general(density, variance, period):
+    """The gains by scipy, in units in which it can: the filter's own time and the deviation of the measurement."""
+    time = max((variance * period / density) ** (1 / 6), period)
+    units = np.sqrt(variance) * np.array([1.0, 1 / time, 1 / time**2])
+    moved, drift = system(density, period)
+    moved, drift = moved * units[None, :] / units[:, None], drift / np.outer(units, units)
+    covariance = solve_discrete_are(moved.T, np.array([[1.0], [0.0], [0.0]]), drift, np.eye(1))
+    return covariance[:, 0] / (covariance[0, 0] + 1.0) * units / units[0]
+
+
+@pytest.mark.parametrize("period", [1e-4, 1e-3, 1e-2])
+def test_the_steady_gains_are_those_of_a_general_solver(period):
+    """Each case is a joint of one filter."""
+    densities, variances = CASES[:, 0], CASES[:, 1] ** 2 / 12
+    gains = Kalman.steady(density=densities, variance=variances, period=period).gains
+    wanted = [general(*case, period) for case in zip(densities, variances, strict=True)]
+    np.testing.assert_allclose(gains, np.transpose(wanted), rtol=1e-8)
+
+
+def test_the_steady_gains_are_what_the_filter_comes_to():
+    """By the filter's own recursion, from a start that knows nothing."""
+    density, variance, period = 10.0, 1e-10 / 12, 1e-3
+    moved, drift = system(density, period)
+    covariance = np.diag([1e-8, 1e-2, 1e2])
+    for _ in range(3000):
+        gains = covariance[:, 0] / (covariance[0, 0] + variance)
+        covariance = covariance - np.outer(gains, covariance[0])
+        covariance = moved @ covariance @ moved.T + drift
+    steady = Kalman.steady(density=density, variance=variance, period=period).gains
+    np.testing.assert_allclose(steady, gains, rtol=1e-9)
+
+
+@pytest.mark.parametrize("power", [-80, -40, -20, 0, 20, 80])
+def test_the_filter_is_stable_however_slow_or_fast(power):
+    gains = np.asarray(Kalman.steady(density=10.0**power, variance=1.0, period=1.0).gains)
+    moved = system(1.0, 1.0)[0]
+    errors = (np.eye(3) - np.outer(gains, [1.0, 0.0, 0.0])) @ moved
+    assert np.all(np.isfinite(gains)) and np.all(gains > 0) and np.max(np.abs(np.linalg.eigvals(errors))) < 1.0
+
+
+def test_a_filter_without_noise_forgets_the_prediction_of_the_position():
+    gains = np.asarray(Kalman.steady(density=1e20, variance=1.0, period=1.0).gains)
+    np.testing.assert_allclose(gains[0], 1.0, rtol=1e-12)
+
+
+def test_gains_per_joint_are_those_of_each_joint():
+    density, variance = [1.0, 1e3], [1e-10, 1e-12]
+    both = np.asarray(Kalman.steady(density=density, variance=variance, period=1e-3).gains)
+    assert both.shape == (3, 2)
+    for joint in range(2):
+        single = Kalman.steady(density=density[joint], variance=variance[joint], period=1e-3).gains
+        np.testing.assert_allclose(both[:, joint], single, rtol=1e-12)
+
+
+@pytest.mark.full
+def test_gains_can_be_found_and_differentiated_inside_a_compiled_function():
+    def gains(density):
+        return Kalman.steady(density=density, variance=1e-10, period=1e-3).gains
+
+    unity = jnp.asarray(1.0)
+    step = 1e-5
+    slopes = (np.asarray(gains(1.0 + step)) - np.asarray(gains(1.0 - step))) / (2 * step)
+    value, forward, reverse = jax.jit(lambda x: (gains(x), jax.jacfwd(gains)(x), jax.jacrev(gains)(x)))(unity)
+    np.testing.assert_allclose(value, gains(1.0), rtol=1e-12)
+    np.testing.assert_allclose(forward, slopes, rtol=1e-6)
+    np.testing.assert_allclose(reverse, slopes, rtol=1e-6)
+
+
+def test_a_residual_is_divided_as_the_gains_say():
+    none = jnp.zeros(2)
+    prior = Estimate(state=State(q=jnp.array([1.0, 2.0]), dq=none), disturbance=jnp.ones(2))
+    measured = State(q=jnp.array([1.1, 1.8]), dq=none)
+    kalman = Kalman([[0.5, 0.25], [10.0, 20.0], [100.0, 300.0]])
+    estimate, _ = kalman(measured, prior, jnp.asarray(1e-3), jnp.asarray(False), kalman.init(measured))
+    np.testing.assert_allclose(estimate.state.q, [1.05, 1.95], rtol=1e-12)
+    np.testing.assert_allclose(estimate.state.dq, [1.0, -4.0], rtol=1e-12)
+    np.testing.assert_allclose(estimate.disturbance, [11.0, -59.0], rtol=1e-12)
+
+
+def test_no_scaled_gains_estimate_a_drifting_push_better():
+    """With the very noise that they were made for."""
+    density, deviation, period, samples = 4.0, 1e-5, 1e-3, 20_000
+    rng = np.random.default_rng(0)
+    moved, drift = system(density, period)
+    noise = rng.multivariate_normal(np.zeros(3), drift / np.diag(drift).max(), size=samples) * np.sqrt(drift[2, 2])
+    x, q = np.zeros(3), np.zeros(samples + 1)
+    disturbance = np.zeros(samples + 1)
+    for k in range(samples):
+        x = moved @ x + noise[k]
+        q[k + 1], disturbance[k + 1] = x[0], x[2]
+    measured = jnp.asarray(q + deviation * rng.normal(size=samples + 1))
+
+    def motion(t):
+        k = jnp.round(t / period).astype(int)
+        return State(q=measured[k][None], dq=jnp.zeros(1))
+
+    best = Kalman.steady(density=density, variance=deviation**2, period=period).gains
+
+    def error(factor):
+        least = followed(Kalman(factor * best), motion, samples, period).disturbance[:, 0]
+        return float(jnp.sqrt(jnp.mean((least - disturbance[1:])[2000:] ** 2)))
+
+    least = error(1.0)
+    for factor in ([0.5, 0.5, 0.5], [2.0, 2.0, 2.0], [1.0, 1.0, 0.3], [1.0, 1.0, 2.0]):
+        assert error(jnp.array(factor)) > least
+
+
+@pytest.mark.parametrize("gains", [[1.0, 2.0], [[1.0, 2.0, 3.0]], 1.0, [[[1.0]], [[1.0]], [[1.0]]], [0.5, -1.0, 2.0]])
+def test_gains_of_another_shape_or_sign_are_refused(gains):
+    rule = ">= 0" if np.shape(gains) == (3,) else "three numbers or three per joint; got shape"
+    with pytest.raises(DefinitionError, match=rf"`Kalman\.gains` must be {rule}"):
+        Kalman(gains)
+
+
+@pytest.mark.parametrize("field", ["density", "variance", "period"])
+@pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), float("inf")])
+def test_noise_that_cannot_be_is_refused(field, value):
+    with pytest.raises(DefinitionError, match=f"`{field}` of a Kalman filter must be > 0"):
+        Kalman.steady(**({"density": 1.0, "variance": 1e-10, "period": 1e-3} | {field: value}))
+
+
+MASS = jnp.array([[4.0, 1.5], [1.5, 2.0]])
+
+
+@pytest.mark.parametrize("torque_density", [0.3, [0.3, 0.7]])
+def test_a_torque_that_drifts_alike_on_all_joints_moves_each_by_its_own_inertia(torque_density):
+    """A torque on a joint of inertia M is an acceleration of 1/M, and a density is that of its square."""
+    kalman = Kalman.of_arm(MASS, variance=1e-11, period=1e-3, torque_density=torque_density)
+    by_hand = np.broadcast_to(torque_density, 2) / np.array([16.0, 4.0])
+    right = [general(density, 1e-11, 1e-3) for density in by_hand]
+    np.testing.assert_allclose(kalman.gains, np.transpose(right), rtol=1e-8)
+
+
+def test_unless_asked_otherwise_a_torque_drifts_by_two_tenths_of_a_newton_metre_in_a_second():
+    kalman = Kalman.of_arm(MASS, variance=[1e-11, 1e-12], period=2e-3)
+    right = [general(0.05 / m**2, v, 2e-3) for m, v in ((4.0, 1e-11), (2.0, 1e-12))]
+    np.testing.assert_allclose(kalman.gains, np.transpose(right), rtol=1e-8)
+    assert np.sqrt(0.05) == pytest.approx(0.2, abs=0.03)
+
+
+@pytest.mark.parametrize("value", [0.0, [0.1, -1.0], float("nan"), float("inf")])
+def test_a_torque_that_cannot_drift_so_is_refused(value):
+    with pytest.raises(DefinitionError, match=r"`torque_density` of a Kalman filter must be > 0 \(N m/s\)² s"):
+        Kalman.of_arm(MASS, variance=1e-11, period=1e-3, torque_density=value)
+
+
+def test_after_a_gap_longer_than_its_memory_the_velocity_is_right_if_the_push_was_wrong_by_a_constant():
+    kalman, elapsed = Kalman.steady(density=1.0, variance=1e-11, period=1e-3), jnp.asarray(0.4)
+    assert float(kalman.gains[1]) * 0.4 > 2.0
+    disturbance = jnp.array([3.0, -1.0])
+    measured = State(q=0.5 * disturbance * elapsed**2, dq=disturbance * elapsed)
+    prior = Estimate(state=State(q=jnp.zeros(2), dq=jnp.zeros(2)), disturbance=jnp.zeros(2))
+    estimate, _ = kalman(measured, prior, elapsed, jnp.asarray(True), ())
+    np.testing.assert_allclose(estimate.state.dq, measured.dq, rtol=1e-12)
+    np.testing.assert_array_equal(estimate.state.q, measured.q)
+
+
+def test_a_gap_shorter_than_its_memory_is_filtered_as_any_sample_is():
+    kalman = Kalman.steady(density=1e-3, variance=1e-11, period=1e-3)
+    measured = State(q=jnp.full(2, 1e-5), dq=jnp.zeros(2))
+    prior = Estimate(state=State(q=jnp.zeros(2), dq=jnp.zeros(2)), disturbance=jnp.zeros(2))
+    usual, _ = kalman(measured, prior, jnp.asarray(1e-3), jnp.asarray(False), ())
+    estimate, _ = kalman(measured, prior, jnp.asarray(2e-3), jnp.asarray(True), ())
+    np.testing.assert_array_equal(estimate.state.dq, usual.state.dq)
+
+
+@pytest.mark.full
+def test_the_filter_of_an_arm_can_be_batched_and_differentiated_by_its_torque_density():
+    def gains(density):
+        return Kalman.of_arm(MASS, variance=1e-11, period=1e-3, torque_density=density).gains
+
+    densities, h = jnp.array([0.01, 0.05, 2.0]), 1e-5
+    value_and_slopes = jax.jit(lambda density: (gains(density), jax.jacfwd(gains)(density), jax.jacrev(gains)(density)))
+    for density, many in zip(densities, jax.jit(jax.vmap(gains))(densities), strict=True):
+        value, forward, reverse = value_and_slopes(density)
+        np.testing.assert_allclose(value, gains(density), rtol=1e-12)
+        np.testing.assert_allclose(many, value, rtol=1e-12)
+        up, down = (value_and_slopes(density * factor)[0] for factor in (1 + h, 1 - h))
+        difference = (up - down) / (2 * h * density)
+        np.testing.assert_allclose(forward, difference, rtol=1e-7)
+        np.testing.assert_allclose(reverse, difference, rtol=1e-7)
+
+
+def test_a_native_batch_over_the_torque_density_is_the_single_runs():
+    def parts(density):
+        kalman = Kalman.of_arm(MASS, variance=1e-11, period=1e-3, torque_density=density)
+        law = sampled_data(law_4_1(), period=1e-3, estimator=kalman)
+        return Plant(TWO_LINK, SMOOTH_PLANT.disturbance, Encoders(1e-5)), law, MOTION_4_1, START_4_1
+
+    densities, how = jnp.array([0.01, 0.2]), {"t1": 0.05, "period": 1e-3, "log_every": None, "engine": "native"}
+    many = simulate_batch(parts, densities, **how).state.q
+    assert np.all(np.abs(many[0] - many[1]) > 1e-7)
+    for state, density in zip(many, densities, strict=True):
+        np.testing.assert_allclose(state, simulate(*parts(density), **how).state.q, rtol=1e-12)
+
+
+DENSITY, PERIOD = 0.02, 1e-3
+
+
+def filter_of(inertia, resolution):
+    return Kalman.of_arm(np.diag([inertia]), variance=resolution**2 / 12, period=PERIOD, torque_density=DENSITY)
+
+
+# The finest is what a filter beside an adaptation takes encoders to be.
+@pytest.mark.parametrize(("resolution", "off"), [(1e-4, 1e-5), (1e-5, 1e-4), (2e-6, 1e-2)])
+@pytest.mark.parametrize("inertia", [0.02, 0.05, 0.3, 1.0])
+def test_gains_follow_the_new_inertia(resolution, off, inertia):
+    followed = filter_of(0.1, resolution).for_inertia(jnp.array([inertia]))
+    np.testing.assert_allclose(followed.gains, filter_of(inertia, resolution).gains, rtol=off)
+    np.testing.assert_allclose(followed.pace, filter_of(inertia, resolution).pace, rtol=1e-12)
+
+
+def test_a_filter_whose_inertia_is_not_known_stays_as_it_is():
+    filter_ = Kalman.steady(density=1.0, variance=1e-11, period=PERIOD)
+    assert filter_.for_inertia(jnp.array([3.0])) is filter_

@@ -1,0 +1,223 @@
+"""`slidax new` for any arm: the file runs as it is, within every limit, and lists its assumptions."""
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slidax import analysis, scenarios
+from slidax.core.errors import DefinitionError, DefinitionWarning
+from slidax.scenarios import draft
+from slidax.simulation.states import states_of
+
+JOINT = """
+<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{link}"/><origin xyz="{xyz}"/>
+<axis xyz="{axis}"/>{limit}{more}</joint>
+<link name="{link}"><inertial><origin xyz="0 0 0.1"/><mass value="{mass}"/>
+<inertia ixx="0.01" iyy="0.01" izz="0.005" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
+
+
+def joint(
+    name: str,
+    parent: str,
+    link: str,
+    *,
+    kind: str = "revolute",
+    axis: str = "0 1 0",
+    limit: tuple[float, float, float, float] | None = (-2.5, 2.5, 2.0, 40.0),
+    mass: float = 1.0,
+    more: str = "",
+    xyz: str = "0 0 0.25",
+) -> str:
+    limits = "" if limit is None else '<limit lower="{}" upper="{}" velocity="{}" effort="{}"/>'.format(*limit)
+    return JOINT.format(
+        name=name, kind=kind, parent=parent, link=link, axis=axis, limit=limits, mass=mass, more=more, xyz=xyz
+    )
+
+
+EFFORTS = (20.0, 40.0, 15.0, 5.0)
+
+
+def arm(efforts: tuple[float, ...] = EFFORTS, velocity: float = 2.0, more: str = "", **last: object) -> str:
+    axes = ("0 0 1", "0 1 0", "0 1 0", "1 0 0")
+    names = ["base", "shoulder", "upper", "fore", "wrist"]
+    parts = [
+        joint(f"j{i + 1}", names[i], names[i + 1], axis=axes[i], limit=(-2.5, 2.5, velocity + 0.1 * i, efforts[i]))
+        for i in range(4)
+    ]
+    return f'<robot name="four"><link name="base"/>{"".join(parts)}{more}</robot>'
+
+
+HAND = (
+    joint("finger_left", "wrist", "left", kind="prismatic", limit=(0.0, 0.04, 0.1, 10.0), mass=0.05)
+    + joint(
+        "finger_right",
+        "wrist",
+        "right",
+        kind="prismatic",
+        limit=(0.0, 0.04, 0.1, 10.0),
+        mass=0.05,
+        more='<mimic joint="finger_left"/>',
+    )
+    + '<joint name="f" type="fixed"><parent link="wrist"/><child link="tool0"/></joint><link name="tool0"/>'
+)
+
+
+pytest.importorskip("mujoco")
+
+
+def new(folder: Path, text: str, rate: float = 1000.0, changes: dict | None = None, **more: str):
+    (folder / "arm.urdf").write_text(text)
+    drafted = draft(folder / "arm.urdf", rate, folder=folder, **more)
+    (folder / "arm.yaml").write_text(drafted.text)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DefinitionWarning)
+        return drafted, scenarios.load(folder / "arm.yaml", changes)
+
+
+@pytest.mark.parametrize(("rate", "radius"), [(1000.0, 0.005), (250.0, 0.02)])
+def test_the_file_runs_inside_its_envelope_also_with_a_load_that_it_does_not_know(tmp_path, rate, radius):
+    changes = {"robot.plant": {"mass_factor": 1.1, "load": {"mass": 0.5}}, "simulation.t1": 4.0}
+    _, scenario = new(tmp_path, arm(), rate, changes)
+    run = scenario.simulate(log_every=1)
+    assert analysis.envelope_violations(run) == 0
+    assert np.abs(run.log.e[np.asarray(run.log.t) > 2.0]).max() < radius
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("name", ["panda", "ur5e"])
+def test_a_ready_arm_moves_within_its_velocities_and_torques(tmp_path, name):
+    (tmp_path / "a.yaml").write_text(draft(name, 500.0).text)
+    scenario = scenarios.load(tmp_path / "a.yaml")
+    nominal, t = scenario.controller.nominal, np.linspace(0.0, 8.0, 100)
+    block = scenario.description.trajectory
+    angle = np.array(block.frequency) * t[:, None]
+    q = np.array(block.offset) + np.array(block.amplitude) * np.sin(angle)
+    torque = states_of(nominal, q).bias
+    assert (np.abs(torque) < 0.8 * np.asarray(nominal.limits.torque)).all()
+    assert (np.array(block.amplitude) * np.array(block.frequency) <= 0.5 * np.asarray(nominal.limits.velocity)).all()
+    assert (q > np.asarray(nominal.limits.lower)).all() and (q < np.asarray(nominal.limits.upper)).all()
+
+
+def test_limits_that_can_be_meant_are_taken_as_they_are(tmp_path):
+    drafted, scenario = new(tmp_path, arm())
+    assert np.asarray(scenario.controller.limits.torque).tolist() == list(EFFORTS) and drafted.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("efforts", "message"),
+    [
+        ((300.0,) * 4, "300 N m on every joint"),
+        ((2000.0,) * 4, "2000 N m on every joint"),
+        ((0.0,) * 4, "no effort in the file, or 0"),
+        ((0.5,) * 4, "does not hold half of the arm's own weight"),
+        ((20.0, 40.0, 15.0, 900.0), "j4: 900 N m"),
+    ],
+)
+def test_a_placeholder_is_said_with_what_is_assumed_instead(tmp_path, efforts, message):
+    drafted, scenario = new(tmp_path, arm(efforts))
+    (note,) = [note for note in drafted.notes if message in note]
+    assert "is assumed" in note
+    torque = np.asarray(scenario.controller.limits.torque)
+    assert torque.max() < 100.0
+    assert "".join(note.split()) in "".join(drafted.text.replace("#", "").split())
+
+
+def test_equal_velocities_and_missing_ones_are_said(tmp_path):
+    equal = arm().replace('velocity="2.1"', 'velocity="2.0"').replace('velocity="2.2"', 'velocity="2.0"')
+    drafted, _ = new(tmp_path, equal.replace('velocity="2.3"', 'velocity="2.0"'))
+    assert any("2 rad/s on every joint" in note for note in drafted.notes)
+    drafted, scenario = new(tmp_path, arm().replace('velocity="2.0"', 'velocity="0"'))
+    assert any(note.startswith("j1: no velocity in the file") for note in drafted.notes)
+    assert scenario.description.trajectory.amplitude[0] * scenario.description.trajectory.frequency[0] < 1.0
+
+
+def test_a_hand_is_held_and_the_tool_is_the_tip(tmp_path):
+    drafted, scenario = new(tmp_path, arm(more=HAND))
+    assert scenario.controller.nominal.joint_names == ("j1", "j2", "j3", "j4") and "tip: tool0" in drafted.text
+    assert any("finger_left, finger_right" in note for note in drafted.notes)
+
+
+def test_names_that_mean_something_in_yaml_are_quoted(tmp_path):
+    text = arm(more=HAND).replace('name="four"', 'name="four: best # ever"').replace("tool0", "yes: no")
+    _, scenario = new(tmp_path, text, tip="yes: no")
+    assert scenario.description.title == "four: best # ever at 1000 Hz"
+    assert scenario.description.robot.tip == "yes: no"
+
+
+@pytest.mark.full
+def test_joints_without_ends_and_joints_that_slide_have_a_motion_of_their_size(tmp_path):
+    sliding = joint("lift", "base", "column", kind="prismatic", axis="0 0 1", limit=(0.0, 0.4, 0.2, 400.0), mass=2.0)
+    turning = (
+        arm().replace('type="revolute"', 'type="continuous"', 1).replace('parent link="base"', 'parent link="column"')
+    )
+    _, scenario = new(tmp_path, turning.replace('<link name="base"/>', f'<link name="base"/>{sliding}'))
+    block = scenario.description.trajectory
+    assert scenario.controller.nominal.joint_units[0] == "m" and block.amplitude[0] <= 0.1
+    assert analysis.envelope_violations(scenario.simulate()) == 0
+
+
+def test_two_arms_ask_for_the_tip(tmp_path):
+    other = arm().split('<link name="base"/>')[1].removesuffix("</robot>")
+    for name in ("shoulder", "upper", "fore", "wrist", "j1", "j2", "j3", "j4"):
+        other = other.replace(f'"{name}"', f'"other_{name}"')
+    both = arm(more=other)
+    with pytest.raises(DefinitionError, match=r"several arms; say which by its tip \(`--tip`\): .*wrist"):
+        new(tmp_path, both)
+    _, scenario = new(tmp_path, both, tip="other_wrist")
+    assert scenario.controller.nominal.joint_names[0] == "other_j1"
+
+
+@pytest.mark.parametrize(
+    ("robot", "rate", "message"),
+    [
+        ("pandaa", 1000.0, "did you mean `panda`"),
+        ("nowhere.urdf", 1000.0, "cannot read"),
+        ("panda", 0.0, "20 to 20000 Hz"),
+        ("panda", float("nan"), "20 to 20000 Hz"),
+    ],
+)
+def test_draft_of_an_unknown_robot_or_rate_is_refused_in_one_line(robot, rate, message):
+    with pytest.raises(DefinitionError, match=message):
+        draft(robot, rate)
+
+
+SLIDE = """<robot name="slides"><link name="base"/>{}</robot>"""
+SLIDING = """<link name="l{k}"><inertial><origin xyz="0 0 0.1"/><mass value="2"/>
+<inertia ixx="0.02" iyy="0.02" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="j{k}" type="{kind}"><parent link="{parent}"/><child link="l{k}"/><origin xyz="0 0 0.2"/>
+<axis xyz="0 0 1"/><limit lower="-1" upper="1" velocity="2" effort="300"/></joint>"""
+
+
+def test_a_single_joint_whose_tip_is_on_its_axis_has_a_posture(tmp_path):
+    text = SLIDE.format(SLIDING.format(k=0, kind="prismatic", parent="base"))
+    # A division by zero would be a warning, which is an error in the tests.
+    drafted, scenario = new(tmp_path, text, changes={"simulation.t1": 0.5})
+    assert np.isfinite(scenario.state0.q).all() and "nan" not in drafted.text
+    assert analysis.envelope_violations(scenario.simulate()) == 0
+
+
+def test_a_velocity_that_all_joints_share_has_the_units_of_all(tmp_path):
+    kinds, parents = ("revolute", "prismatic", "revolute"), ("base", "l0", "l1")
+    links = (SLIDING.format(k=k, kind=kind, parent=parents[k]) for k, kind in enumerate(kinds))
+    (tmp_path / "arm.urdf").write_text(SLIDE.format("".join(links)))
+    notes = draft(tmp_path / "arm.urdf", folder=tmp_path).notes
+    assert any("2 rad/s or m/s on every joint" in note for note in notes)
+
+
+FOLLOWS = '<mimic joint="j2" multiplier="-1"/>'
+
+
+def test_an_arm_with_a_joint_that_follows_is_refused_with_a_tip_that_works(tmp_path):
+    text = arm().replace('<child link="fore"/>', '<child link="fore"/>' + FOLLOWS)
+    with pytest.raises(DefinitionError, match=r"joint `j3` of .* follows another joint.*`--tip upper` ends the arm"):
+        new(tmp_path, text, tip="wrist")
+    _, scenario = new(tmp_path, text, tip="upper")
+    assert scenario.controller.nominal.joint_names == ("j1", "j2")
+
+
+def test_a_file_whose_joints_lead_and_follow_alone_asks_for_the_tip(tmp_path):
+    text = arm().replace('<child link="upper"/>', '<child link="upper"/><mimic joint="j1"/>')
+    with pytest.raises(DefinitionError, match=r"no joint of an arm: `j1`, `j2` follow or lead others.*`--tip LINK`"):
+        new(tmp_path, text)

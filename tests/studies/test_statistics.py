@@ -1,0 +1,196 @@
+"""Intervals of failure rates and of paired differences hold as often as they claim."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from slidax.core.errors import DefinitionError
+from slidax.studies.statistics import (
+    clopper_pearson,
+    confidence_sequence,
+    log_evidence,
+    paired_difference,
+    paired_shares,
+    runs_without_failure,
+)
+
+
+@pytest.mark.parametrize(("failures", "runs"), [(0, 1), (0, 10000), (3, 100), (50, 100), (9999, 10000), (7, 7)])
+@pytest.mark.parametrize("confidence", [0.9, 0.99])
+def test_clopper_pearson_is_scipy_s(failures, runs, confidence):
+    ours = clopper_pearson(failures, runs, confidence)
+    theirs = stats.binomtest(failures, runs).proportion_ci(confidence, method="exact")
+    np.testing.assert_allclose([ours.lower, ours.upper], [theirs.low, theirs.high], rtol=1e-9, atol=1e-15)
+
+
+def test_one_sided_interval_has_the_whole_error_probability():
+    item = clopper_pearson(2, 50, 0.95, side="upper")
+    theirs = stats.binomtest(2, 50, alternative="less").proportion_ci(0.95, method="exact")
+    assert item.lower == 0.0
+    np.testing.assert_allclose(item.upper, theirs.high, rtol=1e-9)
+
+
+@pytest.mark.parametrize("p", [1e-3, 0.03, 0.5])
+@pytest.mark.parametrize("runs", [20, 700])
+def test_clopper_pearson_covers_at_every_rate(p, runs):
+    """Not by simulation: the probability itself, as the sum over all that can be seen."""
+    k = np.arange(runs + 1)
+    inside = [p in clopper_pearson(int(j), runs, 0.9) for j in k]
+    assert stats.binom.pmf(k, runs, p)[inside].sum() >= 0.9
+
+
+@pytest.mark.parametrize("interval", [clopper_pearson, confidence_sequence])
+def test_of_no_runs_nothing_is_known_and_all_alike_bounds_one_end(interval):
+    nothing = interval(0, 0)
+    assert (nothing.lower, nothing.upper) == (0.0, 1.0)
+    assert interval(0, 9).lower == 0.0 < interval(0, 9).upper < 0.5
+    assert interval(9, 9).upper == 1.0 > interval(9, 9).lower > 0.5
+
+
+@pytest.mark.parametrize("interval", [clopper_pearson, confidence_sequence])
+@pytest.mark.parametrize(("k", "n", "confidence"), [(-1, 3, 0.9), (4, 3, 0.9), (1, 3, 0.0), (1, 3, 1.0)])
+def test_impossible_counts_and_confidences_are_refused(interval, k, n, confidence):
+    with pytest.raises(DefinitionError, match="must be in"):
+        interval(k, n, confidence)
+
+
+def test_number_of_runs_without_failure_is_the_smallest_that_shows_the_rate():
+    n = runs_without_failure(1e-3, 0.99)
+    assert n == 4603
+    assert clopper_pearson(0, n, 0.99, side="upper").upper <= 1e-3 < clopper_pearson(0, n - 1, 0.99, side="upper").upper
+    assert runs_without_failure(0.5, 0.75) == 2
+
+
+@pytest.mark.parametrize(("k", "n"), [(0, 1), (0, 5000), (1, 5000), (40, 100), (99, 100), (5, 10**6)])
+def test_the_ends_are_where_the_evidence_is_enough(k, n):
+    result = confidence_sequence(k, n, 0.99)
+    for end in {result.lower, result.upper} - {0.0, 1.0}:
+        np.testing.assert_allclose(log_evidence(k, n, end), np.log(100.0), rtol=1e-6)
+    assert k / n in result
+
+
+def test_without_failure_it_is_as_sharp_as_the_fixed_number_of_runs():
+    for n in (100, 1000, 10000):
+        assert confidence_sequence(0, n, 0.99).upper <= clopper_pearson(0, n, 0.99).upper
+    assert confidence_sequence(3, 1000, 0.99).upper < 1.55 * clopper_pearson(3, 1000, 0.99).upper
+
+
+def ever_missed(p, runs, repeats, confidence):
+    """The share of studies in which the rate was outside at any time."""
+    rng, missed = np.random.default_rng(1), 0
+    for _ in range(repeats // 500):
+        k = np.cumsum(rng.random((500, runs)) < p, axis=1)
+        evidence = log_evidence(k, np.arange(1, runs + 1), p)
+        missed += int(np.sum(evidence.max(axis=1) >= -np.log1p(-confidence)))
+    return missed / repeats
+
+
+MANY = [pytest.param(p, 3000, 10_000, marks=pytest.mark.full) for p in (0.001, 0.01, 0.2, 0.5, 0.97)]
+
+
+@pytest.mark.parametrize(("p", "runs", "repeats"), [(0.02, 1000, 1000), *MANY])
+def test_the_sequence_holds_at_all_times_at_once(p, runs, repeats):
+    """Ville's bound, and that it is no empty one: a tenth of the misses that it allows do happen."""
+    missed = ever_missed(p, runs, repeats, 0.9)
+    sure = 4 * np.sqrt(0.1 * 0.9 / repeats)
+    assert 0.01 - sure / 4 <= missed <= 0.1 + sure
+
+
+def test_looking_again_and_again_breaks_the_fixed_interval():
+    """Why there is a sequence at all: the fixed one, looked at after each run, misses far more often than it says."""
+    rng, p = np.random.default_rng(0), 0.1
+    ends = {n: [clopper_pearson(k, n, 0.9) for k in range(n + 1)] for n in range(20, 400, 20)}
+    k = np.cumsum(rng.random((300, 400)) < p, axis=1)
+    missed = np.zeros(300, bool)
+    for n, result in ends.items():
+        missed |= [p not in result[failures] for failures in k[:, n - 1]]
+    assert missed.mean() > 0.15
+
+
+def pairs(n, seed, shift=0.3):
+    rng = np.random.default_rng(seed)
+    case = rng.exponential(size=n)
+    return case + shift + 0.5 * rng.normal(size=n), case
+
+
+def test_variation_between_cases_does_not_blur_the_paired_difference():
+    item, other = pairs(200, 0)
+    result = paired_difference(item, other)
+    assert result.significant and 0.3 in result.of_mean and 0.3 in result.of_median
+    assert result.of_mean.upper - result.of_mean.lower < 0.2
+    np.testing.assert_allclose([result.mean, result.median], [np.mean(item - other), np.median(item - other)])
+    np.testing.assert_allclose(result.p_value, stats.wilcoxon(item, other).pvalue)
+
+
+def test_the_interval_of_the_mean_is_near_student_s_where_all_is_normal():
+    item, other = pairs(400, 1)
+    result, t = paired_difference(item, other).of_mean, stats.ttest_rel(item, other).confidence_interval()
+    np.testing.assert_allclose([result.lower, result.upper], [t.low, t.high], atol=0.01)
+
+
+def test_the_same_seed_gives_the_same_interval():
+    item, other = pairs(50, 2)
+    assert paired_difference(item, other, seed=3) == paired_difference(item, other, seed=3)
+    assert paired_difference(item, other, seed=3).of_mean != paired_difference(item, other, seed=4).of_mean
+
+
+def test_cases_without_a_number_are_left_out():
+    item, other = pairs(30, 3)
+    gaps = np.where(np.arange(30) % 7 == 0, np.nan, item)
+    result = paired_difference(gaps, other)
+    assert result.pairs == 25 and result.mean == pytest.approx(np.nanmean(gaps - other))
+    assert paired_difference([np.inf], [1.0]).mean is None
+
+
+def test_few_or_equal_cases_say_what_they_can():
+    assert paired_difference([2.0], [1.0]).of_mean is None
+    same = paired_difference(np.ones(20), np.ones(20))
+    assert (same.mean, same.of_mean.lower, same.of_mean.upper, same.p_value) == (0.0, 0.0, 0.0, 1.0)
+    assert not same.significant and paired_difference([1.0, 2.0], [0.0, 0.5]).of_median is None
+
+
+@pytest.mark.parametrize("paired", [paired_difference, paired_shares])
+def test_different_cases_are_refused(paired):
+    with pytest.raises(DefinitionError, match="for each case"):
+        paired([1.0, 0.0], [1.0])
+
+
+def test_shares_are_compared_where_they_differ():
+    item = np.array([True] * 30 + [False] * 70)
+    other = np.array([True] * 20 + [False] * 75 + [True] * 5)
+    result = paired_shares(item, other)
+    assert (result.only_one, result.only_other) == (10, 5) and result.difference == pytest.approx(0.05)
+    assert result.difference in result.interval and 0.0 in result.interval
+    # 2 Pr(X <= 5), X of 15 fair coins.
+    assert result.p_value == pytest.approx(2 * sum(stats.binom.pmf(range(6), 15, 0.5)))
+
+
+def test_shares_that_never_differ():
+    result = paired_shares(np.ones(40, bool), np.ones(40, bool))
+    assert result.p_value == 1.0 and result.interval.lower < 0.0 < result.interval.upper < 0.1
+    assert paired_shares([], []).interval is None
+
+
+def covered_shares(repeats):
+    rng, truth = np.random.default_rng(0), 0.12 - 0.05
+    inside = 0
+    for kinds in rng.choice(3, size=(repeats, 150), p=[0.12, 0.05, 0.83]):
+        inside += truth in paired_shares(kinds == 0, kinds == 1).interval
+    return inside / repeats
+
+
+def covered_means(repeats):
+    inside = 0
+    for seed in range(repeats):
+        inside += 0.3 in paired_difference(*pairs(40, seed), 0.9, seed=seed).of_mean
+    return inside / repeats
+
+
+def test_intervals_hold_as_often_as_they_say():
+    assert covered_shares(1000) == pytest.approx(0.95, abs=0.025) and covered_means(30) >= 0.75
+
+
+@pytest.mark.full
+def test_intervals_hold_as_often_as_they_say_in_many_studies():
+    assert covered_shares(10_000) == pytest.approx(0.95, abs=0.012)
+    assert covered_means(2000) == pytest.approx(0.9, abs=0.03)
