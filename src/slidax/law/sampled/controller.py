@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -66,6 +68,21 @@ PAUSE = 0.3
 
 STRONGEST = 1e6
 """rad/s² or m/s²: largest estimated disturbance in the law; no drive could compensate more."""
+
+
+class LearnedModel(NamedTuple):
+    """The arm as the law knows it at one sample.
+
+    - `robot`: with the estimated parameters.
+    - `estimate`: the state, and the disturbance of this robot.
+    - `net`: pending torques without the compensated friction [k n], N m or N.
+    - `adapted`: the adaptation's memory; None for a law that does not learn.
+    """
+
+    robot: AbstractRobot
+    estimate: Estimate
+    net: Array
+    adapted: AdaptationMemory | None
 
 
 class SampledData(AbstractController):
@@ -231,98 +248,148 @@ class SampledData(AbstractController):
         """The torque for an accepted sample."""
         h = self.period
         elapsed = t - memory.t
-        late = elapsed > 1.5 * h
-        missed = late | restarts
-        late = late & ~restarts
+        gap = elapsed > 1.5 * h
+        missed = gap | restarts
+        gap = gap & ~restarts
         robot = self._robot(memory.adapted)
-        prior = jax.lax.cond(late, lambda: self._after_gap(robot, memory, elapsed - h), lambda: memory.prior)
-        estimator = self.estimator
-        if self.adaptation is not None:
-            estimator = estimator.for_inertia(jnp.diagonal(robot.mass(prior.state.q)))
-        estimate, estimated = estimator(state, prior, elapsed, missed, memory.estimator)
-        estimate = self._within_reason(estimate)
+        estimate, estimated, prior = self._estimate(robot, state, elapsed, missed, gap, memory)
         # The last torque stood while nothing arrived, so that all pending commands are equal to it.
-        under_way = jnp.where(missed, memory.torques[-1], memory.torques)
-        net, adapted = under_way, memory.adapted
-        if self.adaptation is not None and adapted is not None:
-            # During a recovery all joints accelerate at once, which disturbs the learning of each joint alone. A long
-            # recovery does not pause it, since the arm may have changed.
-            recovers = self.step.recovers(t, memory.step)
-            recovering = jnp.where(recovers, adapted.recovering + h, 0.0)
-            paused = recovers & (recovering <= PAUSE)
-            surprised = ~self.gate.learnable(state, prior.state, h, self.estimator.reads_velocity)
-            torque = mean_past_torque(under_way, self.delay)
-            experience = experience_of(self.nominal, state, estimate, torque, h, missed | surprised | paused)
-            friction = jnp.where(missed, adapted.friction[-1], adapted.friction)
-            net = under_way[-friction.shape[0] :] - friction
-            adapted = AdaptationMemory(self.adaptation(experience, adapted.memory), friction, recovering)
-            # The disturbance is a torque: with another inertia it is another acceleration.
-            lumped = matvec(robot.mass(estimate.state.q), estimate.disturbance)
-            robot = self._robot(adapted)
-            estimate = Estimate(estimate.state, solve_symmetric(robot.mass(estimate.state.q), lumped))
+        pending = jnp.where(missed, memory.torques[-1], memory.torques)
+        learned = self._learn(t, state, prior, estimate, pending, missed, robot, memory)
 
         # The state when this sample's torque sets in, and the next measurement if pending commands determine it.
-        now, following = predict_state(robot, estimate, net, self.delay, h)
-        m0 = barrier(robot.mass(now.q))
-        planned = memory.planned & ~missed
-        moment = StepInput(
-            t=t + self.dead_time * h,
-            state=now,
-            reference=reference_ahead(reference_now, reference_next, self.dead_time, h),
-            mass=m0,
-            bias=robot.bias(now.q, now.dq),
-            robot=robot,
-            limits=self.limits,
-            period=h,
-            horizon=self.horizon,
-            planned=planned,
-            expected=memory.dq,
-        )
-        decision = self.step(moment, memory.step)
+        now, following = predict_state(learned.robot, learned.estimate, learned.net, self.delay, h)
+        request = self._step_input(t, now, reference_now, reference_next, missed, learned.robot, memory)
+        decision = self.step(request, memory.step)
 
-        lumped = matvec(m0, estimate.disturbance)
-        share = self._share(lumped, decision)
-        disturbance = share * estimate.disturbance
-        wanted = decision.tau - share * lumped
-        if self.adaptation is not None and adapted is not None:
-            friction = self.adaptation.friction(adapted.memory, moment.reference.dq)
-            wanted = wanted + friction
-            adapted = AdaptationMemory(
-                adapted.memory, jnp.concatenate([adapted.friction[1:], friction[None]]), adapted.recovering
-            )
-        tau, withheld, free = self._within_limits(wanted, memory.torques[-1], m0)
-        moved = decision.acceleration - withheld
+        wanted, disturbance, adapted = self._compensate(request, decision, learned.estimate, learned.adapted)
+        tau, withheld, free = self._within_limits(wanted, memory.torques[-1], request.mass)
+        reached = decision.acceleration - withheld
         if following is None:
-            following = advance(now, moved, (1.0 - self.delay % 1.0) * h)
+            following = advance(now, reached, (1.0 - self.delay % 1.0) * h)
         step = decision.memory
         if decision.limited is not None:
             step = jax.tree.map(lambda usual, limited: jnp.where(free, usual, limited), step, decision.limited)
-        learnt = None if self.adaptation is None or adapted is None else self.adaptation.learnt(adapted.memory)
-        watched, monitor_signals = self._monitor(moment, state.q - estimate.state.q, decision, ~missed, learnt, memory)
+        parameters = None if self.adaptation is None or adapted is None else self.adaptation.learnt(adapted.memory)
+        unseen = state.q - learned.estimate.state.q
+        watched, monitor_signals = self._monitor(request, unseen, decision, ~missed, parameters, memory)
         kept = LawMemory(
             t=jnp.asarray(t, memory.t.dtype),
             prior=Estimate(state=following, disturbance=disturbance),
             estimator=estimated,
-            torques=jnp.concatenate([under_way[1:], tau[None]]),
-            dq=now.dq + h * moved,
+            torques=jnp.concatenate([pending[1:], tau[None]]),
+            dq=now.dq + h * reached,
             planned=free,
             step=step,
             adapted=adapted,
             watched=watched,
             gate=memory.gate,
         )
-        residual = jnp.where(planned, (now.dq - memory.dq) / h, 0.0)
+        residual = jnp.where(request.planned, (now.dq - memory.dq) / h, 0.0)
         signals = {**decision.signals, "disturbance": disturbance, "residual": residual, **monitor_signals}
-        if learnt is not None:
-            signals |= {"rotor": learnt.rotor, "coulomb": learnt.coulomb}
+        if parameters is not None:
+            signals |= {"rotor": parameters.rotor, "coulomb": parameters.coulomb}
         return Command(tau=tau, memory=kept, signals=signals)
+
+    def _estimate(
+        self,
+        robot: AbstractRobot,
+        state: State,
+        elapsed: Scalar,
+        missed: Bool[Array, ""],
+        gap: Bool[Array, ""],
+        memory: LawMemory,
+    ) -> tuple[Estimate, Memory, Estimate]:
+        """The estimate at this sample, the estimator's memory, and the prediction that the sample corrects."""
+        prior = jax.lax.cond(gap, lambda: self._after_gap(robot, memory, elapsed - self.period), lambda: memory.prior)
+        estimator = self.estimator
+        if self.adaptation is not None:
+            estimator = estimator.for_inertia(jnp.diagonal(robot.mass(prior.state.q)))
+        estimate, estimated = estimator(state, prior, elapsed, missed, memory.estimator)
+        return self._within_reason(estimate), estimated, prior
+
+    def _learn(
+        self,
+        t: Scalar,
+        state: State,
+        prior: Estimate,
+        estimate: Estimate,
+        pending: Array,
+        missed: Bool[Array, ""],
+        robot: AbstractRobot,
+        memory: LawMemory,
+    ) -> LearnedModel:
+        """The model after this sample; without an adaptation, the model as it is."""
+        adapted = memory.adapted
+        if self.adaptation is None or adapted is None:
+            return LearnedModel(robot, estimate, pending, adapted)
+        h = self.period
+        # During a recovery all joints accelerate at once, which disturbs the learning of each joint alone. A long
+        # recovery does not pause it, since the arm may have changed.
+        recovers = self.step.recovers(t, memory.step)
+        recovering = jnp.where(recovers, adapted.recovering + h, 0.0)
+        paused = recovers & (recovering <= PAUSE)
+        surprised = ~self.gate.learnable(state, prior.state, h, self.estimator.reads_velocity)
+        torque = mean_past_torque(pending, self.delay)
+        experience = experience_of(self.nominal, state, estimate, torque, h, missed | surprised | paused)
+        friction = jnp.where(missed, adapted.friction[-1], adapted.friction)
+        net = pending[-friction.shape[0] :] - friction
+        adapted = AdaptationMemory(self.adaptation(experience, adapted.memory), friction, recovering)
+        # The disturbance is a torque: with another inertia it is another acceleration.
+        lumped = matvec(robot.mass(estimate.state.q), estimate.disturbance)
+        robot = self._robot(adapted)
+        estimate = Estimate(estimate.state, solve_symmetric(robot.mass(estimate.state.q), lumped))
+        return LearnedModel(robot, estimate, net, adapted)
+
+    def _step_input(
+        self,
+        t: Scalar,
+        now: State,
+        reference_now: Reference,
+        reference_next: Reference,
+        missed: Bool[Array, ""],
+        robot: AbstractRobot,
+        memory: LawMemory,
+    ) -> StepInput:
+        """The step's input at the time when its torque sets in."""
+        m0 = barrier(robot.mass(now.q))
+        planned = memory.planned & ~missed
+        return StepInput(
+            t=t + self.dead_time * self.period,
+            state=now,
+            reference=reference_ahead(reference_now, reference_next, self.dead_time, self.period),
+            mass=m0,
+            bias=robot.bias(now.q, now.dq),
+            robot=robot,
+            limits=self.limits,
+            period=self.period,
+            horizon=self.horizon,
+            planned=planned,
+            expected=memory.dq,
+        )
+
+    def _compensate(
+        self, request: StepInput, decision: Decision, estimate: Estimate, adapted: AdaptationMemory | None
+    ) -> tuple[Vector, Vector, AdaptationMemory | None]:
+        """The torque before the limits, the compensated disturbance, and the adaptation's memory with this friction."""
+        lumped = matvec(request.mass, estimate.disturbance)
+        share = self._share(lumped, decision)
+        disturbance = share * estimate.disturbance
+        wanted = decision.tau - share * lumped
+        if self.adaptation is not None and adapted is not None:
+            friction = self.adaptation.friction(adapted.memory, request.reference.dq)
+            wanted = wanted + friction
+            adapted = AdaptationMemory(
+                adapted.memory, jnp.concatenate([adapted.friction[1:], friction[None]]), adapted.recovering
+            )
+        return wanted, disturbance, adapted
 
     def envelope(self, t: Scalar, memory: LawMemory) -> Envelope | None:
         return self.step.envelope(t, memory.step)
 
     def _monitor(
         self,
-        moment: StepInput,
+        request: StepInput,
         unseen: Vector,
         decision: Decision,
         fresh: Bool[Array, ""],
@@ -334,13 +401,13 @@ class SampledData(AbstractController):
             return None, {}
         envelope = None
         if self.horizon is not None:
-            envelope = self.step.envelope(moment.t + self.horizon - 0.5 * self.period, memory.step)
+            envelope = self.step.envelope(request.t + self.horizon - 0.5 * self.period, memory.step)
         if envelope is None or self.horizon is None:
             raise DefinitionError("`SampledData.monitor` watches an envelope, and this law has none: leave it out")
-        desired = State(q=moment.reference.q, dq=moment.reference.dq)
+        desired = State(q=request.reference.q, dq=request.reference.dq)
         span = self.period, self.horizon
         wanted = decision.acceleration
-        return self.monitor(moment.state, unseen, desired, wanted, fresh, envelope, learnt, span, memory.watched)
+        return self.monitor(request.state, unseen, desired, wanted, fresh, envelope, learnt, span, memory.watched)
 
     def _robot(self, adapted: AdaptationMemory | None) -> AbstractRobot:
         """The arm with the estimated parameters."""
