@@ -5,6 +5,7 @@ import pytest
 
 from slidax.certify.motion.loop_kernels import JointLoop, loop_kernels, spread_kernels
 from slidax.core.errors import DefinitionError
+from slidax.law.joint_loop import LinearLoop
 
 LOOPS = {
     "fast": JointLoop.with_density(1e-3, 0.007, 3.0, 1e-5, 1),
@@ -99,3 +100,13 @@ def test_an_unstable_loop_is_refused() -> None:
         JointLoop(1e-3, 7e-3, (2.5, 0.0, 0.0), 1)
     with pytest.raises(DefinitionError, match="unstable"):
         spread_kernels(LOOPS["fast"], 0.7)
+
+
+@pytest.mark.parametrize("ratio", [0.8, 1.0, 1.3])
+def test_eigenvalue_modulus_agrees_with_the_loop_of_the_law(ratio: float) -> None:
+    for loop in LOOPS.values():
+        h = loop.period
+        first, second, third = loop.gains
+        law = LinearLoop(h, loop.horizon / h, float(loop.delay), (first, second * h, third * h * h), False)
+        radius = np.abs(np.linalg.eigvals(loop.maps_for(ratio).step)).max()
+        np.testing.assert_allclose(radius, law.radius(ratio), rtol=1e-6)

@@ -31,7 +31,7 @@ OUTLIER = 3.0
 """A swing this many times larger than usual is a step, not chattering."""
 
 
-class Band(NamedTuple):
+class ChatterInterval(NamedTuple):
     """A stretch of time in which a torque chatters.
 
     - `first`, `last`: indices of its samples.
@@ -46,7 +46,7 @@ class Band(NamedTuple):
     high: np.ndarray
 
 
-def chatter(t: np.ndarray, y: np.ndarray, height: float) -> list[Band]:
+def chatter(t: np.ndarray, y: np.ndarray, height: float) -> list[ChatterInterval]:
     """The stretches in which a torque alternates from sample to sample, far enough to be visible.
 
     Swings are measured from their own middle, which follows the motion; a steep transient with a ripple is as narrow as
@@ -80,7 +80,9 @@ def chatter(t: np.ndarray, y: np.ndarray, height: float) -> list[Band]:
         ends = [share[steps[share]] for share in (part[:SWINGS], part[-SWINGS:])]
         part = part[(part > ends[0].max(initial=-1)) & (part < ends[1].min(initial=len(turns)))]
         if len(part) > SWINGS and chatters[part[0]]:
-            stretches.append(Band(int(turns[part[0]]), int(turns[part[-1]]), t[turns[part]], low[part], high[part]))
+            stretches.append(
+                ChatterInterval(int(turns[part[0]]), int(turns[part[-1]]), t[turns[part]], low[part], high[part])
+            )
     return stretches
 
 
