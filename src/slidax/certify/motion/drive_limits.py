@@ -20,14 +20,19 @@ from numpy.typing import NDArray
 from slidax.arms.articulated import Articulated
 from slidax.motions.trajectory import AbstractPiecewisePolynomial
 
+from ..certificate import Assumption, Verdict
 from .fixed_point import USED, Bounds, Problem, Solution, spreads_of
 from .lagged_sums import Lags
 from .path_cells import PathCells, Pieces
 from .path_norms import size_in
 from .path_suprema import band_forces
 from .path_tube import Cell
+from .tracking_bound import CertifiedPath
 
 Floats = NDArray[np.float64]
+
+NAME = "drive_limits"
+TITLE = "torques and torque steps along the motion"
 
 BATCH = 1024
 """The torques of the plan are computed for a multiple of this number of periods, so that few programs are compiled."""
@@ -245,3 +250,58 @@ class Torques:
             + np.einsum("nij,nj->ni", self.coriolis, moves[1])
             + self.weight * (further + changed)[:, None]
         )
+
+
+def drive_verdict(
+    arm: Articulated,
+    motion: AbstractPiecewisePolynomial,
+    certified: CertifiedPath,
+    *,
+    torque: Any = None,
+    torque_rate: Any = None,
+) -> Verdict:
+    """Certify that no limit of torque or torque rate acts along a motion with verified error bounds.
+
+    - `torque`: limits, N m or N; None: those of the arm. `torque_rate`: limits, N m/s or N/s; None: those of the arm.
+    """
+    if not certified.bounds.verified:
+        return Verdict(NAME, TITLE, None, None, {}, (), "not applicable: the tracking error has no bound")
+    limits = arm.limits
+    bounds = drive_bounds(arm, motion, certified.solution)
+    times, h = certified.path.cells.centres, certified.loop.period
+    allowed = {
+        "torque": np.broadcast_to(np.asarray(limits.torque if torque is None else torque, float), (arm.joints,)),
+        "step": h
+        * np.broadcast_to(np.asarray(limits.torque_rate if torque_rate is None else torque_rate, float), (arm.joints,)),
+    }
+    words = {"torque": "torque", "step": "torque step from one period to the next"}
+    lines, sentences, margins = [], [], []
+    for name, limit in allowed.items():
+        value: Floats = getattr(bounds, name)
+        plan: Floats = getattr(bounds, f"planned_{name}")
+        share = value / limit
+        cell, joint = (int(i) for i in np.unravel_index(int(np.argmax(share)), share.shape))
+        where = f"joint `{arm.joint_names[joint]}` at {times[cell]:.3g} s"
+        margins.append(1.0 - float(share[cell, joint]))
+        if not np.isfinite(limit).any():
+            continue
+        unit = arm.torque_units[joint]
+        sentence = (
+            f"the {words[name]} is at most {value[cell, joint]:.3g} {unit} of {limit[joint]:.3g} {unit} in {where}, of "
+            f"which the plan needs {plan[cell, joint]:.3g} {unit}"
+        )
+        if name == "step":
+            terms = {key: float(term[cell, joint]) for key, term in bounds.step_terms.items()}
+            sentence += f"; the largest share is {max(terms, key=lambda key: terms[key])}"
+        lines.append(Assumption(sentence, "proved" if margins[-1] >= 0.0 else "fails", float(value[cell, joint])))
+        sentences.append(sentence)
+    holds = min(margins) >= 0.0
+    first = "No drive limit acts" if holds else "Not certified: a drive limit may act"
+    statement = f"{first}: {'; '.join(sentences) or 'the arm has none'}."
+    bound = {
+        "torque": bounds.torque.max(axis=0),
+        "step": bounds.step.max(axis=0),
+        "planned_torque": bounds.planned_torque.max(axis=0),
+        "planned_step": bounds.planned_step.max(axis=0),
+    }
+    return Verdict(NAME, TITLE, holds, min(margins), bound, tuple(lines), statement)

@@ -221,5 +221,5 @@ def _assumptions(certified: CertifiedPath) -> tuple[Assumption, ...]:
             "proved",
         ),
         Assumption("the inequalities do not enlarge the bounds, so that no error leaves them first", "proved"),
-        Assumption("no torque or torque rate limit acts, and no sample is lost", "assumed"),
+        Assumption("no torque or torque rate limit acts (`drive_verdict`), and no sample is lost", "assumed"),
     )
