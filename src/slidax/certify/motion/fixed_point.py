@@ -22,8 +22,6 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from slidax.core.errors import DefinitionError
-
 from .lagged_sums import Lags, Table
 from .loop_kernels import OUTPUTS, JointLoop, Kernel, Spread, spread_kernels
 from .path_norms import Path, size_in
@@ -32,13 +30,13 @@ from .path_tube import Tube
 
 Floats = NDArray[np.float64]
 
-ROUNDS = 200
+ROUNDS = 100
 """Rounds after which an iteration that still grows has no bound."""
 
 SETTLED = 1e-3
 """Relative change at which an iteration is extrapolated and verified."""
 
-TUBES = 12
+TUBES = 16
 """Tubes that are tried."""
 
 TINY = 1e-300
@@ -158,7 +156,7 @@ class Problem:
         self.growth = growth = float(np.ceil(4.0 * np.max(at.growth)) / 4.0)
         spreads = spreads_of(loop, self.p, growth)
         grown = spreads_of(loop, 0.0, growth)
-        count = max(1, int(np.ceil(_memory(spreads["error"].largest) / cells.per_cell)))
+        count = max(1, int(np.ceil(_memory(spreads["error"].nominal) / cells.per_cell)))
         self.cut = cut = (cells.per_cell, count)
         self.nominal = Table.of([spreads[name].nominal for name in USED], *cut)
         self.weighted = Table.of([grown[name].largest for name in USED], *cut)
@@ -353,12 +351,15 @@ class Problem:
     def solve(self, start: Bounds | None, cap: float) -> Bounds:
         """Return bounds that satisfy the inequalities, or unverified ones if none is below `cap`, in rad or m."""
         bounds = self.round(start)
-        last_change = 0.0
-        for _ in range(ROUNDS):
+        last_change, last_step = 0.0, np.inf
+        for k in range(ROUNDS):
             following = self.round(bounds)
             size = float(following.error.max())
-            if not size < cap:
+            step = size - float(bounds.error.max())
+            # The inequalities are convex: once their steps grow, they grow for ever.
+            if not size < cap or (k > 1 and step > last_step and step > SETTLED * size):
                 return following if np.isfinite(size) else bounds
+            last_step = step
             changes = [np.max(following.norms[name] / np.maximum(bounds.norms[name], TINY)) for name in USED]
             change = max(float(np.max(changes)) - 1.0, 0.0)
             bounds = following
@@ -396,14 +397,19 @@ class Solution:
     problem: Problem
 
 
-def bounds_along(loop: JointLoop, path: Path, band: Band, inputs: Inputs, *, cap: float = 0.05) -> Solution:
-    """Return the bounds along a path, with a tube that contains them; unverified if there are none below `cap`."""
+def bounds_along(loop: JointLoop, path: Path, band: Band, inputs: Inputs, *, cap: float = 0.05) -> Solution | None:
+    """Return the bounds along a path, with a tube that contains them; unverified if there are none below `cap`.
+
+    None if the inertia changes too much within a cell.
+    """
     tube = Tube.none(path.cells)
     bounds: Bounds | None = None
     problem: Problem | None = None
+    steps: list[float] = []
     for _ in range(TUBES):
         at = suprema(path, band, tube)
-        if at is None:
+        # Norms that grow nearly as fast as the loop forgets leave no bound.
+        if at is None or np.max(at.growth) > 0.5 * loop.decay:
             break
         problem = Problem(loop, path, band, inputs, at, tube)
         bounds = problem.solve(bounds, cap)
@@ -412,13 +418,22 @@ def bounds_along(loop: JointLoop, path: Path, band: Band, inputs: Inputs, *, cap
         needed = tube_of(bounds, path, loop.period, at)
         if all(np.all(getattr(needed, name) <= getattr(tube, name)) for name in vars(tube)):
             return Solution(bounds, problem)
-        tube = Tube(**{name: value * 1.01 for name, value in vars(needed).items()})
+        steps.append(float(bounds.error.max()))
+        if len(steps) > 3 and steps[-1] - steps[-2] > steps[-2] - steps[-3] > steps[-3] - steps[-4]:
+            break
+        tube = Tube(**{name: value * _ahead(steps) for name, value in vars(needed).items()})
     if bounds is None or problem is None:
-        raise DefinitionError(
-            f"the inertia of the arm changes by more than half of itself within {2e3 * path.cells.half:.3g} ms of the "
-            "motion; slow it down"
-        )
+        return None
     return Solution(replace(bounds, verified=False), problem)
+
+
+def _ahead(values: list[float]) -> float:
+    """Factor by which a tube is widened: to the limit of a geometric series of its widths, and some more."""
+    if len(values) < 3:
+        return 1.01
+    last, before = values[-1] - values[-2], values[-2] - values[-3]
+    ratio = min(max(last / max(before, TINY), 0.0), 0.9)
+    return 1.01 + 0.5 * max(last, 0.0) * ratio / (1.0 - ratio) / values[-1]
 
 
 def tube_of(bounds: Bounds, path: Path, h: float, at: Suprema) -> Tube:
@@ -444,7 +459,7 @@ def tube_of(bounds: Bounds, path: Path, h: float, at: Suprema) -> Tube:
 
 def memory(loop: JointLoop, p: float) -> float:
     """Return the time after which less than a small share of the error's kernel is left [s]."""
-    return _memory(spreads_of(loop, p, 0.0)["error"].largest) * loop.period
+    return _memory(spreads_of(loop, p, 0.0)["error"].nominal) * loop.period
 
 
 def _memory(kernel: Kernel) -> int:

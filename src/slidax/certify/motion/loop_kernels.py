@@ -12,6 +12,7 @@ where `ê_p, v̂_p` is the estimate, moved over the delay with `s + ŵ`. The sta
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,6 +102,11 @@ class JointLoop:
 
         first, second, third = np.asarray(steady_gains(density, resolution**2 / 12.0, period)).tolist()
         return cls(period, horizon, (first, second, third), delay)
+
+    @cached_property
+    def decay(self) -> float:
+        """Rate at which the slowest state of the nominal loop decays [1/s]."""
+        return -float(np.log(np.max(np.abs(np.linalg.eigvals(self.maps.step))))) / self.period
 
     @property
     def maps(self) -> LoopMaps:

@@ -13,10 +13,10 @@ from slidax.motions.trajectory import AbstractMotion, AbstractPiecewisePolynomia
 
 Floats = NDArray[np.float64]
 
-CELL_TRAVEL = 0.08
+CELL_TRAVEL = 0.06
 """rad or m: all joints together travel at most this far in a cell, so that its remainders are some per cent."""
 
-SHORTEST_CELL, LONGEST_CELL = 0.006, 0.032
+SHORTEST_CELL, LONGEST_CELL = 0.005, 0.028
 """s."""
 
 

@@ -134,8 +134,13 @@ def certified_path(
             cells = PathCells.of(motion, loop.period, per_cell=max(1, cells.per_cell // finer), rest=rest)
         path = Path.of(bodies, cells)
         solution = bounds_along(loop, path, uncertainty.band, inputs, cap=WIDEST)
-        if solution.bounds.verified:
+        if solution is not None and solution.bounds.verified:
             break
+    if solution is None:
+        raise DefinitionError(
+            f"the inertia of the arm changes by more than half of itself within {2e3 * cells.half:.3g} ms of the "
+            "motion; slow it down"
+        )
     return CertifiedPath(loop, path, uncertainty, inputs, solution)
 
 
