@@ -39,6 +39,9 @@ SETTLED = 1e-3
 TUBES = 16
 """Tubes that are tried."""
 
+PASSES = 3
+"""Times that verified bounds are tightened."""
+
 TINY = 1e-300
 
 MEMORY = 2e-4
@@ -417,7 +420,7 @@ def bounds_along(loop: JointLoop, path: Path, band: Band, inputs: Inputs, *, cap
             return Solution(bounds, problem)
         needed = tube_of(bounds, path, loop.period, at)
         if all(np.all(getattr(needed, name) <= getattr(tube, name)) for name in vars(tube)):
-            return Solution(bounds, problem)
+            return _tightened(Solution(bounds, problem), needed)
         steps.append(float(bounds.error.max()))
         if len(steps) > 3 and steps[-1] - steps[-2] > steps[-2] - steps[-3] > steps[-3] - steps[-4]:
             break
@@ -425,6 +428,20 @@ def bounds_along(loop: JointLoop, path: Path, band: Band, inputs: Inputs, *, cap
     if bounds is None or problem is None:
         return None
     return Solution(replace(bounds, verified=False), problem)
+
+
+def _tightened(solution: Solution, needed: Tube) -> Solution:
+    """Bounds by narrower tubes: a tube that the bounds need suffices, and no bound grows."""
+    bounds, last = solution.bounds, solution.problem
+    for _ in range(PASSES):
+        at = suprema(last.path, last.band, needed)
+        if at is None:
+            break
+        last = Problem(last.loop, last.path, last.band, last.inputs, at, needed)
+        for _ in range(3):
+            bounds = replace(last.round(bounds), verified=True)
+        needed = tube_of(bounds, last.path, last.loop.period, at)
+    return Solution(bounds, last)
 
 
 def _ahead(values: list[float]) -> float:
