@@ -46,4 +46,4 @@ def test_the_page_of_seven_joints_has_choices_and_says_what_was_not_computed(tmp
     }
     assert len({variant["program"] for variant in own["variants"]}) == 2
     light = next(item for item in own["certificates"] if item["certificate"] == "loop_rate")
-    assert light["holds"] is None and "not computed" in light["statement"]
+    assert light["holds"] is None and "Not computed" in light["statement"]

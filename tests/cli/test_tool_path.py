@@ -83,7 +83,7 @@ def test_table_json_and_report_say_it(file, tmp_path):
     assert error > 0 and turn > 0
     page = (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
     number = r"at most ([\d.]+)\s×\s10<sup>−(\d+)</sup>\s"
-    text = re.search(number + "m from where .* turned by " + number + "rad from how", page)
+    text = re.search(number + "m and " + number.removeprefix("at most ") + "rad off its path", page)
     assert text, "the report says nothing of the tool"
     result = [float(text[1]) * 10.0 ** -int(text[2]), float(text[3]) * 10.0 ** -int(text[4])]
     assert result == pytest.approx([error, turn], rel=1e-2)

@@ -8,7 +8,7 @@ import re
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from types import CodeType
-from typing import Any
+from typing import Any, get_args
 
 import equinox as eqx
 import numpy as np
@@ -144,6 +144,9 @@ SHAPES = {
 }
 """Words for the types of arrays in a docstring."""
 
+ARRAYS = {"...": "PerJoint", "": "Scalar", "n": "Vector", "n n": "Matrix"}
+"""Names of the types of arrays by their dimensions."""
+
 MATRIX = "one number, a diagonal [n] or a matrix [n n]"
 
 _KEY = "slidax"
@@ -267,12 +270,25 @@ def declaration(field: dataclasses.Field[Any], annotation: str = "") -> Paramete
 
     - `annotation`: type of a field that does not know it yet.
     """
-    written = str(annotation or field.type)
+    written = _annotation(annotation or field.type)
     if _KEY not in field.metadata:
         default = REQUIRED if field.default is dataclasses.MISSING else field.default
         return Parameter(field.name, "", default=default, shape=_shape(written), annotation=written)
     known: Parameter = field.metadata[_KEY]
     return replace(known, name=field.name or known.name, annotation=written, shape=known.shape or _shape(written))
+
+
+def _annotation(of: Any) -> str:
+    """Return a field's type as its source has it, also where annotations are evaluated."""
+    if isinstance(of, str):
+        return of
+    if type(None) in get_args(of):
+        (needed,) = (each for each in get_args(of) if each is not type(None))
+        return f"{_annotation(needed)} | None"
+    dims = getattr(of, "dim_str", None)
+    if dims is not None:
+        return ARRAYS.get(dims.strip(), f'Float[Array, "{dims}"]')
+    return getattr(of, "__name__", str(of))
 
 
 def _shape(annotation: str) -> str:

@@ -8,9 +8,11 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jaxtyping import Array, Float
 
 from slidax.core import AbstractPart, PerJoint, Scalar, Vector, kind_of, parameter, parameters_of, piece
 from slidax.core.errors import DefinitionError
+from slidax.core.types import Matrix
 from slidax.export.c_structures import members
 from slidax.law import AbstractSurface, Linear
 from slidax.scenarios.catalogue import BLOCKS, KINDS, _rows, explain_parameters
@@ -152,3 +154,12 @@ def test_pieces_are_documented_and_not_checked() -> None:
     assert "- `surface`: what it holds." in (Holder.__doc__ or "")
     assert "Raises" not in (Holder.__doc__ or "")
     assert isinstance(Holder(Linear(1.0)).surface, Linear)
+
+
+def test_evaluated_annotations_give_the_same_shapes():
+    """As in a module without `from __future__ import annotations`."""
+    fields = {"a": PerJoint, "b": Scalar, "c": Vector | None, "d": Float[Array, "3"], "e": Matrix}
+    body = {name: parameter("meaning", default=None) for name in fields}
+    kind = type("Written", (AbstractPart,), {"__annotations__": fields, "__module__": __name__, **body})
+    shapes = {each.name: each.shape for each in parameters_of(kind)}
+    assert shapes == {"a": "one number or [n]", "b": "one number", "c": "[n]", "d": "[3]", "e": "[n n]"}

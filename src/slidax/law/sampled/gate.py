@@ -147,7 +147,12 @@ class MeasurementGate(AbstractPart):
         """Return the memory after a first accepted sample at time t [s]; `velocity`: True if velocities are used."""
         state = _used(state, velocity)
         return GateMemory(
-            q=state.q, dq=state.dq, suspect_t=t, suspect=state, consistent=jnp.zeros(()), same=jnp.zeros(())
+            q=state.q,
+            dq=state.dq,
+            suspect_t=jnp.asarray(t, state.q.dtype),
+            suspect=state,
+            consistent=jnp.zeros(()),
+            same=jnp.zeros(()),
         )
 
     def in_range(self, q: Vector) -> Bool[Array, ""]:
