@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import slidax.arms as arms
-from slidax.certify.motion.body_points import Bodies, PointMotion, point_motion
+from slidax.certify.motion.body_points import BodyPoints, PointMotion, point_motion
 
 from .cases import panda, ur5e
 
@@ -19,14 +19,14 @@ def motion(arm: Any, count: int = 20) -> list[np.ndarray]:
     return [rng.normal(size=(count, arm.joints)) for _ in range(4)]
 
 
-def at(bodies: Bodies, parts: list[np.ndarray]) -> PointMotion:
+def at(bodies: BodyPoints, parts: list[np.ndarray]) -> PointMotion:
     return point_motion(bodies, *parts)
 
 
 @pytest.mark.parametrize("name", ARMS)
 def test_inertia_coriolis_and_torques_are_inner_products(name: str) -> None:
     arm = ARMS[name]()
-    bodies, (q, dq, ddq, dddq) = Bodies.of(arm), motion(arm)
+    bodies, (q, dq, ddq, dddq) = BodyPoints.of(arm), motion(arm)
     points = at(bodies, [q, dq, ddq, dddq])
     y, y1, _ = points.columns
     transposed = y.swapaxes(1, 2)
@@ -41,7 +41,7 @@ def test_inertia_coriolis_and_torques_are_inner_products(name: str) -> None:
 def test_the_derivative_of_the_torques_by_the_positions_is_an_inner_product() -> None:
     arm = panda()
     q, dq, ddq, dddq = motion(arm, 5)
-    points = at(Bodies.of(arm), [q, dq, ddq, dddq])
+    points = at(BodyPoints.of(arm), [q, dq, ddq, dddq])
     y, _, y2 = points.columns
     own = np.einsum("ndjk,nd->nkj", points.slopes, points.acceleration) + y.swapaxes(1, 2) @ y2
     torque = jax.jacfwd(lambda q, dq, ddq: arm.mass(q) @ ddq + arm.bias(q, dq))
@@ -51,7 +51,7 @@ def test_the_derivative_of_the_torques_by_the_positions_is_an_inner_product() ->
 @pytest.mark.parametrize("name", ["panda", "ur5e"])
 def test_derivatives_agree_with_differences(name: str) -> None:
     arm = ARMS[name]()
-    bodies, (q, dq, ddq, dddq) = Bodies.of(arm), motion(arm)
+    bodies, (q, dq, ddq, dddq) = BodyPoints.of(arm), motion(arm)
     points = at(bodies, [q, dq, ddq, dddq])
     step = 1e-5
 
@@ -79,7 +79,7 @@ def test_a_pseudo_inertia_within_the_band_changes_forces_within_it() -> None:
     from .plant import Chain
 
     arm, rng, p = panda(), np.random.default_rng(3), 0.1
-    bodies, chain = Bodies.of(arm), Chain.of(arm)
+    bodies, chain = BodyPoints.of(arm), Chain.of(arm)
     q, dq, ddq, dddq = motion(arm)
     points = at(bodies, [q, dq, ddq, dddq])
     shape = (len(q), len(bodies.carrier), 12)

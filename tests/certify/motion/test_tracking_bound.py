@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from slidax.arms.articulated import Articulated
-from slidax.certify.motion.body_points import Bodies
+from slidax.certify.motion.body_points import BodyPoints
 from slidax.certify.motion.loop_kernels import JointLoop
-from slidax.certify.motion.path_suprema import Band
+from slidax.certify.motion.path_suprema import BodyBand
 from slidax.certify.motion.tracking_bound import ArmUncertainty, CertifiedPath, certified_path, tracking_bound
 from slidax.core.errors import DefinitionError
 from slidax.motions.tabulated import Tabulated
@@ -27,7 +27,7 @@ SLOW = JointLoop.with_density(2e-3, 0.02, 1.0, 1e-5, 1)
 
 
 def uncertainty(p: float, **changes: Any) -> ArmUncertainty:
-    return replace(ArmUncertainty(Band(p, p), 0.3 * (1 + p), p, resolution=1e-5), **changes)
+    return replace(ArmUncertainty(BodyBand(p, p), 0.3 * (1 + p), p, resolution=1e-5), **changes)
 
 
 @cache
@@ -118,7 +118,7 @@ def test_a_disturbance_with_the_signs_of_the_kernel_attains_the_bound_of_a_known
     place = np.array([0.3, -0.4, 0.2, -1.9, 0.1, 1.7, 0.5])
     motion = Tabulated.through([0.0, 0.3], np.stack([place, place]), np.zeros((2, 7)), np.zeros((2, 7)))
     push = 0.02
-    known = ArmUncertainty(Band(0.0, 0.0), torque=push, settled=True)
+    known = ArmUncertainty(BodyBand(0.0, 0.0), torque=push, settled=True)
     bound = certified_path(arm, motion, LOOP, known).bounds.error.max(axis=0)
     slots, sub = 301, 8
     nominal = Chain.of(arm)
@@ -153,7 +153,7 @@ def test_bounds_grow_with_what_is_not_known() -> None:
     base: dict[str, Any] = {}
 
     def error(p: float = 0.02, rotors: float | None = None, **changes: Any) -> np.ndarray:
-        band = Band(p, p if rotors is None else rotors)
+        band = BodyBand(p, p if rotors is None else rotors)
         return certified_path(arm, motion, LOOP, uncertainty(0.02, band=band, **base | changes)).bounds.error
 
     ladders: list[list[dict[str, Any]]] = [
@@ -198,17 +198,17 @@ def test_a_wide_band_is_refused_by_name() -> None:
 def test_wrong_arguments_are_named() -> None:
     arm = arm_of("panda")
     with pytest.raises(DefinitionError, match="coulomb"):
-        ArmUncertainty(Band(0.0, 0.0), coulomb=-1.0)
+        ArmUncertainty(BodyBand(0.0, 0.0), coulomb=-1.0)
     with pytest.raises(DefinitionError, match="bodies"):
-        Band(1.0, 0.0)
+        BodyBand(1.0, 0.0)
     with pytest.raises(DefinitionError, match="one per joint"):
-        tracking_bound(arm, short(arm, 1), LOOP, ArmUncertainty(Band(0.0, 0.0), coulomb=[0.1, 0.2]))
+        tracking_bound(arm, short(arm, 1), LOOP, ArmUncertainty(BodyBand(0.0, 0.0), coulomb=[0.1, 0.2]))
 
 
 @pytest.mark.full
 def test_a_motion_of_seven_joints_takes_less_than_a_third_of_a_second() -> None:
     arm, rng = arm_of("panda"), np.random.default_rng(5)
-    bodies = Bodies.of(arm)
+    bodies = BodyPoints.of(arm)
     times = []
     for _ in range(5):
         motion = knotted(arm, rng, 0.6)

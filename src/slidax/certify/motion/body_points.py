@@ -30,7 +30,7 @@ Jet = list[Floats]
 
 
 @dataclass(frozen=True, eq=False)
-class Bodies:
+class BodyPoints:
     """The numbers of an arm that its motion needs.
 
     - `rotations`, `translations`: each joint's frame in its parent's [n 3 3], [n 3].
@@ -53,7 +53,7 @@ class Bodies:
     gravity: Floats
 
     @classmethod
-    def of(cls, arm: Articulated) -> Bodies:
+    def of(cls, arm: Articulated) -> BodyPoints:
         """Return the bodies of an arm.
 
         Raises DefinitionError if no distribution of mass has the inertia of a link.
@@ -118,7 +118,7 @@ class PointMotion:
     axes: Floats
 
 
-def point_motion(bodies: Bodies, q: Floats, dq: Floats, ddq: Floats, dddq: Floats) -> PointMotion:
+def point_motion(bodies: BodyPoints, q: Floats, dq: Floats, ddq: Floats, dddq: Floats) -> PointMotion:
     """Return the points of an arm along a motion.
 
     - `q`, `dq`, `ddq`, `dddq`: positions and their derivatives [N n].
@@ -166,7 +166,7 @@ def point_motion(bodies: Bodies, q: Floats, dq: Floats, ddq: Floats, dddq: Float
     )
 
 
-def _frames(bodies: Bodies, motion: Jet) -> tuple[list[Jet], list[Jet]]:
+def _frames(bodies: BodyPoints, motion: Jet) -> tuple[list[Jet], list[Jet]]:
     """Each joint's axes and place in the base frame, with three derivatives by time."""
     q, v, a, j = motion
     cosine, sine = np.cos(q), np.sin(q)

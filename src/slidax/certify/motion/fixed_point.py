@@ -22,10 +22,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from .lagged_sums import Lags, Table
-from .loop_kernels import OUTPUTS, JointLoop, Kernel, Spread, spread_kernels
+from .lagged_sums import Lags, LagTable
+from .loop_kernels import OUTPUTS, JointLoop, LoopKernel, Spread, spread_kernels
 from .path_norms import Path, size_in
-from .path_suprema import Band, Suprema, suprema
+from .path_suprema import BodyBand, Suprema, suprema
 from .path_tube import Tube
 
 Floats = NDArray[np.float64]
@@ -150,7 +150,7 @@ def spreads_of(loop: JointLoop, p: float, growth: float) -> dict[str, Spread]:
 class Problem:
     """The inequalities for one path and one tube."""
 
-    def __init__(self, loop: JointLoop, path: Path, band: Band, inputs: Inputs, at: Suprema, tube: Tube) -> None:
+    def __init__(self, loop: JointLoop, path: Path, band: BodyBand, inputs: Inputs, at: Suprema, tube: Tube) -> None:
         """Compute what does not depend on the outputs."""
         self.loop, self.path, self.band, self.inputs, self.at, self.tube = loop, path, band, inputs, at, tube
         self.p = band.largest
@@ -161,10 +161,10 @@ class Problem:
         grown = spreads_of(loop, 0.0, growth)
         count = max(1, int(np.ceil(_memory(spreads["error"].nominal) / cells.per_cell)))
         self.cut = cut = (cells.per_cell, count)
-        self.nominal = Table.of([spreads[name].nominal for name in USED], *cut)
-        self.weighted = Table.of([grown[name].largest for name in USED], *cut)
-        self.departure = Table.of([spreads[name].departure for name in USED], *cut)
-        self.largest = Table.of([spreads[name].largest for name in USED], *cut)
+        self.nominal = LagTable.of([spreads[name].nominal for name in USED], *cut)
+        self.weighted = LagTable.of([grown[name].largest for name in USED], *cut)
+        self.departure = LagTable.of([spreads[name].departure for name in USED], *cut)
+        self.largest = LagTable.of([spreads[name].largest for name in USED], *cut)
         # The change of K in the time of a lag, which is at most one period longer than its number.
         ages = h * (1.0 + np.arange(spreads["error"].largest.any_form.size))
         change = self.p * np.minimum(
@@ -226,12 +226,12 @@ class Problem:
         first[0] = 0.0 if inputs.settled else 1.0
         self.pushed, self.pushed_norm = pushed, pushed_norm
 
-        def slow_share(table: Table, slow: Floats, rate: Floats, step: Floats) -> Floats:
+        def slow_share(table: LagTable, slow: Floats, rate: Floats, step: Floats) -> Floats:
             """Response to a w of bounded size and rate, by the better of the two."""
             moving = table.ramp.past(rate) + slow[..., None] * table.beyond + table.step.since(step)
             return np.minimum(table.any_form.past(slow), moving)
 
-        def shares(table: Table, joints: bool) -> dict[str, Floats]:
+        def shares(table: LagTable, joints: bool) -> dict[str, Floats]:
             """By name [N k outputs]; k = n for joints, 1 for the metric."""
             size = (lambda x: x) if joints else (lambda x: size_in(x, at.inertia)[:, None])
             slow = at.band_joints if joints else at.band[:, None]
@@ -400,7 +400,7 @@ class Solution:
     problem: Problem
 
 
-def bounds_along(loop: JointLoop, path: Path, band: Band, inputs: Inputs, *, cap: float = 0.05) -> Solution | None:
+def bounds_along(loop: JointLoop, path: Path, band: BodyBand, inputs: Inputs, *, cap: float = 0.05) -> Solution | None:
     """Return the bounds along a path, with a tube that contains them; unverified if there are none below `cap`.
 
     None if the inertia changes too much within a cell.
@@ -479,7 +479,7 @@ def memory(loop: JointLoop, p: float) -> float:
     return _memory(spreads_of(loop, p, 0.0)["error"].nominal) * loop.period
 
 
-def _memory(kernel: Kernel) -> int:
+def _memory(kernel: LoopKernel) -> int:
     """Periods after which less than a small share of a kernel is left."""
     left = np.cumsum(kernel.any_form[::-1])[::-1]
     return int(np.count_nonzero(left > MEMORY * left[0])) + 1

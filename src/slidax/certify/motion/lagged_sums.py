@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .loop_kernels import Kernel
+from .loop_kernels import LoopKernel
 
 Floats = NDArray[np.float64]
 
@@ -70,7 +70,7 @@ class Lags:
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class LagTable:
     """Kernels of all outputs that the inequalities need, over cells."""
 
     any_form: Lags
@@ -83,7 +83,7 @@ class Table:
     beyond: Floats
 
     @classmethod
-    def of(cls, kernels: list[Kernel], cell: int, count: int) -> Table:
+    def of(cls, kernels: list[LoopKernel], cell: int, count: int) -> LagTable:
         def sums(name: str) -> Lags:
             return Lags.of([getattr(kernel, name) for kernel in kernels], cell, count)
 

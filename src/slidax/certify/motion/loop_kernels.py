@@ -109,11 +109,11 @@ class JointLoop:
         return -float(np.log(np.max(np.abs(np.linalg.eigvals(self.maps.step))))) / self.period
 
     @property
-    def maps(self) -> LoopMaps:
+    def maps(self) -> PeriodMaps:
         """One period of the nominal loop as linear maps."""
         return self.maps_for(1.0)
 
-    def maps_for(self, ratio: float) -> LoopMaps:
+    def maps_for(self, ratio: float) -> PeriodMaps:
         """One period of the loop of a joint with `ë = κ (s + w)` as linear maps.
 
         - `ratio`: κ, nominal over true inertia.
@@ -122,7 +122,7 @@ class JointLoop:
         columns = [self._next(ratio, *parts) for parts in _unit_inputs(size)]
         states = np.stack([state for state, _ in columns], axis=1)
         outputs = np.stack([output for _, output in columns], axis=1)
-        return LoopMaps(
+        return PeriodMaps(
             step=states[:, :size], enters=states[:, size:], outputs=outputs[:, :size], direct=outputs[:, size]
         )
 
@@ -173,7 +173,7 @@ class JointLoop:
 
 
 @dataclass(frozen=True)
-class LoopMaps:
+class PeriodMaps:
     """`x⁺ = step x + enters (n, ∫(1-τ) w, ∫w)`, `y = outputs x + direct n`, with y in the order of `OUTPUTS`."""
 
     step: Floats
@@ -189,7 +189,7 @@ def _unit_inputs(size: int) -> list[tuple[Floats, float, float, float]]:
 
 
 @dataclass(frozen=True)
-class Kernel:
+class LoopKernel:
     """Bounds of one output per lag in periods, in SI units; each [L].
 
     - `any_form`: for an acceleration w of size 1, of any form within and between periods.
@@ -222,12 +222,12 @@ class Spread:
     - `nominal`: for κ = 1. `departure`: largest departure from it over κ. `largest`: largest response over κ.
     """
 
-    nominal: Kernel
-    departure: Kernel
-    largest: Kernel
+    nominal: LoopKernel
+    departure: LoopKernel
+    largest: LoopKernel
 
 
-def loop_kernels(loop: JointLoop) -> dict[str, Kernel]:
+def loop_kernels(loop: JointLoop) -> dict[str, LoopKernel]:
     """Return the kernels of all outputs of the nominal loop."""
     return {name: spread.nominal for name, spread in spread_kernels(loop, 0.0).items()}
 
@@ -288,7 +288,7 @@ class _Trace:
     weight: Floats
 
     @classmethod
-    def of(cls, loop: JointLoop, maps: LoopMaps, ratio: float, length: int, growth: float) -> _Trace:
+    def of(cls, loop: JointLoop, maps: PeriodMaps, ratio: float, length: int, growth: float) -> _Trace:
         size = maps.step.shape[0]
         state = np.concatenate([maps.enters, _starts(size)], axis=1)
         response = np.empty((length, len(OUTPUTS), state.shape[1]))
@@ -320,7 +320,7 @@ class _Trace:
         own = self.own - other.own
         return _Trace(self.period, self.response - other.response, self.rest + other.rest, own, self.ratio, self.weight)
 
-    def kernel(self, name: str) -> Kernel:
+    def kernel(self, name: str) -> LoopKernel:
         i, h = list(OUTPUTS).index(name), self.period
         response, rest, weight = self.response[:, i], self.rest[i], self.weight
         direct, constant, beyond = self.own[i]
@@ -341,7 +341,7 @@ class _Trace:
             return value
 
         areas = _area(velocity, velocity + late) if self.ratio == 1.0 else 0.5 * np.sum(ends, axis=0)
-        return Kernel(
+        return LoopKernel(
             any_form=joined(abs(constant) + abs(beyond), areas, w_rest) * (unit * h**2),
             ramp=joined(constant + abs(beyond), between, w_rest * len(response)) * (unit * h**3),
             beyond=float(abs(beyond)) * unit * h**2,
@@ -353,7 +353,7 @@ class _Trace:
         )
 
 
-def _largest(kernels: list[Kernel], whole: list[Kernel], between: float) -> Kernel:
+def _largest(kernels: list[LoopKernel], whole: list[LoopKernel], between: float) -> LoopKernel:
     """The largest of several kernels at each lag, with a share of the whole ones at the last lag."""
 
     def most(name: str) -> Floats:
@@ -364,7 +364,7 @@ def _largest(kernels: list[Kernel], whole: list[Kernel], between: float) -> Kern
     def most_at_once(name: str, size: float) -> Floats:
         return np.max([getattr(kernel, name) for kernel in kernels], axis=0) + between * size
 
-    return Kernel(
+    return LoopKernel(
         any_form=most("any_form"),
         ramp=most("ramp"),
         beyond=max(kernel.beyond for kernel in kernels),
@@ -395,7 +395,7 @@ def _length(step: Floats) -> int:
     return max(length, 16)
 
 
-def _rest(maps: LoopMaps, length: int, state: Floats, growth: float) -> Floats:
+def _rest(maps: PeriodMaps, length: int, state: Floats, growth: float) -> Floats:
     """Sums of all responses after the truncation, in size, [outputs inputs].
 
     With `A^L` after L periods, `Σ_{k >= L} |C A^k B| <= (Σ_{k < L} |C A^k|) (I - |A^L|)⁻¹ |A^L B|`.

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from .body_points import Bodies, PointMotion, point_motion
+from .body_points import BodyPoints, PointMotion, point_motion
 from .path_cells import PathCells
 
 Floats = NDArray[np.float64]
@@ -18,12 +18,12 @@ Floats = NDArray[np.float64]
 class Path:
     """The nominal arm along a motion: everything that does not depend on the tube."""
 
-    bodies: Bodies
+    bodies: BodyPoints
     cells: PathCells
     points: PointMotion = field(repr=False)
 
     @classmethod
-    def of(cls, bodies: Bodies, cells: PathCells) -> Path:
+    def of(cls, bodies: BodyPoints, cells: PathCells) -> Path:
         """Return the arm at the centres of the cells."""
         return cls(bodies, cells, point_motion(bodies, cells.q, cells.dq, cells.ddq, cells.dddq))
 

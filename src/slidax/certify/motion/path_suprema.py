@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Band:
+class BodyBand:
     """Band of inertial parameters around the nominal arm.
 
     - `bodies`: p with `(1 - p) J0 <= J <= (1 + p) J0` for the pseudo-inertia of every link and the payload.
@@ -36,7 +36,7 @@ class Band:
         for name in ("bodies", "rotors"):
             value = getattr(self, name)
             if not 0.0 <= value < 1.0:
-                raise DefinitionError(f"`Band.{name}` must be in [0, 1); got {value:g}")
+                raise DefinitionError(f"`BodyBand.{name}` must be in [0, 1); got {value:g}")
 
     @property
     def largest(self) -> float:
@@ -80,13 +80,13 @@ class Suprema:
     reference: Floats
 
 
-def suprema(path: Path, band: Band, tube: Tube) -> Suprema | None:
+def suprema(path: Path, band: BodyBand, tube: Tube) -> Suprema | None:
     """Return the suprema; None if the inertia changes too much within a cell and its tube."""
     cell = Cell(path, tube)
     return _suprema(cell, band) if np.all(cell.shift < 0.5) else None
 
 
-def _suprema(cell: Cell, band: Band) -> Suprema:
+def _suprema(cell: Cell, band: BodyBand) -> Suprema:
     path, tube, at = cell.path, cell.tube, cell.at
     cells, conversion = path.cells, cell.conversion
     h, half, along, drift, shift = cells.period, cell.half, cell.along, cell.drift, cell.shift
@@ -181,7 +181,7 @@ def _suprema(cell: Cell, band: Band) -> Suprema:
     )
 
 
-def band_forces(cell: Cell, band: Band) -> tuple[Floats, Floats, Floats]:
+def band_forces(cell: Cell, band: BodyBand) -> tuple[Floats, Floats, Floats]:
     """Return p times the size of `Ẍ - g`: per body at the centres, of all in the cells, and of its rate."""
     cells, at = cell.path.cells, cell.at
     rotors = np.sqrt(cell.path.bodies.rotors)

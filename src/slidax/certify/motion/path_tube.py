@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from .body_points import Bodies
+from .body_points import BodyPoints
 from .path_cells import PathCells
 from .path_norms import Norms, Path, size_in
 
@@ -248,7 +248,7 @@ class Cell:
         return _sums(self.own, each)
 
 
-def _outer(bodies: Bodies, at: Norms, conversion: Floats, box: Floats) -> tuple[Floats, Floats]:
+def _outer(bodies: BodyPoints, at: Norms, conversion: Floats, box: Floats) -> tuple[Floats, Floats]:
     """B_k and ‖∂_k X‖ for all positions within a box around the centre [N n].
 
     With `x = Σ x_l e_l` and k the outermost joint of a derivative, ‖∂_i … ∂_k Y x‖ is at most the size of the columns

@@ -13,12 +13,12 @@ from slidax.core.errors import DefinitionError
 from slidax.motions.trajectory import AbstractMotion
 
 from ..certificate import Assumption, Verdict, joint_values
-from .body_points import Bodies
+from .body_points import BodyPoints
 from .fixed_point import TERMS, Bounds, Inputs, Solution, bounds_along, memory
 from .loop_kernels import JointLoop
 from .path_cells import PathCells
 from .path_norms import Path
-from .path_suprema import Band
+from .path_suprema import BodyBand
 
 Floats = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ class ArmUncertainty:
     Raises DefinitionError for a value below 0.
     """
 
-    band: Band
+    band: BodyBand
     coulomb: Any = 0.0
     viscous_band: float = 0.0
     torque: Any = 0.0
@@ -114,7 +114,7 @@ def certified_path(
     loop: JointLoop,
     uncertainty: ArmUncertainty,
     *,
-    bodies: Bodies | None = None,
+    bodies: BodyPoints | None = None,
 ) -> CertifiedPath:
     """Compute the error bounds along a motion.
 
@@ -127,7 +127,7 @@ def certified_path(
     """
     inputs = uncertainty.inputs(arm)
     rest = 2.0 * memory(loop, uncertainty.band.largest)
-    bodies = bodies or Bodies.of(arm)
+    bodies = bodies or BodyPoints.of(arm)
     cells = PathCells.of(motion, loop.period, rest=rest)
     for finer in (1, FINER):
         if finer > 1:
@@ -151,7 +151,7 @@ def tracking_bound(
     uncertainty: ArmUncertainty,
     *,
     allowed: Any = None,
-    bodies: Bodies | None = None,
+    bodies: BodyPoints | None = None,
 ) -> Verdict:
     """Certify the largest tracking error along a motion, for every arm in the band.
 
