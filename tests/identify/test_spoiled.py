@@ -335,7 +335,8 @@ def damaged(log: JointLog, rng: np.random.Generator) -> JointLog:
 MANY = [pytest.param(name, range(100, 400 if name == "two_link" else 150), marks=pytest.mark.full) for name in ARMS]
 
 
-@pytest.mark.parametrize(("name", "seeds"), [("two_link", range(6)), *MANY])
+# 175 has a variance that rounding makes negative, 351 a piece of three samples.
+@pytest.mark.parametrize(("name", "seeds"), [("two_link", (*range(6), 175, 351)), *MANY])
 def test_damaged_log_is_refused_or_gives_finite_numbers(name, seeds):
     arm = ARMS[name]()
     clean = clean_log(arm, 0).rows(np.arange(2000))

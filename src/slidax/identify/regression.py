@@ -322,7 +322,8 @@ def covariance_of_fit(
     for joint in range(a.shape[1]):
         used = float(counts[:, joint].sum())
         columns = fft.rfft(a[:, joint], points, axis=0)
-        leverage = np.einsum("wp,wp->w", columns.conj() @ inverse, columns).real
+        weighted = columns @ inverse
+        leverage = np.einsum("wp,wp->w", weighted.conj(), columns).real
         if not used or not leverage.any():
             continue
         power = np.abs(fft.rfft(residuals[:, joint], points)) ** 2
@@ -331,8 +332,9 @@ def covariance_of_fit(
         leverage += 1e-6 * leverage.mean()
         left = averaged(leverage * room)
         density = averaged(leverage * power) * averaged(leverage) / (used * left**2)
-        total += ((columns.conj() * (density * share)[:, None]).T @ columns).real
-    return inverse @ total @ inverse
+        # A moving sum may round below 0; and with the weighted columns no rounding makes a variance negative.
+        total += ((weighted.conj() * (np.maximum(density, 0.0) * share)[:, None]).T @ weighted).real
+    return total
 
 
 STEPS = 60

@@ -238,7 +238,9 @@ def _between(own: np.ndarray, even: np.ndarray, columns: list[np.ndarray]) -> li
 
 
 def _rough(q: np.ndarray) -> float:
-    """The size of the third differences, over the joints."""
+    """The size of the third differences, over the joints; 0 for fewer than four samples."""
+    if len(q) < 4:
+        return 0.0
     return float(np.sum(np.std(np.diff(q, 3, axis=0), axis=0) / (np.std(q, axis=0) + 1e-12)))
 
 
