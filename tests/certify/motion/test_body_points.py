@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import slidax.arms as arms
-from slidax.certify.motion.body_points import BodyPoints, PointMotion, point_motion
+from slidax.certify.motion.body_points import BodyPoints, PointMotion, frame_motion
 
 from .cases import panda, ur5e
 
@@ -20,7 +20,7 @@ def motion(arm: Any, count: int = 20) -> list[np.ndarray]:
 
 
 def at(bodies: BodyPoints, parts: list[np.ndarray]) -> PointMotion:
-    return point_motion(bodies, *parts)
+    return frame_motion(bodies, *parts).of(bodies.points)
 
 
 @pytest.mark.parametrize("name", ARMS)
@@ -82,7 +82,7 @@ def test_a_pseudo_inertia_within_the_band_changes_forces_within_it() -> None:
     bodies, chain = BodyPoints.of(arm), Chain.of(arm)
     q, dq, ddq, dddq = motion(arm)
     points = at(bodies, [q, dq, ddq, dddq])
-    shape = (len(q), len(bodies.carrier), 12)
+    shape = (len(q), arm.joints, 12)
     force = np.linalg.norm(points.acceleration.reshape(shape), axis=2)
     for _ in range(10):
         other = torque_of(chain.member(rng, p), q, dq, ddq)

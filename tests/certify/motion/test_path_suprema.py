@@ -8,10 +8,11 @@ import jax
 import numpy as np
 import pytest
 
-from slidax.certify.motion.body_points import BodyPoints, point_motion
+from slidax.certify.motion.body_points import BodyPoints, frame_motion
+from slidax.certify.motion.parameter_region import BodyBand
+from slidax.certify.motion.path import Path
 from slidax.certify.motion.path_cells import PathCells, Pieces
-from slidax.certify.motion.path_norms import Path
-from slidax.certify.motion.path_suprema import BodyBand, Suprema, suprema
+from slidax.certify.motion.path_suprema import Suprema, suprema
 from slidax.certify.motion.path_tube import Tube
 
 from .cases import knotted, panda, quintic, ur5e
@@ -25,11 +26,12 @@ def case(name: str) -> tuple[Any, Any, PathCells, Path, Tube, Suprema]:
     make = {"quintic": quintic, "knotted": knotted}[name.split()[1]]
     motion = make(arm, np.random.default_rng(4), 0.8)
     cells = PathCells.of(motion, 1e-3)
-    path = Path.of(BodyPoints.of(arm), cells)
+    bodies = BodyPoints.of(arm)
+    path = Path.of(bodies, BodyBand(0.05, 0.05).region(bodies), cells)
     wide = np.ones_like(cells.speed)
     norm = SPEED * np.sqrt(np.einsum("ni,nij,nj->n", wide, np.abs(path.mass), wide)) * 1.05
     tube = Tube(WIDTH * wide, SPEED * wide, norm, SPEED * wide, norm, 5.0 * wide, 50.0 * norm, 5.0 * wide, 50.0 * norm)
-    bounds = suprema(path, BodyBand(0.05, 0.05), tube)
+    bounds = suprema(path, tube)
     assert bounds is not None
     return arm, motion, cells, path, tube, bounds
 
@@ -38,7 +40,7 @@ class Point:
     """The arm at points; its parts agree with the arm's own equations (test_body_points.py)."""
 
     def __init__(self, bodies: BodyPoints, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> None:
-        points = point_motion(bodies, q, dq, ddq, np.zeros_like(q))
+        points = frame_motion(bodies, q, dq, ddq, np.zeros_like(q)).of(bodies.points)
         y, y1, y2 = points.columns
         t = y.swapaxes(1, 2)
         self.mass = t @ y + np.diag(bodies.rotors)

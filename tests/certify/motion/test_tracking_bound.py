@@ -14,7 +14,7 @@ import pytest
 from slidax.arms.articulated import Articulated
 from slidax.certify.motion.body_points import BodyPoints
 from slidax.certify.motion.loop_kernels import JointLoop
-from slidax.certify.motion.path_suprema import BodyBand
+from slidax.certify.motion.parameter_region import BodyBand
 from slidax.certify.motion.tracking_bound import ArmUncertainty, CertifiedPath, certified_path, tracking_bound
 from slidax.core.errors import DefinitionError
 from slidax.motions.tabulated import Tabulated
@@ -27,7 +27,7 @@ SLOW = JointLoop.with_density(2e-3, 0.02, 1.0, 1e-5, 1)
 
 
 def uncertainty(p: float, **changes: Any) -> ArmUncertainty:
-    return replace(ArmUncertainty(BodyBand(p, p), 0.3 * (1 + p), p, resolution=1e-5), **changes)
+    return replace(ArmUncertainty(BodyBand(p, p), 0.3 * (1 + p), 0.2 * p, resolution=1e-5), **changes)
 
 
 @cache
@@ -49,7 +49,7 @@ def attack(
     arm: Articulated, motion: Any, certified: CertifiedPath, rng: np.random.Generator, runs: int, sub: int = 4
 ) -> np.ndarray:
     """The largest ratio of error and speed to their bounds in each run, of members at the edge of the band."""
-    loop, cells, p = certified.loop, certified.path.cells, certified.uncertainty.band.bodies
+    loop, cells, p = certified.loop, certified.path.cells, certified.path.region.p
     slots = len(cells.q) * cells.per_cell
     reference = desired(motion, loop.period, slots, sub, loop.delay)
     nominal, coulomb = Chain.of(arm), np.asarray(certified.inputs.coulomb)
@@ -160,7 +160,7 @@ def test_bounds_grow_with_what_is_not_known() -> None:
         [{"p": 0.0, "rotors": 0.02}, {"p": 0.01, "rotors": 0.02}, {}, {"p": 0.03, "rotors": 0.02}],
         [{"rotors": 0.0}, {"rotors": 0.01}, {}, {"rotors": 0.03}],
         [{"coulomb": 0.0}, {"coulomb": 0.1}, {"coulomb": 0.3}],
-        [{"viscous_band": 0.0}, {"viscous_band": 0.1}],
+        [{"viscous_error": 0.0}, {"viscous_error": 0.02}],
         [{"resolution": 0.0}, {"resolution": 1e-6}, {}, {"resolution": 2e-5}],
         [{}, {"torque": 0.1, "torque_rate": 0.1}, {"torque": 0.1, "torque_rate": 1.0}, {"torque": 0.1}],
         [{"settled": True}, {}, {"start_error": 1e-4}, {"start_error": 1e-4, "start_speed": 1e-2}],

@@ -5,7 +5,8 @@ Read first: `tracking_bound.py`, then `fixed_point.py`.
 
 from .drive_limits import drive_verdict as drive_verdict
 from .loop_kernels import JointLoop as JointLoop
-from .path_suprema import BodyBand as BodyBand
+from .parameter_region import BodyBand as BodyBand
+from .parameter_region import ParameterRegion as ParameterRegion
 from .tracking_bound import ArmUncertainty as ArmUncertainty
 from .tracking_bound import certified_path as certified_path
 from .tracking_bound import tracking_bound as tracking_bound

@@ -1,14 +1,14 @@
 """An arm as points with mass: inertia, its derivatives and inertial forces as inner products of point velocities.
 
-A rigid body with mass m, centre c and second moments Σ moves like three directions `√Σ` and one point `√m (c, 1)`: any
-field that is affine on the body has the same integral of squares over them. With the positions of all of them stacked
-in one vector X(q) of 12 numbers per body (`√` of mass is in them),
+A body's pseudo-inertia `J = [Σ m c; m cᵀ m]` with mass m, centre c and second moments Σ is `PᵀP` for four points in
+homogeneous coordinates (x, w), the rows of P: any field that is affine on the body has the same integral of squares
+over them. With the positions of all of them stacked in one vector X(q) of 12 numbers per body,
 
     M = YᵀY + diag(rotors),  Y = ∂X/∂q,      C(q, v) = Yᵀ Ẏ_v,      inverse dynamics = Yᵀ (Ẍ - g) + rotors · q̈,
 
 and the second derivatives are `∂_j∂_k X = z_j × ∂_k X` for a revolute joint j before or at k. So all derivatives have
-bounds in kg m² without any grid. A pseudo-inertia that is wrong by at most a share p, `-p J0 <= ΔJ <= p J0`, changes
-an inner product of two fields by at most `p ‖a‖ ‖b‖` on each body.
+bounds in kg m² without any grid. A pseudo-inertia that is wrong by ΔJ with `-C <= ΔJ <= C` changes an inner product of
+two fields by at most `‖a‖ ‖b‖`, with both on the four points of C.
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ from numpy.typing import NDArray
 
 from slidax.arms.articulated import Articulated
 from slidax.core.errors import DefinitionError
+from slidax.identify.band import arm_parameters
+from slidax.identify.regressor import BODY, PAIRS
 
 Floats = NDArray[np.float64]
 
@@ -35,9 +37,8 @@ class BodyPoints:
 
     - `rotations`, `translations`: each joint's frame in its parent's [n 3 3], [n 3].
     - `revolute`: [n]; `before`: [n n], True where the row's joint is the column's or one of its ancestors.
-    - `carrier`: the joint that carries each body [m]; the links come first, then a payload.
-    - `points`: the four points of each body in its joint's frame, the first three are directions [m 4 3], m √kg.
-    - `weights`: 0 for directions and √mass for points [m 4].
+    - `pseudo_inertias`: of the body that each joint carries, a payload included, in the joint's frame [n 4 4].
+    - `points`: four points of each, in homogeneous coordinates [n 4 4].
     - `rotors`: inertia of the rotors [n], kg m²; `gravity`: [3], m/s².
     """
 
@@ -46,9 +47,8 @@ class BodyPoints:
     revolute: NDArray[np.bool_]
     before: NDArray[np.bool_]
     parents: Sequence[int]
-    carrier: NDArray[np.intp]
+    pseudo_inertias: Floats
     points: Floats
-    weights: Floats
     rotors: Floats
     gravity: Floats
 
@@ -63,24 +63,25 @@ class BodyPoints:
         for i, parent in enumerate(arm.parents):
             if parent >= 0:
                 before[:, i] |= before[:, parent]
-        masses, centers, inertias = (np.asarray(value) for value in (arm.masses, arm.centers, arm.inertias))
-        links = [(i, float(masses[i]), centers[i], inertias[i]) for i in range(n)]
-        load, turn = arm.payload, np.asarray(arm.tip_rotation)
-        if float(load.mass) > 0.0:
-            center = np.asarray(arm.tip_translation) + turn @ np.asarray(load.center)
-            links.append((arm.tip_joint, float(load.mass), center, turn @ np.asarray(load.inertia) @ turn.T))
-        names = (*arm.link_names, "payload")
-        points = [_points(name, *link[1:]) for name, link in zip(names, links, strict=False)]
+        parameters = arm_parameters(arm)
+        pseudo = pseudo_inertias(parameters[: BODY * n])
+        for name, body in zip(arm.link_names, pseudo, strict=True):
+            least, largest = np.linalg.eigvalsh(body)[[0, -1]]
+            if least < -1e-6 * max(largest, 1e-12):
+                raise DefinitionError(
+                    f"the inertia of link `{name}` is of no rigid body (its pseudo-inertia has the eigenvalue "
+                    f"{least:.3g}), so that no band of inertial parameters around it exists; identify the arm or "
+                    "correct its file"
+                )
         return cls(
             rotations=np.asarray(arm.rotations),
             translations=np.asarray(arm.translations),
             revolute=np.array([unit == "rad" for unit in arm.joint_units], bool),
             before=before,
             parents=arm.parents,
-            carrier=np.array([link[0] for link in links]),
-            points=np.stack([place for place, _ in points]),
-            weights=np.stack([weight for _, weight in points]),
-            rotors=np.asarray(arm.armature, float),
+            pseudo_inertias=pseudo,
+            points=points_of(pseudo),
+            rotors=parameters[BODY * n :],
             gravity=np.asarray(arm.gravity_vector),
         )
 
@@ -89,25 +90,52 @@ class BodyPoints:
         return len(self.rotors)
 
 
-def _points(name: str, mass: float, center: Floats, inertia: Floats) -> tuple[Floats, Floats]:
-    """The four points of a body, and their weights."""
-    spread, axes = np.linalg.eigh(0.5 * np.trace(inertia) * np.eye(3) - inertia)
-    if spread[0] < -1e-6 * max(abs(spread[-1]), 1e-12):
-        raise DefinitionError(
-            f"the inertia of link `{name}` is of no rigid body (second moment {spread[0]:.3g} kg m²), so that no band "
-            "of inertial parameters around it exists; identify the arm or correct its file"
-        )
-    directions = np.sqrt(np.maximum(spread, 0.0))[:, None] * axes.T
-    return np.concatenate([directions, np.sqrt(mass) * center[None]]), np.array([0.0, 0.0, 0.0, np.sqrt(mass)])
+def pseudo_inertias(parameters: Floats) -> Floats:
+    """Return the pseudo-inertias of bodies [... n 4 4].
+
+    - `parameters`: ten numbers of each, as in `identify.regressor` [... 10n].
+    """
+    bodies = parameters.reshape(*parameters.shape[:-1], -1, BODY)
+    inertia = np.empty((*bodies.shape[:-1], 3, 3))
+    for entry, (i, j) in enumerate(PAIRS):
+        inertia[..., i, j] = inertia[..., j, i] = bodies[..., 4 + entry]
+    pseudo = np.empty((*bodies.shape[:-1], 4, 4))
+    half_trace = 0.5 * np.trace(inertia, axis1=-2, axis2=-1)
+    pseudo[..., :3, :3] = half_trace[..., None, None] * np.eye(3) - inertia
+    pseudo[..., :3, 3] = pseudo[..., 3, :3] = bodies[..., 1:4]
+    pseudo[..., 3, 3] = bodies[..., 0]
+    return pseudo
+
+
+def points_of(pseudo: Floats) -> Floats:
+    """Return the four points of pseudo-inertias, P with `PᵀP = J`, [... 4 4]."""
+    values, vectors = np.linalg.eigh(pseudo)
+    return np.asarray(np.sqrt(np.maximum(values, 0.0))[..., :, None] * vectors.swapaxes(-1, -2))
 
 
 @dataclass(frozen=True, eq=False)
 class PointMotion:
-    """The points of an arm along a motion, at N times; D numbers, 12 for each body.
+    """Points along a motion, at N times; D numbers, 12 for each body.
 
     - `columns`: Y and its first two derivatives by time, each [N D n].
     - `slopes`: `∂_j Y` [N D n n], symmetric in its last two axes.
     - `acceleration`: `Ẍ - g` [N D], and `jerk`: `X⃛` [N D].
+    """
+
+    columns: tuple[Floats, Floats, Floats]
+    slopes: Floats
+    acceleration: Floats
+    jerk: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class FrameMotion:
+    """The joints' frames along a motion: their three axes and their origin, as if they were points.
+
+    - `columns`: derivatives by the positions, and their first two derivatives by time, each [N n n 4 3]: joint, frame,
+      point.
+    - `slopes`: derivatives of `columns` by the positions [N n n n 4 3].
+    - `acceleration`: less gravity [N n 4 3], and `jerk`.
     - `axes`: the joints' axes of rotation z [N n 3]; 0 for a prismatic joint.
     """
 
@@ -117,51 +145,74 @@ class PointMotion:
     jerk: Floats
     axes: Floats
 
+    def of(self, points: Floats) -> PointMotion:
+        """Return the motion of points that are fixed to the frames.
 
-def point_motion(bodies: BodyPoints, q: Floats, dq: Floats, ddq: Floats, dddq: Floats) -> PointMotion:
-    """Return the points of an arm along a motion.
+        - `points`: in homogeneous coordinates [n 4 4].
+        """
+        count = len(self.axes)
+
+        def moved(frames: Floats) -> Floats:
+            values = points @ frames
+            return np.asarray(values.reshape(*values.shape[:-3], -1))
+
+        return PointMotion(
+            columns=tuple(moved(part).swapaxes(1, 2) for part in self.columns),  # type: ignore[arg-type]
+            slopes=np.moveaxis(moved(self.slopes), 3, 1),
+            acceleration=moved(self.acceleration).reshape(count, -1),
+            jerk=moved(self.jerk).reshape(count, -1),
+        )
+
+
+def frame_motion(bodies: BodyPoints, q: Floats, dq: Floats, ddq: Floats, dddq: Floats) -> FrameMotion:
+    """Return the joints' frames along a motion.
 
     - `q`, `dq`, `ddq`, `dddq`: positions and their derivatives [N n].
     """
     count, n = q.shape
     turns, places = _frames(bodies, [q, dq, ddq, dddq])
     axes: list[Jet] = [[part[:, :, 2] for part in turn] for turn in turns]
-    columns: list[Floats] = [np.zeros((count, n, len(bodies.carrier), 4, 3)) for _ in range(3)]
-    points = [np.empty((count, len(bodies.carrier), 4, 3)) for _ in range(4)]
-    for b, joint in enumerate(bodies.carrier):
-        local, weight = bodies.points[b], bodies.weights[b]
-        for order in range(4):
-            points[order][:, b] = (
-                local @ turns[joint][order].swapaxes(1, 2) + weight[:, None] * places[joint][order][:, None]
-            )
+    # The rows of each frame's rotation are its axes.
+    points = [
+        np.stack(
+            [
+                np.concatenate([turn[order].swapaxes(1, 2), place[order][:, None]], axis=1)
+                for turn, place in zip(turns, places, strict=True)
+            ],
+            axis=1,
+        )
+        for order in range(4)
+    ]
+    columns: list[Floats] = [np.zeros((count, n, n, 4, 3)) for _ in range(3)]
     for k in range(n):
-        moved = np.flatnonzero(bodies.before[k, bodies.carrier])
-        weight = bodies.weights[moved]
+        behind = np.flatnonzero(bodies.before[k])
         if bodies.revolute[k]:
-            arms = [points[i][:, moved] - weight[..., None] * places[k][i][:, None, None] for i in range(3)]
+            arms = [points[order][:, behind] for order in range(3)]
+            for order, arm in enumerate(arms):
+                arm[:, :, 3] -= places[k][order][:, None]
             axis = [part[:, None, None] for part in axes[k]]
-            columns[0][:, k, moved] = np.cross(axis[0], arms[0])
-            columns[1][:, k, moved] = np.cross(axis[1], arms[0]) + np.cross(axis[0], arms[1])
-            columns[2][:, k, moved] = (
+            columns[0][:, k, behind] = np.cross(axis[0], arms[0])
+            columns[1][:, k, behind] = np.cross(axis[1], arms[0]) + np.cross(axis[0], arms[1])
+            columns[2][:, k, behind] = (
                 np.cross(axis[2], arms[0]) + 2.0 * np.cross(axis[1], arms[1]) + np.cross(axis[0], arms[2])
             )
         else:
             for order in range(3):
-                columns[order][:, k, moved] = weight[..., None] * axes[k][order][:, None, None]
-    slopes = np.zeros((count, n, n, len(bodies.carrier), 4, 3))
+                columns[order][:, k, behind, 3] = axes[k][order][:, None]
+    slopes = np.zeros((count, n, n, n, 4, 3))
     for j in range(n):
         if bodies.revolute[j]:
             behind = np.flatnonzero(bodies.before[j])
             turned = np.cross(axes[j][0][:, None, None, None], columns[0][:, behind])
             slopes[:, j, behind] = turned
             slopes[:, behind, j] = turned
-    weighted = bodies.weights[..., None] * bodies.gravity
-    flat = (count, -1)
-    return PointMotion(
-        columns=tuple(part.reshape(count, n, -1).swapaxes(1, 2) for part in columns),  # type: ignore[arg-type]
-        slopes=np.moveaxis(slopes.reshape(count, n, n, -1), 3, 1),
-        acceleration=(points[2] - weighted).reshape(flat),
-        jerk=points[3].reshape(flat),
+    acceleration = points[2]
+    acceleration[:, :, 3] -= bodies.gravity
+    return FrameMotion(
+        columns=(columns[0], columns[1], columns[2]),
+        slopes=slopes,
+        acceleration=acceleration,
+        jerk=points[3],
         axes=np.where(bodies.revolute[:, None], np.stack([axis[0] for axis in axes], axis=1), 0.0),
     )
 

@@ -25,7 +25,6 @@ from .fixed_point import USED, Bounds, Problem, Solution, spreads_of
 from .lagged_sums import Lags
 from .path_cells import PathCells, Pieces
 from .path_norms import size_in
-from .path_suprema import band_forces
 from .path_tube import Cell
 from .tracking_bound import CertifiedPath
 
@@ -107,16 +106,14 @@ class Torques:
         at, inputs, cells, p = problem.at, problem.inputs, problem.path.cells, problem.p
         self.weight = weight = cell.diagonal * np.sqrt(1.0 + cell.shift)[:, None]
         diagonals = cell.diagonal[:, :, None] * cell.diagonal[:, None]
-        self.coriolis = np.abs(cell.at.coriolis_matrix) + cell.coriolis_shift[:, None, None] * diagonals
-        self.stiffness = np.abs(cell.at.stiffness_matrix) + cell.diagonal[:, :, None] * cell.stiffness_shift[:, None]
+        self.coriolis = np.abs(problem.path.coriolis) + cell.coriolis_shift[:, None, None] * diagonals
+        self.stiffness = np.abs(problem.path.stiffness) + cell.diagonal[:, :, None] * cell.stiffness_shift[:, None]
         outputs, norms = bounds.outputs, bounds.norms
         acceleration = p * (norms["acceleration"] + problem.acting)
         limited = bool(np.all(np.isfinite(inputs.torque_rate)))
         torque, torque_rate = (np.broadcast_to(x, cells.speed.shape) for x in (inputs.torque, inputs.torque_rate))
-        friction = inputs.coulomb + inputs.viscous * (
-            inputs.viscous_band * cells.speed
-            + (1.0 + inputs.viscous_band) * (bounds.velocity + 0.5 * cells.period * cells.acceleration)
-        )
+        friction = inputs.coulomb + inputs.viscous_error * cells.speed
+        friction = friction + inputs.viscous * (bounds.velocity + 0.5 * cells.period * cells.acceleration)
         further = np.sum(at.per_command * outputs["position_miss"], axis=1) * norms["command"]
         velocity = np.einsum("nij,nj->ni", self.coriolis, outputs["velocity_miss"])
         position = np.einsum("nij,nj->ni", self.stiffness, outputs["position_miss"])
@@ -131,14 +128,7 @@ class Torques:
             ),
             "sampling": weight * (at.held + at.reference)[:, None],
         }
-        shares, force, rate = band_forces(cell, problem.band)
-        arms = np.concatenate(
-            [cell.at.arms, np.broadcast_to(np.diag(np.sqrt(problem.path.bodies.rotors)), diagonals.shape)], axis=2
-        )
-        moves = cell.diagonal * (cell.first * force + rate)[:, None]
-        slow = np.einsum("nib,nb->ni", arms, shares) + cell.half * moves
-        slow = slow + weight * (problem.band.largest * cell.jump)[:, None]
-        self.slow = slow + (torque if limited else 0.0)
+        self.slow = at.band_torque + (torque if limited else 0.0)
         self.slow_norm = at.band_rate + (
             np.sqrt(np.einsum("ni,nij,nj->n", torque_rate, at.inverse, torque_rate))
             + 2.0 * at.growth * problem.pushed_norm
@@ -171,7 +161,7 @@ class Torques:
         begun = np.zeros(shape)
         if not inputs.settled:
             begun[0] = self.slow[0]
-        begun = begun + self.weight * (problem.band.largest * self.cell.jump)[:, None]
+        begun = begun + self.weight * (problem.p * self.cell.jump)[:, None]
         moving = moving + table.step.since(begun)[..., i]
         shares["inertial band"] = np.minimum(past(table.any_form, self.slow), moving)
         shares["inertial band"] = shares["inertial band"] + past(table.any_form, self.tube)

@@ -24,8 +24,9 @@ from numpy.typing import NDArray
 
 from .lagged_sums import Lags, LagTable
 from .loop_kernels import OUTPUTS, JointLoop, LoopKernel, Spread, spread_kernels
-from .path_norms import Path, size_in
-from .path_suprema import BodyBand, Suprema, suprema
+from .path import Path
+from .path_norms import size_in
+from .path_suprema import Suprema, suprema
 from .path_tube import Tube
 
 Floats = NDArray[np.float64]
@@ -84,7 +85,7 @@ class Inputs:
     """Bounds of what acts on the joints.
 
     - `coulomb`: size of Coulomb friction that is not compensated [n], N m or N.
-    - `viscous`: viscous friction that is fed forward [n], N m s/rad; `viscous_band`: its relative uncertainty.
+    - `viscous`: largest viscous friction [n], N m s/rad; `viscous_error`: largest difference from what is fed forward.
     - `torque`: disturbance torque of any form [n]; `torque_rate`: bound of its rate [n], inf for none.
     - `resolution`: of the encoders [n], rad or m.
     - `start_error`, `start_speed`: |e| and |v| at the start [n].
@@ -93,7 +94,7 @@ class Inputs:
 
     coulomb: Floats
     viscous: Floats
-    viscous_band: float
+    viscous_error: Floats
     torque: Floats
     torque_rate: Floats
     resolution: Floats
@@ -150,10 +151,10 @@ def spreads_of(loop: JointLoop, p: float, growth: float) -> dict[str, Spread]:
 class Problem:
     """The inequalities for one path and one tube."""
 
-    def __init__(self, loop: JointLoop, path: Path, band: BodyBand, inputs: Inputs, at: Suprema, tube: Tube) -> None:
+    def __init__(self, loop: JointLoop, path: Path, inputs: Inputs, at: Suprema, tube: Tube) -> None:
         """Compute what does not depend on the outputs."""
-        self.loop, self.path, self.band, self.inputs, self.at, self.tube = loop, path, band, inputs, at, tube
-        self.p = band.largest
+        self.loop, self.path, self.inputs, self.at, self.tube = loop, path, inputs, at, tube
+        self.p = path.region.p
         cells, h = path.cells, loop.period
         # Rounded up, so that motions share their kernels.
         self.growth = growth = float(np.ceil(4.0 * np.max(at.growth)) / 4.0)
@@ -167,9 +168,8 @@ class Problem:
         self.largest = LagTable.of([spreads[name].largest for name in USED], *cut)
         # The change of K in the time of a lag, which is at most one period longer than its number.
         ages = h * (1.0 + np.arange(spreads["error"].largest.any_form.size))
-        change = self.p * np.minimum(
-            float(np.max(at.slide)) * ages * np.exp(2.0 * growth * ages), 1.0 + np.exp(2.0 * growth * ages)
-        )
+        weight = np.exp(2.0 * growth * ages)
+        change = np.minimum(float(np.max(at.slide)) * ages * weight, self.p * (1.0 + weight))
         self.drift = Lags.of([spreads[name].largest.any_form * change for name in USED], *cut)
         self.h = h
         self.fixed_joints, self.fixed_norms, self.acting = self._acting()
@@ -178,9 +178,8 @@ class Problem:
     def _acting(self) -> tuple[dict[str, Floats], dict[str, Floats], Floats]:
         """Shares of w that do not depend on the outputs, per joint and in the metric; and ‖ρ‖."""
         at, inputs, cells = self.at, self.inputs, self.path.cells
-        friction = inputs.coulomb + inputs.viscous * (
-            inputs.viscous_band * cells.speed + (1.0 + inputs.viscous_band) * (0.5 * self.h * cells.acceleration)
-        )
+        friction = inputs.coulomb + inputs.viscous_error * cells.speed
+        friction = friction + inputs.viscous * (0.5 * self.h * cells.acceleration)
         joints, norms = {}, {}
         acting = {"friction": friction}
         if not np.all(np.isfinite(inputs.torque_rate)):
@@ -265,7 +264,7 @@ class Problem:
         else:
             parts = {name: (last.outputs[name], last.norms[name]) for name in USED}
             velocity = last.velocity
-        damping = (1.0 + inputs.viscous_band) * inputs.viscous * velocity
+        damping = inputs.viscous * velocity
         damped = np.einsum("nij,nj->ni", at.inverse, damping)
         joints["friction"] = joints["friction"] + damped
         norms["friction"] = norms["friction"] + np.sqrt(np.einsum("ni,ni->n", damped, damping))
@@ -400,7 +399,7 @@ class Solution:
     problem: Problem
 
 
-def bounds_along(loop: JointLoop, path: Path, band: BodyBand, inputs: Inputs, *, cap: float = 0.05) -> Solution | None:
+def bounds_along(loop: JointLoop, path: Path, inputs: Inputs, *, cap: float = 0.05) -> Solution | None:
     """Return the bounds along a path, with a tube that contains them; unverified if there are none below `cap`.
 
     None if the inertia changes too much within a cell.
@@ -410,11 +409,11 @@ def bounds_along(loop: JointLoop, path: Path, band: BodyBand, inputs: Inputs, *,
     problem: Problem | None = None
     steps: list[float] = []
     for _ in range(TUBES):
-        at = suprema(path, band, tube)
+        at = suprema(path, tube)
         # Norms that grow nearly as fast as the loop forgets leave no bound.
         if at is None or np.max(at.growth) > 0.5 * loop.decay:
             break
-        problem = Problem(loop, path, band, inputs, at, tube)
+        problem = Problem(loop, path, inputs, at, tube)
         bounds = problem.solve(bounds, cap)
         if not bounds.verified:
             return Solution(bounds, problem)
@@ -434,10 +433,10 @@ def _tightened(solution: Solution, needed: Tube) -> Solution:
     """Bounds by narrower tubes: a tube that the bounds need suffices, and no bound grows."""
     bounds, last = solution.bounds, solution.problem
     for _ in range(PASSES):
-        at = suprema(last.path, last.band, needed)
+        at = suprema(last.path, needed)
         if at is None:
             break
-        last = Problem(last.loop, last.path, last.band, last.inputs, at, needed)
+        last = Problem(last.loop, last.path, last.inputs, at, needed)
         for _ in range(3):
             bounds = replace(last.round(bounds), verified=True)
         needed = tube_of(bounds, last.path, last.loop.period, at)

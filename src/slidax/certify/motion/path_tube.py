@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .body_points import BodyPoints
+from .path import Path
 from .path_cells import PathCells
-from .path_norms import Norms, Path, size_in
+from .path_norms import PointNorms, size_in
 
 Floats = NDArray[np.float64]
 
@@ -49,19 +50,25 @@ class Tube:
         )
 
 
-class Cell:
-    """Y and its derivatives over the cells and the tube around them, as norms in the metric of the centres.
+class PointCell:
+    """A set of points over the cells and the tube around them, as norms in the metric of the centres.
 
     - `half`: half the length of a cell and half a period, since the model is evaluated up to that far from an instant.
-    - `first`, `second`, `third`: of the derivatives of Y by time, on the motion.
-    - `drift`, `along`: change of Y by the tube, and altogether. `shift`: change of M0, and
-      `tube_shift`: its share by the tube.
+    - `size`, `whole`: of Y, at the centre and in the cell. `first`, `second`, `third`: of its derivatives by time, on
+      the motion. `drift`, `along`: change of Y by the tube, and altogether.
+    - `grown`: factor of a vector's norm from the actual metric; `jump`, `jerk`: norms of the acceleration's jumps and
+      of the jerk in it; `reach`: of Y in it. `Cell` sets these.
     """
 
-    def __init__(self, path: Path, tube: Tube) -> None:
+    grown: Floats
+    jump: Floats
+    jerk: Floats
+    reach: Floats
+
+    def __init__(self, path: Path, at: PointNorms, tube: Tube) -> None:
         """Compute the norms."""
-        self.path, self.tube, self.at = path, tube, path.norms
-        at, cells = self.at, path.cells
+        self.path, self.tube, self.at = path, tube, at
+        cells = path.cells
         self.half = half = cells.half + 0.5 * cells.period
         self.conversion = np.sqrt(np.diagonal(path.inverse, axis1=1, axis2=2))
         self.speed, self.acceleration = speed, acceleration = cells.speed, cells.acceleration
@@ -70,37 +77,11 @@ class Cell:
         sums = self.sums
         self.third = third = sums(speed, speed, speed) + 3.0 * sums(speed, acceleration) + sums(cells.jerk)
         jumps = sums(cells.jump)
-        self.second = second = at.second + half * third + jumps
+        self.second = at.second + half * third + jumps
         self.first = first = at.first + half * (at.second + jumps) + 0.5 * half**2 * third
         self.drift = drift = sums(place)
         self.along = along = half * first + drift
-        self.tube_shift = (
-            2.0 * np.sum(place * at.turning, axis=1)
-            + 2.0 * half * (sums(place, speed) * (1.0 + along) + first * drift)
-            + sums(place, place) * (1.0 + along)
-            + drift**2
-        )
-        self.shift = half * at.change + half**2 * (first**2 + second * (1.0 + along)) + self.tube_shift
-
-    @cached_property
-    def inflated(self) -> Floats:
-        """Factor of a bilinear form from the metric of the centre to the actual one [N]."""
-        return np.asarray(1.0 / (1.0 - self.shift))
-
-    @cached_property
-    def grown(self) -> Floats:
-        """Factor of a vector's norm to the metric of the centre [N]."""
-        return np.sqrt(self.inflated)
-
-    @cached_property
-    def diagonal(self) -> Floats:
-        """√(M0)_ii at the centre [N n]."""
-        return np.sqrt(np.diagonal(self.path.mass, axis1=1, axis2=2))
-
-    @cached_property
-    def inertia(self) -> Floats:
-        """|M0| by element [N n n]."""
-        return np.abs(self.path.mass) + self.shift[:, None, None] * self.diagonal[:, :, None] * self.diagonal[:, None]
+        self.size, self.whole = at.size, at.size + along
 
     @cached_property
     def wide(self) -> tuple[Floats, Floats]:
@@ -119,36 +100,30 @@ class Cell:
         return self.slope(tube.speed, tube.speed_norm), self.slope(tube.model_speed, tube.model_norm)
 
     @cached_property
-    def jump(self) -> Floats:
-        """Norm of the acceleration's jumps [N]."""
-        return size_in(self.path.cells.jump, self.inertia)
-
-    @cached_property
-    def jerk(self) -> Floats:
-        """Norm of the jerk [N]."""
-        return size_in(self.path.cells.jerk, self.inertia)
-
-    @cached_property
-    def bend(self) -> Floats:
-        """Change of `X⃛` without its share of the jerk over half a cell [N]."""
+    def bend_rate(self) -> Floats:
+        """Norm of the rate of `X⃛` without its share of the jerk [N]."""
         speed, acceleration, vectors = self.speed, self.acceleration, self.vectors
-        quartic = (
+        return (
             vectors(speed, speed, speed, speed)
             + 6.0 * vectors(speed, speed, acceleration)
             + 3.0 * vectors(acceleration, acceleration)
             + 4.0 * vectors(speed, self.path.cells.jerk)
         )
-        return self.half * quartic + 3.0 * self.first * self.jump
+
+    @cached_property
+    def bend(self) -> Floats:
+        """Norm of `X⃛` without its share of the jerk, on the motion [N]."""
+        return np.linalg.norm(self.at.bend, axis=1) + self.half * self.bend_rate + 3.0 * self.first * self.jump
 
     @cached_property
     def jerked(self) -> Floats:
         """Norm of X⃛ on the motion [N]."""
-        return np.sqrt(np.sum(self.at.bend**2, axis=1)) + self.bend + self.jerk
+        return self.bend + self.reach * self.jerk
 
     @cached_property
     def force(self) -> Floats:
         """Norm of `Ẍ - g` on the motion [N]."""
-        return np.sqrt(np.sum(self.at.force**2, axis=1)) + self.half * self.jerked + self.jump
+        return np.linalg.norm(self.at.force, axis=1) + self.half * self.jerked + self.reach * self.jump
 
     @cached_property
     def forces(self) -> tuple[Floats, Floats]:
@@ -171,72 +146,56 @@ class Cell:
         gone = self.half * self.speed + self.tube.position
         return np.stack([self.sums(unit, gone) for unit in self.units], axis=1)
 
-    @cached_property
-    def bent(self) -> Floats:
-        """Norms of the derivatives of Ẍ by q where the model is evaluated, without s [N n]."""
-        wide = self.wide[1]
-        return np.stack(
-            [self.vectors(unit, wide, wide) + self.vectors(unit, self.acceleration) for unit in self.units], axis=1
-        )
-
-    @cached_property
-    def coriolis_shift(self) -> Floats:
-        """Norm of the change of `2 C(q, v)` over cell and tube, for the mean v of the arm's and the model's [N]."""
-        at, half, along, tube = self.at, self.half, self.along, self.tube
-        turn = self.turn(0.5 * (tube.speed + tube.model_speed), 0.5 * (tube.speed_norm + tube.model_norm))
+    def coriolis_change(self, speed: Floats, norm: Floats) -> Floats:
+        """Norm of the change of `2 YᵀẎ` over cell and tube, for velocities of the tube of these sizes and norm [N]."""
+        half, whole = self.half, self.whole
         return (
-            half * at.coriolis_rate
-            + half**2 * (3.0 * self.first * self.second + self.third * (1.0 + along))
-            + 2.0 * (self.drift * self.first + (1.0 + along) * self.moved + turn)
-            + 2.0 * half * (1.0 + along) * self.sums(self.path.cells.jump)
+            half * self.at.coriolis_rate
+            + half**2 * (3.0 * self.first * self.second + self.third * whole)
+            + 2.0 * (self.drift * self.first + whole * self.moved + self.turn(speed, norm))
+            + 2.0 * half * whole * self.sums(self.path.cells.jump)
         )
 
-    @cached_property
-    def stiffness_shift(self) -> Floats:
-        """Norms of the changes of the columns of P over cell and tube, without s [N n]."""
-        half, wide, cells = self.half, self.wide[1], self.path.cells
+    def stiffness_change(self, model: bool) -> Floats:
+        """Norms of the changes of the columns of P over cell and tube, without s [N n].
+
+        - `model`: True for the tube of where the model is evaluated; False for that of the arm.
+        """
+        half, cells, vectors = self.half, self.path.cells, self.vectors
+        wide, force = self.wide[int(model)], self.forces[int(model)]
+        norm = self.tube.model_norm if model else self.tube.speed_norm
         gone = half * self.speed + self.tube.position
-        vectors = self.vectors
-        bent_more = np.stack(
-            [
-                vectors(unit, gone, wide, wide)
-                + vectors(unit, gone, self.acceleration)
-                + vectors(unit, half * cells.jerk + cells.jump)
-                + 2.0 * vectors(unit, half * self.acceleration, wide)
-                + 2.0 * self.sums(unit, wide) * self.tube.model_norm * self.grown
-                for unit in self.units
-            ],
-            axis=1,
-        )
-        model = self.forces[1]
+        bent = [vectors(unit, wide, wide) + vectors(unit, self.acceleration) for unit in self.units]
+        bent_more = [
+            vectors(unit, gone, wide, wide)
+            + vectors(unit, gone, self.acceleration)
+            + vectors(unit, half * cells.jerk + cells.jump)
+            + 2.0 * vectors(unit, half * self.acceleration, wide)
+            + 2.0 * self.sums(unit, wide) * norm * self.grown
+            for unit in self.units
+        ]
         return (
-            self.turned * (self.force + model)[:, None]
-            + self.outer * (half * self.jerked + self.jump + model)[:, None]
-            + self.along[:, None] * self.bent
-            + bent_more
+            self.turned * (self.force + force)[:, None]
+            + self.outer * (half * self.jerked + self.reach * self.jump + force)[:, None]
+            + self.along[:, None] * np.stack(bent, axis=1)
+            + self.size[:, None] * np.stack(bent_more, axis=1)
         )
 
     def slope(self, speed: Floats, norm: Floats) -> Floats:
         """Norm of Ẏ_v for velocities v of these sizes and this norm [N]."""
-        return self._least(self.at.slopes, self.at.slopes_norm, speed, norm) + self._crossed(speed)
+        return self.least(self.at.slopes, self.at.slopes_norm, speed, norm) + self.crossed(speed)
 
     def turn(self, speed: Floats, norm: Floats) -> Floats:
-        """Norm of `Yᵀ Ẏ_v`."""
-        least = self._least(self.at.turning, self.at.turning_norm, speed, norm)
-        return least + self.along * self.sums(speed) + (1.0 + self.along) * self._crossed(speed)
+        """Norm of `Yᵀ Ẏ_v` [N]."""
+        least = self.least(self.at.turning, self.at.turning_norm, speed, norm)
+        return least + self.along * self.sums(speed) + self.whole * self.crossed(speed)
 
-    def relative(self, motion: Floats, speed: Floats, norm: Floats) -> Floats:
-        """Norm of Ẏ_v but for a common rotation, and its change by the tube for velocities `motion`."""
-        least = self._least(self.at.relative_slopes, self.at.relative_norm, speed, norm) + self._crossed(speed)
-        place = self.tube.position
-        gone = np.sum(self.half * self.speed + place, axis=1) * (1.0 + self.along) + self.half * self.first + self.drift
-        least = least + gone * np.sum(speed, axis=1) + self.sums(place, motion)
-        return least + (np.sum(place, axis=1) * (1.0 + self.along) + self.drift) * np.sum(motion, axis=1)
+    def least(self, by_joint: Floats, by_norm: Floats, speed: Floats, norm: Floats) -> Floats:
+        """The smaller of two bounds of a sum over the joints, for velocities of these sizes and this norm [N]."""
+        return np.minimum(np.sum(speed * by_joint, axis=1), norm * by_norm * self.grown)
 
-    def _least(self, by_joint: Floats, by_norm: Floats, speed: Floats, norm: Floats) -> Floats:
-        return np.minimum(np.sum(speed * by_joint, axis=1), norm * by_norm / np.sqrt(1.0 - np.minimum(self.shift, 0.5)))
-
-    def _crossed(self, speed: Floats) -> Floats:
+    def crossed(self, speed: Floats) -> Floats:
+        """Norm of the change of Ẏ_v over cell and tube [N]."""
         return self.half * self.sums(self.speed, speed) + self.sums(self.tube.position, speed)
 
     def sums(self, *each: Floats) -> Floats:
@@ -248,7 +207,53 @@ class Cell:
         return _sums(self.own, each)
 
 
-def _outer(bodies: BodyPoints, at: Norms, conversion: Floats, box: Floats) -> tuple[Floats, Floats]:
+class Cell(PointCell):
+    """The nominal arm over the cells and the tube.
+
+    - `shift`: change of M0 relative to the centre's; `tube_shift`: its share by the tube.
+    - `inflated`: factor of a bilinear form from the metric of the centre to the actual one.
+    - `diagonal`: √(M0)_ii at the centre [N n]; `inertia`: |M0| by element [N n n].
+    - `cover`: the points of the region's cover.
+    """
+
+    def __init__(self, path: Path, tube: Tube) -> None:
+        """Compute the norms."""
+        super().__init__(path, path.norms, tube)
+        place, half, first, sums, whole = tube.position, self.half, self.first, self.sums, self.whole
+        self.tube_shift = (
+            2.0 * np.sum(place * self.at.turning, axis=1)
+            + 2.0 * half * (sums(place, self.speed) * whole + first * self.drift)
+            + sums(place, place) * whole
+            + self.drift**2
+        )
+        self.shift = half * path.change + half**2 * (first**2 + self.second * whole) + self.tube_shift
+        # `suprema` refuses a larger change.
+        self.inflated = 1.0 / (1.0 - np.minimum(self.shift, 0.5))
+        self.diagonal = np.sqrt(np.diagonal(path.mass, axis1=1, axis2=2))
+        self.inertia = np.abs(path.mass) + (
+            self.shift[:, None, None] * self.diagonal[:, :, None] * self.diagonal[:, None]
+        )
+        self.reach = np.ones_like(self.shift)
+        self.cover = PointCell(path, path.cover_norms, tube)
+        self.cover.reach = self.cover.whole
+        for points in (self, self.cover):
+            points.grown = np.sqrt(self.inflated)
+            points.jump = size_in(path.cells.jump, self.inertia)
+            points.jerk = size_in(path.cells.jerk, self.inertia)
+
+    @cached_property
+    def coriolis_shift(self) -> Floats:
+        """Norm of the change of `2 C(q, v)` over cell and tube, for the mean v of the arm's and the model's [N]."""
+        tube = self.tube
+        return self.coriolis_change(0.5 * (tube.speed + tube.model_speed), 0.5 * (tube.speed_norm + tube.model_norm))
+
+    @cached_property
+    def stiffness_shift(self) -> Floats:
+        """Norms of the changes of the columns of P over cell and tube, without s [N n]."""
+        return self.stiffness_change(True)
+
+
+def _outer(bodies: BodyPoints, at: PointNorms, conversion: Floats, box: Floats) -> tuple[Floats, Floats]:
     """B_k and ‖∂_k X‖ for all positions within a box around the centre [N n].
 
     With `x = Σ x_l e_l` and k the outermost joint of a derivative, ‖∂_i … ∂_k Y x‖ is at most the size of the columns

@@ -10,15 +10,16 @@ from numpy.typing import NDArray
 
 from slidax.arms.articulated import Articulated
 from slidax.core.errors import DefinitionError
+from slidax.identify.band import Band
 from slidax.motions.trajectory import AbstractMotion
 
 from ..certificate import Assumption, Verdict, joint_values
 from .body_points import BodyPoints
 from .fixed_point import TERMS, Bounds, Inputs, Solution, bounds_along, memory
 from .loop_kernels import JointLoop
+from .parameter_region import BodyBand, ParameterRegion, identified_region
+from .path import Path
 from .path_cells import PathCells
-from .path_norms import Path
-from .path_suprema import BodyBand
 
 Floats = NDArray[np.float64]
 
@@ -36,10 +37,10 @@ FINER = 4
 class ArmUncertainty:
     """Uncertainty of the true arm, its sensors and its surroundings; numbers, or one per joint.
 
-    - `band`: of the inertial parameters and the rotors.
+    - `band`: of the inertial parameters and the rotors; `identified` makes one of an identified arm.
     - `coulomb`: largest Coulomb friction that is not compensated, N m or N. A feed-forward of it may have the wrong
       sign near a reversal: with one, give the largest friction plus the feed-forward.
-    - `viscous_band`: relative uncertainty of the viscous friction, which the law feeds forward.
+    - `viscous_error`: largest error of the viscous friction that the law feeds forward, N m s/rad or N s/m.
     - `torque`: largest disturbance torque of any form, N m or N; `torque_rate`: its largest rate, N m/s; None for any.
     - `resolution`: of the encoders, rad or m; their error is at most half of it.
     - `start_error`, `start_speed`: largest |e| and |ė| when the motion starts.
@@ -48,9 +49,9 @@ class ArmUncertainty:
     Raises DefinitionError for a value below 0.
     """
 
-    band: BodyBand
+    band: BodyBand | ParameterRegion
     coulomb: Any = 0.0
-    viscous_band: float = 0.0
+    viscous_error: Any = 0.0
     torque: Any = 0.0
     torque_rate: Any = None
     resolution: Any = 0.0
@@ -59,10 +60,35 @@ class ArmUncertainty:
     settled: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("coulomb", "viscous_band", "torque", "torque_rate", "resolution", "start_error", "start_speed"):
+        for name in ("coulomb", "viscous_error", "torque", "torque_rate", "resolution", "start_error", "start_speed"):
             value = getattr(self, name)
             if value is not None and not np.all(np.asarray(value, float) >= 0.0):
                 raise DefinitionError(f"`ArmUncertainty.{name}` must be >= 0; got {value}")
+
+    @classmethod
+    def identified(cls, arm: Articulated, band: Band, **others: Any) -> ArmUncertainty:
+        """Return the uncertainty of an identified arm: its band, and the intervals of its friction.
+
+        Rotors are a part of the band's ellipsoid. Without intervals of friction, give `coulomb` and `viscous_error`.
+
+        - `arm`: the identified arm, which is the nominal one; `band`: its band, as `Identification.band`.
+        - `others`: further values, such as `resolution`; they take the place of the intervals.
+
+        Raises DefinitionError as `identified_region` does.
+        """
+        friction: dict[str, Any] = {}
+        if band.coulomb.size:
+            friction["coulomb"] = band.coulomb[1]
+        if band.viscous.size:
+            friction["viscous_error"] = np.max(np.abs(band.viscous - np.asarray(arm.viscous)), axis=0)
+        return cls(identified_region(arm, band), **{**friction, **others})
+
+    def region(self, bodies: BodyPoints) -> ParameterRegion:
+        """Return the region of the inertial parameters.
+
+        - `bodies`: of the nominal arm.
+        """
+        return self.band.region(bodies) if isinstance(self.band, BodyBand) else self.band
 
     def inputs(self, arm: Articulated) -> Inputs:
         """Return the values per joint.
@@ -81,8 +107,8 @@ class ArmUncertainty:
 
         return Inputs(
             coulomb=joints("coulomb"),
-            viscous=np.asarray(arm.viscous, float),
-            viscous_band=self.viscous_band,
+            viscous=np.asarray(arm.viscous, float) + joints("viscous_error"),
+            viscous_error=joints("viscous_error"),
             torque=joints("torque"),
             torque_rate=joints("torque_rate"),
             resolution=joints("resolution"),
@@ -126,14 +152,15 @@ def certified_path(
     Raises DefinitionError if an argument is invalid, or the loop is unstable for an arm of the band.
     """
     inputs = uncertainty.inputs(arm)
-    rest = 2.0 * memory(loop, uncertainty.band.largest)
     bodies = bodies or BodyPoints.of(arm)
+    region = uncertainty.region(bodies)
+    rest = 2.0 * memory(loop, region.p)
     cells = PathCells.of(motion, loop.period, rest=rest)
     for finer in (1, FINER):
         if finer > 1:
             cells = PathCells.of(motion, loop.period, per_cell=max(1, cells.per_cell // finer), rest=rest)
-        path = Path.of(bodies, cells)
-        solution = bounds_along(loop, path, uncertainty.band, inputs, cap=WIDEST)
+        path = Path.of(bodies, region, cells)
+        solution = bounds_along(loop, path, inputs, cap=WIDEST)
         if solution is not None and solution.bounds.verified:
             break
     if solution is None:
@@ -188,12 +215,10 @@ def verdict_of(certified: CertifiedPath, arm: Articulated, allowed: Any = None) 
         margin = float(np.min(1.0 - error / limit))
         holds = margin >= 0.0
     unit = arm.joint_units[joint]
-    band = certified.uncertainty.band
     statement = (
-        f"For every arm within {100 * band.bodies:g} % of the nominal pseudo-inertias and {100 * band.rotors:g} % of "
-        f"the rotors, no joint's error is larger than {joint_values(error)} {unit} at any time of the motion and of "
-        f"the rest after it. The largest is that of {where}, mostly by {dominating} "
-        f"({100 * terms[dominating] / max(sum(terms.values()), 1e-300):.0f} %)."
+        f"For every arm within {certified.path.region.title}, no joint's error is larger than {joint_values(error)} "
+        f"{unit} at any time of the motion and of the rest after it. The largest is that of {where}, mostly by "
+        f"{dominating} ({100 * terms[dominating] / max(sum(terms.values()), 1e-300):.0f} %)."
     )
     bound = {
         "error": error,
@@ -213,7 +238,7 @@ def _growth(certified: CertifiedPath, dominating: str) -> Assumption:
 
 
 def _assumptions(certified: CertifiedPath) -> tuple[Assumption, ...]:
-    cells, p = certified.path.cells, certified.uncertainty.band.largest
+    cells, p = certified.path.cells, certified.path.region.p
     return (
         Assumption(
             f"the joint loop is stable for inertia ratios from {1 / (1 + p):.4g} to {1 / (1 - p):.4g}, and its kernels "

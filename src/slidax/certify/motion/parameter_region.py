@@ -1,0 +1,157 @@
+"""Regions of inertial parameters around the nominal arm, as a bound along a motion needs them.
+
+Three statements on the error of the parameters hold at once:
+
+1. `(1 - p) M0(q) <= M(q) <= (1 + p) M0(q)` for every q;
+2. `-C_b <= ΔJ_b <= C_b` for the pseudo-inertia of each body b, and |ΔR_i| at most a number per rotor: the cover;
+3. the error is `ξ D` with |ξ| <= 1: the ellipsoid, if there is one.
+
+The ellipsoid is exact for torques at a point. The cover serves for what is small: remainders of Taylor's theorem.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slidax.arms.articulated import Articulated
+from slidax.core.errors import DefinitionError
+from slidax.identify.band import Band, base_parameters
+from slidax.identify.regressor import BODY
+
+from .body_points import BodyPoints, points_of, pseudo_inertias
+
+Floats = NDArray[np.float64]
+
+SHARE = 0.3
+"""Share of the mean body in the metric in which covers are small, so that light bodies have one."""
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterRegion:
+    """Region of the inertial parameters.
+
+    - `p`: of statement 1.
+    - `points`: four points of each C_b [n 4 4]; `rotors`: largest errors of the rotors [n], kg m².
+    - `deviations`: pseudo-inertias of the rows of D [r n 4 4]; `rotor_deviations`: their rotors [r n]. Without an
+      ellipsoid r is 0.
+    - `title`: the region in words.
+    """
+
+    p: float
+    points: Floats
+    rotors: Floats
+    deviations: Floats
+    rotor_deviations: Floats
+    title: str
+
+    @property
+    def has_ellipsoid(self) -> bool:
+        """True if statement 3 counts."""
+        return len(self.deviations) > 0
+
+
+@dataclass(frozen=True)
+class BodyBand:
+    """Band of inertial parameters around the nominal arm.
+
+    - `bodies`: p with `(1 - p) J0 <= J <= (1 + p) J0` for the pseudo-inertia of every link, payload included.
+    - `rotors`: the same for the inertia of the rotors.
+
+    Raises DefinitionError unless both are in [0, 1).
+    """
+
+    bodies: float
+    rotors: float
+
+    def __post_init__(self) -> None:
+        for name in ("bodies", "rotors"):
+            value = getattr(self, name)
+            if not 0.0 <= value < 1.0:
+                raise DefinitionError(f"`BodyBand.{name}` must be in [0, 1); got {value:g}")
+
+    def region(self, bodies: BodyPoints) -> ParameterRegion:
+        """Return the region: M is a positive linear map of the pseudo-inertias and rotors."""
+        n = bodies.joints
+        return ParameterRegion(
+            p=max(self.bodies, self.rotors),
+            points=np.sqrt(self.bodies) * bodies.points,
+            rotors=self.rotors * bodies.rotors,
+            deviations=np.zeros((0, n, 4, 4)),
+            rotor_deviations=np.zeros((0, n)),
+            title=f"{100 * self.bodies:g} % of the nominal pseudo-inertias and {100 * self.rotors:g} % of the rotors",
+        )
+
+
+def identified_region(arm: Articulated, band: Band) -> ParameterRegion:
+    """Return the region of an identified arm.
+
+    Combinations of parameters that no torque shows are free. They are chosen so that the deviations are small relative
+    to the bodies, by least squares, since the cover is a bound per body.
+
+    - `arm`: the identified arm, which is the nominal one.
+    - `band`: its band.
+
+    Raises DefinitionError if the band is of another number of joints, or p is not below 1.
+    """
+    n = arm.joints
+    if band.deviations.shape[1] != (BODY + 1) * n:
+        raise DefinitionError(
+            f"`band.deviations` must have {(BODY + 1) * n} columns for {n} joints; got {band.deviations.shape[1]}"
+        )
+    if not band.p < 1.0:
+        raise DefinitionError(
+            f"the band's p must be below 1 for a bound along a motion; got {band.p:.3g}; identify from a longer log"
+        )
+    bodies = BodyPoints.of(arm)
+    mean = np.diagonal(bodies.pseudo_inertias.mean(axis=0))
+    spread = float(np.mean(mean[:3]))
+    roots = _inverse_root(bodies.pseudo_inertias + SHARE * np.diag([spread, spread, spread, mean[3]]))
+    rotors = bodies.rotors + SHARE * (bodies.rotors.mean() + spread)
+    deviations = _least_deviations(arm, band.deviations, roots, rotors)
+    pseudo = pseudo_inertias(deviations[:, : BODY * n])
+    return ParameterRegion(
+        p=band.p,
+        points=cover_points(pseudo, roots),
+        rotors=np.linalg.norm(deviations[:, BODY * n :], axis=0),
+        deviations=pseudo,
+        rotor_deviations=deviations[:, BODY * n :],
+        title=f"the band of the identified arm, p = {100 * band.p:.2g} % ({100 * band.confidence:g} % confidence)",
+    )
+
+
+def cover_points(deviations: Floats, roots: Floats) -> Floats:
+    """Return points of C with `-C <= Σ_r ξ_r J_r <= C` for all |ξ| <= 1, for each body, [n 4 4].
+
+    With `S_r = T J_r T`, `(Σ ξ_r S_r)² <= Σ S_r²` by Cauchy's inequality. The root of matrices is monotone, so that
+    `C = T⁻¹ (Σ S_r²)^½ T⁻¹`.
+
+    - `deviations`: J_r [r n 4 4].
+    - `roots`: T [n 4 4], symmetric and positive definite.
+    """
+    scaled = roots @ deviations @ roots
+    values, vectors = np.linalg.eigh(np.sum(scaled @ scaled, axis=0))
+    size = (vectors * np.sqrt(np.maximum(values, 0.0))[:, None]) @ vectors.swapaxes(1, 2)
+    inverse = np.linalg.inv(roots)
+    return points_of(inverse @ size @ inverse)
+
+
+def _least_deviations(arm: Articulated, deviations: Floats, roots: Floats, rotors: Floats) -> Floats:
+    """Deviations that show in the same torques, and are least in the metric of the bodies."""
+    n = arm.joints
+    base, scale = base_parameters(arm)
+    hidden = np.linalg.svd(base.T)[2][base.shape[1] :] * scale
+
+    def sized(parameters: Floats) -> Floats:
+        bodies = roots @ pseudo_inertias(parameters[:, : BODY * n]) @ roots
+        return np.concatenate([bodies.reshape(len(parameters), -1), parameters[:, BODY * n :] / rotors], axis=1)
+
+    share, *_ = np.linalg.lstsq(sized(hidden).T, -sized(deviations).T, rcond=None)
+    return np.asarray(deviations + share.T @ hidden)
+
+
+def _inverse_root(matrices: Floats) -> Floats:
+    values, vectors = np.linalg.eigh(matrices)
+    return np.asarray((vectors / np.sqrt(values)[..., None, :]) @ vectors.swapaxes(-1, -2))

@@ -1,0 +1,91 @@
+"""The nominal arm along a motion, and the region around it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .body_points import BodyPoints, FrameMotion, PointMotion, frame_motion
+from .parameter_region import ParameterRegion
+from .path_cells import PathCells
+from .path_norms import PointNorms, gram, spectral_norm
+from .region_norms import RegionNorms
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """The nominal arm along a motion, and the region around it: everything that does not depend on the tube."""
+
+    bodies: BodyPoints
+    region: ParameterRegion
+    cells: PathCells
+    frames: FrameMotion = field(repr=False)
+
+    @classmethod
+    def of(cls, bodies: BodyPoints, region: ParameterRegion, cells: PathCells) -> Path:
+        """Return the arm at the centres of the cells."""
+        return cls(bodies, region, cells, frame_motion(bodies, cells.q, cells.dq, cells.ddq, cells.dddq))
+
+    @cached_property
+    def points(self) -> PointMotion:
+        """The points of the nominal bodies."""
+        return self.frames.of(self.bodies.points)
+
+    @cached_property
+    def cover(self) -> PointMotion:
+        """The points of the region's cover."""
+        return self.frames.of(self.region.points)
+
+    @cached_property
+    def mass(self) -> Floats:
+        """M0 at the centres [N n n]."""
+        y = self.points.columns[0]
+        return gram(y, y) + np.diag(self.bodies.rotors)
+
+    @cached_property
+    def root(self) -> Floats:
+        """`G⁻ᵀ` with `M0 = G Gᵀ` [N n n]: its columns are orthonormal in the metric."""
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(self.mass)).swapaxes(1, 2))
+
+    @cached_property
+    def inverse(self) -> Floats:
+        """M0⁻¹ at the centres [N n n]."""
+        return np.asarray(self.root @ self.root.swapaxes(1, 2))
+
+    @cached_property
+    def change(self) -> Floats:
+        """Norm of Ṁ0 [N]."""
+        y, y1, _ = (part @ self.root for part in self.points.columns)
+        return spectral_norm(gram(y, y1) + gram(y1, y))
+
+    @cached_property
+    def coriolis(self) -> Floats:
+        """`2 C` [N n n]."""
+        y, y1, _ = self.points.columns
+        return 2.0 * gram(y, y1)
+
+    @cached_property
+    def stiffness(self) -> Floats:
+        """The derivative P of the inverse dynamics by q [N n n]."""
+        y, _, y2 = self.points.columns
+        return np.einsum("ndjk,nd->nkj", self.points.slopes, self.points.acceleration) + gram(y, y2)
+
+    @cached_property
+    def norms(self) -> PointNorms:
+        """Norms of the nominal points at the centres."""
+        return PointNorms.of(self, self.points)
+
+    @cached_property
+    def cover_norms(self) -> PointNorms:
+        """Norms of the cover's points at the centres."""
+        return PointNorms.of(self, self.cover)
+
+    @cached_property
+    def region_norms(self) -> RegionNorms:
+        """Suprema over the region at the centres."""
+        return RegionNorms.of(self)
