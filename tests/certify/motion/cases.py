@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import equinox as eqx
@@ -9,7 +11,11 @@ import jax.numpy as jnp
 import numpy as np
 
 import slidax.arms as arms
+from slidax.identify.band import Band, EstimateErrors, arm_parameters, band_of, base_parameters, inertial_regressor
+from slidax.identify.mass_bound import MassBound
+from slidax.identify.regressor import BODY, JointMotion
 from slidax.motions.tabulated import Tabulated
+from tests.identify.recorded import moved
 
 
 def panda(payload: float = 2.0) -> Any:
@@ -25,6 +31,53 @@ def ur5e(payload: float = 3.0) -> Any:
     return eqx.tree_at(
         lambda arm: (arm.armature, arm.viscous, arm.payload), arms.ur5e(), (jnp.full(6, 0.1), jnp.full(6, 0.2), load)
     )
+
+
+@cache
+def identified(name: str, p: float = 0.03) -> tuple[Any, Band]:
+    """An arm and the band of least squares on 4 s of a motion, scaled to this p."""
+    arm = {"panda": panda, "ur5e": ur5e}[name]()
+    n, motion = arm.joints, moved(4.0, 250.0, arm.joints, size=2.0)[1]
+    drives = [np.sign(motion.dq), motion.dq]
+    columns = [inertial_regressor(arm, motion), *(drive[:, :, None] * np.eye(n) for drive in drives)]
+    rows = np.concatenate(columns, axis=2)
+    theta = np.concatenate([arm_parameters(arm), np.full(n, 0.3), np.asarray(arm.viscous)])
+    weighted = rows / np.sqrt(np.mean((rows @ theta) ** 2, axis=0))[:, None]
+    unit = np.concatenate([base_parameters(arm)[1], np.ones(2 * n)])
+    weighted = 100.0 * weighted.reshape(-1, len(unit)) * unit
+    covariance = np.linalg.inv(weighted.T @ weighted + 0.01 * np.eye(len(unit))) * np.outer(unit, unit)
+    names = [f"link.{k}" for k in range(BODY)] * n
+    names += [kind for kind in ("armature", "coulomb", "viscous") for _ in range(n)]
+    joints = [joint for joint in range(n) for _ in range(BODY)] + list(range(n)) * 3
+    bodies = tuple(range(0, BODY * n, BODY))
+    band = band_of(arm, EstimateErrors(tuple(names), tuple(joints), bodies, theta, covariance))
+    return arm, replace(band, p=p, deviations=band.deviations * (p / band.p))
+
+
+class Members:
+    """Torques and inertias of an ellipsoid's axes, by the regressor of `identify`; the rows of D are the last axis."""
+
+    def __init__(self, name: str) -> None:
+        self.arm, self.band = identified(name)
+        self.bound = MassBound(self.arm, arm_parameters(self.arm))
+        self.still = eqx.tree_at(lambda arm: arm.gravity_vector, self.arm, jnp.zeros(3))
+
+    def torque(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
+        return inertial_regressor(self.arm, JointMotion(q, dq, ddq)) @ self.band.deviations.T
+
+    def inertia(self, q: np.ndarray, parameters: np.ndarray | None = None) -> np.ndarray:
+        """E of each axis, or M of some parameters, [N n n r]."""
+        nothing = np.zeros_like(q)
+        columns = self.band.deviations.T if parameters is None else parameters[:, None]
+        units = [JointMotion(q, nothing, nothing + row) for row in np.eye(q.shape[1])]
+        return np.stack([inertial_regressor(self.still, motion) @ columns for motion in units], axis=2)
+
+    def admitted(self, shares: np.ndarray) -> np.ndarray:
+        """Shares of the axes [s r], made smaller where the relative error of M may pass p."""
+        return shares * np.minimum(1.0, self.band.p / self.bound.of(shares @ self.band.deviations))[:, None]
+
+    def nominal(self, q: np.ndarray) -> np.ndarray:
+        return self.inertia(q, arm_parameters(self.arm))[..., 0]
 
 
 def box(arm: Any) -> tuple[np.ndarray, np.ndarray]:

@@ -109,6 +109,12 @@ class Chain:
         viscous = self.viscous * (1 + p * rng.choice([-1.0, 1.0], size=len(self.rotors)))
         return replace(self, bodies=np.stack(bodies), rotors=rotors, viscous=viscous)
 
+    def deviated(self, bodies: np.ndarray, rotors: np.ndarray) -> Chain:
+        """The arm with other pseudo-inertias of its links [n 4 4] and rotors [n], by these differences."""
+        changed = self.bodies.copy()
+        changed[: len(bodies)] += bodies
+        return replace(self, bodies=changed, rotors=self.rotors + rotors)
+
 
 def _pseudo(mass: float, center: np.ndarray, inertia: np.ndarray) -> np.ndarray:
     spread = 0.5 * np.trace(inertia) * np.eye(3) - inertia
