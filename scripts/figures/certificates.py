@@ -44,7 +44,7 @@ def _settled(scenario: Scenario) -> float:
     assert law.powers is not None
     assert run.log is not None
     t, e = np.asarray(run.log.t), np.asarray(run.log.e)
-    sides, radius = law.places(np.stack([law.powers.delta, -law.powers.delta])), law.radius(t)
+    sides, radius = law.psi(np.stack([law.powers.delta, -law.powers.delta])), law.radius(t)
     outside = ((e > sides[0] * radius) | (e < sides[1] * radius)).any(axis=1)
     return float(t[outside].max())
 

@@ -70,8 +70,8 @@ def taken(law: SampledData, disturbance: float) -> float:
     target = (2.0 if delay else 1.0) * (horizon + delay * h) ** 2 / horizon * disturbance
     side = float(law.step.transformation.overshoot)
     sides = Sides(jnp.asarray(-1.0), jnp.asarray(side))
-    pull = law.step.surface.pull_and_slope
-    eps = brentq(lambda x: float(np.max(pull(jnp.full(law.joints, x))[0])) - target, 0.0, 1e3)
+    phi = law.step.surface.phi_and_slope
+    eps = brentq(lambda x: float(np.max(phi(jnp.full(law.joints, x))[0])) - target, 0.0, 1e3)
     return float(psi(jnp.asarray(eps), sides)) / side
 
 

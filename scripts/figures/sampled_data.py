@@ -163,7 +163,7 @@ def limit_of_hold() -> tuple[float, float, float]:
     """The predicted period of the limit cycle, that of the boundary layer, and the observed one [s]."""
     law = scenarios.load(CONVERGENCE_SCENARIO).controller
     surface, ratio = law.surface, law.transformation
-    slope = float(surface.pull_and_slope(jnp.zeros(2))[1][0])
+    slope = float(surface.phi_and_slope(jnp.zeros(2))[1][0])
     rate = slope * float((1.0 / ratio.overshoot + 1.0) / ratio.performance.final[0])
     scenario = scenarios.load(CONVERGENCE_SCENARIO)
     goal = scenario.trajectory.reference(jnp.asarray(10.0)).q

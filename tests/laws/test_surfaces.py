@@ -1,4 +1,4 @@
-"""Every surface is an odd, increasing, continuously differentiable pull per joint."""
+"""Every surface is an odd, increasing, continuously differentiable function φ per joint."""
 
 import jax
 import jax.numpy as jnp
@@ -15,12 +15,12 @@ GRID = np.concatenate([np.linspace(-3.0, 3.0, 1201), np.linspace(-0.02, 0.02, 80
 GRID.sort()
 
 
-def pull(surface, eps):
-    return surface.pull_and_slope(eps)[0]
+def phi(surface, eps):
+    return surface.phi_and_slope(eps)[0]
 
 
 def slope(surface, eps):
-    return surface.pull_and_slope(eps)[1]
+    return surface.phi_and_slope(eps)[1]
 
 
 def over(function):
@@ -29,26 +29,26 @@ def over(function):
 
 
 @EVERY
-def test_the_pull_is_odd_and_nothing_at_zero(surface):
-    np.testing.assert_allclose(over(lambda eps: pull(surface, eps)), -over(lambda eps: pull(surface, -eps)), rtol=1e-15)
-    np.testing.assert_array_equal(pull(surface, jnp.zeros(2)), 0.0)
+def test_phi_is_odd_and_vanishes_at_zero(surface):
+    np.testing.assert_allclose(over(lambda eps: phi(surface, eps)), -over(lambda eps: phi(surface, -eps)), rtol=1e-15)
+    np.testing.assert_array_equal(phi(surface, jnp.zeros(2)), 0.0)
 
 
 @EVERY
-def test_the_pull_increases_with_the_error(surface):
-    assert np.all(np.diff(over(lambda eps: pull(surface, eps)), axis=0)[np.diff(GRID) > 0] > 0)
+def test_phi_increases_with_the_error(surface):
+    assert np.all(np.diff(over(lambda eps: phi(surface, eps)), axis=0)[np.diff(GRID) > 0] > 0)
     assert np.all(over(lambda eps: slope(surface, eps)) > 0)
 
 
 @EVERY
-def test_the_slope_is_the_derivative_of_the_pull(surface):
-    derivative = over(jax.grad(lambda eps: jnp.sum(pull(surface, eps))))
+def test_the_slope_is_the_derivative_of_phi(surface):
+    derivative = over(jax.grad(lambda eps: jnp.sum(phi(surface, eps))))
     np.testing.assert_allclose(over(lambda eps: slope(surface, eps)), derivative, rtol=1e-11)
 
 
 @EVERY
 def test_joints_do_not_mix(surface):
-    jacobian = jax.jit(jax.jacfwd(lambda eps: pull(surface, eps)))(jnp.array([0.3, -0.004]))
+    jacobian = jax.jit(jax.jacfwd(lambda eps: phi(surface, eps)))(jnp.array([0.3, -0.004]))
     np.testing.assert_array_equal(jacobian - np.diag(np.diagonal(jacobian)), 0.0)
 
 
@@ -71,7 +71,7 @@ def test_all_gains_have_finite_gradients_also_at_zero_error(surface):
 
     @jax.jit
     def gradients(surface, eps):
-        return [jax.grad(lambda surface, part=part: jnp.sum(part(surface, eps)))(surface) for part in (pull, slope)]
+        return [jax.grad(lambda surface, part=part: jnp.sum(part(surface, eps)))(surface) for part in (phi, slope)]
 
     for eps in (jnp.zeros(2), jnp.array([0.01, -0.01]), jnp.array([20.0, -20.0])):
         for gradient in gradients(surface, eps):
@@ -79,8 +79,8 @@ def test_all_gains_have_finite_gradients_also_at_zero_error(surface):
 
 
 @EVERY
-def test_where_the_pull_is_said_to_reach_a_size_it_has_reached_it(surface):
+def test_reach_returns_an_error_at_which_phi_is_at_least_as_large(surface):
     sizes = jnp.asarray(np.logspace(-6, 6, 97))
     eps = jax.jit(jax.vmap(lambda size: surface.reach(jnp.stack([size, size]))))(sizes)
-    reached = jax.jit(jax.vmap(lambda eps: pull(surface, eps)))(eps)
+    reached = jax.jit(jax.vmap(lambda eps: phi(surface, eps)))(eps)
     assert np.all(np.asarray(reached) >= np.asarray(sizes)[:, None] * (1 - 1e-12))

@@ -133,9 +133,9 @@ def test_a_frame_maps_the_led_error_there_and_back(transformation):
     memory = transformation.init(jnp.asarray(0.0), STARTS[0])
     frame = transformation.frame(jnp.asarray(0.5), jnp.asarray(2e-3), jnp.asarray(3e-3), memory)
     for eps in (jnp.array([0.0, 1e-3]), jnp.array([2.0, -3.0]), jnp.array([-8.0, 6.0])):
-        place, slope = frame.place_and_slope(eps)
+        place, slope = frame.psi_and_slope(eps)
         np.testing.assert_allclose(frame.transformed(frame.now * place), eps, rtol=1e-9, atol=1e-14)
-        difference = (frame.place_and_slope(eps + 1e-6)[0] - frame.place_and_slope(eps - 1e-6)[0]) / 2e-6
+        difference = (frame.psi_and_slope(eps + 1e-6)[0] - frame.psi_and_slope(eps - 1e-6)[0]) / 2e-6
         np.testing.assert_allclose(slope, difference, rtol=1e-6, atol=1e-10)
 
 

@@ -214,7 +214,7 @@ def test_sliding_variables_are_the_same(ours, peer, least, reach):
     """
     e, de = random_errors(reach, least=least)
     wanted = [peer.compute(float(a), float(b)) for a, b in zip(e, de, strict=True)]
-    np.testing.assert_allclose(de + np.asarray(ours.pull_and_slope(jnp.asarray(e))[0]), wanted, **SAME)
+    np.testing.assert_allclose(de + np.asarray(ours.phi_and_slope(jnp.asarray(e))[0]), wanted, **SAME)
 
 
 @pytest.mark.parametrize(

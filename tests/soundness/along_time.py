@@ -74,7 +74,7 @@ def _stepped(surface, sides, numbers, each, start):
         frame = EnvelopeFrame(now=radius, ahead=radius, sides=sides)
         barrier = Barrier(frame, surface, horizon)
         eps = barrier.solve(y + horizon * s_next, eps, barrier.value_and_slope(eps))
-        place = frame.place_and_slope(eps)[0]
+        place = frame.psi_and_slope(eps)[0]
         a = ((ahead * place - y) / horizon - seen_v) / horizon + push
         after = e + h * v + 0.5 * h * h * a, v + h * a, eps, jnp.concatenate([push[None], before[:-1]])
         return after, e

@@ -105,7 +105,7 @@ SIGNALS = {
     "rotor": ("learned rotor inertia", "kg m² or kg"),
     "coulomb": ("learned Coulomb friction", "N m or N"),
     "rejected": ("1 for a measurement that the gate rejected", ""),
-    "reseated": ("1 where the envelope in force is wider than prescribed", ""),
+    "envelope_reset": ("1 where the envelope in force is wider than prescribed", ""),
     "assumption_violated": ("1 where the monitor reports a violated assumption of the guarantee", ""),
     "e": ("error of position", "rad or m"),
     "de": ("error of velocity", "rad/s or m/s"),

@@ -86,12 +86,12 @@ class AbstractModelBased(AbstractController):
 
 
 class AbstractSurfaceBased(AbstractModelBased):
-    """A law with the sliding variable `s = ė + A e + pull(ε1)` of (40)."""
+    """A law with the sliding variable `s = ė + A e + φ(ε1)` of (40)."""
 
     plans: ClassVar[bool] = True
 
     transformation: AbstractTransformation = piece("e to ε1, with A and B")
-    surface: AbstractSurface = piece("the pull on ε1")
+    surface: AbstractSurface = piece("φ(ε1), the surface over the transformed error")
 
     def init(self, t: Scalar, state: State, reference: Reference) -> Memory:
         return self.transformation.init(t, state.q - reference.q)

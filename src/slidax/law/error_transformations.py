@@ -82,7 +82,7 @@ class EnvelopeFrame(eqx.Module):
     ahead: PerJoint
     sides: Sides | None
 
-    def place_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
+    def psi_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
         """`ψ(ε)` and its derivative, [n]: the place in the frame, times `now` or `ahead` in rad or m.
 
         - `eps`: transformed error [n].

@@ -252,13 +252,13 @@ class RobustDifferentiator(AbstractEstimator):
         _, l1, l2 = GAINS
         y = _root(jnp.maximum(ratio - l2, 0.0))
         selection = jnp.minimum(ratio, l2)
-        pull = sign * scale
+        signed = sign * scale
         usual = Estimate(
             state=State(
-                q=measured.q - pull * y * y * y,
-                dq=prior.state.dq + pull * (l1 * y + 1.5 * selection) / elapsed,
+                q=measured.q - signed * y * y * y,
+                dq=prior.state.dq + signed * (l1 * y + 1.5 * selection) / elapsed,
             ),
-            disturbance=prior.disturbance + pull * selection / elapsed / elapsed,
+            disturbance=prior.disturbance + signed * selection / elapsed / elapsed,
         )
         # A step over a gap is as exact as any in the state; the disturbance is not learnt from it.
         return Estimate(state=usual.state, disturbance=jnp.where(missed, prior.disturbance, usual.disturbance)), ()

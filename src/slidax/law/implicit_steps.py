@@ -32,10 +32,10 @@ ROUNDING = 4e-16
 
 
 class Barrier(eqx.Module):
-    """`f(ε) = now ψ(ε) + H pull(ε)`, which increases from -∞ to ∞: for every y and s⁺ one ε has `f(ε) = y + H s⁺`.
+    """`f(ε) = now ψ(ε) + H φ(ε)`, which increases from -∞ to ∞: for every y and s⁺ one ε has `f(ε) = y + H s⁺`.
 
     - `frame`: `now`, ψ.
-    - `surface`: the pull.
+    - `surface`: φ.
     - `horizon`: H [s].
     """
 
@@ -45,10 +45,10 @@ class Barrier(eqx.Module):
 
     def value_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
         """Return `f(ε)` and its derivative, [n]."""
-        place, place_slope = _place_and_slope(self.frame, eps)
-        pull, pull_slope = _pull_and_slope(self.surface, eps)
+        psi, psi_slope = _psi_and_slope(self.frame, eps)
+        phi, phi_slope = _phi_and_slope(self.surface, eps)
         now, horizon = self.frame.now, self.horizon
-        return now * place + horizon * pull, now * place_slope + horizon * pull_slope
+        return now * psi + horizon * phi, now * psi_slope + horizon * phi_slope
 
     def solve(self, target: Vector, guess: Vector, at_guess: tuple[Vector, Vector]) -> Vector:
         """Return the ε with `f(ε) = target`, [n].
@@ -57,7 +57,7 @@ class Barrier(eqx.Module):
         - `at_guess`: value and slope at the guess.
         """
         size = jnp.abs(target)
-        # The pull alone reaches the target there, and both parts have its sign.
+        # φ alone reaches the target there, and both parts have its sign.
         far = 1.0 + self.surface.reach(size / self.horizon)
         bracket = (jnp.where(target < 0, -far, -1.0), jnp.where(target > 0, far, 1.0))
         tolerance = PRECISION * self.horizon + ROUNDING * size
@@ -72,7 +72,7 @@ class Plan(eqx.Module):
     - `v`: velocity error [n], rad/s or m/s.
     - `s`: sliding variable [n], rad/s or m/s.
     - `eps`: the guess, a transformed error [n].
-    - `place`, `place_slope`: ψ there and its derivative [n].
+    - `psi`, `psi_slope`: ψ there and its derivative [n].
     - `value`, `slope`: f there and its derivative [n].
     """
 
@@ -81,8 +81,8 @@ class Plan(eqx.Module):
     v: Vector
     s: Vector
     eps: Vector
-    place: Vector
-    place_slope: Vector
+    psi: Vector
+    psi_slope: Vector
     value: Vector
     slope: Vector
 
@@ -90,16 +90,16 @@ class Plan(eqx.Module):
     def near(barrier: Barrier, y: Vector, v: Vector, s: Vector, eps: Vector) -> Plan:
         """Return a plan with its surface evaluated at the guess `eps`."""
         frame, horizon = barrier.frame, barrier.horizon
-        place, place_slope = _place_and_slope(frame, eps)
-        pull, pull_slope = _pull_and_slope(barrier.surface, eps)
-        value, slope = frame.now * place + horizon * pull, frame.now * place_slope + horizon * pull_slope
-        return Plan(barrier, y, v, s, eps, place, place_slope, value, slope)
+        psi, psi_slope = _psi_and_slope(frame, eps)
+        phi, phi_slope = _phi_and_slope(barrier.surface, eps)
+        value, slope = frame.now * psi + horizon * phi, frame.now * psi_slope + horizon * phi_slope
+        return Plan(barrier, y, v, s, eps, psi, psi_slope, value, slope)
 
     def holding_acceleration(self) -> Vector:
         """Acceleration relative to the reference's that keeps s, by one Newton step: [n], rad/s² or m/s²."""
         horizon = self.barrier.horizon
-        place = self.place + self.place_slope * (self.y + horizon * self.s - self.value) / self.slope
-        return ((self.barrier.frame.ahead * place - self.y) / horizon - self.v) / horizon
+        psi = self.psi + self.psi_slope * (self.y + horizon * self.s - self.value) / self.slope
+        return ((self.barrier.frame.ahead * psi - self.y) / horizon - self.v) / horizon
 
     def towards(self, s_next: Vector) -> tuple[Vector, Vector]:
         """Return the ε at its end, [n], and the acceleration relative to the reference's, [n], rad/s² or m/s².
@@ -108,19 +108,19 @@ class Plan(eqx.Module):
         """
         frame, horizon = self.barrier.frame, self.barrier.horizon
         eps = self.barrier.solve(self.y + horizon * s_next, self.eps, (self.value, self.slope))
-        v_next = (frame.ahead * _place_and_slope(frame, eps)[0] - self.y) / horizon
+        v_next = (frame.ahead * _psi_and_slope(frame, eps)[0] - self.y) / horizon
         return eps, (v_next - self.v) / horizon
 
 
 # Traced once, and functions in exported C.
 @jax.jit
-def _place_and_slope(frame: EnvelopeFrame, eps: Vector) -> tuple[Vector, Vector]:
-    return frame.place_and_slope(eps)
+def _psi_and_slope(frame: EnvelopeFrame, eps: Vector) -> tuple[Vector, Vector]:
+    return frame.psi_and_slope(eps)
 
 
 @jax.jit
-def _pull_and_slope(surface: AbstractSurface, eps: Vector) -> tuple[Vector, Vector]:
-    return surface.pull_and_slope(eps)
+def _phi_and_slope(surface: AbstractSurface, eps: Vector) -> tuple[Vector, Vector]:
+    return surface.phi_and_slope(eps)
 
 
 def _value_and_slope(barrier: Barrier, eps: Vector) -> tuple[Vector, Vector]:
@@ -134,7 +134,7 @@ class SurfaceMemory(eqx.Module):
     - `s`: planned sliding variable at the next sample [n].
     - `eps`: guess of the next plan's transformed error [n].
     - `last_eps`: the last plan's transformed error [n].
-    - `reseat`: envelopes that replace the prescribed ones; None without a recovery.
+    - `reset`: envelopes that replace the prescribed ones; None without a recovery.
     - `reaching`: memory of the reaching law.
     """
 
@@ -142,7 +142,7 @@ class SurfaceMemory(eqx.Module):
     s: Vector
     eps: Vector
     last_eps: Vector
-    reseat: EnvelopeReset | None
+    reset: EnvelopeReset | None
     reaching: Memory
 
 
@@ -162,12 +162,12 @@ class ReachingStep(eqx.Module):
 
 
 class AbstractSurfaceStep(AbstractStep):
-    """The law `s = ė + φ(t, e)` as one implicit Euler step over the horizon H, repeated in every period h.
+    """The law `s = ė + A e + φ(ε1)` as one implicit Euler step over the horizon H, repeated in every period h.
 
     With the led error `y = e + c ė`, `c = H - h/2`, its radius `ρ_y = ρ + c ρ̇` and `ρ_a = ρ_y + H ρ̇_y`:
 
     1. s⁺ by the reaching law, implicitly;
-    2. `ρ_y ψ(ε) + H pull(ε) = y + H s⁺`: one ε for each joint;
+    2. `ρ_y ψ(ε) + H φ(ε) = y + H s⁺`: one ε for each joint;
     3. `v⁺ = (ρ_a ψ(ε) - y)/H`: the velocity error at the end of the horizon;
     4. `q̈ = q̈_r + (v⁺ - ė)/H`, `q̈_r = (q̇_d(t + h) - q̇_d(t))/h`.
 
@@ -178,8 +178,8 @@ class AbstractSurfaceStep(AbstractStep):
 
     nominal: AbstractRobot = piece("the robot as the law knows it, M0, C0, G0")
     transformation: AbstractTransformation = piece("as in the printed law: e to ε1")
-    surface: AbstractSurface = piece("as in the printed law: the pull on ε1")
-    recovery: Recovery | None = piece("what to do outside the envelope; without it, pull back to the drawn one")
+    surface: AbstractSurface = piece("as in the printed law: φ(ε1)")
+    recovery: Recovery | None = piece("what to do outside the envelope; without it, return to the prescribed one")
     plans: ClassVar[bool] = True
 
     def __check_init__(self) -> None:
@@ -214,7 +214,7 @@ class AbstractSurfaceStep(AbstractStep):
             s=jnp.zeros_like(e),
             eps=eps,
             last_eps=eps,
-            reseat=None if self.recovery is None else self.recovery.init(t, self.nominal.joints),
+            reset=None if self.recovery is None else self.recovery.init(t, self.nominal.joints),
             reaching=self.reach_init(),
         )
 
@@ -222,12 +222,12 @@ class AbstractSurfaceStep(AbstractStep):
         """Reset the recovery; the sides of the prescribed envelope stay."""
         if self.recovery is None:
             return memory
-        return eqx.tree_at(lambda kept: kept.reseat, memory, self.recovery.init(t, self.nominal.joints))
+        return eqx.tree_at(lambda kept: kept.reset, memory, self.recovery.init(t, self.nominal.joints))
 
     def recovers(self, t: Scalar, memory: SurfaceMemory) -> Bool[Array, ""]:
-        if memory.reseat is None:
+        if memory.reset is None:
             return jnp.zeros((), bool)
-        return jnp.any(t < memory.reseat.until)
+        return jnp.any(t < memory.reset.until)
 
     def __call__(self, moment: StepInput, memory: SurfaceMemory) -> Decision:
         h, horizon, now, desired = moment.period, moment.horizon, moment.state, moment.reference
@@ -236,15 +236,15 @@ class AbstractSurfaceStep(AbstractStep):
         e, v = now.q - desired.q, now.dq - desired.dq
         y = e + lead * v
         frame = self.transformation.frame(moment.t, lead, horizon, memory.sides)
-        reseat, kept_reseat, planned = memory.reseat, memory.reseat, moment.planned
-        if self.recovery is not None and reseat is not None:
+        reset, kept_reset, planned = memory.reset, memory.reset, moment.planned
+        if self.recovery is not None and reset is not None:
             drawn = self.transformation.envelope(moment.t, memory.sides)
             if drawn is not None:
-                reseat, kept_reseat, fresh = self.recovery.reseat(
-                    moment.t, e, v, drawn, _slowness(moment), lead, reseat
+                reset, kept_reset, fresh = self.recovery.reset_envelope(
+                    moment.t, e, v, drawn, _slowness(moment), lead, reset
                 )
                 planned = planned & ~jnp.any(fresh)
-                frame = self.recovery.frame(moment.t, lead, horizon, frame, reseat)
+                frame = self.recovery.frame(moment.t, lead, horizon, frame, reset)
         frame = barrier(frame)
 
         # The planned s plus the velocity's deviation, so that φ's slope does not multiply position errors.
@@ -264,12 +264,12 @@ class AbstractSurfaceStep(AbstractStep):
             # Extrapolation of the last two plans: most plans are one Newton step away from it.
             eps=jnp.where(planned, 2.0 * eps - memory.last_eps, eps),
             last_eps=eps,
-            reseat=kept_reseat,
+            reset=kept_reset,
             reaching=reached.memory,
         )
         signals = {"s": s, "s_next": reached.s_next, "eps1": eps, **reached.signals}
-        if reseat is not None:
-            signals["reseated"] = (moment.t < reseat.until).astype(float)
+        if reset is not None:
+            signals["envelope_reset"] = (moment.t < reset.until).astype(float)
         stands = eqx.tree_at(lambda kept: kept.reaching, kept, memory.reaching)
         return Decision(
             tau=matvec(moment.mass, acceleration) + moment.bias,
@@ -285,10 +285,10 @@ class AbstractSurfaceStep(AbstractStep):
         return self.transformation.envelope(t, memory.sides)
 
     def _measured(self, frame: EnvelopeFrame, y: Vector, v: Vector, horizon: Scalar) -> tuple[Vector, Vector]:
-        """`s = ė + φ(t, y)` and ε from the measurement, with y clipped to the frame."""
+        """`s = ė + A y + φ(ε)` and ε from the measurement, with y clipped to the frame."""
         eps = frame.transformed(y)
         drift = (frame.now - frame.ahead) / (horizon * frame.now)
-        return v + drift * y + self.surface.pull_and_slope(eps)[0], eps
+        return v + drift * y + self.surface.phi_and_slope(eps)[0], eps
 
 
 def _slowness(moment: StepInput) -> Vector:
@@ -303,7 +303,7 @@ class SlidingStep(AbstractSurfaceStep):
 
     The compensated disturbance is at most u.
 
-    Signals: `s`, `s_next` (s⁺), `eps1` [n], `u`; with a recovery `reseated` [n], 1 where its envelope is in force.
+    Signals: `s`, `s_next` (s⁺), `eps1` [n], `u`; with a recovery `envelope_reset` [n], 1 where it acts.
     """
 
     reaching: AbstractReaching = piece("as in the printed law: how s is driven to zero")
@@ -343,7 +343,7 @@ class TwistingStep(AbstractSurfaceStep):
     Source: Brogliato, Polyakov and Efimov, The implicit discretization of the supertwisting sliding-mode control
     algorithm, IEEE Transactions on Automatic Control 65, 2020.
 
-    Signals: `s`, `s_next` (s⁺), `eps1`, `v` [n]; with a recovery `reseated` [n], 1 where its envelope is in force.
+    Signals: `s`, `s_next` (s⁺), `eps1`, `v` [n]; with a recovery `envelope_reset` [n], 1 where it acts.
     """
 
     k1: PerJoint = parameter("gain of the square root of s", "rad^½/s^(3/2) or m^½/s^(3/2)", "> 0")

@@ -21,10 +21,10 @@ from .torque_bounds import AbstractBound, FixedBound
 
 
 class SlidingMode(AbstractSurfaceBased):
-    """`τ = τ0 + τ1 + τ2`, eq. (41), with `e = q - q_d` and the surface `s = B⁻¹ε2 + pull(ε1)`, eq. (40).
+    """`τ = τ0 + τ1 + τ2`, eq. (41), with `e = q - q_d` and the surface `s = B⁻¹ε2 + φ(ε1)`, eq. (40).
 
     `τ0 = M0 (q̈_d - Ȧ e - A ė) + C0 q̇ + G0`, eq. (42);
-    `τ1 = -K0 Sig^r(s) - M0 slope(ε1) ε2`, eq. (43);
+    `τ1 = -K0 Sig^r(s) - M0 φ'(ε1) ε2`, eq. (43);
     `τ2 = -u s/(‖s‖ + s0)`, eqs. (44), (51), with u of (45).
 
     Signals: `s` [n], `eps1` [n], `eps2` [n], `u`.
@@ -39,7 +39,7 @@ class SlidingMode(AbstractSurfaceBased):
         now = sliding_variable(self.transformation, self.surface, t, state, reference_now, memory)
         m0 = self.nominal.mass(state.q)
         tau0 = matvec(m0, now.feedforward) + self.nominal.bias(state.q, state.dq)
-        tau1 = -self.reaching.continuous_term(now.s) - matvec(m0, now.descent)
+        tau1 = -self.reaching.continuous_term(now.s) - matvec(m0, now.phi_rate)
         u = self.bound(state, tau0 + tau1)
         tau2 = -u * self.reaching.switching_direction(now.s)
         return Command(tau=tau0 + tau1 + tau2, memory=memory, signals={**now.signals, "u": u})
@@ -52,7 +52,7 @@ class SlotineLi(AbstractSurfaceBased):
     """`τ = M0 q̈_r + C0 q̇_r + G0 - K_D s - K sat(s/φ)` with the reference velocity `q̇_r = q̇ - s`.
 
     On the linear surface `s = ė + Λ e` it is the textbook law, `q̇_r = q̇_d - Λ e`, `q̈_r = q̈_d - Λ ė`. On any other
-    surface, with any transformation, `s = ė + A e + pull(ε1)` as in (40) and `q̈_r = q̈_d - Ȧ e - A ė - slope(ε1) ε2`.
+    surface, with any transformation, `s = ė + A e + φ(ε1)` as in (40) and `q̈_r = q̈_d - Ȧ e - A ė - φ'(ε1) ε2`.
     C0 is in Christoffel form, for which `Ṁ0 - 2 C0` is skew-symmetric.
 
     Source: Slotine and Li, Applied Nonlinear Control, 1991, chapters 7 (boundary layer) and 9 (robots).
@@ -103,9 +103,9 @@ class TwistingMemory(eqx.Module):
 
 
 class SuperTwisting(AbstractSurfaceBased):
-    """`τ = M0 (q̈_d - Ȧe - Aė - slope(ε1) ε2 - k1 sig^½(s) + v) + C0 q̇ + G0`, `v̇ = -k2 sgn(s)`, `v(0) = 0`.
+    """`τ = M0 (q̈_d - Ȧe - Aė - φ'(ε1) ε2 - k1 sig^½(s) + v) + C0 q̇ + G0`, `v̇ = -k2 sgn(s)`, `v(0) = 0`.
 
-    With the surface `s = ė + A e + pull(ε1)` of (40); on the linear one and without an envelope `s = ė + Λ e`. With the
+    With the surface `s = ė + A e + φ(ε1)` of (40); on the linear one and without an envelope `s = ė + Λ e`. With the
     exact model `ṡ = -k1 sig^½(s) + v + d`, where d is the disturbance as an acceleration, and s reaches zero in finite
     time if `|ḋ| <= L`, for `k1 = 1.5 √L`, `k2 = 1.1 L`.
 

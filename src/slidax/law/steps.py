@@ -164,7 +164,7 @@ class Recovery(AbstractPart):
         zero = jnp.zeros(joints)
         return EnvelopeReset(until=zero + t, span=zero + 1.0, excess=zero, outside=jnp.zeros(joints, bool))
 
-    def reseat(
+    def reset_envelope(
         self, t: Scalar, e: Vector, de: Vector, drawn: Envelope, slowness: Vector, lead: Scalar, now: EnvelopeReset
     ) -> tuple[EnvelopeReset, EnvelopeReset, Bool[Array, " n"]]:
         """Return the envelopes at this sample, those for the next sample, and True for each new one.

@@ -1,4 +1,4 @@
-"""Sliding surfaces `s = ė + φ(t, e)`."""
+"""Sliding surfaces `s = ė + A e + φ(ε1)`."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from .error_transformations import AbstractTransformation, TransformedError
 
 
 class AbstractSurface(AbstractPart):
-    """The part of a surface that acts on the transformed error: `s = B⁻¹ ε2 + pull(ε1)`, eq. (40)."""
+    """The part of a surface that acts on the transformed error: `s = B⁻¹ ε2 + φ(ε1)`, eq. (40)."""
 
     @abstractmethod
-    def pull_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
-        """The pull towards zero error [n], rad/s or m/s, odd and increasing; and its derivative [n], >= 0.
+    def phi_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
+        """φ(ε1) [n], rad/s or m/s, odd and increasing; and its derivative [n], >= 0.
 
         One method for both, since they share their powers.
 
@@ -35,31 +35,31 @@ class AbstractSurface(AbstractPart):
         """
 
     @abstractmethod
-    def reach(self, pull: Vector) -> Vector:
-        """A transformed error at which the pull is at least this strong, [n]: the end of a bracket.
+    def reach(self, phi: Vector) -> Vector:
+        """A transformed error at which φ is at least `phi`, [n]: the end of a bracket.
 
-        - `pull`: >= 0, [n], rad/s or m/s.
+        - `phi`: >= 0, [n], rad/s or m/s.
         """
 
 
 class SlidingVariable(eqx.Module):
-    """`s = ė + A e + pull(ε1)`, eq. (40), and the acceleration `q̈_d - Ȧ e - A ė - slope(ε1) ε2` that keeps it. All [n].
+    """`s = ė + A e + φ(ε1)`, eq. (40), and the acceleration `q̈_d - Ȧ e - A ė - φ'(ε1) ε2` that keeps it. All [n].
 
     - `s`: sliding variable, rad/s or m/s.
     - `error`: the transformed error.
     - `feedforward`: `q̈_d - Ȧ e - A ė`, the acceleration of the reference and the envelope, rad/s² or m/s².
-    - `descent`: `slope(ε1) ε2`, the rate of the pull, rad/s² or m/s².
+    - `phi_rate`: `φ'(ε1) ε2`, the rate of φ, rad/s² or m/s².
     """
 
     s: Vector
     error: TransformedError
     feedforward: Vector
-    descent: Vector
+    phi_rate: Vector
 
     @property
     def equivalent(self) -> Vector:
         """The acceleration that keeps s constant, [n], rad/s² or m/s²."""
-        return self.feedforward - self.descent
+        return self.feedforward - self.phi_rate
 
     @property
     def signals(self) -> dict[str, Vector]:
@@ -78,18 +78,18 @@ def sliding_variable(
     """The sliding variable of a surface over a transformed error.
 
     - `transformation`: e to ε1, with A and B.
-    - `surface`: the pull on ε1.
+    - `surface`: φ(ε1).
     - `t`: time [s].
     - `memory`: state of the transformation.
     """
     e, de = state.q - reference.q, state.dq - reference.dq
     error = barrier(transformation(t, e, de, memory))
-    pull, slope = surface.pull_and_slope(error.eps1)
+    phi, slope = surface.phi_and_slope(error.eps1)
     return SlidingVariable(
-        s=de + error.alpha * e + pull,
+        s=de + error.alpha * e + phi,
         error=error,
         feedforward=reference.ddq - error.alpha_rate * e - error.alpha * de,
-        descent=slope * error.eps2,
+        phi_rate=slope * error.eps2,
     )
 
 
@@ -108,13 +108,13 @@ class Linear(AbstractSurface):
         "so that the error decays (Slotine and Li, 1991)",
     )
 
-    def pull_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
+    def phi_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
         """`Λ e`, and `Λ`, both [n]."""
         return self.rate * eps, self.rate * jnp.ones_like(eps)
 
-    def reach(self, pull: Vector) -> Vector:
-        """`pull/Λ`, [n]."""
-        return pull / self.rate
+    def reach(self, phi: Vector) -> Vector:
+        """`φ/Λ`, [n]."""
+        return phi / self.rate
 
 
 class LinearCoreFixedTime(AbstractSurface):
@@ -136,15 +136,15 @@ class LinearCoreFixedTime(AbstractSurface):
     q: PerJoint = parameter("exponent far from zero", "", "> 1", "(eq. 34)")
     delta: PerJoint = parameter("δ, half-width of the straight core", "", "(0, 1]", "(eq. 78)")
 
-    def pull_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
+    def phi_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
         """`K1 Ŝ^p(ε1) + K2 Sig^q(ε1)`, and `K1 F̂^p(ε1) + K2 H^q(ε1)`, both [n]; at |ε1| = δ the outer slope."""
         near, near_slope = linear_core_power_and_slope(eps, self.p, self.delta)
         far, far_slope = sig_and_slope(eps, self.q)
         return self.k1 * near + self.k2 * far, self.k1 * near_slope + self.k2 * far_slope
 
-    def reach(self, pull: Vector) -> Vector:
-        """`(pull/K2)^(1/q)`, [n]: the far power alone pulls as hard there."""
-        return power(pull / self.k2, 1.0 / self.q)
+    def reach(self, phi: Vector) -> Vector:
+        """`(φ/K2)^(1/q)`, [n]: the far power alone is as large there."""
+        return power(phi / self.k2, 1.0 / self.q)
 
 
 class SingularityFree(AbstractSurface):
@@ -164,15 +164,15 @@ class SingularityFree(AbstractSurface):
     r: PerJoint = parameter("exponent in the core", "", "> 1", "so that the slope is finite at zero ([24])")
     delta: PerJoint = parameter("δ, half-width of the core", "rad or m", "> 0", "([24])")
 
-    def pull_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
+    def phi_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
         """`C1 S_α(e) + C2 Sig^β(e)`, and `C1 S_α'(e) + C2 β |e|^(β-1)`, both [n]."""
         near, near_slope = two_term_power_and_slope(eps, self.alpha, self.r, self.delta)
         far, far_slope = sig_and_slope(eps, self.beta)
         return self.c1 * near + self.c2 * far, self.c1 * near_slope + self.c2 * far_slope
 
-    def reach(self, pull: Vector) -> Vector:
-        """`(pull/C2)^(1/β)`, [n]: the far power alone pulls as hard there."""
-        return power(pull / self.c2, 1.0 / self.beta)
+    def reach(self, phi: Vector) -> Vector:
+        """`(φ/C2)^(1/β)`, [n]: the far power alone is as large there."""
+        return power(phi / self.c2, 1.0 / self.beta)
 
 
 class SmoothFixedTime(AbstractSurface):
@@ -190,12 +190,12 @@ class SmoothFixedTime(AbstractSurface):
     q: PerJoint = parameter("exponent far from zero", "", "> 1", "(eq. 34)")
     delta: PerJoint = parameter("δ, half-width of the smooth core", "", "(0, 1]", "(eq. 29)")
 
-    def pull_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
+    def phi_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
         """`K1 S^p(ε1) + K2 S^q(ε1)`, and `K1 F^p(ε1) + K2 H^q(ε1)` with (33), (35), (37), (39), both [n]."""
         near, near_slope = smooth_power_and_slope(eps, self.p, self.delta)
         far, far_slope = sig_and_slope(eps, self.q)
         return self.k1 * near + self.k2 * far, self.k1 * near_slope + self.k2 * far_slope
 
-    def reach(self, pull: Vector) -> Vector:
-        """`(pull/K2)^(1/q)`, [n]: the far power alone pulls as hard there."""
-        return power(pull / self.k2, 1.0 / self.q)
+    def reach(self, phi: Vector) -> Vector:
+        """`(φ/K2)^(1/q)`, [n]: the far power alone is as large there."""
+        return power(phi / self.k2, 1.0 / self.q)

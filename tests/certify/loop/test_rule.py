@@ -84,11 +84,11 @@ def test_random_disturbances_stay_within_the_bound(fast):
 def test_closed_form_equals_the_recursion_where_its_premises_hold():
     envelope = narrowing(1e-3, 3e-3, 0.5, 5e-3, 0.25)
     assert not np.any(envelope.slim[:240])
-    # H² w̄ = (ϑ - ψ(ε̄)) ρ∞ with pull(ε̄) = H w̄, by halving.
+    # H² w̄ = (ϑ - ψ(ε̄)) ρ∞ with φ(ε̄) = H w̄, by halving.
     eps = np.geomspace(1e-6, 10.0, 20000)
-    pull = np.asarray(SURFACE.pull_and_slope(jnp.asarray(eps))[0])
+    phi = np.asarray(SURFACE.phi_and_slope(jnp.asarray(eps))[0])
     place = np.asarray(psi(jnp.asarray(eps), Sides(jnp.array([-1.0]), jnp.array([OVERSHOOT]))))
-    limit = float(pull[np.argmin(np.abs(envelope.horizon * pull - (OVERSHOOT - place) * 5e-3))]) / envelope.horizon
+    limit = float(phi[np.argmin(np.abs(envelope.horizon * phi - (OVERSHOOT - place) * 5e-3))]) / envelope.horizon
     start = (np.array([0.1]), np.array([0.1]))
     assert worst_case_reach(envelope, SURFACE, 0.99 * limit, start).holds[0]
     assert not worst_case_reach(envelope, SURFACE, 1.01 * limit, start).holds[0]

@@ -112,7 +112,7 @@ def test_slope_table_bounds_all_slopes_between_two_places():
     subject = subject_of(*CASES[0])
     sides = subject.drawn.init(jnp.zeros(()), jnp.asarray(subject.start()[0]))
     slopes = SlopeTable.of(subject.surface, sides)
-    slope_at = jax.vmap(lambda eps: subject.surface.pull_and_slope(eps)[1] / psi_and_slope(eps, sides)[1])
+    slope_at = jax.vmap(lambda eps: subject.surface.phi_and_slope(eps)[1] / psi_and_slope(eps, sides)[1])
     rng = np.random.default_rng(0)
     for _ in range(20):
         ends = np.sort(rng.choice([-1.0, 1.0], (2, 2)) * 10 ** rng.uniform(-6.0, 1.0, (2, 2)), axis=0)

@@ -104,10 +104,10 @@ def test_supremum_is_attained_within_one_percent_and_below_the_printed_bound():
     for _ in range(4):
         k1, k2 = np.exp(rng.uniform(-2, 1, 2))
         p, q, delta = rng.uniform(0.2, 0.9), rng.uniform(1.1, 2.0), rng.uniform(0.01, 1.0)
-        pull = BatchedFunction(SmoothFixedTime(k1=k1, k2=k2, p=p, q=q, delta=delta).pull_and_slope)
+        phi = BatchedFunction(SmoothFixedTime(k1=k1, k2=k2, p=p, q=q, delta=delta).phi_and_slope)
 
-        def rate(_: float, y: Any, pull: BatchedFunction = pull) -> Any:
-            return -pull([np.exp(y)])[0][0] / np.exp(y)
+        def rate(_: float, y: Any, phi: BatchedFunction = phi) -> Any:
+            return -phi([np.exp(y)])[0][0] / np.exp(y)
 
         arrived = lambda _, y, delta=delta: y[0] - np.log(delta)  # noqa: E731
         arrived.terminal = True  # type: ignore[attr-defined]
@@ -126,7 +126,7 @@ def settled(scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:
     law = PrintedLaw.of(scenario)
     assert law is not None and law.powers is not None and run.log is not None
     t, e = np.asarray(run.log.t), np.asarray(run.log.e)
-    sides = law.places(np.stack([law.powers.delta, -law.powers.delta]))
+    sides = law.psi(np.stack([law.powers.delta, -law.powers.delta]))
     radius = law.radius(t)
     outside = (e > sides[0] * radius) | (e < sides[1] * radius)
     return np.array([t[item].max() if item.any() else 0.0 for item in outside.T]), t[-1]

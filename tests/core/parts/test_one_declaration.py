@@ -28,17 +28,17 @@ def scratch(meaning: str, unit: str, range: str, default: float, source: str) ->
 
         gain: PerJoint = parameter(meaning, unit, range, "(eq. 99)", default=default, source=source)
 
-        def pull_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
+        def phi_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
             return self.gain * eps, self.gain * jnp.ones_like(eps)
 
-        def reach(self, pull: Vector) -> Vector:
-            return pull / self.gain
+        def reach(self, phi: Vector) -> Vector:
+            return phi / self.gain
 
     return Scratch
 
 
 DECLARATIONS = [
-    ("g, how hard it pulls", "1/s", "> 0", 2.0, "Table 9", -1.0),
+    ("g, slope at zero", "1/s", "> 0", 2.0, "Table 9", -1.0),
     ("g, another gain", "1/min", ">= 3", 5.0, "a guess", 2.0),
 ]
 

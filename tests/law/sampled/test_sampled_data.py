@@ -97,7 +97,7 @@ def test_without_a_disturbance_the_led_error_moves_to_a_convex_mean_and_so_does_
 
     def end(t, eps):
         frame = law.step.transformation.frame(t, jnp.asarray(lead), law.horizon, sides)
-        return frame.ahead * frame.place_and_slope(eps)[0]
+        return frame.ahead * frame.psi_and_slope(eps)[0]
 
     target = np.asarray(jax.vmap(end)(jnp.asarray(log.t), jnp.asarray(log.signals["eps1"])))
     np.testing.assert_allclose(y[1:], (1 - r) * y[:-1] + r * target[:-1], atol=1e-13)
@@ -129,14 +129,14 @@ def test_without_a_disturbance_no_period_is_too_long_for_the_envelope(period, ho
 
 @pytest.mark.parametrize("horizons", [1.0, 3.0])
 def test_a_constant_push_settles_where_the_theory_says(horizons):
-    """`e = H² w + ρ∞ ψ(ε)` with `pull(ε) = H w`."""
+    """`e = H² w + ρ∞ ψ(ε)` with `φ(ε) = H w`."""
     period, push = 5e-3, 2.0
     law, run = mass_run(period, horizons * period, push=push, final=0.05, t1=4.0)
     horizon = float(law.horizon)
     eps = run.log.signals["eps1"][-1]
-    np.testing.assert_allclose(law.step.surface.pull_and_slope(jnp.asarray(eps))[0], horizon * push, rtol=1e-6)
+    np.testing.assert_allclose(law.step.surface.phi_and_slope(jnp.asarray(eps))[0], horizon * push, rtol=1e-6)
     frame = law.step.transformation.frame(jnp.asarray(4.0), jnp.zeros(()), law.horizon, run_sides(law, run))
-    expected = horizon**2 * push + frame.now * frame.place_and_slope(jnp.asarray(eps))[0]
+    expected = horizon**2 * push + frame.now * frame.psi_and_slope(jnp.asarray(eps))[0]
     np.testing.assert_allclose(run.log.e[-1], expected, rtol=1e-6)
 
 

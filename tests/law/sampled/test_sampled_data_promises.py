@@ -127,7 +127,7 @@ def judged(arm, period, x, finished):
 
     def barrier(t, e, de, eps, s_next):
         frame = law.step.transformation.frame(t, lead, horizon, sides)
-        value = frame.now * frame.place_and_slope(eps)[0] + horizon * law.step.surface.pull_and_slope(eps)[0]
+        value = frame.now * frame.psi_and_slope(eps)[0] + horizon * law.step.surface.phi_and_slope(eps)[0]
         return jnp.max(jnp.abs(value - e - lead * de - horizon * s_next)) / horizon
 
     barriers = jax.vmap(barrier)(log.t, log.e, log.de, log.signals["eps1"], s_next)
@@ -153,16 +153,16 @@ def judged(arm, period, x, finished):
     }
 
 
-def reached(surface, pull):
-    """The ε where the surface pulls that hard, by bisection: what the rule calls ε̄."""
+def reached(surface, phi):
+    """The ε at which φ is that large, by bisection: what the rule calls ε̄."""
 
     def halve(_, bracket):
         low, high = bracket
         middle = 0.5 * (low + high)
-        below = surface.pull_and_slope(middle)[0] < pull
+        below = surface.phi_and_slope(middle)[0] < phi
         return jnp.where(below, middle, low), jnp.where(below, high, middle)
 
-    return jax.lax.fori_loop(0, 80, halve, (jnp.zeros_like(pull), 1.0 + surface.reach(pull)))[1]
+    return jax.lax.fori_loop(0, 80, halve, (jnp.zeros_like(phi), 1.0 + surface.reach(phi)))[1]
 
 
 @functools.cache

@@ -184,7 +184,7 @@ def bound_step(
     s_bar = jnp.where(course.layer > 0.0, course.layer + at.s_next, 0.0)
     # 3. The place p that the plan aims at, and its change.
     target = led + (horizon * h * s_bar)[:, None]
-    share, pull, ends = plan_deviation(
+    share, phi, ends = plan_deviation(
         course.surface, course.sides, at.now, horizon * h, (at.target, at.eps), target, last["ends"]
     )
     aim = at.ahead[:, None] * share
@@ -204,7 +204,7 @@ def bound_step(
         jnp.abs(1.0 + (f - 1.0) * r) * last["back"] + jnp.abs(f - 1.0) * r * last["missed"] + f * quicker + change * was
         for f, change in zip(follows, drawn, strict=True)
     ]
-    back = jnp.max(jnp.abs(at.ahead - at.now)[:, None] * share + horizon * h * pull, axis=0)
+    back = jnp.max(jnp.abs(at.ahead - at.now)[:, None] * share + horizon * h * phi, axis=0)
     back = back + (horizon * h * s_bar)[:, None]
     wide = jnp.maximum(*(jnp.abs(f - first.follows[:, None]) for f in follows)) * jnp.max(led, axis=0)
     wide = wide + follows[1] * (horizon * h * s_bar)[:, None]
@@ -415,11 +415,11 @@ class BoundProblem:
         if self.ideal is None:
             return (np.zeros((n, self.e.size)),) * 3
         eps = self.ideal.eps[:n]
-        place, pull = map_rows(_place_and_pull, eps, self.most, self.sides, self.subject.surface)
+        psi_b, phi = map_rows(_psi_and_phi, eps, self.most, self.sides, self.subject.surface)
         planned_target = self.ideal.target
-        target = narrowing.now * place + self.horizon * pull if planned_target is None else planned_target[:n]
+        target = narrowing.now * psi_b + self.horizon * phi if planned_target is None else planned_target[:n]
         turn = np.zeros_like(target)
-        turn[1:] = np.abs(np.diff(target, axis=0) - np.diff(narrowing.now, axis=0) * place[:-1])
+        turn[1:] = np.abs(np.diff(target, axis=0) - np.diff(narrowing.now, axis=0) * psi_b[:-1])
         return target, eps, turn
 
     def _share(self, error: Floats, bounds: ErrorBounds) -> Floats:
@@ -437,9 +437,9 @@ class BoundProblem:
 
 
 @eqx.filter_jit
-def _place_and_pull(sides: Any, surface: Any, eps: Any) -> tuple[Any, Any]:
+def _psi_and_phi(sides: Any, surface: Any, eps: Any) -> tuple[Any, Any]:
     """ψ and φ at each ε."""
-    return jax.vmap(lambda value: (psi(value, sides), surface.pull_and_slope(value)[0]))(eps)
+    return jax.vmap(lambda value: (psi(value, sides), surface.phi_and_slope(value)[0]))(eps)
 
 
 @eqx.filter_jit

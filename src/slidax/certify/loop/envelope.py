@@ -191,8 +191,8 @@ def _scanned(surface: Any, sides: Sides, numbers: Any, inputs: Any, begun: Any) 
         led, error, eps = carry
         radius, ahead, missed, s_next = now
         target = led + foreseen * missed + measured + horizon * s_next
-        eps, place, _ = solve_plan(surface, sides, radius, horizon, target, eps)
-        later = (1.0 - r) * led + r * (ahead * place + share * missed + taken)
+        eps, psi, _ = solve_plan(surface, sides, radius, horizon, target, eps)
+        later = (1.0 - r) * led + r * (ahead * psi + share * missed + taken)
         after = ((1.0 - eta) * error + eta * (led + later)) / (1.0 + eta)
         return (later, after, eps), (led, error)
 
@@ -219,9 +219,9 @@ def solve_plan(
         return barrier.solve(target, guess, barrier.value_and_slope(guess))
 
     eps = jax.vmap(solve)(signed, sign * guess)
-    place = jax.vmap(lambda value: frame.place_and_slope(value)[0])(eps)
-    pull = jax.vmap(lambda value: surface.pull_and_slope(value)[0])(eps)
-    return sign * eps, sign * place, sign * pull
+    psi = jax.vmap(lambda value: frame.psi_and_slope(value)[0])(eps)
+    phi = jax.vmap(lambda value: surface.phi_and_slope(value)[0])(eps)
+    return sign * eps, sign * psi, sign * phi
 
 
 SIGN = (-1.0, 1.0)
@@ -255,10 +255,10 @@ def plan_deviation(
 
     each = jax.vmap(jax.vmap(solve, in_axes=1, out_axes=1))
     eps = each(signed, guess)
-    there = jax.vmap(jax.vmap(lambda value: frame.place_and_slope(value)[0], in_axes=1, out_axes=1))(eps)
-    place = jnp.maximum(sign * (there - frame.place_and_slope(eps_middle)[0][:, None]), 0.0)
-    pull = jnp.maximum(reach - radius[:, None] * place, 0.0) / horizon
-    return place, pull, eps
+    there = jax.vmap(jax.vmap(lambda value: frame.psi_and_slope(value)[0], in_axes=1, out_axes=1))(eps)
+    psi = jnp.maximum(sign * (there - frame.psi_and_slope(eps_middle)[0][:, None]), 0.0)
+    phi = jnp.maximum(reach - radius[:, None] * psi, 0.0) / horizon
+    return psi, phi, eps
 
 
 STEPS = 12
@@ -324,7 +324,7 @@ jax.tree_util.register_dataclass(SlopeTable, data_fields=["eps", "least", "most"
 def _slope(surface: AbstractSurface, sides: Sides, eps: Any) -> Any:
     def at(value: Any) -> Any:
         each = jnp.broadcast_to(value, sides.lower.shape)
-        pulled = surface.pull_and_slope(each)[1]
+        pulled = surface.phi_and_slope(each)[1]
         moved = psi_and_slope(each, sides)[1]
         return jnp.clip(pulled / jnp.maximum(moved, SLOPES[0]), *SLOPES)
 

@@ -111,7 +111,7 @@ class PrintedLaw:
         array = np.asarray(gain, float)
         return (array if array.ndim == 2 else np.diag(np.broadcast_to(array, n))), exponent
 
-    def pulls(self, eps: Floats) -> Floats:
+    def phi(self, eps: Floats) -> Floats:
         """The surface function φ [N n], rad/s or m/s, at ε1 [N] of all joints alike."""
         return self._surface(np.broadcast_to(np.asarray(eps, float)[:, None], (len(eps), self.joints)))[0]
 
@@ -119,20 +119,20 @@ class PrintedLaw:
         """Slope of φ at zero, [n]."""
         return self._surface(np.zeros((1, self.joints)))[1][0]
 
-    def pull_inverse(self, pull: float) -> Floats:
-        """Transformed errors with `φ(ε) = pull`, above these by at most a factor 1 + 1e-5, [n].
+    def phi_inverse(self, phi: float) -> Floats:
+        """Transformed errors with `φ(ε) = phi`, above these by at most a factor 1 + 1e-5, [n].
 
-        - `pull`: > 0, rad/s or m/s.
+        - `phi`: > 0, rad/s or m/s.
         """
-        if pull <= 0.0:
+        if phi <= 0.0:
             return np.zeros(self.joints)
-        reach = np.asarray(self.law.surface.reach(jnp.full(self.joints, pull)), float) * np.ones(self.joints)
+        reach = np.asarray(self.law.surface.reach(jnp.full(self.joints, phi)), float) * np.ones(self.joints)
         errors = np.zeros(self.joints)
         for joint in range(self.joints):
             low, high = 1e-12 * reach[joint], reach[joint] * (1.0 + 1e-12)
             for _ in range(2):
                 grid = np.geomspace(low, high, FINENESS)
-                enough = self.pulls(grid)[:, joint] >= pull
+                enough = self.phi(grid)[:, joint] >= phi
                 place = int(np.argmax(enough)) if enough.any() else FINENESS - 1
                 low, high = grid[max(place - 1, 0)], grid[place]
             errors[joint] = high
@@ -144,9 +144,9 @@ class PrintedLaw:
             return np.ones((len(t), self.joints))
         return np.broadcast_to(self._radius(t)[0].reshape(len(t), -1), (len(t), self.joints))
 
-    def places(self, eps: Floats) -> Floats:
+    def psi(self, eps: Floats) -> Floats:
         """`ψ(ε)` [N n] of transformed errors [N n]; ε itself without an envelope."""
-        return np.asarray(eps, float) if self.sides is None else self._place(eps)[0]
+        return np.asarray(eps, float) if self.sides is None else self._psi(eps)[0]
 
     @cached_property
     def start(self) -> tuple[Floats, Floats, Floats]:
@@ -164,7 +164,7 @@ class PrintedLaw:
 
     @cached_property
     def _surface(self) -> BatchedFunction:
-        return BatchedFunction(self.law.surface.pull_and_slope)
+        return BatchedFunction(self.law.surface.phi_and_slope)
 
     @cached_property
     def _radius(self) -> BatchedFunction:
@@ -173,7 +173,7 @@ class PrintedLaw:
         return BatchedFunction(performance.radius)
 
     @cached_property
-    def _place(self) -> BatchedFunction:
+    def _psi(self) -> BatchedFunction:
         sides = self.sides
         assert sides is not None
         return BatchedFunction(lambda eps: psi(eps, sides))

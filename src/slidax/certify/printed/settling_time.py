@@ -56,13 +56,13 @@ def two_power_time(a: float, p: float, b: float, q: float, upper: float = math.i
     return float(whole * (betainc(m, 1.0 - m, y / (1.0 + y)) - betainc(m, 1.0 - m, y_low / (1.0 + y_low))))
 
 
-def passage_time_bound(pull: Callable[[Floats], Floats], upper: float, lower: float, weight: Any = None) -> float:
+def passage_time_bound(phi: Callable[[Floats], Floats], upper: float, lower: float, weight: Any = None) -> float:
     """Return an upper bound of `∫ w(x) dx/f(x)` from `lower` to `upper`, for increasing f and w with known integral.
 
     The range is cut at equal ratios. In each piece f is at least its value at the lower end, so the piece adds at most
     `(W(x₁) - W(x₀))/f(x₀)`, with W the integral of w.
 
-    - `pull`: f, increasing and > 0 on the range.
+    - `phi`: f, increasing and > 0 on the range.
     - `upper`, `lower`: 0 < lower <= upper < ∞.
     - `weight`: W, increasing; None for `W(x) = x`.
     """
@@ -70,7 +70,7 @@ def passage_time_bound(pull: Callable[[Floats], Floats], upper: float, lower: fl
         return 0.0
     x = np.geomspace(lower, upper, PIECES + 1)
     grown = np.diff(x if weight is None else weight(x))
-    return float(np.sum(grown / pull(x[:-1])))
+    return float(np.sum(grown / phi(x[:-1])))
 
 
 def _power(x: float, exponent: float) -> float:
@@ -216,7 +216,7 @@ class _Times:
         if not (np.isfinite(s).all() and np.isfinite(eps).all()):
             return np.full(self.printed_law.joints, np.inf)
         largest = np.sqrt(self.energy / float(np.linalg.eigvalsh(self.mass).min()))
-        reach = self.printed_law.pull_inverse(largest)
+        reach = self.printed_law.phi_inverse(largest)
         reached = self.reaching["given_start"]
         furthest = np.maximum(np.abs(eps), reach)
         return np.array([self._slid(joint, reached, furthest[joint]) for joint in range(len(s))])
@@ -225,17 +225,17 @@ class _Times:
         """Time when a joint on the surface since `begin`, at most at `eps`, is in its core, s."""
         law, delta = self.printed_law, float(self.powers.delta[joint])
 
-        def pull(x: Floats) -> Floats:
-            return law.pulls(x)[:, joint]
+        def phi(x: Floats) -> Floats:
+            return law.phi(x)[:, joint]
 
         if law.sides is None:
-            return begin + passage_time_bound(pull, eps, delta)
+            return begin + passage_time_bound(phi, eps, delta)
 
-        def place(x: Floats, sign: float) -> Floats:
-            return sign * law.places(np.broadcast_to(sign * x[:, None], (len(x), law.joints)))[:, joint]
+        def psi(x: Floats, sign: float) -> Floats:
+            return sign * law.psi(np.broadcast_to(sign * x[:, None], (len(x), law.joints)))[:, joint]
 
         # Both signs: s may have changed the error's sign.
-        wait = max(passage_time_bound(pull, eps, delta, partial(place, sign=sign)) for sign in (1.0, -1.0))
+        wait = max(passage_time_bound(phi, eps, delta, partial(psi, sign=sign)) for sign in (1.0, -1.0))
         return _when_waited(lambda t: law.radius(t)[:, joint], begin, wait)
 
 

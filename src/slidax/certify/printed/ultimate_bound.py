@@ -180,8 +180,8 @@ class _Member:
         n, law = self.printed.joints, self.printed
         if not np.isfinite(size):
             return np.full(n, np.inf)
-        eps = law.pull_inverse(size)
-        both = np.abs(law.places(np.stack([eps, -eps]))).max(axis=0)
+        eps = law.phi_inverse(size)
+        both = np.abs(law.psi(np.stack([eps, -eps]))).max(axis=0)
         return law.radius(np.array([self.scenario.t1]))[0] * both
 
 
