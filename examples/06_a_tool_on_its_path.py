@@ -18,13 +18,13 @@ home = np.asarray(sx.arms.built_in_arm("panda").home)
 pose = Pose.of_tip(arm, home)
 
 # One pose, and the posture for it that is nearest to home.
-lower = Pose(pose.place + np.array([0.1, 0.0, -0.15]), pose.rotation)
+lower = Pose(pose.position + np.array([0.1, 0.0, -0.15]), pose.rotation)
 found = inverse(arm, lower, start=home)
 print("posture:", found.q.round(4), f"off by {found.place_error:.0e} m")
 
 # A path: down to that pose as fast as the joints can, then once around.
-center = lower.place + np.array([0.0, 0.1, 0.0])
-moves = [Line(to=lower.place), Circle(center=center, axis=[0, 0, 1], speed=0.25, acceleration=1.0)]
+center = lower.position + np.array([0.0, 0.1, 0.0])
+moves = [Line(to=lower.position), Circle(center=center, axis=[0, 0, 1], speed=0.25, acceleration=1.0)]
 path = follow(arm, moves, start=home, velocity=np.asarray(arm.limits.velocity), acceleration=6.0)
 print(path)
 

@@ -530,7 +530,7 @@ def _projected(arm: Skeleton, q: np.ndarray) -> np.ndarray:
     """The arm's points in the picture [k m 2], from the side and a little above."""
     poses = arm.poses(q)
     chain = np.array(arm.chain) + 1
-    places = np.concatenate([poses.places[:, :1], poses.places[:, chain], arm.tips(poses)[:, None]], axis=1)
+    places = np.concatenate([poses.positions[:, :1], poses.positions[:, chain], arm.tips(poses)[:, None]], axis=1)
     apart = np.linalg.norm(np.diff(places[0], axis=0), axis=1) > 1e-6
     places = places[:, np.append(True, apart)]
     around, above = np.radians(-24.0), np.radians(12.0)

@@ -36,7 +36,7 @@ def pendulum():
         moved = b.apply("add", q, b.apply("mul", h, faster))
         return [b.apply("add", count, one), b.apply("add", row, b.apply("convert", due, type="i64")), moved, faster]
 
-    left = b.loop([zero, zero, *start], lambda carried: b.apply("lt", carried[0], steps), turn, turns=steps)
+    left = b.loop([zero, zero, *start], lambda carried: b.apply("lt", carried[0], steps), turn, iterations=steps)
     b.output("end", "f64", np.array(left[2:], object))
     return b.finish()
 

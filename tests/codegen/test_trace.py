@@ -179,7 +179,7 @@ def test_a_scan_stays_a_loop_and_leaves_what_it_carried():
 
     assert_alike(function, X[0], A)
     (loop,) = blocks(trace(function, X[0], A), Loop)
-    assert loop.turns.data == 3
+    assert loop.iterations.data == 3
 
 
 def test_a_scan_stacks_what_each_turn_leaves_forwards_and_backwards():

@@ -206,7 +206,7 @@ def test_in_real_time_the_log_has_each_tick_and_gives_the_same_bits(tmp_path):
         assert 0 <= shares["p50"] <= shares["p99"] <= shares["p99.9"] <= shares["max"]
     assert picture.read_text().count("<path") > 10
     read = read_mcap(log)
-    assert read.whole and read.arm["true_k"].tolist() == list(range(ticks))
+    assert read.complete and read.arm["true_k"].tolist() == list(range(ticks))
     again = replay(read)
     assert (again.first, again.unknown) == (None, 0)
 

@@ -29,7 +29,7 @@ def test_the_tool_is_where_pinocchio_has_it_and_is_found_again(arm):
         np.testing.assert_allclose(rotation, data.oMf[body].rotation, atol=1e-10)
         wanted = Pose(tip, rotation)
         reached = Pose.of_tip(ours, inverse(ours, wanted, start=np.clip(q + 0.05, *_ends(ours))).q)
-        np.testing.assert_allclose(reached.place, wanted.place, atol=1e-9)
+        np.testing.assert_allclose(reached.position, wanted.position, atol=1e-9)
         np.testing.assert_allclose(reached.rotation, wanted.rotation, atol=1e-9)
 
 
@@ -44,7 +44,7 @@ def test_along_a_path_pinocchio_has_the_tool_on_it(name):
         q = np.asarray(followed.trajectory.position(jnp.asarray(t)))
         pinocchio.framesForwardKinematics(model, data, position(model, arm.joint_names, q))
         s = 10 * t**3 - 15 * t**4 + 6 * t**5
-        np.testing.assert_allclose(data.oMf[body].translation, pose.place + s * np.array([0.05, 0.05, 0]), atol=2e-6)
+        np.testing.assert_allclose(data.oMf[body].translation, pose.position + s * np.array([0.05, 0.05, 0]), atol=2e-6)
         np.testing.assert_allclose(data.oMf[body].rotation, pose.rotation, atol=2e-6)
 
 
@@ -60,11 +60,11 @@ def test_peer_ends_at_the_same_posture_of_an_arm_that_is_not_redundant(peer):
         model = for_pinocchio("ur5e")
         configuration = package.Configuration(model, model.createData(), start)
         task = package.FrameTask(model.frames[model.nframes - 1].name, **costs)
-        task.set_target(pinocchio.SE3(pose.rotation, pose.place))
+        task.set_target(pinocchio.SE3(pose.rotation, pose.position))
     else:
         configuration = package.Configuration(for_mujoco("ur5e"), q=start)
         task = package.FrameTask(DESCRIPTIONS["ur5e"]["tip"]["name"], "body", **costs)
-        task.set_target(package.SE3.from_rotation_and_translation(package.SO3(pose.quaternion), pose.place))
+        task.set_target(package.SE3.from_rotation_and_translation(package.SO3(pose.quaternion), pose.position))
     options = {"solver": "daqp"} | ({"safety_break": False} if peer == "pink" else {})
     for _ in range(200):
         configuration.integrate_inplace(package.solve_ik(configuration, [task], 0.1, **options), 0.1)

@@ -97,11 +97,11 @@ def test_a_load_that_is_let_go_falls_onto_the_table_and_comes_to_rest():
     assert dropped.outcome.ok
     way = dropped.load
     assert way.t[0] == pytest.approx(0.4) and way.t[-1] == 1.5
-    centers = way.place + way.rotation @ center
+    centers = way.position + way.rotation @ center
     # As a body of its own it goes on with the tip's velocity, and then by its weight alone.
     k = 400
     at_tip = tips(dropped.log.state.q[k - 1 : k + 2])
-    np.testing.assert_allclose(way.place[0], at_tip[1], atol=1e-12)
+    np.testing.assert_allclose(way.position[0], at_tip[1], atol=1e-12)
     spin = way.rotation[1] @ way.rotation[0].T
     velocity = (at_tip[2] - at_tip[0]) / (2 * PERIOD) + np.cross(
         np.array([spin[2, 1], spin[0, 2], spin[1, 0]]) / PERIOD, way.rotation[0] @ center
@@ -111,7 +111,7 @@ def test_a_load_that_is_let_go_falls_onto_the_table_and_comes_to_rest():
     np.testing.assert_allclose(centers[:100], flight, atol=1e-3)
     # A cube by its inertia: it ends on one of its faces.
     np.testing.assert_allclose(centers[-1, 2], 0.25 + half, atol=1e-4)
-    assert np.abs(way.place[-1] - way.place[-50]).max() < 1e-6
+    assert np.abs(way.position[-1] - way.position[-50]).max() < 1e-6
     # The law knows neither the load nor when it goes.
     jump = np.abs(dropped.log.e[k : k + 50]).max()
     before = np.abs(dropped.log.e[k - 50 : k]).max()

@@ -201,7 +201,7 @@ def test_both_engines_give_the_same_run_whatever_is_logged():
     np.testing.assert_allclose(native.log.state.q[::7], xla.log.state.q, rtol=0, atol=1e-8)
     np.testing.assert_allclose(native.tally.torque_square, xla.tally.torque_square, rtol=1e-6)
     assert xla.load.t.tolist() == pytest.approx([0.084, 0.091, 0.098])
-    np.testing.assert_allclose(native.load.place[4::7], xla.load.place, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(native.load.position[4::7], xla.load.position, rtol=0, atol=1e-8)
     unlogged = simulate(plant, *loop[1:], engine="native", log_every=None, **how)
     assert unlogged.log is None and unlogged.load is None
     for one, other in zip(jax.tree.leaves(native.tally), jax.tree.leaves(unlogged.tally), strict=True):

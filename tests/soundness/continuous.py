@@ -148,7 +148,7 @@ def judged_settling(seed: int, laws: int, cases: int, joints: int, count: Counte
         assert np.all(bounds <= supremum * (1 + 1e-9))
         assert np.all(supremum <= np.asarray(verdicts[0].bound["printed"]) * (1 + 1e-9))
         printed = PrintedLaw.of(scenarios[0])
-        sides = printed.places(np.stack([printed.powers.delta, -printed.powers.delta]))
+        sides = printed.psi(np.stack([printed.powers.delta, -printed.powers.delta]))
         radius = printed.radius(run.t)
         # A run that broke off is at no time inside.
         outside = ~((run.e <= sides[0] * radius) & (run.e >= sides[1] * radius))

@@ -161,7 +161,7 @@ def read_saved(saved: Path) -> tuple[Scenario, dict[str, np.ndarray], bool]:
     """
     if saved.suffix == ".mcap":
         log = read_mcap(saved)
-        if not log.whole:
+        if not log.complete:
             warnings.warn(
                 f"`{saved}` has no end or is damaged: it is read as far as it is whole", DefinitionWarning, stacklevel=2
             )

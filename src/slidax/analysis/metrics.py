@@ -214,7 +214,7 @@ def tool_error(run: Run) -> np.ndarray | float | None:
     """Most that the tip is away from where the reference has it [m]; None where no tool is led."""
     if run.tally.tool is None:
         return None
-    return value_of_run(array_of(run.tally.samples) > 0, array_of(run.tally.tool.place.error))
+    return value_of_run(array_of(run.tally.samples) > 0, array_of(run.tally.tool.position.error))
 
 
 @metric("steady tool error", "m", per_joint=False)
@@ -222,7 +222,7 @@ def steady_tool_error(run: Run) -> np.ndarray | float | None:
     """The same over the last quarter of the run [m]."""
     if run.tally.tool is None:
         return None
-    return value_of_run(reached_last_quarter(run), array_of(run.tally.tool.place.steady))
+    return value_of_run(reached_last_quarter(run), array_of(run.tally.tool.position.steady))
 
 
 @metric("tool error, rms", "m", per_joint=False)
@@ -231,7 +231,7 @@ def rms_tool_error(run: Run) -> np.ndarray | float | None:
     if run.tally.tool is None:
         return None
     samples = array_of(run.tally.samples)
-    return value_of_run(samples > 0, _rms(run, run.tally.tool.place.square))
+    return value_of_run(samples > 0, _rms(run, run.tally.tool.position.square))
 
 
 @metric("tool turn", "rad", per_joint=False)

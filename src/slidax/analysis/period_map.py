@@ -185,15 +185,15 @@ class DelayLine(AbstractSensor):
         self, k: Int[Array, ""], state: State, period: Scalar, memory: DelayLineMemory
     ) -> tuple[Measurement, DelayLineMemory]:
         q, dq = (jnp.concatenate([new[None], old[:-1]]) for new, old in ((state.q, memory.q), (state.dq, memory.dq)))
-        whole, back = math.floor(self.periods), self.periods % 1.0
-        past = State(q=q[whole], dq=dq[whole])
-        if back:
-            q1, v1, v0 = q[whole], dq[whole], dq[whole + 1]
-            mean = (q1 - q[whole + 1]) / period
+        integer, fraction = math.floor(self.periods), self.periods % 1.0
+        past = State(q=q[integer], dq=dq[integer])
+        if fraction:
+            q1, v1, v0 = q[integer], dq[integer], dq[integer + 1]
+            mean = (q1 - q[integer + 1]) / period
             square, cube = 2.0 * v1 + v0 - 3.0 * mean, 2.0 * mean - v1 - v0
             past = State(
-                q=q1 + period * back * (back * (square + back * cube) - v1),
-                dq=v1 - back * (2.0 * square + 3.0 * back * cube),
+                q=q1 + period * fraction * (fraction * (square + fraction * cube) - v1),
+                dq=v1 - fraction * (2.0 * square + 3.0 * fraction * cube),
             )
         past = jax.tree.map(jnp.asarray, past)
         measurement, inner = self.sensor(k, past, period, memory.inner)

@@ -87,9 +87,9 @@ def held_torque(tau: np.ndarray, times: np.ndarray) -> np.ndarray:
     - `tau`: torques [N n].
     - `times`: in periods [m].
     """
-    whole = np.floor(times).astype(int)
-    part = (times - whole)[:, None]
-    return (1.0 - part) * tau[np.maximum(whole, 0)] + part * tau[np.clip(whole + 1, 0, len(tau) - 1)]
+    integer = np.floor(times).astype(int)
+    fraction = (times - integer)[:, None]
+    return (1.0 - fraction) * tau[np.maximum(integer, 0)] + fraction * tau[np.clip(integer + 1, 0, len(tau) - 1)]
 
 
 def _filtered(signal: Signal, edges: float | tuple[float, float], kind: str, period: float) -> Signal:
@@ -298,8 +298,8 @@ class RunRecord:
     @property
     def kept(self) -> bool:
         """True if the run reached its end inside its envelope."""
-        whole = len(self.t) == round(self.scenario.t1 / self.period) + 1
-        return whole and not self.outside.any()
+        complete = len(self.t) == round(self.scenario.t1 / self.period) + 1
+        return complete and not self.outside.any()
 
     @cached_property
     def left(self) -> int:

@@ -42,7 +42,7 @@ class JointFrames(NamedTuple):
     """Axes of each joint's frame as columns [3 3 n], and its origin [3 n], m."""
 
     rotation: Float[Array, "3 3 n"]
-    place: Float[Array, "3 n"]
+    position: Float[Array, "3 n"]
 
 
 class JointAxes(NamedTuple):
@@ -69,9 +69,9 @@ def joint_frames(
     - `parents`: index of each joint's parent, less than its own; -1 for the base.
     - `q`: positions [n], rad or m.
     """
-    turns = np.asarray(revolute)
-    cosine, sine = barrier((jnp.where(turns, jnp.cos(q), 1.0), jnp.where(turns, jnp.sin(q), 0.0)))
-    slide = jnp.where(turns, 0.0, q)
+    is_revolute = np.asarray(revolute)
+    cosine, sine = barrier((jnp.where(is_revolute, jnp.cos(q), 1.0), jnp.where(is_revolute, jnp.sin(q), 0.0)))
+    slide = jnp.where(is_revolute, 0.0, q)
     placed: list[tuple[Any, Any]] = []
     for i, parent in enumerate(parents):
         own = rotations[i], translations[i]
@@ -79,7 +79,7 @@ def joint_frames(
         placed.append(_moved(own, moved) if parent < 0 else _behind(*placed[parent], own, moved))
     return JointFrames(
         rotation=jnp.stack([rotation for rotation, _ in placed], axis=-1),
-        place=jnp.stack([place for _, place in placed], axis=-1),
+        position=jnp.stack([position for _, position in placed], axis=-1),
     )
 
 
@@ -87,32 +87,32 @@ def joint_frames(
 @jax.jit
 def _behind(before: Any, at: Any, own: tuple[Any, Any], moved: tuple[Any, ...]) -> tuple[Any, Any]:
     """Frame of a joint from its parent's frame."""
-    rotation, place = own
-    return _moved((_product(before, rotation), at + _image(before, place)), moved)
+    rotation, position = own
+    return _moved((_product(before, rotation), at + _image(before, position)), moved)
 
 
 def _moved(frame: tuple[Any, Any], moved: tuple[Any, ...]) -> tuple[Any, Any]:
     """Rotate a frame, by a cosine and a sine, or slide it."""
-    rotation, place = frame
+    rotation, position = frame
     x, y, z = rotation[:, 0], rotation[:, 1], rotation[:, 2]
     if len(moved) == 2:
         cosine, sine = moved
         rotation = jnp.stack([cosine * x + sine * y, cosine * y - sine * x, z], axis=1)
     else:
-        place = place + moved[0] * z
+        position = position + moved[0] * z
     # Without this XLA would compute each frame anew in every one behind it.
-    return barrier((rotation, place))
+    return barrier((rotation, position))
 
 
 def joint_axes(at: JointFrames, revolute: Sequence[bool]) -> JointAxes:
     """Return the velocity that each joint gives its link."""
-    z, turns = at.rotation[:, 2], np.asarray(revolute)
-    return JointAxes(angular=jnp.where(turns, z, 0.0), linear=jnp.where(turns, cross(at.place, z), z))
+    z, is_revolute = at.rotation[:, 2], np.asarray(revolute)
+    return JointAxes(angular=jnp.where(is_revolute, z, 0.0), linear=jnp.where(is_revolute, cross(at.position, z), z))
 
 
 def about_base_origin(bodies: Bodies, at: JointFrames) -> Bodies:
     """Transform the links' inertia from each joint's frame to the base frame and its origin."""
-    r, p, m = at.rotation, at.place, bodies.mass
+    r, p, m = at.rotation, at.position, bodies.mass
     h = jnp.sum(r * bodies.moment[None], axis=1)
     full = bodies.inertia[np.asarray(PLACES)]
     half = jnp.sum(r[:, :, None] * full[None], axis=1)
@@ -277,14 +277,14 @@ class Articulated(AbstractRobot):
     def tip_frame(self, q: Vector) -> tuple[Float[Array, "3 3"], Float[Array, "3"]]:
         """Return the tip's axes, as columns, and its position in the base frame, [3 3] and [3], m."""
         at = self._frames(q)
-        rotation, place = at.rotation[..., self.tip_joint], at.place[:, self.tip_joint]
+        rotation, position = at.rotation[..., self.tip_joint], at.position[:, self.tip_joint]
         turned = jnp.sum(rotation[:, :, None] * self.tip_rotation[None], axis=1)
-        return turned, place + jnp.sum(rotation * self.tip_translation[None], axis=1)
+        return turned, position + jnp.sum(rotation * self.tip_translation[None], axis=1)
 
     def frames(self, q: Vector) -> tuple[Float[Array, "n 3 3"], Float[Array, "n 3"]]:
         """Return each joint's axes, as columns, and its position in the base frame, [n 3 3] and [n 3], m."""
         at = self._frames(q)
-        return jnp.moveaxis(at.rotation, -1, 0), at.place.T
+        return jnp.moveaxis(at.rotation, -1, 0), at.position.T
 
     @property
     def _revolute(self) -> tuple[bool, ...]:

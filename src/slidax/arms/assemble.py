@@ -51,14 +51,14 @@ def _inertia_matrix(arm: Articulated, q: np.ndarray) -> np.ndarray:
     mass = np.diag(np.asarray(arm.armature))
     for i, parent in enumerate(arm.parents):
         before, at = placed[parent] if parent >= 0 else (np.eye(3), np.zeros(3))
-        rotation, place = before @ rotations[i], at + before @ translations[i]
+        rotation, position = before @ rotations[i], at + before @ translations[i]
         if arm.joint_units[i] == "rad":
             c, s = math.cos(q[i]), math.sin(q[i])
             rotation = rotation @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         else:
-            place = place + q[i] * rotation[:, 2]
-        placed.append((rotation, place))
-        center = place + rotation @ centers[i]
+            position = position + q[i] * rotation[:, 2]
+        placed.append((rotation, position))
+        center = position + rotation @ centers[i]
         linear, angular = np.zeros((3, arm.joints)), np.zeros((3, arm.joints))
         j = i
         while j >= 0:
@@ -251,10 +251,10 @@ def _tip(tip: str, joints: Sequence[Joint], placed: Mapping[str | None, _Placed]
     by_link = {joint.link: joint.name for joint in joints}
     if tip not in by_link:
         raise DefinitionError(f"`tip` names link `{tip}`, which {name} does not have; {nearest_word(tip, by_link)}")
-    place = placed[by_link[tip]]
-    if place.carrier is None:
+    frame = placed[by_link[tip]]
+    if frame.carrier is None:
         raise DefinitionError(f"`tip` names link `{tip}` of {name}, which no joint moves")
-    return place
+    return frame
 
 
 def _arm(moved: Mapping[str, _Moved], tip: _Placed, gravity: Sequence[float], name: str) -> Articulated:

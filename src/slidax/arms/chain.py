@@ -22,9 +22,9 @@ class PlacedAxis(NamedTuple):
     """A joint's axis in a posture: direction and position are series of vectors [... 3]."""
 
     joint: int
-    turns: bool
+    revolute: bool
     direction: Series
-    place: Series
+    position: Series
 
 
 class PlacedTool(NamedTuple):
@@ -33,7 +33,7 @@ class PlacedTool(NamedTuple):
     x: Series
     y: Series
     z: Series
-    place: Series
+    position: Series
     axes: tuple[PlacedAxis, ...]
 
 
@@ -53,7 +53,7 @@ class KinematicChain:
     joints: tuple[int, ...]
     rotations: Array
     translations: Array
-    turns: tuple[bool, ...]
+    revolute: tuple[bool, ...]
     rotation: Array
     translation: Array
     lower: Array
@@ -68,31 +68,31 @@ class KinematicChain:
         """Return tool and joint axes at positions [... n], a series."""
         orders, shape = len(q), q[0].shape[:-1]
         columns = [constant(np.broadcast_to(axis, (*shape, 3)), orders) for axis in np.eye(3)]
-        place = constant(np.zeros((*shape, 3)), orders)
+        position = constant(np.zeros((*shape, 3)), orders)
         axes = []
-        for joint, rotation, translation, turns in zip(
-            self.joints, self.rotations, self.translations, self.turns, strict=True
+        for joint, rotation, translation, revolute in zip(
+            self.joints, self.rotations, self.translations, self.revolute, strict=True
         ):
-            place = sum_series(place, _combined(columns, translation))
+            position = sum_series(position, _combined(columns, translation))
             x, y, z = (_combined(columns, column) for column in rotation.T)
             own = [None if coefficient is None else coefficient[..., joint] for coefficient in q]
-            axes.append(PlacedAxis(joint, turns, z, place))
-            if turns:
+            axes.append(PlacedAxis(joint, revolute, z, position))
+            if revolute:
                 c, s = cosine_and_sine(own)
                 turned = sum_series(product(c, x, scale_vectors), product(s, y, scale_vectors))
                 y = sum_series(product(c, y, scale_vectors), scale_series(product(s, x, scale_vectors), -1.0))
                 x = turned
             else:
-                place = sum_series(place, product(own, z, scale_vectors))
+                position = sum_series(position, product(own, z, scale_vectors))
             columns = [x, y, z]
-        place = sum_series(place, _combined(columns, self.translation))
+        position = sum_series(position, _combined(columns, self.translation))
         x, y, z = (_combined(columns, column) for column in self.rotation.T)
-        return PlacedTool(x, y, z, place, tuple(axes))
+        return PlacedTool(x, y, z, position, tuple(axes))
 
     def frame(self, q: Array) -> tuple[Array, Array]:
         """Return the tool's axes, as columns, and its position in the base frame, [... 3 3] and [... 3], m."""
         tool = self.tool([np.asarray(q, float)])
-        return np.stack([tool.x[0], tool.y[0], tool.z[0]], axis=-1), tool.place[0]
+        return np.stack([tool.x[0], tool.y[0], tool.z[0]], axis=-1), tool.position[0]
 
 
 def kinematic_chain(robot: AbstractRobot) -> KinematicChain:
@@ -113,7 +113,7 @@ def kinematic_chain(robot: AbstractRobot) -> KinematicChain:
             joints=tuple(joints),
             rotations=np.asarray(robot.rotations)[joints],
             translations=np.asarray(robot.translations)[joints],
-            turns=tuple(robot.joint_units[joint] == "rad" for joint in joints),
+            revolute=tuple(robot.joint_units[joint] == "rad" for joint in joints),
             rotation=np.asarray(robot.tip_rotation),
             translation=np.asarray(robot.tip_translation),
             lower=np.asarray(robot.limits.lower),
@@ -141,7 +141,7 @@ def kinematic_chain(robot: AbstractRobot) -> KinematicChain:
         joints=tuple(range(n)),
         rotations=np.array([np.eye(3), np.eye(3), down]) if slides else np.array([np.eye(3)] * 2),
         translations=np.array([*ahead, [second, 0.0, 0.0]] if slides else ahead),
-        turns=(True, True, False)[:n],
+        revolute=(True, True, False)[:n],
         rotation=down if slides else np.eye(3),
         translation=np.zeros(3) if slides else np.array([second, 0.0, 0.0]),
         lower=np.full(n, -np.inf),
@@ -159,17 +159,17 @@ def _combined(columns: list[Series], weights: Array) -> Series:
 class Pose:
     """Position and orientation in the base frame.
 
-    - `place`: [3], m.
+    - `position`: [3], m.
     - `rotation`: axes of the tool's frame as columns [3 3].
 
     Raises DefinitionError unless the position has three finite numbers and the axes are orthonormal and right-handed.
     """
 
-    place: Array
+    position: Array
     rotation: Array
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "place", numbers("Pose.place", self.place, 3))
+        object.__setattr__(self, "position", numbers("Pose.position", self.position, 3))
         rotation = np.asarray(self.rotation, float)
         square = rotation.shape == (3, 3) and np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-9)
         if not (square and np.linalg.det(rotation) > 0):
@@ -179,12 +179,12 @@ class Pose:
         object.__setattr__(self, "rotation", rotation)
 
     @staticmethod
-    def of(place: Sequence[float] | Array, quaternion: Sequence[float] | Array = (1.0, 0.0, 0.0, 0.0)) -> Pose:
+    def of(position: Sequence[float] | Array, quaternion: Sequence[float] | Array = (1.0, 0.0, 0.0, 0.0)) -> Pose:
         """Return a pose from a position [3], m, and a quaternion w, x, y, z of any length but zero [4].
 
         Raises DefinitionError for another number of entries, or entries that are not finite.
         """
-        return Pose(numbers("Pose.place", place, 3), matrix_of(unit_quaternion("Pose.quaternion", quaternion)))
+        return Pose(numbers("Pose.position", position, 3), matrix_of(unit_quaternion("Pose.quaternion", quaternion)))
 
     @staticmethod
     def of_tip(robot: AbstractRobot, q: object) -> Pose:
@@ -192,8 +192,8 @@ class Pose:
 
         Raises DefinitionError unless q has n finite numbers.
         """
-        rotation, place = kinematic_chain(robot).frame(numbers("q", q, robot.joints))
-        return Pose(place, rotation)
+        rotation, position = kinematic_chain(robot).frame(numbers("q", q, robot.joints))
+        return Pose(position, rotation)
 
     @property
     def quaternion(self) -> Array:

@@ -101,7 +101,7 @@ class TargetPose(NamedTuple):
     x: Series
     y: Series
     z: Series
-    place: Series
+    position: Series
 
 
 class AbstractCurve:
@@ -114,14 +114,14 @@ class AbstractCurve:
     def at(self, s: Array | float) -> tuple[Array, Array]:
         """Return orientation [... 3 3] and position [... 3], m, at s in [0, 1]."""
         aim = self.aim([np.asarray(s, float)])
-        return np.stack([aim.x[0], aim.y[0], aim.z[0]], axis=-1), aim.place[0]
+        return np.stack([aim.x[0], aim.y[0], aim.z[0]], axis=-1), aim.position[0]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Helix(AbstractCurve):
     """`p(s) = c + R(a, s φ) (p_0 - c) + s d`, rotated by `R(b, s ψ) R_0`: a line, an arc or a screw.
 
-    - `rotation`, `place`: R_0 [3 3] and p_0 [3], m.
+    - `rotation`, `position`: R_0 [3 3] and p_0 [3], m.
     - `shift`: d [3], m.
     - `center`: c, a point of the axis [3], m.
     - `axis`, `angle`: unit vector a [3], and φ, rad.
@@ -129,7 +129,7 @@ class Helix(AbstractCurve):
     """
 
     rotation: Array
-    place: Array
+    position: Array
     center: Array
     shift: Array
     axis: Array
@@ -138,11 +138,11 @@ class Helix(AbstractCurve):
     spin: float = 0.0
 
     def aim(self, s: Series) -> TargetPose:
-        arm = _turned(self.axis, scale_series(s, self.angle), self.place - self.center)
+        arm = _turned(self.axis, scale_series(s, self.angle), self.position - self.center)
         shift = [None if coefficient is None else coefficient[..., None] * self.shift for coefficient in s]
-        place = sum_series(constant(self.center, len(s)), arm, shift)
+        position = sum_series(constant(self.center, len(s)), arm, shift)
         x, y, z = (_turned(self.spin_axis, scale_series(s, self.spin), column) for column in self.rotation.T)
-        return TargetPose(x, y, z, place)
+        return TargetPose(x, y, z, position)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -171,18 +171,18 @@ class Spline(AbstractCurve):
             bent = None if s[1] is None else own[2] * (s[1] ** 2)[..., None]
             more = None if s[2] is None else own[1] * s[2][..., None]
             value.append(bent if more is None else more if bent is None else bent + more)
-        place = [None if value is None else value[..., :3] for value in value]
+        position = [None if value is None else value[..., :3] for value in value]
         size = product(value, value, lambda a, b: np.sum(a[..., 3:] * b[..., 3:], axis=-1))
         unit = product(inverse_root(size), value, lambda a, b: a[..., None] * b[..., 3:])
         x, y, z = _axes(unit)
-        return TargetPose(x, y, z, place)
+        return TargetPose(x, y, z, position)
 
 
-def standing(rotation: Array, place: Array) -> Helix:
+def standing(rotation: Array, position: Array) -> Helix:
     """Return the curve that stays at a pose, [3 3] and [3], m."""
     still = np.zeros(3)
     up = np.array([0.0, 0.0, 1.0])
-    return Helix(rotation=rotation, place=place, center=place, shift=still, axis=up, spin_axis=up)
+    return Helix(rotation=rotation, position=position, center=position, shift=still, axis=up, spin_axis=up)
 
 
 def _turned(axis: Array, angle: Series, vector: Array) -> Series:

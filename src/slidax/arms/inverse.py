@@ -71,17 +71,17 @@ class PoseTask:
 
     def error(self, tool: PlacedTool, aim: TargetPose) -> Series:
         """Return the tool's error in m and, for small angles, rad, a series [... m]."""
-        place = sum_series(tool.place, scale_series(aim.place, -1.0))
+        position = sum_series(tool.position, scale_series(aim.position, -1.0))
         if self.hold == "place":
-            return place
+            return position
         turned: Series
         if self.hold == "axis":
             tilts = [product(aim.y, tool.z, dot), scale_series(product(aim.x, tool.z, dot), -1.0)]
-            turned = [_stacked([tilt[k] for tilt in tilts]) for k in range(len(place))]
+            turned = [_stacked([tilt[k] for tilt in tilts]) for k in range(len(position))]
         else:
             pairs = zip((aim.x, aim.y, aim.z), (tool.x, tool.y, tool.z), strict=True)
             turned = scale_series(sum_series(*(product(a, b, cross) for a, b in pairs)), 0.5)
-        return [_joined(a, b, place[0], turned[0]) for a, b in zip(place, turned, strict=True)]
+        return [_joined(a, b, position[0], turned[0]) for a, b in zip(position, turned, strict=True)]
 
     def _pulled(self, tool: PlacedTool, force: Series, aim: TargetPose) -> Series:
         """Joint forces from a force on the tool, a series [... n]."""
@@ -97,8 +97,8 @@ class PoseTask:
             moment = product(tool.z, about, cross)
         torques: dict[int, Series] = {}
         for axis in tool.axes:
-            if axis.turns:
-                arm = sum_series(tool.place, scale_series(axis.place, -1.0))
+            if axis.revolute:
+                arm = sum_series(tool.position, scale_series(axis.position, -1.0))
                 about = product(arm, pull, cross)
                 torques[axis.joint] = product(axis.direction, sum_series(about, moment), dot)
             else:
@@ -171,17 +171,19 @@ def curvature(task: PoseTask, curve: AbstractCurve, z: Array, s: Array, along: A
 
 def tool_errors(task: PoseTask, curve: AbstractCurve, q: Array, s: Array) -> tuple[Array, Array]:
     """Return the tool's errors at postures q [k n], [k] m and [k] rad; the angle is 0 if only the position is held."""
-    (rotation, place), (there, aim) = task.chain.frame(q), curve.at(s)
-    return pose_error(rotation, place, there, aim, task.hold)
+    (rotation, position), (there, aim) = task.chain.frame(q), curve.at(s)
+    return pose_error(rotation, position, there, aim, task.hold)
 
 
-def pose_error(rotation: Array, place: Array, there: Array, aim: Array, hold: HeldCoordinates) -> tuple[Array, Array]:
+def pose_error(
+    rotation: Array, position: Array, there: Array, aim: Array, hold: HeldCoordinates
+) -> tuple[Array, Array]:
     """Return the distance between two poses, m and rad, in the held coordinates.
 
-    - `rotation`, `place`: first pose [... 3 3], [... 3].
+    - `rotation`, `position`: first pose [... 3 3], [... 3].
     - `there`, `aim`: second pose.
     """
-    off: Array = np.linalg.norm(place - aim, axis=-1)
+    off: Array = np.linalg.norm(position - aim, axis=-1)
     if hold == "place":
         return off, np.zeros_like(off)
     # By differences, which keep the digits of a small angle.
@@ -195,7 +197,7 @@ def jacobian(task: PoseTask, q: Array) -> Array:
     n = q.shape[-1]
     values = np.broadcast_to(q[..., None, :], (*q.shape[:-1], n, n))
     tool = task.chain.tool([values, np.broadcast_to(np.eye(n), values.shape)])
-    aim = TargetPose(*([axis[0], None] for axis in (tool.x, tool.y, tool.z, tool.place)))
+    aim = TargetPose(*([axis[0], None] for axis in (tool.x, tool.y, tool.z, tool.position)))
     slope = task.error(tool, aim)[1]
     return np.swapaxes(slope, -1, -2)
 
@@ -395,9 +397,9 @@ def _searched(chain: KinematicChain, pose: Pose, guess: Array, hold: HeldCoordin
     kept = {"place": [], "axis": [2], "pose": [0, 1, 2]}[hold]
 
     def error(q: Array) -> Array:
-        rotation, place = chain.frame(q)
+        rotation, position = chain.frame(q)
         turned = ((rotation - pose.rotation)[:, kept] / np.sqrt(2.0)).T.ravel()
-        return np.concatenate([place - pose.place, turned])
+        return np.concatenate([position - pose.position, turned])
 
     def slope(q: Array) -> Array:
         tool = chain.tool([q])
@@ -405,9 +407,11 @@ def _searched(chain: KinematicChain, pose: Pose, guess: Array, hold: HeldCoordin
         axes = (tool.x[0], tool.y[0], tool.z[0])
         for axis in tool.axes:
             direction = axis.direction[0]
-            jacobian[:3, axis.joint] = cross(direction, tool.place[0] - axis.place[0]) if axis.turns else direction
+            jacobian[:3, axis.joint] = (
+                cross(direction, tool.position[0] - axis.position[0]) if axis.revolute else direction
+            )
             for row, k in enumerate(kept):
-                if axis.turns:
+                if axis.revolute:
                     jacobian[3 * row + 3 : 3 * row + 6, axis.joint] = cross(direction, axes[k]) / np.sqrt(2.0)
         return jacobian
 
@@ -425,8 +429,8 @@ def _searched(chain: KinematicChain, pose: Pose, guess: Array, hold: HeldCoordin
 
 
 def _apart(chain: KinematicChain, pose: Pose, q: Array, hold: HeldCoordinates) -> tuple[float, float]:
-    place, turn = pose_error(*chain.frame(q), pose.rotation, pose.place, hold)
-    return float(place), float(turn)
+    position, turn = pose_error(*chain.frame(q), pose.rotation, pose.position, hold)
+    return float(position), float(turn)
 
 
 def _polished(task: PoseTask, pose: Pose, q: Array) -> Array:
@@ -443,7 +447,7 @@ def _polished(task: PoseTask, pose: Pose, q: Array) -> Array:
 def move_to_posture(task: PoseTask, pose: Pose, q: Array, liked: Array) -> Array | None:
     """Return posture and forces at a pose while the preferred posture moves from q to `liked`, or None."""
     z = np.concatenate([q, np.zeros(HOLDS[task.hold])])
-    curve, at = standing(pose.rotation, pose.place), np.zeros(1)
+    curve, at = standing(pose.rotation, pose.position), np.zeros(1)
     done, step = 0.0, 1.0 if (liked == q).all() else 0.25
     while done < 1.0:
         goal = min(done + step, 1.0)
@@ -458,7 +462,7 @@ def move_to_posture(task: PoseTask, pose: Pose, q: Array, liked: Array) -> Array
 
 
 def _refused(chain: KinematicChain, pose: Pose, q: Array, hold: HeldCoordinates) -> str:
-    place, turn = _apart(chain, pose, q, hold)
+    position, turn = _apart(chain, pose, q, hold)
     span = np.where(np.isfinite(chain.upper - chain.lower), chain.upper - chain.lower, 1.0)
     ends = [
         f"{name} at its {side} limit of {bound:.4g}"
@@ -466,8 +470,8 @@ def _refused(chain: KinematicChain, pose: Pose, q: Array, hold: HeldCoordinates)
         for side, bound in (("lower", chain.lower[i]), ("upper", chain.upper[i]))
         if abs(q[i] - bound) < AT_LIMIT * span[i]
     ]
-    where = f"[{', '.join(f'{x:.4g}' for x in pose.place)}] m"
+    where = f"[{', '.join(f'{x:.4g}' for x in pose.position)}] m"
     target = {"place": where, "axis": f"{where} with this direction", "pose": f"{where} in this orientation"}[hold]
-    near = f"{place:.3g} m" + ("" if hold == "place" else f" and {np.rad2deg(turn):.3g} degrees")
+    near = f"{position:.3g} m" + ("" if hold == "place" else f" and {np.rad2deg(turn):.3g} degrees")
     why = f", with {' and '.join(ends)}" if ends else ""
     return f"no posture was found that brings the tool to {target}: the nearest is {near} off{why}"

@@ -397,11 +397,11 @@ def replay(
         from slidax.runtime.logs.mcap_files import read_mcap
 
         content = read_mcap(log)
-        if not content.whole:
+        if not content.complete:
             say_warning(f"`{log}` is incomplete because its writer was stopped; the complete part is read")
         comparison = replayed(content)
         if json:
-            print_json({**comparison.as_json(), "whole": content.whole})
+            print_json({**comparison.as_json(), "whole": content.complete})
         else:
             typer.echo(comparison.sentence())
         if comparison.first is not None:

@@ -47,7 +47,7 @@ def _needs_of(value: Value) -> Iterable[Value]:
         assert isinstance(block, Branch)
         return block, block.yes[value.data], block.no[value.data]
     if isinstance(value, Loop):
-        counter = () if value.turns is None else (value.turns, value.params[0])
+        counter = () if value.iterations is None else (value.iterations, value.params[0])
         return *_blocks_around(value), value.condition, *counter
     if isinstance(value, Branch):
         return *_blocks_around(value), value.args[0]
@@ -188,18 +188,18 @@ class Builder:
         carried: Sequence[Value],
         condition: Callable[[tuple[Value, ...]], Value],
         body: Callable[[tuple[Value, ...]], Sequence[Value]],
-        turns: Value | None = None,
+        iterations: Value | None = None,
     ) -> list[Value]:
         """Add `while condition(carried): carried = body(carried)`, and return the carried values after it.
 
         - `carried`: initial values.
         - `condition`: from the carried values to a b1.
         - `body`: from the carried values to their successors, of the same types.
-        - `turns`: number of iterations if known; the first carried value must then count them from 0.
+        - `iterations`: number of iterations if known; the first carried value must then count them from 0.
         """
         head = Region("head", self.region)
         loop = Loop("loop", "none", tuple(carried), None, self.region, self._next(), self.origin)
-        loop.head, loop.body, loop.turns = head, Region("body", head), turns
+        loop.head, loop.body, loop.iterations = head, Region("body", head), iterations
         loop.head.owner = loop.body.owner = loop
         loop.params = tuple(
             Value("param", value.type, (), k, head, self._next(), self.origin) for k, value in enumerate(carried)

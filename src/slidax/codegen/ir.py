@@ -113,16 +113,16 @@ class Loop(Value):
     - `condition`: b1; true if another iteration follows.
     - `body`: a region inside the head.
     - `following`: carried values for the next iteration.
-    - `turns`: number of iterations, if known and equal for all runs; `params[0]` then counts them from 0.
+    - `iterations`: number of iterations, if known and equal for all runs; `params[0]` then counts them from 0.
     """
 
-    __slots__ = ("body", "condition", "following", "head", "params", "turns")
+    __slots__ = ("body", "condition", "following", "head", "iterations", "params")
     head: Region
     body: Region
     params: tuple[Value, ...]
     condition: Value
     following: tuple[Value, ...]
-    turns: Value | None
+    iterations: Value | None
 
 
 class Branch(Value):
@@ -267,7 +267,9 @@ def _describe(region: Region, numbers: dict[Value, int], lines: list[str]) -> No
                 numbers[param] = len(numbers)
             lines.append(f"loop {args}")
             _describe(value.head, numbers, lines)
-            lines.append(f"while {numbers[value.condition]} {None if value.turns is None else numbers[value.turns]}")
+            lines.append(
+                f"while {numbers[value.condition]} {None if value.iterations is None else numbers[value.iterations]}"
+            )
             _describe(value.body, numbers, lines)
             lines.append(f"again {[numbers[carried] for carried in value.following]}")
         elif isinstance(value, Branch):

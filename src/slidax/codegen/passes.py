@@ -103,8 +103,8 @@ class Rebuilding:
             self._region(loop.body)
             return self._all(loop.following)
 
-        turns = None if loop.turns is None else self.new_values[loop.turns]
-        self.left[loop] = self.builder.loop(self._all(loop.args), condition, body, turns)
+        iterations = None if loop.iterations is None else self.new_values[loop.iterations]
+        self.left[loop] = self.builder.loop(self._all(loop.args), condition, body, iterations)
 
     def _branch(self, branch: Branch) -> None:
         def side(region: Region, leaves: Sequence[Value]) -> Callable[[], Sequence[Value]]:
@@ -173,9 +173,9 @@ class OperationCount(NamedTuple):
         assert isinstance(other, OperationCount)
         return OperationCount(self.operations + other.operations, self.elementary + other.elementary)
 
-    def times(self, turns: int) -> OperationCount:
-        """Return the count of `turns` repetitions."""
-        return OperationCount(self.operations * turns, self.elementary * turns)
+    def times(self, iterations: int) -> OperationCount:
+        """Return the count of `iterations` repetitions."""
+        return OperationCount(self.operations * iterations, self.elementary * iterations)
 
 
 NO_OPERATIONS = OperationCount(0, 0)

@@ -143,33 +143,35 @@ class Variable:
 
 def variables(exported: CProject, *, with_envelope: bool) -> list[Variable]:
     """All variables; the index in the list is the value reference."""
-    turns = [joint.q == "rad" for joint in exported.joints]
+    revolute = [joint.q == "rad" for joint in exported.joints]
     second = parse_unit("s")
     listed = [Variable("time", "real", "independent", "now", "time of the importer", second)]
     for structure, members in (("measurement", exported.measurement[1:]), ("reference", exported.reference)):
         for member in members:
             words = f"rad{RATES[member.name.removesuffix('_next')]} or m{RATES[member.name.removesuffix('_next')]}"
-            listed += _numbers(structure, member, "input", words, turns, member.meaning)
+            listed += _numbers(structure, member, "input", words, revolute, member.meaning)
     listed.append(
         Variable("restart", "boolean", "input", "restart", "true at a sample: the law is reset and starts again")
     )
     for member in exported.outputs:
         if member.name == "tau":
-            listed += _numbers("command", member, "output", "N m or N", turns, "torque to hold until the next sample")
+            listed += _numbers(
+                "command", member, "output", "N m or N", revolute, "torque to hold until the next sample"
+            )
         else:
             known = SIGNALS if with_envelope else SIGNALS | PLAIN
             meaning, words = known.get(member.name, ("signal of the law", ""))
-            listed += _numbers("command", member, "output", words, turns, meaning)
+            listed += _numbers("command", member, "output", words, revolute, meaning)
     if with_envelope:
-        for member in envelope_members(len(turns)):
+        for member in envelope_members(len(revolute)):
             words = "" if member.name == "margin" else "rad or m"
-            listed += _numbers("envelope", member, "output", words, turns, member.meaning)
+            listed += _numbers("envelope", member, "output", words, revolute, member.meaning)
     listed.append(Variable("command.status", "integer", "output", "status", "bits of the status; 0 if all is well"))
     listed += [_flag(condition) for condition in exported.conditions]
     listed.append(Variable("status.held", "boolean", "output", f"bits[{len(exported.conditions)}]",
                           f"true if the torque is the last safe one: any bit of {HELD}"))  # fmt: skip
     for member, parameter in zip(exported.parameters, _declared(exported.guard), strict=True):
-        listed += _parameters(member, parameter, turns)
+        listed += _parameters(member, parameter, revolute)
     return listed
 
 
@@ -179,7 +181,7 @@ def _flag(condition: Condition) -> Variable:
     return Variable(f"status.{condition.name.lower()}", "boolean", "output", place, text)
 
 
-def _parameters(member: Member, parameter: Parameter, turns: list[bool]) -> Iterator[Variable]:
+def _parameters(member: Member, parameter: Parameter, revolute: list[bool]) -> Iterator[Variable]:
     assert member.values is not None
     lower, upper = parameter.range.ends
     ends = [end.number if end.number is not None and math.isfinite(end.number) else None for end in (lower, upper)]
@@ -187,7 +189,7 @@ def _parameters(member: Member, parameter: Parameter, turns: list[bool]) -> Iter
     words = parameter.unit or UNDECLARED.get(member.name, "")
     endless = "; 1e300 for no limit" if upper.number == math.inf and not upper.open else ""
     meaning = f"{member.meaning}{endless}".replace("infinite for no limit; 1e300", "1e300")
-    for k, variable in enumerate(_numbers("parameters", member, "parameter", words, turns, meaning)):
+    for k, variable in enumerate(_numbers("parameters", member, "parameter", words, revolute, meaning)):
         yield replace(
             variable,
             kind=kind,
@@ -199,14 +201,14 @@ def _parameters(member: Member, parameter: Parameter, turns: list[bool]) -> Iter
 
 
 def _numbers(
-    structure: str, member: Member, causality: str, words: str, turns: list[bool], meaning: str
+    structure: str, member: Member, causality: str, words: str, revolute: list[bool], meaning: str
 ) -> Iterator[Variable]:
     """A variable for each number of a member; joints are counted from 1, as everywhere in FMI."""
     for k, index in enumerate(np.ndindex(member.shape)):
         label = f"[{','.join(str(i + 1) for i in index)}]" if member.shape else ""
         # A per-joint value has its joint's unit, any other value the unit shared by all joints.
-        of_joint = member.shape[-1:] == (len(turns),) and len(member.shape) == 1
-        kind = turns[index[-1]] if of_joint else (turns[0] if len(set(turns)) == 1 else None)
+        of_joint = member.shape[-1:] == (len(revolute),) and len(member.shape) == 1
+        kind = revolute[index[-1]] if of_joint else (revolute[0] if len(set(revolute)) == 1 else None)
         yield Variable(
             f"{structure}.{member.name}{label}",
             "real",

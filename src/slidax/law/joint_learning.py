@@ -125,11 +125,11 @@ class JointLearning(AbstractAdaptation):
 
         settled = self.recent + 2.0 * h
         elapsed = jnp.where(experience.missed, 0.0, jnp.minimum(memory.elapsed + h, settled + h))
-        whole = elapsed > 2.5 * h
+        period_ended = elapsed > 2.5 * h
         # At the first sample the arm is held: it does not accelerate, and its torque has been constant for long.
         held = jnp.stack([jnp.clip(torque, -STRONGEST, STRONGEST), jnp.zeros_like(ddq), direction])
         stages = jnp.where(memory.begun, memory.stages, settled_stages(held))
-        stages = jnp.where(whole, filter_step(stages, signals, self.low, self.high, h), stages)
+        stages = jnp.where(period_ended, filter_step(stages, signals, self.low, self.high, h), stages)
         return self._regressed(experience, memory, stages, jnp.where(elapsed > settled, h, 0.0), elapsed)
 
     def _regressed(

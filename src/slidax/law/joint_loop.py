@@ -172,32 +172,32 @@ class LinearLoop:
         else:
             last_q, last_v = read_q, read_v
 
-        whole, part = int(self.believed), self.believed % 1.0
+        integer, fraction = int(self.believed), self.believed % 1.0
         now_q, now_v, following = estimate_q, estimate_v, None
-        if part > 0:
-            now_q, now_v = self._moved(now_q, now_v, commands[whole] + estimate, part)
-        if whole > 0:
-            following = self._moved(now_q, now_v, commands[whole - 1] + estimate, 1.0 - part)
-            now_q, now_v = self._moved(now_q, now_v, commands[whole - 1] + estimate, 1.0)
-        for i in range(whole - 1, 0, -1):
+        if fraction > 0:
+            now_q, now_v = self._moved(now_q, now_v, commands[integer] + estimate, fraction)
+        if integer > 0:
+            following = self._moved(now_q, now_v, commands[integer - 1] + estimate, 1.0 - fraction)
+            now_q, now_v = self._moved(now_q, now_v, commands[integer - 1] + estimate, 1.0)
+        for i in range(integer - 1, 0, -1):
             now_q, now_v = self._moved(now_q, now_v, commands[i - 1] + estimate, 1.0)
         lead = self.horizon - 0.5
         led = now_q + lead * now_v
         planned = ((target - led) / self.horizon - now_v) / self.horizon
         command = planned - estimate
         if following is None:
-            following = self._moved(now_q, now_v, planned, 1.0 - part)
+            following = self._moved(now_q, now_v, planned, 1.0 - fraction)
 
         # The arm itself, under the commands that really are under way and a disturbance that is linear over the period.
         sent = [command, *commands]
-        whole, part = int(delay), delay % 1.0
+        integer, fraction = int(delay), delay % 1.0
         change = disturbance_next - disturbance
         within_q, within_v = q, v
-        if part > 0:
-            q, v = self._moved(q, v, kappa * sent[whole + 1], part)
-            within_q = q + part * part * (0.5 * disturbance + part / 6.0 * change)
-            within_v = v + part * (disturbance + 0.5 * part * change)
-        q, v = self._moved(q, v, kappa * sent[whole], 1.0 - part)
+        if fraction > 0:
+            q, v = self._moved(q, v, kappa * sent[integer + 1], fraction)
+            within_q = q + fraction * fraction * (0.5 * disturbance + fraction / 6.0 * change)
+            within_v = v + fraction * (disturbance + 0.5 * fraction * change)
+        q, v = self._moved(q, v, kappa * sent[integer], 1.0 - fraction)
         q, v = q + 0.5 * disturbance + change / 6.0, v + 0.5 * (disturbance + disturbance_next)
         after = np.array([q, v, *sent[:queue], *following, estimate, rate, last_q, last_v])
         outputs = np.array([within_q, within_v, led, now_v, command, planned, estimate])

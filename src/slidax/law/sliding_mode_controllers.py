@@ -76,8 +76,8 @@ class SlotineLi(AbstractSurfaceBased):
             return self.nominal.bias(q, dq)
 
         # C q̇ is quadratic in q̇, so half its derivative along s is C s in Christoffel form: no matrix is needed.
-        whole, along_s = jax.jvp(bias, (dq,), (s,))
-        model = matvec(self.nominal.mass(q), now.equivalent) + whole - 0.5 * along_s
+        full_bias, along_s = jax.jvp(bias, (dq,), (s,))
+        model = matvec(self.nominal.mass(q), now.equivalent) + full_bias - 0.5 * along_s
         tau = model - self.damping * s - self.gain * saturation(s, self.layer)
         return Command(tau=tau, memory=memory, signals=now.signals)
 

@@ -117,8 +117,8 @@ def require_within_rates(chain: KinematicChain, path: JointPath, fastest: Array,
 
 def _place(move: TimedCurve, s: float, now: float, into: float | None = None) -> str:
     """Time and position of a point on a move."""
-    _, place = move.curve.at(s)
-    where = ", ".join(f"{x:.4g}" for x in np.asarray(place))
+    _, position = move.curve.at(s)
+    where = ", ".join(f"{x:.4g}" for x in np.asarray(position))
     if into is None:
         law = move.law
         t = np.linspace(law.times[0], law.times[-1], 2001)

@@ -167,7 +167,7 @@ class Line(AbstractMove):
             raise DefinitionError("`Line` takes either `to` or `by`")
         shift = np.zeros(3)
         if self.to is not None:
-            shift = numbers("Line.to", self.to, 3) - pose.place
+            shift = numbers("Line.to", self.to, 3) - pose.position
         if self.by is not None:
             shift = numbers("Line.by", self.by, 3)
         end = pose.rotation
@@ -180,7 +180,7 @@ class Line(AbstractMove):
             )
         curve = _helix(pose, shift=shift, spin_axis=axis, spin=spin)
         far = float(np.linalg.norm(shift))
-        there = Pose(pose.place + shift, end)
+        there = Pose(pose.position + shift, end)
         return self._timed(curve, far, there) if far > 1e-9 else self._timed(curve, spin, there, "rad")
 
 
@@ -204,7 +204,7 @@ class Circle(AbstractMove):
         if self.tool not in ("fixed", "turns"):
             raise DefinitionError(f'`Circle.tool` must be "fixed" or "turns"; got `{self.tool}`')
         center, axis = numbers("Circle.center", self.center, 3), _direction("Circle", self.axis)
-        arm = pose.place - center
+        arm = pose.position - center
         radius = float(np.linalg.norm(np.cross(axis, arm)))
         if radius < 1e-6:
             raise DefinitionError("`Circle.center` and `axis` go through the tip, so that the circle has no radius")
@@ -228,12 +228,12 @@ class Screw(AbstractMove):
     pitch: float = 0.0
 
     def bound(self, pose: Pose) -> TimedCurve:
-        center = pose.place if self.center is None else numbers("Screw.center", self.center, 3)
+        center = pose.position if self.center is None else numbers("Screw.center", self.center, 3)
         axis = _direction("Screw", self.axis)
         if not math.isfinite(self.pitch):
             raise DefinitionError(f"`Screw.pitch` must be finite; got {self.pitch:g}")
         shift = axis * self.pitch * self.angle / (2 * math.pi)
-        radius = float(np.linalg.norm(np.cross(axis, pose.place - center)))
+        radius = float(np.linalg.norm(np.cross(axis, pose.position - center)))
         return _turned(self, pose, center, axis, self.angle, shift, True, radius)
 
 
@@ -246,7 +246,7 @@ class Pause(AbstractMove):
             raise DefinitionError("`Pause.duration` must be given, > 0 and finite")
         if self.speed is not None or self.acceleration is not None:
             raise DefinitionError("`Pause` takes a `duration` alone")
-        return TimedCurve(standing(pose.rotation, pose.place), minimum_jerk_law(self.duration), False, 0.0, pose)
+        return TimedCurve(standing(pose.rotation, pose.position), minimum_jerk_law(self.duration), False, 0.0, pose)
 
 
 def _turned(
@@ -266,9 +266,9 @@ def _turned(
         raise DefinitionError(f"`{name}.angle` must be at most 100 turns, in rad; got {angle:g}", where="angle")
     spin = angle if tool else 0.0
     curve = _helix(pose, shift=shift, center=center, axis=axis, angle=angle, spin_axis=axis, spin=spin)
-    rotation, place = curve.at(1.0)
+    rotation, position = curve.at(1.0)
     far = math.hypot(radius * angle, float(np.linalg.norm(shift)))
-    end = Pose(place, _orthonormal(rotation))
+    end = Pose(position, _orthonormal(rotation))
     return move._timed(curve, far, end) if far > 1e-9 else move._timed(curve, abs(angle), end, "rad")
 
 
@@ -284,9 +284,9 @@ def _helix(
 ) -> Helix:
     return Helix(
         rotation=pose.rotation,
-        place=pose.place,
+        position=pose.position,
         shift=np.asarray(shift, float),
-        center=pose.place if center is None else np.asarray(center, float),
+        center=pose.position if center is None else np.asarray(center, float),
         axis=np.asarray(axis, float),
         angle=angle,
         spin_axis=np.asarray(spin_axis, float),
@@ -382,7 +382,7 @@ class Through(AbstractMove):
         if self.speed is not None or self.acceleration is not None:
             raise DefinitionError("`Through` takes `times` or a `duration`, or leaves its time to the joints' limits")
         rows = _rows(self.poses)
-        own = np.concatenate([pose.place, pose.quaternion])
+        own = np.concatenate([pose.position, pose.quaternion])
         if rows.shape[1] == 3:
             rows = np.concatenate([rows, np.broadcast_to(own[3:], (len(rows), 4))], axis=1)
         if self.times is None:
@@ -403,7 +403,7 @@ class Through(AbstractMove):
                 f"`Through.times` must be one for {each_of(len(rows), 'pose')}, at least two, and increase"
             )
         first = _pose(rows[0])
-        off = float(np.linalg.norm(first.place - pose.place))
+        off = float(np.linalg.norm(first.position - pose.position))
         turned = float(angle_between(first.rotation, pose.rotation))
         if off > NEAR or turned > NEAR:
             raise DefinitionError(
@@ -451,9 +451,9 @@ def _aligned(rows: Array, first: int) -> Array:
 
 def _steps(rows: Array) -> Array:
     """Distance between neighbouring poses, m; a rotation counts with a lever arm of 0.1 m."""
-    places = np.linalg.norm(np.diff(rows[:, :3], axis=0), axis=1)
+    positions = np.linalg.norm(np.diff(rows[:, :3], axis=0), axis=1)
     cosines = np.clip(np.sum(rows[1:, 3:] * rows[:-1, 3:], axis=1), -1.0, 1.0)
-    return np.hypot(places, 0.1 * 2 * np.arccos(cosines))
+    return np.hypot(positions, 0.1 * 2 * np.arccos(cosines))
 
 
 def _pose(row: Array) -> Pose:
@@ -461,4 +461,4 @@ def _pose(row: Array) -> Pose:
 
 
 def _position_text(pose: Pose) -> str:
-    return f"[{', '.join(f'{x:.4g}' for x in pose.place)}] m"
+    return f"[{', '.join(f'{x:.4g}' for x in pose.position)}] m"

@@ -188,8 +188,8 @@ def home_of(arm: Articulated, ratings: Ratings) -> Numbers:
     places = np.concatenate([[middle, zero], near + spread_in_box(-0.75 * wide, 0.75 * wide, COUNT)])
     places = np.clip(places, ratings.lower + room, ratings.upper - room)
     states = states_of(with_tip_mass(arm, TIP_SHARE), places)
-    assert states.places is not None
-    weight, points, tips = states.bias, states.places, states.tip
+    assert states.positions is not None
+    weight, points, tips = states.bias, states.positions, states.tip
     burden = (np.abs(weight) / ratings.torque).max(axis=1)
     up = -np.asarray(arm.gravity_vector)
     up = up / np.linalg.norm(up) if np.linalg.norm(up) > 0 else np.array([0.0, 0.0, 1.0])
@@ -210,12 +210,12 @@ def home_of(arm: Articulated, ratings: Ratings) -> Numbers:
 def _dexterity(arm: Articulated, states: States) -> Numbers:
     """Ratio of smallest to largest singular value of the tip's Jacobian, with lengths relative to the reach."""
     assert states.axes is not None
-    assert states.places is not None
-    axes, points, tips = states.axes, states.places, states.tip
-    turns = np.array(arm.joint_units) == "rad"
+    assert states.positions is not None
+    axes, points, tips = states.axes, states.positions, states.tip
+    revolute = np.array(arm.joint_units) == "rad"
     arms = (tips[:, None] - points) / max(np.abs(tips[:, None] - points).max(), 1e-9)
-    linear = np.where(turns[None, :, None], np.cross(axes, arms), axes)
-    angular = np.where(turns[None, :, None], axes, 0.0)
+    linear = np.where(revolute[None, :, None], np.cross(axes, arms), axes)
+    angular = np.where(revolute[None, :, None], axes, 0.0)
     carries = np.array([_carries(arm, joint) for joint in range(arm.joints)])
     rows = [linear, angular] if arm.joints >= 6 else [linear]
     jacobian = np.concatenate(rows, axis=2) * carries[None, :, None]

@@ -362,5 +362,5 @@ def _path(poses: list[tuple[float, np.ndarray]]) -> FreeBody | None:
     return FreeBody(
         t=np.array([t for t, _ in poses]),
         rotation=rotation.reshape(-1, 3, 3),
-        place=np.stack([pose[:3] for _, pose in poses]),
+        position=np.stack([pose[:3] for _, pose in poses]),
     )

@@ -205,9 +205,9 @@ class FreeBody(eqx.Module):
 
     - `t`: time [m], s.
     - `rotation`: axes as columns, in the base frame [m 3 3].
-    - `place`: origin, in the base frame [m 3], m.
+    - `position`: origin, in the base frame [m 3], m.
     """
 
     t: Float[np.ndarray, " m"]
     rotation: Float[np.ndarray, "m 3 3"]
-    place: Float[np.ndarray, "m 3"]
+    position: Float[np.ndarray, "m 3"]

@@ -35,7 +35,7 @@ class States(NamedTuple):
 
     - `mass`: M(q) [k n n], kg m², kg m, kg.
     - `bias`: `C(q,q̇) q̇ + G(q)` [k n], N m or N.
-    - `axes`, `places`: of the joints, in the base frame [k n 3]; None for a robot without joint frames.
+    - `axes`, `positions`: of the joints, in the base frame [k n 3]; None for a robot without joint frames.
     - `tip`: [k 3], m.
     """
 
@@ -43,7 +43,7 @@ class States(NamedTuple):
     bias: Numbers
     tip: Numbers
     axes: Numbers | None = None
-    places: Numbers | None = None
+    positions: Numbers | None = None
 
     def torque(self, ddq: Numbers) -> Numbers:
         """Torque `M(q) q̈ + C(q,q̇) q̇ + G(q)` [k n], N m or N."""
@@ -71,8 +71,8 @@ def _state(robot: AbstractRobot, q: Array, dq: Array) -> tuple[Array, ...]:
     quantities = (robot.mass(q), robot.bias(q, dq), robot.tip(q))
     if not isinstance(robot, Articulated):
         return quantities
-    rotations, places = robot.frames(q)
-    return (*quantities, rotations[..., 2], places)
+    rotations, positions = robot.frames(q)
+    return (*quantities, rotations[..., 2], positions)
 
 
 @functools.lru_cache(maxsize=8)

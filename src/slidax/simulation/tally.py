@@ -45,18 +45,18 @@ class ErrorTally(eqx.Module):
 class ToolTally(eqx.Module):
     """Error of the tool relative to the reference.
 
-    - `place`: distance of the tip, m.
+    - `position`: distance of the tip, m.
     - `turn`: rotation angle, rad; None for a robot without an orientation of its tip.
     """
 
-    place: ErrorTally
+    position: ErrorTally
     turn: ErrorTally | None
 
     @staticmethod
     def begin(robot: AbstractRobot) -> ToolTally:
         """Before the first sample."""
-        turns = isinstance(robot, Articulated | Coupled | Scara | TwoLink)
-        return ToolTally(place=ErrorTally.begin(), turn=ErrorTally.begin() if turns else None)
+        rotates = isinstance(robot, Articulated | Coupled | Scara | TwoLink)
+        return ToolTally(position=ErrorTally.begin(), turn=ErrorTally.begin() if rotates else None)
 
     def add(
         self, robot: AbstractRobot, q: Vector, wanted: Vector, running: Bool[Array, ""], steady: Bool[Array, ""]
@@ -68,7 +68,7 @@ class ToolTally(eqx.Module):
             assert isinstance(robot, Articulated | Coupled | Scara | TwoLink)
             angle = rotation_angle(robot.tip_frame(q)[0], robot.tip_frame(wanted)[0])
             turn = turn.add(angle, running, steady)
-        return ToolTally(place=self.place.add(away, running, steady), turn=turn)
+        return ToolTally(position=self.position.add(away, running, steady), turn=turn)
 
 
 def rotation_angle(axes: Float[Array, "3 3"], others: Float[Array, "3 3"]) -> Scalar:

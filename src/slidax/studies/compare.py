@@ -58,8 +58,8 @@ class CompareResult(AbstractResult):
         - `of`: key of the metric.
         """
         item, other = self.tables[name], self.tables[self.reference]
-        whole = _to_the_end(item) & _to_the_end(other)
-        return paired_difference(np.where(whole, item[of], np.nan), other[of], self.confidence, seed=self.seed)
+        complete = _to_the_end(item) & _to_the_end(other)
+        return paired_difference(np.where(complete, item[of], np.nan), other[of], self.confidence, seed=self.seed)
 
     def shares(self, name: str, holds: str) -> PairedShares | None:
         """In what share of the cases something holds, less the share in which it does for the reference.
@@ -166,9 +166,9 @@ class CompareResult(AbstractResult):
 
     def _scheme_as_json(self, name: str) -> dict[str, Any]:
         table = self.tables[name]
-        whole = _to_the_end(table)
+        complete = _to_the_end(table)
         result: dict[str, Any] = {
-            "ended_early": int(np.sum(~whole)),
+            "ended_early": int(np.sum(~complete)),
             "means": {of: self._mean(name, of) for of in self.of},
             "holds": {},
         }

@@ -48,12 +48,12 @@ def test_a_line_is_straight_and_the_tool_turns_by_slerp(name):
     arm, start = getattr(arms, name)(), home(name)
     pose = Pose.of_tip(arm, start)
     end = (Rotation.from_matrix(pose.rotation) * Rotation.from_rotvec([0.2, -0.3, 0.1])).as_matrix()
-    line = Line(by=[0.08, 0.1, -0.05], quaternion=Pose(pose.place, end).quaternion, duration=2.0)
+    line = Line(by=[0.08, 0.1, -0.05], quaternion=Pose(pose.position, end).quaternion, duration=2.0)
     followed = follow(arm, [line], start=start, begin=0.5)
     times = np.linspace(0.5, 2.5, 101)
     rotation, place = tool(arm, followed, times)
     s = smooth((times - 0.5) / 2.0)
-    np.testing.assert_allclose(place, pose.place + s[:, None] * np.array([0.08, 0.1, -0.05]), atol=TIGHT)
+    np.testing.assert_allclose(place, pose.position + s[:, None] * np.array([0.08, 0.1, -0.05]), atol=TIGHT)
     between = Slerp([0, 1], Rotation.from_matrix([pose.rotation, end]))(s).as_matrix()
     np.testing.assert_allclose(rotation, between, atol=TIGHT)
     assert followed.place_error < 1e-6 and followed.turn_error < 1e-6
@@ -66,12 +66,12 @@ def test_a_circle_comes_back_with_its_joints_also_those_of_a_redundant_arm():
     arm, start = arms.panda(), home("panda")
     pose = Pose.of_tip(arm, start)
     circle = Circle(
-        center=pose.place + np.array([0.0, 0.1, 0.0]), axis=[0, 0, 1], angle=-2 * np.pi, speed=0.25, acceleration=1.5
+        center=pose.position + np.array([0.0, 0.1, 0.0]), axis=[0, 0, 1], angle=-2 * np.pi, speed=0.25, acceleration=1.5
     )
     followed = follow(arm, [circle], start=start)
     times = np.linspace(0, float(followed.trajectory.until), 201)
     rotation, place = tool(arm, followed, times)
-    np.testing.assert_allclose(np.linalg.norm(place - pose.place - [0, 0.1, 0], axis=1), 0.1, atol=TIGHT)
+    np.testing.assert_allclose(np.linalg.norm(place - pose.position - [0, 0.1, 0], axis=1), 0.1, atol=TIGHT)
     np.testing.assert_allclose(rotation, np.broadcast_to(pose.rotation, rotation.shape), atol=TIGHT)
     np.testing.assert_allclose(followed.trajectory.position(jnp.asarray(times[-1])), start, atol=1e-8)
     # Even motion in between: the speed of the tip is what was asked.
@@ -86,7 +86,7 @@ def test_a_screw_turns_the_tool_as_it_goes_along_and_a_pause_holds_it():
     moves = [Screw(axis=[0, 0, -2], angle=np.pi / 2, pitch=0.2, duration=1.5), Pause(duration=0.5)]
     followed = follow(arm, moves, start=start)
     rotation, place = tool(arm, followed, [1.5, 1.75, 2.0])
-    np.testing.assert_allclose(place, np.broadcast_to(pose.place - [0, 0, 0.05], (3, 3)), atol=TIGHT)
+    np.testing.assert_allclose(place, np.broadcast_to(pose.position - [0, 0, 0.05], (3, 3)), atol=TIGHT)
     turned = Rotation.from_rotvec([0, 0, -np.pi / 2]).as_matrix() @ pose.rotation
     np.testing.assert_allclose(rotation, np.broadcast_to(turned, (3, 3, 3)), atol=TIGHT)
     np.testing.assert_array_equal(followed.ends, [1.5, 2.0])
@@ -95,7 +95,7 @@ def test_a_screw_turns_the_tool_as_it_goes_along_and_a_pause_holds_it():
 def test_a_curve_through_poses_passes_them_and_one_with_times_at_its_times():
     arm, start = arms.panda(), home("panda")
     pose = Pose.of_tip(arm, start)
-    first, second = pose.place + np.array([0.05, 0.05, 0.0]), pose.place + np.array([0.0, 0.1, -0.05])
+    first, second = pose.position + np.array([0.05, 0.05, 0.0]), pose.position + np.array([0.0, 0.1, -0.05])
     followed = follow(arm, [Through(poses=[first, second])], start=start, velocity=1.0, acceleration=4.0)
     times = np.linspace(0, float(followed.trajectory.until), 2001)
     _, place = tool(arm, followed, times)
@@ -106,7 +106,7 @@ def test_a_curve_through_poses_passes_them_and_one_with_times_at_its_times():
     assert max(v.max(), a.max()) == pytest.approx(1.0, abs=1e-9)
 
     quaternion = (Rotation.from_matrix(pose.rotation) * Rotation.from_rotvec([0, 0, 0.4])).as_quat(scalar_first=True)
-    rows = [[0.0, *pose.place, *pose.quaternion], [0.7, *first, *-quaternion], [1.5, *second, *quaternion]]
+    rows = [[0.0, *pose.position, *pose.quaternion], [0.7, *first, *-quaternion], [1.5, *second, *quaternion]]
     text = "time, x, y, z, qw, qx, qy, qz\n" + "\n".join(", ".join(f"{x:.17g}" for x in row) for row in rows)
     followed = follow(arm, [Through.from_csv(text)], start=start, begin=1.0)
     rotation, place = tool(arm, followed, [1.7, 2.5])

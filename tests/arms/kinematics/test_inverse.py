@@ -59,7 +59,7 @@ def test_inverse_reaches_the_pose_of_a_random_posture_within_limits(name):
     for q in drawn(arm, 3, 5):
         solution = inverse(arm, Pose.of_tip(arm, q), start=home(name))
         there, wanted = Pose.of_tip(arm, solution.q), Pose.of_tip(arm, q)
-        np.testing.assert_allclose(there.place, wanted.place, atol=1e-9)
+        np.testing.assert_allclose(there.position, wanted.position, atol=1e-9)
         np.testing.assert_allclose(there.rotation, wanted.rotation, atol=1e-9)
         assert (solution.q >= arm.limits.lower).all() and (solution.q <= arm.limits.upper).all()
         assert solution.place_error < 1e-9 and solution.turn_error < 1e-9 and solution.least_motion > 0
@@ -94,11 +94,13 @@ def test_position_alone_and_axis_alone_leave_more_freedom():
     arm = arms.panda()
     start = home("panda")
     pose = Pose.of_tip(arm, start)
-    moved = Pose(pose.place + np.array([0.1, 0.1, 0.0]), np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]))
+    moved = Pose(
+        pose.position + np.array([0.1, 0.1, 0.0]), np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+    )
     place = inverse(arm, moved, start=start, hold="place")
     axis = inverse(arm, moved, start=start, hold="axis")
     for solution in (place, axis):
-        np.testing.assert_allclose(Pose.of_tip(arm, solution.q).place, moved.place, atol=1e-9)
+        np.testing.assert_allclose(Pose.of_tip(arm, solution.q).position, moved.position, atol=1e-9)
     np.testing.assert_allclose(Pose.of_tip(arm, axis.q).rotation[:, 2], [0, 0, -1], atol=1e-9)
     assert np.abs(Pose.of_tip(arm, axis.q).rotation - moved.rotation).max() > 0.1
     assert np.linalg.norm(place.q - start) <= np.linalg.norm(axis.q - start)

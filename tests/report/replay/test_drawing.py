@@ -64,7 +64,7 @@ def test_the_end_of_a_run_that_failed_is_left_out(wild, swing):
         values = np.array(where(run))
         values[-2:, 1] = wild
         film = sample_run(eqx.tree_at(where, run, values), skeleton_of(plant.robot), 60.0, 1000)
-        assert film.t[-1] == run.log.t[-3] and np.isfinite(film.actual.places).all()
+        assert film.t[-1] == run.log.t[-3] and np.isfinite(film.actual.positions).all()
 
 
 def test_a_run_without_a_log_and_one_of_another_robot_are_refused(swing):
@@ -82,7 +82,7 @@ def test_the_arm_stands_upright_above_the_ground(drawn):
     np.testing.assert_allclose(stage.rotation @ [0, 1, 0], [0, 0, 1], atol=1e-12)
     np.testing.assert_allclose(stage.rotation @ [1, 0, 0], [1, 0, 0], atol=1e-12)
     for poses in (drawn.motion.actual, drawn.motion.desired):
-        assert stage.points(poses.places.reshape(-1, 3))[:, 2].min() > 0
+        assert stage.points(poses.positions.reshape(-1, 3))[:, 2].min() > 0
     lowest = min(stage.points(solid.vertices)[:, 2].min() for solid in drawn.solids if solid.body == 0)
     assert lowest == pytest.approx(0.0, abs=1e-9)
 
@@ -111,7 +111,7 @@ def test_the_camera_sees_the_whole_path_and_both_arms_when_they_are_side_by_side
     scenario = load()
     picture = draw(scenario.simulate(progress=False), scenario.plant, rate=60.0, most=1000)
     stage = picture.stage
-    points = stage.points(np.concatenate([picture.motion.actual.places.reshape(-1, 3), picture.motion.actual_tip]))
+    points = stage.points(np.concatenate([picture.motion.actual.positions.reshape(-1, 3), picture.motion.actual_tip]))
     assert_seen(stage.camera, stage.target, points)
     assert_seen(stage.wide_camera, stage.wide_target, np.concatenate([points, points + stage.shift]))
 
@@ -125,7 +125,7 @@ def test_the_camera_sees_what_is_wide_and_what_is_high(size):
 
 
 def test_side_by_side_the_arms_do_not_meet(drawn):
-    points = drawn.stage.points(np.concatenate([drawn.motion.actual.places.reshape(-1, 3), drawn.motion.actual_tip]))
+    points = drawn.stage.points(np.concatenate([drawn.motion.actual.positions.reshape(-1, 3), drawn.motion.actual_tip]))
     aside = drawn.stage.shift / np.linalg.norm(drawn.stage.shift)
     assert np.linalg.norm(drawn.stage.shift) > np.ptp(points @ aside)
 

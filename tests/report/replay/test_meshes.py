@@ -44,7 +44,7 @@ def urdf(tmp_path):
 
 def vertices_at(robot, solid, q):
     poses = skeleton_of(robot).poses(np.array([q]))
-    return solid.vertices @ poses.rotations[0, solid.body].T + poses.places[0, solid.body]
+    return solid.vertices @ poses.rotations[0, solid.body].T + poses.positions[0, solid.body]
 
 
 def test_meshes_go_with_the_bodies_that_carry_them(urdf):
@@ -127,7 +127,7 @@ def test_links_are_where_pinocchio_has_them(name):
     for seed in range(3):
         q = np.random.default_rng(seed).uniform(-1.0, 1.0, model.nq)
         pinocchio.framesForwardKinematics(model, data, q)
-        places = urdf.places({joint: float(q[model.joints[model.getJointId(joint)].idx_q]) for joint in moving})
+        places = urdf.frames({joint: float(q[model.joints[model.getJointId(joint)].idx_q]) for joint in moving})
         base = data.oMf[model.getBodyId(urdf.tree.root)].homogeneous
         for link, place in places.items():
             np.testing.assert_allclose(base @ place, data.oMf[model.getBodyId(link)].homogeneous, atol=1e-12)

@@ -49,7 +49,7 @@ def test_a_time_puts_both_arms_where_they_are(view):
     frame = drawn.motion.frame(0.25)
     for arm, poses in ((view._scene.actual, drawn.motion.actual), (view._scene.desired, drawn.motion.desired)):
         for body, node in arm._bodies.items():
-            np.testing.assert_allclose(node.position, poses.places[frame, body], atol=1e-6)
+            np.testing.assert_allclose(node.position, poses.positions[frame, body], atol=1e-6)
             w, x, y, z = node.wxyz
             turned = [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)]
             np.testing.assert_allclose(turned, poses.rotations[frame, body, :, 0], atol=1e-6)

@@ -29,7 +29,7 @@ def test_the_bodies_of_an_arm_are_its_own_frames():
     for k, q in enumerate(postures):
         rotations, places = robot.frames(jnp.asarray(q))
         np.testing.assert_allclose(poses.rotations[k, 1:], rotations, atol=1e-12)
-        np.testing.assert_allclose(poses.places[k, 1:], places, atol=1e-12)
+        np.testing.assert_allclose(poses.positions[k, 1:], places, atol=1e-12)
 
 
 def test_the_paper_arms_are_three_points_and_four():

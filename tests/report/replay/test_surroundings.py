@@ -52,7 +52,7 @@ def assert_with_the_tip(moved, picture, frames):
         sample = int(np.argmin(np.abs(run.log.t - picture.motion.t[frame])))
         rotation, place = plant.robot.tip_frame(jnp.asarray(run.log.state.q[sample]))
         np.testing.assert_allclose(load_of(picture).rotations[frame], rotation, atol=1e-9)
-        np.testing.assert_allclose(load_of(picture).places[frame], place, atol=1e-9)
+        np.testing.assert_allclose(load_of(picture).positions[frame], place, atol=1e-9)
 
 
 def test_payload_is_the_box_with_its_mass_and_moments(ours):
@@ -79,36 +79,36 @@ def test_released_payload_follows_its_free_motion(mujocos):
     for frame in free:
         sample = int(np.argmin(np.abs(way.t - t[frame])))
         np.testing.assert_allclose(load.rotations[frame], way.rotation[sample], atol=1e-9)
-        np.testing.assert_allclose(load.places[frame], way.place[sample], atol=1e-9)
-    assert load.places[-1, 2] < picture.motion.actual_tip[-1, 2] - 0.02
+        np.testing.assert_allclose(load.positions[frame], way.position[sample], atol=1e-9)
+    assert load.positions[-1, 2] < picture.motion.actual_tip[-1, 2] - 0.02
 
 
 def test_between_two_samples_a_falling_box_is_between_their_poses(mujocos):
     plant, run = mujocos
     way = run.load
-    coarse = eqx.tree_at(lambda way: (way.t, way.rotation, way.place), way, (way.t[::25], *_every(way, 25)))
+    coarse = eqx.tree_at(lambda way: (way.t, way.rotation, way.position), way, (way.t[::25], *_every(way, 25)))
     load = load_of(drawn((plant, eqx.tree_at(lambda run: run.load, run, coarse))))
     exact = load_of(drawn(mujocos))
     np.testing.assert_allclose(
         load.rotations @ load.rotations.transpose(0, 2, 1), np.tile(np.eye(3), (16, 1, 1)), atol=1e-9
     )
     np.testing.assert_allclose(load.rotations, exact.rotations, atol=0.05)
-    np.testing.assert_allclose(load.places, exact.places, atol=0.01)
+    np.testing.assert_allclose(load.positions, exact.positions, atol=0.01)
 
 
 def _every(way, step):
-    return way.rotation[::step], way.place[::step]
+    return way.rotation[::step], way.position[::step]
 
 
 def test_a_box_stays_where_it_was_last_known(mujocos):
     plant, run = mujocos
     for known in (0, 1, 20):
-        place = np.array(run.load.place)
+        place = np.array(run.load.position)
         place[known:] = np.nan
-        load = load_of(drawn((plant, eqx.tree_at(lambda run: run.load.place, run, place))))
-        assert np.isfinite(load.places).all() and load.visible[-1] == (known > 0)
+        load = load_of(drawn((plant, eqx.tree_at(lambda run: run.load.position, run, place))))
+        assert np.isfinite(load.positions).all() and load.visible[-1] == (known > 0)
         if known:
-            np.testing.assert_array_equal(load.places[-1], run.load.place[known - 1])
+            np.testing.assert_array_equal(load.positions[-1], run.load.position[known - 1])
 
 
 def test_a_bare_robot_and_one_that_carries_nothing_have_no_box(ours):
@@ -163,9 +163,9 @@ def test_the_camera_sees_the_table_and_what_fell_on_it(mujocos):
 
 def test_payload_that_falls_forever_leaves_the_picture(mujocos):
     plant, run = mujocos
-    place = run.load.place - np.linspace(0, 1000, len(run.load.t))[:, None] * [0, 0, 1]
+    place = run.load.position - np.linspace(0, 1000, len(run.load.t))[:, None] * [0, 0, 1]
     bare = eqx.tree_at(lambda plant: plant.surroundings, plant, None)
-    falling = drawn((bare, eqx.tree_at(lambda run: run.load.place, run, place)))
+    falling = drawn((bare, eqx.tree_at(lambda run: run.load.position, run, place)))
     assert falling.stage.size < 1.2 * drawn(mujocos).stage.size
 
 
@@ -177,7 +177,7 @@ def test_a_replay_puts_the_box_where_it_is_and_takes_it_out_of_sight(mujocos, ou
             for t in (0.25, 0.0, 0.15):
                 view._show(t)
                 frame = view._drawing.motion.frame(t)
-                np.testing.assert_allclose(node.node.position, load.places[frame], atol=1e-6)
+                np.testing.assert_allclose(node.node.position, load.positions[frame], atol=1e-6)
                 assert node.node.visible == bool(load.visible[frame])
             table = view._server.scene.get_handle_by_name("/table")
             assert (table is None) == (view._drawing.table is None)

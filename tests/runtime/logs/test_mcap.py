@@ -56,7 +56,7 @@ def written(path, rng, *, close=True):
 def test_what_was_written_is_read_back_in_the_same_bits(tmp_path):
     law, arm, _ = written(tmp_path / "log.mcap", np.random.default_rng(1))
     read = read_mcap(tmp_path / "log.mcap")
-    assert read.whole and read.channels == CHANNELS and read.metadata["scenario"] == "x"
+    assert read.complete and read.channels == CHANNELS and read.metadata["scenario"] == "x"
     assert read.scenario == "title: none" and read.files == {"robot-arm.urdf": b"<robot/>"}
     for actual, expected in ((read.law, law), (read.arm, arm)):
         assert set(actual) == set(expected)
@@ -105,7 +105,7 @@ def test_a_file_that_breaks_off_is_read_as_far_as_it_goes(tmp_path):
     law, _, writer = written(tmp_path / "log.mcap", np.random.default_rng(4), close=False)
     body = (tmp_path / "log.mcap").read_bytes()
     read = read_mcap(tmp_path / "log.mcap")
-    assert not read.whole
+    assert not read.complete
     np.testing.assert_array_equal(read.law["q"], law["q"])
     counts = []
     for share in np.linspace(0.2, 0.97, 23):
@@ -113,7 +113,7 @@ def test_a_file_that_breaks_off_is_read_as_far_as_it_goes(tmp_path):
         cut = read_mcap(tmp_path / "cut.mcap")
         rows = len(cut.law["k"])
         np.testing.assert_array_equal(cut.law["tau"], law["tau"][:rows])
-        assert rows % 100 == 0 and not cut.whole
+        assert rows % 100 == 0 and not cut.complete
         counts.append(rows)
     assert counts == sorted(counts) and counts[0] < 200 and counts[-1] == ROWS - 100
     writer.close()

@@ -114,15 +114,15 @@ def _chain(model: Any, body: int, parent: str | None, torques: np.ndarray) -> li
     first = int(model.body_jntadr[body])
     for joint in range(first, first + int(model.body_jntnum[body])):
         axis, reference = np.array(model.jnt_axis[joint]), float(model.qpos0[model.jnt_qposadr[joint]])
-        turns = model.jnt_type[joint] == HINGE
-        here = np.array(model.jnt_pos[joint]) if turns else anchor
+        revolute = model.jnt_type[joint] == HINGE
+        here = np.array(model.jnt_pos[joint]) if revolute else anchor
         moved = model.joint(joint).name
-        back = turn_about(axis, -reference) if turns else np.eye(3)
-        offset = here - anchor if turns else -reference * axis
+        back = turn_about(axis, -reference) if revolute else np.eye(3)
+        offset = here - anchor if revolute else -reference * axis
         chain.append(
             Joint(
                 name=moved,
-                kind="revolute" if turns else "prismatic",
+                kind="revolute" if revolute else "prismatic",
                 parent=chain[-1].name if chain else parent,
                 link=f"{name}/{moved}",
                 rotation=rotation @ back,

@@ -52,7 +52,7 @@ class UrdfDrawing:
     root: ET.Element
     folder: Path
 
-    def places(self, q: Mapping[str, float]) -> dict[str, np.ndarray]:
+    def frames(self, q: Mapping[str, float]) -> dict[str, np.ndarray]:
         """Return each link's frame in the base link's frame [4 4].
 
         - `q`: joint positions by name, rad or m; 0 for others.
@@ -82,7 +82,7 @@ class UrdfDrawing:
     def _shape(self, link: str, shape: ET.Element, at: np.ndarray, colour: tuple[float, ...] | None) -> Iterator[Shape]:
         if shape.tag == "mesh":
             file = shape.get("filename", "").strip()
-            path = next((place for place in mesh_places(file, self.folder) if place.is_file()), None)
+            path = next((path for path in mesh_places(file, self.folder) if path.is_file()), None)
             scale = np.broadcast_to(_numbers(shape, "scale", "1 1 1"), 3)
             yield Shape(link, "mesh", at, scale, colour, file, path)
         elif shape.tag in SIZES:
@@ -101,10 +101,10 @@ def urdf_drawing(path: Path) -> UrdfDrawing:
 
 
 def _origin(element: ET.Element) -> np.ndarray:
-    place, origin = np.eye(4), element.find("origin")
-    place[:3, :3] = rotation_by_roll_pitch_yaw(_numbers(origin, "rpy", "0 0 0"))
-    place[:3, 3] = _numbers(origin, "xyz", "0 0 0")
-    return place
+    frame, origin = np.eye(4), element.find("origin")
+    frame[:3, :3] = rotation_by_roll_pitch_yaw(_numbers(origin, "rpy", "0 0 0"))
+    frame[:3, 3] = _numbers(origin, "xyz", "0 0 0")
+    return frame
 
 
 def _colour(material: ET.Element) -> tuple[float, ...] | None:

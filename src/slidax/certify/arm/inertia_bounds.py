@@ -47,7 +47,7 @@ class TrigonometricSeries:
         bounds = np.zeros((*size.shape[1:], self.grid.size))
         for at, joint in enumerate(self.grid.joints):
             k = np.abs(self.grid.degrees[:, at])
-            weight = k if self.grid.turns[joint] else 4.0 * (k > 0) / self.grid.half[joint]
+            weight = k if self.grid.revolute[joint] else 4.0 * (k > 0) / self.grid.half[joint]
             bounds[..., joint] = np.tensordot(weight, size, axes=1)
         return bounds
 
@@ -57,12 +57,12 @@ class PostureGrid:
     """Postures that determine all of M and G.
 
     - `joints`: the joints that matter.
-    - `turns`: True for each revolute joint [n].
+    - `revolute`: True for each revolute joint [n].
     - `middle`, `half`: middle and half of the range of each prismatic joint [n], m; 0 and 1 for a revolute one.
     """
 
     joints: tuple[int, ...]
-    turns: Floats
+    revolute: Floats
     middle: Floats
     half: Floats
 
@@ -75,12 +75,12 @@ class PostureGrid:
 
         Raises DefinitionError if too many joints matter.
         """
-        turns = np.array([unit == "rad" for unit in units])
-        n = len(turns)
-        middle = np.where(turns, 0.0, 0.5 * (lower + upper))
-        half = np.where(turns, 1.0, np.maximum(0.5 * (upper - lower), 1e-6))
+        revolute = np.array([unit == "rad" for unit in units])
+        n = len(revolute)
+        middle = np.where(revolute, 0.0, 0.5 * (lower + upper))
+        half = np.where(revolute, 1.0, np.maximum(0.5 * (upper - lower), 1e-6))
         random = np.random.default_rng(3)
-        places = np.where(turns, random.uniform(-np.pi, np.pi, (2, 4, n)), random.uniform(-1.0, 1.0, (2, 4, n)))
+        places = np.where(revolute, random.uniform(-np.pi, np.pi, (2, 4, n)), random.uniform(-1.0, 1.0, (2, 4, n)))
         q, other = middle + half * places
         moved = np.repeat(q[None], n + 1, axis=0)
         for joint in range(n):
@@ -90,12 +90,12 @@ class PostureGrid:
         joints = tuple(np.flatnonzero(change > 1e-12 * max(float(np.abs(values).max()), 1e-300)).tolist())
         if len(joints) > MOST:
             raise DefinitionError(f"the inertia depends on {len(joints)} joints; at most {MOST} are possible")
-        return cls(joints, turns, middle, half)
+        return cls(joints, revolute, middle, half)
 
     @property
     def size(self) -> int:
         """Number n of the arm's joints."""
-        return len(self.turns)
+        return len(self.revolute)
 
     @property
     def postures(self) -> Floats:
@@ -104,7 +104,7 @@ class PostureGrid:
         q = np.tile(self.middle, (len(angles), 1))
         for k, joint in enumerate(self.joints):
             q[:, joint] = (
-                angles[:, k] if self.turns[joint] else self.middle[joint] + self.half[joint] * np.cos(angles[:, k])
+                angles[:, k] if self.revolute[joint] else self.middle[joint] + self.half[joint] * np.cos(angles[:, k])
             )
         return q
 
@@ -130,7 +130,7 @@ class PostureGrid:
         """
         rates = np.zeros(self.size)
         for joint in self.joints:
-            rates[joint] = 2.0 if self.turns[joint] else 4.0 / self.half[joint]
+            rates[joint] = 2.0 if self.revolute[joint] else 4.0 / self.half[joint]
         return rates
 
 
@@ -378,6 +378,6 @@ def _slopes(series: TrigonometricSeries, sizes: Floats) -> Floats:
     bounds = np.zeros(series.grid.size)
     for at, joint in enumerate(series.grid.joints):
         k = np.abs(series.grid.degrees[:, at])
-        weight = k if series.grid.turns[joint] else 4.0 * (k > 0) / series.grid.half[joint]
+        weight = k if series.grid.revolute[joint] else 4.0 * (k > 0) / series.grid.half[joint]
         bounds[joint] = float((weight * sizes).sum())
     return bounds

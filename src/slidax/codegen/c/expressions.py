@@ -82,11 +82,11 @@ def shortest_decimal(number: str) -> str:
     """Return the shortest readable form of a decimal number in Python's notation: 0.5, 1e-3, 1000.0, 1e6."""
     sign, number = ("-", number[1:]) if number.startswith("-") else ("", number)
     mantissa, _, power = number.partition("e")
-    whole, _, part = mantissa.partition(".")
-    digits = (whole + part).lstrip("0")
+    integer, _, fraction = mantissa.partition(".")
+    digits = (integer + fraction).lstrip("0")
     if not digits:
         return sign + "0.0"
-    exponent = int(power or 0) + len(whole) - (len(whole + part) - len(digits)) - 1
+    exponent = int(power or 0) + len(integer) - (len(integer + fraction) - len(digits)) - 1
     digits = digits.rstrip("0")
     scientific = digits[0] + ("." + digits[1:] if len(digits) > 1 else "") + f"e{exponent}"
     if 0 <= exponent < 6:

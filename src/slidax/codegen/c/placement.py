@@ -90,8 +90,8 @@ class Placement:
             elif isinstance(block, Branch):
                 yield from (block.yes[value.data], block.no[value.data])
         elif isinstance(value, Loop):
-            yield value.condition if value.turns is None else value.turns
-            if value.turns is not None:
+            yield value.condition if value.iterations is None else value.iterations
+            if value.iterations is not None:
                 yield value.params[0]
         elif isinstance(value, Branch):
             yield value.args[0]
@@ -141,7 +141,7 @@ class Placement:
                 if not is_counter(value.params[k]):
                     self._assign(value.args[k], place)
                     self._assign(value.following[k], value.body)
-            self._use(value.condition, value.head) if value.turns is None else self._use(value.turns, place)
+            self._use(value.condition, value.head) if value.iterations is None else self._use(value.iterations, place)
         elif isinstance(value, Branch):
             self._use(value.args[0], place)
             for k in self.results_of(value):
@@ -193,7 +193,7 @@ class Placement:
 def is_counter(param: Value) -> bool:
     """True if a carried value counts the iterations of its loop."""
     loop = param.region.owner
-    return isinstance(loop, Loop) and loop.turns is not None and param.data == 0
+    return isinstance(loop, Loop) and loop.iterations is not None and param.data == 0
 
 
 def is_counter_increment(value: Value) -> bool:
@@ -292,7 +292,7 @@ class _LoopInvariant:
             if value.op in ("store", "input") or (value.op == "load" and (value.data not in self.inputs or guarded)):
                 return False
             # The branch may protect against an endless loop.
-            if guarded and isinstance(value, Loop) and value.turns is None:
+            if guarded and isinstance(value, Loop) and value.iterations is None:
                 return False
             if not all(need in inner or need in self.invariant for need in _needs(value)):
                 return False
@@ -301,5 +301,5 @@ class _LoopInvariant:
 
 def _needs(value: Value) -> Iterator[Value]:
     yield from uses(value)
-    if isinstance(value, Loop) and value.turns is not None:
-        yield value.turns
+    if isinstance(value, Loop) and value.iterations is not None:
+        yield value.iterations

@@ -327,11 +327,11 @@ class _Rerolling:
             else:
                 self._declare(lane.type, group.array, level, lane.line)
                 body.append(CodeLine(level + 1, f"{group.target.element(self.index)} = {text};"))
-        self._print_loop(groups[0].turns, body, level, about)
+        self._print_loop(groups[0].iterations, body, level, about)
 
-    def _print_loop(self, turns: int, body: list[CodeLine], level: int, about: str) -> None:
+    def _print_loop(self, iterations: int, body: list[CodeLine], level: int, about: str) -> None:
         self.out.append(
-            CodeLine(level, f"for (size_t {self.index} = 0; {self.index} < {turns}; ++{self.index}) {{", about)
+            CodeLine(level, f"for (size_t {self.index} = 0; {self.index} < {iterations}; ++{self.index}) {{", about)
         )
         self.out += body
         self.out.append(CodeLine(level, "}", about))

@@ -169,7 +169,7 @@ class Group:
         self.target: Access | None = None
 
     @property
-    def turns(self) -> int:
+    def iterations(self) -> int:
         """Number of iterations of its loop."""
         return 1 if self.target is None else len(self.lanes)
 
@@ -218,7 +218,7 @@ def order_groups(groups: list[Group]) -> list[Group]:
 def _next(ready: list[Group], order: list[Group]) -> Group:
     """Next group: a loop with as many iterations as the last, else the first in the source."""
     if order and order[-1].target is not None:
-        same = [group for group in ready if group.turns == order[-1].turns]
+        same = [group for group in ready if group.iterations == order[-1].iterations]
         if same:
             return min(same, key=lambda group: group.lanes[0].place)
     return min(ready, key=lambda group: (len(group.lanes) > 1, group.lanes[0].place))
@@ -229,15 +229,15 @@ def fits_loop(group: Group, loop: list[Group]) -> bool:
 
     - `loop`: groups of the loop.
     """
-    if group.target is None or group.turns != loop[0].turns:
+    if group.target is None or group.iterations != loop[0].iterations:
         return False
     targets = {other.target for other in loop}
-    places = {place for other in loop for place in _places(other.target, other.turns)}
-    return all(access in targets or not places & _places(access, group.turns) for access in group.at)
+    places = {place for other in loop for place in _places(other.target, other.iterations)}
+    return all(access in targets or not places & _places(access, group.iterations) for access in group.at)
 
 
-def _places(access: Access | None, turns: int) -> set[tuple[str, int]]:
+def _places(access: Access | None, iterations: int) -> set[tuple[str, int]]:
     """Elements that the iterations of a loop access."""
     if access is None or not access.array:
         return set()
-    return {(access.array, access.start + turn * access.step) for turn in range(turns)}
+    return {(access.array, access.start + turn * access.step) for turn in range(iterations)}

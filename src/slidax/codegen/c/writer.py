@@ -374,7 +374,7 @@ class Writer:
         """Write a `for` where the number of iterations is known, else a `while`."""
         left = self.placement.results_of(loop)
         names: dict[int, str] = {}
-        counted = self._counter(loop, left) if loop.turns is not None else ""
+        counted = self._counter(loop, left) if loop.iterations is not None else ""
         for k in self.placement.carried(loop):
             param = loop.params[k]
             if is_counter(param):
@@ -403,9 +403,9 @@ class Writer:
 
     def _counter(self, loop: Loop, left: Mapping[int, Value]) -> str:
         """Head of a `for`."""
-        assert loop.turns is not None
-        if self.texts[loop.turns].weight:
-            self.declare_value(loop.turns)
+        assert loop.iterations is not None
+        if self.texts[loop.iterations].weight:
+            self.declare_value(loop.iterations)
         param = loop.params[0]
         type, name = self.new_variable(param, self._index())
         self.texts[param] = CExpression(name, reads=frozenset((name,)))
@@ -413,7 +413,7 @@ class Writer:
         if 0 in left:
             self.line(start + ";")
             start = ""
-        return f"for ({start}; {name} < {self.texts[loop.turns].text}; ++{name}) {{"
+        return f"for ({start}; {name} < {self.texts[loop.iterations].text}; ++{name}) {{"
 
     def _index(self) -> str:
         return next((name for name in "ijkmn" if name not in self.taken), "i")
@@ -439,7 +439,7 @@ class Writer:
         self.region(loop.head)
         self.level -= 1
         head, self.lines = self.lines, around
-        if loop.turns is not None:
+        if loop.iterations is not None:
             return head, ""
         condition = self.texts[loop.condition]
         return head, f"!{condition.within(UNARY)}" if head else condition.text

@@ -286,20 +286,20 @@ class ByDemand:
 
     def __init__(self, program: Program, lanes: int = 1) -> None:
         self.program, self.lanes = program, lanes
-        self._turns = 0
+        self._iterations = 0
         self._identity: str | None = None
         self._kernel: Kernel | None = None
 
-    def kernel(self, turns: int) -> Kernel:
-        """Return the code that fits the number of turns so far.
+    def kernel(self, iterations: int) -> Kernel:
+        """Return the code that fits the number of iterations so far.
 
-        - `turns`: next turns of the loop; the runs in one vector count once.
+        - `iterations`: next iterations of the loop; the runs in one vector count once.
 
         Raises DefinitionError if llvmlite is missing, or an operation of the program has no code.
         """
         first = self._kernel is None
-        self._turns += turns
-        worth = self._turns >= WORTHWHILE_TURNS.get(self.lanes, 0)
+        self._iterations += iterations
+        worth = self._iterations >= WORTHWHILE_TURNS.get(self.lanes, 0)
         if self._kernel is None or (worth and self._kernel.quick):
             with as_native_code_error(lambda: "the program"):
                 self._identity = self._identity or identity(self.program, self.lanes)

@@ -56,12 +56,12 @@ def scan(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> lis
     # The initial content of the stacks is never read.
     start = [*carry, *(full_array(b.constant(0, type_of(aval.dtype)), aval.shape) for aval in avals)]
     shapes = [array.shape for array in start]
-    zero, unit, turns = (b.constant(k, "i64") for k in (0, 1, length))
+    zero, unit, iterations = (b.constant(k, "i64") for k in (0, 1, length))
     left = b.loop(
         [zero, *pack(start)],
-        lambda carried: b.apply("lt", carried[0], turns),
+        lambda carried: b.apply("lt", carried[0], iterations),
         lambda carried: [b.apply("add", carried[0], unit), *pack(turn(carried[0], unpack(carried[1:], shapes)))],
-        turns,
+        iterations,
     )
     return unpack(left[1:], shapes)
 
@@ -78,11 +78,11 @@ def _unroll(
     shares: list[Values],
     carry: list[Values],
     rows: list[Values],
-    turns: tuple[int, bool],
+    iterations: tuple[int, bool],
     shapes: list[tuple[int, ...]],
     inline: Inline,
 ) -> list[Values]:
-    length, reverse = turns
+    length, reverse = iterations
     stacks: list[Values] = [np.empty(shape, object) for shape in shapes]
     for k in reversed(range(length)) if reverse else range(length):
         results = inline(jaxpr, [*shares, *carry, *(_element(array, k) for array in rows)])

@@ -53,12 +53,12 @@ def arm_entry(
         {
             "name": name,
             "parent": parent,
-            "origin": [*_plain(place), *_plain(_quaternion(turn))],
+            "origin": [*_plain(position), *_plain(_quaternion(turn))],
             "axis": [0.0, 0.0, 1.0],
             "type": "revolute" if revolute else "prismatic",
             "joint": joint,
         }
-        for joint, (name, parent, revolute, turn, place) in enumerate(
+        for joint, (name, parent, revolute, turn, position) in enumerate(
             zip(bones.names, bones.parents, bones.revolute, bones.rotations, bones.translations, strict=True)
         )
     ]
@@ -88,8 +88,8 @@ def _shapes(bones: Skeleton, travel: np.ndarray) -> list[dict[str, Any]]:
         if bones.revolute[joint]:
             shapes.append(_shape(joint, "cylinder", [1.2 * r, 2.5 * r], np.zeros(3), np.eye(3), JOINT))
         else:
-            place, turn = bones.translations[joint], bones.rotations[joint]
-            shapes.append(_shape(parent, "cylinder", [1.3 * r, 3.0 * r], place, turn, JOINT))
+            position, turn = bones.translations[joint], bones.rotations[joint]
+            shapes.append(_shape(parent, "cylinder", [1.3 * r, 3.0 * r], position, turn, JOINT))
             rod = 0.15 * bones.reach + float(travel[joint])
             shapes.append(_shape(joint, "capsule", [0.5 * r, rod], np.array([0, 0, -0.5 * rod]), np.eye(3), LINK))
     tip, end = bones.tip_joint, radii[bones.tip_joint + 1]
@@ -107,8 +107,10 @@ def _bone(link: int, end: np.ndarray, radius: float) -> list[dict[str, Any]]:
     return [_shape(link, "capsule", [0.85 * radius, length], 0.5 * end, _towards(end / length), LINK)]
 
 
-def _shape(link: int, kind: str, size: list[float], place: np.ndarray, turn: np.ndarray, tone: int) -> dict[str, Any]:
-    at = [*_plain(place), *_plain(_quaternion(turn))]
+def _shape(
+    link: int, kind: str, size: list[float], position: np.ndarray, turn: np.ndarray, tone: int
+) -> dict[str, Any]:
+    at = [*_plain(position), *_plain(_quaternion(turn))]
     return {"link": link, "kind": kind, "size": _plain(np.asarray(size)), "at": at, "tone": tone}
 
 

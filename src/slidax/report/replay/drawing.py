@@ -27,21 +27,21 @@ class PayloadMotion:
     """A payload in each frame of a replay; its frame is the tip's, also after its release.
 
     - `solid`: the box of uniform density with the payload's mass and moments of inertia.
-    - `rotations`, `places`: of its frame in the base frame [k 3 3], [k 3], m.
+    - `rotations`, `positions`: of its frame in the base frame [k 3 3], [k 3], m.
     - `carried`: True while the tip carries it [k].
     - `visible`: True while its pose is known [k].
     """
 
     solid: Solid
     rotations: np.ndarray
-    places: np.ndarray
+    positions: np.ndarray
     carried: np.ndarray
     visible: np.ndarray
 
     def corners(self, frames: np.ndarray) -> np.ndarray:
         """Corners of the box in some `frames` (a mask [k]), in the base frame [m 3], m."""
         turned = self.solid.vertices @ self.rotations[frames].transpose(0, 2, 1)
-        return (turned + self.places[frames, None]).reshape(-1, 3)
+        return (turned + self.positions[frames, None]).reshape(-1, 3)
 
 
 def payload_motion(run: Run, plant: eqx.Module, skeleton: Skeleton, motion: SampledRun) -> PayloadMotion | None:
@@ -54,15 +54,15 @@ def payload_motion(run: Run, plant: eqx.Module, skeleton: Skeleton, motion: Samp
         return None
     t = motion.t
     rotations = motion.actual.rotations[:, skeleton.tip_joint + 1] @ skeleton.tip_rotation
-    places = motion.actual_tip.copy()
+    positions = motion.actual_tip.copy()
     carried = (t >= float(load.attached)) & (t < float(load.released))
     visible = carried.copy()
     free = t >= float(load.released)
     flight = None if run.load is None else _valid(run.load)
     if flight is not None and free.any():
-        rotations[free], places[free] = _at(t[free], flight)
+        rotations[free], positions[free] = _at(t[free], flight)
         visible |= free
-    return PayloadMotion(_box(load), rotations, places, carried, visible)
+    return PayloadMotion(_box(load), rotations, positions, carried, visible)
 
 
 def _box(load: TimedPayload) -> Solid:
@@ -76,19 +76,19 @@ def _box(load: TimedPayload) -> Solid:
 
 def _valid(body: FreeBody) -> FreeBody | None:
     """The finite samples of a free body; None if there are none."""
-    rotation, place = np.asarray(body.rotation), np.asarray(body.place)
+    rotation, position = np.asarray(body.rotation), np.asarray(body.position)
     with np.errstate(invalid="ignore"):
-        valid = np.isfinite(rotation).all(axis=(1, 2)) & (np.abs(place) < LARGEST).all(axis=1)
-    return FreeBody(np.asarray(body.t)[valid], rotation[valid], place[valid]) if valid.any() else None
+        valid = np.isfinite(rotation).all(axis=(1, 2)) & (np.abs(position) < LARGEST).all(axis=1)
+    return FreeBody(np.asarray(body.t)[valid], rotation[valid], position[valid]) if valid.any() else None
 
 
 def _at(t: np.ndarray, body: FreeBody) -> tuple[np.ndarray, np.ndarray]:
     """Interpolated rotations and places; constant before the first and after the last sample."""
-    places = np.stack([np.interp(t, body.t, column) for column in body.place.T], axis=1)
+    positions = np.stack([np.interp(t, body.t, column) for column in body.position.T], axis=1)
     if len(body.t) == 1:
-        return np.tile(body.rotation, (len(t), 1, 1)), places
+        return np.tile(body.rotation, (len(t), 1, 1)), positions
     slerp = Slerp(body.t, Rotation.from_matrix(body.rotation))
-    return slerp(np.clip(t, body.t[0], body.t[-1])).as_matrix(), places
+    return slerp(np.clip(t, body.t[0], body.t[-1])).as_matrix(), positions
 
 
 FIELD_OF_VIEW = 0.7
@@ -195,7 +195,7 @@ def _points(skeleton: Skeleton, motion: SampledRun, payload: PayloadMotion | Non
     if payload is not None:
         points.append(payload.corners(payload.carried))
     for poses in (motion.actual, motion.desired):
-        points.append(poses.places.reshape(-1, 3))
+        points.append(poses.positions.reshape(-1, 3))
         for joint in np.flatnonzero(~np.array(skeleton.revolute)):
             points.append(poses.points(int(joint) + 1, np.array([0, 0, -motion.travel[joint]])))
     return np.concatenate(points)

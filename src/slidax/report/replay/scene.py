@@ -27,7 +27,7 @@ class ArmNodes:
         stage, solids, thinner = drawing.stage, drawing.solids, THINNER * drawing.skeleton.reach
         upright = _quaternions(stage.rotation[None])[0]
         self.root = server.scene.add_frame(name, show_axes=False, wxyz=upright, position=stage.base)
-        self._places = poses.places.astype(np.float32)
+        self._positions = poses.positions.astype(np.float32)
         self._turns = _quaternions(poses.rotations.reshape(-1, 3, 3)).reshape(*poses.rotations.shape[:2], 4)
         moving = sorted({solid.body for solid in solids if solid.body > 0})
         self._bodies = {body: server.scene.add_frame(f"{name}/{body}", show_axes=False) for body in moving}
@@ -47,7 +47,7 @@ class ArmNodes:
     def show(self, number: int) -> None:
         """Move every body to its pose in frame `number`."""
         for body, node in self._bodies.items():
-            node.position = self._places[number, body]
+            node.position = self._positions[number, body]
             node.wxyz = self._turns[number, body]
 
 
@@ -60,7 +60,7 @@ class PayloadNode:
     """
 
     def __init__(self, server: viser.ViserServer, name: str, payload: PayloadMotion) -> None:
-        self._places = payload.places.astype(np.float32)
+        self._positions = payload.positions.astype(np.float32)
         self._turns = _quaternions(payload.rotations)
         self._visible = payload.visible
         self.node = server.scene.add_frame(name, show_axes=False, visible=bool(payload.visible[0]))
@@ -70,7 +70,7 @@ class PayloadNode:
     def show(self, number: int) -> None:
         """Move the payload to its pose in frame `number`, or hide it."""
         self.node.visible = bool(self._visible[number])
-        self.node.position, self.node.wxyz = self._places[number], self._turns[number]
+        self.node.position, self.node.wxyz = self._positions[number], self._turns[number]
 
 
 class Scene:
@@ -115,11 +115,11 @@ class Scene:
         stage = self.drawing.stage
         self.desired.root.position = stage.base + (stage.shift if beside else 0.0)
         self.desired.stand.visible = beside
-        place, target = (stage.wide_camera, stage.wide_target) if beside else (stage.camera, stage.target)
+        position, target = (stage.wide_camera, stage.wide_target) if beside else (stage.camera, stage.target)
         clients = self._server.get_clients().values()
         cameras: list[Any] = [self._server.initial_camera, *(client.camera for client in clients)]
         for camera in cameras:
-            camera.position = place
+            camera.position = position
             camera.look_at = target
 
 

@@ -64,10 +64,10 @@ def bone(
     return move_mesh(rod, frame(turn_up((end - start) / length).T, start))
 
 
-def frame(rotation: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """The pose of a frame as a matrix [4 4]; `rotation` has its axes as columns, `place` its origin [3], m."""
+def frame(rotation: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """The pose of a frame as a matrix [4 4]; `rotation` has its axes as columns, `position` its origin [3], m."""
     matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = rotation, place
+    matrix[:3, :3], matrix[:3, 3] = rotation, position
     return matrix
 
 
@@ -200,7 +200,7 @@ def mesh_solids(skeleton: Skeleton, path: Path, *, tools: bool) -> list[Solid]:
     urdf = urdf_drawing(path)
     carried = _carried(skeleton, urdf, path)
     still = np.zeros(skeleton.joints)
-    places, bodies = _link_places(skeleton, urdf, still), _body_places(skeleton, still)
+    links, bodies = _link_frames(skeleton, urdf, still), _body_frames(skeleton, still)
     own = {urdf.tree.children[name] for name in skeleton.names}
     shapes = [shape for shape in urdf.shapes() if not carried[shape.link] or tools or shape.link in own]
     if not shapes:
@@ -208,7 +208,7 @@ def mesh_solids(skeleton: Skeleton, path: Path, *, tools: bool) -> list[Solid]:
     solids: list[Solid] = []
     missing: list[str] = []
     for shape in shapes:
-        at = np.linalg.inv(bodies[carried[shape.link]]) @ places[shape.link] @ shape.at
+        at = np.linalg.inv(bodies[carried[shape.link]]) @ links[shape.link] @ shape.at
         try:
             solids += [_solid(carried[shape.link], mesh, at, shape) for mesh in _meshes(shape)]
         # Readers of meshes raise what they like.
@@ -285,7 +285,7 @@ def _carried(skeleton: Skeleton, urdf: UrdfDrawing, path: Path) -> dict[str, int
     postures = [np.zeros(skeleton.joints), np.linspace(0.3, 0.9, skeleton.joints)]
     relative = []
     for q in postures:
-        links, bodies = _link_places(skeleton, urdf, q), _body_places(skeleton, q)
+        links, bodies = _link_frames(skeleton, urdf, q), _body_frames(skeleton, q)
         relative.append({link: np.linalg.inv(bodies[body]) @ links[link] for link, body in carried.items()})
     for link in carried:
         gap = float(np.abs(relative[0][link] - relative[1][link]).max())
@@ -295,12 +295,12 @@ def _carried(skeleton: Skeleton, urdf: UrdfDrawing, path: Path) -> dict[str, int
     return carried
 
 
-def _link_places(skeleton: Skeleton, urdf: UrdfDrawing, q: np.ndarray) -> dict[str, np.ndarray]:
-    return urdf.places(dict(zip(skeleton.names, q.tolist(), strict=True)))
+def _link_frames(skeleton: Skeleton, urdf: UrdfDrawing, q: np.ndarray) -> dict[str, np.ndarray]:
+    return urdf.frames(dict(zip(skeleton.names, q.tolist(), strict=True)))
 
 
-def _body_places(skeleton: Skeleton, q: np.ndarray) -> np.ndarray:
+def _body_frames(skeleton: Skeleton, q: np.ndarray) -> np.ndarray:
     poses = skeleton.poses(q[None])
-    places = np.tile(np.eye(4), (skeleton.joints + 1, 1, 1))
-    places[:, :3, :3], places[:, :3, 3] = poses.rotations[0], poses.places[0]
-    return places
+    frames = np.tile(np.eye(4), (skeleton.joints + 1, 1, 1))
+    frames[:, :3, :3], frames[:, :3, 3] = poses.rotations[0], poses.positions[0]
+    return frames

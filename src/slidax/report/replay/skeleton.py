@@ -23,15 +23,15 @@ class Poses:
     """Poses of the bodies at several times; body 0 is the base, joint i moves body i + 1.
 
     - `rotations`: axes as columns [k n+1 3 3].
-    - `places`: origins [k n+1 3], m.
+    - `positions`: origins [k n+1 3], m.
     """
 
     rotations: np.ndarray
-    places: np.ndarray
+    positions: np.ndarray
 
     def points(self, body: int, offset: np.ndarray) -> np.ndarray:
         """A point of one `body` at all times [k 3], m; `offset` is the point in the body's frame [3], m."""
-        return self.places[:, body] + self.rotations[:, body] @ offset
+        return self.positions[:, body] + self.rotations[:, body] @ offset
 
 
 @dataclass(frozen=True)
@@ -76,16 +76,16 @@ class Skeleton:
 
     def poses(self, q: np.ndarray) -> Poses:
         """Forward kinematics at positions `q` [k n], rad or m. In NumPy: compiling would take longer."""
-        turns, slides = np.where(self.revolute, q, 0.0), np.where(self.revolute, 0.0, q)
+        angles, slides = np.where(self.revolute, q, 0.0), np.where(self.revolute, 0.0, q)
         rotations = np.tile(np.eye(3), (len(q), self.joints + 1, 1, 1))
-        places = np.zeros((len(q), self.joints + 1, 3))
+        positions = np.zeros((len(q), self.joints + 1, 3))
         for joint, parent in enumerate(self.parents):
             carrier = rotations[:, parent + 1]
             turned = carrier @ self.rotations[joint]
-            place = places[:, parent + 1] + carrier @ self.translations[joint]
-            places[:, joint + 1] = place + turned[:, :, 2] * slides[:, joint, None]
-            rotations[:, joint + 1] = turned @ _about_z(turns[:, joint])
-        return Poses(rotations, places)
+            position = positions[:, parent + 1] + carrier @ self.translations[joint]
+            positions[:, joint + 1] = position + turned[:, :, 2] * slides[:, joint, None]
+            rotations[:, joint + 1] = turned @ _about_z(angles[:, joint])
+        return Poses(rotations, positions)
 
     def tips(self, poses: Poses) -> np.ndarray:
         """Tip positions [k 3], m, for `poses`."""
@@ -94,9 +94,9 @@ class Skeleton:
 
 def _about_z(angles: np.ndarray) -> np.ndarray:
     cosine, sine = np.cos(angles), np.sin(angles)
-    turns = np.tile(np.eye(3), (len(angles), 1, 1))
-    turns[:, 0, 0], turns[:, 0, 1], turns[:, 1, 0], turns[:, 1, 1] = cosine, -sine, sine, cosine
-    return turns
+    rotations = np.tile(np.eye(3), (len(angles), 1, 1))
+    rotations[:, :2, :2] = np.stack([cosine, -sine, sine, cosine], axis=-1).reshape(-1, 2, 2)
+    return rotations
 
 
 def skeleton(robot: AbstractRobot, q: Any) -> np.ndarray:
@@ -104,7 +104,7 @@ def skeleton(robot: AbstractRobot, q: Any) -> np.ndarray:
     bones = skeleton_of(robot)
     poses = bones.poses(np.asarray(q)[None])
     joints = np.array(bones.chain) + 1
-    points = np.concatenate([poses.places[0, :1], poses.places[0, joints], bones.tips(poses)])
+    points = np.concatenate([poses.positions[0, :1], poses.positions[0, joints], bones.tips(poses)])
     new = np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-9 * bones.reach
     return points[np.append(True, new)]
 

@@ -81,13 +81,13 @@ class Contents:
     - `bodies`: undecoded messages by topic.
     - `topics`: all topics.
     - `others`: metadata and attachments, as objects of `mcap`.
-    - `whole`: True if the file has an end.
+    - `complete`: True if the file has an end.
     """
 
     bodies: dict[str, list[bytes]] = field(default_factory=dict)
     topics: set[str] = field(default_factory=set)
     others: list[Any] = field(default_factory=list)
-    whole: bool = False
+    complete: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +122,7 @@ def read_contents(path: Path, types: Sequence[str] = ()) -> Contents:
             if not types or (schemas.get(record.schema_id) in types and record.message_encoding == "cdr"):
                 channels[record.id] = record.topic
         elif kind == "DataEnd":
-            contents.whole = True
+            contents.complete = True
         elif not types:
             contents.others.append(record)
     return contents
@@ -381,7 +381,7 @@ class SavedLog:
     - `attachments`: files by name.
     - `law`: columns with one row per answer of the law; signals as `signal:NAME`.
     - `arm`: columns with one row per tick of a simulated arm; no rows for a real one.
-    - `whole`: False if the writer was killed and the file has no end.
+    - `complete`: False if the writer was killed and the file has no end.
     """
 
     path: Path
@@ -390,7 +390,7 @@ class SavedLog:
     attachments: dict[str, bytes]
     law: dict[str, np.ndarray]
     arm: dict[str, np.ndarray]
-    whole: bool
+    complete: bool
 
     @property
     def name(self) -> str:
@@ -437,7 +437,7 @@ def read_mcap(path: Path) -> SavedLog:
         sides = [_columns(contents.bodies, side) for side in (channels.law(), channels.arm())]
     except ValueError as error:
         raise DefinitionError(f"`{path}` is damaged: {error}; record or run it again") from None
-    return SavedLog(path, channels, metadata, attachments, sides[0], sides[1], contents.whole)
+    return SavedLog(path, channels, metadata, attachments, sides[0], sides[1], contents.complete)
 
 
 def _columns(messages: dict[str, list[bytes]], kinds: list[Message]) -> dict[str, np.ndarray]:

@@ -50,7 +50,7 @@ def read_joint_states(path: Path, topic: str | None = None, joints: Sequence[str
     require_reader()
     decode = decoder()
     contents = read_contents(path, TYPES)
-    notes = () if contents.whole else ("the file is incomplete or damaged: it is read up to the damage",)
+    notes = () if contents.complete else ("the file is incomplete or damaged: it is read up to the damage",)
     return choose_topic(f"`{path.name}`", contents.bodies, contents.topics, topic, joints, decode, notes)
 
 
@@ -176,7 +176,7 @@ def read_bag(path: Path, topic: str | None = None, joints: Sequence[str] = ()) -
             if file.suffix == ".mcap":
                 contents = read_contents(file, TYPES)
                 part, names = contents.bodies, contents.topics
-                if not contents.whole:
+                if not contents.complete:
                     notes.append(f"`{file.name}` is incomplete or damaged: it is read up to the damage")
             else:
                 part, names = _states_in_database(file)
