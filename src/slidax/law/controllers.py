@@ -60,6 +60,10 @@ class AbstractController(AbstractPart):
         """
         return None
 
+    def at_period(self, period: Scalar) -> AbstractController:
+        """Return the law with the gains for a period [s], for its sampled-data form without a plan."""
+        return self
+
 
 class AbstractModelBased(AbstractController):
     """A law that computes with a nominal arm; by default without an envelope and without a memory."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import jax.numpy as jnp
 
+from slidax.core.errors import DefinitionError, is_traced
 from slidax.core.linear_algebra import matvec
 from slidax.core.parameter import parameter
 from slidax.core.types import Command, Memory, PerJoint, Reference, Scalar, State, Vector
@@ -75,6 +76,9 @@ class ComputedTorque(AbstractModelBased):
 
     Source: Siciliano et al., Robotics: Modelling, Planning and Control, 2009, section 8.5.2 (inverse dynamics control).
 
+    A `horizon` H replaces both gains by `Kp = 1/H²`, `Kd = 2/H`. In sampled-data form with the period h it is
+    `Kd = (H - h/2)/H² + 1/H`, for which the sampled error has the double eigenvalue `1 - h/H` (docs/sampled-data.md).
+
     Signals: `e` [n], `de` [n].
     """
 
@@ -82,11 +86,31 @@ class ComputedTorque(AbstractModelBased):
     kd: PerJoint = parameter(
         "diagonal of Kd; `2 √kp` damps critically", "1/s", "> 0", "so that the error oscillator is stable", default=20.0
     )
+    horizon: Scalar | None = parameter(
+        "H, which replaces `kp` and `kd` by critically damped gains; None to keep them", "s", "> 0", default=None
+    )
+
+    def gains(self, period: Scalar | float = 0.0) -> tuple[PerJoint, PerJoint]:
+        """Return the diagonals of Kp and Kd for a period [s], 0 for continuous time."""
+        if self.horizon is None:
+            return self.kp, self.kd
+        rate = 1.0 / self.horizon
+        return rate * rate, (self.horizon - 0.5 * period) * rate * rate + rate
+
+    def at_period(self, period: Scalar) -> ComputedTorque:
+        if not is_traced((self.horizon, period)) and self.horizon is not None and self.horizon < period:
+            raise DefinitionError(
+                f"`ComputedTorque.horizon` must be at least the period of {float(period):g} s in sampled-data form; "
+                f"got {float(self.horizon):g} s"
+            )
+        kp, kd = self.gains(period)
+        return ComputedTorque(self.nominal, kp=kp, kd=kd)
 
     def __call__(
         self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: Memory
     ) -> Command:
         e, de = state.q - reference_now.q, state.dq - reference_now.dq
-        wanted = reference_now.ddq - self.kp * e - self.kd * de
+        kp, kd = self.gains()
+        wanted = reference_now.ddq - kp * e - kd * de
         tau = matvec(self.nominal.mass(state.q), wanted) + self.nominal.bias(state.q, state.dq)
         return Command(tau=tau, memory=memory, signals={"e": e, "de": de})

@@ -156,6 +156,7 @@ class NominalArm(AbstractDescription):
     """Knowledge of the law in addition to the arm's own description."""
 
     armature: Numbers | None = same_field(Articulated, "armature", default=None, source="the arm's description")
+    viscous: Numbers | None = same_field(Articulated, "viscous", default=None, source="the arm's description")
     load: LoadDescription | None = None
     """Payload that the law knows, at the tip for the whole run, such as a gripper."""
     links: LinksDescription | None = None
@@ -176,8 +177,10 @@ class NominalArm(AbstractDescription):
         return self._known(robot)
 
     def _known(self, robot: Articulated) -> Articulated:
-        if self.armature is not None:
-            robot = eqx.tree_at(lambda arm: arm.armature, robot, self._armature(robot.joints))
+        for name in ("armature", "viscous"):
+            if getattr(self, name) is not None:
+                values = self._per_joint(name, robot.joints)
+                robot = eqx.tree_at(lambda arm, name=name: getattr(arm, name), robot, values)
         if self.links is not None:
             with locate_errors("links"):
                 robot = self.links.applied(robot)
@@ -191,14 +194,14 @@ class NominalArm(AbstractDescription):
             robot = eqx.tree_at(lambda arm: arm.payload, robot, load.payload)
         return robot
 
-    def _armature(self, joints: int) -> Array:
-        armature = as_array(self.armature)
-        if armature.shape not in ((), (joints,)):
-            message = f"must be one number or one for {each_of(joints, 'joint')}; got {armature.shape[0]}"
-            raise DefinitionError(message, where="armature")
-        if (static_value(armature) < 0).any():
-            raise DefinitionError(f"must be >= 0; got {self.armature}", where="armature")
-        return jnp.broadcast_to(armature, (joints,))
+    def _per_joint(self, name: str, joints: int) -> Array:
+        values = as_array(getattr(self, name))
+        if values.shape not in ((), (joints,)):
+            message = f"must be one number or one for {each_of(joints, 'joint')}; got {values.shape[0]}"
+            raise DefinitionError(message, where=name)
+        if (static_value(values) < 0).any():
+            raise DefinitionError(f"must be >= 0; got {getattr(self, name)}", where=name)
+        return jnp.broadcast_to(values, (joints,))
 
 
 class AbstractArticulated(AbstractRobotDescription):

@@ -90,6 +90,13 @@ class KalmanDescription(AbstractDescription):
         default=TORQUE_DENSITY,
         source="docs/loop-rate.md",
     )
+    acceleration_density: float | None = input_field(
+        "of the white noise that drives the disturbance as an acceleration, in place of `torque_density`: the same "
+        "gains for all joints",
+        "(rad/s³)² s or (m/s³)² s",
+        "> 0",
+        default=None,
+    )
     variance: Numbers | None = input_field(
         "of a measured position", "rad² or m²", default=None, source="the sensor's resolution and noise"
     )
@@ -97,6 +104,12 @@ class KalmanDescription(AbstractDescription):
     def build(self, sampling: Sampling) -> AbstractEstimator:
         """Build the estimator."""
         variance = sampling.variance if self.variance is None else as_array(self.variance)
+        if self.acceleration_density is not None:
+            if "torque_density" in self.model_fields_set:
+                raise DefinitionError(
+                    "`acceleration_density` and `torque_density` both set the gains: leave one of them out"
+                )
+            return Kalman.steady(density=self.acceleration_density, variance=variance, period=sampling.period)
         return Kalman.of_arm(
             sampling.mass,
             variance=variance,
@@ -211,6 +224,11 @@ class SampledDataDescription(AbstractDescription):
     """Measurement gate, which rejects measurements that the arm cannot have produced."""
     slopes: bool = True
     """True if the robust torque counts the slope part of tau1, as printed in (45)."""
+    midpoint: bool = False
+    """True to evaluate the arm's model in the middle of the torque's period, and to predict by the planned
+    accelerations."""
+    viscous_feedforward: bool = False
+    """True to compensate the nominal arm's viscous friction at the reference's velocity."""
 
     @field_validator("adaptation", mode="before")
     @classmethod
@@ -252,6 +270,11 @@ class SampledDataDescription(AbstractDescription):
         if self.monitor is not None:
             with locate_errors("monitor"):
                 monitor = self.monitor.build()
+        if self.viscous_feedforward and not np.any(np.asarray(getattr(_nominal(law), "viscous", 1.0))):
+            raise DefinitionError(
+                "the nominal arm has no viscous friction to compensate: set `robot.nominal.viscous`",
+                where="viscous_feedforward",
+            )
         with locate_errors("gate"):
             self.gate.require_joints(sampling.mass.shape[0])
             gate = self.gate.build(_nominal(law), sampling)
@@ -268,6 +291,8 @@ class SampledDataDescription(AbstractDescription):
             adaptation=adaptation,
             monitor=monitor,
             gate=gate,
+            midpoint=self.midpoint,
+            viscous_feedforward=self.viscous_feedforward,
         )
 
 

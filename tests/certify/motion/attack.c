@@ -97,13 +97,13 @@ static void accelerate(const arm_t *arm, const double *q, const double *v, const
    start: position and velocity [2][n]. phase: of the encoder's grid [n].
    largest: [slots][2][n] of |q - q_d| and |v - dq_d| over the substeps of each slot. trace, unless null:
    [slots][sub][6][n]: q, v, a; [.][3] command acceleration u - w^ ; [4] qm; [5] vm. torque: [slots][n]. */
-void run(const arm_t *truth, const arm_t *model, double h, double H, const double *gains, int delay, int slots, int sub,
+void run(const arm_t *truth, const arm_t *model, double h, double kp, double kd, const double *gains, int delay, int slots, int sub,
          const double *desired, const double *push, int friction, const double *coulomb, double resolution,
          const double *phase, const double *start, int settled, double *largest, double *trace, double *torque) {
     int n = truth->n;
     double q[N], v[N], qh[N], vh[N], wh[N], held[N];
     double ring_tau[16][N], ring_a[16][N], ring_w[16][N], ring_q[16][N], ring_v[16][N];
-    double zero[N] = {0}, dt = h / sub, lead = H - 0.5 * h;
+    double zero[N] = {0}, dt = h / sub;
     for (int i = 0; i < n; i++) {
         q[i] = start[i]; v[i] = start[n+i]; qh[i] = q[i]; vh[i] = desired[n+i]; wh[i] = 0;
     }
@@ -139,7 +139,7 @@ void run(const arm_t *truth, const arm_t *model, double h, double H, const doubl
         double u[N], qm[N], vm[N], tau[N];
         for (int i = 0; i < n; i++) {
             double mean = (next[n+i] - now[n+i]) / h, e = at[i] - now[i], de = rate[i] - now[n+i];
-            u[i] = mean - (e + lead * de) / (H * H) - de / H;
+            u[i] = mean - kp * e - kd * de;
             qm[i] = at[i] + 0.5 * h * rate[i] + 0.125 * h * h * u[i]; vm[i] = rate[i] + 0.5 * h * u[i];
             if (delay == 0) { qh[i] += h * vh[i] + 0.5 * h * h * u[i]; vh[i] += h * u[i]; }
             u[i] -= wh[i];

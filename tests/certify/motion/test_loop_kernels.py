@@ -19,7 +19,7 @@ def simulated(
     loop: JointLoop, w: np.ndarray, ratio: float = 1.0, noise: np.ndarray | None = None
 ) -> dict[str, np.ndarray]:
     """e, v, s when each period starts, for accelerations w [slots sub], constant in each substep."""
-    h, lead, delay = loop.period, loop.horizon - loop.period / 2, loop.delay
+    h, delay = loop.period, loop.delay
     e = v = position = speed = push = 0.0
     pending = [(0.0, 0.0)] * delay
     results: dict[str, list[float]] = {"error": [], "velocity": [], "command": []}
@@ -32,7 +32,7 @@ def simulated(
             at, rate = at + h * rate + h * h / 2 * a, rate + h * a
             if i == 0:
                 position, speed = at, rate
-        pending.append((-(at + lead * rate) / loop.horizon**2 - rate / loop.horizon - push, push))
+        pending.append((-loop.kp * at - loop.kd * rate - push, push))
         s, _ = pending.pop(0)
         if delay == 0:
             position, speed = position + h * speed + h * h / 2 * (s + push), speed + h * (s + push)
@@ -97,7 +97,7 @@ def test_departures_grow_with_the_band() -> None:
 
 def test_an_unstable_loop_is_refused() -> None:
     with pytest.raises(DefinitionError, match="unstable"):
-        JointLoop(1e-3, 7e-3, (2.5, 0.0, 0.0), 1)
+        JointLoop.with_horizon(1e-3, 7e-3, (2.5, 0.0, 0.0), 1)
     with pytest.raises(DefinitionError, match="unstable"):
         spread_kernels(LOOPS["fast"], 0.7)
 
@@ -107,6 +107,6 @@ def test_eigenvalue_modulus_agrees_with_the_loop_of_the_law(ratio: float) -> Non
     for loop in LOOPS.values():
         h = loop.period
         first, second, third = loop.gains
-        law = LinearLoop(h, loop.horizon / h, float(loop.delay), (first, second * h, third * h * h), False)
+        law = LinearLoop(h, loop.kp**-0.5 / h, float(loop.delay), (first, second * h, third * h * h), False)
         radius = np.abs(np.linalg.eigvals(loop.maps_for(ratio).step)).max()
         np.testing.assert_allclose(radius, law.radius(ratio), rtol=1e-6)

@@ -3,7 +3,7 @@
 The loop of docs/any-motion: a double integrator `ë = s + w + ρ` under a computed torque with a steady Kalman filter,
 
     r = y - ê⁻,  ê = ê⁻ + L1 r,  v̂ = v̂⁻ + L2 r,  ŵ = ŵ⁻ + L3 r        (measurement y = e + n)
-    s = -(ê_p + c v̂_p)/H² - v̂_p/H - ŵ,  c = H - h/2                     (decided D periods before it acts)
+    s = -kp ê_p - kd v̂_p - ŵ                                            (decided D periods before it acts)
 
 where `ê_p, v̂_p` is the estimate, moved over the delay with `s + ŵ`. The state at the start of a period is
 `(e, v, ê⁻, v̂⁻, ŵ⁻)` and `(ê_p, v̂_p, ŵ)` of each pending command. Inside this module the unit of time is the period.
@@ -18,6 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slidax.core.errors import DefinitionError
+from slidax.law.kalman import Kalman, steady_gains
+from slidax.law.linear_controllers import ComputedTorque
+from slidax.law.sampled.controller import SampledData
+from slidax.law.sampled.recipe import ExplicitStep
 
 Floats = NDArray[np.float64]
 
@@ -63,7 +67,7 @@ LONGEST = 2**15
 class JointLoop:
     """The linear loop of every joint; all joints have the same.
 
-    - `period`: h [s]; `horizon`: H [s].
+    - `period`: h [s]; `kp` [1/s²] and `kd` [1/s]: of the computed torque.
     - `gains`: L1, L2 [1/s], L3 [1/s²] of the Kalman filter.
     - `delay`: age of a measurement when its torque sets in, whole periods.
 
@@ -71,15 +75,16 @@ class JointLoop:
     """
 
     period: float
-    horizon: float
+    kp: float
+    kd: float
     gains: tuple[float, float, float]
     delay: int = 1
 
     def __post_init__(self) -> None:
         if not self.period > 0:
             raise DefinitionError(f"`period` must be > 0 s; got {self.period:g}")
-        if not self.horizon >= self.period:
-            raise DefinitionError(f"`horizon` must be at least the period; got {self.horizon:g} s")
+        if not (self.kp > 0 and self.kd > 0):
+            raise DefinitionError(f"`kp` and `kd` must be > 0; got {self.kp:g} 1/s² and {self.kd:g} 1/s")
         if self.delay != int(self.delay) or not 0 <= self.delay <= 10:
             raise DefinitionError(f"`delay` must be 0 to 10 whole periods; got {self.delay:g}")
         radius = float(np.max(np.abs(np.linalg.eigvals(self.maps.step))))
@@ -90,6 +95,65 @@ class JointLoop:
             )
 
     @classmethod
+    def of(cls, law: SampledData) -> JointLoop:
+        """Return the loop of a law in sampled-data form, as long as no limit acts and its gate accepts each sample.
+
+        Raises DefinitionError for a law that this loop does not describe, with the setting of a scenario that mends it.
+        """
+        explicit = law.step.law if isinstance(law.step, ExplicitStep) else None
+        if not isinstance(explicit, ComputedTorque):
+            kind = type(law.step if explicit is None else explicit).__name__
+            raise DefinitionError(
+                f"a bound along a motion needs computed torque; got `{kind}`: set `scheme.name: computed_torque`"
+            )
+        if not isinstance(law.estimator, Kalman):
+            raise DefinitionError(
+                "a bound along a motion needs a Kalman filter; got the estimator "
+                f"`{type(law.estimator).__name__}`: set `scheme.sampled_data.estimator` to `{ESTIMATOR}`"
+            )
+        block = "scheme.sampled_data"
+        viscous = np.any(np.asarray(getattr(law.nominal, "viscous", 0.0)))
+        for covered, problem, remedy in (
+            (law.adaptation is None, "the law adapts its model", f"set `{block}.adaptation: null`"),
+            (law.midpoint, "the model is evaluated at the start of a period", f"set `{block}.midpoint: true`"),
+            (
+                law.viscous_feedforward or not viscous,
+                "the nominal arm's viscous friction is not compensated",
+                f"set `{block}.viscous_feedforward: true`",
+            ),
+            (
+                law.delay == int(law.delay),
+                f"the delay is {law.delay:g} periods, not a whole number",
+                "set `sensor.delay` to a whole number",
+            ),
+            (
+                law.dead_time == 0,
+                f"the dead time is {law.dead_time:g} periods",
+                "set `actuator.dead_time: 0`, add it to `sensor.delay`, and read the motion when the torque sets in",
+            ),
+        ):
+            if not covered:
+                raise DefinitionError(f"a bound along a motion does not cover this law: {problem}; {remedy}")
+        kp, kd = (
+            _equal(f"scheme.{name}", gain, f"set `scheme.{name}` to one number")
+            for name, gain in zip(("kp", "kd"), explicit.gains(), strict=True)
+        )
+        first, second, third = (
+            _equal(f"L{k + 1}", gain, f"set `{block}.estimator` to `{ESTIMATOR}`, with one `variance`")
+            for k, gain in enumerate(np.asarray(law.estimator.gains))
+        )
+        return cls(float(law.period), kp, kd, (first, second, third), int(law.delay))
+
+    @classmethod
+    def with_horizon(
+        cls, period: float, horizon: float, gains: tuple[float, float, float], delay: int = 1
+    ) -> JointLoop:
+        """Return the loop of a computed torque with the horizon H [s], `kp = 1/H²`, `kd = (H - h/2)/H² + 1/H`."""
+        if not horizon >= period:
+            raise DefinitionError(f"`horizon` must be at least the period; got {horizon:g} s")
+        return cls(period, 1.0 / horizon**2, (horizon - 0.5 * period) / horizon**2 + 1.0 / horizon, gains, delay)
+
+    @classmethod
     def with_density(
         cls, period: float, horizon: float, density: float, resolution: float, delay: int = 1
     ) -> JointLoop:
@@ -98,10 +162,8 @@ class JointLoop:
         - `density`: spectral density of the acceleration's rate, (rad/s³)² s.
         - `resolution`: r of the encoders [rad]; the filter's variance is r²/12.
         """
-        from slidax.law.kalman import steady_gains
-
         first, second, third = np.asarray(steady_gains(density, resolution**2 / 12.0, period)).tolist()
-        return cls(period, horizon, (first, second, third), delay)
+        return cls.with_horizon(period, horizon, (first, second, third), delay)
 
     @cached_property
     def decay(self) -> float:
@@ -130,11 +192,10 @@ class JointLoop:
         """State after a period, and the outputs in it, in periods as the unit of time."""
         h = self.period
         first, second, third = self.gains[0], self.gains[1] * h, self.gains[2] * h * h
-        horizon = self.horizon / h
-        lead = horizon - 0.5
+        kp, kd = self.kp * h * h, self.kd * h
 
         def aim(position: float, speed: float) -> float:
-            return -(position + lead * speed) / horizon**2 - speed / horizon
+            return -kp * position - kd * speed
 
         e, v, position, speed, push = (float(value) for value in x[:5])
         residual = e + noise - position
@@ -170,6 +231,18 @@ class JointLoop:
             "estimate": known,
         }
         return np.array(after), np.array([outputs[name] for name in OUTPUTS])
+
+
+ESTIMATOR = "{kind: kalman, acceleration_density: 1.0}"
+"""An estimator in a scenario file with the same gains for all joints."""
+
+
+def _equal(name: str, values: object, remedy: str) -> float:
+    """The value of a gain, which all joints share."""
+    each = np.asarray(values, float).reshape(-1)
+    if np.ptp(each) > 0.0:
+        raise DefinitionError(f"a bound along a motion needs the same `{name}` for all joints; got {each}: {remedy}")
+    return float(each[0])
 
 
 @dataclass(frozen=True)

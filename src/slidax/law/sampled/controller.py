@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
+from dataclasses import replace
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool
 
 from slidax.arms.arm import AbstractRobot
 from slidax.core.errors import DefinitionError, count_noun, require_joints
@@ -22,10 +23,12 @@ from ..adaptation import AbstractAdaptation, LearnedParameters
 from ..controllers import AbstractController
 from ..estimators import AbstractEstimator, Estimate
 from ..steps import AbstractStep, Decision, StepInput
-from .gate import Admission, GateMemory, MeasurementGate
+from .gate import Admission, MeasurementGate
+from .memory import LawMemory, LearnedModel
 from .monitor import Monitor, MonitorMemory
 from .prediction import (
     AdaptationMemory,
+    Prediction,
     advance,
     commands_kept,
     experience_of,
@@ -35,54 +38,11 @@ from .prediction import (
     reference_ahead,
 )
 
-
-class LawMemory(eqx.Module):
-    """Memory between two samples.
-
-    - `t`: time of the last sample [s].
-    - `prior`: the nominal model's prediction of the next measurement.
-    - `estimator`: memory of the estimator.
-    - `torques`: pending commands, the oldest first, [m n].
-    - `dq`: velocity that is planned for the next sample, [n].
-    - `planned`: True if that plan is valid: no limit withheld any torque.
-    - `step`: memory of the step.
-    - `adapted`: adaptation state; None without an adaptation.
-    - `watched`: memory of the monitor; None without a monitor.
-    - `gate`: last accepted and last rejected measurements.
-    """
-
-    t: Scalar
-    prior: Estimate
-    estimator: Memory
-    torques: Float[Array, "m n"]
-    dq: Vector
-    planned: Bool[Array, ""]
-    step: Memory
-    gate: GateMemory
-    adapted: AdaptationMemory | None = None
-    watched: MonitorMemory | None = None
-
-
 PAUSE = 0.3
 """s: longest pause of the learning while a joint is on its way back into its envelope."""
 
 STRONGEST = 1e6
 """rad/s² or m/s²: largest estimated disturbance in the law; no drive could compensate more."""
-
-
-class LearnedModel(NamedTuple):
-    """The arm as the law knows it at one sample.
-
-    - `robot`: with the estimated parameters.
-    - `estimate`: the state, and the disturbance of this robot.
-    - `net`: pending torques without the compensated friction [k n], N m or N.
-    - `adapted`: the adaptation's memory; None for a law that does not learn.
-    """
-
-    robot: AbstractRobot
-    estimate: Estimate
-    net: Array
-    adapted: AdaptationMemory | None
 
 
 class SampledData(AbstractController):
@@ -94,6 +54,10 @@ class SampledData(AbstractController):
     does not explain. The arm is then predicted under the pending commands, the step computes a torque for the predicted
     state, and w is compensated. Of all torques within the limits, the law returns the one whose accelerations are
     nearest to the desired ones. While samples are lost the last torque stands; the next prediction accounts for it.
+
+    With `midpoint` the torque is the inverse dynamics `M0(q_m) (u - w) + C0 v_m + G0(q_m)` in the middle of its period,
+    `q_m = q + h/2 q̇ + h²/8 u`, `v_m = q̇ + h/2 u`, for the acceleration u of the step at the predicted (q, q̇). The
+    prediction over the delay then uses the accelerations that were planned, limits included.
 
     A sample that the gate rejects counts as a lost one: the last torque stands, and only the gate's memory changes.
 
@@ -130,6 +94,16 @@ class SampledData(AbstractController):
     gate: MeasurementGate = piece(
         "rejects measurements that the arm cannot have produced", default_factory=MeasurementGate
     )
+    midpoint: bool = piece(
+        "True to evaluate the model in the middle of the torque's period, False at its start",
+        default=False,
+        static=True,
+    )
+    viscous_feedforward: bool = piece(
+        "True to compensate the nominal arm's viscous friction at the reference's mean velocity in the period",
+        default=False,
+        static=True,
+    )
 
     def __check_init__(self) -> None:
         require_joints(self.adaptation, self.joints, type(self.nominal).__name__)
@@ -141,6 +115,11 @@ class SampledData(AbstractController):
             raise DefinitionError(f"`SampledData.horizon` {wrong}; got {self.horizon}")
         if self.monitor is not None and not self.step.plans:
             raise DefinitionError("`SampledData.monitor` follows a plan, and this law has none: leave it out")
+        if self.viscous_feedforward and not hasattr(self.nominal, "viscous"):
+            raise DefinitionError(
+                f"`SampledData.viscous_feedforward` needs the viscous friction of the nominal arm, and "
+                f"`{type(self.nominal).__name__}` has no `viscous`: leave it out, or describe the arm by its links"
+            )
         self._require_an_estimator_of_these_joints()
 
     def _require_an_estimator_of_these_joints(self) -> None:
@@ -175,6 +154,7 @@ class SampledData(AbstractController):
         held = self.nominal.bias(state.q, state.dq)
         # The adaptation needs each torque until its effect has been measured.
         kept = commands_kept(self.delay) + (0 if self.adaptation is None else 2)
+        pending = math.ceil(self.delay)
         return LawMemory(
             t=t - self.period,
             prior=Estimate(state=state, disturbance=jnp.zeros(self.joints)),
@@ -186,6 +166,7 @@ class SampledData(AbstractController):
             adapted=None if self.adaptation is None else AdaptationMemory.init(self.adaptation, state, self.delay),
             watched=None if self.monitor is None else self.monitor.init(state),
             gate=self.gate.init(t, state, self.estimator.reads_velocity),
+            accelerations=jnp.zeros((pending, self.joints)) if self.midpoint and pending else None,
         )
 
     def __call__(
@@ -233,6 +214,7 @@ class SampledData(AbstractController):
             adapted=memory.adapted,
             watched=None if self.monitor is None else self.monitor.init(state),
             gate=memory.gate,
+            accelerations=memory.accelerations,
         )
         return select(admission.restarts, anew, memory)
 
@@ -257,10 +239,12 @@ class SampledData(AbstractController):
         pending = jnp.where(missed, memory.torques[-1], memory.torques)
         learned = self._learn(t, state, prior, estimate, pending, missed, robot, memory)
 
-        # The state when this sample's torque sets in, and the next measurement if pending commands determine it.
-        now, following = predict_state(learned.robot, learned.estimate, learned.net, self.delay, h)
+        predicted = self._predict(learned, missed, memory)
+        now, following = predicted.state, predicted.following
         request = self._step_input(t, now, reference_now, reference_next, missed, learned.robot, memory)
         decision = self.step(request, memory.step)
+        if self.midpoint:
+            request, decision = self._at_midpoint(request, decision)
 
         wanted, disturbance, adapted = self._compensate(request, decision, learned.estimate, learned.adapted)
         tau, withheld, free = self._within_limits(wanted, memory.torques[-1], request.mass)
@@ -271,6 +255,9 @@ class SampledData(AbstractController):
         if decision.limited is not None:
             step = jax.tree.map(lambda usual, limited: jnp.where(free, usual, limited), step, decision.limited)
         parameters = None if self.adaptation is None or adapted is None else self.adaptation.learnt(adapted.memory)
+        accelerations = memory.accelerations
+        if accelerations is not None:
+            accelerations = jnp.stack([*predicted.accelerations[1:], reached - disturbance])
         unseen = state.q - learned.estimate.state.q
         watched, monitor_signals = self._monitor(request, unseen, decision, ~missed, parameters, memory)
         kept = LawMemory(
@@ -284,6 +271,7 @@ class SampledData(AbstractController):
             adapted=adapted,
             watched=watched,
             gate=memory.gate,
+            accelerations=accelerations,
         )
         residual = jnp.where(request.planned, (now.dq - memory.dq) / h, 0.0)
         signals = {**decision.signals, "disturbance": disturbance, "residual": residual, **monitor_signals}
@@ -341,6 +329,41 @@ class SampledData(AbstractController):
         estimate = Estimate(estimate.state, solve_symmetric(robot.mass(estimate.state.q), lumped))
         return LearnedModel(robot, estimate, net, adapted)
 
+    def _predict(self, learned: LearnedModel, missed: Bool[Array, ""], memory: LawMemory) -> Prediction:
+        """The prediction over the delay."""
+
+        def under_torques() -> Prediction:
+            def acceleration(state: State, age: int) -> Vector:
+                return self._free_acceleration(learned.robot, state, learned.net[-age])
+
+            return predict_state(learned.estimate, acceleration, self.delay, self.period)
+
+        planned = memory.accelerations
+        if planned is None:
+            return under_torques()
+        # After lost samples the last torque stood, for which no acceleration was planned.
+        return jax.lax.cond(
+            missed,
+            under_torques,
+            lambda: predict_state(learned.estimate, lambda _, age: planned[-age], self.delay, self.period),
+        )
+
+    def _free_acceleration(self, robot: AbstractRobot, state: State, net: Vector) -> Vector:
+        """The nominal arm's acceleration under a torque; with viscous friction where that is compensated."""
+        return free_acceleration(robot, state, net - self._viscous(state.dq) if self.viscous_feedforward else net)
+
+    def _viscous(self, dq: Vector) -> Vector:
+        """The nominal arm's viscous friction [n], N m or N."""
+        viscous: Vector = self.nominal.viscous  # type: ignore[attr-defined]
+        return viscous * dq
+
+    def _at_midpoint(self, request: StepInput, decision: Decision) -> tuple[StepInput, Decision]:
+        """The model and the step's torque in the middle of the period, for the acceleration of the step."""
+        middle = advance(request.state, decision.acceleration, 0.5 * self.period)
+        mass, bias = barrier(request.robot.mass(middle.q)), request.robot.bias(middle.q, middle.dq)
+        tau = matvec(mass, decision.acceleration) + bias
+        return replace(request, mass=mass, bias=bias), replace(decision, tau=tau)
+
     def _step_input(
         self,
         t: Scalar,
@@ -376,6 +399,9 @@ class SampledData(AbstractController):
         share = self._share(lumped, decision)
         disturbance = share * estimate.disturbance
         wanted = decision.tau - share * lumped
+        if self.viscous_feedforward:
+            # `ddq` is the reference's mean acceleration over the period.
+            wanted = wanted + self._viscous(request.reference.dq + 0.5 * self.period * request.reference.ddq)
         if self.adaptation is not None and adapted is not None:
             friction = self.adaptation.friction(adapted.memory, request.reference.dq)
             wanted = wanted + friction
@@ -420,7 +446,7 @@ class SampledData(AbstractController):
         prior, net = memory.prior, memory.torques[-1]
         if memory.adapted is not None:
             net = net - memory.adapted.friction[-1]
-        acceleration = free_acceleration(robot, prior.state, net) + prior.disturbance
+        acceleration = self._free_acceleration(robot, prior.state, net) + prior.disturbance
         return Estimate(state=advance(prior.state, acceleration, gap), disturbance=prior.disturbance)
 
     def _within_reason(self, estimate: Estimate) -> Estimate:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -35,31 +37,46 @@ def free_acceleration(nominal: AbstractRobot, state: State, tau: Vector) -> Vect
     return solve_symmetric(nominal.mass(state.q), tau - nominal.bias(state.q, state.dq))
 
 
+class Prediction(NamedTuple):
+    """Prediction over the delay.
+
+    - `state`: when this sample's torque sets in.
+    - `following`: the next measured state; None if no pending command determines it.
+    - `accelerations`: the nominal arm's under each pending command, the oldest first, each [n].
+    """
+
+    state: State
+    following: State | None
+    accelerations: tuple[Vector, ...]
+
+
 def predict_state(
-    nominal: AbstractRobot, estimate: Estimate, torques: Float[Array, "m n"], delay: float, period: Scalar
-) -> tuple[State, State | None]:
-    """Return the state when this sample's torque sets in, and the next measured state if that is earlier.
+    estimate: Estimate, acceleration: Callable[[State, int], Vector], delay: float, period: Scalar
+) -> Prediction:
+    """Return the prediction under each pending command in turn, with the estimated disturbance.
 
-    The nominal arm moves with the estimated disturbance under each pending torque in turn.
-
-    - `torques`: pending commands, the oldest first.
+    - `acceleration`: the nominal arm's [n], from its state and the command's age in samples.
     - `delay`: age of a measurement when its torque sets in [periods].
     - `period`: [s].
     """
+    accelerations: list[Vector] = []
 
-    def move(state: State, tau: Vector, duration: Scalar) -> State:
-        return advance(state, free_acceleration(nominal, state, tau) + estimate.disturbance, duration)
+    def move(state: State, age: int, duration: Scalar) -> tuple[State, Vector]:
+        free = acceleration(state, age)
+        return advance(state, free + estimate.disturbance, duration), free
 
     whole, part = int(delay), delay % 1.0
     now, following = estimate.state, None
     if part > 0:
-        now = move(now, torques[-1 - whole], part * period)
-    if whole > 0:
-        following = move(now, torques[-whole], (1.0 - part) * period)
-        now = following if part == 0 else move(now, torques[-whole], period)
-    for i in range(whole - 1, 0, -1):
-        now = move(now, torques[-i], period)
-    return now, following
+        now, free = move(now, whole + 1, part * period)
+        accelerations.append(free)
+    for age in range(whole, 0, -1):
+        before = now
+        now, free = move(before, age, period)
+        accelerations.append(free)
+        if age == whole:
+            following = now if part == 0 else advance(before, free + estimate.disturbance, (1.0 - part) * period)
+    return Prediction(now, following, tuple(accelerations))
 
 
 def reference_ahead(now: Reference, following: Reference, dead_time: float, period: Scalar) -> Reference:

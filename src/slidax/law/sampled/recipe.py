@@ -84,6 +84,8 @@ def sampled_data(
     adaptation: AbstractAdaptation | None = None,
     monitor: Monitor | None = None,
     gate: MeasurementGate | None = None,
+    midpoint: bool = False,
+    viscous_feedforward: bool = False,
 ) -> SampledData:
     """Make the sampled-data form of a law: with an estimator, a prediction over the delay, and torque limits.
 
@@ -105,11 +107,13 @@ def sampled_data(
     - `adaptation`: adaptation law, such as `JointLearning.of_arm(...)`; None for none.
     - `monitor`: checks at every sample if the guarantee of the envelope still holds; None for none.
     - `gate`: rejects measurements that the arm cannot have produced; None: the gate for the nominal arm.
+    - `midpoint`: True to evaluate the model in the middle of the torque's period, False at its start.
+    - `viscous_feedforward`: True to compensate the nominal arm's viscous friction at the reference's velocity.
 
     Raises DefinitionError if an argument does not fit the law.
     """
     period = as_array(period)
-    step: AbstractStep = law.implicit_step(recovery, slopes) or ExplicitStep(law)
+    step: AbstractStep = law.implicit_step(recovery, slopes) or ExplicitStep(law.at_period(period))
     if horizon is not None and not step.plans:
         raise DefinitionError(f"`{type(law).__name__}` does not plan over a horizon; leave `horizon` out")
     least = max(2.0, 1.5 * (delay + 1.0)) * period
@@ -127,4 +131,6 @@ def sampled_data(
         adaptation=adaptation,
         monitor=monitor,
         gate=MeasurementGate.of_arm(step.robot) if gate is None else gate,
+        midpoint=midpoint,
+        viscous_feedforward=viscous_feedforward,
     )

@@ -1,0 +1,61 @@
+"""Memory of a sampled-data law between two samples, and its model at one sample."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import equinox as eqx
+from jaxtyping import Array, Bool, Float
+
+from slidax.arms.arm import AbstractRobot
+from slidax.core.types import Memory, Scalar, Vector
+
+from ..estimators import Estimate
+from .gate import GateMemory
+from .monitor import MonitorMemory
+from .prediction import AdaptationMemory
+
+
+class LawMemory(eqx.Module):
+    """Memory between two samples.
+
+    - `t`: time of the last sample [s].
+    - `prior`: the nominal model's prediction of the next measurement.
+    - `estimator`: memory of the estimator.
+    - `torques`: pending commands, the oldest first, [m n].
+    - `dq`: velocity that is planned for the next sample, [n].
+    - `planned`: True if that plan is valid: no limit withheld any torque.
+    - `step`: memory of the step.
+    - `adapted`: adaptation state; None without an adaptation.
+    - `watched`: memory of the monitor; None without a monitor.
+    - `gate`: last accepted and last rejected measurements.
+    - `accelerations`: the nominal arm's under each pending command, the oldest first, [m n]; None without a model at
+      mid-period, or without a delay.
+    """
+
+    t: Scalar
+    prior: Estimate
+    estimator: Memory
+    torques: Float[Array, "m n"]
+    dq: Vector
+    planned: Bool[Array, ""]
+    step: Memory
+    gate: GateMemory
+    adapted: AdaptationMemory | None = None
+    watched: MonitorMemory | None = None
+    accelerations: Float[Array, "m n"] | None = None
+
+
+class LearnedModel(NamedTuple):
+    """The arm as the law knows it at one sample.
+
+    - `robot`: with the estimated parameters.
+    - `estimate`: the state, and the disturbance of this robot.
+    - `net`: pending torques without the compensated friction [k n], N m or N.
+    - `adapted`: the adaptation's memory; None for a law that does not learn.
+    """
+
+    robot: AbstractRobot
+    estimate: Estimate
+    net: Array
+    adapted: AdaptationMemory | None
