@@ -9,12 +9,13 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array
 from pydantic import ConfigDict, Field, create_model, model_validator
+from pydantic_core import PydanticCustomError
 
 from slidax.core.parameter import parameters_of
 from slidax.core.part import kind_of
 from slidax.law.controllers import AbstractController
 from slidax.law.error_transformations import PrescribedPerformance
-from slidax.law.linear_controllers import JointPID
+from slidax.law.linear_controllers import ComputedTorque, JointPID
 from slidax.law.presets import (
     Preset,
     PresetPart,
@@ -119,6 +120,18 @@ class SchemeDescription(PartDescription):
             if isinstance(value, dict):
                 data[name] = with_preset_values(part, value)
         return data
+
+    @model_validator(mode="after")
+    def _gains_are_unique(self) -> SchemeDescription:
+        if issubclass(self.part, ComputedTorque) and getattr(self, "horizon", None) is not None:
+            both = sorted({"kp", "kd"} & self.model_fields_set)
+            if both:
+                raise PydanticCustomError(
+                    "two_gains",
+                    "`horizon` replaces `kp` and `kd`: leave `{field}` or `horizon` out",
+                    {"field": both[0]},
+                )
+        return self
 
     def with_bound(self, find: Callable[[], dict[str, float]]) -> SchemeDescription:
         """Return the scheme with all parameters of its bound; `find` computes those that the file lacks."""

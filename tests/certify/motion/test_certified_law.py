@@ -1,6 +1,6 @@
 """The law of a scenario is the one that the bounds along a motion are about."""
 
-from typing import Any, ClassVar
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -14,6 +14,7 @@ from slidax.core.errors import DefinitionError
 from slidax.core.types import Reference, State
 from slidax.law import ComputedTorque, Kalman, SampledData, sampled_data
 from slidax.scenarios import alter, load
+from tests.law.sampled.test_sampled_data import FreeMass
 
 from .cases import desired, knotted, panda
 from .plant import Chain, simulate
@@ -85,9 +86,7 @@ def test_torques_are_those_of_the_certified_law(name: str, delay: int) -> None:
     nominal = Chain.of(arm)
     truth = nominal.member(rng, 0.05)
     push = rng.normal(size=(slots, arm.joints)) * 0.2
-    run = simulate(
-        truth, nominal, JointLoop.of(law), reference, slots, 1, push=push, resolution=RESOLUTION, trace=True
-    )
+    run = simulate(truth, nominal, JointLoop.of(law), reference, slots, 1, push=push, resolution=RESOLUTION, trace=True)
     assert run.trace is not None
     measured = RESOLUTION * (np.floor(run.trace[:, 0, 0] / RESOLUTION) + 0.5)
     tau, rejected = torques(law, measured, Reference(*reference[0]), reference[delay : delay + slots + 1])
@@ -104,32 +103,10 @@ def test_torques_are_those_of_the_certified_law(name: str, delay: int) -> None:
     assert np.max(np.abs(other[: len(applied)] - applied)) > 1e-6 * np.max(np.abs(applied))
 
 
-class UnitMass(AbstractRobot):
-    """A unit mass on a line without weight."""
-
-    joint_units: ClassVar[tuple[str, ...]] = ("m",)
-    joint_names: ClassVar[tuple[str, ...]] = ("joint 1",)
-
-    def mass(self, q: Any) -> Any:
-        return jnp.ones((1, 1))
-
-    def bias(self, q: Any, dq: Any) -> Any:
-        return jnp.zeros(1)
-
-    def friction(self, dq: Any) -> Any:
-        return jnp.zeros_like(dq)
-
-    def potential(self, q: Any) -> Any:
-        return jnp.zeros(())
-
-    def tip(self, q: Any) -> Any:
-        return jnp.array([q[0], 0.0, 0.0])
-
-
 @pytest.mark.parametrize("ratio", [1.0, 0.8])
 @pytest.mark.parametrize("delay", [0, 1, 2])
 def test_linear_loop_moves_as_the_law_on_a_unit_mass(delay: int, ratio: float) -> None:
-    law = certified(UnitMass(), delay, viscous_feedforward=False)
+    law = certified(FreeMass(), delay, viscous_feedforward=False)
     loop, rng, count = JointLoop.of(law), np.random.default_rng(delay), 80
     noise, pulse, speed = rng.normal(size=(3, count)) * np.array([[1e-5], [1e-5], [1e-2]])
     rest = Reference(jnp.zeros(1))

@@ -100,6 +100,8 @@ def linear_loops(scenario: Scenario) -> tuple[SampledData, AbstractSurfaceStep, 
         return "the scheme is not in sampled-data form"
     if not isinstance(law.step, AbstractSurfaceStep) or law.horizon is None:
         return "the law does not plan over a horizon"
+    if law.midpoint or law.viscous_feedforward:
+        return "the law evaluates its model at mid-period, or compensates viscous friction"
     if scenario.description.sensor.instrument is not None:
         return "the sensor is no encoder"
     loops = joint_loops(scenario)

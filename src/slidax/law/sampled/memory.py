@@ -29,7 +29,7 @@ class LawMemory(eqx.Module):
     - `adapted`: adaptation state; None without an adaptation.
     - `watched`: memory of the monitor; None without a monitor.
     - `gate`: last accepted and last rejected measurements.
-    - `accelerations`: the nominal arm's under each pending command, the oldest first, [m n]; None without a model at
+    - `accelerations`: the nominal arm's under each pending command, the oldest first, [d n]; None without a model at
       mid-period, or without a delay.
     """
 
@@ -43,7 +43,7 @@ class LawMemory(eqx.Module):
     gate: GateMemory
     adapted: AdaptationMemory | None = None
     watched: MonitorMemory | None = None
-    accelerations: Float[Array, "m n"] | None = None
+    accelerations: Float[Array, "d n"] | None = None
 
 
 class LearnedModel(NamedTuple):
