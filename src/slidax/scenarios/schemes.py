@@ -126,11 +126,8 @@ class SchemeDescription(PartDescription):
         if issubclass(self.part, ComputedTorque) and getattr(self, "horizon", None) is not None:
             both = sorted({"kp", "kd"} & self.model_fields_set)
             if both:
-                raise PydanticCustomError(
-                    "two_gains",
-                    "`horizon` replaces `kp` and `kd`: leave `{field}` or `horizon` out",
-                    {"field": both[0]},
-                )
+                message = "`horizon` replaces `kp` and `kd`: leave `{gain}` or `horizon` out"
+                raise PydanticCustomError("two_gains", message, {"gain": both[0]})
         return self
 
     def with_bound(self, find: Callable[[], dict[str, float]]) -> SchemeDescription:

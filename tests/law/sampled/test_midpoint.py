@@ -22,17 +22,17 @@ PERIOD = 2e-3
 )
 def test_a_constant_inertia_has_the_same_law_at_mid_period_with_limits_losses_and_delays(delay, dead_time, adapts):
     """The accelerations that were planned, limits included, are those that the torques give."""
-    limits = TorqueLimits(3.0, 300.0)
+    limits = TorqueLimits(3.0, 1000.0)
     sensor = Lossy(Delayed(Exact(), delay - dead_time), starts=[150, 300], counts=[6, 2])
     plant = Plant(FreeMass(), Constant([0.4]), sensor, Actuator(limits, dead_time=dead_time))
-    motion, start = Sinusoid([0.0], 0.2, 5.0), State(q=[0.05], dq=[0.0])
-    adaptation = KnownJoints(rotor=0.3, coulomb=0.4) if adapts else None
+    motion, start = Sinusoid([0.0], 0.08, 5.0), State(q=[0.05], dq=[0.0])
+    adaptation = KnownJoints(rotor=0.1, coulomb=0.2) if adapts else None
 
     def run(midpoint):
         law = sampled_data(
-            ComputedTorque(FreeMass(), horizon=0.02),
+            ComputedTorque(FreeMass(), horizon=0.04),
             period=PERIOD,
-            estimator=Kalman.steady(density=1.0, variance=1e-11, period=PERIOD),
+            estimator=Kalman.steady(density=0.01, variance=1e-11, period=PERIOD),
             limits=limits,
             delay=delay,
             dead_time=dead_time,
@@ -42,7 +42,8 @@ def test_a_constant_inertia_has_the_same_law_at_mid_period_with_limits_losses_an
         return simulate(plant, law, motion, start, t1=1.0, period=PERIOD, substeps=2).log
 
     at_start, at_middle = run(False), run(True)
-    assert np.any(np.abs(at_start.tau) == 3.0)
+    limited = np.abs(at_start.tau) == 3.0
+    assert np.any(limited[:100]) and not np.any(limited[140:])
     np.testing.assert_allclose(at_middle.tau, at_start.tau, atol=1e-9)
 
 
@@ -68,7 +69,9 @@ def test_the_model_at_mid_period_leaves_less_for_the_estimate():
     scenario = load("panda-payload", changes)
     scenarios = scenario, alter(scenario, {"scheme.sampled_data.midpoint": True})
     start, middle = (np.abs(s.simulate(log_every=1).log.signals["disturbance"][500:]).max(0) for s in scenarios)
-    assert np.all(middle < 0.01 * start), (middle, start)
+    # Its own viscous friction is part of the prediction, and so is not estimated.
+    assert np.all(start < 0.02)
+    assert np.all(middle < 0.01 * start)
 
 
 def test_viscous_friction_is_compensated_at_the_mean_velocity_of_the_reference():
@@ -102,7 +105,7 @@ def test_a_horizon_gives_the_gains_of_a_double_eigenvalue():
     np.testing.assert_allclose(np.linalg.det(period), (1 - h / horizon) ** 2, rtol=1e-12)
     kp, kd = ComputedTorque(FreeMass(), horizon=horizon).gains()
     np.testing.assert_allclose(kd, 2 * np.sqrt(kp))
-    with pytest.raises(DefinitionError, match="`ComputedTorque.horizon` must be at least the period of 0.002 s"):
+    with pytest.raises(DefinitionError, match=r"`ComputedTorque.horizon` must be at least the period of 0.002 s"):
         sampled_data(ComputedTorque(FreeMass(), horizon=1e-3), period=PERIOD)
 
 
