@@ -194,15 +194,19 @@ CONTROLLERS: list[tuple[str, Case]] = [
     ("sampled_cftsmppc_4_1", two_link(sampled(law_4_1(layer=0.0)), idle=11)),
     (
         "sampled_cftsmppc_4_1_layer_delay_and_recovery",
-        two_link(sampled(law_4_1(), delay=1.5, dead_time=0.5, recovery=Recovery()), idle=13),
+        two_link(sampled(law_4_1(), delay=1.5, dead_time=0.5, recovery=Recovery()), idle=14),
     ),
-    ("sampled_cftsmppc_4_2_recovery", scara(sampled(law_4_2(layer=0.0), recovery=Recovery(), slopes=False), idle=13)),
+    ("sampled_cftsmppc_4_2_recovery", scara(sampled(law_4_2(layer=0.0), recovery=Recovery(), slopes=False), idle=14)),
     ("sampled_ftsmc_4_1", two_link(sampled(ftsmc_4_1(), estimator=KALMAN), idle=11)),
     ("sampled_sfsmc_4_2", scara(sampled(sfsmc_4_2(), delay=1.0), idle=11)),
     ("sampled_slotine_li", two_link(sampled(slotine_li_4_1(AROUND_4_1, Linear(0.6))), idle=11)),
     ("sampled_super_twisting", scara(sampled(super_twisting_4_2(AROUND_4_2, Linear([0.5, 0.6, 0.7]))), idle=11)),
-    ("sampled_anftsmc", scara(sampled(anftsmc_4_2(initial=[1.0, 0.5, 0.2], layer=0.01), delay=1.0), idle=11)),
+    ("sampled_anftsmc", scara(sampled(anftsmc_4_2(initial=[1.0, 0.5, 0.2], layer=0.01), delay=1.0), idle=12)),
     ("sampled_computed_torque", two_link(sampled(computed_torque_4_1(), delay=1.5, dead_time=0.5), idle=11)),
+    (
+        "sampled_computed_torque_at_mid_period",
+        two_link(sampled(computed_torque_4_1(horizon=0.02), delay=1.5, dead_time=0.5, midpoint=True), idle=11),
+    ),
     ("computed_torque", two_link(computed_torque_4_1())),
     ("gravity_pd", two_link(gravity_pd_4_1())),
     # Idle as in gravity_pd, and the limit, and the gain of an integral that is still zero.

@@ -92,7 +92,8 @@ def sloped(case):
     """Torques and their slopes by gains and state: near the motion with other gains; near and on it; at the start."""
     points = [at(case, 1.0, near(case, 1.0))] * len(FACTORS)
     points += [at(case, t, state(case, t)) for t in TIMES for state in (near, on_reference)]
-    points += [at(case, 0.1, State(q=case.start.q, dq=case.start.dq + 0.1))]
+    # Within 100 periods of the start, after which a gate restarts the law.
+    points += [at(case, 0.05, State(q=case.start.q, dq=case.start.dq + 0.1))]
     factors = [*FACTORS, *[1.0] * (len(points) - len(FACTORS))]
     return torques_and_slopes(stacked([scaled(case.controller, factor) for factor in factors]), stacked(points))
 

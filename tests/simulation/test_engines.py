@@ -40,6 +40,17 @@ LOOPS = {
             "sensor.loss.probability": 0.2,
         },
     ),
+    "at mid-period with lost samples": (
+        "panda-payload",
+        {
+            "simulation.t1": 0.2,
+            "robot.nominal.viscous": 0.2,
+            "sensor.delay": 2.0,
+            "sensor.loss.probability": 0.2,
+            "scheme.sampled_data.midpoint": True,
+            "scheme.sampled_data.viscous_feedforward": True,
+        },
+    ),
     **{
         name: ("example-4.1", {"simulation.t1": 0.2, "simulation.mode": "held", "scheme.name": name})
         for name in ("anftsmc", "nftsmc", "super_twisting", "slotine_li_ppc", "sfsmc", "computed_torque")

@@ -7,6 +7,7 @@ import warnings
 from abc import abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple, Union
 
@@ -180,7 +181,7 @@ class NominalArm(AbstractDescription):
         for name in ("armature", "viscous"):
             if getattr(self, name) is not None:
                 values = self._per_joint(name, robot.joints)
-                robot = eqx.tree_at(lambda arm, name=name: getattr(arm, name), robot, values)
+                robot = eqx.tree_at(attrgetter(name), robot, values)
         if self.links is not None:
             with locate_errors("links"):
                 robot = self.links.applied(robot)
