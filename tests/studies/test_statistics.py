@@ -11,7 +11,6 @@ from slidax.studies.statistics import (
     log_evidence,
     paired_difference,
     paired_shares,
-    runs_without_failure,
 )
 
 
@@ -52,13 +51,6 @@ def test_of_no_runs_nothing_is_known_and_all_alike_bounds_one_end(interval):
 def test_impossible_counts_and_confidences_are_refused(interval, k, n, confidence):
     with pytest.raises(DefinitionError, match="must be in"):
         interval(k, n, confidence)
-
-
-def test_number_of_runs_without_failure_is_the_smallest_that_shows_the_rate():
-    n = runs_without_failure(1e-3, 0.99)
-    assert n == 4603
-    assert clopper_pearson(0, n, 0.99, side="upper").upper <= 1e-3 < clopper_pearson(0, n - 1, 0.99, side="upper").upper
-    assert runs_without_failure(0.5, 0.75) == 2
 
 
 @pytest.mark.parametrize(("k", "n"), [(0, 1), (0, 5000), (1, 5000), (40, 100), (99, 100), (5, 10**6)])

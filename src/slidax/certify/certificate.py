@@ -135,9 +135,9 @@ def _plain(value: Any) -> Any:
     return _plain(value.tolist()) if hasattr(value, "tolist") else [_plain(entry) for entry in value]
 
 
-def joint_values(values: Any, digits: int = 3) -> str:
+def joint_values(values: Any) -> str:
     """Format one number, or one per joint with commas if they differ: `1.2, 3.4, 5.6`."""
-    words = [f"{float(value):.{digits}g}" for value in np.atleast_1d(np.asarray(values, float))]
+    words = [f"{float(value):.3g}" for value in np.atleast_1d(np.asarray(values, float))]
     return words[0] if len(set(words)) == 1 else ", ".join(words)
 
 

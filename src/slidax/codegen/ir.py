@@ -17,7 +17,6 @@ Type = Literal["f64", "f32", "i64", "i32", "u64", "u32", "b1", "none"]
 """Type of a value; `none` for blocks and stores."""
 
 FLOATS: tuple[Type, ...] = ("f64", "f32")
-INTEGERS: tuple[Type, ...] = ("i64", "i32", "u64", "u32")
 
 ELEMENTARY = [
     "exp",

@@ -118,16 +118,15 @@ class Trials:
         shares = steps.reshape(len(columns["outcome"]), -1) / self.frame.changes
         return {**columns, "driven": shares.max(axis=1)}
 
-    def cases(self, count: int, seed: int = SEED) -> Values:
+    def cases(self, count: int) -> Values:
         """Corners of the uncertain set, cases that were hard, and points drawn in it; none where nothing is uncertain.
 
         - `count`: how many.
-        - `seed`: of those that are drawn.
         """
         space = self.family.uncertain
         if not space.sets:
             return {}
-        drawn = points(seed, 0, count, space.dimensions)
+        drawn = points(SEED, 0, count, space.dimensions)
         corners = _corners(space, len(self.frame.torque))[: max(count // 2, 1)]
         drawn[: len(corners)] = corners
         result = space.values(drawn)

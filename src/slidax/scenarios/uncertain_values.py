@@ -93,12 +93,11 @@ class Leaf:
         return np.broadcast_to(value, np.broadcast_shapes(value.shape, self.shape_of_each if each else self.shape))
 
 
-def leaf_of(description: BaseModel, path: str, joints: int, *, own: Any = None) -> Leaf:
+def leaf_of(description: BaseModel, path: str, joints: int) -> Leaf:
     """Return the number at a path of a scenario's description.
 
     - `path`: dotted, as of `--set`.
     - `joints`: number of joints of the arm.
-    - `own`: value in place of the one in the description.
 
     Raises DefinitionError if there is none.
     """
@@ -125,11 +124,10 @@ def leaf_of(description: BaseModel, path: str, joints: int, *, own: Any = None) 
     words = _words(kind)
     if not words & NUMERIC or isinstance(place, BaseModel | str | bool):
         raise DefinitionError(f"is not a number of the scenario; got {short_repr(place)}")
-    value = place if own is None else own
     try:
-        array = None if value is None else np.asarray(value, int if words == {int} else float)
+        array = None if place is None else np.asarray(place, int if words == {int} else float)
     except (TypeError, ValueError):
-        raise DefinitionError(f"is not a number of the scenario; got {short_repr(value)}") from None
+        raise DefinitionError(f"is not a number of the scenario; got {short_repr(place)}") from None
     lower, upper = (next((schema[key] for key, _ in end if key in schema), end[0][1]) for end in ENDS)
     return Leaf(
         path,

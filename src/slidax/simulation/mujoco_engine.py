@@ -56,14 +56,6 @@ class BoundKernel:
         self._table[self._inputs :][outputs] += by
 
 
-def outputs_of(kernel: llvm.Kernel) -> list[np.ndarray]:
-    """Arrays for all that a kernel writes.
-
-    - `kernel`: of one run.
-    """
-    return [np.empty(output.shape, DTYPES[output.type]) for output in kernel.outputs]
-
-
 class NativeSteps:
     """The controller's side of a run.
 

@@ -182,20 +182,6 @@ class Cases:
             result.append((rows_of_one, columns))
         return join_rows(result, rows)
 
-    def single(self, values: Values, log_every: int | None = 0) -> tuple[Scenario, Run]:
-        """One case as the batch runs it, with its log, and its scenario.
-
-        - `values`: by path, with one row.
-        - `log_every`: as in `Scenario.simulate`.
-        """
-        ((_, key),) = self._groups(values, 1)
-        loop = self._loop(key, values)
-        item = self._scenario({path: array[0] for path, array in values.items()})
-        every = item.log_every if log_every == 0 else log_every
-        if loop is None:
-            return item, item.simulate(log_every=every, progress=False)
-        return item, loop.simulated(values, self.threads, every)[0]
-
     def logged(self, values: Values) -> list[Run]:
         """The runs of cases with every sample in their logs.
 

@@ -69,6 +69,9 @@ def thin_front(aims: np.ndarray, most: int, first: int = 0) -> np.ndarray:
 SIZE = 0.2
 """The first standard deviation of an island."""
 
+DIRECTIONS = 6
+"""Least number of weights."""
+
 SLACK = 0.05
 """Offset below the best known aims, in logarithms, so that every aim weighs something."""
 
@@ -97,7 +100,6 @@ def pareto_search(
     start: np.ndarray | None = None,
     seed: int = 0,
     seconds: float | None = None,
-    directions: int = 6,
     most: int = 25,
 ) -> Front:
     """The points that hold the condition and are not dominated, by one CMA-ES for each of several weights.
@@ -117,7 +119,6 @@ def pareto_search(
     - `start`: where the search begins, such as the gains of today [dimension]; the middle if None.
     - `seed`: of all that is random.
     - `seconds`: no batch begins after so many; None: any number.
-    - `directions`: how many weights at least.
     - `most`: how many points of the front are given.
 
     Raises DefinitionError if there is nothing to search, or `cmaes` is not installed.
@@ -131,7 +132,7 @@ def pareto_search(
         )
     archive = _Archive(judge, evaluations, seconds)
     archive.ask(begin[None])
-    weights: list[np.ndarray | None] = [*_weights(archive.aims.shape[1], directions)]
+    weights: list[np.ndarray | None] = [*_weights(archive.aims.shape[1], DIRECTIONS)]
     if archive.holds[0]:
         weights.append(None)
     seeds = iter(np.random.SeedSequence(seed).generate_state(10_000))

@@ -145,13 +145,16 @@ FAR = 10.0
 """Penalty of a point outside the cube, per squared distance, in spreads of the values."""
 
 
-def population(dimension: int, lanes: int = 8) -> int:
+LANES = 8
+"""Runs that are computed side by side."""
+
+
+def population(dimension: int) -> int:
     """Population of each generation: CMA-ES's own number, filled up to whole vectors.
 
     - `dimension`: of the cube.
-    - `lanes`: runs that are computed side by side.
     """
-    return -(-(4 + math.floor(3 * math.log(dimension))) // lanes) * lanes
+    return -(-(4 + math.floor(3 * math.log(dimension))) // LANES) * LANES
 
 
 class Island:
@@ -286,6 +289,9 @@ LAST = 0.1
 SIZE = 0.15
 """The first standard deviation of an island."""
 
+SETTLED = 1e-7
+"""An island has settled if the values of a generation differ by less than this."""
+
 
 def search_lowest(
     objective: Objective,
@@ -298,7 +304,6 @@ def search_lowest(
     islands: int = 4,
     keep: int = 5,
     distance: float = 0.2,
-    settled: float = 1e-7,
 ) -> SearchResult:
     """The lowest points of a function on the unit cube, by batches.
 
@@ -315,7 +320,6 @@ def search_lowest(
     - `enough`: the search ends below this value; None: no such value.
     - `islands`: number of CMA-ES islands.
     - `keep`, `distance`: number of returned points, and the least difference in one of their coordinates.
-    - `settled`: an island has settled if the values of a generation differ by less than this.
 
     Raises DefinitionError if the dimension or the budget is less than 1, or `cmaes` is not installed.
     """
@@ -329,7 +333,7 @@ def search_lowest(
         if known.over:
             break
         known.ask(first[begin : begin + max(batch, 256)])
-    stop = known.over or _by_islands(known, dimension, seed, islands, distance, settled, int(LAST * evaluations))
+    stop = known.over or _by_islands(known, dimension, seed, islands, distance, int(LAST * evaluations))
     if stop == "settled":
         points, values = known.all
         for place in distinct_minima(points, values, islands, distance):
@@ -341,9 +345,7 @@ def search_lowest(
     return known.result(keep, distance, stop)
 
 
-def _by_islands(
-    known: EvaluatedPoints, dimension: int, seed: int, islands: int, distance: float, settled: float, reserve: int
-) -> Stop:
+def _by_islands(known: EvaluatedPoints, dimension: int, seed: int, islands: int, distance: float, reserve: int) -> Stop:
     """Search by islands; return "settled" when only the reserve is left."""
     seeds = iter(np.random.SeedSequence(seed).generate_state(10_000))
     size = population(dimension)
@@ -360,7 +362,7 @@ def _by_islands(
             island.tell(told[k])
             low = request[k][int(np.argmin(told[k]))]
             finite = told[k][np.isfinite(told[k])]
-            if island.settled or (finite.size > 1 and np.ptp(finite) <= settled):
+            if island.settled or (finite.size > 1 and np.ptp(finite) <= SETTLED):
                 ended += [start, np.clip(low, 0.0, 1.0)]
                 again = _elsewhere(known, ended, distance)
                 at_work[k] = Island(again, SIZE, 2 * points_each, int(next(seeds))), again, 2 * points_each

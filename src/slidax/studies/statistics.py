@@ -202,22 +202,6 @@ def clopper_pearson(
     return Interval(lower, upper, confidence)
 
 
-def runs_without_failure(rate: float, confidence: float = 0.95) -> int:
-    """Number of successive runs without failure that show that the rate is lower: the least n with `(1 - rate)ⁿ <= α`.
-
-    To stop at the first failure is part of this test, so that no more is needed than for a fixed number.
-
-    - `rate`: of failures, to be shown not to be reached, in (0, 1).
-    - `confidence`: 1 - α.
-
-    Raises DefinitionError if one of them is no share.
-    """
-    require_confidence(confidence)
-    if not 0.0 < rate < 1.0:
-        raise DefinitionError(f"`rate` must be in (0, 1); got {short_repr(rate)}")
-    return math.ceil(math.log1p(-confidence) / math.log1p(-rate) - 1e-9)
-
-
 NEVER = 0.5
 """The weight of "it never fails" in the mixture; the rest is a beta distribution."""
 

@@ -101,13 +101,13 @@ def _folder_out(command: JobCommand, folder: Folder, value: Any, name: str) -> N
     command.words.append(f"--out={text}")
 
 
-def _file_out(endings: tuple[str, ...], option: str = "out") -> Reader:
+def _file_out(endings: tuple[str, ...]) -> Reader:
     def write(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
         text = _text(value, name)
         require_ending(text, endings)
         command.replaces = folder.place(text).exists()
         command.out = text
-        command.words.append(f"--{option}={text}")
+        command.words.append(f"--out={text}")
 
     return write
 

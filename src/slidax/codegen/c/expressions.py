@@ -271,7 +271,6 @@ EQUATED = {"eq": ("==", EQUAL), "ne": ("!=", EQUAL)}
 BITWISE = {"and": ("&", AND), "xor": ("^", XOR), "or": ("|", OR)}
 LOGICAL = {"and": ("&&", BOTH), "or": ("||", EITHER), "xor": ("!=", EQUAL)}
 CALLED = {"rem": "fmod", "abs": "fabs"}
-OPPOSITE = {"lt": "ge", "le": "gt", "gt": "le", "ge": "lt", "eq": "ne", "ne": "eq"}
 
 NO_READS: frozenset[str] = frozenset()
 
