@@ -32,6 +32,8 @@ CURVE = re.compile(r'(?<= d=")[^"]*')
 HUNDREDTHS = re.compile(r"\b\d+\.\d\d\b")
 COMMAND = re.compile(r"\s*([A-Za-z])\s*")
 HASHED = re.compile(r'\bid="(\w+-[mp])([0-9a-f]{10})"')
+SPACE = re.compile(r'<path id="([^"]*)"(?: transform="[^"]*")?/>')
+GLYPH = re.compile(r'(<use xlink:href="[^"]*" x=")(\d+\.\d+)(?="/>)')
 
 BARE = {
     "scheme.sampled_data.estimator": {"kind": "measured", "gain": 0.0, "trend": 0.0},
@@ -134,9 +136,17 @@ def save(figure: Figure, name: str) -> None:
     for number, (prefix, digits) in enumerate(dict.fromkeys(HASHED.findall(text))):
         text = text.replace(f"{prefix}{digits}", f"{prefix}{number}")
     text = MARKERS.sub(_with_one_style, text)
+    text = _without_spaces(text)
     path = DOCS / "figures" / f"{name}.svg"
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(re.sub(r"\n+", "\n", text), encoding="utf-8")
+
+
+def _without_spaces(text: str) -> str:
+    """The text without the glyphs of spaces; the others to a hundredth of a letter's height, their unit."""
+    for space in SPACE.findall(text):
+        text = re.sub(rf'<(?:use xlink:href="#|path id="){re.escape(space)}"[^>]*/>\n', "", text)
+    return GLYPH.sub(lambda use: f"{use[1]}{float(use[2]):.0f}", text)
 
 
 def _with_one_style(markers: re.Match[str]) -> str:
