@@ -158,7 +158,7 @@ def test_a_law_that_has_no_answer_outside_its_envelope_says_both():
 def test_a_law_that_has_one_goes_on_outside():
     guard = sampled()
     outside = State(q=NOW.q + jnp.array([0.9, 0.0]), dq=NOW.dq)
-    command, status = step(guard, begun(guard), state=outside)
+    command, status = step(guard, begun(guard, state=outside), state=outside)
     assert status & ENVELOPE_LEFT.bit and not status & HELD and float(command.memory.t) == float(T)
 
 
@@ -230,14 +230,16 @@ def test_a_held_command_keeps_a_limit_that_was_lowered_since():
 def test_absurd_parameters_hold_the_last_command():
     guard = guarded()
     memory, t = after_one(guard)
-    for absurd in (
-        eqx.tree_at(lambda g: g.controller.surface.k1, guard, jnp.asarray(jnp.nan)),
-        eqx.tree_at(lambda g: g.limits.torque, guard, jnp.full(2, jnp.nan)),
-        eqx.tree_at(lambda g: g.period, guard, jnp.asarray(jnp.nan)),
+    for where, value, condition in (
+        (lambda g: g.controller.surface.k1, jnp.asarray(jnp.nan), TORQUE_NOT_FINITE),
+        (lambda g: g.limits.torque, jnp.full(2, jnp.nan), TORQUE_NOT_FINITE),
+        # Without a period no motion of the arm can be judged.
+        (lambda g: g.period, jnp.asarray(jnp.nan), MEASUREMENT_REJECTED),
     ):
+        absurd = eqx.tree_at(where, guard, value)
         absurd = eqx.tree_at(lambda g: g.limits.rate, absurd, jnp.full(2, 1e3))
         command, status = step(absurd, memory, t=t)
-        assert status & TORQUE_NOT_FINITE.bit
+        assert status & condition.bit
         np.testing.assert_array_equal(command.tau, memory.tau)
 
 
@@ -328,5 +330,7 @@ def test_a_sampled_data_law_shares_its_limits_and_its_period_with_its_guards():
         if "limits" in jax.tree_util.keystr(path) or "period" in jax.tree_util.keystr(path)
     ]
     assert arrays == [".controller.limits.torque", ".controller.limits.rate", ".controller.period"]
-    fast = State(q=STATE.q, dq=STATE.dq + 5.0)
-    assert step(guard, begun(guard), state=fast)[1] == TORQUE_LIMITED.bit
+    memory = begun(guard)
+    assert step(guard, memory)[1] == TORQUE_LIMITED.bit
+    loose = eqx.tree_at(lambda g: g.controller.limits, guard, TorqueLimits(jnp.full(2, 1e9), jnp.full(2, 1e9)))
+    assert step(loose, memory)[1] == 0

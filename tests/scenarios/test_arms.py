@@ -114,7 +114,10 @@ REFUSED = [
     ({"kind": "panda", "plnt": {}}, r"robot: unknown key `plnt`; did you mean `plant`\?"),
     ({"kind": "panda", "file": "arm.urdf"}, "robot: unknown key `file`; there are: `kind`, `plant`, `nominal`"),
     ({"kind": "panda", "plant": {"masses": 1.0}}, r"robot.plant: unknown key `masses`; there are: `mass_factor`"),
-    ({"kind": "panda", "nominal": {"mass": 0.9}}, "robot.nominal: unknown key `mass`; there are: `armature`, `viscous`, `load`"),
+    (
+        {"kind": "panda", "nominal": {"mass": 0.9}},
+        "robot.nominal: unknown key `mass`; there are: `armature`, `viscous`, `load`",
+    ),
     ({"kind": "panda", "plant": {"load": {}}}, "robot.plant.load.mass: is missing"),
     ({"kind": "panda", "plant": {"load": {"mass": -1}}}, "robot.plant.load: `Payload.mass` must be >= 0 kg; got -1"),
     ({"kind": "panda", "plant": {"load": {"mass": 1, "center": [0, 1]}}}, r"robot.plant.load.center: .*3.* \[0, 1\]"),

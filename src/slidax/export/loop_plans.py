@@ -416,10 +416,10 @@ def arm_plan(scenario: Scenario, *, transport: int) -> ArmPlan:
     )
     force_slot = planner.view("force", vector)
     world = None
-    if isinstance(arrays, MujocoPlant):
+    if isinstance(plant, MujocoPlant):
         code, _ = kernel(external_torque, of_loop, WHOLE, WHOLE, of_state, vector, of_delivery)
         planner.code("move", code, (numbers, k, i, state, set_tau, memories["delivery"]), force_slot)
-        world = _world(arrays, float(period) / stepping.substeps, start, scenario.t1)
+        world = _world(plant, float(period) / stepping.substeps, start, scenario.t1)
     else:
         code, _ = kernel(move, of_loop, WHOLE, of_state, vector, of_delivery)
         planner.code("move", code, (numbers, k, state, set_tau, memories["delivery"]), memories["state_after"])
