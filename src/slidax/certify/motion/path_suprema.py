@@ -172,7 +172,9 @@ def _region_bounds(cell: Cell, change: Floats, motion_change: Floats, conversion
 
     # The rate of E along the arm's own motion, and that of M0⁻¹ E.
     growth = at.growth + 2.0 * half * (cover.first**2 + cover.second * cover.whole)
-    growth = growth + 2.0 * (cover.whole * _relative_slope(cell) + cover.first * cover.drift)
+    growth = growth + np.sum(at.slopes * tube.speed, axis=1)
+    further = cover.whole * (cover.crossed(tube.speed) + cover.moved) + cover.along * cover.sums(tube.speed)
+    growth = growth + 2.0 * (further + cover.first * cover.drift)
     return {
         "slide": growth * inflated + p * change,
         "band": band,
@@ -181,13 +183,3 @@ def _region_bounds(cell: Cell, change: Floats, motion_change: Floats, conversion
         "band_tube": band_tube,
         "band_torque": band_torque,
     }
-
-
-def _relative_slope(cell: Cell) -> Floats:
-    """Norm of the change of the cover's Ẏ by the tube, but for a common rotation [N]."""
-    cover, tube, at = cell.cover, cell.tube, cell.path.region_norms
-    place = tube.position
-    least = cover.least(at.relative_slopes, at.relative_norm, tube.speed, tube.speed_norm) + cover.crossed(tube.speed)
-    gone = np.sum(cover.half * cover.speed + place, axis=1) * cover.whole + cover.half * cover.first + cover.drift
-    turned = (np.sum(place, axis=1) * cover.whole + cover.drift) * np.sum(cover.speed, axis=1)
-    return least + gone * np.sum(tube.speed, axis=1) + cover.moved + turned

@@ -13,12 +13,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from .path_norms import by_body, frobenius, joint_norm, spectral_norm
+from .path_norms import by_body, frobenius, spectral_norm
 
 if TYPE_CHECKING:
     from .path import Path
 
 Floats = NDArray[np.float64]
+
+
+CHUNK = 128
+"""Cells whose matrices are held at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,9 +32,7 @@ class RegionNorms:
     - `torque`, `joints`: |T|_i and |M0⁻¹ T|_i [N n]; `force`: norm of M0⁻¹ T [N].
     - `rate`: norm of M0⁻¹ times the rate of T without `E q⃛` [N].
     - `coriolis`: norm of `∂T/∂q̇` [N]; `stiffness`: norms of the columns of `∂T/∂q` [N n].
-    - `growth`: norm of Ė [N].
-    - `relative_slopes`: of the cover's ∂_j Y but for a common rotation [N n]; `relative_norm`: of their sum over j, per
-      norm of the velocities [N].
+    - `growth`: norm of Ė [N]; `slopes`: norms of ∂_j E [N n].
     """
 
     torque: Floats
@@ -40,8 +42,7 @@ class RegionNorms:
     coriolis: Floats
     stiffness: Floats
     growth: Floats
-    relative_slopes: Floats
-    relative_norm: Floats
+    slopes: Floats
 
     @classmethod
     def of(cls, path: Path) -> RegionNorms:
@@ -74,46 +75,60 @@ class RegionNorms:
             coriolis=2.0 * at.size * at.first,
             stiffness=at.slopes * whole[:, None] + at.size[:, None] * np.linalg.norm(y2, axis=1),
             growth=2.0 * at.size * np.minimum(at.first, relative),
-            relative_slopes=frobenius(slopes),
-            relative_norm=joint_norm(slopes, root),
+            slopes=2.0 * at.size[:, None] * frobenius(slopes),
         )
 
 
 def over_ellipsoid(path: Path) -> dict[str, Floats]:
     """Return the suprema over the ellipsoid, by the names of `RegionNorms`."""
-    frames, region, cells, root = path.frames, path.region, path.cells, path.root
-    count, n = cells.q.shape
-    weights = region.deviations.reshape(len(region.deviations), -1).T
+    parts = [_over_ellipsoid(path, slice(start, start + CHUNK)) for start in range(0, len(path.cells.q), CHUNK)]
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
-    def contracted(a: Floats, b: Floats) -> Floats:
-        """`Σ_b tr(a_b J_r b_bᵀ)` for each r, [... r] from [... n 4 3]."""
+
+def _over_ellipsoid(path: Path, some: slice) -> dict[str, Floats]:
+    """The suprema in some cells."""
+    frames, region, root = path.frames, path.region, path.root[some]
+    ddq, dddq = path.cells.ddq[some], path.cells.dddq[some]
+    count, n = ddq.shape
+    transposed = root.swapaxes(1, 2)
+    weights = region.deviations.reshape(len(region.deviations), n, 16).transpose(1, 2, 0)
+
+    def contracted(a: Floats, b: Floats, bodies: NDArray[np.intp] | slice = slice(None)) -> Floats:
+        """`Σ_b tr(a_b J_r b_bᵀ)` for each r, [... r] from [... b 4 3]."""
         moments = a @ b.swapaxes(-1, -2)
-        return np.asarray(moments.reshape(*moments.shape[:-3], -1) @ weights)
+        chosen = weights[bodies]
+        return np.asarray(moments.reshape(*moments.shape[:-3], -1) @ chosen.reshape(-1, chosen.shape[2]))
+
+    def scaled(matrices: Floats) -> Floats:
+        """`Gᵀ B_r G`, [N n n r]."""
+        left = (transposed @ matrices.reshape(count, n, -1)).reshape(matrices.shape)
+        return np.asarray(transposed[:, None] @ left)
 
     def largest(columns: Floats) -> Floats:
-        return spectral_norm(columns.swapaxes(1, 2))
+        """The largest norm of the columns' combinations: of all of them next to each other [N]."""
+        return spectral_norm(columns.reshape(len(columns), n, -1).swapaxes(1, 2))
 
-    y, y1, y2 = frames.columns
-    force = frames.acceleration[:, None]
-    bend = (frames.jerk - np.einsum("nkbpi,nk->nbpi", y, cells.dddq))[:, None]
-    torque = contracted(y, force) + cells.ddq[..., None] * region.rotor_deviations.T
+    y, y1, y2 = (part[some] for part in frames.columns)
+    slopes, force = frames.slopes[some], frames.acceleration[some, None]
+    bend = frames.jerk[some, None] - np.einsum("nkbpi,nk->nbpi", y, dddq)[:, None]
+    torque = contracted(y, force) + ddq[..., None] * region.rotor_deviations.T
     rate = contracted(y1, force) + contracted(y, bend)
-    transposed = root.swapaxes(1, 2)
-    coriolis = 2.0 * contracted(y[:, :, None], y1[:, None])
-    coriolis = np.einsum("nkl,nlmr,nmj->nkjr", transposed, coriolis, root, optimize=True)
-    growth = 0.5 * (coriolis + coriolis.swapaxes(1, 2))
-    stiffness = contracted(frames.slopes, force[:, None]) + contracted(y2[:, :, None], y[:, None])
-    stiffness = transposed[:, None] @ stiffness
+    coriolis = scaled(2.0 * contracted(y[:, :, None], y1[:, None]))
+    stiffness = contracted(slopes, force[:, None]) + contracted(y2[:, :, None], y[:, None])
+    by_joint = []
+    for j, before in enumerate(path.bodies.before):
+        behind = np.flatnonzero(before)
+        slope = contracted(slopes[:, j][:, :, None, behind], y[:, None][..., behind, :, :], behind)
+        by_joint.append(largest(scaled(slope + slope.swapaxes(1, 2))))
     return {
         "torque": np.linalg.norm(torque, axis=2),
-        "joints": np.linalg.norm(path.inverse @ torque, axis=2),
+        "joints": np.linalg.norm(path.inverse[some] @ torque, axis=2),
         "force": largest(transposed @ torque),
         "rate": largest(transposed @ rate),
-        "coriolis": np.minimum(
-            largest(coriolis.reshape(count, n, -1)), largest(coriolis.swapaxes(1, 2).reshape(count, n, -1))
-        ),
-        "stiffness": largest(stiffness.reshape(count * n, n, -1)).reshape(count, n),
-        "growth": largest(growth.reshape(count, n, -1)),
+        "coriolis": np.minimum(largest(coriolis), largest(coriolis.swapaxes(1, 2))),
+        "stiffness": largest((transposed[:, None] @ stiffness).reshape(count * n, n, -1)).reshape(count, n),
+        "growth": largest(0.5 * (coriolis + coriolis.swapaxes(1, 2))),
+        "slopes": np.stack(by_joint, axis=1),
     }
 
 
