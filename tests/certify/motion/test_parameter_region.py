@@ -125,6 +125,10 @@ def test_suprema_at_a_state_are_those_of_the_worst_arms(name: str) -> None:
     )
     stiffness = np.stack([largest(by_q[:, :, j], mass) for j in range(q.shape[1])], axis=1)
     np.testing.assert_allclose(exact["stiffness"], stiffness, rtol=1e-5, atol=1e-9)
+    by_joint = [(members.inertia(q + row) - members.inertia(q - row)) / (2 * step) for row in units]
+    slopes = np.stack([of_matrices(matrices, mass) for matrices in by_joint], axis=1)
+    assert np.all(slopes <= exact["slopes"] * (1 + 1e-6) + 1e-9)
+    assert np.all(exact["slopes"] <= 2.5 * slopes + 1e-9)
     growth = (members.inertia(q + step * dq) - members.inertia(q - step * dq)) / (2 * step)
     for key, matrices in (("coriolis", by_dq), ("growth", growth)):
         seen = of_matrices(matrices, mass)
