@@ -1,6 +1,7 @@
 """The band of an identified arm: relative bounds of its mass matrix, torque errors, intervals and their coverage."""
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy import stats
@@ -9,13 +10,15 @@ import slidax as sx
 from slidax.arms.arm import Payload
 from slidax.arms.assemble import assemble
 from slidax.arms.joint import Joint
+from slidax.arms.mismatch import Mismatch
 from slidax.core.errors import DefinitionError, as_array
-from slidax.identify import JointLog, identify, write_arm
+from slidax.identify import identify, write_arm
 from slidax.identify.band import EstimateErrors, arm_parameters, band_of, base_parameters, inertial_regressor
 from slidax.identify.mass_bound import MassBound
 from slidax.identify.regression import covariance_of_fit
 from slidax.identify.regressor import BODY, JointMotion, parameters_of_body, payload_regressor
-from slidax.scenarios.robots import read_band
+from slidax.scenarios.uncertain_values import Leaf
+from slidax.scenarios.uncertainty import INERTIAL_PATH, InertialBand
 from tests.identify.recorded import moved, recorded
 
 PAYLOAD = Payload(
@@ -296,18 +299,38 @@ def test_a_longer_log_makes_the_band_narrower():
     assert not short.links and "exact links" in str(short)
 
 
-def test_the_file_of_an_arm_reads_back_its_band(tmp_path):
+def test_the_file_of_an_arm_has_its_band_as_an_uncertainty_set(tmp_path):
     arm, known = arm_with_drives("three_link"), sx.arms.from_urdf("tests/identify/three_link.urdf")
     result = identify(log_of(arm, 0), known, links=True)
     write_arm(result, {"kind": "urdf", "file": "tests/identify/three_link.urdf"}, tmp_path / "arm.yaml")
-    band = read_band(tmp_path / "arm.yaml")
-    assert band.p == pytest.approx(result.band.p, rel=1e-3) and band.links
+    (tmp_path / "scenario.yaml").write_text(
+        "title: identified\nrobot: {kind: identified, file: arm.yaml}\nuncertainty: {file: arm.yaml}\n"
+        "trajectory: {kind: minimum_jerk, times: [0, 1], waypoints: [[0, 0, 0], [0.3, 0.3, 0.3]]}\n"
+        "scheme: {name: computed_torque}\nstart: {q: [0, 0, 0]}\nsimulation: {mode: held, period: 1.0e-3, t1: 1.0}\n"
+    )
+    scenario = sx.scenarios.load(tmp_path / "scenario.yaml")
+    band = scenario.description.uncertainty[INERTIAL_PATH]
+    assert band.band == pytest.approx(result.band.p, rel=1e-3) and band.confidence == result.band.confidence
     np.testing.assert_allclose(band.deviations, result.band.deviations, rtol=1e-4)
-    np.testing.assert_allclose(band.armature, result.band.armature, rtol=1e-4)
-    assert f"p = {100 * band.p:.2g} %" in str(result)
-    (tmp_path / "none.yaml").write_text("robot: {kind: ur5e}\n")
-    assert read_band(tmp_path / "none.yaml") is None
-    (tmp_path / "bad.yaml").write_text("band: {p: 0.1}\n")
-    with pytest.raises(DefinitionError, match="mapping `band`"):
-        read_band(tmp_path / "bad.yaml")
-    assert isinstance(result.log, JointLog)
+    friction = scenario.description.uncertainty["robot.plant.coulomb"]
+    np.testing.assert_allclose(friction.between, result.band.coulomb, rtol=1e-4)
+    np.testing.assert_allclose(scenario.controller.nominal.viscous, result.robot.viscous, rtol=1e-6)
+    assert f"p = {100 * band.band:.2g} %" in str(result)
+
+
+def test_arms_drawn_from_an_identified_band_are_within_it(tmp_path):
+    arm, known = arm_with_drives("three_link"), sx.arms.from_urdf("tests/identify/three_link.urdf")
+    result = identify(log_of(arm, 0), known, links=True)
+    band = InertialBand(band=result.band.p, deviations=result.band.deviations.tolist())
+    leaf = Leaf(INERTIAL_PATH, None, 3, arm=lambda: result.robot)
+    rng = np.random.default_rng(0)
+    changes = band.values(rng.random((200, band.coordinates(leaf))), leaf)
+    flat = np.concatenate([changes[:, :10].swapaxes(1, 2).reshape(200, -1), changes[:, 10]], axis=1)
+    xi = np.linalg.lstsq(result.band.deviations.T, flat.T, rcond=None)[0]
+    assert (np.linalg.norm(xi, axis=0) <= 1 + 1e-9).all() and np.linalg.norm(xi, axis=0).max() > 0.5
+    for change in changes[:20]:
+        true = Mismatch(inertial=change).applied(result.robot)
+        for q in jnp.asarray(rng.uniform(-3, 3, (20, 3))):
+            factor = np.linalg.inv(np.linalg.cholesky(np.asarray(result.robot.mass(q))))
+            size = np.linalg.eigvalsh(factor @ np.asarray(true.mass(q)) @ factor.T - np.eye(3))
+            assert np.abs(size).max() <= result.band.p

@@ -6,6 +6,7 @@ from typing import TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
+from jaxtyping import Array, Float
 
 from slidax.core.errors import DefinitionError, each_of
 from slidax.core.parameter import parameter, piece
@@ -41,6 +42,10 @@ class TimedPayload(AbstractPart):
         return eqx.tree_at(lambda arm: arm.payload, robot, robot.payload.joined(self.payload.times(carried)))
 
 
+INERTIAL = 11
+"""Inertial parameters of a joint: ten numbers of its body, and its rotor."""
+
+
 Arm = TypeVar("Arm", bound=Articulated | Coupled)
 
 
@@ -48,7 +53,7 @@ class Mismatch(AbstractPart):
     """The true arm: the nominal one with other masses, other friction, and a payload at its tip.
 
     With a `mass_factor` of 0.85 the arm is 15 % lighter than its model. Friction and rotor inertia replace those of the
-    nominal arm; fields that are None keep its values.
+    nominal arm; fields that are None keep its values. `inertial` is added last, to each body with what it carries.
     """
 
     title = "Differences between the true arm and its nominal model."
@@ -61,6 +66,12 @@ class Mismatch(AbstractPart):
     coulomb: PerJoint | None = parameter("Coulomb friction", "N m or N", ">= 0", default=None)
     armature: PerJoint | None = parameter(
         "inertia of the rotors, seen from the joints", "kg m² or kg", ">= 0", default=None
+    )
+    inertial: Float[Array, "m n"] | None = parameter(
+        "change of each joint's inertial parameters, as rows: mass, mass times centre (x, y, z), inertia about the "
+        "joint's origin (xx, yy, zz, xy, xz, yz), rotor; the tip's permanent payload belongs to its body",
+        "kg, kg m, kg m²",
+        default=None,
     )
     load: TimedPayload | None = piece("what the tip carries, and when; None for nothing", default=None)
 
@@ -75,13 +86,43 @@ class Mismatch(AbstractPart):
 
     def _true(self, nominal: Articulated) -> Articulated:
         factor = self._each("mass_factor", nominal, jnp.ones(()))
-        return eqx.tree_at(
+        true = eqx.tree_at(
             lambda arm: (arm.masses, arm.inertias, arm.viscous, arm.coulomb, arm.armature),
             nominal,
             (
                 nominal.masses * factor,
                 nominal.inertias * self._each("inertia_factor", nominal, factor)[:, None, None],
                 *(self._each(name, nominal, getattr(nominal, name)) for name in ("viscous", "coulomb", "armature")),
+            ),
+        )
+        return true if self.inertial is None else self._changed(true, self.inertial)
+
+    def _changed(self, arm: Articulated, change: Float[Array, "m n"]) -> Articulated:
+        """The arm with other inertial parameters, its payload joined to the body that carries it."""
+        if change.shape != (INERTIAL, arm.joints):
+            raise DefinitionError(
+                f"`Mismatch.inertial` must have {INERTIAL} rows with one number for {each_of(arm.joints, 'joint')}; "
+                f"got shape {list(change.shape)}"
+            )
+        load, turn = arm.payload, arm.tip_rotation
+        carried = arm.tip_translation + turn @ load.center
+        masses = arm.masses.at[arm.tip_joint].add(load.mass)
+        first = (arm.masses[:, None] * arm.centers).at[arm.tip_joint].add(load.mass * carried)
+        second = arm.inertias + arm.masses[:, None, None] * _about_origin(arm.centers)
+        second = second.at[arm.tip_joint].add(turn @ load.inertia @ turn.T + load.mass * _about_origin(carried))
+        xx, yy, zz, xy, xz, yz = change[4:10]
+        masses, first = masses + change[0], first + change[1:4].T
+        second = second + jnp.stack([jnp.stack([xx, xy, xz]), jnp.stack([xy, yy, yz]), jnp.stack([xz, yz, zz])]).T
+        centers = first / masses[:, None]
+        return eqx.tree_at(
+            lambda arm: (arm.masses, arm.centers, arm.inertias, arm.armature, arm.payload),
+            arm,
+            (
+                masses,
+                centers,
+                second - masses[:, None, None] * _about_origin(centers),
+                arm.armature + change[10],
+                load.times(jnp.zeros(())),
             ),
         )
 
@@ -96,3 +137,9 @@ class Mismatch(AbstractPart):
                 f"{nominal.name}, {', '.join(nominal.joint_names)}; got {value.shape[0]}"
             )
         return jnp.broadcast_to(value, (nominal.joints,))
+
+
+def _about_origin(center: Float[Array, "... 3"]) -> Float[Array, "... 3 3"]:
+    """Inertia of a unit mass at a point about the origin."""
+    square = jnp.sum(center * center, axis=-1)[..., None, None]
+    return square * jnp.eye(3) - center[..., :, None] * center[..., None, :]

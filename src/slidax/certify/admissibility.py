@@ -14,6 +14,7 @@ from slidax.core.errors import DefinitionError
 from slidax.core.types import Envelope, State
 from slidax.law.sliding_mode_controllers import SlidingMode
 from slidax.scenarios.scenario import Scenario
+from slidax.scenarios.uncertainty import INERTIAL_PATH
 
 from .certificate import ARM, Assumption, Verdict, certificate, joint_values
 from .sampled_scenario import BatchedFunction, SampledReference, has_envelope, surface_law
@@ -24,7 +25,7 @@ NAME, TITLE = "admissibility", "parameters, starts and motion are admissible"
 READS = ("scheme", "trajectory", "start", "robot.nominal", "simulation")
 
 
-@certificate(NAME, TITLE, covers=(*ARM, "sensor", "actuator"), reads=READS)
+@certificate(NAME, TITLE, covers=(*ARM, INERTIAL_PATH, "sensor", "actuator"), reads=READS)
 def admissibility(scenario: Scenario) -> Verdict:
     """Check the ranges of (20) and (29)-(47), `bρ(0) < e(0) < b̄ρ(0)` for each start, and the motion's limits.
 

@@ -13,6 +13,7 @@ from slidax.analysis.cause import Remedy
 from slidax.core.tracing import require_64_bits
 from slidax.scenarios.family import Family
 from slidax.scenarios.scenario import Scenario
+from slidax.scenarios.uncertainty import INERTIAL_PATH
 
 from .uncertainty_set import family_of, to_canonical
 
@@ -198,7 +199,7 @@ class Certificate(Generic[Options]):
             "truth": {path for family in families for path in family.base.truth} | set(scenario.description.truth),
         }
         for block, paths in places.items():
-            outside = sorted(path for path in paths if not any(_below(path, root) for root in self.covers))
+            outside = sorted(path for path in paths if not self._covers(path))
             if outside:
                 listed = ", ".join(f"`{path}`" for path in outside)
                 return (
@@ -206,6 +207,10 @@ class Certificate(Generic[Options]):
                     "tests it, and without it in the file this certificate applies"
                 )
         return ""
+
+    def _covers(self, path: str) -> bool:
+        """True if a path is covered; a band of inertial parameters only by name, as it is no box of numbers."""
+        return INERTIAL_PATH in self.covers if path == INERTIAL_PATH else any(_below(path, r) for r in self.covers)
 
 
 def _below(path: str, root: str) -> bool:

@@ -18,6 +18,7 @@ from .arm.torque_budget import torque_budget
 from .certificate import Assumption, Certificate, Verdict
 from .loop.inertia_ratio import inertia_ratio
 from .loop.loop_rate import loop_rate
+from .motion.admission import tracking_bound
 from .printed.settling_time import settling_time
 from .printed.ultimate_bound import printed_period, ultimate_bound
 from .statistical import RUNS, statistical
@@ -43,6 +44,7 @@ CERTIFICATES: tuple[Certificate[...], ...] = (
     admissibility,
     _with_demand(inertia_ratio),
     loop_rate,
+    tracking_bound,
     _with_demand(robust_torque),
     _with_demand(torque_budget),
     uncertainty_bound,

@@ -14,7 +14,7 @@ from .arm import excite, identify, new
 from .catalogue import list_, schema, studio
 from .demo import demo, reproduce
 from .export import export_c, export_fmu, export_franka, export_micro, export_ros2, export_ur, export_web
-from .law import certify, design, linear
+from .law import admit, certify, design, linear
 from .run import compare, explain, loop, replay, run
 from .study import benchmark, study
 
@@ -37,6 +37,7 @@ app.command(epilog="Example:  slidax reproduce --out reproduction")(reproduce)
 app.command(epilog="Example:  slidax run example-4.1 --set disturbance.scale=0 --set scheme.surface.k1=0.4")(run)
 app.command(epilog="Example:  slidax new --robot my-arm.urdf --rate 500 --out my-arm.yaml")(new)
 app.command(epilog="Example:  slidax certify example-4.2 --set scheme.bound.margin=2 --out certificate")(certify)
+app.command(epilog="Example:  slidax admit pick.csv place.json --scenario my-law.yaml")(admit)
 app.command(epilog="Example:  slidax design requirements.yaml --out my-arm.yaml")(design)
 app.command(epilog="Example:  slidax compare example-4.1 --schemes cftsmppc,ftsmc,sfsmc --out comparison")(compare)
 app.command(epilog="Example:  slidax excite panda --seed 1 --out motion.csv")(excite)

@@ -55,6 +55,63 @@ def certify(
             raise typer.Exit(NOT_CERTIFIED)
 
 
+def admit(
+    motions: Annotated[
+        list[Path],
+        typer.Argument(help="Files of motions: CSV of joints or tool poses, or JointTrajectory as JSON or YAML."),
+    ],
+    scenario: Annotated[str, typer.Option(help="The law with its arm and uncertainty: a YAML file, or a name.")],
+    within: Annotated[
+        float | None,
+        typer.Option(min=0.0, help="Largest error [rad or m]; default: the scenario's tolerance, or any bound."),
+    ] = None,
+    assume_steps: Annotated[
+        bool, typer.Option("--assume-steps", help="Admit also if the torque rate limit is not proved to be idle.")
+    ] = False,
+    slow_down: Annotated[
+        bool, typer.Option("--slow-down/--no-slow-down", help="Search how much slower a refused motion must be.")
+    ] = True,
+    changes: Changes = None,
+    json: AsJson = False,
+) -> None:
+    """Decide if motions are inside the guarantee of a law: for all arms of its uncertainty, without a run.
+
+    For each motion: the bound of every joint's error, the term that dominates it, and, if it is refused, what forbids
+    it and the smallest slow-down that makes it hold.
+
+    Exit code 0: all are admitted; 4: one is not; 2: the law has no such guarantee, or a file is invalid.
+    """
+    with errors_as_lines():
+        prepare()
+        import numpy as np
+
+        from slidax.certify.motion.admission import admit as admitted
+        from slidax.certify.motion.admission import allowed_error, certified_law, piecewise
+        from slidax.core.errors import locate_errors
+        from slidax.scenarios.load import load
+        from slidax.scenarios.trajectories import motion_of_file
+
+        from .tables import print_admissions
+
+        parts = load(scenario, parse_changes(changes or []))
+        law = certified_law(parts)
+        allowed = allowed_error(parts) if within is None else within
+        start = np.asarray(parts.state0.q, float).tolist()
+        answers = []
+        for path in motions:
+            with locate_errors(f"`{path}`"):
+                motion = piecewise(motion_of_file(path, law.arm, start))
+            answers.append(
+                admitted(law, motion, str(path), allowed=allowed, assume_steps=assume_steps, slow_down=slow_down)
+            )
+        if json:
+            print_json({"motions": [answer.as_json() for answer in answers]})
+        else:
+            print_admissions(law, answers)
+        if not all(answer.admitted for answer in answers):
+            raise typer.Exit(NOT_CERTIFIED)
+
+
 if TYPE_CHECKING:
     from slidax.design.design import DesignResult
 

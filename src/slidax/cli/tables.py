@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from slidax.analysis.metric import Metric
     from slidax.certify.certificate import Verdict
     from slidax.certify.certify import Certificates
+    from slidax.certify.motion.admission import Admission
+    from slidax.certify.motion.certified_law import CertifiedLaw
     from slidax.export.real_time_loop import LoopResult
     from slidax.report.comparison import Rival
     from slidax.scenarios.scenario import Scenario
@@ -211,6 +213,32 @@ def print_certificates(certificates: Certificates) -> None:
         for remedy in verdict.remedies:
             changes = f": {remedy.sets}" if remedy.changes else ""
             console.print(Text(f"    remedy  {remedy.words}{changes}"), soft_wrap=True)
+
+
+def print_admissions(law: CertifiedLaw, admissions: Sequence[Admission]) -> None:
+    """Print for each motion if a certified `law` admits it, its bound, and what forbids it."""
+    console = Console(highlight=False)
+    table = Table(box=None, pad_edge=False)
+    for name in ("Motion", "admitted", "grade", "largest error", "dominant term", "slow down", "what forbids it"):
+        table.add_column(name, justify="right" if name in ("largest error", "slow down") else "left", overflow="fold")
+    for answer in admissions:
+        style = "green" if answer.admitted else "bold red"
+        largest = "-"
+        if answer.bound is not None:
+            joint = int(answer.bound.argmax())
+            largest = f"{answer.bound[joint]:.3g} {law.arm.joint_units[joint]}"
+        table.add_row(
+            Text(answer.name),
+            Text("yes" if answer.admitted else "no", style=style),
+            answer.verdict.grade or "",
+            largest,
+            answer.dominant,
+            "-" if answer.slow_down is None else f"{answer.slow_down:.3g}",
+            Text("" if answer.limit is None else str(answer.limit)),
+        )
+    console.print(table)
+    for assumption in admissions[0].verdict.assumptions if admissions else ():
+        console.print(Text(f"  {assumption.status:>8}  {assumption.text}"), soft_wrap=True)
 
 
 def print_loop(parts: Scenario, result: LoopResult) -> None:

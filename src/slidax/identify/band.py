@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -72,17 +71,6 @@ class Band:
         - `motion`: at k times.
         """
         return np.linalg.norm(inertial_regressor(robot, motion) @ self.deviations.T, axis=2)
-
-    @classmethod
-    def from_mapping(cls, block: Mapping[str, Any]) -> Band:
-        """Return the band that the mapping `band` of an arm's file describes."""
-        return cls(
-            confidence=float(block["confidence"]),
-            p=float(block["p"]),
-            deviations=np.array(block["deviations"], float),
-            links=bool(block["links"]),
-            **{name: np.array(block.get(name, np.zeros((2, 0))), float) for name in INTERVALS},
-        )
 
     def as_json(self) -> dict[str, Any]:
         """The band as `slidax identify --json` prints it."""

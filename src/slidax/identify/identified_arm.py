@@ -18,7 +18,7 @@ from slidax.arms.articulated import Articulated
 from slidax.core.errors import DefinitionError, as_array
 from slidax.core.writing import error_reason, write_text
 
-from .band import INTERVALS, Band, EstimateErrors, band_of
+from .band import Band, EstimateErrors, band_of
 from .logs import JointLog
 from .regression import REACH, ParameterFit, Unknowns
 from .regressor import BODY, PAIRS, body_of_parameters
@@ -185,7 +185,7 @@ UNITS = {
 }
 """Of what drives have, for a joint that turns and for one that slides."""
 
-PATHS = {"armature": "nominal.armature", "coulomb": "plant.coulomb", "viscous": "plant.viscous"}
+PATHS = {"armature": "nominal.armature", "coulomb": "plant.coulomb", "viscous": "nominal.viscous"}
 """Where the description of a robot has them."""
 
 OF_BODY = (
@@ -308,8 +308,9 @@ DIGITS = 9
 def write_arm(identification: Identification, robot: Mapping[str, Any], path: str | Path) -> None:
     """Writes the arm with what was identified, which `robot: {kind: identified, file: ...}` reads.
 
-    Under `robot` is its description as in scenario files, with the numbers found; under `uncertainty`, by their paths
-    there, the standard error, unit and whether the log shows it; under `torque_offset` what is no part of an arm.
+    Under `robot` is its description as in scenario files, with the identified numbers; under `uncertainty` the set in
+    which the true arm is with the band's confidence, or, for an arm without a band, the standard error of each number;
+    under `torque_offset` what is no part of an arm.
 
     - `identification`: the identified arm.
     - `robot`: the description of the arm as it was known, such as `{"kind": "panda"}`.
@@ -348,19 +349,17 @@ def arm_as_yaml(identification: Identification, robot: Mapping[str, Any], folder
         arm = identification.robot
         inertias = [_six(inertia) for inertia in np.asarray(arm.inertias)]
         nominal["links"] = {"mass": _plain(arm.masses), "center": _plain(arm.centers), "inertia": inertias}
-    for name in ("coulomb", "viscous"):
+    for name, place in (("coulomb", plant), ("viscous", nominal)):
         if name in named:
-            plant[name] = _plain(getattr(identification.robot, name))
+            place[name] = _plain(getattr(identification.robot, name))
     lines = [
         f"# {identification.robot.name}, identified from {identification.log.source}: "
         f"{len(identification.log.t)} samples.",
-        "# Standard errors are of one sigma; `identifiable: false` means that the log does not show it.",
         *(f"# Warning: {sentence}." for sentence in identification.warnings),
         "robot:",
         *_block(described | ({"nominal": nominal} if nominal else {}) | ({"plant": plant} if plant else {}), 1),
         "uncertainty:",
-        *(_line(parameter) for parameter in identification.parameters if parameter.path),
-        *_band_block(identification.band),
+        *(_standard_errors(identification) if identification.band is None else _band_lines(identification.band)),
     ]
     offsets = [parameter for parameter in identification.parameters if parameter.name in ("offset", "asymmetry")]
     for name in dict.fromkeys(parameter.name for parameter in offsets):
@@ -371,22 +370,29 @@ def arm_as_yaml(identification: Identification, robot: Mapping[str, Any], folder
     return "\n".join(lines) + "\n"
 
 
-def _band_block(band: Band | None) -> list[str]:
-    if band is None:
-        return []
+def _band_lines(band: Band) -> list[str]:
+    """Sets that hold at once: the band of the inertial parameters, and intervals of the friction."""
     lines = [
-        f"# {band}",
-        "band:",
-        f"  p: {_flow(_rounded(band.p, 4))}",
-        f"  confidence: {_flow(band.confidence)}",
-        f"  links: {_flow(band.links)}",
+        f"  # {band}",
+        "  robot.plant.inertial:",
+        f"    band: {_flow(_rounded(band.p, 4))}",
+        f"    confidence: {_flow(band.confidence)}",
+        "    deviations:",
+        *(f"    - {_short(row)}" for row in band.deviations),
     ]
-    for name in INTERVALS:
+    for name in ("coulomb", "viscous"):
         ends = getattr(band, name)
         if ends.size:
-            lines.append(f"  {name}: [{', '.join(_short(row) for row in ends)}]")
-    lines += ["  deviations:", *(f"  - {_short(row)}" for row in band.deviations)]
+            rows = ", ".join(_short(row) for row in ends)
+            lines.append(f"  robot.plant.{name}: {{between: [{rows}], each: joint}}")
     return lines
+
+
+def _standard_errors(identification: Identification) -> list[str]:
+    return [
+        "  # Standard errors are of one sigma; `identifiable: false` means that the log does not show it.",
+        *(_line(parameter) for parameter in identification.parameters if parameter.path),
+    ]
 
 
 def _short(row: np.ndarray) -> str:

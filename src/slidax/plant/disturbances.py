@@ -86,6 +86,14 @@ class AbstractDisturbance(AbstractPart):
         """
         return np.full(samples.q.shape, np.inf)
 
+    def largest(self, upper: Any, joints: int) -> Floats:
+        """Bound of the force at any time and in any state [n], N m or N; infinite for a class without one.
+
+        - `upper`: has the largest value of each parameter, as `self` has the smallest.
+        - `joints`: n.
+        """
+        return np.full(joints, np.inf)
+
     def __add__(self, other: AbstractDisturbance) -> Sum:
         return Sum((self, other))
 
@@ -121,6 +129,11 @@ class Sum(AbstractDisturbance):
         pairs = zip(self.terms, upper.terms, strict=True)
         return sum((low.off_chord(high, samples) for low, high in pairs), start=np.zeros(samples.q.shape))
 
+    def largest(self, upper: Any, joints: int) -> Floats:
+        """The sum of the terms' bounds."""
+        pairs = zip(self.terms, upper.terms, strict=True)
+        return sum((low.largest(high, joints) for low, high in pairs), start=np.zeros(joints))
+
 
 class Scaled(AbstractDisturbance):
     """A disturbance times a factor; 0 switches it off, without a new compilation."""
@@ -143,6 +156,11 @@ class Scaled(AbstractDisturbance):
             return np.zeros(samples.q.shape)
         return factor * self.disturbance.off_chord(upper.disturbance, samples)
 
+    def largest(self, upper: Any, joints: int) -> Floats:
+        """The factor's largest size times the bound of the scaled disturbance."""
+        factor = largest_size(self.factor, upper.factor)
+        return factor * self.disturbance.largest(upper.disturbance, joints) if factor.any() else np.zeros(joints)
+
 
 class Constant(AbstractDisturbance):
     """`τ_d = c`."""
@@ -158,6 +176,10 @@ class Constant(AbstractDisturbance):
     def off_chord(self, upper: Any, samples: Samples) -> Floats:
         """Zero for a constant force."""
         return np.zeros(samples.q.shape)
+
+    def largest(self, upper: Any, joints: int) -> Floats:
+        """|c|."""
+        return np.broadcast_to(largest_size(self.value, upper.value), joints)
 
 
 class Step(AbstractDisturbance):
@@ -182,6 +204,10 @@ class Step(AbstractDisturbance):
         jumps = samples.jumps(self.start, upper.start) | samples.jumps(self.end, upper.end)
         return jumps[:, None] * largest_size(self.value, upper.value)
 
+    def largest(self, upper: Any, joints: int) -> Floats:
+        """|c|."""
+        return np.broadcast_to(largest_size(self.value, upper.value), joints)
+
 
 class Harmonic(AbstractDisturbance):
     """`τ_d = a sin(ω t + φ)`, per joint. Both examples of the paper are sums of these and a constant."""
@@ -201,6 +227,10 @@ class Harmonic(AbstractDisturbance):
         angle = largest_size(self.frequency, upper.frequency) * samples.period
         bound: Floats = largest_size(self.amplitude, upper.amplitude) * np.minimum(angle**2 / 8.0, 2.0)
         return np.broadcast_to(bound, samples.q.shape)
+
+    def largest(self, upper: Any, joints: int) -> Floats:
+        """|a|."""
+        return np.broadcast_to(largest_size(self.amplitude, upper.amplitude), joints)
 
 
 BEND = 4.0 / (3.0 * 3.0**0.5)
@@ -231,6 +261,11 @@ class Friction(AbstractDisturbance):
         """
         x = samples.turn / np.asarray(self.smoothing)
         return largest_size(self.coulomb, upper.coulomb) * np.minimum(np.minimum(BEND * x * x / 8.0, x), 2.0)
+
+    def largest(self, upper: Any, joints: int) -> Floats:
+        """f_c; infinite with viscous friction, which grows with the velocity."""
+        viscous = largest_size(self.viscous, upper.viscous)
+        return np.broadcast_to(np.where(viscous > 0.0, np.inf, largest_size(self.coulomb, upper.coulomb)), joints)
 
 
 class ElasticStop(AbstractDisturbance):

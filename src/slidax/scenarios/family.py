@@ -20,7 +20,7 @@ from .changes import path_in
 from .load import validate_text
 from .scenario import KNOWN_TO_LAW_REMEDY, OF_THE_LAW, OpenLoop, Scenario, ScenarioDescription
 from .uncertain_values import Array, Leaf, leaf_of, with_values
-from .uncertainty import AbstractSet, InsideEnvelope
+from .uncertainty import AbstractSet, InertialBand, InsideEnvelope
 
 
 @dataclass(frozen=True)
@@ -305,6 +305,8 @@ def _leaf(own: ScenarioDescription, path: str, values: AbstractSet, joints: int)
     if leaf.per_joint and leaf.shape == () and np.ndim(example):
         # The file has one number, the set one for each joint.
         leaf = replace(leaf, own=np.asarray(example, float))
+    if isinstance(values, InertialBand):
+        return replace(leaf, arm=lambda: own.robot.build().nominal)
     return replace(leaf, envelope=lambda: _start_of(own)) if isinstance(values, InsideEnvelope) else leaf
 
 

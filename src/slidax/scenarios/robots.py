@@ -27,7 +27,6 @@ from slidax.arms.joint import require_rigid
 from slidax.arms.mismatch import Mismatch, TimedPayload
 from slidax.core.errors import DefinitionError, as_array, each_of, locate_errors, static_value
 from slidax.core.part import members_of
-from slidax.identify.band import Band
 
 from .descriptions import (
     AbstractDescription,
@@ -243,23 +242,6 @@ def read_robot(path: str | Path) -> tuple[dict[str, Any], Path]:
     if robot["kind"] == "identified":
         raise DefinitionError(f"the robot of the file `{path}` must be described there, and not in one more file")
     return robot, path.parent
-
-
-def read_band(path: str | Path) -> Band | None:
-    """Return the band of the identified arm in a YAML file; None if the file has none.
-
-    Raises DefinitionError if the file cannot be read, or its mapping `band` is incomplete.
-    """
-    data = read_yaml_file(Path(path))
-    block = data.get("band") if isinstance(data, dict) else None
-    if block is None:
-        return None
-    try:
-        return Band.from_mapping(block)
-    except (KeyError, TypeError, ValueError) as error:
-        raise DefinitionError(
-            f"the mapping `band` of the file `{path}` is not as `slidax identify` writes it: {error}"
-        ) from None
 
 
 @contextmanager

@@ -17,6 +17,7 @@ from slidax.core.errors import DefinitionError, DefinitionWarning, count_noun, e
 from slidax.core.joint_names import match_names, quote_names
 from slidax.motions.follow import follow
 from slidax.motions.moves import AbstractMove, Circle, Line, Pause, Screw, Through
+from slidax.motions.table_files import csv_lines, unit_of
 from slidax.motions.tabulated import Tabulated, TimeUnit
 from slidax.motions.trajectory import AbstractMotion, AbstractPiecewisePolynomial
 from slidax.motions.waypoints import MinimumJerk, Trapezoidal
@@ -374,6 +375,24 @@ def trajectory_of(described: Any, limits: JointLimits | None, robot: AbstractRob
     if isinstance(described, WaypointTrajectory):
         described.require_joints(robot.joints)
     return described.build(*([limits] if isinstance(described, TrajectoryPart) else []))
+
+
+def motion_of_file(path: str | Path, robot: AbstractRobot, start: Sequence[float]) -> AbstractMotion:
+    """Read a motion: a CSV file of joints or of the tool's poses, or a JointTrajectory as JSON or YAML.
+
+    - `robot`: the nominal arm.
+    - `start`: posture from which a tool path starts [n], rad or m.
+
+    Raises DefinitionError, with the file and where in it, if it cannot be read or followed.
+    """
+    name = str(path)
+    if name.endswith((".json", ".yaml", ".yml")):
+        return JointTrajectory(kind="joint_trajectory", file=name).build(None, robot)
+    titles = {unit_of(title)[0].casefold() for title in csv_lines(path, "time,joint")[1].titles}
+    if {"x", "y", "z"} <= titles:
+        hold: Literal["place", "pose"] = "pose" if "qw" in titles else "place"
+        return ToolPathTrajectory(kind="tool_path", file=name, start=list(start), hold=hold).build(None, robot)
+    return CsvTrajectory(kind="csv", file=name).build(None, robot)
 
 
 def warn_of_units(described: Any, trajectory: AbstractMotion, t1: float) -> None:

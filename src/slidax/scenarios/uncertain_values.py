@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from slidax.arms.arm import AbstractRobot
 from slidax.core.errors import DefinitionError, nearest_word, plain_name, short_repr
 
 Array: TypeAlias = NDArray[Any]
@@ -32,6 +33,7 @@ class Leaf:
     - `open_list`: True for a list of any length.
     - `ends`: numeric ends of its range.
     - `envelope`: returns lower and upper positions [n] at the start; None if not needed.
+    - `arm`: returns the nominal arm; None if not needed.
     """
 
     path: str
@@ -44,6 +46,7 @@ class Leaf:
     unit: str = ""
     ends: tuple[float, float] = (-np.inf, np.inf)
     envelope: Callable[[], tuple[Array, Array]] | None = dataclasses.field(default=None, compare=False)
+    arm: Callable[[], AbstractRobot] | None = dataclasses.field(default=None, compare=False)
 
     @property
     def each_joint(self) -> bool:

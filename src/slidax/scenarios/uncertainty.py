@@ -10,6 +10,8 @@ import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, Tag, field_validator
 from pydantic_core import PydanticCustomError
 
+from slidax.arms.articulated import Articulated
+from slidax.arms.mismatch import INERTIAL
 from slidax.core.errors import DefinitionError, plain_name, short_repr
 
 from .descriptions import AbstractDescription, Numbers, input_field
@@ -245,6 +247,43 @@ class InsideEnvelope(AbstractSet):
         return middle + self.share * half * (2.0 * self._spread(cube, leaf) - 1.0)
 
 
+class InertialBand(AbstractSet):
+    """All arms in a band of inertial parameters around the nominal arm; its only path is `robot.plant.inertial`.
+
+    With the number p alone: `(1 - p) J0 <= J <= (1 + p) J0` for the pseudo-inertia J of each body, the permanent
+    payload joined to the one that carries it, and the rotors within a share p. With `deviations`, as `slidax identify`
+    writes them: all `φ0 + ξ D` with `|ξ| <= 1` whose mass matrix is within `(1 ± p) M0(q)` for every q.
+    """
+
+    band: float = input_field("p, the half-width of the band, as a share", "", "[0, 1)")
+    confidence: float | None = input_field(
+        "with which the true arm is in the set, for an identified arm", "", "(0, 1)", default=None
+    )
+    deviations: list[list[float]] | None = None
+    """D, rows of the ellipsoid of an identified arm: ten numbers of each body, then the rotors."""
+
+    def coordinates(self, leaf: Leaf) -> int:
+        """One for each number of the bodies and rotors; of an identified arm one for each row, and the distance."""
+        return INERTIAL * leaf.joints if self.deviations is None else len(self.deviations) + 1
+
+    def values(self, cube: Array, leaf: Leaf) -> Array:
+        # Imported here, since few files need it and it imports SciPy.
+        from .inertial_band import changes_in_ellipsoid, changes_of_bodies
+
+        arm = None if leaf.arm is None else leaf.arm()
+        if leaf.path != INERTIAL_PATH or not isinstance(arm, Articulated):
+            raise DefinitionError(f"`band` is a set of `{INERTIAL_PATH}`, of an arm of rigid links")
+        if self.deviations is None:
+            return changes_of_bodies(2.0 * cube - 1.0, arm, self.band)
+        xi = cut_normal(cube[:, :-1])
+        xi *= cube[:, -1:] ** (1.0 / xi.shape[1]) / np.maximum(np.linalg.norm(xi, axis=1, keepdims=True), 1e-12)
+        return changes_in_ellipsoid(xi, np.asarray(self.deviations, float), arm, self.band)
+
+
+INERTIAL_PATH = "robot.plant.inertial"
+"""Path of an inertial band."""
+
+
 KINDS: dict[str, type[AbstractSet]] = {
     "between": Between,
     "around": Around,
@@ -252,6 +291,7 @@ KINDS: dict[str, type[AbstractSet]] = {
     "choice": Discrete,
     "standard_error": StandardError,
     "inside": InsideEnvelope,
+    "band": InertialBand,
 }
 
 

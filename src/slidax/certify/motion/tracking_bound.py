@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -194,8 +195,16 @@ def tracking_bound(
     return verdict_of(certified, arm, allowed)
 
 
-def verdict_of(certified: CertifiedPath, arm: Articulated, allowed: Any = None) -> Verdict:
-    """Return the verdict of error bounds."""
+def verdict_of(
+    certified: CertifiedPath,
+    arm: Articulated,
+    allowed: Any = None,
+    premises: Sequence[Assumption] = (Assumption("no torque or torque rate limit acts (`drive_verdict`)", "assumed"),),
+) -> Verdict:
+    """Return the verdict of error bounds.
+
+    - `premises`: further assumptions on which they stand.
+    """
     bounds, cells = certified.bounds, certified.path.cells
     error = bounds.error.max(axis=0)
     cell, joint = (int(i) for i in np.unravel_index(int(np.argmax(bounds.error)), bounds.error.shape))
@@ -227,7 +236,7 @@ def verdict_of(certified: CertifiedPath, arm: Articulated, allowed: Any = None) 
         "times": cells.centres - cells.half,
         "error_over_time": bounds.error,
     }
-    return Verdict(NAME, TITLE, holds, margin, bound, _assumptions(certified), statement)
+    return Verdict(NAME, TITLE, holds, margin, bound, (*_assumptions(certified), *premises), statement)
 
 
 def _growth(certified: CertifiedPath, dominating: str) -> Assumption:
@@ -251,5 +260,5 @@ def _assumptions(certified: CertifiedPath) -> tuple[Assumption, ...]:
             "proved",
         ),
         Assumption("the inequalities do not enlarge the bounds, so that no error leaves them first", "proved"),
-        Assumption("no torque or torque rate limit acts (`drive_verdict`), and no sample is lost", "assumed"),
+        Assumption("the measurement gate rejects no sample of the arm itself", "assumed"),
     )

@@ -1,0 +1,309 @@
+"""Admission of motions: whether a certified law tracks each within its bound, and how much slower it must be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from slidax.core.errors import DefinitionError
+from slidax.motions.trajectory import AbstractMotion, AbstractPiecewisePolynomial
+from slidax.scenarios.scenario import Scenario
+from slidax.scenarios.uncertainty import INERTIAL_PATH
+
+from ..certificate import Assumption, Verdict, certificate
+from .certified_law import CertifiedLaw
+from .drive_limits import DriveBounds, drive_bounds
+from .tracking_bound import NAME, TITLE, WIDEST, CertifiedPath, certified_path, verdict_of
+
+Floats = NDArray[np.float64]
+
+COVERED = (INERTIAL_PATH, "robot.plant.coulomb", "robot.plant.viscous", "disturbance", "start", "tolerance")
+"""Blocks of an uncertainty set that the bound covers."""
+
+SLOW_DOWNS = (1.1, 1.25, 1.41, 1.6, 1.8, 2.0, 2.5, 3.0, 4.0)
+"""Factors on the time of a motion that are tried."""
+
+LATE = 1e9
+"""s: time at which every tolerance band has its final width."""
+
+HALVINGS = 3
+"""Times that the gap below the first factor that holds is halved."""
+
+
+@dataclass(frozen=True)
+class MotionLimit:
+    """A limit that a motion may pass, where that is worst.
+
+    - `joint`: its name. `time`: s.
+    - `what`: `error`, `position`, `speed`, `torque` or `torque step`.
+    - `value`, `allowed`: in SI units; the value is None if it has no bound.
+    """
+
+    joint: str
+    time: float
+    what: str
+    value: float | None
+    allowed: float
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the limit as `slidax admit --json` prints it."""
+        return {name: getattr(self, name) for name in ("joint", "time", "what", "value", "allowed")}
+
+    def __str__(self) -> str:
+        value = "has no bound" if self.value is None else f"{self.value:.3g}"
+        return f"{self.what} of `{self.joint}` at {self.time:.3g} s: {value}, allowed {self.allowed:.3g}"
+
+
+@dataclass(frozen=True, eq=False)
+class MotionVerdict:
+    """The bound along one motion, and the limits that it may pass.
+
+    - `verdict`: as of a certificate. It holds if the error is within the allowed one, and no torque limit acts.
+    - `limits`: all that forbids the motion, or would if the torque steps count; the worst first.
+    """
+
+    verdict: Verdict
+    limits: tuple[MotionLimit, ...]
+
+    @property
+    def step_proved(self) -> bool:
+        """True if no limit of the torque rate acts."""
+        return all(limit.what != "torque step" for limit in self.limits)
+
+
+@dataclass(frozen=True, eq=False)
+class Admission:
+    """The answer for one motion.
+
+    - `name`: of the motion, such as its file.
+    - `admitted`: True if the guarantee holds for the motion as it is.
+    - `bound`: largest error of each joint [n], rad or m; None without a bound.
+    - `dominant`: the term with the largest share of it.
+    - `slow_down`: smallest factor on its time, of those tried, with which it is admitted; None if none is.
+    - `limit`: what forbids it; None if it is admitted.
+    """
+
+    name: str
+    admitted: bool
+    bound: Floats | None
+    dominant: str
+    slow_down: float | None
+    limit: MotionLimit | None
+    verdict: Verdict = field(repr=False)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the answer as `slidax admit --json` prints it."""
+        return {
+            "file": self.name,
+            "admitted": self.admitted,
+            "grade": self.verdict.grade,
+            "bound": None if self.bound is None else self.bound.tolist(),
+            "dominant": self.dominant,
+            "slow_down": self.slow_down,
+            "limit": None if self.limit is None else self.limit.as_json(),
+        }
+
+
+@certificate(NAME, TITLE, covers=COVERED)
+def tracking_bound(scenario: Scenario) -> Verdict:
+    """Bound the tracking error along the scenario's motion, for its whole uncertainty set (docs/any-motion.md).
+
+    - `scenario`: with computed torque in sampled-data form, the same gains for all joints, and a motion of polynomials.
+    """
+    try:
+        law = certified_law(scenario)
+        motion = piecewise(scenario.trajectory)
+    except DefinitionError as error:
+        return Verdict(NAME, TITLE, None, None, {}, (), f"not applicable: {error}")
+    return judge_motion(law, motion, allowed_error(scenario)).verdict
+
+
+@lru_cache(maxsize=4)
+def certified_law(scenario: Scenario) -> CertifiedLaw:
+    """Return `CertifiedLaw.of`, computed once for a scenario."""
+    return CertifiedLaw.of(scenario)
+
+
+def piecewise(motion: AbstractMotion) -> AbstractPiecewisePolynomial:
+    """Return the motion as a piecewise polynomial.
+
+    Raises DefinitionError for another motion.
+    """
+    if not isinstance(motion, AbstractPiecewisePolynomial):
+        raise DefinitionError(
+            f"a bound along a motion needs piecewise polynomials that end at rest; got `{type(motion).__name__}`: set "
+            "`trajectory.kind` to `quintic`, `minimum_jerk`, `csv` or `joint_trajectory`"
+        )
+    return motion
+
+
+def allowed_error(scenario: Scenario) -> Floats | None:
+    """Return the smaller side of the scenario's tolerance band once it is narrow [n], rad or m; None without one."""
+    if scenario.tolerance is None:
+        return None
+    still, late = jnp.zeros(scenario.controller.joints), jnp.asarray(LATE)
+    envelope = scenario.tolerance.envelope(late, scenario.tolerance.init(jnp.zeros(()), still))
+    assert envelope is not None
+    return np.minimum(-np.asarray(envelope.lower, float), np.asarray(envelope.upper, float))
+
+
+def admit(
+    law: CertifiedLaw,
+    motion: AbstractPiecewisePolynomial,
+    name: str = "motion",
+    *,
+    allowed: Any = None,
+    assume_steps: bool = False,
+    slow_down: bool = True,
+) -> Admission:
+    """Decide if a motion is inside the guarantee of a law, and how much slower it must be if not.
+
+    - `allowed`: largest error, one number or [n], rad or m; None for any that has a bound.
+    - `assume_steps`: True to admit a motion for which it is not proved that the torque rate limit does not act.
+    - `slow_down`: True to search the smallest factor on the motion's time with which it is admitted.
+    """
+
+    def judged(factor: float) -> MotionVerdict:
+        return judge_motion(law, slowed(motion, factor), allowed)
+
+    def holds(answer: MotionVerdict) -> bool:
+        return answer.verdict.holds is True and (assume_steps or answer.step_proved)
+
+    answer = judged(1.0)
+    admitted = holds(answer)
+    factor: float | None = 1.0 if admitted else None
+    if not admitted and slow_down:
+        last = 1.0
+        for candidate in SLOW_DOWNS:
+            if holds(judged(candidate)):
+                factor = candidate
+                break
+            last = candidate
+        for _ in range(HALVINGS if factor is not None else 0):
+            assert factor is not None
+            middle = round(0.5 * (last + factor), 3)
+            last, factor = (last, middle) if holds(judged(middle)) else (middle, factor)
+    bound = answer.verdict.bound
+    terms = bound.get("terms", {})
+    return Admission(
+        name=name,
+        admitted=admitted,
+        bound=np.asarray(bound["error"]) if "error" in bound else None,
+        dominant=max(terms, key=lambda term: terms[term]) if terms else "",
+        slow_down=factor,
+        limit=None if admitted or not answer.limits else answer.limits[0],
+        verdict=answer.verdict,
+    )
+
+
+def slowed(motion: AbstractPiecewisePolynomial, factor: float) -> AbstractPiecewisePolynomial:
+    """Return the motion with all times multiplied by a factor."""
+    if factor == 1.0:
+        return motion
+    powers = np.arange(len(motion.coefficients) - 1, -1, -1.0)
+    return eqx.tree_at(
+        lambda changed: (changed.times, changed.coefficients),
+        motion,
+        (motion.times * factor, motion.coefficients / (factor**powers)[:, None, None]),
+    )
+
+
+def judge_motion(law: CertifiedLaw, motion: AbstractPiecewisePolynomial, allowed: Any = None) -> MotionVerdict:
+    """Return the bound along a motion with all that it stands on.
+
+    - `allowed`: largest error, one number or [n], rad or m; None for any that has a bound.
+    """
+    limits = _passed_ranges(law, motion)
+    certified = certified_path(law.arm, motion, law.loop, law.uncertainty, bodies=law.bodies)
+    verdict = verdict_of(certified, law.arm, allowed, law.premises)
+    if verdict.holds is False:
+        limits.insert(0, _error_limit(law, certified, verdict, allowed))
+    if not certified.bounds.verified:
+        return MotionVerdict(verdict, tuple(limits))
+    drives = drive_bounds(law.arm, motion, certified.solution)
+    lines, passed = _drive_lines(law, certified, drives)
+    limits += passed
+    failing = [limit for limit in limits if limit.what != "torque step"]
+    texts = [
+        Assumption(f"the motion keeps the arm's range: {limit}", "fails")
+        for limit in limits
+        if limit.what in ("position", "speed")
+    ]
+    statement = verdict.statement if not failing or verdict.holds is False else f"Not certified: {failing[0]}."
+    answer = Verdict(
+        NAME,
+        TITLE,
+        not failing,
+        verdict.margin,
+        {**verdict.bound, "torque": drives.torque.max(axis=0), "torque_step": drives.step.max(axis=0)},
+        (*verdict.assumptions, *lines, *texts),
+        statement,
+    )
+    return MotionVerdict(answer, tuple(limits))
+
+
+def _error_limit(law: CertifiedLaw, certified: CertifiedPath, verdict: Verdict, allowed: Any) -> MotionLimit:
+    """Where the error is too large, or grows without end."""
+    bounds = certified.bounds
+    limit = np.broadcast_to(np.asarray(np.inf if allowed is None else allowed, float), law.arm.joints)
+    share = bounds.error if allowed is None else bounds.error / limit
+    cell, joint = (int(i) for i in np.unravel_index(int(np.argmax(share)), share.shape))
+    value = float(bounds.error[cell, joint]) if bounds.verified else None
+    largest = float(limit[joint]) if allowed is not None else WIDEST
+    return MotionLimit(law.arm.joint_names[joint], float(certified.path.cells.centres[cell]), "error", value, largest)
+
+
+def _passed_ranges(law: CertifiedLaw, motion: AbstractPiecewisePolynomial) -> list[MotionLimit]:
+    """Positions and speeds beyond the arm's own limits."""
+    limits, passed = law.arm.limits, []
+    for order, what, low, high in (
+        (0, "position", limits.lower, limits.upper),
+        (1, "speed", -limits.velocity, limits.velocity),
+    ):
+        reached = motion.extremes(order)
+        for value, at, allowed, over in (
+            (reached.largest, reached.when_largest, high, 1.0),
+            (reached.least, reached.when_least, low, -1.0),
+        ):
+            beyond = over * (value - np.broadcast_to(np.asarray(allowed, float), value.shape))
+            joint = int(np.argmax(beyond))
+            if beyond[joint] > 1e-9:
+                bound = float(np.broadcast_to(np.asarray(allowed, float), value.shape)[joint])
+                passed.append(
+                    MotionLimit(law.arm.joint_names[joint], float(at[joint]), what, float(value[joint]), bound)
+                )
+    return passed
+
+
+def _drive_lines(
+    law: CertifiedLaw, certified: CertifiedPath, drives: DriveBounds
+) -> tuple[list[Assumption], list[MotionLimit]]:
+    """Assumptions about the drives' limits, and those limits that may act."""
+    lines, passed = [], []
+    for what, value, plan, limit in (
+        ("torque", drives.torque, drives.planned_torque, law.torque),
+        ("torque step", drives.step, drives.planned_step, law.loop.period * law.torque_rate),
+    ):
+        if not np.isfinite(limit).any():
+            continue
+        share = value / limit
+        cell, joint = (int(i) for i in np.unravel_index(int(np.argmax(share)), share.shape))
+        unit, name = law.arm.torque_units[joint], law.arm.joint_names[joint]
+        time = float(certified.path.cells.centres[cell])
+        text = (
+            f"no limit of the {'torque' if what == 'torque' else 'torque rate'} acts: the {what} is at most "
+            f"{value[cell, joint]:.3g} of {limit[joint]:.3g} {unit} in `{name}` at {time:.3g} s, of which the motion "
+            f"itself needs {plan[cell, joint]:.3g} {unit}"
+        )
+        if share[cell, joint] <= 1.0:
+            lines.append(Assumption(text, "proved", float(value[cell, joint])))
+            continue
+        lines.append(Assumption(text, "fails" if what == "torque" else "assumed", float(value[cell, joint])))
+        passed.append(MotionLimit(name, time, what, float(value[cell, joint]), float(limit[joint])))
+    return lines, passed

@@ -1,0 +1,219 @@
+"""A scenario's law, true arm, sensors and drives, as `tracking_bound` needs them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from slidax.arms.articulated import Articulated
+from slidax.core.errors import DefinitionError
+from slidax.identify.band import Band, arm_parameters
+from slidax.identify.mass_bound import MassBound
+from slidax.law.sampled.controller import SampledData
+from slidax.plant.sensors import AbstractSensor, Delayed, DifferencedEncoders, Encoders, Exact, Lossy
+from slidax.scenarios.scenario import Scenario
+from slidax.scenarios.uncertainty import INERTIAL_PATH, InertialBand
+from slidax.simulation.plant import Plant
+
+from ..certificate import Assumption
+from ..uncertainty_set import family_of, set_ends
+from .body_points import BodyPoints
+from .loop_kernels import JointLoop
+from .parameter_region import BodyBand, ParameterRegion, identified_region
+from .tracking_bound import ArmUncertainty
+
+Floats = NDArray[np.float64]
+
+SIGMAS = 6.0
+"""Standard deviations within which normal noise of the encoders is assumed to stay."""
+
+
+@dataclass(frozen=True, eq=False)
+class CertifiedLaw:
+    """A law that is certified along motions, with everything but the motion.
+
+    - `arm`: the nominal arm; `bodies`: its points.
+    - `loop`: of every joint.
+    - `uncertainty`: of the true arm.
+    - `torque`, `torque_rate`: limits of the drives and of the law [n].
+    - `premises`: assumptions that no bound proves.
+    """
+
+    arm: Articulated
+    bodies: BodyPoints
+    loop: JointLoop
+    uncertainty: ArmUncertainty
+    torque: Floats
+    torque_rate: Floats
+    premises: tuple[Assumption, ...]
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> CertifiedLaw:
+        """Return the law of a scenario, with its true arm and its block `uncertainty`.
+
+        Raises DefinitionError with the part of the scenario that no bound covers, and a remedy.
+        """
+        law = scenario.controller
+        if not isinstance(law, SampledData):
+            raise DefinitionError(
+                "a bound along a motion needs a law in sampled-data form: set `scheme.sampled_data` and "
+                "`simulation.mode: held`"
+            )
+        loop, arm = JointLoop.of(law), law.nominal
+        if not isinstance(arm, Articulated):
+            raise DefinitionError(f"a bound along a motion needs an arm of rigid links; got a {type(arm).__name__}")
+        ends = _ends(scenario)
+        plants, robots = [plant for plant, _, _ in ends], [robot for _, robot, _ in ends]
+        bodies = BodyPoints.of(arm)
+        resolution, premises = _encoders(plants[0].sensor, law)
+        torque, rate = _drives(plants, law)
+        start_error, start_speed = _start(scenario, [state for _, _, state in ends])
+        uncertainty = ArmUncertainty(
+            _region(scenario, arm, bodies, plants, robots),
+            coulomb=np.maximum(*(np.asarray(robot.coulomb, float) for robot in robots)),
+            viscous_error=np.maximum(
+                *(np.abs(np.asarray(robot.viscous, float) - np.asarray(arm.viscous)) for robot in robots)
+            ),
+            torque=_disturbance(plants, arm.joints),
+            resolution=resolution,
+            start_error=start_error,
+            start_speed=start_speed,
+        )
+        return cls(arm, bodies, loop, uncertainty, torque, rate, premises)
+
+
+def _ends(scenario: Scenario) -> list[tuple[Plant, Articulated, Any]]:
+    """Plant, true arm and start with the least and with the largest value of each uncertain number."""
+    family = family_of(scenario)
+    sets = {} if family is None else {k: each for k, each in family.space.sets.items() if k != INERTIAL_PATH}
+    both = []
+    for side in range(2):
+        plant, state = scenario.plant, scenario.state0
+        if family is not None and sets:
+            values = {path: set_ends(each, family.space.leaves[path])[side] for path, each in sets.items()}
+            plant, _, _, state, *_ = family.parts(family.templates(values), values)
+        if not isinstance(plant, Plant):
+            raise DefinitionError("a bound along a motion is of slidax's own plant: leave out `simulation.mujoco`")
+        if not isinstance(plant.robot, Articulated):
+            kind = type(plant.robot).__name__
+            raise DefinitionError(f"a bound along a motion needs an arm of rigid links; got a {kind}")
+        both.append((plant, plant.robot, state))
+    return both
+
+
+def _region(
+    scenario: Scenario, arm: Articulated, bodies: BodyPoints, plants: list[Plant], robots: list[Articulated]
+) -> ParameterRegion:
+    """The region of the true arm's inertial parameters."""
+    family = family_of(scenario)
+    band = None if family is None else family.space.sets.get(INERTIAL_PATH)
+    offset = _offset(arm, plants, robots)
+    if offset is None and not isinstance(band, InertialBand):
+        return BodyBand(0.0, 0.0).region(bodies)
+    if offset is None and isinstance(band, InertialBand) and band.deviations is None:
+        return BodyBand(band.band, band.band).region(bodies)
+    p, confidence, rows = 0.0, 1.0, []
+    if isinstance(band, InertialBand):
+        if band.deviations is None:
+            raise DefinitionError(
+                "the true arm differs from the nominal one, and lies in a band around it as well: leave out the "
+                f"differences in `robot.plant`, or `{INERTIAL_PATH}` with a band wide enough for both"
+            )
+        p, confidence = band.band, band.confidence or 1.0
+        rows.append(np.asarray(band.deviations, float))
+    if offset is not None:
+        p += float(MassBound(arm, arm_parameters(arm)).of(offset[None])[0])
+        rows.append(offset[None])
+    # Two balls lie in one of √2 times the radius.
+    empty = np.zeros((2, 0))
+    return identified_region(
+        arm, Band(confidence, p, empty, empty, empty, np.sqrt(len(rows)) * np.concatenate(rows), True)
+    )
+
+
+def _offset(arm: Articulated, plants: list[Plant], robots: list[Articulated]) -> Floats | None:
+    """Difference of the true arm's inertial parameters from the nominal ones [11n]; None if there is none."""
+    phi, offsets = arm_parameters(arm), []
+    for plant, robot in zip(plants, robots, strict=True):
+        load = plant.load
+        if load is not None:
+            if float(load.attached) > 0.0 or np.isfinite(float(load.released)):
+                raise DefinitionError(
+                    "a payload that comes or goes during a motion has no bound: set `robot.plant.load.attached: 0` and "
+                    "leave out `released`, or certify the motions before and after"
+                )
+            robot = eqx.tree_at(lambda arm: arm.payload, robot, robot.payload.joined(load.payload))
+        offsets.append(arm_parameters(robot) - phi)
+    if np.any(offsets[0] != offsets[1]):
+        raise DefinitionError(
+            "uncertain masses or rotors have a bound as a band alone: set "
+            f"`uncertainty.{INERTIAL_PATH}: {{band: 0.03}}`"
+        )
+    size = float(np.max(np.abs(offsets[0]) / np.maximum(np.abs(phi), 1e-9)))
+    return offsets[0] if size > 1e-12 else None
+
+
+def _disturbance(plants: list[Plant], joints: int) -> Floats:
+    size = plants[0].disturbance.largest(plants[1].disturbance, joints)
+    if not np.all(np.isfinite(size)):
+        raise DefinitionError(
+            "a disturbance has no largest force: describe friction under `robot.plant`, and leave out a contact"
+        )
+    return np.asarray(size, float)
+
+
+def _encoders(sensor: AbstractSensor | None, law: SampledData) -> tuple[Floats, tuple[Assumption, ...]]:
+    """Resolution with the range of the noise added [n], and what is assumed of it."""
+    delay = 0.0
+    if isinstance(sensor, Lossy):
+        raise DefinitionError("a bound along a motion needs every sample: leave out `sensor.loss`")
+    if isinstance(sensor, Delayed):
+        if sensor.jitter:
+            raise DefinitionError("a bound along a motion needs samples of one age: set `sensor.jitter: 0`")
+        delay, sensor = float(sensor.periods), sensor.sensor
+    if delay != law.delay:
+        raise DefinitionError(
+            f"measurements are {delay:g} periods old, and the law believes {law.delay:g}: leave out "
+            "`scheme.sampled_data.delay`"
+        )
+    if sensor is None or isinstance(sensor, Exact):
+        return np.zeros(law.joints), ()
+    if not isinstance(sensor, Encoders | DifferencedEncoders):
+        raise DefinitionError(
+            f"a bound along a motion covers encoders; got `{type(sensor).__name__}`: leave out `sensor.instrument`"
+        )
+    noise = np.broadcast_to(np.asarray(sensor.position_noise, float), law.joints)
+    resolution = np.broadcast_to(np.asarray(sensor.resolution, float), law.joints) + 2.0 * SIGMAS * noise
+    if not noise.any():
+        return resolution, ()
+    return resolution, (Assumption(f"no position is off by more than {SIGMAS:g} deviations of the noise", "assumed"),)
+
+
+def _drives(plants: list[Plant], law: SampledData) -> tuple[Floats, Floats]:
+    """The smaller limits of drives and law on torque [n] and torque rate [n]."""
+    torque, rate = (np.broadcast_to(np.asarray(getattr(law.limits, name)), law.joints) for name in ("torque", "rate"))
+    for plant in plants:
+        actuator = plant.actuator
+        if actuator is None:
+            continue
+        if np.any(np.asarray(actuator.time_constant)) or actuator.dead_time:
+            raise DefinitionError(
+                "a bound along a motion needs drives without lag: set `actuator.time_constant: 0` and "
+                "`actuator.dead_time: 0`, and add their delay to `sensor.delay`"
+            )
+        torque = np.minimum(torque, np.asarray(actuator.limits.torque))
+        rate = np.minimum(rate, np.asarray(actuator.limits.rate))
+    return torque, rate
+
+
+def _start(scenario: Scenario, states: list[Any]) -> tuple[Floats, Floats]:
+    """|e| and |ė| at the start [n]."""
+    reference = scenario.trajectory.reference(jnp.zeros(()))
+    errors = [np.abs(np.asarray(state.q - reference.q, float)) for state in states]
+    speeds = [np.abs(np.asarray(state.dq - reference.dq, float)) for state in states]
+    return np.maximum(*errors), np.maximum(*speeds)

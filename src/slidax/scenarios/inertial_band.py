@@ -1,0 +1,72 @@
+"""Arms whose inertial parameters lie in a band around the nominal ones, at points of the unit cube."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slidax.arms.articulated import Articulated
+from slidax.arms.mismatch import INERTIAL
+from slidax.core.errors import DefinitionError
+from slidax.identify.band import arm_parameters
+from slidax.identify.mass_bound import MassBound
+from slidax.identify.regression import BASIS, pseudo_inertia
+from slidax.identify.regressor import BODY
+
+from .uncertain_values import Array
+
+
+def changes_of_bodies(shares: Array, arm: Articulated, p: float) -> Array:
+    """Return changes of the inertial parameters within a share p of each body and rotor, [rows 11 n].
+
+    A body's pseudo-inertia changes by `√J0 p S √J0ᵀ` with a symmetric S of norm 1 at most.
+
+    - `shares`: in [-1, 1], ten for each body and then one for each rotor [rows 11n].
+    """
+    phi, n = arm_parameters(arm), arm.joints
+    changes = np.empty_like(shares)
+    for i in range(n):
+        own = slice(i * BODY, (i + 1) * BODY)
+        sizes = np.tensordot(shares[:, own], SYMMETRIC, axes=1)
+        sizes /= np.maximum(np.linalg.norm(sizes, 2, axis=(1, 2)), 1.0)[:, None, None]
+        values, axes = np.linalg.eigh(pseudo_inertia(phi[own]))
+        root = axes * np.sqrt(np.maximum(values, 0.0))
+        flat = (p * root @ sizes @ root.T).reshape(len(shares), -1)
+        changes[:, own] = np.linalg.lstsq(BASIS.reshape(BODY, -1).T, flat.T, rcond=None)[0].T
+    changes[:, BODY * n :] = p * shares[:, BODY * n :] * phi[BODY * n :]
+    return _by_joint(changes, n)
+
+
+def changes_in_ellipsoid(xi: Array, deviations: Array, arm: Articulated, p: float) -> Array:
+    """Return the changes ξ D of an identified arm, made smaller where the mass matrix would change by more than p.
+
+    The result is [rows 11 n].
+
+    - `xi`: ξ, of norm 1 at most [rows r].
+    - `deviations`: D [r 11n].
+
+    Raises DefinitionError if D does not fit the arm.
+    """
+    n = arm.joints
+    if deviations.ndim != 2 or deviations.shape[1] != INERTIAL * n:
+        raise DefinitionError(
+            f"`deviations` must have rows of {INERTIAL * n} numbers for {n} joints; got shape {list(deviations.shape)}"
+        )
+    changes = xi @ deviations
+    size = MassBound(arm, arm_parameters(arm)).of(changes, refine=False)
+    return _by_joint(changes * np.minimum(1.0, p / np.maximum(size, 1e-300))[:, None], n)
+
+
+def _by_joint(changes: Array, n: int) -> Array:
+    bodies = changes[:, : BODY * n].reshape(-1, n, BODY).swapaxes(1, 2)
+    return np.concatenate([bodies, changes[:, None, BODY * n :]], axis=1)
+
+
+def _symmetric() -> Array:
+    forms = np.zeros((BODY, 4, 4))
+    for k, (i, j) in enumerate(zip(*np.triu_indices(4), strict=True)):
+        forms[k, i, j] = forms[k, j, i] = 1.0
+    return forms
+
+
+SYMMETRIC = _symmetric()
+"""A basis of the symmetric matrices [10 4 4]."""

@@ -1,0 +1,142 @@
+"""A scenario's bound along its motion, and the admission of motions from files."""
+
+import json
+from dataclasses import replace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import slidax as sx
+from slidax.certify.motion.admission import admit, certified_law, judge_motion, slowed, tracking_bound
+from slidax.core.errors import DefinitionError
+from slidax.motions.tabulated import Tabulated
+from slidax.scenarios.family import Family
+from tests.cli.commands import in_process
+
+PANDA = "tests/certify/motion/panda.yaml"
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    return sx.scenarios.load(PANDA)
+
+
+@pytest.fixture(scope="module")
+def law(scenario):
+    return certified_law(scenario)
+
+
+def motion(duration, reach=0.5):
+    start = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
+    ends = np.stack([start, start + reach * np.array([1.0, 0.5, -0.5, 0.5, 0.3, 0.5, -0.5])])
+    return Tabulated.through([0.0, duration], ends, np.zeros_like(ends), np.zeros_like(ends))
+
+
+def test_simulated_arms_of_the_set_stay_within_the_bound(scenario):
+    verdict = tracking_bound(scenario)
+    assert verdict.holds and verdict.grade == "B"
+    family = Family.of(scenario.description)
+    rng = np.random.default_rng(0)
+    drawn = family.uncertain.values(rng.random((3, family.uncertain.dimensions)))
+    times, along = verdict.bound["times"], verdict.bound["error_over_time"]
+    for k in range(3):
+        log = family.scenario({path: values[k] for path, values in drawn.items()}, "arm").simulate().log
+        cell = np.clip(np.searchsorted(times, np.asarray(log.t), side="right") - 1, 0, len(times) - 1)
+        assert (np.abs(np.asarray(log.e)) <= along[cell]).all()
+        assert np.abs(np.diff(np.asarray(log.tau), axis=0)).max() < verdict.bound["torque_step"].max()
+        assert np.abs(np.asarray(log.tau)).max() < verdict.bound["torque"].max()
+
+
+def test_a_band_that_is_wider_never_has_a_smaller_bound(scenario):
+    narrow, wide = (
+        tracking_bound(sx.scenarios.load(PANDA, {"uncertainty": {"robot.plant.inertial": {"band": p}}})).bound["error"]
+        for p in (0.01, 0.03)
+    )
+    assert (wide > narrow).all()
+
+
+def test_a_known_difference_of_the_true_arm_counts_as_a_region(scenario):
+    # Without the band: 0.1 kg more than the law knows.
+    heavier = sx.scenarios.load(PANDA, {"uncertainty": {}, "robot.plant.load": {"mass": 0.1, "center": [0, 0, 0.1]}})
+    exact = sx.scenarios.load(PANDA, {"uncertainty": {}})
+    bounds = [tracking_bound(each).bound["error"] for each in (exact, heavier)]
+    assert (bounds[1] > bounds[0]).all()
+    assert (np.abs(np.asarray(heavier.simulate().log.e)).max(axis=0) < bounds[1]).all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "words", "remedy"),
+    [
+        ({"scheme.sampled_data.midpoint": False}, "midpoint: true", {"scheme.sampled_data.midpoint": True}),
+        ({"sensor.loss.probability": 0.01}, "sensor.loss", {"sensor.loss.probability": 0.0}),
+        ({"sensor.jitter": 0.1}, "sensor.jitter: 0", {"sensor.jitter": 0.0}),
+        ({"actuator.time_constant": 0.002}, "actuator.time_constant: 0", {"actuator.time_constant": 0.0}),
+        (
+            {"robot.plant.load": {"mass": 1.0, "attached": 0.5}},
+            "robot.plant.load.attached: 0",
+            {"robot.plant.load": {"mass": 0.1}, "uncertainty": {}},
+        ),
+    ],
+)
+def test_what_no_bound_covers_is_named_with_a_remedy_that_works(changes, words, remedy):
+    verdict = tracking_bound(sx.scenarios.load(PANDA, changes))
+    assert verdict.holds is None and words in verdict.statement
+    assert tracking_bound(sx.scenarios.load(PANDA, changes | remedy)).holds
+
+
+def test_paths_that_the_bound_does_not_cover_make_it_not_applicable():
+    verdict = tracking_bound(sx.scenarios.load(PANDA, {"uncertainty": {"sensor.resolution": {"between": [0, 1e-3]}}}))
+    assert verdict.holds is None and "`sensor.resolution`" in verdict.statement
+
+
+def test_a_motion_that_is_too_fast_is_refused_until_it_is_slow_enough(law):
+    answer = admit(law, motion(0.45), allowed=0.003)
+    assert not answer.admitted and answer.limit is not None and answer.slow_down is not None
+    assert judge_motion(law, slowed(motion(0.45), answer.slow_down), 0.003).step_proved
+    assert admit(law, slowed(motion(0.45), answer.slow_down), allowed=0.003).admitted
+    assert not admit(law, slowed(motion(0.45), 0.8 * answer.slow_down), allowed=0.003, slow_down=False).admitted
+
+
+def test_a_motion_beyond_the_range_of_a_joint_is_refused_by_its_name(law):
+    answer = admit(law, motion(4.0, reach=3.5), slow_down=False)
+    assert not answer.admitted
+    assert answer.limit.what == "position" and answer.limit.joint in law.arm.joint_names
+    assert abs(answer.limit.value) > abs(answer.limit.allowed)
+
+
+def test_a_slowed_motion_passes_the_same_positions_later():
+    fast, slow = motion(1.0), slowed(motion(1.0), 1.7)
+    for t in (0.0, 0.3, 0.9, 1.2):
+        np.testing.assert_allclose(fast.position(jnp.asarray(t)), slow.position(jnp.asarray(1.7 * t)), atol=1e-12)
+
+
+def test_torque_steps_that_are_not_proved_lower_the_grade_and_admit_only_if_assumed(law):
+    tight = replace(law, torque_rate=0.2 * law.torque_rate)
+    refused = admit(tight, motion(1.5), slow_down=False)
+    assert not refused.admitted and refused.limit.what == "torque step" and refused.verdict.holds
+    assert refused.verdict.grade == "B"
+    assert admit(tight, motion(1.5), assume_steps=True, slow_down=False).admitted
+
+
+def test_the_command_answers_for_each_file_in_json_and_by_its_exit_code(tmp_path, law):
+    names = ",".join(reversed(law.arm.joint_names))
+    for name, duration in (("slow", 1.5), ("fast", 0.3)):
+        moved = motion(duration)
+        times = np.linspace(0.0, duration, 12)
+        rows = [
+            ",".join(map(repr, [t, *np.asarray(moved.position(jnp.asarray(t)))[::-1].tolist()])) for t in times.tolist()
+        ]
+        (tmp_path / f"{name}.csv").write_text("\n".join([f"time,{names}", *rows]) + "\n")
+    files = [str(tmp_path / f"{name}.csv") for name in ("slow", "fast")]
+    result = in_process("admit", *files, "--scenario", PANDA, "--json")
+    assert result.exit_code == 4
+    slow, fast = json.loads(result.output)["motions"]
+    assert slow["admitted"] and slow["slow_down"] == 1.0 and slow["limit"] is None and len(slow["bound"]) == 7
+    assert not fast["admitted"] and fast["limit"]["joint"] in law.arm.joint_names and fast["file"] == files[1]
+    assert in_process("admit", files[0], "--scenario", PANDA).exit_code == 0
+
+
+def test_a_law_without_such_a_bound_is_refused_with_the_setting_that_is_missing():
+    with pytest.raises(DefinitionError, match=r"set `scheme\.name: computed_torque`"):
+        certified_law(sx.scenarios.load("panda-payload"))
