@@ -301,6 +301,6 @@ def _capitalised(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _wrapped(text: str, before: str) -> str:
+def _wrapped(text: str, before: str, width: int = 116) -> str:
     """Wrap a paragraph, with a prefix on each line after the first."""
-    return f"\n{before}".join(textwrap.wrap(text, 116 - len(before)))
+    return f"\n{before}".join(textwrap.wrap(text, width - len(before)))
