@@ -218,27 +218,26 @@ def print_certificates(certificates: Certificates) -> None:
 def print_admissions(law: CertifiedLaw, admissions: Sequence[Admission]) -> None:
     """Print for each motion if a certified `law` admits it, its bound, and what forbids it."""
     console = Console(highlight=False)
-    table = Table(box=None, pad_edge=False)
-    for name in ("Motion", "admitted", "grade", "largest error", "dominant term", "slow down", "what forbids it"):
-        table.add_column(name, justify="right" if name in ("largest error", "slow down") else "left", overflow="fold")
     for answer in admissions:
-        style = "green" if answer.admitted else "bold red"
-        largest = "-"
+        grade = f" (grade {answer.verdict.grade})" if answer.admitted else ""
+        words, style = ("admitted", "green") if answer.admitted else ("not admitted", "bold red")
+        console.print(Text(f"{answer.name}: "), Text(words, style=style), Text(grade), sep="", soft_wrap=True)
+        if answer.limit is not None:
+            console.print(Text(f"  {answer.limit}"), soft_wrap=True)
+            slower = "not even 4" if answer.slow_down is None else f"admitted {answer.slow_down:.3g}"
+            console.print(Text(f"  {slower} times slower"), soft_wrap=True)
         if answer.bound is not None:
             joint = int(answer.bound.argmax())
-            largest = f"{answer.bound[joint]:.3g} {law.arm.joint_units[joint]}"
-        table.add_row(
-            Text(answer.name),
-            Text("yes" if answer.admitted else "no", style=style),
-            answer.verdict.grade or "",
-            largest,
-            answer.dominant,
-            "-" if answer.slow_down is None else f"{answer.slow_down:.3g}",
-            Text("" if answer.limit is None else str(answer.limit)),
-        )
-    console.print(table)
-    for assumption in admissions[0].verdict.assumptions if admissions else ():
-        console.print(Text(f"  {assumption.status:>8}  {assumption.text}"), soft_wrap=True)
+            console.print(
+                Text(
+                    f"  error at most {answer.bound[joint]:.3g} {law.arm.joint_units[joint]}, in "
+                    f"`{law.arm.joint_names[joint]}`, mostly by {answer.dominant}"
+                ),
+                soft_wrap=True,
+            )
+        for assumption in answer.verdict.assumptions:
+            style = "red" if assumption.status == "fails" else ""
+            console.print(Text(f"  {assumption.status:>8}  {assumption.text}", style=style), soft_wrap=True)
 
 
 def print_loop(parts: Scenario, result: LoopResult) -> None:

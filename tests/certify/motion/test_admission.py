@@ -14,7 +14,7 @@ from slidax.motions.tabulated import Tabulated
 from slidax.scenarios.family import Family
 from tests.cli.commands import in_process
 
-PANDA = "tests/certify/motion/panda.yaml"
+PANDA = "examples/motions/panda.yaml"
 
 
 @pytest.fixture(scope="module")
@@ -35,17 +35,25 @@ def motion(duration, reach=0.5):
 
 def test_simulated_arms_of_the_set_stay_within_the_bound(scenario):
     verdict = tracking_bound(scenario)
-    assert verdict.holds and verdict.grade == "B"
+    assert verdict.holds and verdict.grade == "A"
     family = Family.of(scenario.description)
     rng = np.random.default_rng(0)
     drawn = family.uncertain.values(rng.random((3, family.uncertain.dimensions)))
     times, along = verdict.bound["times"], verdict.bound["error_over_time"]
     for k in range(3):
         log = family.scenario({path: values[k] for path, values in drawn.items()}, "arm").simulate().log
+        assert not np.asarray(log.signals["rejected"]).any()
         cell = np.clip(np.searchsorted(times, np.asarray(log.t), side="right") - 1, 0, len(times) - 1)
         assert (np.abs(np.asarray(log.e)) <= along[cell]).all()
         assert np.abs(np.diff(np.asarray(log.tau), axis=0)).max() < verdict.bound["torque_step"].max()
         assert np.abs(np.asarray(log.tau)).max() < verdict.bound["torque"].max()
+
+
+def test_a_gate_that_may_reject_a_sample_of_the_arm_lowers_the_grade():
+    changes = {"scheme.sampled_data.gate": {"acceleration": 0.01, "spread": 1e-7}}
+    verdict = tracking_bound(sx.scenarios.load(PANDA, changes))
+    (line,) = (line for line in verdict.assumptions if "gate" in line.text)
+    assert verdict.grade == "B" and line.status == "assumed" and line.value > 1.0
 
 
 def test_a_band_that_is_wider_never_has_a_smaller_bound(scenario):

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slidax.core.errors import DefinitionError
+from slidax.law.sampled.controller import STRONGEST
 from slidax.motions.trajectory import AbstractMotion, AbstractPiecewisePolynomial
 from slidax.scenarios.scenario import Scenario
 from slidax.scenarios.uncertainty import INERTIAL_PATH
@@ -242,10 +243,46 @@ def judge_motion(law: CertifiedLaw, motion: AbstractPiecewisePolynomial, allowed
         not failing,
         verdict.margin,
         {**verdict.bound, "torque": drives.torque.max(axis=0), "torque_step": drives.step.max(axis=0)},
-        (*verdict.assumptions, *lines, *texts),
+        (*verdict.assumptions, *_law_lines(law, motion, certified), *lines, *texts),
         statement,
     )
     return MotionVerdict(answer, tuple(limits))
+
+
+def _law_lines(law: CertifiedLaw, motion: AbstractPiecewisePolynomial, certified: CertifiedPath) -> list[Assumption]:
+    """Assumptions that the law is linear: its gate accepts each sample, and no bound of its estimates acts.
+
+    Of the conditions of `MeasurementGate`, those without velocities: a position may be out of range, too far from the
+    last one, or the same as the two before while the law predicts a way, which is at most the innovation.
+    """
+    gate, h, n = law.gate, law.loop.period, law.arm.joints
+    q_max, speed, acceleration, spread = (
+        np.broadcast_to(np.asarray(value, float), n)
+        for value in (gate.q_max, gate.speed, gate.acceleration, gate.spread)
+    )
+    bounds, noise = certified.bounds, np.asarray(certified.inputs.resolution)
+    fastest = motion.extremes(1).size + bounds.velocity.max(axis=0)
+    position = motion.extremes(0).size + bounds.error.max(axis=0) + 0.5 * noise
+    estimate = bounds.outputs["estimate"]
+    lumped = np.einsum("nij,nj->ni", certified.solution.problem.at.inertia, estimate).max(axis=0)
+    known = fastest + bounds.outputs["velocity_miss"].max(axis=0) + 0.5 * h * estimate.max(axis=0)
+    gate_shares = (
+        position / q_max,
+        (h * fastest + noise) / (2.0 * h * speed + spread),
+        bounds.outputs["innovation"].max(axis=0) / (2.0 * spread + acceleration * h**2),
+    )
+    law_shares = lumped / law.torque, known / speed, estimate.max(axis=0) / STRONGEST
+    lines = []
+    for text, shares in (
+        ("the measurement gate rejects no sample of the arm itself", gate_shares),
+        (
+            "no bound of the law on its estimates acts",
+            (lumped / law.torque, known / speed, estimate.max(axis=0) / STRONGEST),
+        ),
+    ):
+        largest = float(np.max(shares))
+        lines.append(Assumption(text, "proved" if largest < 1.0 else "assumed", largest))
+    return lines
 
 
 def _error_limit(law: CertifiedLaw, certified: CertifiedPath, verdict: Verdict, allowed: Any) -> MotionLimit:

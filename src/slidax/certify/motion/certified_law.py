@@ -15,6 +15,7 @@ from slidax.core.errors import DefinitionError
 from slidax.identify.band import Band, arm_parameters
 from slidax.identify.mass_bound import MassBound
 from slidax.law.sampled.controller import SampledData
+from slidax.law.sampled.gate import MeasurementGate
 from slidax.plant.sensors import AbstractSensor, Delayed, DifferencedEncoders, Encoders, Exact, Lossy
 from slidax.scenarios.scenario import Scenario
 from slidax.scenarios.uncertainty import INERTIAL_PATH, InertialBand
@@ -40,6 +41,7 @@ class CertifiedLaw:
     - `arm`: the nominal arm; `bodies`: its points.
     - `loop`: of every joint.
     - `uncertainty`: of the true arm.
+    - `gate`: of its measurements.
     - `torque`, `torque_rate`: limits of the drives and of the law [n].
     - `premises`: assumptions that no bound proves.
     """
@@ -48,6 +50,7 @@ class CertifiedLaw:
     bodies: BodyPoints
     loop: JointLoop
     uncertainty: ArmUncertainty
+    gate: MeasurementGate
     torque: Floats
     torque_rate: Floats
     premises: tuple[Assumption, ...]
@@ -84,7 +87,7 @@ class CertifiedLaw:
             start_error=start_error,
             start_speed=start_speed,
         )
-        return cls(arm, bodies, loop, uncertainty, torque, rate, premises)
+        return cls(arm, bodies, loop, uncertainty, law.gate, torque, rate, premises)
 
 
 def _ends(scenario: Scenario) -> list[tuple[Plant, Articulated, Any]]:

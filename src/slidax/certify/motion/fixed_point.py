@@ -73,6 +73,8 @@ USED = (
     "command_step",
     "model_position_step",
     "model_velocity_step",
+    "innovation",
+    "estimate",
 )
 
 

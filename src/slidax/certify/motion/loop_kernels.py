@@ -38,6 +38,7 @@ OUTPUTS: dict[str, int] = {
     "model_position_step": 0,
     "model_velocity_step": 1,
     "estimate": 2,
+    "innovation": 0,
 }
 """Outputs with their order in time: 0 for rad, 1 for rad/s, 2 for rad/s².
 
@@ -46,7 +47,7 @@ OUTPUTS: dict[str, int] = {
 - `position_miss`, `velocity_miss`: q and q̇ less those at which the model is evaluated, at any time of the period, but
   for what is odd about its middle.
 - `model_position`, `model_velocity`: those at which the model is evaluated, relative to the reference.
-- `estimate`: ŵ.
+- `estimate`: ŵ. `innovation`: r.
 """
 
 DIRECT: dict[str, tuple[float, float]] = {
@@ -229,6 +230,7 @@ class JointLoop:
             "model_position": at + 0.5 * rate + 0.125 * aimed,
             "model_velocity": rate + 0.5 * aimed,
             "estimate": known,
+            "innovation": residual,
         }
         return np.array(after), np.array([outputs[name] for name in OUTPUTS])
 
@@ -376,7 +378,7 @@ class _Trace:
                 own[i, 1] = ratio
             if name.endswith("_step"):
                 direct = own[i, 0]
-                response[:, i, :3] = np.diff(response[:, i, :3], axis=0, prepend=0.0)
+                response[:, i] = np.diff(response[:, i], axis=0, prepend=0.0)
                 response[0, i, 0] -= direct
                 rest[i] *= 2.0
         # A w acts by κ.
@@ -419,7 +421,8 @@ class _Trace:
             ramp=joined(constant + abs(beyond), between, w_rest * len(response)) * (unit * h**3),
             beyond=float(abs(beyond)) * unit * h**2,
             step=stepped * weight * (unit * h**2) + w_rest * (unit * h**2),
-            pulse=joined(0.0, pulse, float(rest[1])) * unit,
+            # The filter does not know of a pulse by the arm, but knows the reference's own.
+            pulse=joined(0.0, np.maximum(np.abs(pulse), np.abs(start_error)), float(rest[1] + rest[3])) * unit,
             noise=joined(float(direct), noise, float(rest[0])) * unit,
             start_error=np.append(np.abs(start_error) * weight[:-1], float(rest[3])) * unit,
             start_speed=np.append(np.abs(start_speed) * weight[:-1], float(rest[4])) * (unit * h),

@@ -199,7 +199,9 @@ def verdict_of(
     certified: CertifiedPath,
     arm: Articulated,
     allowed: Any = None,
-    premises: Sequence[Assumption] = (Assumption("no torque or torque rate limit acts (`drive_verdict`)", "assumed"),),
+    premises: Sequence[Assumption] = (
+        Assumption("no torque or torque rate limit acts (`drive_verdict`), and the gate rejects no sample", "assumed"),
+    ),
 ) -> Verdict:
     """Return the verdict of error bounds.
 
@@ -260,5 +262,4 @@ def _assumptions(certified: CertifiedPath) -> tuple[Assumption, ...]:
             "proved",
         ),
         Assumption("the inequalities do not enlarge the bounds, so that no error leaves them first", "proved"),
-        Assumption("the measurement gate rejects no sample of the arm itself", "assumed"),
     )
