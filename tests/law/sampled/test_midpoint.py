@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from slidax.certify.loop.problem import linear_loops
 from slidax.core.errors import DefinitionError
 from slidax.core.types import State
 from slidax.law import ComputedTorque, Kalman, KnownJoints, sampled_data
@@ -123,3 +124,11 @@ def test_an_acceleration_density_gives_all_joints_the_same_gains():
     np.testing.assert_allclose(kalman.gains, expected.gains, rtol=1e-12)
     with pytest.raises(DefinitionError, match="estimator: `acceleration_density` and `torque_density` both set"):
         load("panda-payload", {"scheme.sampled_data.estimator": {**estimator, "torque_density": 0.02}})
+
+
+@pytest.mark.parametrize("option", ["midpoint", "viscous_feedforward"])
+def test_the_certificate_of_the_sampled_loop_does_not_cover_it(option):
+    changes = {"robot.nominal.viscous": 0.2, "scheme.sampled_data.adaptation": None}
+    scenario = load("panda-payload", changes)
+    assert not isinstance(linear_loops(scenario), str)
+    assert "mid-period" in linear_loops(alter(scenario, {f"scheme.sampled_data.{option}": True}))
