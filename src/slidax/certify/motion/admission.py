@@ -275,10 +275,7 @@ def _law_lines(law: CertifiedLaw, motion: AbstractPiecewisePolynomial, certified
     lines = []
     for text, shares in (
         ("the measurement gate rejects no sample of the arm itself", gate_shares),
-        (
-            "no bound of the law on its estimates acts",
-            (lumped / law.torque, known / speed, estimate.max(axis=0) / STRONGEST),
-        ),
+        ("no bound of the law on its estimates acts", law_shares),
     ):
         largest = float(np.max(shares))
         lines.append(Assumption(text, "proved" if largest < 1.0 else "assumed", largest))
