@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from slidax.analysis.metric import Metric
     from slidax.certify.certificate import Verdict
     from slidax.certify.certify import Certificates
-    from slidax.certify.motion.admission import Admission
+    from slidax.certify.motion.admission import MotionAdmission
     from slidax.certify.motion.certified_law import CertifiedLaw
     from slidax.export.real_time_loop import LoopResult
     from slidax.report.comparison import Rival
@@ -215,7 +215,7 @@ def print_certificates(certificates: Certificates) -> None:
             console.print(Text(f"    remedy  {remedy.words}{changes}"), soft_wrap=True)
 
 
-def print_admissions(law: CertifiedLaw, admissions: Sequence[Admission]) -> None:
+def print_admissions(law: CertifiedLaw, admissions: Sequence[MotionAdmission]) -> None:
     """Print for each motion if a certified `law` admits it, its bound, and what forbids it."""
     console = Console(highlight=False)
     for answer in admissions:

@@ -79,7 +79,7 @@ class MotionVerdict:
 
 
 @dataclass(frozen=True, eq=False)
-class Admission:
+class MotionAdmission:
     """The answer for one motion.
 
     - `name`: of the motion, such as its file.
@@ -162,7 +162,7 @@ def admit(
     allowed: Any = None,
     assume_steps: bool = False,
     slow_down: bool = True,
-) -> Admission:
+) -> MotionAdmission:
     """Decide if a motion is inside the guarantee of a law, and how much slower it must be if not.
 
     - `allowed`: largest error, one number or [n], rad or m; None for any that has a bound.
@@ -192,7 +192,7 @@ def admit(
             last, factor = (last, middle) if holds(judged(middle)) else (middle, factor)
     bound = answer.verdict.bound
     terms = bound.get("terms", {})
-    return Admission(
+    return MotionAdmission(
         name=name,
         admitted=admitted,
         bound=np.asarray(bound["error"]) if "error" in bound else None,
