@@ -110,3 +110,18 @@ def test_eigenvalue_modulus_agrees_with_the_loop_of_the_law(ratio: float) -> Non
         law = LinearLoop(h, loop.kp**-0.5 / h, float(loop.delay), (first, second * h, third * h * h), False)
         radius = np.abs(np.linalg.eigvals(loop.maps_for(ratio).step)).max()
         np.testing.assert_allclose(radius, law.radius(ratio), rtol=1e-6)
+
+
+def test_a_filter_that_begins_at_a_wrong_position_stays_within_its_kernel() -> None:
+    loop = JointLoop.with_density(1e-3, 0.02, 1.0, 1e-5, 1)
+    kernel = loop_kernels(loop)["error"]
+    state = np.zeros(8)
+    # The prediction and the pending command's position are off, the arm is not.
+    state[[2, 5]] = 1.0
+    errors = []
+    for _ in range(300):
+        errors.append(abs(state[0]))
+        state = loop.maps.step @ state
+    assert np.max(errors) > 0.01
+    assert (np.array(errors) <= kernel.start_miss[:300] + 1e-12).all()
+    np.testing.assert_allclose(errors[:200], kernel.start_miss[:200], atol=1e-9)

@@ -76,6 +76,8 @@ class CertifiedLaw:
         resolution, premises = _encoders(plants[0].sensor, law)
         torque, rate = _drives(plants, law)
         start_error, start_speed = _start(scenario, [state for _, _, state in ends])
+        if start_speed.any() and not isinstance(_behind_delay(plants[0].sensor), DifferencedEncoders):
+            raise DefinitionError("a bound along a motion needs an arm that starts at rest: set `start.dq` to 0")
         uncertainty = ArmUncertainty(
             _region(scenario, arm, bodies, plants, robots),
             coulomb=np.maximum(*(np.asarray(robot.coulomb, float) for robot in robots)),
@@ -168,6 +170,10 @@ def _disturbance(plants: list[Plant], joints: int) -> Floats:
             "a disturbance has no largest force: describe friction under `robot.plant`, and leave out a contact"
         )
     return np.asarray(size, float)
+
+
+def _behind_delay(sensor: AbstractSensor | None) -> AbstractSensor | None:
+    return sensor.sensor if isinstance(sensor, Delayed) else sensor
 
 
 def _encoders(sensor: AbstractSensor | None, law: SampledData) -> tuple[Floats, tuple[Assumption, ...]]:

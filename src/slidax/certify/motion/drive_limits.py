@@ -169,9 +169,12 @@ class Torques:
         shares["encoder"] = past(table.noise, noise)
         pulse = np.einsum("nij,nj->ni", at.inertia, cells.pulse) + self.weight * (h**3 / 12.0 * at.odd)[:, None]
         shares["sampling"] = shares["sampling"] + past(table.pulse, pulse)
-        starts = np.zeros((2, *shape))
-        starts[0, 0], starts[1, 0] = at.inertia[0] @ inputs.start_error, at.inertia[0] @ inputs.start_speed
-        shares["start"] = table.start_error.since(starts[0])[..., i] + table.start_speed.since(starts[1])[..., i]
+        starts = np.zeros((3, *shape))
+        missed = 0.0 if inputs.settled else 0.5 * inputs.resolution
+        starts[:, 0] = np.stack(np.broadcast_arrays(inputs.start_error, inputs.start_speed, missed)) @ at.inertia[0].T
+        shares["start"] = (
+            table.start_error.since(starts[0]) + table.start_speed.since(starts[1]) + table.start_miss.since(starts[2])
+        )[..., i]
         # M0 now less M0 when w acted, in the metric.
         kernel = spreads_of(problem.loop, problem.p, 0.0)[name].nominal
         ages = h * (1.0 + np.arange(kernel.any_form.size))

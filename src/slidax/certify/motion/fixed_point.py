@@ -209,8 +209,9 @@ class Problem:
             begun[0], begun_norm[0] = at.band_joints[0], at.band[0]
         jump = self.p * size_in(cells.jump, at.inertia)
         begun, begun_norm = begun + at.conversion * jump[:, None], begun_norm + jump[:, None]
-        starts = np.zeros((2, *shape))
-        starts[0, 0], starts[1, 0] = inputs.start_error, inputs.start_speed
+        # The filter begins with the first measurement.
+        starts = np.zeros((3, *shape))
+        starts[:, 0] = inputs.start_error, inputs.start_speed, 0.0 if inputs.settled else 0.5 * inputs.resolution
 
         torque, torque_rate = (np.broadcast_to(value, shape) for value in (inputs.torque, inputs.torque_rate))
         limited = bool(np.all(np.isfinite(inputs.torque_rate)))
@@ -245,7 +246,9 @@ class Problem:
                 "disturbance": slow_share(table, push, push_rate, push * first),
                 "encoder": table.noise.past(size(noise)),
                 "sampling": table.pulse.past(size(pulse)),
-                "start": table.start_error.since(size(starts[0])) + table.start_speed.since(size(starts[1])),
+                "start": table.start_error.since(size(starts[0]))
+                + table.start_speed.since(size(starts[1]))
+                + table.start_miss.since(size(starts[2])),
             }
 
         nominal, weighted = shares(self.nominal, True), shares(self.weighted, False)

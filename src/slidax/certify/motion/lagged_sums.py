@@ -80,6 +80,7 @@ class LagTable:
     noise: Lags
     start_error: Lags
     start_speed: Lags
+    start_miss: Lags
     beyond: Floats
 
     @classmethod
@@ -98,5 +99,6 @@ class LagTable:
             noise=sums("noise"),
             start_error=steps("start_error"),
             start_speed=steps("start_speed"),
+            start_miss=steps("start_miss"),
             beyond=np.array([kernel.beyond for kernel in kernels]),
         )

@@ -273,6 +273,7 @@ class LoopKernel:
     - `pulse`: for a position pulse of size 1 in each period.
     - `noise`: for a measurement error of size 1 at each sample.
     - `start_error`, `start_speed`: for an initial e, which the filter knows, or v, which it does not, of size 1.
+    - `start_miss`: for an error of the filter's first position of size 1.
     """
 
     any_form: Floats
@@ -283,6 +284,7 @@ class LoopKernel:
     noise: Floats
     start_error: Floats
     start_speed: Floats
+    start_miss: Floats
 
     @property
     def gain(self) -> float:
@@ -426,6 +428,8 @@ class _Trace:
             noise=joined(float(direct), noise, float(rest[0])) * unit,
             start_error=np.append(np.abs(start_error) * weight[:-1], float(rest[3])) * unit,
             start_speed=np.append(np.abs(start_speed) * weight[:-1], float(rest[4])) * (unit * h),
+            # A known error less one that the filter does not know.
+            start_miss=np.append(np.abs(start_error - pulse) * weight[:-1], float(rest[3] + rest[1])) * unit,
         )
 
 
@@ -449,6 +453,7 @@ def _largest(kernels: list[LoopKernel], whole: list[LoopKernel], between: float)
         noise=most("noise"),
         start_error=most_at_once("start_error", max(float(np.max(kernel.start_error)) for kernel in whole)),
         start_speed=most_at_once("start_speed", max(float(np.max(kernel.start_speed)) for kernel in whole)),
+        start_miss=most_at_once("start_miss", max(float(np.max(kernel.start_miss)) for kernel in whole)),
     )
 
 
