@@ -5,8 +5,8 @@ margin, the assumptions and their grade, and remedies. A certificate covers all 
 set, or names what it does not cover.
 
 `loop` bounds the tracking error at the sampling rate, `arm` the torques and inertias of all members, and `printed`
-the continuous-time guarantees of laws in printed form. `motion` bounds the error of an identified arm along any
-motion; Python only. `statistical.py` bounds the failure rate from random runs.
+the continuous-time guarantees of laws in printed form. `motion` bounds the error along any motion, of an
+arm that is known to within a set. `statistical.py` bounds the failure rate from random runs.
 
 Read first: `certificate.py`, `certify.py`, `loop/loop_rate.py`.
 """
