@@ -9,6 +9,7 @@ from slidax.codegen import trace
 from slidax.codegen.builder import Builder
 from slidax.codegen.c import statements
 from slidax.codegen.c.layout import CodeLine, add_scopes, stack_bytes
+from slidax.codegen.c.writer import Callee
 from slidax.codegen.ir import Call, functions
 from slidax.codegen.passes import rebuild
 from slidax.codegen.trace import Library
@@ -183,3 +184,19 @@ def test_what_is_needed_after_a_block_is_declared_before_it():
     ]
     texts = [line.text for line in add_scopes(lines)]
     assert texts.index("double s;") < texts.index("{") < texts.index("s = f(a);")
+
+
+def test_result_of_a_call_has_no_name_of_the_c_library():
+    def function(x):
+        free = _long(x, x)
+        return free + _long(free, x)
+
+    program = trace(function, jnp.ones(N), library=Library())
+    values = program.outputs[0].values
+    text = statements(
+        program,
+        [(f"out[{k}]", value) for k, value in enumerate(values)],
+        lambda k, e: f"x[{e}]",
+        callees=lambda called: Callee("long", (), (0, 1)),
+    ).lines
+    assert "double free_[7];" in map(str.strip, text)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 from ..ir import Branch, Call, Input, Loop, Program, Region, Value
-from ..naming.names import Names
+from ..naming.names import Names, identifier
 from .expressions import CHOICE, EITHER, UNARY, CExpression, Dialect, Expressions, Helpers, constant
 from .layout import INDENT, WIDTH, CodeLine
 from .placement import Placement, is_counter, is_counter_increment
@@ -270,7 +270,8 @@ class Writer:
         for result in self.placement.results_of(call).values():
             hint = self.hint(result)
             if hint is not None:
-                return hint.rstrip("0123456789").rstrip("_") or None
+                stem = hint.rstrip("0123456789").rstrip("_")
+                return identifier(stem) if stem else None
         return None
 
     def _array(self, entry: Input, elements: Sequence[Value], callee: Callee) -> str:
