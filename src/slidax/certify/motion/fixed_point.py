@@ -211,7 +211,9 @@ class Problem:
         begun, begun_norm = begun + at.conversion * jump[:, None], begun_norm + jump[:, None]
         # The filter begins with the first measurement.
         starts = np.zeros((3, *shape))
-        starts[:, 0] = inputs.start_error, inputs.start_speed, 0.0 if inputs.settled else 0.5 * inputs.resolution
+        starts[0, 0], starts[1, 0] = inputs.start_error, inputs.start_speed
+        if not inputs.settled:
+            starts[2, 0] = 0.5 * inputs.resolution
 
         torque, torque_rate = (np.broadcast_to(value, shape) for value in (inputs.torque, inputs.torque_rate))
         limited = bool(np.all(np.isfinite(inputs.torque_rate)))
