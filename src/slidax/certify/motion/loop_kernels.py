@@ -313,14 +313,14 @@ def spread_kernels(loop: JointLoop, p: float, growth: float = 0.0) -> dict[str, 
     """Return the kernels of all outputs over κ from 1/(1 + p) to 1/(1 - p).
 
     Between two of the ratios that are computed, a response departs from its chord by at most Δκ²/8 times its second
-    derivative by κ. With `T(κ)` the response of ë/κ to w, `T' = T * (T - δ)/κ`, so that second derivative is at most
-    `2 (‖T‖₁ + 1)²/κ²` times the response in the l1 norm. This share is added to the last lag.
+    derivative by κ, in the l1 norm (`_between`). At each lag the largest of up to `MODES` ratios counts, so that so
+    many shares are added to the last lag.
 
     - `growth`: rate of a weight `exp(growth k h)` of lag k in `departure` and `largest` [1/s].
 
     Raises DefinitionError if the loop is unstable for a κ of the band.
     """
-    count = RATIOS if p <= 0.1 else 2 * RATIOS
+    count = 2 + int((1 / (1 - p) - 1 / (1 + p)) / FARTHEST)
     ratios = np.array([1.0]) if p == 0.0 else np.concatenate([[1.0], np.linspace(1 / (1 + p), 1 / (1 - p), count)])
     all_maps = [loop.maps_for(ratio) for ratio in ratios]
     for ratio, maps in zip(ratios, all_maps, strict=True):
@@ -334,8 +334,7 @@ def spread_kernels(loop: JointLoop, p: float, growth: float = 0.0) -> dict[str, 
     nominal = _Trace.of(loop, all_maps[0], 1.0, length, 0.0)
     between = 0.0
     if p > 0.0:
-        size = max(float(np.sum(trace.kernel("acceleration").any_form)) for trace in traces) * (1 + p)
-        between = 1.2 * (ratios[2] - ratios[1]) ** 2 / 4.0 * (1.1 * size + 1.0) ** 2 * (1 + p) ** 3
+        between = _between(traces, ratios[2] - ratios[1], p)
     results = {}
     for name in OUTPUTS:
         own = [trace.kernel(name) for trace in traces]
@@ -345,8 +344,30 @@ def spread_kernels(loop: JointLoop, p: float, growth: float = 0.0) -> dict[str, 
     return results
 
 
-RATIOS = 9
-"""Inertia ratios κ at which the responses of a band are computed."""
+FARTHEST = 0.006
+"""Largest distance between two inertia ratios κ at which the responses of a band are computed."""
+
+MODES = 16
+"""Largest number of joints, each with a ratio of its own."""
+
+
+def _between(traces: list[_Trace], step: float, p: float) -> float:
+    """Departure of the responses of all modes from their chords between two ratios, relative to the response.
+
+    With T the response of ë/κ to w, `T' = T (T - 1)/κ`, so that `y = ‖T‖₁` obeys `y' <= y (y + 1)/κ` and is at most
+    `r/(1 - r)`, `r = y0/(1 + y0) (1 + Δκ/2κ0)` halfway to a neighbour. A response g of the form `Y κ T w` has
+    `g' = g T/κ` and `g'' = 2 g T (T - 1)/κ²`.
+    """
+    lowest = 1 / (1 + p)
+    largest = max(float(np.sum(trace.kernel("acceleration").any_form)) / trace.ratio for trace in traces)
+    reached = largest / (1.0 + largest) * (1.0 + 0.5 * step / lowest)
+    if reached >= 1.0:
+        raise DefinitionError(
+            "the band is too wide for the loop of a joint; identify the arm better, or choose a longer horizon"
+        )
+    size = reached / (1.0 - reached)
+    bend = 2.0 * size * (size + 1.0) / lowest**2 * np.exp(0.5 * step * size / lowest)
+    return float(MODES * step**2 / 8.0 * bend)
 
 
 @dataclass(frozen=True)

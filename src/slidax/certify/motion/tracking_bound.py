@@ -17,7 +17,7 @@ from slidax.motions.trajectory import AbstractMotion
 from ..certificate import Assumption, Verdict, joint_values
 from .body_points import BodyPoints
 from .fixed_point import TERMS, Bounds, Inputs, Solution, bounds_along, memory
-from .loop_kernels import JointLoop
+from .loop_kernels import MODES, JointLoop
 from .parameter_region import BodyBand, ParameterRegion, identified_region
 from .path import Path
 from .path_cells import PathCells
@@ -152,6 +152,8 @@ def certified_path(
 
     Raises DefinitionError if an argument is invalid, or the loop is unstable for an arm of the band.
     """
+    if arm.joints > MODES:
+        raise DefinitionError(f"a bound along a motion is for arms of up to {MODES} joints; got {arm.joints}")
     inputs = uncertainty.inputs(arm)
     bodies = bodies or BodyPoints.of(arm)
     region = uncertainty.region(bodies)
