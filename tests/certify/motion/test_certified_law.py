@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from slidax.arms import AbstractRobot, Joint, assemble
-from slidax.certify.motion.loop_kernels import OUTPUTS, JointLoop
+from slidax.certify.motion.joint_loop import OUTPUTS, JointLoop
 from slidax.core.errors import DefinitionError
 from slidax.core.types import Reference, State
 from slidax.law import ComputedTorque, Kalman, SampledData, sampled_data

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from slidax.certify.motion.drive_limits import DriveBounds, drive_bounds, drive_verdict
-from slidax.certify.motion.loop_kernels import JointLoop
+from slidax.certify.motion.joint_loop import JointLoop
 from slidax.certify.motion.tracking_bound import CertifiedPath, certified_path
 
 from .cases import desired, panda

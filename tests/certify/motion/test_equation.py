@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from slidax.certify.motion.loop_kernels import JointLoop
+from slidax.certify.motion.joint_loop import JointLoop
 
 from .cases import desired, knotted, panda
 from .plant import Chain, simulate

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from slidax.certify.motion.loop_kernels import JointLoop, loop_kernels, spread_kernels
+from slidax.certify.motion.joint_loop import JointLoop
+from slidax.certify.motion.loop_kernels import loop_kernels, spread_kernels
 from slidax.core.errors import DefinitionError
 from slidax.law.joint_loop import LinearLoop
 

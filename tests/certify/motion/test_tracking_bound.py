@@ -14,7 +14,7 @@ import pytest
 
 from slidax.arms.articulated import Articulated
 from slidax.certify.motion.body_points import BodyPoints
-from slidax.certify.motion.loop_kernels import JointLoop
+from slidax.certify.motion.joint_loop import JointLoop
 from slidax.certify.motion.parameter_region import BodyBand
 from slidax.certify.motion.tracking_bound import ArmUncertainty, CertifiedPath, certified_path, tracking_bound
 from slidax.core.errors import DefinitionError

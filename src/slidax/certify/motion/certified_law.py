@@ -24,7 +24,7 @@ from slidax.simulation.plant import Plant
 from ..certificate import Assumption
 from ..uncertainty_set import family_of, set_ends
 from .body_points import BodyPoints
-from .loop_kernels import JointLoop
+from .joint_loop import JointLoop
 from .parameter_region import BodyBand, ParameterRegion, identified_region
 from .tracking_bound import ArmUncertainty
 

@@ -22,8 +22,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from .joint_loop import OUTPUTS, JointLoop
 from .lagged_sums import Lags, LagTable
-from .loop_kernels import OUTPUTS, JointLoop, LoopKernel, Spread, spread_kernels
+from .loop_kernels import LoopKernel, Spread, spread_kernels
 from .path import Path
 from .path_norms import size_in
 from .path_suprema import Suprema, suprema

@@ -1,54 +1,20 @@
 """Worst-case kernels of one joint's linear loop: the largest response to inputs of which only the size is known.
 
-The loop of docs/any-motion: a double integrator `ë = s + w + ρ` under a computed torque with a steady Kalman filter,
-
-    r = y - ê⁻,  ê = ê⁻ + L1 r,  v̂ = v̂⁻ + L2 r,  ŵ = ŵ⁻ + L3 r        (measurement y = e + n)
-    s = -kp ê_p - kd v̂_p - ŵ                                            (decided D periods before it acts)
-
-where `ê_p, v̂_p` is the estimate, moved over the delay with `s + ŵ`. The state at the start of a period is
-`(e, v, ê⁻, v̂⁻, ŵ⁻)` and `(ê_p, v̂_p, ŵ)` of each pending command. Inside this module the unit of time is the period.
+Inside this module the unit of time is the period.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slidax.core.errors import DefinitionError
-from slidax.law.kalman import Kalman, steady_gains
-from slidax.law.linear_controllers import ComputedTorque
-from slidax.law.sampled.controller import SampledData
-from slidax.law.sampled.recipe import ExplicitStep
+
+from .joint_loop import OUTPUTS, JointLoop, PeriodMaps
 
 Floats = NDArray[np.float64]
-
-OUTPUTS: dict[str, int] = {
-    "error": 0,
-    "velocity": 1,
-    "command": 2,
-    "acceleration": 2,
-    "command_step": 2,
-    "position_miss": 0,
-    "velocity_miss": 1,
-    "model_position": 0,
-    "model_velocity": 1,
-    "model_position_step": 0,
-    "model_velocity_step": 1,
-    "estimate": 2,
-    "innovation": 0,
-}
-"""Outputs with their order in time: 0 for rad, 1 for rad/s, 2 for rad/s².
-
-- `error`, `velocity`: e and v when a period starts. `command`: s. `acceleration`: `s + w`, at any time.
-- `command_step`, `model_position_step`, `model_velocity_step`: the value less that of the period before.
-- `position_miss`, `velocity_miss`: q and q̇ less those at which the model is evaluated, at any time of the period, but
-  for what is odd about its middle.
-- `model_position`, `model_velocity`: those at which the model is evaluated, relative to the reference.
-- `estimate`: ŵ. `innovation`: r.
-"""
 
 DIRECT: dict[str, tuple[float, float]] = {
     "acceleration": (1.0, 0.0),
@@ -62,205 +28,6 @@ SMALLEST = 1e-9
 
 LONGEST = 2**15
 """Periods; a loop that takes longer to settle is refused."""
-
-
-@dataclass(frozen=True)
-class JointLoop:
-    """The linear loop of every joint; all joints have the same.
-
-    - `period`: h [s]; `kp` [1/s²] and `kd` [1/s]: of the computed torque.
-    - `gains`: L1, L2 [1/s], L3 [1/s²] of the Kalman filter.
-    - `delay`: age of a measurement when its torque sets in, whole periods.
-
-    Raises DefinitionError if a value is out of its range or the loop is unstable.
-    """
-
-    period: float
-    kp: float
-    kd: float
-    gains: tuple[float, float, float]
-    delay: int = 1
-
-    def __post_init__(self) -> None:
-        if not self.period > 0:
-            raise DefinitionError(f"`period` must be > 0 s; got {self.period:g}")
-        if not (self.kp > 0 and self.kd > 0):
-            raise DefinitionError(f"`kp` and `kd` must be > 0; got {self.kp:g} 1/s² and {self.kd:g} 1/s")
-        if self.delay != int(self.delay) or not 0 <= self.delay <= 10:
-            raise DefinitionError(f"`delay` must be 0 to 10 whole periods; got {self.delay:g}")
-        radius = float(np.max(np.abs(np.linalg.eigvals(self.maps.step))))
-        if not radius < 1.0 - 1e-6:
-            raise DefinitionError(
-                f"the loop of a joint is unstable: its largest eigenvalue is {radius:.4f}; choose a longer horizon "
-                "or a slower filter"
-            )
-
-    @classmethod
-    def of(cls, law: SampledData) -> JointLoop:
-        """Return the loop of a law in sampled-data form, as long as no limit acts and its gate accepts each sample.
-
-        Raises DefinitionError for a law that this loop does not describe, with the setting of a scenario that mends it.
-        """
-        explicit = law.step.law if isinstance(law.step, ExplicitStep) else None
-        if not isinstance(explicit, ComputedTorque):
-            kind = type(law.step if explicit is None else explicit).__name__
-            raise DefinitionError(
-                f"a bound along a motion needs computed torque; got `{kind}`: set `scheme.name: computed_torque`"
-            )
-        if not isinstance(law.estimator, Kalman):
-            raise DefinitionError(
-                "a bound along a motion needs a Kalman filter; got the estimator "
-                f"`{type(law.estimator).__name__}`: set `scheme.sampled_data.estimator` to `{ESTIMATOR}`"
-            )
-        block = "scheme.sampled_data"
-        viscous = np.any(np.asarray(getattr(law.nominal, "viscous", 0.0)))
-        for covered, problem, remedy in (
-            (law.adaptation is None, "the law adapts its model", f"set `{block}.adaptation: null`"),
-            (law.midpoint, "the model is evaluated at the start of a period", f"set `{block}.midpoint: true`"),
-            (
-                law.viscous_feedforward or not viscous,
-                "the nominal arm's viscous friction is not compensated",
-                f"set `{block}.viscous_feedforward: true`",
-            ),
-            (
-                law.delay == int(law.delay),
-                f"the delay is {law.delay:g} periods, not a whole number",
-                "set `sensor.delay` to a whole number",
-            ),
-            (
-                law.dead_time == 0,
-                f"the dead time is {law.dead_time:g} periods",
-                "set `actuator.dead_time: 0`, add it to `sensor.delay`, and read the motion when the torque sets in",
-            ),
-        ):
-            if not covered:
-                raise DefinitionError(f"a bound along a motion does not cover this law: {problem}; {remedy}")
-        kp, kd = (
-            _equal(f"scheme.{name}", gain, f"set `scheme.{name}` to one number")
-            for name, gain in zip(("kp", "kd"), explicit.gains(), strict=True)
-        )
-        first, second, third = (
-            _equal(f"L{k + 1}", gain, f"set `{block}.estimator` to `{ESTIMATOR}`, with one `variance`")
-            for k, gain in enumerate(np.asarray(law.estimator.gains))
-        )
-        return cls(float(law.period), kp, kd, (first, second, third), int(law.delay))
-
-    @classmethod
-    def with_horizon(
-        cls, period: float, horizon: float, gains: tuple[float, float, float], delay: int = 1
-    ) -> JointLoop:
-        """Return the loop of a computed torque with the horizon H [s], `kp = 1/H²`, `kd = (H - h/2)/H² + 1/H`."""
-        if not horizon >= period:
-            raise DefinitionError(f"`horizon` must be at least the period; got {horizon:g} s")
-        return cls(period, 1.0 / horizon**2, (horizon - 0.5 * period) / horizon**2 + 1.0 / horizon, gains, delay)
-
-    @classmethod
-    def with_density(
-        cls, period: float, horizon: float, density: float, resolution: float, delay: int = 1
-    ) -> JointLoop:
-        """Return the loop with the steady Kalman filter of a disturbance that drifts as a random walk.
-
-        - `density`: spectral density of the acceleration's rate, (rad/s³)² s.
-        - `resolution`: r of the encoders [rad]; the filter's variance is r²/12.
-        """
-        first, second, third = np.asarray(steady_gains(density, resolution**2 / 12.0, period)).tolist()
-        return cls.with_horizon(period, horizon, (first, second, third), delay)
-
-    @cached_property
-    def decay(self) -> float:
-        """Rate at which the slowest state of the nominal loop decays [1/s]."""
-        return -float(np.log(np.max(np.abs(np.linalg.eigvals(self.maps.step))))) / self.period
-
-    @property
-    def maps(self) -> PeriodMaps:
-        """One period of the nominal loop as linear maps."""
-        return self.maps_for(1.0)
-
-    def maps_for(self, ratio: float) -> PeriodMaps:
-        """One period of the loop of a joint with `ë = κ (s + w)` as linear maps.
-
-        - `ratio`: κ, nominal over true inertia.
-        """
-        size = 5 + 3 * self.delay
-        columns = [self._next(ratio, *parts) for parts in _unit_inputs(size)]
-        states = np.stack([state for state, _ in columns], axis=1)
-        outputs = np.stack([output for _, output in columns], axis=1)
-        return PeriodMaps(
-            step=states[:, :size], enters=states[:, size:], outputs=outputs[:, :size], direct=outputs[:, size]
-        )
-
-    def _next(self, ratio: float, x: Floats, noise: float, pulse: float, velocity: float) -> tuple[Floats, Floats]:
-        """State after a period, and the outputs in it, in periods as the unit of time."""
-        h = self.period
-        first, second, third = self.gains[0], self.gains[1] * h, self.gains[2] * h * h
-        kp, kd = self.kp * h * h, self.kd * h
-
-        def aim(position: float, speed: float) -> float:
-            return -kp * position - kd * speed
-
-        e, v, position, speed, push = (float(value) for value in x[:5])
-        residual = e + noise - position
-        position, speed, push = position + first * residual, speed + second * residual, push + third * residual
-        pending = [(float(x[i]), float(x[i + 1]), float(x[i + 2])) for i in range(5, x.size, 3)]
-        prior = None
-        for one_position, one_speed, one_push in pending:
-            acceleration = aim(one_position, one_speed) - one_push + push
-            position, speed = position + speed + 0.5 * acceleration, speed + acceleration
-            prior = prior or (position, speed)
-        pending.append((position, speed, push))
-        if prior is None:
-            acceleration = aim(position, speed)
-            prior = position + speed + 0.5 * acceleration, speed + acceleration
-        at, rate, known = pending[0]
-        aimed = aim(at, rate)
-        s = aimed - known
-        after = [e + v + 0.5 * ratio * s + pulse, v + ratio * s + velocity, *prior, push]
-        for entry in pending[1:]:
-            after.extend(entry)
-        outputs = {
-            "error": e,
-            "velocity": v,
-            "command": s,
-            "acceleration": ratio * s,
-            "command_step": s,
-            "model_position_step": at + 0.5 * rate + 0.125 * aimed,
-            "model_velocity_step": rate + 0.5 * aimed,
-            "position_miss": e - at + 0.5 * (v - rate) - 0.125 * known,
-            "velocity_miss": v - rate - 0.5 * known,
-            "model_position": at + 0.5 * rate + 0.125 * aimed,
-            "model_velocity": rate + 0.5 * aimed,
-            "estimate": known,
-            "innovation": residual,
-        }
-        return np.array(after), np.array([outputs[name] for name in OUTPUTS])
-
-
-ESTIMATOR = "{kind: kalman, acceleration_density: 1.0}"
-"""An estimator in a scenario file with the same gains for all joints."""
-
-
-def _equal(name: str, values: object, remedy: str) -> float:
-    """The value of a gain, which all joints share."""
-    each = np.asarray(values, float).reshape(-1)
-    if np.ptp(each) > 0.0:
-        raise DefinitionError(f"a bound along a motion needs the same `{name}` for all joints; got {each}: {remedy}")
-    return float(each[0])
-
-
-@dataclass(frozen=True)
-class PeriodMaps:
-    """`x⁺ = step x + enters (n, ∫(1-τ) w, ∫w)`, `y = outputs x + direct n`, with y in the order of `OUTPUTS`."""
-
-    step: Floats
-    enters: Floats
-    outputs: Floats
-    direct: Floats
-
-
-def _unit_inputs(size: int) -> list[tuple[Floats, float, float, float]]:
-    nothing = np.zeros(size)
-    states = [(row, 0.0, 0.0, 0.0) for row in np.eye(size)]
-    return [*states, (nothing, 1.0, 0.0, 0.0), (nothing, 0.0, 1.0, 0.0), (nothing, 0.0, 0.0, 1.0)]
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,8 @@ from slidax.motions.trajectory import AbstractMotion
 from ..certificate import Assumption, Verdict, joint_values
 from .body_points import BodyPoints
 from .fixed_point import TERMS, Bounds, Inputs, Solution, bounds_along, memory
-from .loop_kernels import MODES, JointLoop
+from .joint_loop import JointLoop
+from .loop_kernels import MODES
 from .parameter_region import BodyBand, ParameterRegion, identified_region
 from .path import Path
 from .path_cells import PathCells
@@ -186,7 +187,7 @@ def tracking_bound(
     """Certify the largest tracking error along a motion, for every arm in the band.
 
     The law is computed torque with the same loop in all joints and its model at the middle of the period; see
-    `loop_kernels.JointLoop`. The verdict's bound has `error` and `velocity` per joint, `terms`, the shares of the error
+    `joint_loop.JointLoop`. The verdict's bound has `error` and `velocity` per joint, `terms`, the shares of the error
     where it is largest, and the error bound over time.
 
     - `allowed`: largest error that is allowed, one number or [n], rad or m; None to compute the bound only.
