@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from slidax.certify.motion.joint_loop import JointLoop
-from slidax.certify.motion.loop_kernels import loop_kernels, spread_kernels
+from slidax.certify.motion.loop_kernels import _Trace, loop_kernels, spread_kernels
 from slidax.core.errors import DefinitionError
 from slidax.law.joint_loop import LinearLoop
 
@@ -88,6 +88,22 @@ def test_departures_hold_between_the_ratios() -> None:
             nominal, other = (simulated(loop, w, ratio=value)[output] for value in (1.0, ratio))
             assert np.max(np.abs(other - nominal)) <= spreads[output].departure.gain
             assert np.max(np.abs(other)) <= spreads[output].largest.gain
+
+
+@pytest.mark.parametrize("name", ["fast", "slow"])
+def test_no_kernel_between_the_ratios_passes_the_largest(name: str) -> None:
+    loop, p = LOOPS[name], 0.2
+    spreads = spread_kernels(loop, p)
+    least, most = 1 / (1 + p), 1 / (1 - p)
+    sums, peaks = ("any_form", "ramp", "pulse", "noise"), ("step", "start_error", "start_speed", "start_miss")
+    for ratio in np.random.default_rng(0).uniform(least, most, size=6):
+        trace = _Trace.of(loop, loop.maps_for(ratio), ratio, spreads["error"].nominal.any_form.size - 1, 0.0)
+        for output, spread in spreads.items():
+            own, largest = trace.kernel(output), spread.largest
+            for field in sums:
+                assert np.sum(getattr(own, field)) <= np.sum(getattr(largest, field)), (output, field)
+            for field in peaks:
+                assert np.all(getattr(own, field) <= getattr(largest, field)), (output, field)
 
 
 def test_departures_grow_with_the_band() -> None:

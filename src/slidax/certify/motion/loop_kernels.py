@@ -80,8 +80,7 @@ def spread_kernels(loop: JointLoop, p: float, growth: float = 0.0) -> dict[str, 
     """Return the kernels of all outputs over κ from 1/(1 + p) to 1/(1 - p).
 
     Between two of the ratios that are computed, a response departs from its chord by at most Δκ²/8 times its second
-    derivative by κ, in the l1 norm (`_between`). At each lag the largest of up to `MODES` ratios counts, so that so
-    many shares are added to the last lag.
+    derivative by κ (`_bend`). In kernels that are summed this share is added to the last lag.
 
     - `growth`: rate of a weight `exp(growth k h)` of lag k in `departure` and `largest` [1/s].
 
@@ -99,42 +98,39 @@ def spread_kernels(loop: JointLoop, p: float, growth: float = 0.0) -> dict[str, 
     length = max(_length(maps.step * np.exp(growth * loop.period)) for maps in all_maps)
     traces = [_Trace.of(loop, maps, ratio, length, growth) for maps, ratio in zip(all_maps, ratios, strict=True)]
     nominal = _Trace.of(loop, all_maps[0], 1.0, length, 0.0)
-    between = 0.0
-    if p > 0.0:
-        between = _between(traces, ratios[2] - ratios[1], p)
+    pushed = _largest([trace.kernel("acceleration") for trace in traces])
+    bend = _bend(float(ratios[2] - ratios[1]), p, pushed.gain) if p > 0.0 else 0.0
     results = {}
     for name in OUTPUTS:
         own = [trace.kernel(name) for trace in traces]
         apart = [trace.less(traces[0]).kernel(name) for trace in traces]
-        largest = _largest(own, own, between)
-        results[name] = Spread(nominal.kernel(name), _largest(apart, own, between), largest)
+        between = bend * _largest(own).gain
+        results[name] = Spread(nominal.kernel(name), _largest(apart, pushed, between), _largest(own, pushed, between))
     return results
 
 
 FARTHEST = 0.006
 """Largest distance between two inertia ratios κ at which the responses of a band are computed."""
 
-MODES = 16
-"""Largest number of joints, each with a ratio of its own."""
 
+def _bend(step: float, p: float, gain: float) -> float:
+    """Departure of a response from its chord, per gain of its output to w and size of the response of `a = κ (s + w)`.
 
-def _between(traces: list[_Trace], step: float, p: float) -> float:
-    """Departure of the responses of all modes from their chords between two ratios, relative to the response.
+    With `s + w = T w`, `y'' = 2 (T - 1) H a/κ³` for a response y to any input and H of the same output to w. Away from
+    a computed ratio by Δκ/2 at most, T, H and a are at most 1/(1 - reach) times as large (docs/any-motion.md).
 
-    With T the response of ë/κ to w, `T' = T (T - 1)/κ`, so that `y = ‖T‖₁` obeys `y' <= y (y + 1)/κ` and is at most
-    `r/(1 - r)`, `r = y0/(1 + y0) (1 + Δκ/2κ0)` halfway to a neighbour. A response g of the form `Y κ T w` has
-    `g' = g T/κ` and `g'' = 2 g T (T - 1)/κ²`.
+    - `step`: Δκ between neighbours. `gain`: of a to w, the largest over κ at each lag.
+
+    Raises DefinitionError if the ratios are too far apart.
     """
-    lowest = 1 / (1 + p)
-    largest = max(float(np.sum(trace.kernel("acceleration").any_form)) / trace.ratio for trace in traces)
-    reached = largest / (1.0 + largest) * (1.0 + 0.5 * step / lowest)
-    if reached >= 1.0:
+    size = (1.0 + p) * gain
+    reach = 0.5 * step * (1.0 + p) * (size + 1.0)
+    if not reach < 1.0:
         raise DefinitionError(
-            "the band is too wide for the loop of a joint; identify the arm better, or choose a longer horizon"
+            f"the loop of a joint is nearly unstable for inertias within {100 * p:.3g} % of the nominal one; identify "
+            "the arm better, or choose a longer horizon"
         )
-    size = reached / (1.0 - reached)
-    bend = 2.0 * size * (size + 1.0) / lowest**2 * np.exp(0.5 * step * size / lowest)
-    return float(MODES * step**2 / 8.0 * bend)
+    return 0.25 * step**2 * (size / (1.0 - reach) + 1.0) * (1.0 + p) ** 3 / (1.0 - reach) ** 2
 
 
 @dataclass(frozen=True)
@@ -221,27 +217,28 @@ class _Trace:
         )
 
 
-def _largest(kernels: list[LoopKernel], whole: list[LoopKernel], between: float) -> LoopKernel:
-    """The largest of several kernels at each lag, with a share of the whole ones at the last lag."""
+def _largest(kernels: list[LoopKernel], pushed: LoopKernel | None = None, between: float = 0.0) -> LoopKernel:
+    """The largest of several kernels at each lag, and a share `between` of the acceleration's kernel."""
 
     def most(name: str) -> Floats:
         value = np.max([getattr(kernel, name) for kernel in kernels], axis=0)
-        value[-1] += between * max(float(np.sum(getattr(kernel, name))) for kernel in whole)
+        value[-1] += 0.0 if pushed is None else between * float(np.sum(getattr(pushed, name)))
         return np.asarray(value)
 
-    def most_at_once(name: str, size: float) -> Floats:
-        return np.max([getattr(kernel, name) for kernel in kernels], axis=0) + between * size
+    def most_at_once(name: str) -> Floats:
+        value = np.max([getattr(kernel, name) for kernel in kernels], axis=0)
+        return np.asarray(value + (0.0 if pushed is None else between * float(np.max(getattr(pushed, name)))))
 
     return LoopKernel(
         any_form=most("any_form"),
         ramp=most("ramp"),
         beyond=max(kernel.beyond for kernel in kernels),
-        step=most_at_once("step", max(kernel.gain for kernel in whole)),
+        step=most_at_once("step"),
         pulse=most("pulse"),
         noise=most("noise"),
-        start_error=most_at_once("start_error", max(float(np.max(kernel.start_error)) for kernel in whole)),
-        start_speed=most_at_once("start_speed", max(float(np.max(kernel.start_speed)) for kernel in whole)),
-        start_miss=most_at_once("start_miss", max(float(np.max(kernel.start_miss)) for kernel in whole)),
+        start_error=most_at_once("start_error"),
+        start_speed=most_at_once("start_speed"),
+        start_miss=most_at_once("start_miss"),
     )
 
 

@@ -18,7 +18,6 @@ from ..certificate import Assumption, Verdict, joint_values
 from .body_points import BodyPoints
 from .fixed_point import TERMS, Bounds, Inputs, Solution, bounds_along, memory
 from .joint_loop import JointLoop
-from .loop_kernels import MODES
 from .parameter_region import BodyBand, ParameterRegion, identified_region
 from .path import Path
 from .path_cells import PathCells
@@ -153,8 +152,6 @@ def certified_path(
 
     Raises DefinitionError if an argument is invalid, or the loop is unstable for an arm of the band.
     """
-    if arm.joints > MODES:
-        raise DefinitionError(f"a bound along a motion is for arms of up to {MODES} joints; got {arm.joints}")
     inputs = uncertainty.inputs(arm)
     bodies = bodies or BodyPoints.of(arm)
     region = uncertainty.region(bodies)
