@@ -68,6 +68,7 @@ def test_a_known_difference_of_the_true_arm_counts_as_a_region(scenario):
     # Without the band: 0.1 kg more than the law knows.
     heavier = sx.scenarios.load(PANDA, {"uncertainty": {}, "robot.plant.load": {"mass": 0.1, "center": [0, 0, 0.1]}})
     exact = sx.scenarios.load(PANDA, {"uncertainty": {}})
+    assert "a known difference" in tracking_bound(heavier).statement
     bounds = [tracking_bound(each).bound["error"] for each in (exact, heavier)]
     assert (bounds[1] > bounds[0]).all()
     assert (np.abs(np.asarray(heavier.simulate().log.e)).max(axis=0) < bounds[1]).all()

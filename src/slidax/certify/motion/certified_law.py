@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import equinox as eqx
@@ -136,9 +136,12 @@ def _region(
         rows.append(offset[None])
     # Two balls lie in one of √2 times the radius.
     empty = np.zeros((2, 0))
-    return identified_region(
-        arm, Band(confidence, p, empty, empty, empty, np.sqrt(len(rows)) * np.concatenate(rows), True)
-    )
+    deviations = np.sqrt(len(rows)) * np.concatenate(rows)
+    region = identified_region(arm, Band(confidence, p, empty, empty, empty, deviations, True))
+    if offset is None:
+        return region
+    known = f"a known difference, all together p = {100 * p:.2g} % of the mass matrix"
+    return replace(region, title=known if len(rows) == 1 else f"the band and {known}")
 
 
 def _offset(arm: Articulated, plants: list[Plant], robots: list[Articulated]) -> Floats | None:
