@@ -150,11 +150,14 @@ class FrameMotion:
 
         - `points`: in homogeneous coordinates [n 4 4].
         """
-        count = len(self.axes)
+        count, n = self.axes.shape[:2]
+        # Of each body, from 12 numbers of its frame to 12 of its points.
+        maps = np.einsum("bpq,xy->bqxpy", points, np.eye(3)).reshape(n, 12, 12)
 
         def moved(frames: Floats) -> Floats:
-            values = points @ frames
-            return np.asarray(values.reshape(*values.shape[:-3], -1))
+            values = np.empty((frames[..., 0, 0, 0].size, n, 12))
+            np.matmul(frames.reshape(values.shape).swapaxes(0, 1), maps, out=values.swapaxes(0, 1))
+            return values.reshape(*frames.shape[:-3], -1)
 
         return PointMotion(
             columns=tuple(moved(part).swapaxes(1, 2) for part in self.columns),  # type: ignore[arg-type]

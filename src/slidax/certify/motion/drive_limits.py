@@ -220,21 +220,17 @@ class Torques:
         force_step = force_step + 2.0 * (cell.first + cell.moved + cell.slopes[1]) * faster_norm * cell.grown
         turn = cell.turn(faster, faster_norm)
         coriolis = 2.0 * (sums(gone) * (cell.first + cell.slopes[1]) + (1.0 + along) * sums(gone, wide) + turn)
-        stiffness = np.stack(
-            [
-                sums(unit, gone) * force
-                + cell.outer[:, j] * force_step
-                + sums(gone) * (vectors(unit, wide, wide) + vectors(unit, whole))
-                + (1.0 + along)
-                * (
-                    vectors(unit, gone, wide, wide)
-                    + vectors(unit, gone, whole)
-                    + vectors(unit, pushed)
-                    + 2.0 * sums(unit, wide) * faster_norm * cell.grown
-                )
-                for j, unit in enumerate(cell.units)
-            ],
-            axis=1,
+        stiffness = (
+            cell.sums_each(gone) * force[:, None]
+            + cell.outer * force_step[:, None]
+            + sums(gone)[:, None] * (cell.vectors_each(wide, wide) + cell.vectors_each(whole))
+            + (1.0 + along)[:, None]
+            * (
+                cell.vectors_each(gone, wide, wide)
+                + cell.vectors_each(gone, whole)
+                + cell.vectors_each(pushed)
+                + 2.0 * cell.sums_each(wide) * (faster_norm * cell.grown)[:, None]
+            )
         )
         further = np.sum(self.at.per_command * moves[0], axis=1) * norms["command"]
         changed = np.sum(stiffness * position, axis=1) + coriolis * norms["model_velocity"] * cell.grown

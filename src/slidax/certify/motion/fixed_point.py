@@ -15,9 +15,9 @@ bound, as each inequality at a time needs the outputs before it only.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,7 +112,7 @@ class Bounds:
 
     - `error`, `velocity`: |e| and |v| [N n].
     - `outputs`: all outputs of the loop per joint [N n]; `norms`: in the metric [N].
-    - `terms`: the shares of `error` by name [N n]; their sum is at least `error`.
+    - `shares`: computes `terms`.
     - `disturbance`: bound of w without its slow parts [N n]; `disturbance_norm`: in the metric [N].
     - `verified`: True if the inequalities do not enlarge them; else they have been abandoned while they grew.
     """
@@ -121,10 +121,15 @@ class Bounds:
     velocity: Floats
     outputs: Mapping[str, Floats]
     norms: Mapping[str, Floats]
-    terms: Mapping[str, Floats]
+    shares: Callable[[], Mapping[str, Floats]]
     disturbance: Floats
     disturbance_norm: Floats
     verified: bool = False
+
+    @cached_property
+    def terms(self) -> Mapping[str, Floats]:
+        """The shares of `error` by name [N n]; their sum is at least `error`."""
+        return self.shares()
 
     def times(self, factor: float) -> Bounds:
         """Return larger bounds."""
@@ -151,6 +156,19 @@ def spreads_of(loop: JointLoop, p: float, growth: float) -> dict[str, Spread]:
     return spread_kernels(loop, p, growth)
 
 
+@lru_cache(maxsize=64)
+def tables_of(loop: JointLoop, p: float, growth: float, cell: int, count: int) -> dict[str, LagTable]:
+    """Return the kernels over cells, computed once for all motions and tubes."""
+    spreads, grown = spreads_of(loop, p, growth), spreads_of(loop, 0.0, growth)
+    kernels = {
+        "nominal": [spreads[name].nominal for name in USED],
+        "weighted": [grown[name].largest for name in USED],
+        "departure": [spreads[name].departure for name in USED],
+        "largest": [spreads[name].largest for name in USED],
+    }
+    return {name: LagTable.of(each, cell, count) for name, each in kernels.items()}
+
+
 class Problem:
     """The inequalities for one path and one tube."""
 
@@ -162,13 +180,11 @@ class Problem:
         # Rounded up, so that motions share their kernels.
         self.growth = growth = float(np.ceil(4.0 * np.max(at.growth)) / 4.0)
         spreads = spreads_of(loop, self.p, growth)
-        grown = spreads_of(loop, 0.0, growth)
         count = max(1, int(np.ceil(_memory(spreads["error"].nominal) / cells.per_cell)))
         self.cut = cut = (cells.per_cell, count)
-        self.nominal = LagTable.of([spreads[name].nominal for name in USED], *cut)
-        self.weighted = LagTable.of([grown[name].largest for name in USED], *cut)
-        self.departure = LagTable.of([spreads[name].departure for name in USED], *cut)
-        self.largest = LagTable.of([spreads[name].largest for name in USED], *cut)
+        tables = tables_of(loop, self.p, growth, *cut)
+        self.nominal, self.weighted = tables["nominal"], tables["weighted"]
+        self.departure, self.largest = tables["departure"], tables["largest"]
         # The change of K in the time of a lag, which is at most one period longer than its number.
         ages = h * (1.0 + np.arange(spreads["error"].largest.any_form.size))
         weight = np.exp(2.0 * growth * ages)
@@ -177,6 +193,7 @@ class Problem:
         self.h = h
         self.fixed_joints, self.fixed_norms, self.acting = self._acting()
         self.small_gain, self.modes = self._constant()
+        self.fixed = [[_total(values, k) for k in range(2)] for values in (self.small_gain, self.modes)]
 
     def _acting(self) -> tuple[dict[str, Floats], dict[str, Floats], Floats]:
         """Shares of w that do not depend on the outputs, per joint and in the metric; and ‖ρ‖."""
@@ -289,15 +306,18 @@ class Problem:
         norms["position prediction"] = at.stiffness * miss_norm + further
         acceleration = parts["acceleration"][1]
         total, total_norm = sum(joints.values(), nothing), sum(norms.values(), nothing[:, 0])
-
-        by_gain = self._by_small_gain(joints, norms, acceleration)
-        by_modes = self._by_modes(joints, norms, acceleration)
-        (gain_joints, gain_norms), (mode_joints, mode_norms) = (map(_total, way) for way in (by_gain, by_modes))
-        outputs, sizes = {}, {}
-        for i, name in enumerate(USED):
-            outputs[name] = np.minimum(gain_joints[..., i], mode_joints[..., i])
-            sizes[name] = np.minimum(gain_norms[:, 0, i], mode_norms[:, 0, i])
-            sizes[name] = np.minimum(sizes[name], size_in(outputs[name], at.inertia))
+        band = self.p * (acceleration + self.acting)
+        fed = conversion * band[:, None]
+        by_gain, by_modes = np.split(self.nominal.any_form.past(np.concatenate([total + fed, total], axis=1)), 2, axis=1)
+        apart, mode_norms = self._apart(total_norm, acceleration)
+        gain_joints = by_gain + self.fixed[0][0]
+        gain_norms = self.weighted.any_form.past((total_norm + band)[:, None]) + self.fixed[0][1]
+        mode_joints = by_modes + apart + self.fixed[1][0]
+        mode_norms = mode_norms + self.fixed[1][1]
+        least, least_norms = np.minimum(gain_joints, mode_joints), np.minimum(gain_norms, mode_norms)[:, 0]
+        least_norms = np.minimum(least_norms, np.sqrt(np.sum(least * (at.inertia @ least), axis=1)))
+        outputs = {name: least[..., i] for i, name in enumerate(USED)}
+        sizes = {name: least_norms[:, i] for i, name in enumerate(USED)}
         # The odd part of w within a period: its own size, and that of its integral.
         odd = at.conversion * at.odd[:, None]
         for name, share in {
@@ -310,53 +330,44 @@ class Problem:
         # Between two samples e departs from its chord by h²/8 |ë|, and v from its own by h/2 |w|.
         mean = 0.5 * self.h * cells.jerk + cells.jump
         within = self.h**2 / 8.0 * (outputs["acceleration"] + mean)
-        band = conversion * (self.p * (acceleration + self.acting))[:, None]
         error = _or_next(outputs["error"]) + within
         velocity = _or_next(outputs["velocity"]) + self.h * (
-            0.5 * (total + at.band_joints + self.pushed + band + self.h * odd) + mean
+            0.5 * (total + at.band_joints + self.pushed + fed + self.h * odd) + mean
         )
-        better = by_gain if gain_joints[..., 0].sum() <= mode_joints[..., 0].sum() else by_modes
-        terms = {name: _or_next(better[0][name][..., 0]) for name in TERMS}
-        terms["sampling"] = terms["sampling"] + within
-        return Bounds(error, velocity, outputs, sizes, terms, total, total_norm)
+        by_gain_is_less = gain_joints[..., 0].sum() <= mode_joints[..., 0].sum()
+        shares = partial(self._terms, joints, fed if by_gain_is_less else apart[..., 0], within, by_gain_is_less)
+        return Bounds(error, velocity, outputs, sizes, shares, total, total_norm)
 
-    def _by_small_gain(
-        self, joints: Mapping[str, Floats], norms: Mapping[str, Floats], acceleration: Floats
-    ) -> tuple[dict[str, Floats], dict[str, Floats]]:
-        """Shares of all outputs per joint [N n outputs] and in the metric [N 1 outputs] by the small gain."""
-        band = self.p * acceleration + self.p * self.acting
-        joints = {**joints, "band feedback": self.at.conversion * band[:, None]}
-        norms = {**norms, "band feedback": band}
-        return (
-            _joined({name: self.nominal.any_form.past(value) for name, value in joints.items()}, self.small_gain, 0),
-            _joined(
-                {"all": self.weighted.any_form.past(sum(norms.values(), np.zeros_like(band))[:, None])},
-                self.small_gain,
-                1,
-            ),
-        )
-
-    def _by_modes(
-        self, joints: Mapping[str, Floats], norms: Mapping[str, Floats], acceleration: Floats
-    ) -> tuple[dict[str, Floats], dict[str, Floats]]:
-        """The same by the modes of K."""
-        total = sum(norms.values(), np.zeros_like(acceleration))
+    def _apart(self, total_norm: Floats, acceleration: Floats) -> tuple[Floats, Floats]:
+        """Departure of the outputs from the nominal loop by the modes of K [N n outputs], and all in the metric."""
         # ρ acts on M: by the band it is a further w of at most p ‖ρ‖.
-        total = total + self.p * self.acting
+        total = (total_norm + self.p * self.acting)[:, None]
         drift = self.drift.past(acceleration[:, None])
-        apart = self.departure.any_form.past(total[:, None]) + drift
         # A velocity or position within the period that K has moved.
         direct = (
             self.p
             * acceleration[:, None, None]
             * np.array([DIRECT_SHARE.get(name, 0.0) * self.h ** (2 - OUTPUTS[name]) for name in USED])
         )
-        own = {name: self.nominal.any_form.past(value) for name, value in joints.items()}
-        own["band feedback"] = self.at.conversion[..., None] * (apart + direct)
-        return (
-            _joined(own, self.modes, 0),
-            _joined({"all": self.largest.any_form.past(total[:, None]) + drift + direct}, self.modes, 1),
-        )
+        apart = self.at.conversion[..., None] * (self.departure.any_form.past(total) + drift + direct)
+        return apart, self.largest.any_form.past(total) + drift + direct
+
+    def _terms(
+        self, joints: Mapping[str, Floats], band: Floats, within: Floats, by_gain: bool
+    ) -> dict[str, Floats]:
+        """The shares of the error.
+
+        - `joints`: of w per joint, by name. `within`: between two samples.
+        - `band`: the disturbance by the band's feedback for the small gain, or its share of the error for the modes.
+        """
+        kernel = self.nominal.any_form.output(USED.index("error"))
+        shares = {name: kernel.past(value)[..., 0] for name, value in joints.items()}
+        shares["band feedback"] = kernel.past(band)[..., 0] if by_gain else band
+        for name, (share, _) in (self.small_gain if by_gain else self.modes).items():
+            shares[name] = shares.get(name, 0.0) + share[..., USED.index("error")]
+        terms = {name: _or_next(shares[name]) for name in TERMS}
+        terms["sampling"] = terms["sampling"] + within
+        return terms
 
     def solve(self, start: Bounds | None, cap: float) -> Bounds:
         """Return bounds that satisfy the inequalities, or unverified ones if none is below `cap`, in rad or m."""
@@ -384,19 +395,13 @@ class Problem:
         return bounds
 
 
-def _total(shares: Mapping[str, Floats]) -> Floats:
-    return np.asarray(sum(shares.values(), np.zeros(())))
+def _total(shares: Mapping[str, tuple[Floats, Floats]], which: int) -> Floats:
+    return np.asarray(sum((values[which] for values in shares.values()), np.zeros(())))
 
 
 def _or_next(values: Floats) -> Floats:
     """The larger of a cell's value and the next one's, with which its last period ends."""
     return np.maximum(values, np.concatenate([values[1:], values[-1:]]))
-
-
-def _joined(own: dict[str, Floats], fixed: Mapping[str, tuple[Floats, Floats]], which: int) -> dict[str, Floats]:
-    for name, value in fixed.items():
-        own[name] = own[name] + value[which] if name in own else value[which]
-    return own
 
 
 @dataclass(frozen=True, eq=False)

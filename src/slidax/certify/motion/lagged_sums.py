@@ -21,27 +21,28 @@ class Lags:
     @classmethod
     def of(cls, kernels: list[Floats], cell: int, count: int) -> Lags:
         """Sum kernels over cells; what is further back than `count` cells goes to the last row."""
-        columns = []
-        for kernel in kernels:
-            value = np.pad(kernel, (0, -kernel.size % cell)).reshape(-1, cell).sum(axis=1)
-            head = np.zeros(count + 1)
-            head[: min(count, value.size)] = value[:count]
-            head[count] = value[count:].sum()
-            columns.append(head)
-        return cls(np.stack(columns, axis=1))
+        values = np.stack(kernels, axis=1)
+        values = np.pad(values, ((0, -len(values) % cell), (0, 0))).reshape(-1, cell, values.shape[1]).sum(axis=1)
+        head = np.zeros((count + 1, values.shape[1]))
+        head[: min(count, len(values))] = values[:count]
+        head[count] = values[count:].sum(axis=0)
+        return cls(head)
 
     @classmethod
     def of_steps(cls, kernels: list[Floats], cell: int, count: int) -> Lags:
         """The largest responses to a step or a start in a cell, for each later one."""
-        columns = []
-        for kernel in kernels:
-            value = np.pad(kernel, (0, -kernel.size % cell), mode="edge").reshape(-1, cell).max(axis=1)
-            head = np.full(count + 1, value[count:].max(initial=value[-1]))
-            head[: min(count, value.size)] = value[:count]
-            # A step late in its cell is less than j cells ago; and what is to come counts now.
-            head = np.maximum(head, np.concatenate([head[:1], head[:-1]]))
-            columns.append(np.maximum.accumulate(head[::-1])[::-1])
-        return cls(np.stack(columns, axis=1))
+        values = np.stack(kernels, axis=1)
+        values = np.pad(values, ((0, -len(values) % cell), (0, 0)), mode="edge")
+        values = values.reshape(-1, cell, values.shape[1]).max(axis=1)
+        head = np.tile(values[min(count, len(values) - 1) :].max(axis=0), (count + 1, 1))
+        head[: min(count, len(values))] = values[:count]
+        # A step late in its cell is less than j cells ago; and what is to come counts now.
+        head = np.maximum(head, np.concatenate([head[:1], head[:-1]]))
+        return cls(np.maximum.accumulate(head[::-1])[::-1])
+
+    def output(self, which: int) -> Lags:
+        """Return the weights of one output."""
+        return Lags(self.weights[:, which : which + 1])
 
     def past(self, values: Floats) -> Floats:
         """Return `Σ_j weights_j values_{m-j}` for each cell m, [N k outputs], for values in cells [N k].
@@ -62,11 +63,15 @@ class Lags:
         return self._sums(sizes, np.zeros_like(sizes[:1]), sizes.sum(axis=0))
 
     def _sums(self, values: Floats, before: Floats, rest: Floats) -> Floats:
+        if not np.any(values):
+            return np.zeros((*values.shape, self.weights.shape[1]))
         count = len(self.weights) - 1
-        padded = np.concatenate([np.repeat(before, count, axis=0), values])
-        windows = np.lib.stride_tricks.sliding_window_view(padded, count, axis=0)[1:]
+        # Columns first, so that each window is a stretch of memory.
+        padded = np.concatenate([np.repeat(before.T, count, axis=1), values.T], axis=1)
+        windows = np.lib.stride_tricks.sliding_window_view(padded, count, axis=1)[:, 1:]
         flat = np.ascontiguousarray(windows).reshape(-1, count) @ self.weights[count - 1 :: -1]
-        return flat.reshape(*values.shape, -1) + rest[None, :, None] * self.weights[count]
+        sums = flat.reshape(len(padded), len(values), -1) + rest[:, None, None] * self.weights[count]
+        return sums.swapaxes(0, 1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -48,21 +48,23 @@ class PointNorms:
         root = path.root
         y = points.columns[0]
         unit, unit1, unit2 = (part @ root for part in points.columns)
-        slopes = np.moveaxis(points.slopes, 3, 1) @ root[:, None]
-        turning = unit.swapaxes(1, 2)[:, None] @ slopes
+        slopes = np.moveaxis(points.slopes, 1, 3).reshape(len(y), -1, y.shape[1])
+        turning = slopes @ unit
         before = path.bodies.before
         behind = before[None, :, :, None] & before[None, :, None, :]
         parts = np.where(behind, gram(y, y)[:, None], 0.0)
+        slopes_each, slopes_norm = slope_norms(slopes, root)
+        turning_each, turning_norm = slope_norms(turning, root)
         return cls(
             size=spectral_norm(unit),
             first=spectral_norm(unit1),
             second=spectral_norm(unit2),
             coriolis=2.0 * spectral_norm(gram(unit, unit1)),
             coriolis_rate=2.0 * spectral_norm(gram(unit1, unit1) + gram(unit, unit2)),
-            slopes=frobenius(slopes),
-            turning=frobenius(turning),
-            slopes_norm=joint_norm(slopes, root),
-            turning_norm=joint_norm(turning, root),
+            slopes=slopes_each,
+            turning=turning_each,
+            slopes_norm=slopes_norm,
+            turning_norm=turning_norm,
             outer=np.sqrt(np.maximum(np.einsum("nkij,nij->nk", parts, path.inverse), 0.0)),
             own=np.sqrt(np.einsum("ndk,ndk->nk", y, y)),
             force=by_body(points.acceleration),
@@ -86,17 +88,18 @@ def spectral_norm(a: Floats) -> Floats:
     return np.sqrt(np.maximum(np.linalg.eigvalsh(gram(a, a))[:, -1], 0.0))
 
 
-def frobenius(a: Floats) -> Floats:
-    """Return Frobenius norms over the last two axes."""
-    return np.asarray(np.sqrt(np.sum(a * a, axis=(-2, -1))))
+def slope_norms(slopes: Floats, root: Floats) -> tuple[Floats, Floats]:
+    """Return the norms of `∂_j Y` [N n], and a bound of the norm of `Σ_j v_j ∂_j Y` for all v of norm 1 [N].
 
-
-def joint_norm(slopes: Floats, root: Floats) -> Floats:
-    """Return a bound of `‖Σ_j v_j slopes_j‖` for all v of norm 1 [N]."""
+    - `slopes`: `∂_j Y_k` [N n² D] in the order (j, k).
+    """
+    n = root.shape[1]
+    products = (slopes @ slopes.swapaxes(1, 2)).reshape(-1, n, n, n, n)
     inverse = root @ root.swapaxes(1, 2)
-    weighted = np.einsum("njdk,nji->nidk", slopes, inverse)
-    square = np.einsum("njdk,njdl->nkl", weighted, slopes, optimize=True)
-    return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(square)[:, -1], 0.0)))
+    each = np.einsum("njkjl,nkl->nj", products, inverse)
+    square = root.swapaxes(1, 2) @ np.einsum("njkil,nji->nkl", products, inverse) @ root
+    both = np.sqrt(np.maximum(each, 0.0)), np.sqrt(np.maximum(np.linalg.eigvalsh(square)[:, -1], 0.0))
+    return both
 
 
 def size_in(x: Floats, inertia: Floats) -> Floats:

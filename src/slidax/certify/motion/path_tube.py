@@ -136,15 +136,10 @@ class PointCell:
         return results[0], results[1]
 
     @cached_property
-    def units(self) -> list[Floats]:
-        """The unit vectors, for each cell."""
-        return [np.broadcast_to(row, self.speed.shape) for row in np.eye(self.speed.shape[1])]
-
-    @cached_property
     def turned(self) -> Floats:
         """Norms of the changes of `∂_j Y` over cell and tube [N n]."""
         gone = self.half * self.speed + self.tube.position
-        return np.stack([self.sums(unit, gone) for unit in self.units], axis=1)
+        return self.sums_each(gone)
 
     def coriolis_change(self, speed: Floats, norm: Floats) -> Floats:
         """Norm of the change of `2 YᵀẎ` over cell and tube, for velocities of the tube of these sizes and norm [N]."""
@@ -161,24 +156,23 @@ class PointCell:
 
         - `model`: True for the tube of where the model is evaluated; False for that of the arm.
         """
-        half, cells, vectors = self.half, self.path.cells, self.vectors
+        half, cells, vectors = self.half, self.path.cells, self.vectors_each
         wide, force = self.wide[int(model)], self.forces[int(model)]
         norm = self.tube.model_norm if model else self.tube.speed_norm
         gone = half * self.speed + self.tube.position
-        bent = [vectors(unit, wide, wide) + vectors(unit, self.acceleration) for unit in self.units]
-        bent_more = [
-            vectors(unit, gone, wide, wide)
-            + vectors(unit, gone, self.acceleration)
-            + vectors(unit, half * cells.jerk + cells.jump)
-            + 2.0 * vectors(unit, half * self.acceleration, wide)
-            + 2.0 * self.sums(unit, wide) * norm * self.grown
-            for unit in self.units
-        ]
+        bent = vectors(wide, wide) + vectors(self.acceleration)
+        bent_more = (
+            vectors(gone, wide, wide)
+            + vectors(gone, self.acceleration)
+            + vectors(half * cells.jerk + cells.jump)
+            + 2.0 * vectors(half * self.acceleration, wide)
+            + 2.0 * self.sums_each(wide) * (norm * self.grown)[:, None]
+        )
         return (
             self.turned * (self.force + force)[:, None]
             + self.outer * (half * self.jerked + self.reach * self.jump + force)[:, None]
-            + self.along[:, None] * np.stack(bent, axis=1)
-            + self.size[:, None] * np.stack(bent_more, axis=1)
+            + self.along[:, None] * bent
+            + self.size[:, None] * bent_more
         )
 
     def slope(self, speed: Floats, norm: Floats) -> Floats:
@@ -205,6 +199,14 @@ class PointCell:
     def vectors(self, *each: Floats) -> Floats:
         """`Σ ‖∂_max(i, …, k) X‖ a_i … b_k` [N], a bound of `‖Σ a_i … b_k ∂_i … ∂_k X‖`."""
         return _sums(self.own, each)
+
+    def sums_each(self, *each: Floats) -> Floats:
+        """`sums` of a unit vector and these, for the unit vector of each joint [N n]."""
+        return _sums_each(self.outer, each)
+
+    def vectors_each(self, *each: Floats) -> Floats:
+        """`vectors` of a unit vector and these, for the unit vector of each joint [N n]."""
+        return _sums_each(self.own, each)
 
 
 class Cell(PointCell):
@@ -272,7 +274,20 @@ def _outer(bodies: BodyPoints, at: PointNorms, conversion: Floats, box: Floats) 
 
 
 def _sums(weights: Floats, each: tuple[Floats, ...]) -> Floats:
-    product = np.ones_like(each[0])
-    for values in each:
-        product = product * np.cumsum(values, axis=1)
+    product = _up_to(each)
     return np.asarray(np.sum(weights * np.diff(product, axis=1, prepend=0.0), axis=1))
+
+
+def _sums_each(weights: Floats, each: tuple[Floats, ...]) -> Floats:
+    # With a unit vector of joint j, the products begin at j.
+    product = _up_to(each)
+    steps = weights * np.diff(product, axis=1, prepend=0.0)
+    return np.asarray(np.cumsum(steps[:, ::-1], axis=1)[:, ::-1] - steps + weights * product)
+
+
+def _up_to(each: tuple[Floats, ...]) -> Floats:
+    """The product of sums over all joints up to each one."""
+    product = np.cumsum(each[0], axis=1)
+    for values in each[1:]:
+        product = product * np.cumsum(values, axis=1)
+    return np.asarray(product)

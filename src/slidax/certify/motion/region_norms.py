@@ -7,13 +7,14 @@ next to each other. Over the cover, T is at most `Σ_b ‖Y_b x‖ ‖F_b‖` in
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .path_norms import by_body, frobenius, spectral_norm
+from .path_norms import by_body, spectral_norm
 
 if TYPE_CHECKING:
     from .path import Path
@@ -21,8 +22,8 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 
-CHUNK = 128
-"""Cells whose matrices are held at once."""
+CHUNK = 32
+"""Cells whose matrices are held at once: so few that they stay in the cache."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +65,7 @@ class RegionNorms:
         bound = spectral_norm(np.concatenate([y @ root, rotors[:, None] * root], axis=1))
         arms = np.concatenate([by_body(y), np.broadcast_to(np.diag(rotors), root.shape)], axis=1)
         levers = np.concatenate([by_body(y @ path.inverse), rotors[:, None] * np.abs(path.inverse)], axis=1)
-        slopes = _relative_slopes(path)
-        relative = spectral_norm(np.einsum("njdl,nj->ndl", slopes, cells.dq))
+        slopes, relative = _relative_slopes(path)
         whole, pushed = (np.linalg.norm(part, axis=1) for part in (at.force, at.bend))
         return cls(
             torque=np.einsum("nbi,nb->ni", arms, force),
@@ -75,7 +75,7 @@ class RegionNorms:
             coriolis=2.0 * at.size * at.first,
             stiffness=at.slopes * whole[:, None] + at.size[:, None] * np.linalg.norm(y2, axis=1),
             growth=2.0 * at.size * np.minimum(at.first, relative),
-            slopes=2.0 * at.size[:, None] * frobenius(slopes),
+            slopes=2.0 * at.size[:, None] * slopes,
         )
 
 
@@ -86,60 +86,100 @@ def over_ellipsoid(path: Path) -> dict[str, Floats]:
 
 
 def _over_ellipsoid(path: Path, some: slice) -> dict[str, Floats]:
-    """The suprema in some cells."""
-    frames, region, root = path.frames, path.region, path.root[some]
-    ddq, dddq = path.cells.ddq[some], path.cells.dddq[some]
-    count, n = ddq.shape
-    transposed = root.swapaxes(1, 2)
-    weights = region.deviations.reshape(len(region.deviations), n, 16).transpose(1, 2, 0)
+    """The suprema in some cells.
 
-    def contracted(a: Floats, b: Floats, bodies: NDArray[np.intp] | slice = slice(None)) -> Floats:
-        """`Σ_b tr(a_b J_r b_bᵀ)` for each r, [... r] from [... b 4 3]."""
-        moments = a @ b.swapaxes(-1, -2)
-        chosen = weights[bodies]
-        return np.asarray(moments.reshape(*moments.shape[:-3], -1) @ chosen.reshape(-1, chosen.shape[2]))
-
-    def scaled(matrices: Floats) -> Floats:
-        """`Gᵀ B_r G`, [N n n r]."""
-        left = (transposed @ matrices.reshape(count, n, -1)).reshape(matrices.shape)
-        return np.asarray(transposed[:, None] @ left)
+    With `Γ_ijk = ∂_iX · ∂_j∂_kX` for each axis of the ellipsoid: `∂_j E = Γ_·j· + Γ_·j·ᵀ`, and `C = Σ_k Γ_··k q̇_k`.
+    """
+    region, root, inverse = path.region, path.root[some], path.inverse[some]
+    dq, ddq = path.cells.dq[some], path.cells.ddq[some]
+    (count, n), transposed = ddq.shape, root.swapaxes(1, 2)
+    products = _products(path, some)
+    torque = products.force + ddq[..., None] * region.rotor_deviations.T
+    rate = (dq[:, None, None] @ products.bent)[:, :, 0] + products.bend
+    stiffness = products.bent + products.second
+    coriolis = 2.0 * (dq[:, None, None, None] @ products.gamma)[:, :, :, 0]
 
     def largest(columns: Floats) -> Floats:
         """The largest norm of the columns' combinations: of all of them next to each other [N]."""
         return spectral_norm(columns.reshape(len(columns), n, -1).swapaxes(1, 2))
 
-    y, y1, y2 = (part[some] for part in frames.columns)
-    slopes, force = frames.slopes[some], frames.acceleration[some, None]
-    bend = frames.jerk[some, None] - np.einsum("nkbpi,nk->nbpi", y, dddq)[:, None]
-    torque = contracted(y, force) + ddq[..., None] * region.rotor_deviations.T
-    rate = contracted(y1, force) + contracted(y, bend)
-    coriolis = scaled(2.0 * contracted(y[:, :, None], y1[:, None]))
-    stiffness = contracted(slopes, force[:, None]) + contracted(y2[:, :, None], y[:, None])
-    by_joint = []
-    for j, before in enumerate(path.bodies.before):
-        behind = np.flatnonzero(before)
-        slope = contracted(slopes[:, j][:, :, None, behind], y[:, None][..., behind, :, :], behind)
-        by_joint.append(largest(scaled(slope + slope.swapaxes(1, 2))))
+    def largest_form(forms: Floats) -> Floats:
+        """The same for `Gᵀ B_r G`, from B_r [N n n r]: the root of the norm of `Gᵀ (Σ B_r M0⁻¹ B_rᵀ) G`."""
+        right = (inverse[:, None] @ forms).reshape(count, n, -1)
+        square = transposed @ (forms.reshape(count, n, -1) @ right.swapaxes(1, 2)) @ root
+        return np.sqrt(np.maximum(np.linalg.eigvalsh(square)[:, -1], 0.0))
+
+    slopes = [products.gamma[:, :, j] for j in range(n)]
     return {
         "torque": np.linalg.norm(torque, axis=2),
-        "joints": np.linalg.norm(path.inverse[some] @ torque, axis=2),
+        "joints": np.linalg.norm(inverse @ torque, axis=2),
         "force": largest(transposed @ torque),
         "rate": largest(transposed @ rate),
-        "coriolis": np.minimum(largest(coriolis), largest(coriolis.swapaxes(1, 2))),
+        "coriolis": np.minimum(largest_form(coriolis), largest_form(coriolis.swapaxes(1, 2))),
         "stiffness": largest((transposed[:, None] @ stiffness).reshape(count * n, n, -1)).reshape(count, n),
-        "growth": largest(0.5 * (coriolis + coriolis.swapaxes(1, 2))),
-        "slopes": np.stack(by_joint, axis=1),
+        "growth": largest_form(0.5 * (coriolis + coriolis.swapaxes(1, 2))),
+        "slopes": np.stack([largest_form(slope + slope.swapaxes(1, 2)) for slope in slopes], axis=1),
     }
 
 
-def _relative_slopes(path: Path) -> Floats:
-    """`∂_j Y` of the cover in the metric, less a common rotation about joint j's axis where that leaves less [N n D n].
+@dataclass(frozen=True, eq=False)
+class _Products:
+    """Inner products of fields for each of the r axes of an ellipsoid; F is `Ẍ - g`.
 
-    A common rotation of all bodies changes no inner product.
+    - `gamma`: `∂_iX · ∂_j∂_kX` [N n n n r]; `bent`: `∂_j∂_kX · F` [N n n r]; `second`: `∂_jẌ · ∂_kX` [N n n r].
+    - `force`, `bend`: `∂_jX` times F, and times the rate of F without the jerk [N n r].
     """
-    unit = path.cover.columns[0] @ path.root
-    count, _, n = unit.shape
-    slopes = np.moveaxis(path.cover.slopes, 3, 1) @ path.root[:, None]
-    turned = np.cross(path.frames.axes[:, :, None, None], unit.reshape(count, -1, 3, n).swapaxes(2, 3)[:, None])
-    rest = slopes - turned.swapaxes(3, 4).reshape(slopes.shape)
-    return np.where((frobenius(rest) < frobenius(slopes))[..., None, None], rest, slopes)
+
+    gamma: Floats
+    bent: Floats
+    second: Floats
+    force: Floats
+    bend: Floats
+
+
+def _products(path: Path, some: slice) -> _Products:
+    """The products in some cells. A product of derivatives needs only the bodies behind their outermost joint c."""
+    frames, deviations, before = path.frames, path.region.deviations, path.bodies.before
+    y, _, y2 = (part[some] for part in frames.columns)
+    slopes, force = frames.slopes[some], frames.acceleration[some, None]
+    bend = frames.jerk[some, None] - np.einsum("nkbpi,nk->nbpi", y, path.cells.dddq[some])[:, None]
+    count, n, axes = len(y), y.shape[1], len(deviations)
+    result = _Products(*(np.zeros((count, *[n] * order, axes)) for order in (3, 2, 2, 1, 1)))
+    for c in range(n):
+        behind, upto = np.flatnonzero(before[c]), np.flatnonzero(before[:, c])
+        ahead = upto[upto != c]
+        weights = deviations[:, behind].reshape(axes, -1).T
+
+        def contracted(a: Sequence[Floats], b: Sequence[Floats]) -> Floats:
+            """`Σ_b tr(a_b J_r b_bᵀ)` for each r, of all fields a and b, [N a b r] from [N . n 4 3]."""
+            left, right = (np.concatenate([field[:, :, behind] for field in fields], axis=1) for fields in (a, b))
+            moments = left[:, :, None] @ right[:, None].swapaxes(-1, -2)
+            return np.asarray(moments.reshape(*moments.shape[:3], -1) @ weights)
+
+        outermost = contracted([y[:, upto], force], [slopes[:, c, upto]])
+        result.gamma[:, upto[:, None], c, upto] = result.gamma[:, upto[:, None], upto, c] = outermost[:, :-1]
+        result.bent[:, c, upto] = result.bent[:, upto, c] = outermost[:, -1]
+        first, second = (grid.ravel() for grid in np.meshgrid(ahead, ahead))
+        own = contracted([y[:, c, None]], [slopes[:, first, second], y2[:, upto], force, bend])[:, 0]
+        result.gamma[:, c, first, second] = own[:, : first.size]
+        result.second[:, upto, c] = own[:, first.size : -2]
+        result.force[:, c], result.bend[:, c] = own[:, -2], own[:, -1]
+        result.second[:, c, upto] = contracted([y2[:, c, None]], [y[:, upto]])[:, 0]
+    return result
+
+
+def _relative_slopes(path: Path) -> tuple[Floats, Floats]:
+    """Norms of `∂_j Y` of the cover [N n], and of `Σ_j q̇_j ∂_j Y` [N], less common rotations where that leaves less.
+
+    A common rotation of all bodies about joint j's axis z changes no inner product.
+    """
+    y, slopes = path.cover.columns[0].swapaxes(1, 2), np.moveaxis(path.cover.slopes, 1, 3)
+    count, n, _ = y.shape
+    # Rows times this matrix are z × row.
+    turn = np.cross(path.frames.axes[:, :, None], np.eye(3))
+    rest = slopes - (y.reshape(count, 1, -1, 3) @ turn).reshape(slopes.shape)
+    square = np.sum((rest @ rest.swapaxes(2, 3)) * path.inverse[:, None], axis=(2, 3))
+    least = np.sqrt(np.maximum(square, 0.0))
+    rest = np.where((least < path.cover_norms.slopes)[..., None, None], rest, slopes)
+    along = (path.cells.dq[:, None] @ rest.reshape(count, n, -1)).reshape(y.shape).swapaxes(1, 2)
+    return np.minimum(least, path.cover_norms.slopes), spectral_norm(along @ path.root)
