@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,8 +32,8 @@ Floats = NDArray[np.float64]
 NAME = "drive_limits"
 TITLE = "torques and torque steps along the motion"
 
-BATCH = 1024
-"""The torques of the plan are computed for a multiple of this number of periods, so that few programs are compiled."""
+BATCH = 512
+"""The torques of the plan are computed for this number of periods at once, so that one program is compiled."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +79,9 @@ def planned_torques(arm: Articulated, motion: AbstractPiecewisePolynomial, cells
     middle_dq = dq[:-1] + 0.5 * h * mean
     padding = -(count + 1) % BATCH
     parts = [np.pad(part, ((0, padding), (0, 0)), mode="edge") for part in (middle_q, middle_dq, mean)]
-    torque = np.asarray(_torques(arm, *map(jnp.asarray, parts)))[: count + 1] + np.asarray(arm.viscous) * middle_dq
+    batches = zip(*(part.reshape(-1, BATCH, arm.joints) for part in parts), strict=True)
+    torque = np.concatenate([_torques(arm, *batch) for batch in batches])[: count + 1]
+    torque = torque + np.asarray(arm.viscous) * middle_dq
     step = np.abs(np.diff(torque, axis=0, prepend=torque[:1]))
     # A step counts in both cells that it joins.
     step = np.maximum(step[:-1], step[1:])

@@ -308,7 +308,9 @@ class Problem:
         total, total_norm = sum(joints.values(), nothing), sum(norms.values(), nothing[:, 0])
         band = self.p * (acceleration + self.acting)
         fed = conversion * band[:, None]
-        by_gain, by_modes = np.split(self.nominal.any_form.past(np.concatenate([total + fed, total], axis=1)), 2, axis=1)
+        by_gain, by_modes = np.split(
+            self.nominal.any_form.past(np.concatenate([total + fed, total], axis=1)), 2, axis=1
+        )
         apart, mode_norms = self._apart(total_norm, acceleration)
         gain_joints = by_gain + self.fixed[0][0]
         gain_norms = self.weighted.any_form.past((total_norm + band)[:, None]) + self.fixed[0][1]
@@ -334,7 +336,7 @@ class Problem:
         velocity = _or_next(outputs["velocity"]) + self.h * (
             0.5 * (total + at.band_joints + self.pushed + fed + self.h * odd) + mean
         )
-        by_gain_is_less = gain_joints[..., 0].sum() <= mode_joints[..., 0].sum()
+        by_gain_is_less = bool(gain_joints[..., 0].sum() <= mode_joints[..., 0].sum())
         shares = partial(self._terms, joints, fed if by_gain_is_less else apart[..., 0], within, by_gain_is_less)
         return Bounds(error, velocity, outputs, sizes, shares, total, total_norm)
 
@@ -352,9 +354,7 @@ class Problem:
         apart = self.at.conversion[..., None] * (self.departure.any_form.past(total) + drift + direct)
         return apart, self.largest.any_form.past(total) + drift + direct
 
-    def _terms(
-        self, joints: Mapping[str, Floats], band: Floats, within: Floats, by_gain: bool
-    ) -> dict[str, Floats]:
+    def _terms(self, joints: Mapping[str, Floats], band: Floats, within: Floats, by_gain: bool) -> dict[str, Floats]:
         """The shares of the error.
 
         - `joints`: of w per joint, by name. `within`: between two samples.
@@ -450,8 +450,11 @@ def _tightened(solution: Solution, needed: Tube) -> Solution:
         if at is None:
             break
         last = Problem(last.loop, last.path, last.inputs, at, needed)
+        before = float(bounds.error.max())
         for _ in range(3):
             bounds = replace(last.round(bounds), verified=True)
+        if float(bounds.error.max()) > (1.0 - SETTLED) * before:
+            break
         needed = tube_of(bounds, last.path, last.loop.period, at)
     return Solution(bounds, last)
 

@@ -152,11 +152,9 @@ class _Trace:
     def of(cls, loop: JointLoop, maps: PeriodMaps, ratio: float, length: int, growth: float) -> _Trace:
         size = maps.step.shape[0]
         state = np.concatenate([maps.enters, _starts(size)], axis=1)
-        response = np.empty((length, len(OUTPUTS), state.shape[1]))
-        for k in range(length):
-            response[k] = maps.outputs @ state
-            state = maps.step @ state
-        rest = _rest(maps, length, state, growth * loop.period)
+        states = _powers(maps.step, state, length)
+        response = maps.outputs @ states
+        rest = _rest(maps, length, maps.step @ states[-1], growth * loop.period)
         own = np.zeros((len(OUTPUTS), 3))
         for i, name in enumerate(OUTPUTS):
             own[i] = maps.direct[i], *DIRECT.get(name, (0.0, 0.0))
@@ -261,17 +259,22 @@ def _length(step: Floats) -> int:
     return max(length, 16)
 
 
+def _powers(step: Floats, first: Floats, count: int) -> Floats:
+    """Return `step^k first` for k < count."""
+    values = first[None]
+    while len(values) < count:
+        values, step = np.concatenate([values, step @ values]), step @ step
+    return values[:count]
+
+
 def _rest(maps: PeriodMaps, length: int, state: Floats, growth: float) -> Floats:
     """Sums of all responses after the truncation, in size, [outputs inputs].
 
     With `A^L` after L periods, `Σ_{k >= L} |C A^k B| <= (Σ_{k < L} |C A^k|) (I - |A^L|)⁻¹ |A^L B|`.
     """
     step = maps.step * np.exp(growth)
-    total, row = np.zeros_like(maps.outputs), maps.outputs
+    total = np.sum(np.abs(_powers(step.T, maps.outputs.T, length)), axis=0).T
     power = np.linalg.matrix_power(step, length)
-    for _ in range(length):
-        total += np.abs(row)
-        row = row @ step
     after = np.abs(state) * np.exp(growth * length)
     return np.asarray(total @ np.linalg.solve(np.eye(len(step)) - np.abs(power), after))
 

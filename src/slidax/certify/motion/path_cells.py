@@ -46,6 +46,12 @@ class PathCells:
     proved: bool
 
     @property
+    def moving(self) -> int:
+        """Number of cells until the arm is at rest for good, or one fewer than all cells."""
+        same = np.all(np.concatenate([self.q - self.q[-1], self.dq, self.ddq, self.dddq], axis=1) == 0.0, axis=1)
+        return min(int(np.count_nonzero(np.logical_or.accumulate(~same[::-1]))), len(same) - 1)
+
+    @property
     def half(self) -> float:
         """Half the length of a cell [s]."""
         return 0.5 * self.period * self.per_cell

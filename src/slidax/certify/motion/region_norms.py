@@ -81,8 +81,11 @@ class RegionNorms:
 
 def over_ellipsoid(path: Path) -> dict[str, Floats]:
     """Return the suprema over the ellipsoid, by the names of `RegionNorms`."""
-    parts = [_over_ellipsoid(path, slice(start, start + CHUNK)) for start in range(0, len(path.cells.q), CHUNK)]
-    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    # The arm at rest after the motion is the same in all cells.
+    cells, count = path.cells, path.cells.moving + 1
+    parts = [_over_ellipsoid(path, slice(start, min(start + CHUNK, count))) for start in range(0, count, CHUNK)]
+    which = np.minimum(np.arange(len(cells.q)), count - 1)
+    return {name: np.concatenate([part[name] for part in parts])[which] for name in parts[0]}
 
 
 def _over_ellipsoid(path: Path, some: slice) -> dict[str, Floats]:
@@ -148,14 +151,7 @@ def _products(path: Path, some: slice) -> _Products:
     for c in range(n):
         behind, upto = np.flatnonzero(before[c]), np.flatnonzero(before[:, c])
         ahead = upto[upto != c]
-        weights = deviations[:, behind].reshape(axes, -1).T
-
-        def contracted(a: Sequence[Floats], b: Sequence[Floats]) -> Floats:
-            """`Σ_b tr(a_b J_r b_bᵀ)` for each r, of all fields a and b, [N a b r] from [N . n 4 3]."""
-            left, right = (np.concatenate([field[:, :, behind] for field in fields], axis=1) for fields in (a, b))
-            moments = left[:, :, None] @ right[:, None].swapaxes(-1, -2)
-            return np.asarray(moments.reshape(*moments.shape[:3], -1) @ weights)
-
+        contracted = _Contraction(behind, deviations[:, behind].reshape(axes, -1).T)
         outermost = contracted([y[:, upto], force], [slopes[:, c, upto]])
         result.gamma[:, upto[:, None], c, upto] = result.gamma[:, upto[:, None], upto, c] = outermost[:, :-1]
         result.bent[:, c, upto] = result.bent[:, upto, c] = outermost[:, -1]
@@ -166,6 +162,20 @@ def _products(path: Path, some: slice) -> _Products:
         result.force[:, c], result.bend[:, c] = own[:, -2], own[:, -1]
         result.second[:, c, upto] = contracted([y2[:, c, None]], [y[:, upto]])[:, 0]
     return result
+
+
+@dataclass(frozen=True, eq=False)
+class _Contraction:
+    """Inner products of fields on some bodies, for each axis of an ellipsoid: `weights` [(bodies 4 4) r]."""
+
+    bodies: NDArray[np.intp]
+    weights: Floats
+
+    def __call__(self, a: Sequence[Floats], b: Sequence[Floats]) -> Floats:
+        """Return `Σ_b tr(a_b J_r b_bᵀ)` for all of the fields a and b [N . n 4 3], as [N a b r]."""
+        left, right = (np.concatenate([field[:, :, self.bodies] for field in fields], axis=1) for fields in (a, b))
+        moments = left[:, :, None] @ right[:, None].swapaxes(-1, -2)
+        return np.asarray(moments.reshape(*moments.shape[:3], -1) @ self.weights)
 
 
 def _relative_slopes(path: Path) -> tuple[Floats, Floats]:
