@@ -317,10 +317,10 @@ def with_entry(text):
         (7, with_entry("1_5"), "line 8: `1_5` in column `tau_2`"),
         (7, lambda line: line.rpartition(",")[0], "line 8: 6 entries, but line 1 names 7 columns"),
         (7, lambda line: line + ",1", "line 8: 8 entries, but line 1 names 7 columns"),
-        (-1, lambda line: line[:9], "leave out this line if its writing was interrupted"),
+        (-1, lambda line: line[:9], "delete this line if writing it was interrupted"),
         (slice(1, None), lambda lines: [], "has titles, but no rows of numbers"),
         (slice(0, 1), lambda lines: [], "line 1: numbers, but the first line must name the columns"),
-        (9, lambda line: "\0" * 40, "line 10: a character of code 0"),
+        (9, lambda line: "\0" * 40, "line 10: null character"),
     ],
     ids=["hole", "word", "underscore", "short", "long", "cut", "header alone", "no header", "zeros"],
 )
@@ -358,7 +358,7 @@ def test_lines_of_separators_alone_are_left_out(tmp_path):
 
 def test_decimal_commas_between_commas_are_named(tmp_path):
     path = write(tmp_path / "a.csv", PLAIN, np.column_stack([T + 0.1, Q + 0.123, TAU + 0.123]), comma=True)
-    with pytest.raises(DefinitionError, match="if a comma stands before the decimals, separate the columns by semi"):
+    with pytest.raises(DefinitionError, match="if the decimal sign is a comma, separate the columns by semi"):
         read_log(path, ARM)
 
 

@@ -234,7 +234,7 @@ def test_empty_lists_in_a_message_mean_that_there_is_nothing():
         ("time,a,c.velocity\n0,1,0\n1,2,0\n", "there is `c.velocity`, but no column `c` with positions"),
         (
             "time,a\n0,1\n\n1,2,3\n",
-            "line 4: 3 entries, but line 1 names 2 columns; if a comma stands before the decimals",
+            "line 4: 3 entries, but line 1 names 2 columns; if the decimal sign is a comma",
         ),
         ("time,a\n0,1\n1,\n", "line 3, column `a`: there is no number"),
         ("time,a\n0,1\n1,x\n", "line 3, column `a`: `x` is not a number"),

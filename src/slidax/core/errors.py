@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Array
 
 LONGEST = 80
-"""Characters of a value, or of a name, that a message shows."""
+"""Most characters of a value or a name in a message."""
 
 # Python 3.11 takes no keywords here.
 _SHORT = Repr()
@@ -26,7 +26,7 @@ _SHORT.maxlong = 40
 
 @dataclass(frozen=True)
 class Setting:
-    """A setting by which a user accepts what an error refuses, in the words of each interface.
+    """A setting by which a user accepts an input that is otherwise an error, as each interface writes it.
 
     - `name`, `value`: such as `inertias` and `nearest`.
     """
@@ -47,7 +47,7 @@ class DefinitionError(ValueError):
     """
 
     setting: Setting | None = None
-    """The one that the message names as a remedy, if there is one; `reworded` puts it into other words."""
+    """The setting that the message names as a remedy, or None; `reworded` names it as another interface does."""
 
     def __init__(self, message: str, *, where: str = "") -> None:
         super().__init__(f"{where}: {message}" if where else message)
@@ -55,21 +55,18 @@ class DefinitionError(ValueError):
         self.where = where
 
     def offering(self, setting: Setting | None) -> Self:
-        """Return the error itself, with the setting that its message names.
-
-        - `setting`: None for none.
-        """
+        """Set the setting that the message names as a remedy, and return the error itself."""
         self.setting = setting
         return self
 
     def reworded(self, words: str) -> DefinitionError:
-        """Return the error with its remedy in other words.
+        """Return a copy whose message names the remedy in other words.
 
-        - `words`: take the place of the setting, such as `error.setting.as_option`.
+        - `words`: replacement for the setting, such as `error.setting.as_option`.
         """
         message, setting = self.message, self.setting
         if setting is not None:
-            # In one pass: the new words may themselves have one of these forms.
+            # In one pass, since the new words may themselves have one of these forms.
             forms = map(re.escape, (setting.in_python, setting.in_yaml, setting.as_option))
             message = re.sub("|".join(forms), lambda _: words, message)
         return DefinitionError(message, where=self.where).offering(setting)
@@ -94,7 +91,7 @@ class OutcomeError(RuntimeError):
 
 @contextmanager
 def locate_errors(where: str) -> Iterator[None]:
-    """Puts the path `where` before a DefinitionError that passes through; paths nest from the outside in."""
+    """Prefix a DefinitionError that leaves the block with the path `where`; paths of nested blocks are joined."""
     try:
         yield
     except DefinitionError as error:
@@ -103,10 +100,10 @@ def locate_errors(where: str) -> Iterator[None]:
 
 
 def nearest_word(word: str, known: Iterable[str]) -> str:
-    """A remedy for a name that is not known: a question with the known one most like it, or the list of them all.
+    """Remedy for an unknown name: a question with the most similar known name, or the list of all known names.
 
-    - `word`: the name that was given, in any case.
-    - `known`: what could have been.
+    - `word`: the unknown name, in any case.
+    - `known`: the known names.
     """
     names, word = list(known), word[:LONGEST]
     by_small_letters = {name.lower(): name for name in names}
@@ -117,9 +114,9 @@ def nearest_word(word: str, known: Iterable[str]) -> str:
 
 
 def short_repr(value: Any) -> str:
-    """A value for a message, as Python writes it, in one line; of a long one the beginning.
+    """Python representation of a value on one line, cut off after `LONGEST` characters, for a message.
 
-    - `value`: anything, also lists of millions.
+    - `value`: any object, also a list with millions of entries.
     """
     if isinstance(value, np.ndarray):
         value = (value if value.size <= LONGEST else value.ravel()[:LONGEST]).tolist()
@@ -128,9 +125,9 @@ def short_repr(value: Any) -> str:
 
 
 def plain_name(word: object) -> str:
-    """A name for a message, where it stands in marks of its own: `shown` without quotation marks.
+    """A name as `short_repr` writes it, without quotation marks, for a message that puts it in backquotes.
 
-    - `word`: what was given for it.
+    - `word`: the name; any other object is shown as a value.
     """
     return short_repr(word)[1:-1] if isinstance(word, str) else short_repr(word)
 
@@ -138,24 +135,22 @@ def plain_name(word: object) -> str:
 def count_noun(number: int, noun: str, plural: str = "") -> str:
     """A number with its noun, "1 run" or "2 runs".
 
-    - `number`: how many.
-    - `noun`: of one.
-    - `plural`: of several; the noun with an s if not given.
+    - `noun`: singular.
+    - `plural`: by default the noun with an s.
     """
     return f"{number} {noun if number == 1 else plural or noun + 's'}"
 
 
 def each_of(number: int, noun: str) -> str:
-    """For a list with one entry for each: "each of the 3 joints", or "the joint" where there is one.
+    """The text "each of the 3 joints", or "the joint" if there is a single one.
 
-    - `number`: how many.
-    - `noun`: of one.
+    - `noun`: singular.
     """
     return f"the {noun}" if number == 1 else f"each of the {number} {noun}s"
 
 
 def is_traced(tree: Any) -> bool:
-    """True inside `jit`, `vmap` or `grad`, where values are not known and so cannot be checked.
+    """True if a leaf is traced by `jit`, `vmap` or `grad`: its value is unknown and cannot be checked.
 
     - `tree`: any pytree of arrays.
     """
@@ -163,7 +158,7 @@ def is_traced(tree: Any) -> bool:
 
 
 def as_array(value: Any) -> Array:
-    """A field converter: numbers, lists and arrays become float arrays, so that each is a differentiable leaf.
+    """Convert a number, a list or an array to a float array, which is a differentiable leaf. Used as field converter.
 
     - `value`: a number, a list of numbers or an array.
 
@@ -179,26 +174,26 @@ def as_array(value: Any) -> Array:
 
 
 def static_value(value: Any) -> Any:
-    """The numbers of an array, for a check of them; a traced array as it is.
+    """Return an array as a NumPy array, for checks of its values; return a traced array unchanged.
+
+    Comparing JAX arrays instead would compile the comparison, which takes a hundred times as long.
 
     - `value`: a number or an array.
-
-    A comparison of JAX's arrays would be compiled, and so take a hundred times as long.
     """
     return value if is_traced(value) else np.asarray(value)
 
 
 def require(owner: object, field: str, holds: Any, rule: str, *, finite: bool = True, each: str = "joint") -> None:
-    """Raises a DefinitionError unless `holds` is true in every entry of the field and the field is finite.
+    """Raise a DefinitionError unless `holds` is true in every entry of the field and the field is finite.
 
-    - `owner`: the object whose field it is; its class names it in the message.
-    - `field`: its name.
+    Traced values pass, since they are unknown.
+
+    - `owner`: object with the field; the message names its class.
+    - `field`: name of the field.
     - `holds`: bool or array of bools, of the field's shape.
-    - `rule`: what must hold, with its equation: "must be > 2 (eq. 20)".
-    - `finite`: whether what is infinite is refused, too; what is no number always is.
-    - `each`: what the entries of a vector belong to.
-
-    Traced values pass: inside a transformation nothing is known about them.
+    - `rule`: the rule with its equation, for the message: "must be > 2 (eq. 20)".
+    - `finite`: False to accept infinite values; NaN is never accepted.
+    - `each`: noun for the owner of one entry of a vector, "joint" or "entry".
     """
     value = getattr(owner, field)
     if is_traced((value, holds)):
@@ -212,8 +207,8 @@ def require(owner: object, field: str, holds: Any, rule: str, *, finite: bool = 
         raise DefinitionError(f"{name} {rule}; got {number.item():g}")
     if number.ndim == wrong.ndim == 1:
         first = int(np.argmax(wrong))
-        place = _joint(owner, first) if each == "joint" else f"{each} {first + 1}"
-        raise DefinitionError(f"{name} {rule}; got {number[first].item():g} for {place}")
+        label = _joint(owner, first) if each == "joint" else f"{each} {first + 1}"
+        raise DefinitionError(f"{name} {rule}; got {number[first].item():g} for {label}")
     if number.ndim == 0:
         joint = int(np.argmax(wrong))
         raise DefinitionError(f"{name} {rule}; got {number.item():g}, which fails for {_joint(owner, joint)}")
@@ -224,18 +219,17 @@ def require(owner: object, field: str, holds: Any, rule: str, *, finite: bool = 
 
 
 def _joint(owner: object, number: int) -> str:
-    """A joint by its name, where the owner's joints have names of their own."""
+    """Name of a joint, or its number if the owner's joints have no names."""
     names = getattr(owner, "joint_names", ())
     name = names[number] if number < len(names) else f"joint {number + 1}"
     return name if name == f"joint {number + 1}" else f"joint `{name}`"
 
 
 def require_shape(owner: object, shape: tuple[int, ...], *fields: str) -> None:
-    """Raises a DefinitionError unless each of the fields has exactly this shape.
+    """Raise a DefinitionError unless each of the fields of `owner` has exactly this shape.
 
-    - `owner`: the object whose fields they are.
-    - `shape`: what each must have; () for one number.
-    - `fields`: their names.
+    - `shape`: required shape; () for one number.
+    - `fields`: names of the fields.
     """
     for field in fields:
         got = np.shape(getattr(owner, field))
@@ -245,10 +239,10 @@ def require_shape(owner: object, shape: tuple[int, ...], *fields: str) -> None:
 
 
 def require_consistent(owner: object, *fields: str) -> None:
-    """Raises a DefinitionError unless each field is one number or a vector, and all vectors are equally long.
+    """Raise a DefinitionError unless each field is one number or a vector, and all vectors have the same length.
 
-    - `owner`: the object whose fields they are.
-    - `fields`: their names.
+    - `owner`: object with the fields.
+    - `fields`: names of the fields.
     """
     first = ""
     for field in fields:
@@ -266,10 +260,10 @@ def require_consistent(owner: object, *fields: str) -> None:
 
 
 def require_joints(tree: object, joints: int, of: str) -> None:
-    """Raises a DefinitionError unless each parameter in `tree` is one number, or has one entry per joint.
+    """Raise a DefinitionError unless each parameter in `tree` is one number, or has one entry per joint.
 
-    - `joints`: the number of joints.
-    - `of`: whose joints they are, for the message.
+    - `joints`: number of joints.
+    - `of`: owner of the joints, for the message.
     """
     for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
         if np.shape(leaf) not in ((), (joints,), (joints, joints)):
@@ -277,12 +271,12 @@ def require_joints(tree: object, joints: int, of: str) -> None:
 
 
 def require_per_joint(owner: object, joints: int, of: str, *fields: str) -> None:
-    """Raises a DefinitionError unless each of the fields is one number, or has one entry per joint.
+    """Raise a DefinitionError unless each of the fields is one number, or has one entry per joint.
 
-    - `owner`: the object whose fields they are.
-    - `joints`: the number of joints.
-    - `of`: whose joints they are, for the message.
-    - `fields`: their names.
+    - `owner`: object with the fields.
+    - `joints`: number of joints.
+    - `of`: owner of the joints, for the message.
+    - `fields`: names of the fields.
     """
     for field in fields:
         if np.shape(getattr(owner, field)) not in ((), (joints,)):

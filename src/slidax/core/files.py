@@ -15,10 +15,10 @@ from .errors import DefinitionError, short_repr
 MEGABYTE = 10**6
 
 MOST_TEXT = 32 * MEGABYTE
-"""Bytes of a text that is held in memory whole: a motion, a robot, a message."""
+"""Size limit for a file that is read into memory at once [bytes]."""
 
 _BINARY = getattr(os, "O_BINARY", 0)
-_NOT_WAITING = getattr(os, "O_NONBLOCK", 0)
+_NONBLOCK = getattr(os, "O_NONBLOCK", 0)
 
 
 def open_file(path: Path, what: str = "the file", *, most: int = MOST_TEXT) -> BinaryIO:
@@ -26,15 +26,14 @@ def open_file(path: Path, what: str = "the file", *, most: int = MOST_TEXT) -> B
 
     A pipe or a device is refused before anything is read from it: a pipe may never end, `/dev/zero` does not.
 
-    - `path`: of the file.
     - `what`: the file's role, for messages.
-    - `most`: bytes that it may have.
+    - `most`: size limit [bytes].
 
-    Raises DefinitionError if the file cannot be opened, is no regular file, or is larger than the limit.
+    Raises DefinitionError if the file cannot be opened, is not a regular file, or exceeds the limit.
     """
     try:
-        # Without waiting, as opening a pipe waits for its writer.
-        handle = os.open(path, os.O_RDONLY | _BINARY | _NOT_WAITING)
+        # Without O_NONBLOCK, opening a pipe would wait for its writer.
+        handle = os.open(path, os.O_RDONLY | _BINARY | _NONBLOCK)
     except (OSError, ValueError) as error:
         raise _unreadable(path, what, getattr(error, "strerror", None) or str(error)) from None
     try:
@@ -72,7 +71,7 @@ def read_bytes(path: Path, what: str = "the file", *, most: int = MOST_TEXT) -> 
     """
     with open_file(path, what, most=most) as file:
         try:
-            # Some regular files, as in /proc, have more in them than their size.
+            # Some regular files, such as those in /proc, contain more than their size says.
             content = file.read(most + 1)
         except OSError as error:
             raise _unreadable(path, what, error.strerror or str(error)) from None
@@ -82,7 +81,7 @@ def read_bytes(path: Path, what: str = "the file", *, most: int = MOST_TEXT) -> 
 
 
 def read_text(path: Path, what: str = "the file", *, most: int = MOST_TEXT) -> str:
-    """Return the text of a regular file in UTF-8, without a byte order mark, with line ends as Python has them.
+    r"""Return the text of a regular file in UTF-8, without a byte order mark, with `\n` at the end of each line.
 
     - `path`, `what`, `most`: as in `open_file`.
 
@@ -98,24 +97,20 @@ def read_text(path: Path, what: str = "the file", *, most: int = MOST_TEXT) -> s
 def parse_json(text: str, name: str) -> Any:
     """Return the value of a JSON text.
 
-    - `text`: the text.
-    - `name`: the file's name, for messages.
+    - `name`: file name, for messages.
 
-    Raises DefinitionError if it is no JSON, or nested too deeply.
+    Raises DefinitionError if the text is not JSON, or nested too deeply.
     """
     try:
-        return json.loads(text, parse_int=whole_number)
+        return json.loads(text, parse_int=parse_integer)
     except json.JSONDecodeError as error:
         raise DefinitionError(f"{name} is not valid JSON: line {error.lineno}: {error.msg}") from None
     except RecursionError:
         raise DefinitionError(f"{name} is not valid JSON: its lists are nested too deeply") from None
 
 
-def whole_number(digits: str) -> int | float:
-    """Return the integer of a JSON text; a floating-point number where it has too many digits, infinite for hundreds.
-
-    - `digits`: as they are in the text.
-    """
+def parse_integer(digits: str) -> int | float:
+    """Convert an integer literal of JSON; with more than 30 digits to a float, which is infinite from 310 digits on."""
     return int(digits) if len(digits) <= 30 else float(digits)
 
 

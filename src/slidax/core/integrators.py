@@ -14,15 +14,15 @@ from .types import PerJoint, Scalar
 
 Watch = TypeVar("Watch")
 
-WRITTEN_OUT = 8
-"""A state of more numbers than this has its four stages as a loop: the code of four evaluations of such an arm does not
-fit the processor's nearest memory, and takes three times as long to run and to compile. The numbers are the same."""
+MAX_UNROLLED = 8
+"""Largest state, in numbers, whose four stages are unrolled. A larger one runs them as a loop with the same results:
+four copies of such an arm's code exceed the processor's instruction cache, and run and compile three times as long."""
 
 
 def runge_kutta_4(
     rate: Callable[[Scalar, Any], tuple[Any, Watch]], t: Scalar, state: Any, h: Scalar
 ) -> tuple[Any, tuple[Watch, ...]]:
-    """The classical Runge-Kutta step: order 4, four evaluations at t, t + h/2 (twice) and t + h.
+    """Take a classical Runge-Kutta step: order 4, four evaluations at t, t + h/2 (twice) and t + h.
 
     - `rate`: function of time and state that returns (the state's time derivative, values to record).
     - `t`: time at the step's start [s].
@@ -35,8 +35,8 @@ def runge_kutta_4(
     def moved(slope: Any, by: Scalar) -> Any:
         return jax.tree.map(lambda y, dy: y + by * dy, state, slope)
 
-    if sum(leaf.size for leaf in jax.tree.leaves(state)) > WRITTEN_OUT:
-        return _in_a_loop(rate, t, state, h)
+    if sum(leaf.size for leaf in jax.tree.leaves(state)) > MAX_UNROLLED:
+        return _rolled(rate, t, state, h)
     half = 0.5 * h
     k1, watch1 = rate(t, state)
     k2, watch2 = rate(t + half, moved(k1, half))
@@ -46,7 +46,7 @@ def runge_kutta_4(
     return moved(mean, h), (watch1, watch2, watch3, watch4)
 
 
-def _in_a_loop(
+def _rolled(
     rate: Callable[[Scalar, Any], tuple[Any, Watch]], t: Scalar, state: Any, h: Scalar
 ) -> tuple[Any, tuple[Watch, ...]]:
     def stage(before: tuple[Any, Any], now: tuple[Scalar, Scalar]) -> tuple[tuple[Any, Any], Watch]:

@@ -14,7 +14,7 @@ from .types import Matrix, Scalar, Vector
 
 @jax.jit
 def matvec(a: Matrix, x: Vector) -> Vector:
-    """`A x` as broadcast and sum.
+    """`A x` by broadcasting and summation.
 
     - `a`: matrix [n n].
     - `x`: vector [n].
@@ -25,8 +25,8 @@ def matvec(a: Matrix, x: Vector) -> Vector:
 def solve_symmetric(a: Matrix, b: Vector) -> Vector:
     """The solution x of `A x = b` by `A = L D Lᵀ` without pivoting, unrolled over the fixed size.
 
-    Column by column: the update of A and b is one operation on arrays. There are few operations to trace and compile,
-    and each depends on the previous column only.
+    Column by column: one array operation updates A and b. This traces and compiles few operations, each of which
+    depends on the previous column only.
 
     - `a`: symmetric positive definite matrix [n n]; only the lower triangle is read.
     - `b`: right-hand side [n].
@@ -34,7 +34,7 @@ def solve_symmetric(a: Matrix, b: Vector) -> Vector:
     return _substituted(*_factors(a), b)
 
 
-# jit's memory saves tracing them anew, and in exported C each stays a function.
+# The cache of jit avoids tracing these two again, and exported C has a function for each.
 @jax.jit
 def _factors(a: Matrix) -> tuple[Matrix, Vector]:
     """The rows of Lᵀ, without its ones, and the inverses of D."""
@@ -83,12 +83,12 @@ SQUARINGS = 10
 
 
 def inverse_norm(a: Matrix) -> Scalar:
-    """`‖A⁻¹‖ = 1/λmin(A)`, with finite gradients also where eigenvalues meet.
+    """`‖A⁻¹‖ = 1/λmin(A)`, with finite gradients also for repeated eigenvalues.
 
-    In closed form for up to three rows. Its relative error is the rounding error times λmax/λmin, and for three rows
-    1e-8 λmax/λmin where the two smallest eigenvalues meet. From four rows on it is `(tr A⁻ᵐ)^(1/m)` with m = 1024 by
-    repeated squaring, which is never less than the norm, and more by at most the factor `n^(1/m)`: 0.2 % for seven
-    rows if all eigenvalues are equal, and next to nothing if the smallest is 3 % less than the others.
+    A closed form for up to three rows. Its relative error is the rounding error times λmax/λmin, and for three rows
+    1e-8 λmax/λmin if the two smallest eigenvalues are equal. From four rows on it is `(tr A⁻ᵐ)^(1/m)` with m = 1024 by
+    repeated squaring. This is never less than the norm and exceeds it by at most the factor `n^(1/m)`: by 0.2 % for
+    seven equal eigenvalues, and negligibly if the smallest is 3 % below the others.
 
     - `a`: symmetric positive definite matrix [n n].
     """
@@ -96,33 +96,33 @@ def inverse_norm(a: Matrix) -> Scalar:
     if n == 1:
         return 1.0 / a[0, 0]
     if n == 2:
-        return _of_two(a)
+        return _inverse_norm_two_rows(a)
     if n == 3:
-        return 1.0 / _smallest_of_three(a)
-    return _by_squaring(a)
+        return 1.0 / _smallest_eigenvalue_three_rows(a)
+    return _inverse_norm_by_squaring(a)
 
 
-def _of_two(a: Matrix) -> Scalar:
-    """`λmax/det A`: the smaller root itself would lose digits by a difference."""
+def _inverse_norm_two_rows(a: Matrix) -> Scalar:
+    """`λmax/det A`: computing λmin itself would lose digits by cancellation."""
     half = 0.5 * (a[0, 0] - a[1, 1])
     largest = 0.5 * (a[0, 0] + a[1, 1]) + vector_norm(jnp.stack([half, a[1, 0]]))
     return largest / (a[0, 0] * a[1, 1] - a[1, 0] * a[1, 0])
 
 
-def _smallest_of_three(a: Matrix) -> Scalar:
-    """The least root of the characteristic polynomial by its cosines (O. K. Smith, 1961)."""
+def _smallest_eigenvalue_three_rows(a: Matrix) -> Scalar:
+    """Smallest eigenvalue by the trigonometric formula (O. K. Smith, 1961)."""
     mean = (a[0, 0] + a[1, 1] + a[2, 2]) / 3.0
     x, y, z = a[0, 0] - mean, a[1, 1] - mean, a[2, 2] - mean
     u, v, w = a[1, 0], a[2, 0], a[2, 1]
     p = vector_norm(jnp.stack([x, y, z, u, u, v, v, w, w])) / np.sqrt(6.0)
     safe = jnp.where(p > 0, p, 1.0)
     determinant = x * (y * z - w * w) - u * (u * z - v * w) + v * (u * w - v * y)
-    # At the ends, where two eigenvalues meet, the slope of the arc cosine is infinite.
+    # At ±1, where two eigenvalues are equal, the slope of the arc cosine is infinite.
     cosine = jnp.clip(determinant / (2.0 * safe * safe * safe), -1.0 + 1e-14, 1.0 - 1e-14)
     return mean + 2.0 * p * jnp.cos(jnp.arccos(cosine) / 3.0 + 2.0 * np.pi / 3.0)
 
 
-def _by_squaring(a: Matrix) -> Scalar:
+def _inverse_norm_by_squaring(a: Matrix) -> Scalar:
     columns: Matrix = jax.vmap(solve_symmetric, in_axes=(None, 0))(a, jnp.eye(a.shape[0]))
     trace = jnp.trace(columns)
     product, logarithm, share = columns / trace, jnp.log(trace), 1.0
@@ -134,15 +134,15 @@ def _by_squaring(a: Matrix) -> Scalar:
 
 
 SWEEPS = 30
-"""Sweeps over the joints; each divides the distance to the answer, for arms by two or more."""
+"""Coordinate-descent sweeps over the joints; for arms each at least halves the distance to the solution."""
 
 
 def nearest_in_box(wanted: Vector, lower: Vector, upper: Vector, mass: Matrix) -> Vector:
     """The x in the box that minimises `(x - wanted)ᵀ M⁻¹ (x - wanted)`, [n].
 
     Of all torques within their limits, these give the accelerations nearest to the wanted ones, weighted by the inertia
-    (Gauss's principle of least constraint, 1829). A joint that is not at its limit gets its wanted acceleration,
-    although another joint lacks torque. Clipping each torque separately would disturb the coupled joints.
+    (Gauss's principle of least constraint, 1829). A joint below its torque limit gets its wanted acceleration even if
+    another joint saturates. Clipping each torque separately would disturb the coupled joints.
 
     - `wanted`: [n].
     - `lower`, `upper`: the box [n]; may be infinite.
@@ -161,7 +161,7 @@ def nearest_in_box(wanted: Vector, lower: Vector, upper: Vector, mass: Matrix) -
             return x
 
         start = jnp.clip(jnp.zeros_like(wanted), least, most)
-        # The sum may round away from the limit that it is to be at.
+        # Rounding of the sum may leave the box.
         return jnp.clip(wanted + jax.lax.fori_loop(0, SWEEPS, sweep, start), lower, upper)
 
     inside = jnp.all((wanted >= lower) & (wanted <= upper))

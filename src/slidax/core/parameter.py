@@ -98,7 +98,7 @@ class Range:
     def rule(self, part: object, unit: str = "") -> str:
         """Return the range as a rule: "must be > 0", "must be in (0, 1)".
 
-        - `part`: has the values of other parameters in the range.
+        - `part`: supplies the values of other parameters that the range names.
         - `unit`: empty for a parameter with several units.
         """
         if not self.text:
@@ -142,10 +142,10 @@ SHAPES = {
     "Matrix": "[n n]",
     "State": "positions and velocities, each [n]",
 }
-"""Words for the types of arrays in a docstring."""
+"""Shape of each array type, in the words of a docstring."""
 
 ARRAYS = {"...": "PerJoint", "": "Scalar", "n": "Vector", "n n": "Matrix"}
-"""Names of the types of arrays by their dimensions."""
+"""Array types by their dimensions."""
 
 MATRIX = "one number, a diagonal [n] or a matrix [n n]"
 
@@ -216,7 +216,7 @@ def parameter(
     static: bool = False,
     converter: Any = as_array,
 ) -> Any:
-    """Declare a field of a part that has numbers: checked, documented, and leaves of the pytree.
+    """Declare a numeric field of a part: checked, documented and a leaf of the pytree.
 
         k1: PerJoint = parameter("diagonal of K1", "rad/s or m/s", "> 0", "(eq. 40)")
 
@@ -243,7 +243,7 @@ def parameter(
 
 
 def piece(meaning: str, *, default: Any = REQUIRED, default_factory: Any = REQUIRED, static: bool = False) -> Any:
-    """Declare a field of a part that is no number: another part, a name, a choice.
+    """Declare a field of a part that is not numeric: another part, a name, a choice.
 
     - `static`: True if compiled code depends on it.
     """
@@ -256,7 +256,7 @@ def piece(meaning: str, *, default: Any = REQUIRED, default_factory: Any = REQUI
 
 
 def parameters_of(part: type) -> list[Parameter]:
-    """Return the parameters of a part, in order; a field without a declaration has a name, type and default alone."""
+    """Return the parameters of a part, in order; an undeclared field has only a name, a type and a default."""
     return [declaration(field) for field in dataclasses.fields(part) if field.init]
 
 
@@ -268,7 +268,7 @@ def is_declared(field: dataclasses.Field[Any]) -> bool:
 def declaration(field: dataclasses.Field[Any], annotation: str = "") -> Parameter:
     """Return a dataclass field's declaration with its name and type.
 
-    - `annotation`: type of a field that does not know it yet.
+    - `annotation`: type of the field, if its class is not a dataclass yet.
     """
     written = _annotation(annotation or field.type)
     if _KEY not in field.metadata:
@@ -279,7 +279,7 @@ def declaration(field: dataclasses.Field[Any], annotation: str = "") -> Paramete
 
 
 def _annotation(of: Any) -> str:
-    """Return a field's type as its source has it, also where annotations are evaluated."""
+    """Return a field's type as text, also where annotations are evaluated."""
     if isinstance(of, str):
         return of
     if type(None) in get_args(of):

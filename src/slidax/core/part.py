@@ -17,12 +17,12 @@ from .errors import DefinitionError, is_traced, require, require_consistent, req
 from .parameter import Parameter, declaration, is_declared, parameters_of
 
 WIDTH = 110
-"""Columns of a line."""
+"""Columns of a printed line."""
 
 LONGEST = 16
-"""Longest vector that is shown by its numbers; longer ones and matrices are shown by their shape."""
+"""Longest vector whose numbers are printed; longer vectors and matrices are printed as their shape."""
 
-KEPT = "\N{NO-BREAK SPACE}"
+NO_BREAK = "\N{NO-BREAK SPACE}"
 
 
 def as_tree(part: Any, label: str = "", indent: str = "") -> str:
@@ -39,11 +39,11 @@ def as_tree(part: Any, label: str = "", indent: str = "") -> str:
             values.append(f"{field.name} = {_shown(value)} {units.get(field.name, '')}".rstrip())
     head = f"{label}: {type(part).__name__}" if label else type(part).__name__
     # No-break spaces keep each short parameter on one line.
-    kept = [value.replace(" ", KEPT) if len(value) < WIDTH / 2 else value for value in values]
-    line = f"{head}({', '.join(kept)})" if values else head
+    values = [value.replace(" ", NO_BREAK) if len(value) < WIDTH / 2 else value for value in values]
+    line = f"{head}({', '.join(values)})" if values else head
     lines = textwrap.wrap(line, WIDTH, initial_indent=indent, subsequent_indent=f"{indent}    ", break_long_words=False)
     below = [as_tree(inner, name, f"{indent}  ") for name, inner in parts]
-    return "\n".join([*lines, *below]).replace(KEPT, " ")
+    return "\n".join([*lines, *below]).replace(NO_BREAK, " ")
 
 
 def _shown(value: Any) -> str:
@@ -118,7 +118,7 @@ def _require_range(part: AbstractPart, parameter: Parameter) -> None:
     value = np.asarray(getattr(part, parameter.name))
     holds = parameter.range.holds(part, value)
     endless = any(end.number is not None and np.isinf(end.number) and not end.open for end in (lower, upper))
-    # An entry per row or per term is not a joint's.
+    # Only a dimension n counts joints; others count rows or terms.
     each = "joint" if parameter.shape.endswith("n]") else "entry"
     require(part, parameter.name, holds, parameter.rule(part), finite=not endless, each=each)
 
@@ -137,7 +137,7 @@ def _declared_in(cls: type) -> list[Parameter]:
 
 
 def kind_of(part: type) -> str:
-    """Return the name of a part in files: its class's name in small letters, without the word of its family.
+    """Return the name of a part in files: its class name in snake case, without the name of its base class.
 
     `FixedTimeReaching` is `fixed_time`, `PrescribedPerformance` is `prescribed_performance`. A class variable `kind`
     takes precedence.
@@ -161,5 +161,5 @@ def members_of(family: type) -> dict[str, Any]:
         for thing in vars(package).values()
         if inspect.isclass(thing) and issubclass(thing, family) and not inspect.isabstract(thing)
     }
-    # Sorted, since the order of the exports says nothing.
+    # Sorted, since the order of the exports has no meaning.
     return dict(sorted(members.items()))

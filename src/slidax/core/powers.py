@@ -78,14 +78,14 @@ def smooth_power_and_slope(
     magnitude = jnp.abs(x)
     exponent = p - 1.0
     edge = power(delta, exponent)
-    # Near the goal all entries are in the core, and a power is the most expensive operation of a control step.
+    # Near the goal all entries are in the core: skip the power, the most expensive operation of a control step.
     far = magnitude >= delta
     w = jax.lax.cond(
         jnp.any(far),
         lambda: power(jnp.where(far, magnitude, delta), exponent),
         lambda: jnp.broadcast_to(edge, jnp.broadcast_shapes(magnitude.shape, edge.shape)),
     )
-    # Not by `minimum` and `maximum`: where both sides are alike, at |x| = delta, each would halve its derivative.
+    # Not by `minimum` and `maximum`: at |x| = delta, where their arguments are equal, each halves the derivative.
     z = jnp.where(far, 1.0, magnitude * (1.0 / delta))
     c1 = 0.5 * p * p - 2.5 * p + 3.0
     c2 = -p * p + 4.0 * p - 3.0

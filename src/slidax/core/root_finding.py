@@ -13,17 +13,17 @@ from jaxtyping import Array, Bool, Int
 from .powers import tangent_mask
 from .types import Vector
 
-FREE = 16
-"""Turns in which a Newton step is tried. Two or three are usual, 14 the most that a plan was seen to take."""
+NEWTON = 16
+"""First iterations, which try a Newton step. Two or three usually suffice; a plan has needed 14 at most."""
 
 HALVINGS = 52
-"""Turns after these, each of which halves the bracket, so that what is left of it is what its ends are rounded by."""
+"""Next iterations, each of which halves the bracket until only the rounding of its ends is left."""
 
-STEPS = FREE + HALVINGS + 4
-"""Turns at most. In the last ones a Newton step is tried again, from as near as that."""
+ITERATIONS = NEWTON + HALVINGS + 4
+"""Most iterations. The last four try a Newton step again, from a point that close to the root."""
 
 Increasing = Callable[[Any, Vector], tuple[Vector, Vector]]
-"""From parameters and a point [n] to values [n] and slopes [n], each entry a function of its own."""
+"""From parameters and a point [n] to values [n] and slopes [n]; each entry is a separate function of one variable."""
 
 
 class _RootSearch(eqx.Module):
@@ -47,11 +47,10 @@ def increasing_root(
 ) -> Vector:
     """The x with `f(x) = target`, [n], by Newton steps that fall back on bisection.
 
-    It takes at most `STEPS` turns, for any f, target and guess, and then either `|f(x) - target| <= tolerance`, or x is
-    within `(upper - lower) 2⁻⁵²` of the root: the root stays between two points, and each of 52 turns halves what
-    is between them.
+    It takes at most `ITERATIONS` iterations for any f, target and guess. Then either `|f(x) - target| <= tolerance`, or
+    x is within `(upper - lower) 2⁻⁵²` of the root: the bracket always contains the root, and 52 iterations halve it.
 
-    Its derivative is that of the root, `dx = (d target - ∂f/∂parameters d parameters)/f'`, whatever steps led there.
+    The derivative is that of the root, `dx = (d target - ∂f/∂parameters d parameters)/f'`, independent of the steps.
 
     - `function`: f, with its slope; each entry increasing.
     - `parameters`: further arguments of f; any pytree.
@@ -69,15 +68,15 @@ def _root(function: Increasing, parameters: Any, target: Vector, search: Any) ->
     guess, at_guess, bracket, tolerance = search
 
     def unfinished(now: _RootSearch) -> Bool[Array, ""]:
-        # Where there is no number left in the bracket, none is nearer than those at its ends.
+        # A bracket without a floating-point number inside cannot be narrowed.
         middle = 0.5 * (now.lower + now.upper)
         divisible = (middle > now.lower) & (middle < now.upper)
-        return jnp.any((jnp.abs(now.value - target) > tolerance) & divisible) & (now.step < STEPS)
+        return jnp.any((jnp.abs(now.value - target) > tolerance) & divisible) & (now.step < ITERATIONS)
 
     def step(now: _RootSearch) -> _RootSearch:
         residual = now.value - target
         newton = now.x - residual / now.slope
-        tried = (now.step < FREE) | (now.step >= FREE + HALVINGS)
+        tried = (now.step < NEWTON) | (now.step >= NEWTON + HALVINGS)
         trusted = tried & now.halved & (newton > now.lower) & (newton < now.upper)
         x = jnp.where(trusted, newton, 0.5 * (now.lower + now.upper))
         x = jnp.where(jnp.abs(residual) <= tolerance, now.x, x)
@@ -92,7 +91,7 @@ def _root(function: Increasing, parameters: Any, target: Vector, search: Any) ->
 
 
 def _narrowed(now: _RootSearch, x: Vector, value: Vector, slope: Vector, target: Vector) -> _RootSearch:
-    """The search with one more point known."""
+    """Narrow the bracket by the value at x."""
     residual = value - target
     return _RootSearch(
         x=x,

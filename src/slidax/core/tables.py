@@ -1,4 +1,4 @@
-"""Read tables of numbers from text: lines, separators, decimal signs and titles."""
+"""Read tables of numbers from text: lines, separators, decimal signs and column titles."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import BinaryIO
 from .errors import DefinitionError, count_noun, plain_name
 
 LONGEST_LINE = 10**6
-"""Characters."""
+"""Most characters in a line."""
 
 SAMPLE = 100
 """Lines from which the decimal sign is recognised."""
@@ -29,9 +29,9 @@ Lines = Generator[tuple[int, str], None, None]
 class TableFormat:
     """The form of a table.
 
-    - `separator`: of its columns; " " for any white space.
-    - `comma`: True if decimals follow a comma.
-    - `titles`: of its columns.
+    - `separator`: column separator; " " for any white space.
+    - `comma`: True if the decimal sign is a comma.
+    - `titles`: column titles.
     - `header`: number of the line with the titles.
     """
 
@@ -42,12 +42,12 @@ class TableFormat:
 
 
 def lines_of(file: BinaryIO, name: str) -> Lines:
-    """Yield the lines of a table from its start, without those that are empty or have only separators.
+    """Yield the lines of a table with their numbers; skip lines that are empty or have only separators.
 
-    - `file`: the table.
-    - `name`: of the file, for messages.
+    - `file`: the table; it is read from its start.
+    - `name`: file name, for messages.
 
-    Raises DefinitionError if there is something that is no text.
+    Raises DefinitionError if a line is not text or too long.
     """
     file.seek(0)
     encoding = "utf-16" if file.read(2) in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
@@ -58,11 +58,13 @@ def lines_of(file: BinaryIO, name: str) -> Lines:
         while line := text.readline(LONGEST_LINE + 1):
             number += 1
             if len(line) > LONGEST_LINE:
-                raise DefinitionError(f"{name}, line {number}: longer than {LONGEST_LINE} characters: this is no table")
+                raise DefinitionError(
+                    f"{name}, line {number}: longer than {LONGEST_LINE} characters, so this is not a table"
+                )
             if "\0" in line:
                 raise DefinitionError(
-                    f"{name}, line {number}: a character of code 0, so this is no text or its writing was interrupted: "
-                    "leave out the lines from here on"
+                    f"{name}, line {number}: null character: the file is not text, or writing it was interrupted; "
+                    "delete the lines from here on"
                 )
             if line.strip(" \t\r\n,;"):
                 yield number, line.rstrip("\r\n")
@@ -71,17 +73,17 @@ def lines_of(file: BinaryIO, name: str) -> Lines:
             f"cannot read the file {name}: after line {number} it is not UTF-8 text; save it as CSV in UTF-8"
         ) from None
     finally:
-        # A closed file has nothing to keep open. It is closed already if both are collected in one circle.
+        # Keep the file open without its wrapper. If both are garbage, Python may already have closed it.
         if not file.closed:
             text.detach()
 
 
 def table_format(lines: Lines, name: str, example: str) -> TableFormat:
-    """Return the form of a table, recognised from its first lines.
+    """Detect the format of a table from its first lines.
 
-    - `lines`: from its start.
-    - `name`: of the file, for messages.
-    - `example`: of the line with the titles, for messages.
+    - `lines`: lines from the start of the table.
+    - `name`: file name, for messages.
+    - `example`: an example of the line with the titles, for messages.
 
     Raises DefinitionError if there are no titles.
     """
@@ -101,7 +103,7 @@ def table_format(lines: Lines, name: str, example: str) -> TableFormat:
     if head is None:
         raise DefinitionError(f"{name} is empty: the first line must name the columns, such as `{example}`")
     if _all_numbers(head[1]):
-        # As numpy.savetxt writes it, the titles are a comment.
+        # numpy.savetxt writes the titles as a comment.
         if comment is None or len(_split(comment[1])) < 2:
             raise DefinitionError(
                 f"{name}, line {head[0]}: numbers, but the first line must name the columns, such as `{example}`"
@@ -117,16 +119,15 @@ def table_format(lines: Lines, name: str, example: str) -> TableFormat:
     return TableFormat(separator, commas and not points, titles, head[0])
 
 
-def rows_of(lines: Lines, form: TableFormat, places: Sequence[int], name: str) -> Iterator[tuple[int, list[str]]]:
-    """Yield the number of each line below the titles with its entries in some columns, with decimal points.
+def rows_of(lines: Lines, form: TableFormat, columns: Sequence[int], name: str) -> Iterator[tuple[int, list[str]]]:
+    """Yield the number of each line below the titles, and its entries in the chosen columns, with decimal points.
 
-    - `lines`: from the start of the table.
-    - `form`: of the table.
-    - `places`: numbers of the columns from 0.
-    - `name`: of the file, for messages.
+    - `lines`: lines from the start of the table.
+    - `columns`: indices of the chosen columns, from 0.
+    - `name`: file name, for messages.
 
-    Raises DefinitionError if a line has another number of entries than there are titles, or a decimal point where
-    others have commas.
+    Raises DefinitionError if the number of entries in a line differs from the number of titles, or if a table with
+    decimal commas has a decimal point.
     """
     count = len(form.titles)
     for number, line in lines:
@@ -135,25 +136,21 @@ def rows_of(lines: Lines, form: TableFormat, places: Sequence[int], name: str) -
         entries = _cells(number, line, form.separator, name)
         if len(entries) != count and (len(entries) < count or any(entries[count:])):
             raise DefinitionError(f"{name}, line {number}: {_wrong_count(len(entries), form)}")
-        cells = [entries[place] for place in places]
+        cells = [entries[column] for column in columns]
         if form.comma:
-            for place, cell in zip(places, cells, strict=True):
+            for column, cell in zip(columns, cells, strict=True):
                 if "." in cell and is_number(cell):
                     raise DefinitionError(
-                        f"{name}, line {number}, column `{plain_name(form.titles[place])}`: `{plain_name(cell)}` "
-                        "has a point, "
-                        "where the lines above have decimal commas: leave out points between thousands, or write all "
-                        "decimals alike"
+                        f"{name}, line {number}, column `{plain_name(form.titles[column])}`: `{plain_name(cell)}` has "
+                        "a point, but the lines above have decimal commas: remove points between thousands, or use one "
+                        "decimal sign in the whole file"
                     )
             cells = [cell.replace(",", ".") for cell in cells]
         yield number, cells
 
 
 def is_number(cell: str) -> bool:
-    """Return True if an entry is a number, infinite and missing ones included.
-
-    - `cell`: the entry.
-    """
+    """True if an entry is a number; infinity and NaN are numbers, too."""
     try:
         float(cell)
     except ValueError:
@@ -179,9 +176,9 @@ def _cells(number: int, line: str, separator: str, name: str) -> list[str]:
 def _wrong_count(count: int, form: TableFormat) -> str:
     titles = len(form.titles)
     if count < titles:
-        hint = "leave out this line if its writing was interrupted"
+        hint = "delete this line if writing it was interrupted"
     elif form.separator == ",":
-        hint = "if a comma stands before the decimals, separate the columns by semicolons"
+        hint = "if the decimal sign is a comma, separate the columns by semicolons"
     else:
         hint = f"columns are separated by {SEPARATORS[form.separator]}"
     return (

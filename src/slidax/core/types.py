@@ -30,10 +30,7 @@ Memory = Any
 
 
 def _numbers(value: Any, like: Any = None) -> Any:
-    """Convert lists and integers to an array of floats, and None to zeros shaped like `like`.
-
-    Tracers and other stand-ins for an array are returned unchanged.
-    """
+    """Convert lists and integers to a float array, and None to zeros shaped like `like`; leave tracers unchanged."""
     if value is None and like is not None:
         return np.zeros(np.shape(like)) if isinstance(like, np.ndarray) else jnp.zeros_like(like)
     if isinstance(value, jax.Array):
@@ -92,10 +89,9 @@ class Command(eqx.Module):
 
     - `tau`: joint torques [n], N m (N for a prismatic joint).
     - `memory`: the controller's memory after this sample; the same tree as before it.
-    - `signals`: inner quantities by name (`s`, `eps`, `rho`, `u`, ...), for plots and logs.
-    - `rate`: for a memory that is a state with a differential equation of its own, such as an adaptive gain: its time
-      derivative, a tree like `memory`. The loop integrates it: over a period in held mode, with the plant
-      in continuous mode. None for a memory without one.
+    - `signals`: internal quantities by name (`s`, `eps`, `rho`, `u`, ...), for plots and logs.
+    - `rate`: time derivative of a memory with a differential equation, such as an adaptive gain; a tree like `memory`.
+      The loop integrates it: over a period in held mode, with the plant in continuous mode. Else None.
     """
 
     tau: Vector
@@ -104,7 +100,7 @@ class Command(eqx.Module):
     rate: Memory = None
 
     def memory_after(self, period: Scalar) -> Memory:
-        """The memory at the next sample: one with a rate moves on by Euler's rule, `m + h ṁ`.
+        """The memory at the next sample: `m + h ṁ` (Euler) if the command has a rate.
 
         - `period`: h [s].
         """

@@ -32,22 +32,19 @@ _NAME = re.compile(r"\.slidax-(?P<host>.+)-\d+-[0-9a-f]{12}\.tmp")
 
 
 def error_reason(error: OSError) -> str:
-    """The reason why a file cannot be written, with the remedy for a full disk.
-
-    - `error`: of the system.
-    """
+    """The reason why a file cannot be written, with the remedy for a full disk."""
     text = error.strerror or str(error)
     if error.errno not in NO_ROOM:
         return text
-    return f"{text}. Free some space or write elsewhere, and run the command again; files written before are whole"
+    return f"{text}. Free some space or write elsewhere, and run the command again; files already written are complete"
 
 
 def write_text(path: str | Path, text: str, *, follow: bool = True) -> None:
-    """Replace a text file as a whole, in UTF-8.
+    """Replace a text file atomically, in UTF-8.
 
     - `path`: the file; its folder must exist.
     - `text`: its new content.
-    - `follow`: as in `replacing`.
+    - `follow`: as in `replace_file`.
 
     Raises OSError with the file's name if it cannot be written; the old file then stays.
     """
@@ -55,11 +52,11 @@ def write_text(path: str | Path, text: str, *, follow: bool = True) -> None:
 
 
 def write_bytes(path: str | Path, content: bytes, *, follow: bool = True) -> None:
-    """Replace a file as a whole.
+    """Replace a file atomically.
 
     - `path`: the file; its folder must exist.
     - `content`: its new content.
-    - `follow`: as in `replacing`.
+    - `follow`: as in `replace_file`.
 
     Raises OSError with the file's name if it cannot be written; the old file then stays.
     """
@@ -102,11 +99,11 @@ def create_text(path: str | Path, text: str) -> bool:
 
 @contextmanager
 def replace_file(path: str | Path, *, follow: bool = True) -> Iterator[IO[bytes]]:
-    """A binary file that takes the place of `path` when the block ends without an error.
+    """Open a binary file that replaces `path` when the block ends without an error.
 
     - `path`: the file; its folder must exist.
-    - `follow`: True writes what a link leads to, and writes a device or a pipe, such as `/dev/stdout`, directly; False
-      replaces the link, device or pipe itself.
+    - `follow`: True writes the target of a link, and writes directly to a device or a pipe, such as `/dev/stdout`;
+      False replaces the link, device or pipe itself.
 
     Raises OSError with the file's name if it cannot be written; the old file then stays.
     """
@@ -135,7 +132,7 @@ def remove_leftovers(folder: Path) -> None:
 
     Files of live processes stay. Where the file system has no locks, all stay.
 
-    - `folder`: with files that were written by this module.
+    - `folder`: folder with files that this module wrote.
     """
     with suppress(OSError):
         for path in folder.iterdir():
@@ -145,10 +142,7 @@ def remove_leftovers(folder: Path) -> None:
 
 
 def is_temporary(name: str) -> bool:
-    """True if a file's name is that of a temporary file of this module.
-
-    - `name`: without its folder.
-    """
+    """True if a file name, without its folder, is that of a temporary file of this module."""
     return _NAME.fullmatch(name) is not None
 
 
@@ -158,12 +152,12 @@ def _host() -> str:
 
 @contextmanager
 def _temporary(folder: Path) -> Iterator[tuple[IO[bytes], Path]]:
-    """A locked file of our own in a folder; it is gone afterwards unless it was renamed."""
+    """Open a new locked file in a folder; remove it at the end of the block unless it was renamed."""
     while True:
         name = folder / f".slidax-{_host()}-{os.getpid()}-{secrets.token_hex(6)}.tmp"
         handle = os.open(name, os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0), 0o666)
         _lock(handle, wait=True)
-        # Between these two calls another process may have taken the file for an abandoned one.
+        # Between these two calls another process may have removed the file as abandoned.
         if os.fstat(handle).st_nlink or os.name == "nt":
             break
         os.close(handle)
@@ -189,7 +183,7 @@ def _remove_if_abandoned(path: Path) -> None:
 
 
 def _lock(handle: int, *, wait: bool) -> bool:
-    """True if the lock is ours; False if another process has it, or the file system has no locks."""
+    """True if this process gets the lock; False if another process has it, or the file system has no locks."""
     if sys.platform == "win32":
         return False
     try:
@@ -213,7 +207,7 @@ def _flush(file: IO[bytes]) -> None:
 
 
 def _flush_folder(folder: Path) -> None:
-    """Make a rename last beyond a power failure, where folders can be flushed."""
+    """Make a rename survive a power failure, where folders can be flushed."""
     with suppress(OSError):
         handle = os.open(folder, os.O_RDONLY)
         try:
@@ -224,7 +218,7 @@ def _flush_folder(folder: Path) -> None:
 
 @contextmanager
 def _named(path: Path) -> Iterator[None]:
-    """Errors of the system name the file that a user knows, and not its temporary one."""
+    """Make each OSError name the user's file instead of its temporary file."""
     try:
         yield
     except OSError as error:

@@ -13,7 +13,7 @@ from typing import Any, TextIO
 import numpy as np
 
 from slidax.core.errors import DefinitionError, nearest_word, plain_name, short_repr
-from slidax.core.files import MEGABYTE, open_file, whole_number
+from slidax.core.files import MEGABYTE, open_file, parse_integer
 from slidax.core.joint_names import match_names
 
 from .logs import JointLog, ReadOptions
@@ -109,7 +109,7 @@ def read_json(path: Path, joints: Sequence[str], reading: ReadOptions) -> JointL
 
 def _messages(text: TextIO, name: str) -> Iterator[Any]:
     """Messages one by one, of a list or one after the other, so that only numbers stay in memory."""
-    decoder = json.JSONDecoder(parse_int=whole_number)
+    decoder = json.JSONDecoder(parse_int=parse_integer)
     window, start, ended, line, within = "", 0, False, 1, None
     try:
         while True:
