@@ -115,7 +115,7 @@ def test_saved_run_with_a_column_that_is_not_numeric_is_refused_unread(tmp_path,
     if column is None:
         column = text.dictionary_encode() if kind == "dictionary" else text.cast(pa.binary())
     pq.write_table(pa.table({"t": np.arange(20.0), "q_1": column}), tmp_path / "a.parquet")
-    with pytest.raises(DefinitionError, match=f"column `q_1` has the type {kind}.*, and is no numbers"):
+    with pytest.raises(DefinitionError, match=f"column `q_1` has the type {kind}.*, which is not numeric"):
         parquet.read_columns(tmp_path / "a.parquet")
 
 

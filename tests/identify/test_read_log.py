@@ -82,7 +82,7 @@ def test_our_own_log_is_read(tmp_path):
         (
             "words",
             lambda pa: pa.table({name: ["a", "b"] for name in TITLES}),
-            "column `time` has the type string, and is no numbers",
+            "column `time` has the type string, which is not numeric",
         ),
     ],
 )

@@ -93,7 +93,7 @@ def test_the_force_stays_as_near_to_its_chord_as_its_class_says_over_a_box_of_it
     lower, upper = between(disturbance, other)
     for seed in range(6):
         dense = moving(seed)
-        bound = lower.off_chord(upper, sampled(dense))
+        bound = lower.chord_deviation(upper, sampled(dense))
         assert np.isfinite(bound).all()
         part = jax.tree.map(lambda low, high: low + (high - low) * random.uniform(size=low.shape), lower, upper)
         assert (off_the_chord(part, dense) <= bound + 1e-12)[:-1].all()
@@ -103,11 +103,11 @@ def test_the_force_stays_as_near_to_its_chord_as_its_class_says_over_a_box_of_it
 def test_the_bound_between_samples_adds_up_over_equal_parts_and_grows_with_the_box(disturbance):
     dense = moving(1)
     samples = sampled(dense)
-    whole = disturbance.off_chord(disturbance, samples)
+    whole = disturbance.chord_deviation(disturbance, samples)
     parts = Sum((Scaled(disturbance, 0.25),) * 4)
-    np.testing.assert_allclose(parts.off_chord(parts, samples), whole, rtol=1e-12)
+    np.testing.assert_allclose(parts.chord_deviation(parts, samples), whole, rtol=1e-12)
     _, upper = between(disturbance, jax.tree.map(lambda leaf: 1.5 * leaf, disturbance))
-    assert (disturbance.off_chord(upper, samples) >= whole - 1e-12).all()
+    assert (disturbance.chord_deviation(upper, samples) >= whole - 1e-12).all()
 
 
 def test_a_short_pulse_holds_one_of_its_breakpoints():

@@ -87,5 +87,5 @@ def test_long_motions_with_many_waypoints_stay_accurate():
 
 def test_too_many_waypoints_to_search_the_times_of_are_refused():
     rows = [[float(k % 2)] for k in range(1001)]
-    with pytest.raises(DefinitionError, match=r"at most 100 waypoints; got 1001; give their times to"):
+    with pytest.raises(DefinitionError, match=r"at most 100 waypoints; got 1001; pass times to"):
         MinimumJerk.within(rows, velocity=1.0, acceleration=1.0)

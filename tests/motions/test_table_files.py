@@ -125,15 +125,15 @@ def test_units_in_the_titles_are_obeyed():
 def test_a_length_for_a_joint_that_turns_is_refused():
     text = "time,a [mm],b [deg]\n0,1,2\n1,2,3\n"
     Tabulated.from_csv(text, joints=["a", "b"], units=["m", "rad"])
-    with pytest.raises(DefinitionError, match="the column of `a` is in m, but `a` turns"):
+    with pytest.raises(DefinitionError, match="the column `a` is in m, but `a` is revolute"):
         Tabulated.from_csv(text, joints=["a", "b"], units=["rad", "rad"])
 
 
 @pytest.mark.parametrize(
     ("titles", "words"),
     [
-        ("a [deg],a.velocity [mm/s]", "the column of `a.velocity` is in m, but that of `a` in rad"),
-        ("a,a.velocity [mm/s]", "the column of `a.velocity` is in m, but `a` turns"),
+        ("a [deg],a.velocity [mm/s]", "the column `a.velocity` is in m, but `a` in rad"),
+        ("a,a.velocity [mm/s]", "the column `a.velocity` is in m, but `a` is revolute"),
         ("a [deg],a.velocity", r"`a.velocity` has no unit: write its unit in brackets, such as `a.velocity \[rad/s\]`"),
         ("a [deg],a.velocity [deg/s],a.acceleration", r"such as `a.acceleration \[rad/s2\]`"),
     ],
@@ -159,11 +159,11 @@ def test_times_in_another_unit_are_suspected_where_the_motion_is_too_slow_and_re
 
 
 def test_contradictory_or_unknown_unit_is_an_error():
-    with pytest.raises(DefinitionError, match="the times cannot also be in ms"):
+    with pytest.raises(DefinitionError, match="has another unit than `time_unit`, ms"):
         Tabulated.from_csv("time [s],a\n0,1\n1,2\n", time_unit="ms")
     with pytest.raises(DefinitionError, match="`time_unit` must be one of s, ms, us, ns; got 'min'"):
         Tabulated.from_csv(CSV, time_unit="min")
-    with pytest.raises(DefinitionError, match=r"points\[0\]: `time_from_start` says its own unit"):
+    with pytest.raises(DefinitionError, match=r"points\[0\]: `time_from_start` already has a unit"):
         Tabulated.from_joint_trajectory(message(1, lambda t: {"sec": int(10 * t), "nanosec": 0}), time_unit="ms")
 
 
@@ -219,13 +219,13 @@ def test_empty_lists_in_a_message_mean_that_there_is_nothing():
         ("\n", "the text is empty: the first line must name the columns"),
         ("0,1,2\n1,2,3\n", "line 1: numbers, but the first line must name the columns, such as `time,shoulder,elbow`"),
         ("t,a\n0,1\n1,2\n", "line 1: there must be a column `time` .*is it `t`"),
-        ("time\n0\n1\n", "there must be a column per joint besides `time`"),
+        ("time\n0\n1\n", "there must be a column with the positions of each joint"),
         ("time [min],a\n0,1\n1,2\n", r"column `time \[min\]`: the unit must be one of s, sec, ms"),
         ("time,a [Nm]\n0,1\n1,2\n", r"column `a \[Nm\]`: the unit must be one of rad, m, deg"),
         ("time,a,a.velocity [rad]\n0,1,0\n1,2,0\n", "the unit must be one of rad/s, m/s"),
         ('time,"a\n0,0\n1,1\n', "the text, line 1: a quotation mark is not closed"),
-        ("TIME,Time [s],a\n0,0,0\n1,1,1\n", r"line 1: the column `Time \[s\]` is there twice"),
-        ("time,a,a\n0,1,2\n1,2,3\n", "line 1: the column `a` is there twice"),
+        ("TIME,Time [s],a\n0,0,0\n1,1,1\n", r"line 1: the column `Time \[s\]` occurs twice"),
+        ("time,a,a\n0,1,2\n1,2,3\n", "line 1: the column `a` occurs twice"),
         ("time,a,\n0,1,2\n1,2,3\n", "line 2: 3 entries, but line 1 names 2 columns"),
         (
             "time,a,b,a.velocity\n0,1,2,0\n1,2,3,0\n",

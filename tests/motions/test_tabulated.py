@@ -97,9 +97,9 @@ def test_jump_error_names_row_joint_time_size_and_remedy():
 def test_acceleration_limit_decides_if_given():
     t = np.linspace(0.0, 2.0, 41)
     q = 0.2 * np.sin(2 * t)[:, None]
-    with pytest.raises(DefinitionError, match=r"if the arm can do ([0-9.]+) rad/s²") as refused:
+    with pytest.raises(DefinitionError, match=r"if the arm reaches ([0-9.]+) rad/s²") as refused:
         Tabulated.through(t, q)
-    needed = float(str(refused.value).split("can do ")[1].split()[0])
+    needed = float(str(refused.value).split("arm reaches ")[1].split()[0])
     assert Tabulated.through(t, q, acceleration=needed).extremes(2).size[0] <= needed
     with pytest.raises(DefinitionError, match=f"over its limit of {needed / 2:g} for acceleration"):
         Tabulated.through(t, q, acceleration=needed / 2)
@@ -191,7 +191,7 @@ def test_degrees_and_wrong_speeds_are_suspected_where_a_limit_is_passed():
         Tabulated.through(TIMES, np.degrees(PLACES), velocity=3.0)
     t, q, dq, _ = sampled(MinimumJerk.through(TIMES, PLACES), 201)
     dq[[0, -1]] = 0.0
-    with pytest.raises(DefinitionError, match=r"velocities are 57.* times what positions and times say"):
+    with pytest.raises(DefinitionError, match=r"velocities are 57.* times those that follow from positions and times"):
         Tabulated.through(t, q, np.degrees(dq))
 
 
@@ -203,7 +203,7 @@ def test_degrees_and_wrong_speeds_are_suspected_where_a_limit_is_passed():
         ({"times": [0.5, 1.3, 1.2, 3.1]}, "row 3: time 1.2 s comes after 1.3 s: the times must increase"),
         ({"times": [0.5, np.nan, 2.0, 3.1]}, "row 2: the time must be a finite number"),
         ({"times": [-0.5, 1.3, 2.0, 3.1]}, "row 1: time -0.5 s: a motion starts at 0 or later"),
-        ({"times": 1.7e9 + TIMES}, "this looks like a clock; with `start=0`"),
+        ({"times": 1.7e9 + TIMES}, "this looks like the time of a clock; shift the table to start at 0 with `start=0`"),
         ({"positions": np.where(PLACES == 0.5, np.nan, PLACES)}, "row 3: the position of joint 1 must be a finite"),
         ({"velocities": SPEEDS[:3]}, "needs one row per time and one column per joint"),
         ({"accelerations": CURVES}, "has accelerations but no velocities"),

@@ -207,7 +207,11 @@ MISFITS = [
         {"simulation.plant": "mujoco", "robot.plant.load.inertia": [0.01, 0.02, 0.04]},
         "simulation.plant: no rigid body has this `Payload.inertia`",
     ),
-    (TWO_LINK, {"simulation.plant": "mujoco"}, r"simulation.plant: MuJoCo takes an articulated arm.*got a TwoLink"),
+    (
+        TWO_LINK,
+        {"simulation.plant": "mujoco"},
+        r"simulation.plant: a MujocoPlant needs an `Articulated` arm.*got a TwoLink",
+    ),
 ]
 
 

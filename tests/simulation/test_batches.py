@@ -60,7 +60,7 @@ def test_runs_of_a_batch_are_counted_picked_and_iterated(runs):
     assert len(runs[1:]) == 2 and runs[1:][0].outcome == runs[1].outcome
     with pytest.raises(IndexError, match="there are 3 runs; got 3"):
         runs[3]
-    with pytest.raises(DefinitionError, match="these are 3 runs: see `outcomes`"):
+    with pytest.raises(DefinitionError, match="a batch of 3 runs has no single outcome: read `outcomes`"):
         _ = runs.outcome
 
 

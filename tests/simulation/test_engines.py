@@ -172,7 +172,7 @@ def with_its_warning(simulated):
         warnings.simplefilter("always")
         run = simulated()
     (message,) = [str(each.message) for each in caught]
-    assert message.startswith("simulating with the engine `xla`, as there is no native code for ")
+    assert message.startswith("simulating with the engine `xla`, because there is no native code for ")
     assert "\n" not in message
     return run, message
 

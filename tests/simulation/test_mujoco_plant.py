@@ -244,7 +244,7 @@ def test_what_mujoco_cannot_do_is_refused():
         jax.jit(lambda q: simulate(stand_in, law, motion, State(q, start.dq), **how).state.q)(start.q)
     with pytest.raises(DefinitionError, match="MuJoCo moves one arm at a time"):
         simulate_batch(lambda q: (stand_in, law, motion, State(q, start.dq)), start.q[None], **how)
-    with pytest.raises(DefinitionError, match=r"MuJoCo takes an articulated arm.*got a TwoLink"):
+    with pytest.raises(DefinitionError, match=r"a MujocoPlant needs an `Articulated` arm.*got a TwoLink"):
         MujocoPlant(TWO_LINK, Constant(jnp.zeros(2)))
     with pytest.raises(DefinitionError, match="`implicitfast`, `implicit`, `euler`, `rk4`; got 'rk45'"):
         MujocoPlant.of(plant, integrator="rk45")

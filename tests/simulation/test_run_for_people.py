@@ -100,7 +100,7 @@ def test_the_log_is_a_data_frame_with_names_and_units(scara, monkeypatch):
     rates = [units[f"ddq_d[{name}]"] for name in scara.joint_names]
     assert rates == [f"{unit}/s²" for unit in scara.joint_units]
     assert [units[f"tau[{name}]"] for name in scara.joint_names] == ["N m", "N m", "N"]
-    with pytest.raises(DefinitionError, match="these are 3 runs: take the log of each"):
+    with pytest.raises(DefinitionError, match="a batch of 3 runs has no single log"):
         simulate_batch(falling, RADII, **HOW).frame()
 
 

@@ -154,8 +154,8 @@ def test_a_part_that_announces_other_rows_is_not_read(whole, out):
     ("names", "columns", "words"),
     [
         (("row", "row"), ([1, 2], [1, 2]), "it has two columns `row`"),
-        (("row",), (["a", "b"],), "column `row` has the type string, and is no numbers"),
-        (("row", "q"), ([1, 2], [[1.0], [2.0]]), "column `q` has the type list.*, and is no numbers"),
+        (("row",), (["a", "b"],), "column `row` has the type string, which is not numeric"),
+        (("row", "q"), ([1, 2], [[1.0], [2.0]]), "column `q` has the type list.*, which is not numeric"),
     ],
     ids=["two of one name", "text", "lists"],
 )

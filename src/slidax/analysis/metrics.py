@@ -237,21 +237,21 @@ def rms_tool_error(run: Run) -> np.ndarray | float | None:
 @metric("tool turn", "rad", per_joint=False)
 def tool_turn(run: Run) -> np.ndarray | float | None:
     """Largest angle of the rotation between the tool and how the reference has it [rad]; None where no tool is led."""
-    turn = None if run.tally.tool is None else run.tally.tool.turn
+    turn = None if run.tally.tool is None else run.tally.tool.rotation
     return None if turn is None else value_of_run(array_of(run.tally.samples) > 0, array_of(turn.error))
 
 
 @metric("steady tool turn", "rad", per_joint=False)
 def steady_tool_turn(run: Run) -> np.ndarray | float | None:
     """The same over the last quarter of the run [rad]."""
-    turn = None if run.tally.tool is None else run.tally.tool.turn
+    turn = None if run.tally.tool is None else run.tally.tool.rotation
     return None if turn is None else value_of_run(reached_last_quarter(run), array_of(turn.steady))
 
 
 @metric("tool turn, rms", "rad", per_joint=False)
 def rms_tool_turn(run: Run) -> np.ndarray | float | None:
     """Root mean square of that angle over all samples [rad]."""
-    turn = None if run.tally.tool is None else run.tally.tool.turn
+    turn = None if run.tally.tool is None else run.tally.tool.rotation
     if turn is None:
         return None
     samples = array_of(run.tally.samples)

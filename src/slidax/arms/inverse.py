@@ -285,14 +285,14 @@ class InverseSolution:
     """A posture that has the tool at a pose.
 
     - `q`: positions [n], rad or m.
-    - `place_error`, `turn_error`: error of the tool, m and rad.
+    - `position_error`, `rotation_error`: error of the tool, m and rad.
     - `least_motion`: least singular value of the Jacobian, m or rad per rad or m of the joints; 0 at a singularity.
     - `starts`: number of postures from which the search started.
     """
 
     q: Array
-    place_error: float
-    turn_error: float
+    position_error: float
+    rotation_error: float
     least_motion: float
     starts: int
 

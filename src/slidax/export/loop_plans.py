@@ -453,7 +453,7 @@ def _world(plant: MujocoPlant, timestep: float, start: State, until: float) -> t
             "a payload that is attached or released during the run needs the built-in arm: `--arm own`"
         )
     world = World(plant, timestep, start)
-    return world.model, world.places, world.dofs
+    return world.model, world.positions, world.dofs
 
 
 def _shape(x: Any) -> Any:

@@ -281,7 +281,7 @@ def _parquet_numbers(column: Any, title: str, name: str, *, is_time: bool) -> tu
         return numbers.astype(float), ""
     if pa.types.is_decimal(kind):
         return column.cast(pa.float64()).to_numpy(), ""
-    raise DefinitionError(f"{where} has the type {kind}, and is no numbers: write it as float64")
+    raise DefinitionError(f"{where} has the type {kind}, which is not numeric: write it as float64")
 
 
 def read_log(

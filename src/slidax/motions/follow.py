@@ -25,7 +25,7 @@ from slidax.arms.inverse import (
 )
 from slidax.core.errors import DefinitionError, as_array, count_noun, locate_errors
 
-from .joint_path import JointPath, PathEnd, joint_path
+from .joint_path import JointPath, PathEnd, evaluate_pieces, joint_path
 from .limits import limit
 from .moves import AbstractMove, TimedCurve
 from .tabulated import Tabulated
@@ -38,7 +38,7 @@ NEAR_LIMIT = 0.01
 """Distance from a limit, as a part of the range, within which the limit stops a redundant arm's joint."""
 
 CHECKED_TIMES = 40
-"""Times in a piece at which the joint limits are checked."""
+"""Number of times in each piece at which the joint limits are checked."""
 
 
 def path_end_message(task: PoseTask, move: TimedCurve, caught: PathEnd, now: float) -> str:
@@ -54,29 +54,25 @@ def path_end_message(task: PoseTask, move: TimedCurve, caught: PathEnd, now: flo
     held = _near_limits(task.chain, q)
     end = _can_reach_end(task, move, q)
     if float(sizes[1][rank - 1]) < NEAR_SINGULAR:
-        why = f"{_stretched(task, move, weak)}; keep away from it, or give up a little of the pose there with `damping`"
+        why = f"{_stretched(task, move, weak)}; keep away from it, or accept a small pose error there with `damping`"
     elif held:
         why = f"{' and '.join(held)}; begin in another posture, or give another `posture`"
     else:
-        why = "its postures end there; begin in another posture, or ask less of the tool with `hold`"
-    return f"the tool cannot follow {_place(move, caught.s, now)}: {why}{end}"
+        why = "the arm has no posture beyond it; begin in another posture, or hold fewer coordinates with `hold`"
+    return f"the tool cannot follow {_describe_position(move, caught.s, now)}: {why}{end}"
 
 
 def require_within_range(chain: KinematicChain, move: TimedCurve, path: JointPath, now: float) -> None:
     """Raise DefinitionError if a joint passes its position limit, with the first time and position."""
     motion = Tabulated(times=as_array(path.times), coefficients=as_array(path.coefficients))
     reach, lower, upper = motion.extremes(0), chain.lower, chain.upper
-    room = 1e-9
-    if not ((reach.least < lower - room) | (reach.largest > upper + room)).any():
+    slack = 1e-9
+    if not ((reach.least < lower - slack) | (reach.largest > upper + slack)).any():
         return
     width = np.diff(path.times)
-    times = (path.times[:-1, None] + width[:, None] * np.linspace(0.0, 1.0, CHECKED_TIMES)).ravel()
-    coefficients = path.coefficients
-    x = (width[:, None] * np.linspace(0.0, 1.0, CHECKED_TIMES))[:, :, None]
-    sampled = np.zeros((len(width), CHECKED_TIMES, path.joints))
-    for power in coefficients:
-        sampled = sampled * x + power[:, None, :]
-    q = sampled.reshape(-1, path.joints)
+    x = width[:, None] * np.linspace(0.0, 1.0, CHECKED_TIMES)
+    times = (path.times[:-1, None] + x).ravel()
+    q = evaluate_pieces(path.coefficients, x).reshape(-1, path.joints)
     outside = (q < lower) | (q > upper)
     row = int(np.argmax(outside.any(axis=1)))
     joint = (
@@ -89,8 +85,8 @@ def require_within_range(chain: KinematicChain, move: TimedCurve, path: JointPat
     t = float(times[row])
     s = float(path.law.at(np.array([t]))[0][0])
     raise DefinitionError(
-        f"{chain.names[joint]} is at its limit of {bound:.4g} {_place(move, s, now + t, t)}, and would go to "
-        f"{extreme:.4g}: begin in another posture, or move the path"
+        f"{chain.names[joint]} is at its limit of {bound:.4g} {_describe_position(move, s, now + t, t)}, and would go "
+        f"to {extreme:.4g}: begin in another posture, or move the path"
     )
 
 
@@ -115,8 +111,8 @@ def require_within_rates(chain: KinematicChain, path: JointPath, fastest: Array,
             )
 
 
-def _place(move: TimedCurve, s: float, now: float, into: float | None = None) -> str:
-    """Time and position of a point on a move."""
+def _describe_position(move: TimedCurve, s: float, now: float, into: float | None = None) -> str:
+    """Describe a point on a move by its time and position."""
     _, position = move.curve.at(s)
     where = ", ".join(f"{x:.4g}" for x in np.asarray(position))
     if into is None:
@@ -151,16 +147,16 @@ def _near_limits(chain: KinematicChain, q: Array) -> list[str]:
 
 
 def _can_reach_end(task: PoseTask, move: TimedCurve, q: Array) -> str:
-    """State if the arm has a posture for the end of the move."""
+    """Message that says if the arm has a posture for the end of the move."""
     try:
         inverse_of_chain(task.chain, move.end, np.clip(q, task.chain.lower, task.chain.upper), q, task.hold)
     except DefinitionError as error:
         return f". The end of the move is out of reach, too: {error.message}"
-    return ". The end of the move can be reached, but not along it from here"
+    return ". The end of the move can be reached, but not along this move from here"
 
 
 MOST_MOVES = 1000
-"""Of one path."""
+"""Most moves in one path."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +165,8 @@ class ToolPath:
 
     - `trajectory`: quintics in time, continuous to the acceleration, at rest before and after.
     - `ends`: end of each move [moves], s.
-    - `place_error`, `turn_error`: largest errors of the tool at the knots and at five times between any two, m and rad.
+    - `position_error`, `rotation_error`: largest errors of the tool at the knots and at five times in each piece, m and
+      rad.
     - `least_motion`: least singular value of the Jacobian at all knots, m or rad per rad or m of the joints; 0 at a
       singularity.
     - `worst_at`: time of that value [s].
@@ -178,18 +175,18 @@ class ToolPath:
 
     trajectory: ToolMotion
     ends: Array
-    place_error: float
-    turn_error: float
+    position_error: float
+    rotation_error: float
     least_motion: float
     worst_at: float
     hold: HeldCoordinates
 
     def __str__(self) -> str:
-        turn = "" if self.hold == "place" else f" and {self.turn_error:.1e} rad"
+        turn = "" if self.hold == "place" else f" and {self.rotation_error:.1e} rad"
         return (
             f"{count_noun(len(self.ends), 'move')}, {float(self.trajectory.until):.4g} s, "
             f"{count_noun(self.trajectory.times.size - 1, 'quintic')}; "
-            f"the tool is within {self.place_error:.1e} m{turn}; it is nearest to a singularity at "
+            f"the tool is within {self.position_error:.1e} m{turn}; it is nearest to a singularity at "
             f"t = {self.worst_at:.4g} s, where it moves by {self.least_motion:.3g} in its worst direction"
         )
 
@@ -241,25 +238,25 @@ def follow(
     chain = kinematic_chain(robot)
     task = pose_task(chain, q if posture is None else numbers("posture", posture, n), hold, damping)
     here = Pose.of_tip(robot, q)
-    z = _begun(task, here, q)
+    z = _solve_start(task, here, q)
     paths: list[JointPath] = []
     ends: list[float] = []
     now = begin
     for number, move in enumerate(moves):
         with locate_errors(f"moves.{number}"):
-            bound = move.bound(here)
+            curve = move.timed_curve(here)
             try:
-                path = joint_path(task, bound, z, tolerance)
+                path = joint_path(task, curve, z, tolerance)
             except PathEnd as caught:
-                raise DefinitionError(path_end_message(task, bound, caught, now)) from None
-            path = _paced(path, bound, fastest, strongest)
-            require_within_range(chain, bound, path, now)
+                raise DefinitionError(path_end_message(task, curve, caught, now)) from None
+            path = _with_duration(path, curve, fastest, strongest)
+            require_within_range(chain, curve, path, now)
             require_within_rates(chain, path, fastest, strongest, now)
         paths.append(path)
-        z, here = path.branch.z[-1], bound.end
+        z, here = path.branch.z[-1], curve.end
         now += float(path.times[-1])
         ends.append(now)
-    return _joined(task, paths, np.array(ends), begin)
+    return _join_paths(task, paths, np.array(ends), begin)
 
 
 def _require_numbers(damping: float, tolerance: float, begin: float) -> None:
@@ -272,8 +269,8 @@ def _require_numbers(damping: float, tolerance: float, begin: float) -> None:
             raise DefinitionError(f"`{field}` must be {rule}; got {value:g}", where=field)
 
 
-def _begun(task: PoseTask, here: Pose, q: Array) -> Array:
-    """Posture and forces at the start, nearest to the preferred posture."""
+def _solve_start(task: PoseTask, here: Pose, q: Array) -> Array:
+    """Solve for posture and forces at the start, nearest to the preferred posture."""
     if (task.posture == q).all():
         return np.concatenate([q, np.zeros(HOLDS[task.hold])])
     z = move_to_posture(task, here, q, task.posture)
@@ -284,7 +281,7 @@ def _begun(task: PoseTask, here: Pose, q: Array) -> Array:
     return z
 
 
-def _paced(path: JointPath, move: TimedCurve, fastest: Array, strongest: Array) -> JointPath:
+def _with_duration(path: JointPath, move: TimedCurve, fastest: Array, strongest: Array) -> JointPath:
     """Give a move without a time the shortest duration within the joint limits."""
     if not move.free:
         return path
@@ -293,13 +290,13 @@ def _paced(path: JointPath, move: TimedCurve, fastest: Array, strongest: Array) 
     factor = max(float((v / fastest).max()), float(np.sqrt(a / strongest).max()))
     if not factor > 0:
         raise DefinitionError(
-            "needs a `duration`, or `speed` and `acceleration`; or give limits of the joints, `velocity` and "
-            "`acceleration`, by which the shortest time is found"
+            "needs a `duration`, or `speed` and `acceleration`; or give the joint limits `velocity` and `acceleration` "
+            "for the shortest duration"
         )
     return path.stretched(factor)
 
 
-def _joined(task: PoseTask, paths: list[JointPath], ends: Array, begin: float) -> ToolPath:
+def _join_paths(task: PoseTask, paths: list[JointPath], ends: Array, begin: float) -> ToolPath:
     starts = np.concatenate([[begin], ends[:-1]])
     times = np.concatenate([[begin], *(start + path.times[1:] for start, path in zip(starts, paths, strict=True))])
     coefficients = np.concatenate([path.coefficients for path in paths], axis=1)
@@ -309,8 +306,8 @@ def _joined(task: PoseTask, paths: list[JointPath], ends: Array, begin: float) -
     return ToolPath(
         trajectory=ToolMotion(times=as_array(times), coefficients=as_array(coefficients)),
         ends=ends,
-        place_error=max(path.place_error for path in paths),
-        turn_error=max(path.turn_error for path in paths),
+        position_error=max(path.position_error for path in paths),
+        rotation_error=max(path.rotation_error for path in paths),
         least_motion=float(sizes[which][knot]),
         worst_at=float(starts[which] + paths[which].times[knot]),
         hold=task.hold,

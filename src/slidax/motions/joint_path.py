@@ -16,14 +16,14 @@ from .moves import TimedCurve, TimeLaw
 from .splines import quintic_hermite
 
 FAR = 0.05
-"""Largest deviation of the next posture from its prediction, rad or m; beyond it may be another branch."""
+"""Largest deviation of the next posture from its prediction, rad or m; a larger one may be on another branch."""
 
 SHORTEST = 1e-5
 """Shortest step along a curve, as a part of the curve; the branch ends if a step must be shorter."""
 
 
 class PathEnd(Exception):
-    """The search finds no posture beyond a point of the curve.
+    """Raised if the search finds no posture beyond a point of the curve.
 
     - `s`: the last point [0, 1].
     - `z`: posture and forces there [n + m].
@@ -48,7 +48,7 @@ def continue_branch(task: PoseTask, curve: AbstractCurve, z: Array, s: Array) ->
     - `z`: solution of the equations at the curve's start [n + m].
     - `s`: the points, from 0 on, not decreasing [k].
 
-    Raises Stuck where the search finds no next posture.
+    Raises PathEnd if the search finds no next posture.
     """
     n = task.posture.size
     postures, here, now = [], 0.0, z
@@ -75,49 +75,50 @@ def continue_branch(task: PoseTask, curve: AbstractCurve, z: Array, s: Array) ->
 
 
 def branch_derivatives(task: PoseTask, curve: AbstractCurve, z: Array, s: Array) -> BranchPoints:
-    """Return exact derivatives of postures and forces along the curve, from the equations that hold all along it."""
-    at = linearise_task(task, curve, z, s)
-    first = -solve_singular(at.by_z, at.by_s)
-    second = -solve_singular(at.by_z, curvature(task, curve, z, s, first))
+    """Return exact derivatives of postures and forces along the curve, by implicit differentiation of the equations."""
+    linear = linearise_task(task, curve, z, s)
+    first = -solve_singular(linear.by_z, linear.by_s)
+    second = -solve_singular(linear.by_z, curvature(task, curve, z, s, first))
     return BranchPoints(z, first, second)
 
 
-FIRST = 4
-"""Pieces of each phase of a time law before halving."""
+INITIAL_PIECES = 4
+"""Number of pieces in each phase of a time law before any is halved."""
 
-MOST = 4000
-"""Pieces of one move."""
+MOST_PIECES = 4000
+"""Most pieces in one move."""
 
 BETWEEN = (0.15, 0.3, 0.5, 0.7, 0.85)
-"""Points in each piece at which the tool's error is measured."""
+"""Points in each piece at which the tool's error is checked, as parts of the piece."""
 
 
 @dataclass(frozen=True, eq=False)
 class JointPath:
-    """The joint motion for one move.
+    """Joint motion for one move.
 
+    - `law`: position along the curve over time.
     - `times`: knots, from 0 on [k], s.
     - `branch`: postures and forces at the knots, with their derivatives along the curve.
-    - `place_error`, `turn_error`: largest errors of the tool, in the pieces and at the knots, m and rad.
+    - `position_error`, `rotation_error`: largest errors of the tool, in the pieces and at the knots, m and rad.
     - `joints`: n.
     """
 
     law: TimeLaw
     times: Array
     branch: BranchPoints
-    place_error: float
-    turn_error: float
+    position_error: float
+    rotation_error: float
     joints: int
 
     def stretched(self, factor: float) -> JointPath:
         """Return the same path with all times multiplied by a factor."""
         law = self.law.stretched(factor)
-        return JointPath(law, self.times * factor, self.branch, self.place_error, self.turn_error, self.joints)
+        return JointPath(law, self.times * factor, self.branch, self.position_error, self.rotation_error, self.joints)
 
     @property
     def coefficients(self) -> Array:
         """Coefficients of the quintics, highest power first [6 k-1 n]."""
-        return quintic_hermite(self.times, *_motion(self.law, self.times, self.branch, self.joints))
+        return quintic_hermite(self.times, *_at_knots(self.law, self.times, self.branch, self.joints))
 
 
 def joint_path(task: PoseTask, move: TimedCurve, z: Array, tolerance: float) -> JointPath:
@@ -126,11 +127,11 @@ def joint_path(task: PoseTask, move: TimedCurve, z: Array, tolerance: float) -> 
     - `z`: posture and forces at the start [n + m].
     - `tolerance`: largest error of the tool between knots beyond the error at the knots, m and rad.
 
-    Raises Stuck where the search finds no next posture, DefinitionError if it needs too many pieces.
+    Raises PathEnd if the search finds no next posture, DefinitionError if the motion needs too many pieces.
     """
     n, law = task.posture.size, move.law
     ends = law.times
-    parts = [np.linspace(a, b, FIRST, endpoint=False) for a, b in pairwise(ends)]
+    parts = [np.linspace(a, b, INITIAL_PIECES, endpoint=False) for a, b in pairwise(ends)]
     times = np.concatenate([*parts, ends[-1:]])
     s = law.at(times)[0]
     branch = branch_derivatives(task, move.curve, continue_branch(task, move.curve, z, s), s)
@@ -138,13 +139,13 @@ def joint_path(task: PoseTask, move: TimedCurve, z: Array, tolerance: float) -> 
     checked: set[tuple[float, float]] = set()
     largest = [float(errors.max()) for errors in at_knots]
     while True:
-        coefficients = quintic_hermite(times, *_motion(law, times, branch, n))
+        coefficients = quintic_hermite(times, *_at_knots(law, times, branch, n))
         width = np.diff(times)
         left = np.array([k for k, t in enumerate(times[:-1]) if (t, width[k]) not in checked], dtype=int)
         if not len(left):
             break
         inside = times[left, None] + width[left, None] * np.array(BETWEEN)
-        q = _evaluated(coefficients[:, left], inside - times[left, None])
+        q = evaluate_pieces(coefficients[:, left], inside - times[left, None])
         tool_error = tool_errors(task, move.curve, q.reshape(-1, n), law.at(inside.ravel())[0])
         bad = np.zeros(len(left), dtype=bool)
         worst = []
@@ -160,14 +161,14 @@ def joint_path(task: PoseTask, move: TimedCurve, z: Array, tolerance: float) -> 
         halved = left[bad]
         if not len(halved):
             break
-        if len(times) + len(halved) > MOST:
+        if len(times) + len(halved) > MOST_PIECES:
             raise DefinitionError(
-                f"the motion needs more than {MOST} pieces to keep the tool within {tolerance:g} m and rad: raise "
-                "`tolerance`, or keep away from singularities"
+                f"the motion needs more than {MOST_PIECES} pieces to keep the tool within {tolerance:g} m and rad: "
+                "raise `tolerance`, or keep away from singularities"
             )
         middle = times[halved] + 0.5 * width[halved]
         guess = 0.5 * (branch.z[halved] + branch.z[halved + 1])
-        guess[:, :n] = _evaluated(coefficients[:, halved], 0.5 * width[halved, None])[:, 0]
+        guess[:, :n] = evaluate_pieces(coefficients[:, halved], 0.5 * width[halved, None])[:, 0]
         point = law.at(middle)[0]
         new = solve_task(task, move.curve, guess, point)
         if new is None or np.abs(new[:, :n] - guess[:, :n]).max() > 0.1:
@@ -182,15 +183,15 @@ def joint_path(task: PoseTask, move: TimedCurve, z: Array, tolerance: float) -> 
     return JointPath(law, times, branch, largest[0], largest[1], n)
 
 
-def _motion(law: TimeLaw, times: Array, branch: BranchPoints, n: int) -> tuple[Array, Array, Array]:
+def _at_knots(law: TimeLaw, times: Array, branch: BranchPoints, n: int) -> tuple[Array, Array, Array]:
     """Positions, velocities and accelerations at the knots."""
     _, rate, bend = (value[:, None] for value in law.at(times))
     q, first, second = (part[:, :n] for part in branch)
     return q, first * rate, second * rate**2 + first * bend
 
 
-def _evaluated(coefficients: Array, x: Array) -> Array:
-    """Values of quintics [6 k n] at times within each piece [k m], as [k m n]."""
+def evaluate_pieces(coefficients: Array, x: Array) -> Array:
+    """Evaluate polynomials [powers k n] at times since the start of each piece [k m]: values [k m n]."""
     value = np.zeros((*x.shape, coefficients.shape[2]))
     for power in coefficients:
         value = value * x[:, :, None] + power[:, None, :]

@@ -20,7 +20,7 @@ def limit(owner: str, name: str, value: object, joints: int, names: Sequence[str
     """Return a limit as one number > 0 per joint, [n]; infinite for none.
 
     - `owner`, `name`: class and field, for the message.
-    - `names`: of the joints, if they have any.
+    - `names`: joint names, if they have any.
 
     Raises DefinitionError if it is not positive or does not fit the joints.
     """
@@ -50,7 +50,7 @@ def one_per_joint(owner: str, name: str, value: object, joints: int) -> NDArray[
             f"got shape {list(numbers.shape)}"
         )
     if np.any(np.isnan(numbers)):
-        raise DefinitionError(f"`{owner}.{name}` must be numbers; one of them is none")
+        raise DefinitionError(f"`{owner}.{name}` must be numbers; one of them is NaN")
     return np.broadcast_to(numbers, (joints,))
 
 
@@ -61,7 +61,7 @@ def joint_label(joint: int, names: Sequence[str]) -> str:
 
 @dataclass(frozen=True)
 class MotionLimits:
-    """Limits of a motion, each one number or one per joint; infinite where there is none.
+    """Limits of a motion, each one number or one per joint; infinite for no limit.
 
     - `lower`, `upper`: positions, rad or m.
     - `velocity`: rad/s or m/s.
@@ -74,28 +74,28 @@ class MotionLimits:
     acceleration: object = np.inf
 
     def require(
-        self, motion: AbstractPiecewisePolynomial, source: str, names: Sequence[str], place: str, rate: str
+        self, motion: AbstractPiecewisePolynomial, source: str, names: Sequence[str], position_hint: str, rate_hint: str
     ) -> None:
-        """Raise DefinitionError, with joint, value and time, if the motion leaves a limit anywhere.
+        """Raise DefinitionError, with joint, value and time, if the motion exceeds a limit anywhere.
 
         - `source`: origin of the motion, for the message.
-        - `names`: of the joints, if they have any.
-        - `place`, `rate`: likely cause for a position, and for a velocity or acceleration, outside its limit.
+        - `names`: joint names, if they have any.
+        - `position_hint`, `rate_hint`: likely cause if a position, or a velocity or acceleration, exceeds its limit.
         """
         owner, joints = type(motion).__name__, motion.coefficients.shape[2]
         position = motion.extremes(0)
         lower = one_per_joint(owner, "lower", self.lower, joints)
         upper = one_per_joint(owner, "upper", self.upper, joints)
-        room = ROUNDING * np.maximum(1.0, position.size)
+        slack = ROUNDING * np.maximum(1.0, position.size)
         for beyond, side, bound, value, when in (
-            (position.least < lower - room, "below", lower, position.least, position.when_least),
-            (position.largest > upper + room, "above", upper, position.largest, position.when_largest),
+            (position.least < lower - slack, "below", lower, position.least, position.when_least),
+            (position.largest > upper + slack, "above", upper, position.largest, position.when_largest),
         ):
             if beyond.any():
                 joint = int(np.argmax(beyond))
                 raise DefinitionError(
                     f"{source}: {joint_label(joint, names)} would go to {value[joint]:.4g} at t = {when[joint]:.6g} s, "
-                    f"{side} its limit of {bound[joint]:g}{place}"
+                    f"{side} its limit of {bound[joint]:g}{position_hint}"
                 )
         for order, name, units in ((1, "velocity", "rad/s (or m/s)"), (2, "acceleration", "rad/s² (or m/s²)")):
             bound = limit(owner, name, getattr(self, name), joints, names)
@@ -106,5 +106,5 @@ class MotionLimits:
                 when = (extremes.when_largest if forward else extremes.when_least)[joint]
                 raise DefinitionError(
                     f"{source}: {joint_label(joint, names)} would need {extremes.size[joint]:.4g} {units} "
-                    f"at t = {when:.6g} s, over its limit of {bound[joint]:g} for {name}{rate}"
+                    f"at t = {when:.6g} s, over its limit of {bound[joint]:g} for {name}{rate_hint}"
                 )

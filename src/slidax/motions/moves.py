@@ -88,11 +88,11 @@ Numbers = Sequence[float] | Array
 
 
 class TimedCurve(NamedTuple):
-    """A move from the pose where the previous one ended.
+    """The curve and time law of a move from a start pose.
 
-    - `law`: time law; for a move as fast as the joints allow, with a duration of 1 s.
-    - `free`: True if the joint limits decide the duration.
-    - `length`: of the tip's path [m], or of a pure rotation, the angle [rad].
+    - `law`: time law; its duration is 1 s if `free`.
+    - `free`: True if the joint limits determine the duration.
+    - `length`: length of the tip's path [m]; for a pure rotation, its angle [rad].
     - `end`: the last pose.
     - `unit`: unit of the length.
     """
@@ -122,7 +122,7 @@ class AbstractMove:
     acceleration: float | None = None
 
     @abstractmethod
-    def bound(self, pose: Pose) -> TimedCurve:
+    def timed_curve(self, pose: Pose) -> TimedCurve:
         """Return the move from a start pose.
 
         Raises DefinitionError if the move is not possible from there.
@@ -135,7 +135,7 @@ class AbstractMove:
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise DefinitionError(f"`{name}.{field}` must be > 0 and finite; got {value:g}", where=field)
         if length < 1e-9:
-            raise DefinitionError(f"`{name}` goes nowhere: it must change the place or the orientation of the tool")
+            raise DefinitionError(f"`{name}` must change the position or the orientation of the tool")
         if self.duration is not None:
             if self.speed is not None or self.acceleration is not None:
                 raise DefinitionError(f"`{name}` takes either `duration`, or `speed` and `acceleration`")
@@ -162,7 +162,7 @@ class Line(AbstractMove):
     by: Numbers | None = None
     quaternion: Numbers | None = None
 
-    def bound(self, pose: Pose) -> TimedCurve:
+    def timed_curve(self, pose: Pose) -> TimedCurve:
         if self.to is not None and self.by is not None:
             raise DefinitionError("`Line` takes either `to` or `by`")
         shift = np.zeros(3)
@@ -176,7 +176,7 @@ class Line(AbstractMove):
         axis, spin = axis_and_angle(end @ pose.rotation.T)
         if math.pi - spin < 1e-6:
             raise DefinitionError(
-                "`Line` turns the tool by half a turn, for which there are two ways: give a pose between, or a `Screw`"
+                "`Line` rotates the tool by half a turn, which has two directions: add a pose between, or use a `Screw`"
             )
         curve = _helix(pose, shift=shift, spin_axis=axis, spin=spin)
         far = float(np.linalg.norm(shift))
@@ -190,7 +190,7 @@ class Circle(AbstractMove):
 
     - `center`: a point of the axis, in the base frame [3], m.
     - `axis`: direction [3], of any length.
-    - `angle`: rad; negative for the other direction, more than 2 pi for several turns.
+    - `angle`: rad; negative for the other direction, more than 2π for several turns.
     - `tool`: "fixed" keeps the tool's orientation, "turns" rotates the tool with the arc.
     - `duration`, `speed`, `acceleration`: as in `AbstractMove`.
     """
@@ -200,15 +200,15 @@ class Circle(AbstractMove):
     angle: float = 2 * math.pi
     tool: Literal["fixed", "turns"] = "fixed"
 
-    def bound(self, pose: Pose) -> TimedCurve:
+    def timed_curve(self, pose: Pose) -> TimedCurve:
         if self.tool not in ("fixed", "turns"):
             raise DefinitionError(f'`Circle.tool` must be "fixed" or "turns"; got `{self.tool}`')
         center, axis = numbers("Circle.center", self.center, 3), _direction("Circle", self.axis)
         arm = pose.position - center
         radius = float(np.linalg.norm(np.cross(axis, arm)))
         if radius < 1e-6:
-            raise DefinitionError("`Circle.center` and `axis` go through the tip, so that the circle has no radius")
-        return _turned(self, pose, center, axis, self.angle, np.zeros(3), self.tool == "turns", radius)
+            raise DefinitionError("the axis of `Circle` goes through the tip, so its radius is 0: move `center`")
+        return _rotation_move(self, pose, center, axis, self.angle, np.zeros(3), self.tool == "turns", radius)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -218,7 +218,7 @@ class Screw(AbstractMove):
     - `center`: a point of the axis, in the base frame [3], m; the tip by default.
     - `axis`: direction [3], of any length.
     - `angle`: rad; negative for the other direction.
-    - `pitch`: travel along the axis for a whole turn, m.
+    - `pitch`: travel along the axis per turn, m.
     - `duration`, `speed`, `acceleration`: as in `AbstractMove`.
     """
 
@@ -227,21 +227,21 @@ class Screw(AbstractMove):
     angle: float
     pitch: float = 0.0
 
-    def bound(self, pose: Pose) -> TimedCurve:
+    def timed_curve(self, pose: Pose) -> TimedCurve:
         center = pose.position if self.center is None else numbers("Screw.center", self.center, 3)
         axis = _direction("Screw", self.axis)
         if not math.isfinite(self.pitch):
             raise DefinitionError(f"`Screw.pitch` must be finite; got {self.pitch:g}")
         shift = axis * self.pitch * self.angle / (2 * math.pi)
         radius = float(np.linalg.norm(np.cross(axis, pose.position - center)))
-        return _turned(self, pose, center, axis, self.angle, shift, True, radius)
+        return _rotation_move(self, pose, center, axis, self.angle, shift, True, radius)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pause(AbstractMove):
     """The tool stands still for `duration` [s]; `speed` and `acceleration` are not allowed."""
 
-    def bound(self, pose: Pose) -> TimedCurve:
+    def timed_curve(self, pose: Pose) -> TimedCurve:
         if self.duration is None or not (math.isfinite(self.duration) and self.duration > 0):
             raise DefinitionError("`Pause.duration` must be given, > 0 and finite")
         if self.speed is not None or self.acceleration is not None:
@@ -249,7 +249,7 @@ class Pause(AbstractMove):
         return TimedCurve(standing(pose.rotation, pose.position), minimum_jerk_law(self.duration), False, 0.0, pose)
 
 
-def _turned(
+def _rotation_move(
     move: AbstractMove,
     pose: Pose,
     center: Array,
@@ -303,29 +303,29 @@ def _direction(owner: str, axis: object) -> Array:
 
 
 def _orthonormal(rotation: Array) -> Array:
-    """Project a matrix, slightly skew by rounding, onto the rotations."""
+    """Project a matrix onto the rotations, to remove rounding errors."""
     left, _, right = np.linalg.svd(rotation)
     return left @ right
 
 
 LARGEST_ROTATION = np.deg2rad(120.0)
-"""Largest rotation between neighbouring poses, rad: up to this the spline stays near the slerp."""
+"""Largest rotation between neighbouring poses, rad, for which the spline stays near the slerp."""
 
 NEAR = 1e-4
-"""Largest distance of a table's first row from the tool, m or rad; the row is then moved to the tool."""
+"""Largest distance of a table's first row from the tool, m or rad; up to it the tool's pose replaces the row."""
 
 MOST_POSES = 100_000
-"""Rows of a table."""
+"""Most rows in a table."""
 
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
-"""Units of places, in m."""
+"""Units of positions, in m."""
 
 COLUMNS = ("x", "y", "z", "qw", "qx", "qy", "qz")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Through(AbstractMove):
-    """A smooth curve through poses without stops, at rest at both ends.
+    """A smooth curve through poses without stops in between, at rest at both ends.
 
     Position and quaternion are quintic splines with four continuous derivatives; the quaternion is then normalised. The
     curve begins where the previous move ended. That pose is not a row of `poses`, unless `times` are given: then the
@@ -357,15 +357,15 @@ class Through(AbstractMove):
         header = [title.casefold() for title, _ in named]
         wanted = COLUMNS if "qw" in header else COLUMNS[:3]
         mistakes = [f"`{column}` is missing" for column in wanted if column not in header]
-        mistakes += [f"`{plain_name(title)}` is none of them" for title in header if title not in (*wanted, "time")]
-        mistakes += [f"`{title}` is there twice" for title in header if header.count(title) > 1]
+        mistakes += [f"`{plain_name(title)}` is unknown" for title in header if title not in (*wanted, "time")]
+        mistakes += [f"`{title}` occurs twice" for title in header if header.count(title) > 1]
         if mistakes:
             raise DefinitionError(
                 f"{where}: the columns must be x, y, z, perhaps qw, qx, qy, qz, and perhaps time: {mistakes[0]}"
             )
         values, rows = numbers_in(name, titles, lines, MOST_POSES)
         if not len(rows):
-            raise DefinitionError(f"{name} has no row below the names of its columns")
+            raise DefinitionError(f"{name} has no row below its column titles")
         for column, (_, unit) in enumerate(named):
             kind = header[column]
             known = TIME_UNITS if kind == "time" else LENGTHS if kind in COLUMNS[:3] else {"": 1.0, "1": 1.0}
@@ -378,9 +378,11 @@ class Through(AbstractMove):
         times = values[:, header.index("time")] if "time" in header else None
         return Through(poses=values[:, [header.index(column) for column in wanted]], times=times)
 
-    def bound(self, pose: Pose) -> TimedCurve:
+    def timed_curve(self, pose: Pose) -> TimedCurve:
         if self.speed is not None or self.acceleration is not None:
-            raise DefinitionError("`Through` takes `times` or a `duration`, or leaves its time to the joints' limits")
+            raise DefinitionError(
+                "`Through` takes `times` or a `duration`, or neither: then the joint limits determine its duration"
+            )
         rows = _rows(self.poses)
         own = np.concatenate([pose.position, pose.quaternion])
         if rows.shape[1] == 3:
@@ -390,7 +392,8 @@ class Through(AbstractMove):
             rows = _aligned(rows, first=1)
             steps = _steps(rows)
             if (steps < 1e-9).any():
-                raise DefinitionError(f"`Through.poses` {int(np.argmin(steps)) + 1} is where the tool already is")
+                row = int(np.argmin(steps)) + 1
+                raise DefinitionError(f"`Through.poses` {row} is the same as the pose before it: leave it out")
             knots = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
             curve = Spline(knots=knots, coefficients=quintic_spline(knots, rows))
             return self._timed(curve, float(steps.sum()), _pose(rows[-1]))
@@ -400,15 +403,15 @@ class Through(AbstractMove):
         increasing = times.shape == (len(rows),) and np.isfinite(times).all() and (np.diff(times) > 0).all()
         if len(rows) < 2 or not increasing:
             raise DefinitionError(
-                f"`Through.times` must be one for {each_of(len(rows), 'pose')}, at least two, and increase"
+                f"`Through.times` must be one increasing time for {each_of(len(rows), 'pose')}, at least two"
             )
         first = _pose(rows[0])
         off = float(np.linalg.norm(first.position - pose.position))
         turned = float(angle_between(first.rotation, pose.rotation))
         if off > NEAR or turned > NEAR:
             raise DefinitionError(
-                f"`Through.poses` 1 must be where the tool is when the move begins, {_position_text(pose)}; it is "
-                f"{off:.3g} m and {np.rad2deg(turned):.3g} degrees off: put a `Line` to it before"
+                f"`Through.poses` 1 must be the tool's pose at the start of the move, {_position_text(pose)}; it is "
+                f"{off:.3g} m and {np.rad2deg(turned):.3g} degrees off: insert a `Line` to it before this move"
             )
         rows = _aligned(np.concatenate([own[None], rows[1:]]), first=1)
         span = float(times[-1] - times[0])
@@ -423,7 +426,7 @@ def _rows(poses: object) -> Array:
     except (TypeError, ValueError):
         rows = np.empty(0)
     if rows.ndim != 2 or rows.shape[1] not in (3, 7) or not len(rows):
-        raise DefinitionError("`Through.poses` must be rows of x, y, z, or of x, y, z, qw, qx, qy, qz, all alike")
+        raise DefinitionError("`Through.poses` must all be rows of x, y, z, or all of x, y, z, qw, qx, qy, qz")
     if not np.isfinite(rows).all():
         raise DefinitionError(f"`Through.poses` {int(np.argmax(~np.isfinite(rows).all(axis=1))) + 1} must be finite")
     if rows.shape[1] == 7:
@@ -435,7 +438,7 @@ def _rows(poses: object) -> Array:
 
 
 def _aligned(rows: Array, first: int) -> Array:
-    """Change signs of quaternions, as q and -q are one orientation, so that neighbours are close."""
+    """Choose the signs of quaternions so that neighbours are close; q and -q are the same orientation."""
     rows = rows.copy()
     for row in range(1, len(rows)):
         if rows[row, 3:] @ rows[row - 1, 3:] < 0:

@@ -31,7 +31,7 @@ UNITS = {
 """Units of the columns in SI."""
 
 CLOCK = 1e6
-"""Times beyond this [s] are a clock's, not a motion's: of their digits too few would be left for the motion."""
+"""Times beyond this [s] come from a clock: too few of their digits are left for the motion."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class MotionTable:
         if len(self.times) < 2:
             raise DefinitionError(
                 f"{self.source} has {count_noun(len(self.times), 'row')}: "
-                "a motion needs two or more, the first says where it starts"
+                "a motion needs two or more, and starts at the first"
             )
         self._require_finite("time", self.times[:, None])
         for field in ("position", "velocity", "acceleration"):
@@ -75,16 +75,16 @@ class MotionTable:
             again = self.times[row] == self.times[row - 1]
             rule = "two rows at one time would be a jump; leave one of them out" if again else "the times must increase"
             raise DefinitionError(
-                f"{self.at(row)}: time {self.times[row]:g} s comes after {self.times[row - 1]:g} s: {rule}"
+                f"{self.row_label(row)}: time {self.times[row]:g} s comes after {self.times[row - 1]:g} s: {rule}"
             )
         if self.accelerations is not None and self.velocities is None:
             raise DefinitionError(f"{self.source} has accelerations but no velocities: give both, or neither")
 
-    def at(self, row: int) -> str:
-        """Return source and label of a row, by its index from 0."""
+    def row_label(self, row: int) -> str:
+        """Return the source and the label of a row, by its index from 0, for a message."""
         return f"{self.source}, {self.rows[row]}"
 
-    def starting(self, start: float | None) -> MotionTable:
+    def shifted(self, start: float | None) -> MotionTable:
         """Return the table with its first row at a time [s]; None keeps the times.
 
         Raises DefinitionError if the motion would begin before 0 or far after.
@@ -92,9 +92,9 @@ class MotionTable:
         moved = self if start is None else replace(self, times=self.times - self.times[0] + start)
         first = float(moved.times[0])
         if not 0 <= first <= CLOCK:
-            what = "a motion starts at 0 or later" if first < 0 else "this looks like a clock"
+            what = "a motion starts at 0 or later" if first < 0 else "this looks like the time of a clock"
             raise DefinitionError(
-                f"{self.at(0)}: time {first:g} s: {what}; with `start=0` the table is moved to begin at 0"
+                f"{self.row_label(0)}: time {first:g} s: {what}; shift the table to start at 0 with `start=0`"
             )
         return moved
 
@@ -105,15 +105,15 @@ class MotionTable:
         if not np.all(np.isfinite(values)):
             row, joint = (int(index) for index in np.argwhere(~np.isfinite(values))[0])
             of = "" if field == "time" else f" of {joint_label(joint, self.joints)}"
-            raise DefinitionError(f"{self.at(row)}: the {field}{of} must be a finite number")
+            raise DefinitionError(f"{self.row_label(row)}: the {field}{of} must be a finite number")
 
 
 def columns_of(source: str, names: Sequence[str], joints: Sequence[str] | None) -> list[int]:
     """Return the indices of a table's columns in the order of a robot's joints, matched by names.
 
     - `source`: origin of the table, for messages.
-    - `names`: of the columns.
-    - `joints`: the robot's names; None for all columns in their order.
+    - `names`: column names.
+    - `joints`: the robot's joint names; None for all columns in their order.
 
     Columns of other joints are dropped with a DefinitionWarning. Raises DefinitionError for a missing joint, or a name
     that occurs twice.
@@ -122,8 +122,8 @@ def columns_of(source: str, names: Sequence[str], joints: Sequence[str] | None) 
     if joints is None:
         return list(range(len(names)))
     _require_distinct(joints, "`joints` has")
-    places = match_names(names, joints)
-    absent = [name for name in joints if name not in places]
+    indices = match_names(names, joints)
+    absent = [name for name in joints if name not in indices]
     if absent == list(joints) and are_numbered(joints):
         return _in_their_order(source, names, joints)
     if absent:
@@ -133,8 +133,8 @@ def columns_of(source: str, names: Sequence[str], joints: Sequence[str] | None) 
             f"{source} lacks the joint{'s' * (len(absent) > 1)} {quote_names(absent)}; {hint} "
             f"If the file has other names, list its names of {quote_names(joints)}, in this order, as {JOINTS}"
         )
-    columns = [places[name] for name in joints]
-    others = [name for place, name in enumerate(names) if place not in columns]
+    columns = [indices[name] for name in joints]
+    others = [name for index, name in enumerate(names) if index not in columns]
     if others:
         verb = "is not a joint of the robot and is" if len(others) == 1 else "are not joints of the robot and are"
         warnings.warn(DefinitionWarning(f"{source}: {quote_names(others)} {verb} left out"), stacklevel=2)
@@ -142,16 +142,16 @@ def columns_of(source: str, names: Sequence[str], joints: Sequence[str] | None) 
 
 
 def _in_their_order(source: str, names: Sequence[str], joints: Sequence[str]) -> list[int]:
-    """Columns for joints without names of their own."""
+    """Return the columns in their order, for joints without names."""
     if len(names) != len(joints):
         raise DefinitionError(
             f"{source} moves {count_noun(len(names), 'joint')}, {quote_names(names)}, but the robot has {len(joints)}, "
-            f"which have no names of their own: list the names in the file that move them, in their order, as {JOINTS}"
+            f"which have no names: list the file's names for them, in the robot's order, as {JOINTS}"
         )
     if len(joints) > 1:
         warning = (
-            f"{source}: the robot's joints have no names of their own, so that the columns {quote_names(names)} move "
-            f"{quote_names(joints)} in this order; to say so, or another order, list the names as {JOINTS}"
+            f"{source}: the robot's joints have no names, so the columns {quote_names(names)} move "
+            f"{quote_names(joints)} in this order; to confirm it, or for another order, list the names as {JOINTS}"
         )
         warnings.warn(DefinitionWarning(warning), stacklevel=2)
     return list(range(len(names)))
@@ -170,7 +170,7 @@ CLEAR = 12.0
 """A velocity change is a jump if it is this many times the residual of the rows around it."""
 
 PART, LEAST = 0.1, 0.01
-"""Smaller changes, as a part of the joint's top speed and in rad/s or m/s, are the rounding of a file."""
+"""Smaller changes, as a part of the joint's top speed and in rad/s or m/s, are due to rounding in the file."""
 
 
 class VelocityJump(NamedTuple):
@@ -246,14 +246,14 @@ def _line(
     return _Line(value, slope, rest)
 
 
-NO_ARM = 200.0
-"""Acceleration beyond any arm, rad/s² or m/s²: a table with more has a jump."""
+BEYOND_ARMS = 200.0
+"""Acceleration that no arm reaches, rad/s² or m/s²: a table with more has a jump."""
 
 RESTING = 1e-6
-"""Velocities at the ends of a table up to this, rad/s or m/s, are the rounding of a file."""
+"""Velocities at the ends of a table up to this, rad/s or m/s, are due to rounding in the file."""
 
 DENSE, SLOW = 20, 0.02
-"""A table with this many rows, whose joints all stay below 0.02 rad/s, probably has another unit of time."""
+"""A table with this many rows whose joints all stay below this velocity [rad/s] probably has another unit of time."""
 
 TWO_TURNS = 4 * np.pi
 """Positions beyond two turns [rad] are rare for an arm and common for degrees."""
@@ -271,9 +271,9 @@ def at_rest_outside(table: MotionTable) -> MotionTable:
         if np.any(moving > RESTING):
             joint = int(np.argmax(moving))
             raise DefinitionError(
-                f"{table.at(row)}: {joint_label(joint, table.joints)} has a velocity of "
-                f"{table.velocities[row, joint]:g} rad/s (or m/s) at its {end}, t = {table.times[row]:g} s, but it "
-                f"stands still {side} that, so that the velocity would jump: make it 0 there, or add rows in which the "
+                f"{table.row_label(row)}: {joint_label(joint, table.joints)} has a velocity of "
+                f"{table.velocities[row, joint]:g} rad/s (or m/s) at its {end}, t = {table.times[row]:g} s, but the "
+                f"joint is at rest {side} that, so its velocity would jump: make it 0 there, or add rows in which the "
                 "joint comes to rest"
             )
     velocities = table.velocities.copy()
@@ -290,15 +290,15 @@ def require_no_jump(motion: AbstractPiecewisePolynomial, table: MotionTable) -> 
     where = {-1: "at its start, ", 0: "", 1: "at its end, "}[jump.end]
     needed = motion.extremes(2).size[jump.joint]
     raise DefinitionError(
-        f"{table.at(row)}: the velocity of {joint_label(jump.joint, table.joints)} jumps {where}t = "
+        f"{table.row_label(row)}: the velocity of {joint_label(jump.joint, table.joints)} jumps {where}t = "
         f"{table.times[row]:g} s, from {jump.before:.3g} to {jump.after:.3g} rad/s (or m/s) within one row: add rows "
-        "in which it changes, give velocities too, or leave the times to `MinimumJerk.within`; or, if the arm can do "
-        f"{np.ceil(needed):.4g} rad/s² (or m/s²), say so with `acceleration`"
+        "in which it changes, give velocities too, or let `MinimumJerk.within` choose the times; or, if the arm "
+        f"reaches {np.ceil(needed):.4g} rad/s² (or m/s²), set that limit as `acceleration`"
     )
 
 
 def warn_of_slow_times(motion: AbstractPiecewisePolynomial, table: MotionTable) -> None:
-    """Warn if, by spacing and speed, times of an unknown unit may not be in seconds."""
+    """Warn if the spacing and the speed suggest that times of an unknown unit are not in seconds."""
     spacing = float(np.median(np.diff(table.times)))
     fastest = float(motion.extremes(1).size.max())
     if table.unit_is_known or len(table.times) < DENSE or spacing < 0.5 or not 0.0 < fastest < SLOW:
@@ -317,19 +317,19 @@ def require_within(motion: AbstractPiecewisePolynomial, table: MotionTable, limi
     """Raise DefinitionError, with the likely cause, if the motion passes a limit."""
     largest = float(np.abs(table.positions).max())
     degrees = f"; positions go to {largest:.4g}: are they degrees? They must be rad or m" if largest > TWO_TURNS else ""
-    limits.require(motion, table.source, table.joints, degrees, degrees or _about_rates(table))
+    limits.require(motion, table.source, table.joints, degrees, degrees or _rate_hint(table))
 
 
-def _about_rates(table: MotionTable) -> str:
-    """Likely mistake in velocities or times."""
+def _rate_hint(table: MotionTable) -> str:
+    """Likely cause of a velocity or acceleration that exceeds its limit: a mistake in velocities or times."""
     rates = np.abs(np.diff(table.positions, axis=0) / np.diff(table.times)[:, None])
     if table.velocities is not None:
         mean_speed = float(np.abs((table.velocities[1:] + table.velocities[:-1]) / 2).mean())
         implied = float(rates.mean())
         if min(mean_speed, implied) > LEAST and not 0.1 * implied <= mean_speed <= 10 * implied:
             return (
-                f"; the velocities are {mean_speed / implied:.3g} times what positions and times say: are they in "
-                "rad/s or m/s?"
+                f"; the velocities are {mean_speed / implied:.3g} times those that follow from positions and times: "
+                "are they in rad/s or m/s?"
             )
     row = int(np.argmax(rates.max(axis=1)))
     return (

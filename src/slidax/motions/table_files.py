@@ -1,4 +1,4 @@
-"""Tables of motions from CSV files and from ROS messages as JSON."""
+"""Read motion tables from CSV files and from ROS messages in JSON."""
 
 from __future__ import annotations
 
@@ -21,30 +21,30 @@ from slidax.core.tables import TableFormat, is_number, lines_of, rows_of, table_
 from .table import TIME_UNITS, UNITS, MotionTable, columns_of
 
 ANGLES = ("rad", "deg", "°", "rpm")
-"""Beginnings of units of angles and of their rates."""
+"""Prefixes of units of angles and angular rates."""
 
 KINDS = {"": "positions", "velocity": "velocities", "acceleration": "accelerations"}
-"""Kind of a column by the suffix after the dot in its name."""
+"""Kind of a column by the suffix of its name, after the dot."""
 
 TITLE = re.compile(
     r"(?P<name>.*?)(?:\.(?P<kind>velocity|acceleration))?\s*(?:\[(?P<unit>.*)\]|\((?P<round>.*)\))?", re.I | re.S
 )
-"""Of a column."""
+"""Column title: name, kind, and a unit in square or round brackets."""
 
 MOST_ROWS = 1_000_000
-"""Of a motion."""
+"""Most rows in a motion table."""
 
 
 @dataclass(frozen=True)
 class Column:
     """A column of a table.
 
-    - `place`: index from 0.
+    - `index`: index from 0.
     - `factor`: its unit in SI.
     - `unit`: rad or m; empty if the title has none.
     """
 
-    place: int
+    index: int
     factor: float = 1.0
     unit: str = ""
 
@@ -57,44 +57,47 @@ def csv_table(
     - `source`: path, or the text itself, which has a line break in it.
     - `joints`: the robot's joint names in its order; by default all columns in their order.
     - `time_unit`: unit of the times; by default the title's, or s.
-    - `units`: of the robot's joints, rad or m, for a check.
+    - `units`: units of the robot's joints, rad or m, for a check.
 
-    Raises DefinitionError, with line and column, for another form.
+    Raises DefinitionError, with line and column, if the table is invalid.
     """
     name, form, lines = csv_lines(source, "time,shoulder,elbow")
     header, where = form.titles, f"{name}, line {form.header}"
     columns, time = _columns(header, where)
     names = list(columns["positions"])
-    chosen = [names[place] for place in columns_of(name, names, joints)]
+    chosen = [names[column] for column in columns_of(name, names, joints)]
     _require_all_or_none(columns, chosen, where)
     _require_units(columns, chosen, joints, units, where)
     if time_unit is not None and time.unit and time.factor != TIME_UNITS[time_unit]:
-        raise DefinitionError(f"{where}, column `{header[time.place]}`: the times cannot also be in {time_unit}")
+        raise DefinitionError(
+            f"{where}, column `{header[time.index]}` has another unit than `time_unit`, {time_unit}: leave out one of "
+            "the two"
+        )
     values, rows = numbers_in(name, header, lines, MOST_ROWS)
     parts = {
         kind: np.stack(
-            [columns[kind][joint].factor * values[:, columns[kind][joint].place] for joint in chosen], axis=1
+            [columns[kind][joint].factor * values[:, columns[kind][joint].index] for joint in chosen], axis=1
         )
         for kind in KINDS.values()
         if all(joint in columns[kind] for joint in chosen)
     }
     factor = time.factor if time_unit is None else TIME_UNITS[time_unit]
     unit_is_known = time_unit is not None or bool(time.unit)
-    lines_of = [f"line {line}" for line in rows]
+    labels = [f"line {line}" for line in rows]
     return MotionTable(
-        name, tuple(joints or chosen), lines_of, factor * values[:, time.place], **parts, unit_is_known=unit_is_known
+        name, tuple(joints or chosen), labels, factor * values[:, time.index], **parts, unit_is_known=unit_is_known
     )
 
 
 def csv_lines(source: str | Path, example: str) -> tuple[str, TableFormat, Iterator[tuple[int, list[str]]]]:
-    """Return a CSV file's name for messages, its form, and numbers and entries of its other lines.
+    """Return a CSV file's name for messages, its format, and the number and entries of each line below the titles.
 
     Blank lines and lines that begin with `#` are skipped.
 
     - `source`: path, or the text itself, which has a line break in it.
     - `example`: an example of the first line, for a message.
 
-    Raises DefinitionError for an empty file, or one that is no CSV.
+    Raises DefinitionError for an empty file, or one that is not CSV.
     """
     if isinstance(source, str) and ("\n" in source or "\r" in source):
         name, body = "the text", source.encode("utf-8", "surrogatepass")
@@ -110,13 +113,13 @@ def numbers_in(
 ) -> tuple[NDArray[np.float64], array[int]]:
     """Return the numbers of a table [rows, columns], and the line of each row.
 
-    - `name`: of the table, for messages.
-    - `lines`: entries of each line, with its number.
+    - `name`: name of the table, for messages.
+    - `lines`: number and entries of each line.
     - `most`: largest number of rows.
 
-    Raises DefinitionError, with line and column, for an entry that is no finite number, and for too many rows.
+    Raises DefinitionError, with line and column, for an entry that is not a finite number, and for too many rows.
     """
-    # Row by row, so that the texts of all entries are never in memory together.
+    # Row by row, so that memory never holds the text of all entries.
     numbers, rows = array("d"), array("q")
     for line, row in lines:
         if len(rows) == most:
@@ -128,7 +131,7 @@ def numbers_in(
 
 
 def unit_of(title: str) -> tuple[str, str | None]:
-    """Split a column's title into its name and its unit in brackets; None without."""
+    """Split a column's title into its name and its unit in square brackets, or None."""
     parts = re.fullmatch(r"(.*?)\s*(?:\[(.*)\])?", title, re.S)
     assert parts is not None
     return parts[1], None if parts[2] is None else _plain_unit(parts[2])
@@ -150,12 +153,12 @@ def _number(cell: str, where: str) -> float:
 
 
 def _columns(header: list[str], where: str) -> tuple[dict[str, dict[str, Column]], Column]:
-    """Each joint's columns of positions, velocities and accelerations; and the time's column."""
+    """Return the columns of positions, velocities and accelerations by joint, and the time column."""
     columns: dict[str, dict[str, Column]] = {kind: {} for kind in ("time", *KINDS.values())}
-    for place, title in enumerate(header):
+    for index, title in enumerate(header):
         joint, suffix, unit = _parts_of(title)
         if not joint:
-            raise DefinitionError(f"{where}: column {place + 1} has no name")
+            raise DefinitionError(f"{where}: column {index + 1} has no name")
         kind = "time" if joint.casefold() == "time" and not suffix else KINDS[suffix]
         known = TIME_UNITS if kind == "time" else UNITS[kind]
         key = None if unit is None else _plain_unit(unit)
@@ -164,14 +167,16 @@ def _columns(header: list[str], where: str) -> tuple[dict[str, dict[str, Column]
         si = "" if key is None else "s" if kind == "time" else "rad" if key.startswith(ANGLES) else "m"
         joint = "time" if kind == "time" else joint
         if joint in columns[kind]:
-            raise DefinitionError(f"{where}: the column `{title}` is there twice")
-        columns[kind][joint] = Column(place, 1.0 if key is None else known[key], si)
+            raise DefinitionError(f"{where}: the column `{title}` occurs twice")
+        columns[kind][joint] = Column(index, 1.0 if key is None else known[key], si)
     if not columns["time"]:
         near = next((title for title in header if title.lower() in ("t", "times", "seconds", "stamp")), None)
         hint = f"; is it `{near}`? Then call it `time`" if near else ""
         raise DefinitionError(f"{where}: there must be a column `time` [s]{hint}")
     if not columns["positions"]:
-        raise DefinitionError(f"{where}: there must be a column per joint besides `time`, with its positions")
+        raise DefinitionError(
+            f"{where}: there must be a column with the positions of each joint, in addition to `time`"
+        )
     for suffix, kind in KINDS.items():
         for joint in columns[kind]:
             if joint not in columns["positions"]:
@@ -180,7 +185,7 @@ def _columns(header: list[str], where: str) -> tuple[dict[str, dict[str, Column]
 
 
 def _parts_of(title: str) -> tuple[str, str, str | None]:
-    """Name, kind and unit of a column. Text in round brackets is a unit only if it is a known one."""
+    """Split a title into name, kind and unit; text in round brackets counts as a unit only if it is a known one."""
     matched = TITLE.fullmatch(title)
     assert matched is not None
     unit, other = matched["unit"], matched["round"]
@@ -208,8 +213,8 @@ def _require_units(
     units: Sequence[str],
     where: str,
 ) -> None:
-    """Raise DefinitionError if a unit does not fit its joint, or a derivative lacks one that its position has."""
-    for place, name in enumerate(chosen):
+    """Raise DefinitionError if a unit does not fit its joint, or only the position has a unit."""
+    for index, name in enumerate(chosen):
         position = columns["positions"][name]
         for suffix, kind in KINDS.items():
             column = columns[kind].get(name)
@@ -221,21 +226,21 @@ def _require_units(
                     f"{where}: the column `{name}` is in another unit than {position.unit}, and `{title}` has no unit: "
                     f"write its unit in brackets, such as `{title} [{list(UNITS[kind])[position.unit == 'm']}]`"
                 )
-            if units and column.unit not in ("", units[place]):
-                verb = "turns" if units[place] == "rad" else "slides"
-                joint = joints[place] if joints else name
-                raise DefinitionError(f"{where}: the column of `{title}` is in {column.unit}, but `{joint}` {verb}")
+            if units and column.unit not in ("", units[index]):
+                kind = "revolute" if units[index] == "rad" else "prismatic"
+                joint = joints[index] if joints else name
+                raise DefinitionError(f"{where}: the column `{title}` is in {column.unit}, but `{joint}` is {kind}")
             if column.unit and position.unit and column.unit != position.unit:
                 raise DefinitionError(
-                    f"{where}: the column of `{title}` is in {column.unit}, but that of `{name}` in {position.unit}"
+                    f"{where}: the column `{title}` is in {column.unit}, but `{name}` in {position.unit}"
                 )
 
 
 MOST_CHARACTERS = 16_000_000
-"""Of a message."""
+"""Most characters in a message."""
 
 NANOSECONDS = {"sec": "nanosec", "secs": "nsecs"}
-"""Seconds and their billionths as ROS 2 and ROS 1 call them."""
+"""Names of seconds and nanoseconds in ROS 2 and in ROS 1."""
 
 WRAPPERS = ("trajectory", "joint_trajectory")
 """Fields of larger messages that hold a joint trajectory."""
@@ -246,7 +251,7 @@ def joint_trajectory_table(
 ) -> MotionTable:
     """Read the table in a trajectory_msgs/JointTrajectory; arguments as in `Tabulated.from_joint_trajectory`.
 
-    Raises DefinitionError, with point and joint, for another form.
+    Raises DefinitionError, with point and joint, if the message is invalid.
     """
     if isinstance(source, Mapping):
         name, message = "the message", source
@@ -273,7 +278,7 @@ def joint_trajectory_table(
         for field in ("positions", "velocities", "accelerations")
         if field == "positions" or _has(points, field, name)
     }
-    # A message in parts of its own says what they are.
+    # A time in seconds and nanoseconds has a known unit.
     unit_is_known = time_unit is not None or any(isinstance(time, Mapping) for time in durations)
     order = tuple(joints or names)
     return MotionTable(name, order, rows, np.array(times, dtype=float), **parts, unit_is_known=unit_is_known)
@@ -329,10 +334,10 @@ def _seconds(duration: Any, where: str, unit: str | None) -> float:
         return float(duration) * TIME_UNITS[unit or "s"]
     if isinstance(duration, Mapping):
         if unit is not None:
-            raise DefinitionError(f"{where}: `time_from_start` says its own unit, so that `time_unit` cannot be given")
-        for seconds, billionths in NANOSECONDS.items():
-            parts = (duration.get(seconds), duration.get(billionths, 0))
-            if set(duration) <= {seconds, billionths} and all(
+            raise DefinitionError(f"{where}: `time_from_start` already has a unit: leave out `time_unit`")
+        for seconds, nanoseconds in NANOSECONDS.items():
+            parts = (duration.get(seconds), duration.get(nanoseconds, 0))
+            if set(duration) <= {seconds, nanoseconds} and all(
                 isinstance(part, (int, float)) and not isinstance(part, bool) for part in parts
             ):
                 return float(parts[0] + parts[1] * 1e-9)

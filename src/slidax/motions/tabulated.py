@@ -14,18 +14,18 @@ from slidax.core.parameter import piece
 
 from .limits import MotionLimits
 from .splines import cubic_hermite, quintic_hermite, quintic_spline
-from .table import NO_ARM, MotionTable, at_rest_outside, require_no_jump, require_within, warn_of_slow_times
+from .table import BEYOND_ARMS, MotionTable, at_rest_outside, require_no_jump, require_within, warn_of_slow_times
 from .table_files import csv_table, joint_trajectory_table
 from .trajectory import AbstractPiecewisePolynomial
 
 TimeUnit = Literal["s", "ms", "us", "ns"]
-"""In which the times of a table may be."""
+"""Unit of the times in a table."""
 
 
 class Tabulated(AbstractPiecewisePolynomial):
-    """Through the rows of a table, each at its time; at rest before the first row and after the last.
+    """A motion through the rows of a table at their times; at rest before the first row and after the last.
 
-    Between two rows it is
+    Between two rows the motion is
 
     - a cubic, if the table has velocities: continuous velocity, as in ROS's joint trajectory controller;
     - a quintic, if it also has accelerations: continuous acceleration, as in that controller;
@@ -37,10 +37,10 @@ class Tabulated(AbstractPiecewisePolynomial):
     `acceleration` is given, that limit decides instead. Without it the limit is 200 rad/s² (or m/s²), more than any arm
     reaches.
 
-    `Tabulated.from_csv`, `Tabulated.from_joint_trajectory` and `Tabulated.through` make it.
+    Construct one by `Tabulated.from_csv`, `Tabulated.from_joint_trajectory` or `Tabulated.through`.
     """
 
-    joint_names: tuple[str, ...] = piece("of the joints, as the data has them", default=(), static=True)
+    joint_names: tuple[str, ...] = piece("joint names in the data", default=(), static=True)
 
     @staticmethod
     def from_csv(
@@ -150,7 +150,7 @@ def _time_unit(unit: str | None) -> str | None:
 
 
 def _interpolated(table: MotionTable, start: float | None, limits: MotionLimits) -> Tabulated:
-    table = at_rest_outside(table.starting(start))
+    table = at_rest_outside(table.shifted(start))
     if table.velocities is None:
         coefficients = quintic_spline(table.times, table.positions)
     elif table.accelerations is None:
@@ -161,6 +161,6 @@ def _interpolated(table: MotionTable, start: float | None, limits: MotionLimits)
     warn_of_slow_times(motion, table)
     if limits.acceleration is None:
         require_no_jump(motion, table)
-        limits = replace(limits, acceleration=NO_ARM)
+        limits = replace(limits, acceleration=BEYOND_ARMS)
     require_within(motion, table, limits)
     return motion

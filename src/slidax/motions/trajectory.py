@@ -57,7 +57,7 @@ class Sinusoid(AbstractMotion):
 
     title = "A sinusoid per joint."
 
-    offset: Vector = parameter("c, the middle", "rad or m")
+    offset: Vector = parameter("c, mean position", "rad or m")
     amplitude: PerJoint = parameter("a, amplitude", "rad or m")
     frequency: PerJoint = parameter("ω, angular frequency", "rad/s")
     phase: PerJoint = parameter("φ, phase at t = 0", "rad", default=0.0)
@@ -67,7 +67,7 @@ class Sinusoid(AbstractMotion):
 
 
 MOST_TERMS = 50
-"""Of a sum: machine code computes them one by one."""
+"""Most terms in a sum: machine code computes them one by one."""
 
 
 class ExponentialSum(AbstractMotion):
@@ -75,10 +75,10 @@ class ExponentialSum(AbstractMotion):
 
     title = "A sum of decaying exponentials."
 
-    offset: Vector = parameter("c, where it comes to rest", "rad or m")
+    offset: Vector = parameter("c, final position", "rad or m")
     amplitudes: Float[Array, "k n"] = parameter("a_k, one row per term", "rad or m")
     rates: Float[Array, " k"] = parameter(
-        "λ_k, how fast each term decays", "1/s", "> 0", "so that the motion comes to rest"
+        "λ_k, decay rate of each term", "1/s", "> 0", "so that the motion comes to rest"
     )
 
     def __check_init__(self) -> None:
@@ -96,7 +96,7 @@ class ExponentialSum(AbstractMotion):
 
 
 NEGLIGIBLE = 1e-13
-"""A power that adds less than this part of its piece is rounding, and gives no roots."""
+"""A coefficient that adds less than this part to its piece is due to rounding, and is set to 0 to find roots."""
 
 
 class Extremes(NamedTuple):
@@ -146,12 +146,12 @@ def extremes(times: NDArray[np.float64], coefficients: NDArray[np.float64], orde
     slope = np.where(share <= NEGLIGIBLE * share.max(axis=0), 0.0, slope)
     rows = []
     for joint in range(derivative.shape[2]):
-        turns = PPoly(slope[:, :, joint], times).roots(discontinuity=False, extrapolate=False)
-        # A piece with slope zero throughout is reported as NaN: its ends say all.
-        turns = turns[np.isfinite(turns)]
-        when = np.concatenate([times[:-1], times[1:], turns])
-        there = PPoly(derivative[:, :, joint], times)(turns)
-        value = np.concatenate([derivative[-1, :, joint], ends[:, joint], there])
+        stationary = PPoly(slope[:, :, joint], times).roots(discontinuity=False, extrapolate=False)
+        # SciPy returns NaN for a constant piece, whose ends are extremes.
+        stationary = stationary[np.isfinite(stationary)]
+        when = np.concatenate([times[:-1], times[1:], stationary])
+        inside = PPoly(derivative[:, :, joint], times)(stationary)
+        value = np.concatenate([derivative[-1, :, joint], ends[:, joint], inside])
         low, high = int(np.argmin(value)), int(np.argmax(value))
         rows.append((value[low], value[high], when[low], when[high]))
     return Extremes(*np.array(rows).T)
@@ -160,13 +160,13 @@ def extremes(times: NDArray[np.float64], coefficients: NDArray[np.float64], orde
 class AbstractPiecewisePolynomial(AbstractMotion):
     """One polynomial in time per joint between two knots, and rest before the first knot and after the last.
 
-    A knot belongs to the piece that begins there, the last knot to the rest after it: where the acceleration jumps, the
+    A knot belongs to the piece that begins there, and the last knot to the rest: where the acceleration jumps, the
     reference has the value after the knot. Subclasses ensure that position and velocity do not jump.
     """
 
     times: Float[Array, " knots"] = parameter("knots, increasing", "s")
     coefficients: Float[Array, "powers pieces n"] = parameter(
-        "of each piece in powers of `t - times[i]`, highest first"
+        "coefficients of each piece in powers of `t - times[i]`, highest first"
     )
 
     def __check_init__(self) -> None:
@@ -187,7 +187,7 @@ class AbstractPiecewisePolynomial(AbstractMotion):
 
     def position(self, t: Scalar) -> Vector:
         first, last = self.times[0], self.times[-1]
-        # Not `clip`: at a tie its derivative is one half, and so neither that of the motion nor that of the rest.
+        # Not `clip`: at a knot its derivative is one half, neither that of the motion nor that of the rest.
         t = jnp.where(t < first, first, jnp.where(t < last, t, last))
         pieces = self.coefficients.shape[1]
         piece = jnp.clip(jnp.searchsorted(self.times, t, side="right") - 1, 0, pieces - 1)
@@ -207,4 +207,4 @@ class AbstractPiecewisePolynomial(AbstractMotion):
 
 
 class ToolMotion(AbstractPiecewisePolynomial):
-    """A joint motion by `slidax.motions.follow`, at rest before and after; runs also record the tool's error."""
+    """A joint motion from `slidax.motions.follow`, at rest before and after; a run also records the tool's error."""

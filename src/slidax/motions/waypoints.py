@@ -17,7 +17,7 @@ from .splines import quintic_spline
 from .trajectory import AbstractPiecewisePolynomial, derivative_coefficients, extremes
 
 MOST_WAYPOINTS = 10_000
-"""Waypoints of one motion; what has more is a log, and read from a file."""
+"""Most waypoints in one motion; longer motions are logs, and are read from files."""
 
 
 def waypoint_positions(owner: str, waypoints: object) -> NDArray[np.float64]:
@@ -60,7 +60,7 @@ SAMPLES = 16
 """Samples of a piece in the search for its peaks; the exact extremes then scale the result."""
 
 SHORTEST = 0.02
-"""Least duration of a piece in the search, as a part of its first duration."""
+"""Least duration of a piece in the search, relative to its initial duration."""
 
 AT_REST = {1: 15 / 8, 2: 10 / math.sqrt(3), 3: 60.0}
 """The largest velocity, acceleration and jerk of the quintic from 0 to 1 in unit time, at rest at both ends."""
@@ -69,20 +69,20 @@ AT_REST = {1: 15 / 8, 2: 10 / math.sqrt(3), 3: 60.0}
 def shortest_times(waypoints: NDArray[np.float64], limits: dict[int, NDArray[np.float64]]) -> NDArray[np.float64]:
     """Return the times of the waypoints, [k], from 0 on, so that all limits hold and one is reached.
 
-    Stretching all times by c divides the derivative of order i by c^i, so for given proportions the shortest times are
-    known. Sequential quadratic programming finds the proportions, starting at those of the separate pieces. The search
-    is local; the shorter of its start and its result is taken.
+    Stretching all times by c divides the derivative of order i by c^i, so the proportions of the times determine the
+    shortest times. Sequential quadratic programming searches the proportions, starting from the shortest time of each
+    piece alone. The search is local; the shorter of its start and its result is returned.
 
     - `waypoints`: positions [k n], no two in a row the same.
     - `limits`: limits of the joints [n] by order of the derivative, 1, 2, 3; infinite for none.
     """
     steps = np.abs(np.diff(waypoints, axis=0))
     least = np.stack([(AT_REST[order] * steps / bound) ** (1 / order) for order, bound in limits.items()])
-    begin = _stretched(np.asarray(least.max(axis=(0, 2)), dtype=float), waypoints, limits)
-    if len(begin) == 1:
-        return _times(begin)
-    searched = _stretched(_proportions(begin, waypoints, limits), waypoints, limits)
-    best = min(begin, searched, key=np.sum)
+    initial = _scaled_to_limits(np.asarray(least.max(axis=(0, 2)), dtype=float), waypoints, limits)
+    if len(initial) == 1:
+        return _times(initial)
+    searched = _scaled_to_limits(_proportions(initial, waypoints, limits), waypoints, limits)
+    best = min(initial, searched, key=np.sum)
     return _times(best)
 
 
@@ -90,10 +90,10 @@ def _times(durations: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.concatenate([[0.0], np.cumsum(durations)])
 
 
-def _stretched(
+def _scaled_to_limits(
     durations: NDArray[np.float64], waypoints: NDArray[np.float64], limits: dict[int, NDArray[np.float64]]
 ) -> NDArray[np.float64]:
-    """Durations times one factor, so that the tightest limit is reached exactly."""
+    """Scale the durations by a common factor so that the tightest limit is reached exactly."""
     times = _times(durations)
     coefficients = quintic_spline(times, waypoints)
     ratios = [np.max(extremes(times, coefficients, i).size / bound) ** (1 / i) for i, bound in limits.items()]
@@ -101,7 +101,7 @@ def _stretched(
 
 
 def _peak(samples: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Top of the parabola through the largest sample and its neighbours, [pieces n]."""
+    """Maximum of the parabola through the largest sample and its neighbours, [pieces n]."""
     top = np.argmax(samples, axis=0)[None]
     before, at, after = (
         np.take_along_axis(samples, np.clip(top + step, 0, len(samples) - 1), axis=0)[0] for step in (-1, 0, 1)
@@ -113,15 +113,15 @@ def _peak(samples: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _proportions(
-    begin: NDArray[np.float64], waypoints: NDArray[np.float64], limits: dict[int, NDArray[np.float64]]
+    initial: NDArray[np.float64], waypoints: NDArray[np.float64], limits: dict[int, NDArray[np.float64]]
 ) -> NDArray[np.float64]:
-    """Durations with the least sum for which the sampled points keep the limits."""
+    """Search the durations with the least sum for which the samples are within the limits."""
     from scipy.optimize import minimize
 
     z = np.linspace(0.0, 1.0, SAMPLES + 1)
 
-    def left(durations: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Remaining part of each limit, per piece and joint: 1 at rest, 0 at the limit."""
+    def margins(durations: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Relative margin of each limit, per piece and joint: 1 at rest, 0 at the limit."""
         coefficients = quintic_spline(_times(durations), waypoints)
         parts = []
         for order, bound in limits.items():
@@ -129,24 +129,24 @@ def _proportions(
             degrees = np.arange(len(powers) - 1, -1, -1)
             basis = (z[:, None] * durations) ** degrees[:, None, None]
             peak = _peak(np.abs(np.einsum("dsp,dpn->spn", basis, powers)))
-            # The root makes all orders alike: each goes with one over the durations.
+            # With the root, all orders are inversely proportional to the durations.
             parts.append((1.0 - (peak / bound) ** (1 / order))[:, np.isfinite(bound)].ravel())
         return np.concatenate(parts)
 
     done = minimize(
-        lambda share: float(np.sum(share * begin)) / float(np.sum(begin)),
-        np.ones_like(begin),
-        jac=lambda share: begin / float(np.sum(begin)),
+        lambda share: float(np.sum(share * initial)) / float(np.sum(initial)),
+        np.ones_like(initial),
+        jac=lambda share: initial / float(np.sum(initial)),
         method="SLSQP",
-        bounds=[(SHORTEST, None)] * len(begin),
-        constraints={"type": "ineq", "fun": lambda share: left(share * begin)},
+        bounds=[(SHORTEST, None)] * len(initial),
+        constraints={"type": "ineq", "fun": lambda share: margins(share * initial)},
         options={"maxiter": 200, "ftol": 1e-7},
     )
-    return begin * (np.maximum(done.x, SHORTEST) if np.all(np.isfinite(done.x)) else 1.0)
+    return initial * (np.maximum(done.x, SHORTEST) if np.all(np.isfinite(done.x)) else 1.0)
 
 
 MOST_TIMED_WAYPOINTS = 100
-"""Waypoints whose times are searched together: the search takes memory by their square, and time by their cube."""
+"""Most waypoints in a search for times: its memory grows with their square, its time with their cube."""
 
 
 class MinimumJerk(AbstractPiecewisePolynomial):
@@ -156,13 +156,13 @@ class MinimumJerk(AbstractPiecewisePolynomial):
     Between two waypoints only, it is `q_0 + (q_1 - q_0)(10 z³ - 15 z⁴ + 6 z⁵)`, `z = (t - t_0)/(t_1 - t_0)` (Flash and
     Hogan, 1985). It stands still before the first waypoint and after the last.
 
-    `MinimumJerk.through(times, waypoints)` makes it; `MinimumJerk.within(waypoints, velocity=..., acceleration=...)`
-    finds the shortest times within limits.
+    Construct one by `MinimumJerk.through(times, waypoints)`, or with the shortest times within limits by
+    `MinimumJerk.within(waypoints, velocity=..., acceleration=...)`.
     """
 
     @staticmethod
     def through(times: object, waypoints: object) -> MinimumJerk:
-        """Return the motion through waypoints at given times.
+        """Return the motion through waypoints at the specified times.
 
         - `times`: [k], s, strictly increasing, at least two.
         - `waypoints`: positions [k n], rad or m.
@@ -191,10 +191,10 @@ class MinimumJerk(AbstractPiecewisePolynomial):
         jerk: object = None,
         start: float = 0.0,
     ) -> MinimumJerk:
-        """Return the motion through waypoints at the shortest times for which no joint passes a limit.
+        """Return the motion through waypoints at the shortest times for which no joint exceeds a limit.
 
-        The limits hold exactly, since the extremes of the polynomials are compared, and one joint reaches one of its
-        limits. The times are the shortest for two waypoints; for more, they are those that a local search finds.
+        The limits hold exactly, since they are compared with the extremes of the polynomials, and one joint reaches one
+        of its limits. For two waypoints the times are the shortest; for more, a local search determines them.
 
         - `waypoints`: positions [k n], rad or m, no two in a row the same.
         - `velocity`, `acceleration`, `jerk`: limits, [n] or one number, rad/s, rad/s², rad/s³ or m/s, m/s², m/s³;
@@ -208,7 +208,7 @@ class MinimumJerk(AbstractPiecewisePolynomial):
         if len(q) > MOST_TIMED_WAYPOINTS:
             raise DefinitionError(
                 f"`{name}.within` finds the times of at most {MOST_TIMED_WAYPOINTS} waypoints; got {len(q)}; "
-                f"give their times to `{name}.through`, or move from rest to rest by `Trapezoidal.through`"
+                f"pass times to `{name}.through`, or stop at each waypoint with `Trapezoidal.through`"
             )
         limits = {
             order: limit(name, field, value, q.shape[1])
@@ -227,19 +227,19 @@ class MinimumJerk(AbstractPiecewisePolynomial):
 
 
 SAME_KNOT = 1e-12
-"""Knots of two joints that lie closer than this part of a segment are one."""
+"""Knots of two joints that are closer than this part of a segment become one."""
 
 
 class Trapezoidal(AbstractPiecewisePolynomial):
-    """From waypoint to waypoint in the shortest time within limits of velocity and acceleration, at rest at each.
+    """Motion from waypoint to waypoint in the shortest time within velocity and acceleration limits, at rest at each.
 
     The slowest joint's velocity is a trapezoid over time, or a triangle if it does not reach its limit; its
     acceleration jumps between 0 and its limit. With a jerk limit the acceleration is a ramp and the velocity an
-    S-curve. The other joints take the same time: all start and arrive together, on a straight line in joint space where
+    S-curve. The other joints take the same time: all start and arrive together, on a straight line in joint space if
     that is not slower.
 
-    `Trapezoidal.through(waypoints, velocity=..., acceleration=...)` makes it. `MinimumJerk.within` does not stop at its
-    waypoints.
+    Construct one by `Trapezoidal.through(waypoints, velocity=..., acceleration=...)`. For a motion that does not stop
+    at its waypoints, use `MinimumJerk.within`.
     """
 
     @staticmethod
@@ -280,13 +280,13 @@ class Trapezoidal(AbstractPiecewisePolynomial):
 def _segment(
     here: NDArray[np.float64], there: NDArray[np.float64], bounds: dict[str, NDArray[np.float64]]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """A motion from rest to rest: its knots from 0 on, and its coefficients [4 pieces n]."""
+    """Return a motion from rest to rest: its knots from 0 on, and its coefficients [4 pieces n]."""
     profiles = _profiles(here, there, bounds)
     ends = [np.cumsum([0.0, *profile.t]) for profile in profiles]
     duration = max(end[-1] for end in ends)
     every = np.sort(np.concatenate(ends))
     knots = every[np.concatenate([[True], np.diff(every) > SAME_KNOT * duration])]
-    # The last knot is the end itself, also if another one lies just before it.
+    # The last knot is the end itself, even if another knot is just before it.
     knots[-1] = duration
     middles = (knots[:-1] + knots[1:]) / 2
     coefficients = np.empty((4, len(middles), len(here)))
@@ -304,27 +304,27 @@ def _segment(
 
 
 def _profiles(here: NDArray[np.float64], there: NDArray[np.float64], bounds: dict[str, NDArray[np.float64]]) -> Any:
-    """Phases of constant jerk per joint: durations, and jerk, acceleration, velocity and position at each."""
+    """Return the phases of constant jerk per joint: durations, and jerk, acceleration, velocity and position."""
     try:
         import ruckig
     except ImportError:
         raise DefinitionError("`Trapezoidal.through` needs ruckig: pip install 'slidax[trajectories]'") from None
     joints = len(here)
-    # No joint comes to this speed before it must brake, so that it is no limit; Ruckig wants a number.
+    # Ruckig needs a finite velocity limit. No joint reaches this one before it must brake.
     free = 2.0 * np.sqrt(bounds["acceleration"] * np.abs(there - here)) + 1.0
-    question = ruckig.InputParameter(joints)
-    question.current_position = here.tolist()
-    question.target_position = there.tolist()
-    question.max_velocity = np.minimum(bounds["velocity"], free).tolist()
-    question.max_acceleration = bounds["acceleration"].tolist()
-    question.max_jerk = bounds["jerk"].tolist()
-    question.synchronization = ruckig.Synchronization.Phase
-    answer = ruckig.Trajectory(joints)
+    problem = ruckig.InputParameter(joints)
+    problem.current_position = here.tolist()
+    problem.target_position = there.tolist()
+    problem.max_velocity = np.minimum(bounds["velocity"], free).tolist()
+    problem.max_acceleration = bounds["acceleration"].tolist()
+    problem.max_jerk = bounds["jerk"].tolist()
+    problem.synchronization = ruckig.Synchronization.Phase
+    trajectory = ruckig.Trajectory(joints)
     try:
-        ruckig.Ruckig(joints).calculate(question, answer)
+        ruckig.Ruckig(joints).calculate(problem, trajectory)
     except ruckig.RuckigError as error:
         reason = str(error).replace("[ruckig]", "").strip()
         raise DefinitionError(
             f"`Trapezoidal`: no motion from {short_repr(here)} to {short_repr(there)}: {reason}"
         ) from None
-    return answer.profiles[0]
+    return trajectory.profiles[0]

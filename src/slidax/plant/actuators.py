@@ -16,32 +16,32 @@ from slidax.core.types import PerJoint, Scalar, Vector
 class TorqueLimits(AbstractPart):
     """`|τ| <= torque`, and within that `|τ - τ₋| <= rate h` from one sample to the next, per joint.
 
-    The drive enforces them; a controller may know them and plan with them.
+    The drive enforces them; a controller may know and use them.
     """
 
     torque: PerJoint = parameter("largest torque", "N m or N", "(0, inf]", default=math.inf)
     rate: PerJoint = parameter("fastest change of the torque", "N m/s or N/s", "(0, inf]", default=math.inf)
 
     def __call__(self, tau: Vector, last: Vector, period: Scalar) -> Vector:
-        """The torque nearest to `tau` within `last ± rate period`, and of those within `±torque`, [n], N m or N.
+        """Return the torque nearest to `tau` within `last ± rate period` and `±torque`, [n], N m or N.
 
-        The torque's limit holds also where the last torque was beyond it, and the rate's then does not.
+        If the last torque was beyond the torque limit, that limit takes precedence over the rate limit.
 
         - `tau`: wanted torque [n], N m or N.
-        - `last`: torque of the last sample [n], N m or N.
+        - `last`: torque at the last sample [n], N m or N.
         - `period`: time between two samples [s], > 0.
         """
-        # An infinite rate times a period is kept out of the derivatives.
+        # Keep an infinite rate out of the derivatives.
         finite = jnp.isfinite(self.rate)
         change = jnp.where(finite, jnp.where(finite, self.rate, 0.0) * period, math.inf)
         lower, upper = (jnp.clip(last + side, -self.torque, self.torque) for side in (-change, change))
         return jnp.clip(tau, lower, upper)
 
 
-class Delivery(eqx.Module):
-    """The memory of `Actuator`.
+class ActuatorMemory(eqx.Module):
+    """Memory of an `Actuator`.
 
-    - `commands`: the commands that were set last [m n], newest first, N m or N.
+    - `commands`: the last commands [m n], newest first, N m or N.
     - `lagged`: torque on the joint at the start of the period [n], N m or N.
     """
 
@@ -50,16 +50,16 @@ class Delivery(eqx.Module):
 
 
 class Actuator(AbstractPart):
-    """A command is limited, held until the next, delayed by `dead_time` periods, and then `T τ̇ + τ = command`.
+    """Limits a command, holds it until the next, delays it by `dead_time` periods, and applies `T τ̇ + τ = command`.
 
-    With a fractional dead time, the command that applies changes within the period. Between changes the lag is
-    integrated exactly, by an exponential.
+    With a fractional dead time, the active command changes within the period. Between changes the lag is integrated
+    exactly, by an exponential.
     """
 
-    limits: TorqueLimits = piece("of the command", default_factory=TorqueLimits)
-    time_constant: PerJoint = parameter("T, of a lag of first order", "s", ">= 0", "(0 for no lag)", default=0.0)
+    limits: TorqueLimits = piece("limits of the command", default_factory=TorqueLimits)
+    time_constant: PerJoint = parameter("T of a first-order lag", "s", ">= 0", "(0 for no lag)", default=0.0)
     dead_time: float = parameter(
-        "whole or not; known when compiled, since it sets how many commands are kept",
+        "dead time, also fractional; a new value compiles anew, since it sets how many commands are stored",
         "sampling periods",
         "[0, 100]",
         default=0.0,
@@ -69,44 +69,44 @@ class Actuator(AbstractPart):
 
     @property
     def change(self) -> float:
-        """Time within a period at which the next command applies, as a share of the period, in [0, 1)."""
+        """Time within a period at which the next command becomes active, as a part of the period, in [0, 1)."""
         return self.dead_time - math.floor(self.dead_time)
 
-    def init(self, tau: Vector) -> Delivery:
-        """The memory of a drive that has long applied a torque, clipped to the limits.
+    def init(self, tau: Vector) -> ActuatorMemory:
+        """Return the memory of a drive in steady state at a torque, clipped to its limits.
 
-        - `tau`: that torque [n], N m or N.
+        - `tau`: torque [n], N m or N.
         """
         tau = jnp.clip(tau, -self.limits.torque, self.limits.torque)
-        return Delivery(commands=jnp.broadcast_to(tau, (math.ceil(self.dead_time) + 1, *tau.shape)), lagged=tau)
+        return ActuatorMemory(commands=jnp.broadcast_to(tau, (math.ceil(self.dead_time) + 1, *tau.shape)), lagged=tau)
 
-    def set(self, tau: Vector, period: Scalar, memory: Delivery) -> tuple[Vector, Delivery]:
+    def set(self, tau: Vector, period: Scalar, memory: ActuatorMemory) -> tuple[Vector, ActuatorMemory]:
         """Set a command at a sample. Returns the limited command, [n], N m or N, and the memory after it.
 
         - `tau`: commanded torque [n], N m or N.
         - `period`: time since the last sample, and to the next [s], > 0.
-        - `memory`: what `init` returned, or `set` at the last sample.
+        - `memory`: from `init`, or from `set` at the last sample.
         """
         lagged = self.delivered(memory, period, period)
         limited = self.limits(tau, memory.commands[0], period)
-        return limited, Delivery(commands=jnp.concatenate([limited[None], memory.commands[:-1]]), lagged=lagged)
+        return limited, ActuatorMemory(commands=jnp.concatenate([limited[None], memory.commands[:-1]]), lagged=lagged)
 
-    def delivered(self, memory: Delivery, elapsed: Scalar, period: Scalar) -> Vector:
+    def delivered(self, memory: ActuatorMemory, elapsed: Scalar, period: Scalar) -> Vector:
         """The torque on the joint, [n], N m or N.
 
-        - `memory`: what `set` returned at the last sample.
+        - `memory`: from `set` at the last sample.
         - `elapsed`: time since that sample [s], in [0, period].
         - `period`: time between two samples [s], > 0.
         """
         if not self.change:
-            return self._towards(memory.commands[-1], memory.lagged, elapsed)
+            return self._lag_response(memory.commands[-1], memory.lagged, elapsed)
         until = self.change * period
-        at_change = self._towards(memory.commands[-1], memory.lagged, jnp.minimum(elapsed, until))
-        after = self._towards(memory.commands[-2], at_change, jnp.maximum(elapsed - until, 0.0))
+        at_change = self._lag_response(memory.commands[-1], memory.lagged, jnp.minimum(elapsed, until))
+        after = self._lag_response(memory.commands[-2], at_change, jnp.maximum(elapsed - until, 0.0))
         return jnp.where(elapsed < until, at_change, after)
 
-    def _towards(self, command: Vector, start: Vector, elapsed: Scalar) -> Vector:
-        """The lag's answer to a constant command."""
+    def _lag_response(self, command: Vector, start: Vector, elapsed: Scalar) -> Vector:
+        """Response of the lag to a constant command."""
         lags = self.time_constant > 0
         left = jnp.where(lags, jnp.exp(-elapsed / jnp.where(lags, self.time_constant, 1.0)), 0.0)
         return command + left * (start - command)

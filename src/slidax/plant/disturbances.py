@@ -20,7 +20,7 @@ Floats: TypeAlias = NDArray[np.floating[Any]]
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """States at samples a period apart; over each period a joint's velocity goes from one value to the next.
+    """Sampled states; over each period a joint's velocity changes from one sample's value to the next.
 
     - `period`: h [s].
     - `t`: beginning of each period [N], s.
@@ -33,30 +33,27 @@ class Samples:
     dq: Floats
 
     @property
-    def turn(self) -> Floats:
-        """|Δq̇| over each period [N n], rad/s or m/s; after the last sample as before it."""
+    def dq_change(self) -> Floats:
+        """|Δq̇| over each period [N n], rad/s or m/s; the last period repeats the value before it."""
         steps = np.abs(np.diff(self.dq, axis=0, append=self.dq[-1:]))
         return np.concatenate([steps[:-1], steps[-2:-1] if len(steps) > 1 else steps])
 
     @property
-    def way(self) -> Floats:
-        """Largest distance that a joint moves in each period [N n], rad or m."""
-        return (np.abs(self.dq) + self.turn) * self.period
+    def travel(self) -> Floats:
+        """Bound of the distance that a joint travels in each period [N n], rad or m."""
+        return (np.abs(self.dq) + self.dq_change) * self.period
 
     def jumps(self, first: Any, last: Any) -> NDArray[np.bool_]:
-        """True for each period in which, or at whose end, a jump between two times may fall [N].
+        """True for each period with a possible jump inside or at its end [N].
 
-        - `first`, `last`: the earliest and the latest time of the jump [s].
+        - `first`, `last`: earliest and latest time of the jump [s].
         """
         spare = 1e-6 * self.period
         return (np.asarray(last) >= self.t - spare) & (np.asarray(first) <= self.t + self.period + spare)
 
 
-def largest_size(lower: Any, upper: Any) -> Floats:
-    """The largest size of any number between two.
-
-    - `lower`, `upper`: the ends.
-    """
+def largest_magnitude(lower: Any, upper: Any) -> Floats:
+    """Largest absolute value in the interval from `lower` to `upper`."""
     return np.asarray(np.maximum(np.abs(np.asarray(lower, float)), np.abs(np.asarray(upper, float))))
 
 
@@ -72,24 +69,24 @@ class AbstractDisturbance(AbstractPart):
         """
 
     def breakpoints(self) -> tuple[float, ...]:
-        """Times at which the force sets in, jumps or ends [s]; each short pulse contains one of them."""
+        """Times at which the force begins, jumps or ends [s]; each short pulse contains one of them."""
         return ()
 
-    def off_chord(self, upper: Any, samples: Samples) -> Floats:
-        """Bound of the force's distance from the straight line between its values at two samples [N n], N m or N.
+    def chord_deviation(self, upper: Any, samples: Samples) -> Floats:
+        """Bound of the force's deviation from the chord between its values at two samples [N n], N m or N.
 
         The bound holds for every disturbance of this class with parameters between those of `self` and `upper`. A class
         without its own bound has an infinite one, and no certificate covers it.
 
-        - `upper`: has the largest value of each parameter, as `self` has the smallest.
-        - `samples`: a period apart.
+        - `upper`: disturbance with the largest value of each parameter; `self` has the smallest.
+        - `samples`: states at the samples.
         """
         return np.full(samples.q.shape, np.inf)
 
     def largest(self, upper: Any, joints: int) -> Floats:
         """Bound of the force at any time and in any state [n], N m or N; infinite for a class without one.
 
-        - `upper`: has the largest value of each parameter, as `self` has the smallest.
+        - `upper`: disturbance with the largest value of each parameter; `self` has the smallest.
         - `joints`: n.
         """
         return np.full(joints, np.inf)
@@ -108,9 +105,9 @@ MOST_TERMS = 50
 
 
 class Sum(AbstractDisturbance):
-    """Several disturbances at once."""
+    """Sum of several disturbances."""
 
-    terms: tuple[AbstractDisturbance, ...] = piece("what adds up")
+    terms: tuple[AbstractDisturbance, ...] = piece("disturbances that are added")
 
     def __check_init__(self) -> None:
         if len(self.terms) > MOST_TERMS:
@@ -124,10 +121,10 @@ class Sum(AbstractDisturbance):
         """Breakpoints of all terms [s]."""
         return tuple(time for term in self.terms for time in term.breakpoints())
 
-    def off_chord(self, upper: Any, samples: Samples) -> Floats:
+    def chord_deviation(self, upper: Any, samples: Samples) -> Floats:
         """The sum of the terms' bounds."""
         pairs = zip(self.terms, upper.terms, strict=True)
-        return sum((low.off_chord(high, samples) for low, high in pairs), start=np.zeros(samples.q.shape))
+        return sum((low.chord_deviation(high, samples) for low, high in pairs), start=np.zeros(samples.q.shape))
 
     def largest(self, upper: Any, joints: int) -> Floats:
         """The sum of the terms' bounds."""
@@ -138,8 +135,8 @@ class Sum(AbstractDisturbance):
 class Scaled(AbstractDisturbance):
     """A disturbance times a factor; 0 switches it off, without a new compilation."""
 
-    disturbance: AbstractDisturbance = piece("what is scaled")
-    factor: Scalar = parameter("what it is multiplied by")
+    disturbance: AbstractDisturbance = piece("the scaled disturbance")
+    factor: Scalar = parameter("its factor")
 
     def __call__(self, t: Scalar, state: State) -> Vector:
         """The scaled force, [n], N m or N."""
@@ -149,16 +146,16 @@ class Scaled(AbstractDisturbance):
         """Breakpoints of the scaled disturbance [s]."""
         return self.disturbance.breakpoints()
 
-    def off_chord(self, upper: Any, samples: Samples) -> Floats:
-        """The factor's largest size times the bound of the scaled disturbance."""
-        factor = largest_size(self.factor, upper.factor)
+    def chord_deviation(self, upper: Any, samples: Samples) -> Floats:
+        """The factor's largest magnitude times the bound of the scaled disturbance."""
+        factor = largest_magnitude(self.factor, upper.factor)
         if not factor.any():
             return np.zeros(samples.q.shape)
-        return factor * self.disturbance.off_chord(upper.disturbance, samples)
+        return factor * self.disturbance.chord_deviation(upper.disturbance, samples)
 
     def largest(self, upper: Any, joints: int) -> Floats:
-        """The factor's largest size times the bound of the scaled disturbance."""
-        factor = largest_size(self.factor, upper.factor)
+        """The factor's largest magnitude times the bound of the scaled disturbance."""
+        factor = largest_magnitude(self.factor, upper.factor)
         return factor * self.disturbance.largest(upper.disturbance, joints) if factor.any() else np.zeros(joints)
 
 
@@ -173,13 +170,13 @@ class Constant(AbstractDisturbance):
         """`c`, [n], N m or N."""
         return self.value
 
-    def off_chord(self, upper: Any, samples: Samples) -> Floats:
+    def chord_deviation(self, upper: Any, samples: Samples) -> Floats:
         """Zero for a constant force."""
         return np.zeros(samples.q.shape)
 
     def largest(self, upper: Any, joints: int) -> Floats:
         """|c|."""
-        return np.broadcast_to(largest_size(self.value, upper.value), joints)
+        return np.broadcast_to(largest_magnitude(self.value, upper.value), joints)
 
 
 class Step(AbstractDisturbance):
@@ -188,25 +185,25 @@ class Step(AbstractDisturbance):
     title = "A force with a beginning and an end, such as a payload's weight."
 
     value: Vector = parameter("c, the force", "N m or N")
-    start: Scalar = parameter("when it sets in", "s")
-    end: Scalar = parameter("when it ends; infinite if it stays", "s", "(start, inf]", default=float("inf"))
+    start: Scalar = parameter("start time", "s")
+    end: Scalar = parameter("end time; infinite for a lasting force", "s", "(start, inf]", default=float("inf"))
 
     def __call__(self, t: Scalar, state: State) -> Vector:
-        """`c` while it lasts, [n], N m or N."""
+        """`c` from start to end, else 0, [n], N m or N."""
         return jnp.where((t >= self.start) & (t < self.end), self.value, 0.0)
 
     def breakpoints(self) -> tuple[float, ...]:
         """Beginning and end of the force [s]."""
         return tuple(time for time in (float(self.start), float(self.end)) if np.isfinite(time))
 
-    def off_chord(self, upper: Any, samples: Samples) -> Floats:
+    def chord_deviation(self, upper: Any, samples: Samples) -> Floats:
         """|c| in each period with a possible jump inside or at its end; else zero."""
         jumps = samples.jumps(self.start, upper.start) | samples.jumps(self.end, upper.end)
-        return jumps[:, None] * largest_size(self.value, upper.value)
+        return jumps[:, None] * largest_magnitude(self.value, upper.value)
 
     def largest(self, upper: Any, joints: int) -> Floats:
         """|c|."""
-        return np.broadcast_to(largest_size(self.value, upper.value), joints)
+        return np.broadcast_to(largest_magnitude(self.value, upper.value), joints)
 
 
 class Harmonic(AbstractDisturbance):
@@ -222,18 +219,18 @@ class Harmonic(AbstractDisturbance):
         """`a sin(ω t + φ)`, [n], N m or N."""
         return self.amplitude * jnp.sin(self.frequency * t + self.phase)
 
-    def off_chord(self, upper: Any, samples: Samples) -> Floats:
-        """`|a| min(ω² h²/8, 2)`: `h²/8` times its largest second derivative, and never more than from peak to peak."""
-        angle = largest_size(self.frequency, upper.frequency) * samples.period
-        bound: Floats = largest_size(self.amplitude, upper.amplitude) * np.minimum(angle**2 / 8.0, 2.0)
+    def chord_deviation(self, upper: Any, samples: Samples) -> Floats:
+        """`|a| min(ω² h²/8, 2)`: `h²/8` times its largest second derivative, at most the peak-to-peak value."""
+        angle = largest_magnitude(self.frequency, upper.frequency) * samples.period
+        bound: Floats = largest_magnitude(self.amplitude, upper.amplitude) * np.minimum(angle**2 / 8.0, 2.0)
         return np.broadcast_to(bound, samples.q.shape)
 
     def largest(self, upper: Any, joints: int) -> Floats:
         """|a|."""
-        return np.broadcast_to(largest_size(self.amplitude, upper.amplitude), joints)
+        return np.broadcast_to(largest_magnitude(self.amplitude, upper.amplitude), joints)
 
 
-BEND = 4.0 / (3.0 * 3.0**0.5)
+TANH_CURVATURE = 4.0 / (3.0 * 3.0**0.5)
 """The largest second derivative of tanh."""
 
 
@@ -246,38 +243,38 @@ class Friction(AbstractDisturbance):
     viscous: PerJoint = parameter(
         "f_v, viscous friction", "N m s/rad or N s/m", ">= 0", "or it would drive the joint", default=0.0
     )
-    smoothing: PerJoint = parameter(
-        "v_s, the velocity within which the sign turns", "rad/s or m/s", "> 0", default=0.01
-    )
+    smoothing: PerJoint = parameter("v_s, width of the smoothed sign change", "rad/s or m/s", "> 0", default=0.01)
 
     def __call__(self, t: Scalar, state: State) -> Vector:
         """The friction force, [n], N m or N."""
         return -(self.coulomb * jnp.tanh(state.dq / self.smoothing) + self.viscous * state.dq)
 
-    def off_chord(self, upper: Any, samples: Samples) -> Floats:
-        """`f_c min(.77 x²/8, x, 2)`, `x = |Δq̇|/v_s`: by the curvature, slope or range of tanh.
+    def chord_deviation(self, upper: Any, samples: Samples) -> Floats:
+        """`f_c min(0.77 x²/8, x, 2)`, `x = |Δq̇|/v_s`: by the curvature, slope or range of tanh.
 
-        `max |tanh''| = 4/(3 √3)`. Viscous friction is as straight as the velocity.
+        `max |tanh''| = 4/(3 √3)`. Viscous friction is linear in the velocity and adds nothing.
         """
-        x = samples.turn / np.asarray(self.smoothing)
-        return largest_size(self.coulomb, upper.coulomb) * np.minimum(np.minimum(BEND * x * x / 8.0, x), 2.0)
+        x = samples.dq_change / np.asarray(self.smoothing)
+        return largest_magnitude(self.coulomb, upper.coulomb) * np.minimum(
+            np.minimum(TANH_CURVATURE * x * x / 8.0, x), 2.0
+        )
 
     def largest(self, upper: Any, joints: int) -> Floats:
         """f_c; infinite with viscous friction, which grows with the velocity."""
-        viscous = largest_size(self.viscous, upper.viscous)
-        return np.broadcast_to(np.where(viscous > 0.0, np.inf, largest_size(self.coulomb, upper.coulomb)), joints)
+        viscous = largest_magnitude(self.viscous, upper.viscous)
+        return np.broadcast_to(np.where(viscous > 0.0, np.inf, largest_magnitude(self.coulomb, upper.coulomb)), joints)
 
 
 class ElasticStop(AbstractDisturbance):
-    """`τ_d = -k z max(0, 1 + c q̇)`, `z = max(0, q - a)`: pushes back, never pulls, and takes energy from an impact.
+    """`τ_d = -k z max(0, 1 + c q̇)`, `z = max(0, q - a)`: a contact force that never pulls and dissipates energy.
 
     Source: Hunt and Crossley, Coefficient of restitution interpreted as damping in vibroimpact, 1975, with exponent 1.
     """
 
     title = "A stiff surface on one side of a joint, such as a table below a vertical axis."
 
-    stiffness: PerJoint = parameter("k; 0 for a joint that meets nothing", "N m/rad or N/m", ">= 0")
-    position: PerJoint = parameter("a, from which on the joint is in contact", "rad or m")
+    stiffness: PerJoint = parameter("k; 0 for a joint without a stop", "N m/rad or N/m", ">= 0")
+    position: PerJoint = parameter("a, position of first contact", "rad or m")
     damping: PerJoint = parameter("c, damping over stiffness", "s/rad or s/m", ">= 0", default=0.0)
 
     def __call__(self, t: Scalar, state: State) -> Vector:
@@ -285,10 +282,13 @@ class ElasticStop(AbstractDisturbance):
         deep = jnp.maximum(0.0, state.q - self.position)
         return -self.stiffness * deep * jnp.maximum(0.0, 1.0 + self.damping * state.dq)
 
-    def off_chord(self, upper: Any, samples: Samples) -> Floats:
-        """Largest change of the force in a period in which the joint may touch the surface; else zero."""
-        deepest = np.maximum(0.0, samples.q + samples.way - np.asarray(self.position))
-        fastest = np.abs(samples.dq) + samples.turn
-        damping, stiffness = largest_size(self.damping, upper.damping), largest_size(self.stiffness, upper.stiffness)
-        moved = np.minimum(samples.way, deepest) * (1.0 + damping * fastest)
-        return stiffness * (moved + deepest * damping * samples.turn)
+    def chord_deviation(self, upper: Any, samples: Samples) -> Floats:
+        """Largest change of the force in a period with possible contact; else zero."""
+        deepest = np.maximum(0.0, samples.q + samples.travel - np.asarray(self.position))
+        fastest = np.abs(samples.dq) + samples.dq_change
+        damping, stiffness = (
+            largest_magnitude(self.damping, upper.damping),
+            largest_magnitude(self.stiffness, upper.stiffness),
+        )
+        moved = np.minimum(samples.travel, deepest) * (1.0 + damping * fastest)
+        return stiffness * (moved + deepest * damping * samples.dq_change)

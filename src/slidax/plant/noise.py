@@ -1,4 +1,4 @@
-"""Random numbers from a seed and a sample number, the same bits in every engine."""
+"""Random numbers from a seed and a sample number, identical in every engine."""
 
 from __future__ import annotations
 
@@ -11,16 +11,14 @@ from jaxtyping import Array, Float, Int, Key
 from slidax.core.errors import DefinitionError, short_repr
 from slidax.core.parameter import parameter
 
-# One stream of random numbers for each kind of sensor: a chain of sensors with one seed is not correlated with itself.
+# Each kind of sensor has its own random stream, so nested sensors with the same seed are uncorrelated.
 ENCODERS, DIFFERENCED_ENCODERS, DELAYED, LOSSY = 1, 2, 3, 4
 
 
 def as_integer(value: Any) -> Array:
-    """Convert integers and lists of them to int arrays, so that a batch can vary them.
+    """Convert an integer, a list of integers or an array to an int array, so that a batch can vary it.
 
-    - `value`: a whole number, a list of them or an array.
-
-    Raises DefinitionError if one of them is not whole.
+    Raises DefinitionError for a number that is not an integer.
     """
     if isinstance(value, jax.Array):
         return value
@@ -30,9 +28,9 @@ def as_integer(value: Any) -> Array:
     return jax.device_put(number.astype(int))
 
 
-def seed(chances: str) -> Any:
-    """Declare a seed of `chances`."""
-    return parameter(f"a whole number; another seed gives other {chances}", default=0, converter=as_integer)
+def seed(effect: str) -> Any:
+    """Declare the seed parameter of a random effect, such as noise."""
+    return parameter(f"a whole number; another seed gives other {effect}", default=0, converter=as_integer)
 
 
 def _key(seed: Int[Array, ""], stream: int, k: Int[Array, ""]) -> Key[Array, ""]:
@@ -40,17 +38,17 @@ def _key(seed: Int[Array, ""], stream: int, k: Int[Array, ""]) -> Key[Array, ""]
 
 
 def draw_normal(seed: Int[Array, ""], stream: int, k: Int[Array, ""], shape: tuple[int, ...]) -> Float[Array, "..."]:
-    """Independent numbers with mean 0 and standard deviation 1.
+    """Draw independent normal numbers with mean 0 and standard deviation 1.
 
     - `stream`: number for the kind of sensor.
     - `k`: number of the sample.
-    - `shape`: of the result.
+    - `shape`: shape of the result.
     """
     return jax.random.normal(_key(seed, stream, k), shape, float)
 
 
 def draw_uniform(seed: Int[Array, ""], stream: int, k: Int[Array, ""]) -> Float[Array, ""]:
-    """A uniform random number in [0, 1).
+    """Draw a uniform random number in [0, 1).
 
     - `stream`: number for the kind of sensor.
     - `k`: number of the sample.

@@ -22,7 +22,7 @@ class Measurement(eqx.Module):
     """Measurement at one sample.
 
     - `state`: measured positions and velocities.
-    - `fresh`: False if this sample was lost; `state` is then the last that arrived.
+    - `fresh`: False if this sample was lost; `state` is then the last one that arrived.
     """
 
     state: State
@@ -50,12 +50,12 @@ class AbstractSensor(AbstractPart):
         - `k`: number of the sample, from 0 on.
         - `state`: true positions and velocities at sample k.
         - `period`: time between two samples [s], > 0.
-        - `memory`: what `init` returned, or the call at the last sample.
+        - `memory`: from `init`, or from the call at the last sample.
         """
 
 
 class Exact(AbstractSensor):
-    """The state itself, at once and always."""
+    """Measures the true state, without delay or loss."""
 
     title = "A sensor without errors."
 
@@ -72,14 +72,14 @@ class Exact(AbstractSensor):
 def round_to_resolution(q: Vector, resolution: PerJoint) -> Vector:
     """`r round(q/r)`, the nearest multiple of the resolution, [n]; q itself for `r = 0`.
 
-    Its derivative is that of q (a straight-through estimator): the staircase itself is flat between its steps, and
-    would give a gradient of 0. A gradient through encoders is therefore that of the loop without rounding, along the
-    motion with it; with respect to the resolution it is 0.
+    Its derivative is that of q (a straight-through estimator), since the staircase itself has a slope of 0. A gradient
+    through encoders is therefore that of the loop without rounding, along the motion with rounding. With respect to the
+    resolution it is 0.
 
     - `q`: positions [n].
     - `resolution`: r, in the unit of q, one number or [n], >= 0.
     """
-    # From 2^52 steps on, there is no number between two multiples left to round; the quotient could even overflow.
+    # From 2^52 steps on, every floating-point number is a multiple; the quotient could even overflow.
     counts = jnp.abs(q) < resolution * 2.0**52
     step = jnp.where(counts, resolution, 1.0)
     return jnp.where(counts, step * jnp.round(jnp.where(counts, q, 0.0) / step), q)
@@ -139,7 +139,7 @@ class DifferencedEncoders(AbstractSensor):
     seed: Int[Array, ""] = seed("noise")
 
     def init(self, state: State) -> State:
-        """The position that was counted last, and the filtered velocity: at the start both are the true ones."""
+        """The last measured position and the filtered velocity; both start at the true values."""
         return state
 
     def __call__(self, k: Int[Array, ""], state: State, period: Scalar, memory: State) -> tuple[Measurement, State]:
@@ -152,11 +152,11 @@ class DifferencedEncoders(AbstractSensor):
         return Measurement(state=measured, fresh=jnp.asarray(True)), measured
 
 
-class History(eqx.Module):
-    """The memory of `Delayed`.
+class DelayedMemory(eqx.Module):
+    """Memory of a `Delayed` sensor.
 
     - `start`: the state at sample 0.
-    - `q`, `dq`: the last states [m n]; that of sample k is in row k mod m.
+    - `q`, `dq`: the last m states [m n]; row k mod m has that of sample k.
     - `inner`: the memory of the delayed sensor.
     """
 
@@ -169,21 +169,21 @@ class History(eqx.Module):
 class Delayed(AbstractSensor):
     """Measurement of `sensor`, delayed by `max(periods + jitter U, 0)` sampling periods.
 
-    U is uniform in [-1/2, 1/2) and drawn anew for each sample: the sampling instants are uneven. Between two samples
-    the state follows the cubic polynomial that has both positions and velocities there (Hermite), an error of `h⁴` in
-    the position and `h³` in the velocity; before sample 0 the velocity was constant.
+    U is uniform in [-1/2, 1/2) and drawn for each sample, which makes the sampling instants uneven. Between two samples
+    the state is interpolated by a cubic Hermite polynomial, with an error of order `h⁴` in the position and `h³` in the
+    velocity; before sample 0 the velocity is constant.
     """
 
-    sensor: AbstractSensor = piece("what measures")
+    sensor: AbstractSensor = piece("the delayed sensor")
     periods: float = parameter(
-        "the delay, whole or not; known when compiled, since it sets how much is kept",
+        "the delay, also fractional; a new value compiles anew, since it sets how many states are stored",
         "sampling periods",
         "[0, 100]",
         static=True,
         converter=float,
     )
     jitter: float = parameter(
-        "width of the spread of the delay; known when compiled",
+        "width of the delay's distribution; a new value compiles anew",
         "sampling periods",
         "[0, 100]",
         default=0.0,
@@ -193,26 +193,28 @@ class Delayed(AbstractSensor):
     seed: Int[Array, ""] = seed("instants")
 
     @property
-    def kept(self) -> int:
+    def stored(self) -> int:
         """m, the number of stored states."""
         return math.ceil(self.periods + 0.5 * self.jitter) + 1
 
-    def init(self, state: State) -> History:
-        """A history of the first state."""
-        shape = (self.kept, *state.q.shape)
-        return History(
+    def init(self, state: State) -> DelayedMemory:
+        """Memory filled with the first state."""
+        shape = (self.stored, *state.q.shape)
+        return DelayedMemory(
             start=state,
             q=jnp.broadcast_to(state.q, shape),
             dq=jnp.broadcast_to(state.dq, shape),
             inner=self.sensor.init(state),
         )
 
-    def __call__(self, k: Int[Array, ""], state: State, period: Scalar, memory: History) -> tuple[Measurement, History]:
+    def __call__(
+        self, k: Int[Array, ""], state: State, period: Scalar, memory: DelayedMemory
+    ) -> tuple[Measurement, DelayedMemory]:
         """Measurement of the delayed state."""
-        row = k % self.kept
+        row = k % self.stored
         q, dq = memory.q.at[row].set(state.q), memory.dq.at[row].set(state.dq)
         measurement, inner = self.sensor(k, self._past(k, q, dq, period, memory.start), period, memory.inner)
-        return measurement, History(start=memory.start, q=q, dq=dq, inner=inner)
+        return measurement, DelayedMemory(start=memory.start, q=q, dq=dq, inner=inner)
 
     def _past(
         self, k: Int[Array, ""], q: Float[Array, "m n"], dq: Float[Array, "m n"], period: Scalar, start: State
@@ -222,9 +224,9 @@ class Delayed(AbstractSensor):
         if self.jitter:
             age = jnp.maximum(age + self.jitter * (draw_uniform(self.seed, DELAYED, k) - 0.5), 0.0)
         whole_age = jnp.floor(age)
-        later = (k - whole_age.astype(k.dtype)) % self.kept
-        earlier = (later - 1) % self.kept
-        # From the later sample back by a share of the period, so that whole ages are exact.
+        later = (k - whole_age.astype(k.dtype)) % self.stored
+        earlier = (later - 1) % self.stored
+        # Interpolate back from the later sample, so that integer ages are exact.
         back = age - whole_age
         q1, v1, v0 = q[later], dq[later], dq[earlier]
         mean = (q1 - q[earlier]) / period
@@ -240,8 +242,8 @@ class Delayed(AbstractSensor):
         )
 
 
-class Arrived(eqx.Module):
-    """The memory of `Lossy`.
+class LossyMemory(eqx.Module):
+    """Memory of a `Lossy` sensor.
 
     - `last`: the last state that arrived.
     - `inner`: the memory of the inner sensor.
@@ -254,15 +256,15 @@ class Arrived(eqx.Module):
 class Lossy(AbstractSensor):
     """Measurement of `sensor`, lost at random, and always for `start <= k < start + count`.
 
-    Sample 0 always arrives. A lost sample is not fresh, and repeats the last sample that arrived. The sensor goes on
-    measuring.
+    Sample 0 always arrives. A lost sample is not fresh, and repeats the last sample that arrived. The inner sensor
+    continues to measure.
     """
 
-    sensor: AbstractSensor = piece("what measures")
-    probability: Scalar = parameter("of losing a sample, for each by itself", "", "[0, 1]", default=0.0)
+    sensor: AbstractSensor = piece("the inner sensor")
+    probability: Scalar = parameter("probability of losing a sample, independent of others", "", "[0, 1]", default=0.0)
     starts: Int[Array, " m"] = parameter("number of the first sample of each outage", default=(), converter=as_integer)
     counts: Int[Array, " m"] = parameter(
-        "how many samples each outage takes", "samples", ">= 0", default=(), converter=as_integer
+        "number of samples in each outage", "samples", ">= 0", default=(), converter=as_integer
     )
     seed: Int[Array, ""] = seed("losses")
 
@@ -273,11 +275,13 @@ class Lossy(AbstractSensor):
                 f"got shapes {list(self.counts.shape)} and {list(self.starts.shape)}"
             )
 
-    def init(self, state: State) -> Arrived:
-        """The first state, which is never used, for sample 0 arrives."""
-        return Arrived(last=state, inner=self.sensor.init(state))
+    def init(self, state: State) -> LossyMemory:
+        """Memory with the first state, which is never used since sample 0 arrives."""
+        return LossyMemory(last=state, inner=self.sensor.init(state))
 
-    def __call__(self, k: Int[Array, ""], state: State, period: Scalar, memory: Arrived) -> tuple[Measurement, Arrived]:
+    def __call__(
+        self, k: Int[Array, ""], state: State, period: Scalar, memory: LossyMemory
+    ) -> tuple[Measurement, LossyMemory]:
         """Measurement at sample k, or the last one that arrived."""
         measurement, inner = self.sensor(k, state, period, memory.inner)
         by_chance = draw_uniform(self.seed, LOSSY, k) < self.probability
@@ -285,4 +289,4 @@ class Lossy(AbstractSensor):
         by_plan = jnp.any((since >= 0) & (since < self.counts))
         fresh = measurement.fresh & ((k == 0) | ~(by_chance | by_plan))
         last = jax.tree.map(lambda new, old: jnp.where(fresh, new, old), measurement.state, memory.last)
-        return Measurement(state=last, fresh=fresh), Arrived(last=last, inner=inner)
+        return Measurement(state=last, fresh=fresh), LossyMemory(last=last, inner=inner)

@@ -1,7 +1,7 @@
-"""Simulation: a plant under a controller becomes a `Run`. Time passes only here.
+"""Simulation of a plant under a controller, with a `Run` as the result. Only this package advances time.
 
-Start with `simulate.py` (one run, a batch, a gradient), `plant.py` and `stepping.py`: these are the inputs. `run.py` is
-the result. `loop.py` has one sample of the closed loop as pure functions. `engine.py` has the protocol of the engines:
+Start with `simulate.py` (one run, a batch, a gradient) and its inputs, `plant.py` and `stepping.py`. `run.py` has the
+result. `loop.py` has one sample of the closed loop as pure functions. `engine.py` has the protocol of the engines:
 `native_engine.py` compiles the loop to machine code, `xla_engine.py` is the reference, `mujoco_engine.py` lets MuJoCo
 move the arm.
 """

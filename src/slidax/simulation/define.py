@@ -1,4 +1,4 @@
-"""A closed loop from its parts, checked against each other before time passes."""
+"""Define a closed loop from its parts, after checking that they fit each other."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from .stepping import Stepping
 from .tally import Windows
 
 MOST_SAMPLES = 10**9
-"""Limit of a run: some hours with a simple law."""
+"""Most samples in a run: some hours of computing with a simple law."""
 
 
 def define_loop(
@@ -120,13 +120,13 @@ def require_fitting(
         period = float(controller.period)
         if abs(period - stepping.period) > 1e-9 * period:
             raise DefinitionError(
-                f"the sampled-data law is made for a period of {period:g} s; it cannot be sampled every "
+                f"the sampled-data law is designed for a period of {period:g} s; it cannot be sampled every "
                 f"{stepping.period:g} s"
             )
 
 
 def windows_of(steps: int, period: float, bands: tuple[float, ...]) -> Windows:
-    """Return the first samples that each statistic counts in a run of so many periods [s]."""
+    """Return the first sample of each statistic in a run of `steps` periods."""
     return Windows(
         steady=constant(int(np.ceil(0.75 * steps))),
         late=constant(int(np.floor(2.0 / period + 1e-6)) + 1),
@@ -135,7 +135,7 @@ def windows_of(steps: int, period: float, bands: tuple[float, ...]) -> Windows:
 
 
 def constant(number: Any) -> Array:
-    """Return a JAX array of a known value; `jnp.asarray` would compile a program for it."""
+    """Convert a known value to a JAX array; `jnp.asarray` would compile a program for it."""
     return jax.device_put(np.asarray(number))
 
 
@@ -154,7 +154,7 @@ def _steps(t1: float, period: float) -> int:
 
 
 def require_start(loop: ClosedLoop, state0: State, envelope: Envelope | None, reference: Reference, held: Any) -> None:
-    """Raise a DefinitionError if the first error is at or outside its bounds, or the actuator cannot hold the arm.
+    """Raise a DefinitionError if the initial error is not inside its bounds, or the actuator cannot hold the arm.
 
     - `held`: torque that holds the arm at `state0` [n], N m or N; None without an actuator.
     """
@@ -167,7 +167,7 @@ def require_start(loop: ClosedLoop, state0: State, envelope: Envelope | None, re
             joint = int(np.argmax(weak))
             unit = robot.torque_units[joint]
             raise DefinitionError(
-                f"`TorqueLimits.torque` must hold the arm where it starts: {names[joint]} needs "
+                f"`TorqueLimits.torque` must hold the arm in its initial posture: {names[joint]} needs "
                 f"{needed[joint]:.4g} {unit} there, but its limit is {limit[joint]:g} {unit}; raise it, or start "
                 "in a posture that needs less"
             )
@@ -178,8 +178,8 @@ def require_start(loop: ClosedLoop, state0: State, envelope: Envelope | None, re
         if outside.any():
             joint = int(np.argmax(outside))
             raise DefinitionError(
-                f"the tolerance band must hold the start, |e(0)| < rho0; got e(0) = {e[joint]:.4g} for {names[joint]}; "
-                "enlarge its initial radius or start nearer"
+                f"the initial error must be inside the tolerance band, |e(0)| < rho0; got e(0) = {e[joint]:.4g} for "
+                f"{names[joint]}; enlarge the band's initial radius or start nearer"
             )
     if envelope is None or loop.recover:
         return
@@ -195,14 +195,14 @@ def require_start(loop: ClosedLoop, state0: State, envelope: Envelope | None, re
 
 
 MOST_BYTES = 10**9
-"""Largest log; twice as much is needed while the log is made."""
+"""Largest log; building it takes twice as much memory."""
 
 SMALL = 200_000
-"""Rows that always fit: only longer logs are checked."""
+"""Rows of a log that always fits: only longer logs are checked."""
 
 
-def require_room(loop: ClosedLoop, state0: State, rows: int) -> None:
-    """Raise a DefinitionError if a log with so many rows would be too large."""
+def require_log_fits(loop: ClosedLoop, state0: State, rows: int) -> None:
+    """Raise a DefinitionError if a log with this number of rows would be too large."""
     if rows <= SMALL:
         return
     line = eqx.filter_eval_shape(lambda: sample(loop, begin(loop, state0)[0])[1])
@@ -210,5 +210,5 @@ def require_room(loop: ClosedLoop, state0: State, rows: int) -> None:
     if size > MOST_BYTES:
         raise DefinitionError(
             f"the log of {rows} samples would take {size / 1e9:.3g} GB; the limit is {MOST_BYTES / 1e9:g} GB: "
-            f"log one in {math.ceil(size / MOST_BYTES)} times as many (`log_every`), or none"
+            f"make `log_every` {math.ceil(size / MOST_BYTES)} times as large, or log nothing with `log_every=None`"
         )

@@ -1,4 +1,4 @@
-"""Engines: their protocol, the request that they take, the choice among them, and the progress bar."""
+"""Simulation engines: their protocol, request and result, the choice among them, and the progress bar."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class RunRequest:
-    """One run of a closed loop, as every engine takes it.
+    """Request to an engine for one run of a closed loop.
 
     - `samples`: number of samples, from t = 0.
-    - `log_every`: log one in so many samples; None logs none.
+    - `log_every`: n to log every n-th sample; None for no log.
     - `progress`: show a bar; None shows it for long runs if standard error is a terminal.
     - `started`: start of the compilation, from `time.perf_counter`.
     """
@@ -52,8 +52,10 @@ class RunRequest:
 
 
 class EngineResult(NamedTuple):
-    """A finished run: the carry after its last sample with the start of the loop, the log, the time spent.
+    """A finished run.
 
+    - `start`: carry after the last sample; envelope, reference and holding torque at t = 0.
+    - `log`: logged samples; None without a log.
     - `load`: motion of a released payload; None without one.
     """
 
@@ -66,8 +68,8 @@ class EngineResult(NamedTuple):
 class Engine(Protocol):
     """Run a closed loop from t = 0 until its last sample or its first fault.
 
-    Raises DefinitionError if the loop may not start where it does, NoNativeCodeError if the engine has no machine code
-    for a part of the loop.
+    Raises DefinitionError if the initial state is invalid, NoNativeCodeError if the engine has no machine code for a
+    part of the loop.
     """
 
     def __call__(self, request: RunRequest) -> EngineResult: ...
@@ -76,8 +78,8 @@ class Engine(Protocol):
 def engine_for(name: str) -> Literal["native", "xla"]:
     """Return the engine that runs one closed loop, and warn if it differs from the requested one.
 
-    `cuda` is for batches: one run on a card takes as long as many. A single run, such as a row of a batch that is
-    repeated, then runs on the processor.
+    `cuda` is for batches, since one run on a card takes as long as many. A single run, such as a repeated row of a
+    batch, then runs on the processor.
 
     Raises DefinitionError if the name is unknown.
     """
@@ -108,7 +110,7 @@ def engine_for_batch(name: str) -> Literal["native", "xla", "cuda"]:
 def native_or_xla(
     requested: str, chosen: str, native: Callable[[], T], xla: Callable[[], T], *, stacklevel: int = 3
 ) -> T:
-    """Run by machine code; without machine code for a part of the loop, warn and run by XLA.
+    """Run as machine code; if a part of the loop has none, warn and run by XLA.
 
     - `requested`, `chosen`: names of engines; `chosen` comes from `engine_for` or `engine_for_batch`.
 
@@ -125,15 +127,15 @@ def native_or_xla(
 
 
 def _warn(engine: str, reason: str, stacklevel: int) -> None:
-    warnings.warn(f"simulating with the engine `{engine}`, as {reason}", stacklevel=stacklevel + 1)
+    warnings.warn(f"simulating with the engine `{engine}`, because {reason}", stacklevel=stacklevel + 1)
 
 
 PATIENCE = 2.0
-"""Expected duration [s] from which a run shows its bar."""
+"""Expected duration [s] beyond which the bar is drawn."""
 
 
 class Progress:
-    """Count finished pieces of work, and draw a bar once they are expected to take long.
+    """Count finished pieces of work, and draw a progress bar if all of them are expected to take long.
 
     - `shown`: True draws from the start, False never, None for long work if standard error is a terminal.
     """

@@ -57,7 +57,7 @@ class Carry(eqx.Module):
 
     - `k`: number of the next sample.
     - `state`: the true state there.
-    - `good`: the state at the last good sample.
+    - `good`: the true state at the last sample without a fault.
     - `memory`, `sensor`, `actuator`: memories of the controller, the sensor and the actuator.
     - `fault`: the first fault.
     - `excursion`: samples outside the envelope; None if the first of them ends the run.
@@ -86,8 +86,8 @@ class Memories(eqx.Module):
 
 
 LoopStart = tuple[Carry, Envelope | None, Reference, Float[Array, "*runs n"] | Float[np.ndarray, "*runs n"] | None]
-"""A carry, with the envelope and the reference at t = 0, and the torque that holds the arm there [n], N m or N (None
-without an actuator)."""
+"""Carry, envelope and reference at t = 0, and the torque that holds the arm there [n], N m or N (None without an
+actuator)."""
 
 
 class Evaluation(eqx.Module):
@@ -106,7 +106,7 @@ def evaluate(loop: ClosedLoop, t: Scalar, state: State, measured: State, memory:
     """
     reference = loop.trajectory.reference(t)
     command = loop.controller(t, measured, reference, loop.trajectory.reference(ahead), memory)
-    # Plant, tally and log read the same bits.
+    # With the barrier, plant, tally and log get bitwise equal torques.
     command = eqx.tree_at(lambda c: c.tau, command, barrier(command.tau))
     return checked_evaluation(loop, t, state, memory, reference, command)
 
@@ -114,9 +114,9 @@ def evaluate(loop: ClosedLoop, t: Scalar, state: State, measured: State, memory:
 def checked_evaluation(
     loop: ClosedLoop, t: Scalar, state: State, memory: Memory, reference: Reference, command: Command
 ) -> Evaluation:
-    """Return a command of the law with the envelope and the fault at the true state.
+    """Complete a command of the law by the envelope and the fault at the true state.
 
-    - `memory`: the controller's, before the command.
+    - `memory`: the controller's memory before the command.
     """
     envelope = loop.controller.envelope(t, memory)
     finite = jnp.isfinite(command.tau) & jnp.isfinite(state.dq)
@@ -125,16 +125,20 @@ def checked_evaluation(
 
 
 class HeldTorque(eqx.Module):
-    """Torque command [n], N m or N, of a sample until the next one, with the actuator's memory (None without one)."""
+    """Torque command that is held until the next sample.
+
+    - `tau`: command [n], N m or N.
+    - `actuator`: the actuator's memory; None without one.
+    """
 
     tau: Vector
-    delivery: Memory
+    actuator: Memory
 
 
 def evaluate_sample(loop: ClosedLoop, carry: Carry, t: Scalar) -> tuple[Evaluation, Memories, HeldTorque]:
     """Evaluate the law once on the measurement; a memory with a rate advances by Euler's rule."""
     plant, period = loop.plant, loop.period
-    measured, sensor, torque, delivery, fresh = carry.state, None, None, None, None
+    measured, sensor, torque, actuator, fresh = carry.state, None, None, None, None
     if plant.sensor is not None:
         measurement, sensor = plant.sensor(carry.k, carry.state, period, carry.sensor)
         measured, fresh = measurement.state, measurement.fresh
@@ -142,11 +146,11 @@ def evaluate_sample(loop: ClosedLoop, carry: Carry, t: Scalar) -> tuple[Evaluati
     memory = now.command.memory_after(period)
     tau = now.command.tau
     if fresh is not None and carry.torque is not None:
-        # Without a measurement, the last command and the law's memory stay.
+        # Without a new measurement, the last command and the law's memory are kept.
         tau = torque = jnp.where(fresh, tau, carry.torque)
         memory = select(fresh, memory, carry.memory)
     if plant.actuator is not None:
-        tau, delivery = plant.actuator.set(tau, period, carry.actuator)
+        tau, actuator = plant.actuator.set(tau, period, carry.actuator)
     if plant.sensor is not None or plant.actuator is not None:
         command = eqx.tree_at(lambda c: c.tau, now.command, barrier(tau))
         if fresh is not None and "rejected" in command.signals:
@@ -154,15 +158,15 @@ def evaluate_sample(loop: ClosedLoop, carry: Carry, t: Scalar) -> tuple[Evaluati
             rejected = jnp.where(fresh, command.signals["rejected"], 0.0)
             command = eqx.tree_at(lambda c: c.signals["rejected"], command, rejected)
         now = checked_evaluation(loop, t, carry.state, carry.memory, now.reference, command)
-    memories = Memories(memory=memory, sensor=sensor, actuator=delivery, torque=torque)
-    return now, memories, HeldTorque(tau=now.command.tau, delivery=delivery)
+    memories = Memories(memory=memory, sensor=sensor, actuator=actuator, torque=torque)
+    return now, memories, HeldTorque(tau=now.command.tau, actuator=actuator)
 
 
 def delivered_torque(loop: ClosedLoop, held: HeldTorque, t: Scalar, time: Scalar) -> Vector:
     """Torque on the joints, [n], N m or N, at a time [s] at most a period after the sample at t [s]."""
-    if loop.plant.actuator is None or held.delivery is None:
+    if loop.plant.actuator is None or held.actuator is None:
         return held.tau
-    return loop.plant.actuator.delivered(held.delivery, time - t, loop.period)
+    return loop.plant.actuator.delivered(held.actuator, time - t, loop.period)
 
 
 def move_plant(loop: ClosedLoop, state: State, t: Scalar, held: HeldTorque) -> State:
@@ -184,7 +188,7 @@ def move_plant(loop: ClosedLoop, state: State, t: Scalar, held: HeldTorque) -> S
 def force(loop: ClosedLoop, held: HeldTorque, k: Int[Array, ""], i: Int[Array, ""], state: State) -> Vector:
     """Force on the joints at the start of a substep: delivered torque and disturbance, [n], N m or N.
 
-    For another simulator of the robot, at the exact times of slidax's own plant.
+    For another simulator of the robot; the times are exactly those of slidax's own plant.
 
     - `k`: number of the sample.
     - `i`: number of the substep after it, from 0.
@@ -244,23 +248,23 @@ def sample(loop: ClosedLoop, carry: Carry) -> tuple[Carry, Log]:
     """Evaluate the law, count the sample, and move the plant by one period, unless the run is over."""
     t = carry.k.astype(float) * loop.period
     if loop.continuous:
-        return _counted(loop, carry, t, *_continuous_step(loop, carry, t))
+        return _advance_carry(loop, carry, t, *_continuous_step(loop, carry, t))
     now, memories, held = evaluate_sample(loop, carry, t)
-    return _counted(loop, carry, t, move_plant(loop, carry.state, t, held), memories, (now,))
+    return _advance_carry(loop, carry, t, move_plant(loop, carry.state, t, held), memories, (now,))
 
 
 def decide(loop: ClosedLoop, carry: Carry) -> tuple[Carry, Log, HeldTorque]:
     """Evaluate the law in held mode and count the sample; another simulator moves the carry's state."""
     t = carry.k.astype(float) * loop.period
     now, memories, held = evaluate_sample(loop, carry, t)
-    after, log = _counted(loop, carry, t, carry.state, memories, (now,))
+    after, log = _advance_carry(loop, carry, t, carry.state, memories, (now,))
     return after, log, held
 
 
-def _counted(
+def _advance_carry(
     loop: ClosedLoop, carry: Carry, t: Scalar, moved: State, memories: Memories, stages: tuple[Evaluation, ...]
 ) -> tuple[Carry, Log]:
-    """The carry after a sample, and its log."""
+    """Return the carry after a sample, and its log."""
     now = stages[0]
     e = carry.state.q - now.reference.q
 
@@ -276,7 +280,7 @@ def _counted(
     tally = select(good, counted, carry.tally.with_violation(running & (now.fault.kind == 1)))
     excursion = carry.excursion
     if excursion is not None and now.envelope is not None:
-        # Also where the law is undefined, which is the case outside.
+        # This also counts samples outside, where the law is undefined.
         known = running & jnp.all(jnp.isfinite(e))
         extended = excursion.add(carry.k, e, now.envelope)
         tally = tally.with_violation(known & extended.outside)
@@ -290,7 +294,7 @@ def _counted(
         tool = tally.tool.add(loop.plant.robot, carry.state.q, now.reference.q, good, steady)
         tally = eqx.tree_at(lambda tally: tally.tool, tally, tool)
     after = Carry(
-        # k also grows in ended runs, so that a batch has one time and shares all that depends on time alone.
+        # k also increases in ended runs: all runs of a batch have the same time and share what depends on time only.
         k=carry.k + 1,
         state=select(onward, moved, carry.state),
         good=select(good, carry.state, carry.good),
@@ -320,7 +324,7 @@ def _has_monitor(controller: AbstractController) -> bool:
 
 
 def _continuous_step(loop: ClosedLoop, carry: Carry, t: Scalar) -> tuple[State, Memories, tuple[Evaluation, ...]]:
-    """The law at every stage of the integrator, as in a fixed-step solver of block diagrams."""
+    """Evaluate the law at every stage of the integrator, like a fixed-step solver of block diagrams."""
 
     def at(t: Scalar, state: State, memory: Memory) -> Evaluation:
         return evaluate(loop, t, state, state, memory, ahead)

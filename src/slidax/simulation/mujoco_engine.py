@@ -1,4 +1,4 @@
-"""MuJoCo engine: the law decides by machine code or XLA, MuJoCo moves the arm."""
+"""MuJoCo engine: machine code or XLA evaluates the law, MuJoCo moves the arm."""
 
 from __future__ import annotations
 
@@ -52,14 +52,14 @@ class BoundKernel:
         self._run(self._address, 1, 0)
 
     def shift(self, outputs: slice, by: np.ndarray) -> None:
-        """Move the addresses of some outputs, each by so many bytes."""
+        """Advance the addresses of some outputs, each by its number of bytes."""
         self._table[self._inputs :][outputs] += by
 
 
 class NativeSteps:
-    """The controller's side of a run.
+    """The closed loop without the plant, as machine code.
 
-    - `state`: at t = 0.
+    - `state`: state at t = 0.
     - `world`: its arrays are read and written in place.
     - `rows`: number of logged samples.
 
@@ -69,9 +69,9 @@ class NativeSteps:
     def __init__(self, loop: ClosedLoop, state: State, world: World, rows: int) -> None:
         arrays, static = eqx.partition((loop, state), eqx.is_array)
         code = _native_code(LoopSignature.of(arrays, static, True))
-        of_loop = [np.asarray(leaf) for leaf in jax.tree.leaves(arrays[0])]
+        loop_arrays = [np.asarray(leaf) for leaf in jax.tree.leaves(arrays[0])]
         self._code = code
-        leaves = code.begin([*of_loop, *(np.asarray(leaf) for leaf in jax.tree.leaves(arrays[1]))])
+        leaves = code.begin([*loop_arrays, *(np.asarray(leaf) for leaf in jax.tree.leaves(arrays[1]))])
         start = jax.tree.unflatten(jax.tree.structure(code.start), leaves)
         self._rest = start[1:]
         # Two carries: each sample reads one and writes the other.
@@ -79,12 +79,12 @@ class NativeSteps:
         moved = [eqx.tree_at(lambda c: (c.state.q, c.state.dq), carry, (world.q, world.dq)) for carry in carries]
         self._log = jax.tree.map(lambda x: np.zeros((rows + 1, *x.shape), x.dtype), code.log)
         held = jax.tree.map(lambda x: np.zeros(x.shape, x.dtype), code.held)
-        # x[0] is no array where a line holds one number.
+        # Unlike x[0], x[0, ...] is an array also for a scalar.
         line = jax.tree.leaves(jax.tree.map(lambda x: x[0, ...], self._log))
         self._decide = [
             BoundKernel(
                 code.decide,
-                [*of_loop, *jax.tree.leaves(moved[at])],
+                [*loop_arrays, *jax.tree.leaves(moved[at])],
                 [*jax.tree.leaves(carries[1 - at]), *line, *jax.tree.leaves(held)],
             )
             for at in range(2)
@@ -95,32 +95,32 @@ class NativeSteps:
         self._carries = carries
         self._k, self._i = np.zeros((), int), np.zeros((), int)
         self._force = BoundKernel(
-            code.force, [*of_loop, *jax.tree.leaves(held), self._k, self._i, world.q, world.dq], [world.force]
+            code.force, [*loop_arrays, *jax.tree.leaves(held), self._k, self._i, world.q, world.dq], [world.force]
         )
-        self._at = 0
-        self._kept = 0
+        self._current = 0
+        self._logged = 0
 
     @property
     def start(self) -> LoopStart:
-        """The start of the loop, with the present carry."""
-        return (self._carries[self._at], *self._rest)
+        """The start of the loop, with the current carry."""
+        return (self._carries[self._current], *self._rest)
 
     @property
     def log(self) -> Log:
         """The logged samples."""
-        return jax.tree.map(lambda x: x[: self._kept], self._log)
+        return jax.tree.map(lambda x: x[: self._logged], self._log)
 
     def decide(self, k: int, keep: bool) -> bool:
-        """Decide at sample k, log it if `keep`, and return True if the run continues."""
+        """Evaluate the law at sample k, log it if `keep`, and return True if the run continues."""
         self._k[...] = k
-        self._decide[self._at]()
-        self._at = 1 - self._at
+        self._decide[self._current]()
+        self._current = 1 - self._current
         if keep:
-            # Until the next line, each sample overwrites the previous one.
-            self._kept += 1
+            # Until the next shift, each sample overwrites the previous one.
+            self._logged += 1
             for kernel in self._decide:
                 kernel.shift(self._lines, self._strides)
-        return not self._carries[self._at].fault.kind
+        return not self._carries[self._current].fault.kind
 
     def set_force(self, i: int) -> None:
         """Write the force on the joints at the start of substep i after the sample."""
@@ -130,7 +130,7 @@ class NativeSteps:
 
 @dataclass(frozen=True)
 class _NativeCode:
-    """Kernels, and the results of their functions with shapes for arrays."""
+    """Kernels, and their results with shapes instead of arrays."""
 
     begin: llvm.Kernel
     decide: llvm.Kernel
@@ -159,7 +159,7 @@ def _native_code(signature: LoopSignature) -> _NativeCode:
 
 
 def _kernel(function: Callable[..., Any], *args: Any) -> tuple[llvm.Kernel, Any]:
-    """Machine code of a function of arrays, and its result with shapes for arrays."""
+    """Compile a function of arrays; return the kernel, and the function's result with shapes instead of arrays."""
     parts: list[Any] = []
 
     def arrays_of(*args: Any) -> Any:
@@ -179,7 +179,7 @@ Packed = tuple[Any, ...]
 class Packing:
     """Layout of a tree in packed arrays.
 
-    - `shapes`: the tree, with objects that have shape and dtype for arrays.
+    - `shapes`: the tree, with shapes instead of arrays.
     """
 
     def __init__(self, shapes: Any) -> None:
@@ -195,7 +195,7 @@ class Packing:
         return numbers, *(leaf for leaf, real in leaves if not real)
 
     def unpack(self, packed: Packed) -> Any:
-        """Return the tree; the packed arrays may have more axes in front."""
+        """Return the tree; the packed arrays may have additional leading axes."""
         numbers, *others = packed
         starts = [0, *self._ends]
         real = (numbers[..., start:end] for start, end in zip(starts, self._ends, strict=False))
@@ -209,20 +209,20 @@ class Packing:
 
 
 class XlaSteps:
-    """The controller's side of a run, as `NativeSteps`."""
+    """The closed loop without the plant, by XLA; the interface is that of `NativeSteps`."""
 
     def __init__(self, loop: ClosedLoop, state: State, world: World) -> None:
         arrays, static = eqx.partition((loop, state), eqx.is_array)
         self._code = _xla_code(LoopSignature.of(arrays, static, True))
-        self._known = self._code.of_loop.pack(arrays[0])
+        self._known = self._code.loop_arrays.pack(arrays[0])
         carry, *self._rest = self._code.begin(self._known, state)
-        # By NumPy, which has no weak types: they vanish after one sample, and all would be compiled again.
+        # NumPy removes weak types. JAX would lose them after one sample, and compile everything again.
         self._carry = tuple(jax.device_put(np.asarray(part)) for part in self._code.of_carry.pack(carry))
         self._held = self._code.held
         self._lines: list[Packed] = []
         self._world = world
         self._k = 0
-        # Compiled by these calls, before the run.
+        # These calls compile, before the run.
         self._code.decide(*self._decide_arguments)
         self._code.force(*self._force_arguments(0))
 
@@ -246,7 +246,7 @@ class XlaSteps:
 
     @property
     def _decide_arguments(self) -> tuple[Any, ...]:
-        # Copies: JAX may use NumPy's memory, which changes.
+        # Copies, since JAX may share NumPy's memory, which changes.
         return self._known, self._carry, self._world.q.copy(), self._world.dq.copy()
 
     def _force_arguments(self, i: int) -> tuple[Any, ...]:
@@ -255,13 +255,13 @@ class XlaSteps:
 
 @dataclass(frozen=True)
 class _XlaCode:
-    """Functions of packed arrays, a packed zero torque, and the packings."""
+    """Functions of packed arrays, a packed zero torque, and the layouts."""
 
     begin: Callable[..., Any]
     decide: Callable[..., Any]
     force: Callable[..., Any]
     held: Packed
-    of_loop: Packing
+    loop_arrays: Packing
     of_carry: Packing
     of_log: Packing
 
@@ -269,15 +269,15 @@ class _XlaCode:
 @functools.lru_cache(maxsize=16)
 def _xla_code(signature: LoopSignature) -> _XlaCode:
     join, arrays = signature.join, signature.arrays
-    of_loop = Packing(arrays[0])
+    loop_arrays = Packing(arrays[0])
 
     def loop_of(known: Packed) -> ClosedLoop:
-        return join((of_loop.unpack(known), arrays[1]))[0]
+        return join((loop_arrays.unpack(known), arrays[1]))[0]
 
     def start(known: Packed, state: State) -> LoopStart:
         return begin(loop_of(known), state)
 
-    known = eqx.filter_eval_shape(of_loop.pack, arrays[0])
+    known = eqx.filter_eval_shape(loop_arrays.pack, arrays[0])
     carry = eqx.filter_eval_shape(start, known, arrays[1])[0]
     _, log, held = eqx.filter_eval_shape(lambda known, carry: decide(loop_of(known), carry), known, carry)
     of_carry, of_log, of_held = Packing(carry), Packing(log), Packing(held)
@@ -291,8 +291,8 @@ def _xla_code(signature: LoopSignature) -> _XlaCode:
     def force_packed(known: Packed, held: Packed, k: Array, i: Array, q: Vector, dq: Vector) -> Vector:
         return force(loop_of(known), of_held.unpack(held), k, i, State(q=q, dq=dq))
 
-    nothing = of_held.pack(jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), held))
-    return _XlaCode(jax.jit(start), jax.jit(decide_packed), jax.jit(force_packed), nothing, of_loop, of_carry, of_log)
+    zero = of_held.pack(jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), held))
+    return _XlaCode(jax.jit(start), jax.jit(decide_packed), jax.jit(force_packed), zero, loop_arrays, of_carry, of_log)
 
 
 CHUNK = 1_000
@@ -300,16 +300,16 @@ CHUNK = 1_000
 
 
 def drive(plant: MujocoPlant, engine: str, request: RunRequest) -> EngineResult:
-    """Run a loop in held mode, in which MuJoCo moves the arm in place of slidax's own plant.
+    """Run a loop in held mode with MuJoCo in place of slidax's own plant.
 
-    - `engine`: of the law.
+    - `engine`: engine of the law.
 
     Raises DefinitionError if MuJoCo is missing or rejects the arm, NoNativeCodeError if `engine` is `native` and a
     part of the law has no machine code.
     """
     loop, state0, samples, every = request.loop, request.state0, request.samples, request.log_every
     period, substeps = float(loop.period), loop.substeps
-    # The times of slidax's own plant, to the bit.
+    # The times are bitwise those of slidax's own plant.
     h = period / substeps
     with quiet():
         world = World(plant, h, state0)
@@ -342,10 +342,10 @@ def drive(plant: MujocoPlant, engine: str, request: RunRequest) -> EngineResult:
     log = None if every is None else steps.log.without_padding()
     start: LoopStart = jax.tree.map(jax.device_put, steps.start)
     timing = RunTiming(compile_s=ready - request.started, run_s=time.perf_counter() - ready)
-    return EngineResult(start, log, timing, _path(poses))
+    return EngineResult(start, log, timing, _load_motion(poses))
 
 
-def _path(poses: list[tuple[float, np.ndarray]]) -> FreeBody | None:
+def _load_motion(poses: list[tuple[float, np.ndarray]]) -> FreeBody | None:
     if not poses:
         return None
     rotation = np.empty((len(poses), 9))

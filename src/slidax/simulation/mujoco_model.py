@@ -1,4 +1,4 @@
-"""MuJoCo's model of an arm with payload and table, and the world that it moves step by step."""
+"""MuJoCo's model of an arm with payload and table, and its simulation step by step."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .plant import Box, MujocoPlant, Table, box_like, principal
 
 
 def mujoco() -> Any:
-    """Return the package. Raises DefinitionError if it is not installed."""
+    """Return the `mujoco` package. Raises DefinitionError if it is not installed."""
     try:
         import mujoco as package
     except ImportError:
@@ -29,7 +29,7 @@ def mujoco() -> Any:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Keep MuJoCo's warnings off the terminal and out of its log file; the outcome has the facts."""
+    """Suppress MuJoCo's warnings on the terminal and in its log file, since the outcome reports the cause."""
     package = mujoco()
     before = package.get_mju_user_warning()
     package.set_mju_user_warning(lambda message: None)
@@ -52,35 +52,37 @@ at 1 % of the velocity that its torque would cause in one step."""
 
 CONTACT = 2e-3
 """MuJoCo's time constant of a contact [s]: a tenth of its default. A pressed tip sinks in by less than 0.1 mm. MuJoCo
-takes no less than twice its step of 1 ms."""
+requires at least two of its steps of 1 ms."""
 
 LEAST = 1e-12
-"""Mass and moments of a massless link, kg and kg m²: MuJoCo requires some of each moving body."""
+"""Mass and moments of a massless link, kg and kg m²: MuJoCo requires positive ones for each moving body."""
 
 
-class Built(NamedTuple):
-    """A compiled model, and the indices of the arm's quantities.
+class CompiledModel(NamedTuple):
+    """A compiled model, and the arm's indices in it.
 
-    - `places`, `dofs`: of the joints among MuJoCo's positions and velocities [n].
-    - `tip`: of the site at the tip.
-    - `body`: first position and velocity of the free body; None without one.
+    - `positions`, `dofs`: indices of the joints among MuJoCo's positions and velocities [n].
+    - `tip`: index of the site at the tip.
+    - `body`: indices of the first position and velocity of the free body; None without one.
     """
 
     model: Any
-    places: np.ndarray
+    positions: np.ndarray
     dofs: np.ndarray
     tip: int
     body: tuple[int, int] | None
 
 
-def build(plant: MujocoPlant, robot: Articulated, load: Payload | None, *, free: bool, timestep: float) -> Built:
+def build(
+    plant: MujocoPlant, robot: Articulated, load: Payload | None, *, free: bool, timestep: float
+) -> CompiledModel:
     """Compile MuJoCo's model.
 
     - `plant`: options and surroundings.
-    - `robot`: the arm, with everything that it carries as its payload.
-    - `load`: payload with a shape that meets the table.
-    - `free`: True if the load is released, and no part of the robot's payload.
-    - `timestep`: of MuJoCo [s].
+    - `robot`: the arm with its payload.
+    - `load`: payload with a shape that can touch the table.
+    - `free`: True if the load is released and so not part of the robot's payload.
+    - `timestep`: MuJoCo's step [s].
 
     Raises DefinitionError if MuJoCo rejects the arm.
     """
@@ -120,9 +122,9 @@ def build(plant: MujocoPlant, robot: Articulated, load: Payload | None, *, free:
         model = spec.compile()
     except ValueError as error:
         raise DefinitionError(f"MuJoCo rejects {robot.name}: {error}") from error
-    return Built(
+    return CompiledModel(
         model=model,
-        places=np.array([model.jnt_qposadr[joint.id] for joint in joints]),
+        positions=np.array([model.jnt_qposadr[joint.id] for joint in joints]),
         dofs=np.array([model.jnt_dofadr[joint.id] for joint in joints]),
         tip=site.id,
         body=None if body is None else (int(model.jnt_qposadr[body.id]), int(model.jnt_dofadr[body.id])),
@@ -130,7 +132,7 @@ def build(plant: MujocoPlant, robot: Articulated, load: Payload | None, *, free:
 
 
 def _links(spec: Any, robot: Articulated, plant: MujocoPlant, *, timestep: float) -> tuple[list[Any], list[Any]]:
-    """The links and their joints in slidax's order; MuJoCo's differs in branched arms."""
+    """Add the links with their joints; return both in slidax's order, since MuJoCo's differs in branched arms."""
     mj = mujoco()
     links: list[Any] = []
     joints: list[Any] = []
@@ -148,7 +150,7 @@ def _links(spec: Any, robot: Articulated, plant: MujocoPlant, *, timestep: float
             axis=[0.0, 0.0, 1.0],
             armature=float(robot.armature[i]),
             frictionloss=float(robot.coulomb[i]) if plant.dry else 0.0,
-            # The stiffest that the step allows.
+            # The stiffest friction that the step allows.
             solref_friction=[2.0 * timestep, 1.0],
             solimp_friction=STIFF,
         )
@@ -180,7 +182,7 @@ def _add_table(world: Any, table: Table, gravity: np.ndarray) -> None:
     geom.pos = float(table.height) * up
     geom.alt.zaxis = up
     geom.contype, geom.conaffinity = 1, 0
-    # The table's parameters hold for all contacts.
+    # Use the table's parameters for all contacts.
     geom.priority = 1
     geom.friction = [float(table.friction), 0.005, 1e-4]
     geom.solref = [CONTACT, 1.0]
@@ -198,7 +200,7 @@ def _box(load: Payload) -> Box:
 
 
 def _add_shape(body: Any, kind: Any, **where: Any) -> None:
-    """A shape that meets only the table: the links of an arm overlap at the joints."""
+    """Add a shape that touches only the table, since the links of an arm overlap at the joints."""
     body.add_geom(type=kind, contype=0, conaffinity=1, mass=0.0, **where)
 
 
@@ -211,12 +213,12 @@ def _quaternion(rotation: Any) -> np.ndarray:
 class World:
     """The arm and its surroundings at one time.
 
-    To attach or release a payload, the world changes to another model, in which the payload is part of the last link
-    or a body of its own: exact, and as stiff as the link. Weld constraints, which MuJoCo can switch, are springs: they
-    transmit the payload only as far as they are stiff, and add six unknown forces to every step.
+    To attach or release a payload, the world switches to another model, in which the payload is part of the last link
+    or a separate body. This is exact. MuJoCo's weld constraints can be switched within one model, but are compliant
+    and add six unknown forces to each step.
 
-    - `timestep`: of MuJoCo [s].
-    - `state`: of the arm, at t = 0.
+    - `timestep`: MuJoCo's step [s].
+    - `state`: the arm's state at t = 0.
     """
 
     def __init__(self, plant: MujocoPlant, timestep: float, state: State) -> None:
@@ -230,23 +232,23 @@ class World:
         self._changes: list[float] = []
         if load is not None and float(load.payload.mass) > 0:
             self._changes = [float(load.attached), float(load.released)]
-        self._enter(0)
+        self._switch_model(0)
         self.advance_to(0.0)
 
     @property
     def model(self) -> Any:
-        """MuJoCo's present model."""
-        return self._built.model
+        """MuJoCo's current model."""
+        return self._compiled.model
 
     @property
-    def places(self) -> np.ndarray:
+    def positions(self) -> np.ndarray:
         """Indices of the joints among MuJoCo's positions [n]."""
-        return self._built.places
+        return self._compiled.positions
 
     @property
     def dofs(self) -> np.ndarray:
         """Indices of the joints among MuJoCo's velocities [n]."""
-        return self._built.dofs
+        return self._compiled.dofs
 
     @property
     def data(self) -> Any:
@@ -256,29 +258,29 @@ class World:
     @property
     def body(self) -> np.ndarray | None:
         """Position and quaternion of the released payload [7]; None before the release."""
-        if self._built.body is None:
+        if self._compiled.body is None:
             return None
-        at = self._built.body[0]
-        return self._data.qpos[at : at + 7].copy()
+        start = self._compiled.body[0]
+        return self._data.qpos[start : start + 7].copy()
 
     def advance_to(self, time: float) -> None:
-        """Attach or release the payload if that is due at this time [s]."""
+        """Attach or release the payload if it is due at this time [s]."""
         while self._changes and time >= self._changes[0]:
             self._changes.pop(0)
-            self._enter(self._phase + 1)
+            self._switch_model(self._phase + 1)
 
     def step(self, time: float) -> None:
         """Take one step of MuJoCo from this time [s] under `force`, and update `q` and `dq`."""
         self.advance_to(time)
-        built = self._built
+        built = self._compiled
         self._applied[built.dofs] = self.force
         self._mujoco.mj_step(built.model, self._data)
-        # The mode "raise" would need a copy.
-        self._positions.take(built.places, out=self.q, mode="clip")
+        # With the mode "raise", NumPy would buffer the output.
+        self._positions.take(built.positions, out=self.q, mode="clip")
         self._velocities.take(built.dofs, out=self.dq, mode="clip")
 
-    def _enter(self, phase: int) -> None:
-        """Change to the model without the payload (0), with it attached (1), or with it released (2)."""
+    def _switch_model(self, phase: int) -> None:
+        """Switch to the model without the payload (0), with it attached (1), or with it released (2)."""
         plant, load = self._plant, self._plant.load
         robot = plant.robot
         assert isinstance(robot, Articulated)
@@ -289,22 +291,22 @@ class World:
         shaped = None if load is None or phase == 0 else load.payload
         built = build(plant, robot, shaped, free=phase == 2, timestep=self._timestep)
         data = self._mujoco.MjData(built.model)
-        data.qpos[built.places] = self.q
+        data.qpos[built.positions] = self.q
         data.qvel[built.dofs] = self.dq
         if built.body is not None:
-            at, by = built.body
-            data.qpos[at : at + 7], data.qvel[by : by + 6] = self._tip()
-        self._phase, self._built, self._data = phase, built, data
-        # Views of MuJoCo's memory: each access to the attributes costs as much as a copy.
+            qpos, qvel = built.body
+            data.qpos[qpos : qpos + 7], data.qvel[qvel : qvel + 6] = self._tip()
+        self._phase, self._compiled, self._data = phase, built, data
+        # Views of MuJoCo's memory, since each access to the attributes costs as much as a copy.
         self._positions, self._velocities, self._applied = data.qpos, data.qvel, data.qfrc_applied
 
     def _tip(self) -> tuple[np.ndarray, np.ndarray]:
-        """Pose and velocity of the tip, as of MuJoCo's free bodies: linear in the base frame, angular in its own."""
-        mj, model, data, tip = self._mujoco, self._built.model, self._data, self._built.tip
+        """Pose and velocity of the tip as for a free body: linear in the base frame, angular in the tip's frame."""
+        mj, model, data, tip = self._mujoco, self._compiled.model, self._data, self._compiled.tip
         mj.mj_forward(model, data)
         pose, motion = np.empty(7), np.empty(6)
         pose[:3] = data.site_xpos[tip]
         mj.mju_mat2Quat(pose[3:], data.site_xmat[tip])
         mj.mj_objectVelocity(model, data, mj.mjtObj.mjOBJ_SITE, tip, motion, 0)
-        turning = data.site_xmat[tip].reshape(3, 3).T @ motion[:3]
-        return pose, np.concatenate([motion[3:], turning])
+        angular = data.site_xmat[tip].reshape(3, 3).T @ motion[:3]
+        return pose, np.concatenate([motion[3:], angular])

@@ -22,11 +22,11 @@ from .native_loop import Define, LoopSignature, NativeLoop, batch_loop, duals, l
 from .run import Log, RunTiming
 
 CHUNK = 1_000_000
-"""Samples between two looks at the run, about."""
+"""Approximate number of samples between two updates of the bar."""
 
 
 def drive(request: RunRequest) -> EngineResult:
-    """Run the loop in chunks, which let a bar be drawn."""
+    """Run the loop in chunks, to update the bar in between."""
     samples, every = request.samples, request.log_every
     arrays, static = eqx.partition((request.loop, request.state0), eqx.is_array)
     native, code = _compiled(LoopSignature.of(arrays, static, every is not None))
@@ -46,16 +46,16 @@ def drive(request: RunRequest) -> EngineResult:
             rows, end = _split(native, results)
             logs.append(rows)
             if first == 0:
-                require_start(request.loop, request.state0, *_unflattened(native.start, end)[1:])
+                require_start(request.loop, request.state0, *_unflatten(native.start, end)[1:])
             start = end if not start else [*end[: len(carry)], *start[len(carry) :]]
             carry = end[: len(carry)]
             bar.advance()
-            if int(_unflattened(native.start[0], carry).fault.kind):
+            if int(_unflatten(native.start[0], carry).fault.kind):
                 break
     log: Log | None = None
     if every is not None:
-        log = _unflattened(native.log, [np.concatenate(rows) for rows in zip(*logs, strict=True)]).without_padding()
-    end_of_run: LoopStart = _unflattened(native.start, jax.device_put(start))
+        log = _unflatten(native.log, [np.concatenate(rows) for rows in zip(*logs, strict=True)]).without_padding()
+    end_of_run: LoopStart = _unflatten(native.start, jax.device_put(start))
     return EngineResult(
         end_of_run, log, RunTiming(compile_s=ready - request.started, run_s=time.perf_counter() - ready)
     )
@@ -71,29 +71,29 @@ def drive_batch(
     threads: int | None,
     machine: str = "native",
 ) -> tuple[Any, Log | None]:
-    """Run many loops; every array of the result has the run as its first axis, also the `LoopStart`.
+    """Run many loops; every array of the result, `LoopStart` and log, has the run as its first axis.
 
     - `key`: equal for equal loops, so that each is compiled once.
     - `define`: maps one run's varied values to the loop and the state at t = 0.
-    - `shapes`: of one run's varied values.
+    - `shapes`: shapes of one run's varied values.
     - `varied`: arrays with the run as their first axis.
-    - `threads`: None for as many as there are cores; a card has its own.
+    - `threads`: number of threads on the processor; None for one per core.
     - `machine`: `native` for the processor, `cuda` for an NVIDIA card.
 
     Raises NoNativeCodeError if a part of the loop has no machine code, DefinitionError if there is no card.
     """
     logged = every is not None
-    source = _LoopSource((key, logged, *_form(shapes)), lambda: batch_loop(define, shapes, logged=logged))
+    source = _LoopSource((key, logged, *_shape_key(shapes)), lambda: batch_loop(define, shapes, logged=logged))
     if machine == "native":
         return _run_on_processor(source, [], _numbers(varied), samples, every, threads)
     native, kernel = _compiled_for_card(source)
-    return _collected(native, kernel.batch(*_batch_inputs(native, _numbers(varied), samples, every)), every)
+    return _collect(native, kernel.batch(*_batch_inputs(native, _numbers(varied), samples, every)), every)
 
 
 def drive_duals(key: Hashable, define: Define, at: Any, directions: Any, samples: int, every: int | None) -> Any:
-    """Run one loop and its derivatives in many directions: pairs of values and tangents, by direction.
+    """Run one loop and its derivatives in many directions; return values and tangents by direction.
 
-    Values that do not depend on the direction are computed once for several. Arguments as in `drive_batch`.
+    Values that do not depend on the direction are computed once for several directions. Arguments as in `drive_batch`.
 
     - `at`: the varied values.
     - `directions`: trees like `at` with the direction as their first axis.
@@ -103,7 +103,7 @@ def drive_duals(key: Hashable, define: Define, at: Any, directions: Any, samples
     shapes = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype), at)
     logged = every is not None
     source = _LoopSource(
-        (key, "duals", logged, *_form(shapes)),
+        (key, "duals", logged, *_shape_key(shapes)),
         lambda: lower_loop(*duals(define), shapes, logged=logged, batch=True, shared=shapes),
     )
     return _run_on_processor(source, _numbers(at), _numbers(directions), samples, every, None)
@@ -120,7 +120,7 @@ def _run_on_processor(
     native, code = _compiled_batch(source)
     inputs, runs, rows = _batch_inputs(native, varied, samples, every, shared)
     kernel = code.kernel(samples * -(-runs // code.lanes))
-    return _collected(native, kernel.batch(inputs, runs, rows, threads), every)
+    return _collect(native, kernel.batch(inputs, runs, rows, threads), every)
 
 
 def _batch_inputs(
@@ -130,40 +130,40 @@ def _batch_inputs(
     every: int | None,
     shared: Sequence[np.ndarray] = (),
 ) -> tuple[list[np.ndarray], int, int]:
-    """Arguments of a batch kernel: its inputs, the number of runs, the rows of each log."""
+    """Return the arguments of a batch kernel: its inputs, the number of runs, the number of rows in each log."""
     counts = [np.asarray(samples), *([] if every is None else [np.asarray(every)])]
     return [*native.consts, *shared, *varied, *counts], varied[0].shape[0], -(-samples // (every or 1))
 
 
-def _collected(native: NativeLoop, results: list[np.ndarray], every: int | None) -> tuple[Any, Any]:
+def _collect(native: NativeLoop, results: list[np.ndarray], every: int | None) -> tuple[Any, Any]:
     rows, end = _split(native, results)
-    log = None if every is None else _unflattened(native.log, rows)
-    return _unflattened(native.start, jax.device_put(end)), log
+    log = None if every is None else _unflatten(native.log, rows)
+    return _unflatten(native.start, jax.device_put(end)), log
 
 
-def _form(shapes: Any) -> tuple[Any, ...]:
+def _shape_key(shapes: Any) -> tuple[Any, ...]:
     leaves, tree = jax.tree.flatten(shapes)
     return tree, tuple((leaf.shape, leaf.dtype.name) for leaf in leaves)
 
 
 @dataclass(frozen=True)
 class _LoopSource:
-    """A function that makes a batch's loop; equal to others by its key alone."""
+    """A function that builds a batch's loop; only the key is compared."""
 
     key: Hashable
-    make: Callable[[], NativeLoop] = field(compare=False)
+    build: Callable[[], NativeLoop] = field(compare=False)
 
 
 @functools.lru_cache(maxsize=64)
 def _compiled_batch(source: _LoopSource) -> tuple[NativeLoop, llvm.ByDemand]:
-    native = source.make()
+    native = source.build()
     return native, llvm.ByDemand(native.program, lanes=llvm.LANES)
 
 
 @functools.lru_cache(maxsize=64)
 def _compiled_for_card(source: _LoopSource) -> tuple[NativeLoop, cuda.CudaKernel]:
-    """The program in the processor's own operations, all exactly rounded, which give the same bits."""
-    native = source.make()
+    """Compile for a card, in the correctly rounded operations that the processor uses, for bitwise equal results."""
+    native = source.build()
     return native, cuda.compile_cuda(lower_and_fuse(native.program))
 
 
@@ -178,10 +178,10 @@ def _numbers(tree: Any) -> list[np.ndarray]:
 
 
 def _split(native: NativeLoop, results: list[np.ndarray]) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Rows of the log, and arrays of the `LoopStart`."""
+    """Split the results into the arrays of the log and those of the `LoopStart`."""
     logged = len(jax.tree.leaves(native.log))
     return results[:logged], results[logged:]
 
 
-def _unflattened(shapes: Any, leaves: list[Any]) -> Any:
+def _unflatten(shapes: Any, leaves: list[Any]) -> Any:
     return jax.tree.unflatten(jax.tree.structure(shapes), leaves)

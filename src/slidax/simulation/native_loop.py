@@ -31,9 +31,9 @@ class NativeLoop:
     and the carry to continue from. Outputs: the log's arrays, row by row, and the arrays of `start` with the carry
     after the last sample.
 
-    - `consts`: arrays that the program closes over.
-    - `start`: a `LoopStart`, with shapes for arrays.
-    - `log`: of one sample, with shapes for arrays; None without a log.
+    - `consts`: arrays that the loop's functions close over.
+    - `start`: a `LoopStart`, with shapes instead of arrays.
+    - `log`: log of one sample, with shapes instead of arrays; None without a log.
     """
 
     program: Program
@@ -43,7 +43,7 @@ class NativeLoop:
 
 
 def single_loop(define: Define, arrays: Any, *, logged: bool) -> NativeLoop:
-    """Return the loop of one run: `steps` samples from the start if `fresh`, else from a carry; ends at a fault."""
+    """Return the loop of one run: `steps` samples from the start if `fresh`, else from a carry; a fault ends it."""
     return lower_loop(*_parts(define), arrays, logged=logged, batch=False)
 
 
@@ -69,19 +69,19 @@ def lower_loop(
     """Lower a loop that two functions of arrays define.
 
     - `start`: maps the arrays to a `LoopStart`.
-    - `step`: maps the arrays and a carry to the next carry and one line of the log.
+    - `step`: maps the arrays and a carry to the next carry and one row of the log.
     - `arrays`: shapes of one run's arrays.
-    - `logged`: log one in `every` samples.
-    - `batch`: many runs side by side.
+    - `logged`: True to log every `every`-th sample.
+    - `batch`: True for many runs in parallel.
     - `shared`: arrays that all runs of a batch share; both functions then take the pair `(shared, arrays)`.
-    - `beforehand`: maps the arrays to those that both functions take instead, computed once before all samples.
+    - `beforehand`: maps the arrays to new ones, once before the first sample; both functions then take the new ones.
     """
     inputs = arrays if shared is None else (shared, arrays)
     before = None if beforehand is None else _Traced(beforehand, inputs)
     values = inputs if before is None else before.result
     traced_start = _Traced(start, values)
     traced_step = _Traced(step, values, traced_start.result[0])
-    # An error above occurs with XLA too, and explains itself.
+    # Errors in the lines above occur with XLA, too, and keep their own type.
     with as_native_code_error(lambda: "the loop"):
         return _program(before, traced_start, traced_step, inputs, logged, batch, len(jax.tree.leaves(shared)))
 
@@ -96,12 +96,12 @@ def _program(
     shared: int,
 ) -> NativeLoop:
     b = Builder()
-    outside = _Outside(b)
-    of_before = [] if before is None else outside.inputs(before.jaxpr.consts)
-    of_start, of_step = outside.inputs(start.jaxpr.consts), outside.inputs(step.jaxpr.consts)
+    captured = _Captured(b)
+    of_before = [] if before is None else captured.inputs(before.jaxpr.consts)
+    of_start, of_step = captured.inputs(start.jaxpr.consts), captured.inputs(step.jaxpr.consts)
     values = [
-        b.input(name, ir_type(leaf.dtype, name), leaf.shape, varying=batch and place >= shared)
-        for place, (name, leaf) in enumerate(named_leaves((jax.tree.map(_shape, arrays),), ("",)))
+        b.input(name, ir_type(leaf.dtype, name), leaf.shape, varying=batch and index >= shared)
+        for index, (name, leaf) in enumerate(named_leaves((jax.tree.map(_shape, arrays),), ("",)))
     ]
     if before is not None:
         b.origin = BEFOREHAND
@@ -143,11 +143,11 @@ def _program(
     results = [*unpack(ended[3:], shapes), *first[carried:]]
     for (name, leaf), array in zip(named_leaves((start.result,), ("",)), results, strict=True):
         b.output(name, ir_type(leaf.dtype, name), array)
-    return NativeLoop(b.finish(), tuple(outside.arrays), start.result, step.result[1] if logged else None)
+    return NativeLoop(b.finish(), tuple(captured.arrays), start.result, step.result[1] if logged else None)
 
 
 def _start(b: Builder, start: _Traced, compute: Callable[[], list[Values]], carried: int, batch: bool) -> list[Values]:
-    """The arrays of a `LoopStart`: computed if `fresh`, else the carry from the inputs and zeros for the rest."""
+    """Return the arrays of a `LoopStart`: computed if `fresh`, else the input carry and zeros for the rest."""
     if batch:
         return compute()
     fresh = b.input("fresh", "b1", ()).item()
@@ -159,11 +159,11 @@ def _start(b: Builder, start: _Traced, compute: Callable[[], list[Values]], carr
 
 
 BEFOREHAND = "beforehand"
-"""Origin of values that a run takes as inputs."""
+"""Origin of values that are computed before the first sample."""
 
 
 def _as_input(b: Builder, which: int, array: Values) -> Values:
-    """Hide how values were computed, so that the loop rounds as it does with inputs."""
+    """Copy values, so that optimisation treats them as inputs and the loop rounds as it does with inputs."""
     copies = np.empty(array.size, object)
     for k, value in enumerate(array.ravel()):
         copies[k] = b.apply("copy", value, type=value.type, data=(which, k))
@@ -171,7 +171,7 @@ def _as_input(b: Builder, which: int, array: Values) -> Values:
 
 
 class _Traced:
-    """A function's jaxpr, and its result with shapes for arrays."""
+    """A function's jaxpr, and its result with shapes instead of arrays."""
 
     def __init__(self, function: Callable[..., Any], *args: Any) -> None:
         rest: list[Any] = []
@@ -186,8 +186,8 @@ class _Traced:
         self.result = eqx.combine(arrays, rest[0], is_leaf=lambda x: x is None)
 
 
-class _Outside:
-    """Arrays that functions close over; each becomes an input once."""
+class _Captured:
+    """Arrays that functions close over; each becomes one input."""
 
     def __init__(self, builder: Builder) -> None:
         self.builder = builder
@@ -197,7 +197,7 @@ class _Outside:
     def inputs(self, consts: Sequence[Any]) -> list[Values]:
         values = []
         for const in consts:
-            # Masks and indices stay constants, so that values which they switch off are not computed.
+            # Masks and indices stay constants, so that masked values are not computed.
             if not isinstance(const, jax.Array) and np.asarray(const).dtype.kind in "bi":
                 values.append(constant_array(self.builder, np.asarray(const)))
                 continue
@@ -256,7 +256,7 @@ def duals(define: Callable[[Any], tuple[ClosedLoop, State]]) -> tuple[Callable[.
 
 
 def jvp(function: Callable[[Any], Any], at: Any, direction: Any) -> tuple[Any, Any]:
-    """Return `f(x)` and `f'(x) v` of a function of one tree, in which only floating-point arrays have derivatives.
+    """Return `f(x)` and `f'(x) v` for a function of one tree, of which only floating-point arrays have derivatives.
 
     - `direction`: v, None where x has no derivative.
     """
@@ -287,14 +287,14 @@ class LoopSignature:
 
     @staticmethod
     def of(arrays: Any, static: Any, logged: bool) -> LoopSignature:
-        """Return the signature of a tree from its two halves, as `equinox.partition` gives them."""
+        """Return the signature of a tree from its two halves, as `equinox.partition` returns them."""
         leaves, tree = jax.tree.flatten(arrays)
         others, static_tree = jax.tree.flatten(static)
         return LoopSignature(tree, tuple((x.shape, x.dtype.name) for x in leaves), static_tree, tuple(others), logged)
 
     @property
     def arrays(self) -> Any:
-        """Shapes in place of the arrays."""
+        """The tree of arrays, with shapes instead of arrays."""
         shapes = [jax.ShapeDtypeStruct(shape, np.dtype(name)) for shape, name in self.shapes]
         return jax.tree.unflatten(self.tree, shapes)
 

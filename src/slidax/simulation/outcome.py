@@ -1,4 +1,4 @@
-"""Outcome of a run: its first fault, and its samples outside the envelope."""
+"""Outcome of a run: its first fault and its samples outside the envelope."""
 
 from __future__ import annotations
 
@@ -16,10 +16,11 @@ from slidax.core.types import Envelope, Scalar, Vector
 
 
 class Excursion(eqx.Module):
-    """The samples at or outside the bounds, as arrays.
+    """Samples at or outside the bounds, as arrays.
 
     - `first`, `last`: numbers of the first and the last such sample; -1 without one.
-    - `joint`, `error`, `bound`: of the joint farthest outside at the first such sample; `joint` counts from 0.
+    - `joint`: joint farthest outside at the first such sample, counted from 0.
+    - `error`, `bound`: its error and the bound that it exceeds there.
     - `beyond`: each joint's largest distance outside [n], rad or m; 0 if always inside.
     - `outside`: True if the latest sample was outside.
     """
@@ -161,25 +162,26 @@ def describe_outcome(
 
     - `violations`: number of samples outside.
     - `period`: time between samples [s].
-    - `units`: of each joint's position.
+    - `units`: unit of each joint's position.
+    - `names`: joint names.
     """
     kind = FAULTS[int(fault.kind)]
     if kind == "ok":
         if excursion is not None and int(excursion.first) >= 0:
-            return _described_excursion(excursion, violations, period, units, names)
+            return _describe_excursion(excursion, violations, period, units, names)
         return Outcome("ok", "The run reached its end.")
     t, joint = float(fault.t), int(fault.joint)
     if kind == "not_finite":
         remedy = (
             "It was outside its envelope, where the law is not defined: use its sampled-data form."
             if excursion is not None and bool(excursion.outside)
-            else "Shorten the period, or lower the gains; the run up to there is kept."
+            else "Shorten the period, or lower the gains; the run up to this time is available."
         )
         return Outcome(
             kind, f"{_joint(names[joint])} became infinite or undefined at t = {t:.4g} s. {remedy}", t, joint + 1
         )
     error, bound = float(fault.error), float(fault.bound)
-    message = f"{_met(names[joint], _left(t), error, bound, units[joint])}. {REMEDY}"
+    message = f"{_describe_exit(names[joint], _left(t), error, bound, units[joint])}. {REMEDY}"
     return Outcome(kind, message, t, joint + 1, error, bound)
 
 
@@ -188,16 +190,16 @@ def _left(t: float) -> str:
 
 
 def _joint(name: str) -> str:
-    """A joint's name at the beginning of a sentence."""
+    """Joint label at the beginning of a sentence."""
     words = joint_label(name)
     return words[0].upper() + words[1:]
 
 
-def _met(name: str, event: str, error: float, bound: float, unit: str) -> str:
+def _describe_exit(name: str, event: str, error: float, bound: float, unit: str) -> str:
     return f"{_joint(name)} {event} (e = {error:.4g} {unit}, bound {bound:.4g} {unit})"
 
 
-def _described_excursion(
+def _describe_excursion(
     excursion: Excursion, violations: int, period: float, units: tuple[str, ...], names: tuple[str, ...]
 ) -> Outcome:
     joint, error, bound = int(excursion.joint), float(excursion.error), float(excursion.bound)
@@ -205,7 +207,7 @@ def _described_excursion(
     worst = int(np.argmax(excursion.beyond))
     beyond = float(excursion.beyond[worst])
     event = "was outside its envelope from the start" if int(excursion.first) == 0 else _left(t)
-    first = _met(names[joint], event, error, bound, units[joint])
+    first = _describe_exit(names[joint], event, error, bound, units[joint])
     outside = "1 sample was outside" if violations == 1 else f"{violations} samples were outside"
     extent = f"{outside}, by at most {beyond:.3g} {units[worst]} ({joint_label(names[worst])})"
     if bool(excursion.outside):

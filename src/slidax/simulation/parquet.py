@@ -1,9 +1,10 @@
-"""Columns of numbers in a Parquet file, with pyarrow."""
+"""Read columns of numbers from Parquet files, with pyarrow."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -13,81 +14,84 @@ from slidax.core.errors import DefinitionError, plain_name
 from slidax.core.files import MEGABYTE, require_file
 
 MOST_BYTES = 4000 * MEGABYTE
-"""Largest file that is read."""
+"""Size limit of a file [bytes]."""
 
 MOST_NUMBERS = 10**8
-"""Limit of the columns that are read; a small file may declare billions."""
+"""Most numbers or strings that are read; a small file may declare billions."""
 
 
 def require_pyarrow(doing: str) -> None:
-    """Raises a DefinitionError with the remedy if pyarrow, which reads and writes Parquet, is not installed.
+    """Raise a DefinitionError with the remedy if pyarrow, which reads and writes Parquet, is not installed.
 
-    - `doing`: what it is needed for, as the message begins.
+    - `doing`: the operation that needs pyarrow, for the message: "reading the log".
     """
     try:
-        import pyarrow.parquet  # noqa: F401  (only whether it is there)
+        import pyarrow.parquet  # noqa: F401
     except ImportError:
         raise DefinitionError(f"{doing} needs pyarrow, which is not installed: pip install 'slidax[parquet]'") from None
 
 
 def read_columns(path: Path) -> dict[str, np.ndarray]:
-    """The columns of a Parquet file by name, in its order.
+    """Read all columns of a Parquet file, by name and in the file's order.
 
     - `path`: the file, such as the `log.parquet` of a saved run.
 
-    Raises DefinitionError if it cannot be read, is no Parquet file, has two columns of one name or a column without
-    numbers, or pyarrow is missing.
+    Raises DefinitionError if the file cannot be read, is not Parquet, has two columns with the same name or a column
+    without numbers, or pyarrow is missing.
     """
     table = read_table(path)
     return {name: np.asarray(table.column(name)) for name in table.column_names}
 
 
-def read_table(path: Path, choose: Callable[[Any, dict[str, int]], list[str]] | None = None) -> Any:
-    """Return a table of pyarrow with some columns of a Parquet file.
-
-    - `path`: of the file.
-    - `choose`: names the columns, of the file's schema, and of the columns with lists, each with how many entries the
-      list of the first row has; all columns if not given.
-
-    Raises DefinitionError if it cannot be read, is no Parquet file, has two columns of one name, a column without
-    numbers or more numbers than are read, or pyarrow is missing; and whatever `choose` raises.
-    """
-    require_pyarrow("reading the log")
-    import pyarrow.parquet as pq
-
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    """Check the file's size, and turn the errors of pyarrow into a DefinitionError."""
     require_file(path, most=MOST_BYTES)
     try:
-        with pq.ParquetFile(path) as file:
-            require_names(file, f"`{path}`:")
-            sizes = {} if choose is None else _list_sizes(file)
-            names = file.schema_arrow.names if choose is None else choose(file.schema_arrow, sizes)
-            require_numbers(file, f"`{path}`:", names, sizes)
-            return file.read(columns=names)
+        yield
     except DefinitionError:
         raise
-    # pyarrow raises whatever a damaged byte leads it to.
+    # A damaged file can make pyarrow raise any exception.
     except Exception as error:
         reason = getattr(error, "strerror", None) or str(error).partition("\n")[0] or type(error).__name__
         raise DefinitionError(f"cannot read the file `{path}`: {reason}") from None
 
 
+def read_table(path: Path, choose: Callable[[Any, dict[str, int]], list[str]] | None = None) -> Any:
+    """Read some columns of a Parquet file as a pyarrow table.
+
+    - `choose`: maps the file's schema, and the list length in the first row of each column with lists, to the names of
+      the columns to read; by default all are read.
+
+    Raises DefinitionError if the file cannot be read, is not Parquet, has two columns with the same name, a column
+    without numbers or too many numbers, or pyarrow is missing; passes on the errors of `choose`.
+    """
+    require_pyarrow("reading the log")
+    import pyarrow.parquet as pq
+
+    with _readable(path), pq.ParquetFile(path) as file:
+        require_names(file, f"`{path}`:")
+        sizes = {} if choose is None else _list_sizes(file)
+        names = file.schema_arrow.names if choose is None else choose(file.schema_arrow, sizes)
+        require_numbers(file, f"`{path}`:", names, sizes)
+        return file.read(columns=names)
+
+
 def read_text_lists(path: Path, titles: Collection[str]) -> tuple[str, set[tuple[str, ...]]]:
-    """Return the first column with lists of texts, and its different lists.
+    """Return the name of the first column with lists of strings, and its distinct lists.
 
-    The texts stay in their dictionary until the different lists are known, since a few bytes can stand for many texts.
+    Both are empty if there is no such column. The strings stay dictionary-encoded until the distinct lists are known,
+    since a small file can contain very many strings.
 
-    - `path`: of the file.
-    - `titles`: that the column may have, in small letters.
+    - `titles`: allowed names of the column, in lower case.
 
-    Raises DefinitionError if the file cannot be read, or has more texts than numbers are read. The name is empty and
-    there is no list if there is no such column.
+    Raises DefinitionError if the file cannot be read, or the column has too many strings.
     """
     require_pyarrow("reading the log")
     import pyarrow.parquet as pq
     from pyarrow import types
 
-    require_file(path, most=MOST_BYTES)
-    try:
+    with _readable(path):
         with pq.ParquetFile(path) as file:
             for field in file.schema_arrow:
                 if (
@@ -117,26 +121,18 @@ def read_text_lists(path: Path, titles: Collection[str]) -> tuple[str, set[tuple
                     )
                 if not types.is_dictionary(texts.type):
                     texts = texts.dictionary_encode()
-                places = np.asarray(texts.indices.fill_null(-1))
+                indices = np.asarray(texts.indices.fill_null(-1))
                 ends = np.cumsum(np.asarray(column.value_lengths().fill_null(0)))
-                for row in {tuple(part) for part in np.split(places, ends[:-1])}:
-                    lists.add(tuple("" if place < 0 else texts.dictionary[int(place)].as_py() for place in row))
+                for row in {tuple(part) for part in np.split(indices, ends[:-1])}:
+                    lists.add(tuple("" if index < 0 else texts.dictionary[int(index)].as_py() for index in row))
         return field.name, lists
-    except DefinitionError:
-        raise
-    # pyarrow raises whatever a damaged byte leads it to.
-    except Exception as error:
-        reason = getattr(error, "strerror", None) or str(error).partition("\n")[0] or type(error).__name__
-        raise DefinitionError(f"cannot read the file `{path}`: {reason}") from None
 
 
 def require_names(file: Any, name: str) -> None:
-    """Check that each column of a Parquet file has a name of its own.
+    """Raise a DefinitionError if two columns of a Parquet file have the same name.
 
     - `file`: a `ParquetFile` of pyarrow.
     - `name`: the file's name, for messages.
-
-    Raises DefinitionError if two columns have one name.
     """
     doubled = [title for title, count in Counter(file.schema_arrow.names).items() if count > 1]
     if doubled:
@@ -146,18 +142,16 @@ def require_names(file: Any, name: str) -> None:
 def require_numbers(
     file: Any, name: str, columns: Sequence[str], sizes: Mapping[str, int], *, most: int | None = None
 ) -> None:
-    """Check columns of a Parquet file before they are read: numbers alone, and not too many.
+    """Raise a DefinitionError, before reading, if columns of a Parquet file are not numeric or too large.
 
-    A few bytes can stand for gigabytes of equal numbers or texts. The metadata of column chunks would say more, but
-    pyarrow ends the process where they are damaged.
+    A small compressed file can expand to gigabytes. The metadata of column chunks would give exact sizes, but pyarrow
+    crashes if they are damaged.
 
     - `file`: a `ParquetFile` of pyarrow.
     - `name`: the file's name, for messages.
-    - `columns`: names of the columns that are needed.
-    - `sizes`: how many numbers are in each row of those columns that may have lists.
-    - `most`: how many numbers are read; `MOST_NUMBERS` if not given.
-
-    Raises DefinitionError if a column has no numbers, or there are too many.
+    - `columns`: names of the needed columns.
+    - `sizes`: list lengths of the columns with lists.
+    - `most`: most numbers to read; `MOST_NUMBERS` by default.
     """
     most = MOST_NUMBERS if most is None else most
     schema, rows = file.schema_arrow, file.metadata.num_rows
@@ -166,12 +160,12 @@ def require_numbers(
         word = plain_name(str(kind))
         if not _has_numbers(kind.value_type if title in sizes else kind):
             raise DefinitionError(
-                f"{name} column `{plain_name(title)}` has the type {word}, and is no numbers: write it as float64"
+                f"{name} column `{plain_name(title)}` has the type {word}, which is not numeric: write it as float64"
             )
     if rows * sum(max(sizes.get(title, 1), 1) for title in columns) > most:
         raise DefinitionError(
-            f"{name} it has {rows} rows, and {len(columns)} columns of them are needed: at most {most:.0e} numbers are "
-            "read; write a part of it, or each second row"
+            f"{name} it has {rows} rows, of which {len(columns)} columns are needed: at most {most:.0e} numbers are "
+            "read; write a part of it, or every second row"
         )
 
 
@@ -180,12 +174,12 @@ def _has_numbers(kind: Any) -> bool:
 
     if types.is_dictionary(kind):
         kind = kind.value_type
-    # Of no type at all is a column without a value.
+    # A column without values has the null type.
     return bool(types.is_primitive(kind) or types.is_decimal(kind) or types.is_null(kind))
 
 
 def _list_sizes(file: Any) -> dict[str, int]:
-    """For each column with lists of numbers, how many entries the list of the first row has."""
+    """Return the length of the first list in each column with lists of numbers."""
     from pyarrow import types
 
     lists = [
@@ -199,11 +193,8 @@ def _list_sizes(file: Any) -> dict[str, int]:
     return {name: min(len(first.column(name)[0].values or ()), 1000) for name in lists}
 
 
-def element(column: Any, place: int) -> Any:
-    """Return the entries at one place of the lists in a column.
-
-    - `column`: of pyarrow, with lists.
-    - `place`: counted from 0.
+def element(column: Any, index: int) -> Any:
+    """Return the entry with an index, from 0, of each list in a pyarrow column.
 
     Raises DefinitionError if a list is too short.
     """
@@ -211,8 +202,8 @@ def element(column: Any, place: int) -> Any:
     import pyarrow.compute as pc
 
     try:
-        return pc.list_element(column, place)
+        return pc.list_element(column, index)
     except pa.ArrowInvalid:
         raise DefinitionError(
-            f"the lists in a column are of different lengths: entry {place} is missing in one"
+            f"the lists in a column have different lengths: entry {index} is missing in one"
         ) from None

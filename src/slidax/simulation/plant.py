@@ -22,16 +22,16 @@ from slidax.plant.sensors import AbstractSensor
 
 
 class Plant(AbstractPart):
-    """The true robot, with forces that no controller knows, eq. (10)."""
+    """The true robot, with disturbances that no controller knows, eq. (10)."""
 
-    robot: AbstractRobot = piece("M, C, G, F")
+    robot: AbstractRobot = piece("the true arm, with M, C, G, F")
     disturbance: AbstractDisturbance = piece("τ_d")
-    sensor: AbstractSensor | None = piece(
-        "what a controller measures of the state; None: all of it, at once", default=None
+    sensor: AbstractSensor | None = piece("sensor; None measures the true state without delay", default=None)
+    actuator: Actuator | None = piece(
+        "drives; None applies each torque command unchanged and without delay", default=None
     )
-    actuator: Actuator | None = piece("how the drives deliver a torque; None: unchanged and at once", default=None)
     load: TimedPayload | None = piece(
-        "what the tip carries for some time; None for nothing, or for what is part of the robot", default=None
+        "payload that the tip carries for some time; None without one, or if it is part of the robot", default=None
     )
 
     @classmethod
@@ -63,10 +63,10 @@ MujocoIntegrator = Literal["implicitfast", "implicit", "euler", "rk4"]
 
 
 class Table(AbstractPart):
-    """A level, rigid, unbounded surface. The arm's tip and its payload meet it; the links pass through."""
+    """A level, rigid, unbounded surface. The arm's tip and its payload collide with it; the links do not."""
 
-    height: Scalar = parameter("above the base frame's origin, against gravity", "m")
-    friction: Scalar = parameter("coefficient of what touches it", "", "> 0", default=0.5)
+    height: Scalar = parameter("height above the base frame's origin, against gravity", "m")
+    friction: Scalar = parameter("friction coefficient of contacts", "", "> 0", default=0.5)
 
 
 class MujocoPlant(AbstractPart):
@@ -74,8 +74,8 @@ class MujocoPlant(AbstractPart):
 
     Masses, rotors and friction are those of `Plant`. With `dry`, Coulomb friction is MuJoCo's own: a joint sticks, and
     its friction jumps at a reversal, where `Plant` smooths it. A carried payload is part of the last link. A released
-    one becomes a body of its own, the homogeneous box of equal mass and moments, which falls and meets the table.
-    MuJoCo takes `substeps` steps per period, and holds torque and disturbance over each.
+    payload becomes a separate body, the homogeneous box of equal mass and moments, which can fall onto the table.
+    MuJoCo takes `substeps` steps per period, with constant torque and disturbance in each.
     """
 
     robot: AbstractRobot = piece("an `Articulated` arm")
@@ -83,29 +83,26 @@ class MujocoPlant(AbstractPart):
     sensor: AbstractSensor | None = piece("as in `Plant`", default=None)
     actuator: Actuator | None = piece("as in `Plant`", default=None)
     load: TimedPayload | None = piece("as in `Plant`", default=None)
-    surroundings: Table | None = piece("what stands around the arm; None for nothing", default=None)
+    surroundings: Table | None = piece("table near the arm; None without one", default=None)
     integrator: str = piece(
-        'MuJoCo\'s, in place of that of `simulate`: "implicitfast", "implicit", "euler" or "rk4"',
+        'MuJoCo\'s integrator, used instead of that of `simulate`: "implicitfast", "implicit", "euler" or "rk4"',
         default="implicitfast",
         static=True,
     )
-    dry: bool = piece("whether Coulomb friction is not smoothed", default=False, static=True)
-    stops: bool = piece(
-        "whether the joints have hard stops at the limits of their positions", default=False, static=True
-    )
-    tip_radius: Scalar = parameter("of the ball about the tip that meets the table", "m", "> 0", default=0.01)
+    dry: bool = piece("True for Coulomb friction without smoothing", default=False, static=True)
+    stops: bool = piece("True for hard stops at the position limits", default=False, static=True)
+    tip_radius: Scalar = parameter("radius of the ball at the tip, which can touch the table", "m", "> 0", default=0.01)
 
     def __check_init__(self) -> None:
         if not isinstance(self.robot, Articulated):
             raise DefinitionError(
-                f"MuJoCo takes an articulated arm, as from `slidax.arms.panda()`; got a {type(self.robot).__name__}"
+                f"a MujocoPlant needs an `Articulated` arm, as from `slidax.arms.panda()`; got a "
+                f"{type(self.robot).__name__}"
             )
         if self.integrator not in get_args(MujocoIntegrator):
             names = ", ".join(f"`{name}`" for name in get_args(MujocoIntegrator))
             raise DefinitionError(f"`MujocoPlant.integrator` must be one of {names}; got {short_repr(self.integrator)}")
         if self.load is not None and not is_traced(self.load):
-            pass
-
             require_rigid(self.load.payload)
 
     @classmethod
@@ -141,7 +138,7 @@ class MujocoPlant(AbstractPart):
 
 
 ROUNDING = 1e-6
-"""Relative excess of the largest moment over the sum of the others, for rounded data."""
+"""Allowed relative excess of the largest moment over the sum of the others, for rounded data."""
 
 DENSITY = 2700.0
 """Density of a released point mass, which becomes a cube of aluminium, kg/m³."""
@@ -162,7 +159,7 @@ def principal(inertia: np.ndarray) -> Principal:
     moments, axes = np.linalg.eigh(0.5 * (inertia + inertia.T))
     axes[:, 2] *= np.sign(np.linalg.det(axes))
     moments = np.maximum(moments, 0.0)
-    # MuJoCo rejects the smallest excess over a rigid body's moments. The moments are in increasing order.
+    # MuJoCo rejects even a tiny excess over the sum of the other moments. The moments are in increasing order.
     moments[2] = min(moments[2], moments[0] + moments[1])
     return Principal(moments, axes)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import equinox as eqx
 import jax
@@ -19,8 +19,6 @@ from .outcome import Excursion, Fault, Outcome, describe_outcome
 from .plant import FreeBody
 from .tally import Tally, Windows
 
-if TYPE_CHECKING:
-    pass
 
 PER = {"q": "", "dq": "/s", "q_d": "", "dq_d": "/s", "ddq_d": "/s²", "e": "", "lower": "", "upper": ""}
 """Suffixes to the unit of a joint's position."""
@@ -31,13 +29,13 @@ def columns_of(run: Run, labels: Sequence[str]) -> dict[str, tuple[np.ndarray, s
 
     - `labels`: suffix of a quantity's name for each joint.
 
-    Raises DefinitionError for a run without a log, and for many runs.
+    Raises DefinitionError for a run without a log, and for a batch.
     """
     log = run.log
     if log is None:
         raise DefinitionError("this run has no log: simulate with `log_every=1`")
     if run.period.ndim:
-        raise DefinitionError(f"these are {len(run)} runs: take the log of each, as `runs[0]`")
+        raise DefinitionError(f"a batch of {len(run)} runs has no single log: take one run, such as `runs[0]`")
     groups: dict[str, Any] = {
         "q": log.state.q,
         "dq": log.state.dq,
@@ -78,10 +76,10 @@ KINDS = ("pandas", "polars")
 def data_frame(columns: Mapping[str, Any], kind: Kind = "pandas", units: Mapping[str, str] | None = None) -> Any:
     """Return a data frame from columns of equal length. pandas keeps the units in `attrs`; polars drops them.
 
-    Raises DefinitionError if the library is another, or is not installed.
+    Raises DefinitionError if the library is unknown or not installed.
     """
     if kind not in KINDS:
-        raise DefinitionError(f'a data frame is of "pandas" or of "polars"; got "{kind}"')
+        raise DefinitionError(f'the kind of a data frame must be "pandas" or "polars"; got "{kind}"')
     try:
         if kind == "polars":
             import polars
@@ -102,8 +100,8 @@ def _flat(values: Any) -> Any:
     return np.ascontiguousarray(values) if isinstance(values, np.ndarray) else list(values)
 
 
-Anyhow: TypeAlias = Array | np.ndarray
-"""An array of JAX inside a transformation, of NumPy in a finished run."""
+AnyArray: TypeAlias = Array | np.ndarray
+"""A JAX array inside a transformation, a NumPy array in a finished run."""
 
 
 class Log(eqx.Module):
@@ -112,28 +110,28 @@ class Log(eqx.Module):
     - `k`: number of the sample.
     - `t`: time [s].
     - `state`: the true state, not the measured one.
-    - `reference`, `envelope`: as the controller had them; `envelope` is None for a scheme without one.
-    - `tau`: torque after the actuator's limits [N m or N]; the previous torque where a sample was lost.
-    - `signals`: the controller's inner quantities by name; where a sample was lost, those of the unused command.
+    - `reference`, `envelope`: those of the controller; `envelope` is None for a scheme without one.
+    - `tau`: torque after the actuator's limits [N m or N]; for a lost sample, the previous torque.
+    - `signals`: the controller's internal quantities by name; for a lost sample, those of the unused command.
     - `valid`: False for rows after the end of the run, which only a batch has.
     """
 
-    k: Int[Anyhow, "..."]
-    t: Float[Anyhow, "..."]
+    k: Int[AnyArray, "..."]
+    t: Float[AnyArray, "..."]
     state: State
     reference: Reference
-    tau: Float[Anyhow, "..."]
-    signals: Mapping[str, Float[Anyhow, "..."]]
+    tau: Float[AnyArray, "..."]
+    signals: Mapping[str, Float[AnyArray, "..."]]
     envelope: Envelope | None
-    valid: Bool[Anyhow, "..."]
+    valid: Bool[AnyArray, "..."]
 
     @property
-    def e(self) -> Float[Anyhow, "..."]:
+    def e(self) -> Float[AnyArray, "..."]:
         """Error `q - q_d`, rad or m."""
         return self.state.q - self.reference.q
 
     @property
-    def de(self) -> Float[Anyhow, "..."]:
+    def de(self) -> Float[AnyArray, "..."]:
         """Velocity error `q̇ - q̇_d`, rad/s or m/s."""
         return self.state.dq - self.reference.dq
 
@@ -155,16 +153,16 @@ class RunTiming(NamedTuple):
 
 
 class Run(eqx.Module):
-    """A finished simulation, or many from `simulate_batch`, whose arrays have the run as their first axis.
+    """A finished simulation, or a batch from `simulate_batch`, whose arrays have the run as their first axis.
 
-    Many runs have a length, `runs[i]` is one of them, and `for run in runs` iterates over them.
+    A batch has a length, `runs[i]` is one of its runs, and `for run in runs` iterates over them.
 
     - `log`: the logged samples; None without a log.
     - `tally`: statistics of all samples, which the metrics read.
     - `windows`: first sample of each statistic, and the settling bands.
     - `fault`: the first fault, as arrays; see `outcome`.
     - `excursion`: samples outside the envelope, as arrays; None if the first of them ends a run.
-    - `state`: the state at the last good sample.
+    - `state`: the true state at the last sample without a fault.
     - `period`: time between samples [s].
     - `t1`: requested end [s].
     - `has_envelope`: True if the scheme has an envelope.
@@ -199,12 +197,15 @@ class Run(eqx.Module):
     def outcome(self) -> Outcome:
         """Outcome of a single run.
 
-        Raises DefinitionError for many runs, which have `outcomes`, and inside a transformation.
+        Raises DefinitionError for a batch, which has `outcomes`, and inside a transformation.
         """
         if self.period.ndim:
-            raise DefinitionError(f"these are {len(self)} runs: see `outcomes`, or the `outcome` of each, as `runs[0]`")
+            raise DefinitionError(
+                f"a batch of {len(self)} runs has no single outcome: read `outcomes`, or `outcome` of one run, such as "
+                "`runs[0]`"
+            )
         if is_traced(self.fault):
-            raise DefinitionError("inside `jit`, `vmap` and `grad` there is no outcome yet: look at `fault`")
+            raise DefinitionError("inside `jit`, `vmap` and `grad` there is no outcome yet: read `fault`")
         return describe_outcome(
             self.fault,
             self.excursion,
@@ -227,9 +228,9 @@ class Run(eqx.Module):
         ]
 
     def __len__(self) -> int:
-        """The number of runs; only many have one."""
+        """Number of runs in a batch."""
         if not self.period.ndim:
-            raise TypeError("a single run has no length; `simulate_batch` returns many")
+            raise TypeError("a single run has no length; `simulate_batch` returns a batch")
         return int(self.period.shape[0])
 
     def __bool__(self) -> bool:
@@ -237,13 +238,13 @@ class Run(eqx.Module):
         return True
 
     def __getitem__(self, which: int | slice) -> Run:
-        """One of many runs, with its valid samples only; or several, by a slice."""
+        """One run of a batch, with its valid samples only; or several, by a slice."""
         if isinstance(which, slice):
-            return _picked(self, which)
+            return _select(self, which)
         count = len(self)
         if not -count <= which < count:
             raise IndexError(f"there are {count} runs; got {which}")
-        run = _picked(self, which)
+        run = _select(self, which)
         if run.log is None or run.period.ndim or is_traced(run.log):
             return run
         return eqx.tree_at(lambda run: run.log, run, run.log.without_padding())
@@ -252,15 +253,10 @@ class Run(eqx.Module):
         return (self[k] for k in range(len(self)))
 
     def __repr__(self) -> str:
-        # Imported late: `overview` needs `Run`.
-        pass
-
         return as_text(self) if self._is_known else eqx.tree_pformat(self)
 
     def _repr_html_(self) -> str | None:
         """HTML for a notebook."""
-        pass
-
         return as_html(self) if self._is_known else None
 
     @property
@@ -273,7 +269,7 @@ class Run(eqx.Module):
 
         - `joints`: "names" for `q[panda_joint1]`, "numbers" for `q_1`, as in Parquet logs.
 
-        Raises DefinitionError without a log, for many runs, or if the library is not installed.
+        Raises DefinitionError without a log, for a batch, or if the library is not installed.
         """
         columns = self._columns(joints)
         units = {name: unit for name, (_, unit) in columns.items()}
@@ -290,7 +286,7 @@ class Run(eqx.Module):
         return columns_of(self, [f"[{name}]" if named else f"_{k + 1}" for k, name in enumerate(self.joint_names)])
 
 
-def _picked(run: Run, which: int | slice) -> Run:
+def _select(run: Run, which: int | slice) -> Run:
     # By NumPy: JAX would compile a slice for each shape.
     return jax.tree.map(lambda x: x[which] if is_traced(x) else np.asarray(x)[which, ...], run)
 
@@ -300,7 +296,7 @@ WIDTH, HEIGHT, POINTS = 640, 70, 640
 
 
 def sketch(run: Run) -> str:
-    """Each joint's error and envelope over time in a panel, as SVG; empty for a run without a log."""
+    """Draw each joint's error and envelope over time in a panel, as SVG; empty for a run without a log."""
     log = run.log
     if log is None or not len(log.t):
         return ""
@@ -333,14 +329,14 @@ def sketch(run: Run) -> str:
 
 
 SETTLED = 1e-3
-"""Error band of the column of settling times, rad or m, if it is one of the run's bands."""
+"""Error band, rad or m, of the settling times in the table, which has them if the run has this band."""
 
 Rows = list[list[str]]
-"""A table with heads in its first row and joints in its first column."""
+"""A table with headings in its first row and joints in its first column."""
 
 
 def heading(run: Run) -> str:
-    """One line with the joints, the duration, the period and the outcome of one or many runs."""
+    """One line with the joints, the duration, the period and the outcome of a run or a batch."""
     many = run.period.ndim > 0
     period, t1 = float(np.ravel(run.period)[0]), float(np.ravel(run.t1)[0])
     kinds = Counter(outcome.kind for outcome in run.outcomes)
@@ -364,7 +360,7 @@ def remarks(run: Run) -> list[str]:
 
 
 def table(run: Run) -> Rows:
-    """Each joint's main results with units; the worst of many runs."""
+    """Main results of each joint with units; for a batch, the worst of its runs."""
     tally, windows = run.tally, run.windows
     many = tuple(range(np.ndim(run.period)))
     samples = np.expand_dims(np.asarray(tally.samples), -1)
@@ -395,7 +391,7 @@ def _cell(value: float, unit: str) -> str:
 
 
 def as_text(run: Run) -> str:
-    """The overview for a terminal."""
+    """Return the overview for a terminal."""
     rows = table(run)
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = []
@@ -406,7 +402,7 @@ def as_text(run: Run) -> str:
 
 
 def as_html(run: Run) -> str:
-    """The overview for a notebook, with a picture of a single run's errors."""
+    """Return the overview for a notebook, with a figure of the errors for a single run."""
     head, *body = [[escape(cell) for cell in row] for row in table(run)]
     rows = ["<tr>" + "".join(f"<th>{cell}</th>" for cell in head) + "</tr>"]
     rows += [f"<tr><th>{row[0]}</th>" + "".join(f"<td>{cell}</td>" for cell in row[1:]) + "</tr>" for row in body]

@@ -19,7 +19,7 @@ from slidax.law.error_transformations import PrescribedPerformance
 from slidax.motions.trajectory import AbstractMotion
 
 from . import native_engine, xla_engine
-from .define import constant, define_loop, require_room, windows_of
+from .define import constant, define_loop, require_log_fits, windows_of
 from .engine import EngineResult, RunRequest, engine_for, engine_for_batch, native_or_xla
 from .loop import ClosedLoop, begin
 from .mujoco_engine import drive as drive_mujoco
@@ -61,15 +61,15 @@ def simulate(
       `metrics.tolerance_margin` and `metrics.tolerance_violations`.
     - `t1`: end [s], a whole number of periods.
     - `stepping`: period, mode, integrator, engine.
-    - `log_every`: log one in so many samples; None logs none. Metrics always count all samples.
+    - `log_every`: n to log every n-th sample; None for no log. Metrics always use all samples.
     - `bands`: error bands for the settling time, rad or m.
     - `throw`: raise OutcomeError on a bad outcome, instead of returning the run.
     - `progress`: show a bar; None shows it for long runs if standard error is a terminal.
-    - `changes`: fields of `Stepping` by keyword, each in place of that of `stepping`: `period`, `mode`, `substeps`,
-      `integrator`, `outside`, `limits`, `engine`. `period` is needed in one of the two.
+    - `changes`: fields of `Stepping` by keyword, which replace those of `stepping`: `period`, `mode`, `substeps`,
+      `integrator`, `outside`, `limits`, `engine`. Either argument must set `period`.
 
-    Works inside `jit`, `vmap` and `grad`, with XLA; nothing is checked or shown there, and `run.log.valid` marks the
-    valid samples. Use `simulate_batch` for many runs.
+    Works inside `jit`, `vmap` and `grad`, with XLA and without checks or a bar; `run.log.valid` then marks the valid
+    samples. Use `simulate_batch` for many runs.
 
     Raises DefinitionError if the parts do not fit each other, the start is outside the envelope, the actuator cannot
     hold the arm there, or the start or the motion exceeds the joint limits.
@@ -79,7 +79,7 @@ def simulate(
     loop, samples = define_loop(own, controller, trajectory, state0, t1, stepping, log_every, bands, tolerance)
     traced = is_traced((plant, loop, state0))
     if log_every is not None and not traced:
-        require_room(loop, state0, -(-samples // log_every))
+        require_log_fits(loop, state0, -(-samples // log_every))
     if isinstance(plant, MujocoPlant):
         _require_samples(stepping.mode, traced)
     timing = load = None
@@ -89,7 +89,7 @@ def simulate(
         carry, log = xla_engine.advance(loop, carry, points, log_every, pack=False)
     else:
         request = RunRequest(loop, state0, samples, log_every, progress)
-        (carry, envelope, *_), log, timing, load = _driven(plant, stepping.engine, request)
+        (carry, envelope, *_), log, timing, load = _run_engine(plant, stepping.engine, request)
     run = Run(
         log=log,
         tally=carry.tally,
@@ -110,7 +110,7 @@ def simulate(
     return run
 
 
-def _driven(plant: Plant | MujocoPlant, engine: str, request: RunRequest) -> EngineResult:
+def _run_engine(plant: Plant | MujocoPlant, engine: str, request: RunRequest) -> EngineResult:
     if isinstance(plant, MujocoPlant):
         return drive_mujoco(plant, engine, request)
     return native_or_xla(
@@ -151,17 +151,17 @@ def simulate_batch(
 
     Its arrays have the run as their first axis, as with `jax.vmap` of `simulate`; `runs[i]` is one of them.
 
-    Several runs at a time use the vector units of each core. Values that they share are computed once for several:
-    reference, envelope and disturbance, if only gains vary. The bits of a run depend neither on the other runs nor on
-    the number of threads.
+    The vector units of each core advance several runs at a time. Values that are equal in these runs are computed once:
+    reference, envelope and disturbance, if only gains vary. A run's results are bitwise independent of the other runs
+    and of the number of threads.
 
     - `define`: maps one run's varied values to `(plant, controller, trajectory, state0)`, with the tolerance band as
       an optional fifth. Pure and traced by JAX, so its values are not checked; read `run.outcomes`.
     - `varied`: a pytree of arrays with the run as their first axis.
     - `t1`, `stepping`, `bands`, `changes`: as in `simulate`, equal for all runs. The engine "xla" is `jax.vmap`;
       "cuda" uses an NVIDIA card, with a thread for each run.
-    - `log_every`: log one in so many samples; None logs none. `run.log.valid` marks the valid samples.
-    - `threads`: of the native engine; None for as many as there are cores.
+    - `log_every`: n to log every n-th sample; None for no log. `run.log.valid` marks the valid samples.
+    - `threads`: number of threads of the native engine; None for one per core.
 
     Raises DefinitionError if the parts do not fit each other, the arrays differ in their first axis, or the engine is
     "cuda" and CuPy or a card is missing.
@@ -181,7 +181,7 @@ def simulate_batch(
 
 @dataclass(frozen=True)
 class BatchRequest:
-    """The common part of a batch's runs. Equal requests share compiled code."""
+    """Everything that the runs of a batch share. Equal requests share compiled code."""
 
     define: Callable[[Any], Parts]
     t1: float
@@ -190,7 +190,7 @@ class BatchRequest:
     bands: tuple[float, ...]
 
     def simulate(self, values: Any) -> Run:
-        """Run with one run's varied values, by XLA."""
+        """Simulate one run of the batch, by XLA."""
         options = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "define"}
         return simulate(*self.define(values), **options)
 
@@ -257,10 +257,10 @@ def _run_natively(request: BatchRequest, varied: Any, threads: int | None, machi
         request, request.start, shapes, varied, samples, request.log_every, threads, machine
     )
     runs = jax.tree.leaves(varied)[0].shape[0]
-    # By NumPy: JAX would compile a program for each shape, which takes longer than few runs.
+    # By NumPy: JAX would compile a program for each shape, which takes longer than a few runs.
     clock = jax.tree.map(lambda x: constant(np.broadcast_to(x, (runs, *np.shape(x)))), request.clock(samples))
     arrays = log, results_of(carry), clock
-    # Made from the first run, whose shapes are those of the declarations, and then filled with all runs.
+    # Build the structure from the first run, since field types require its shapes; then insert the arrays of all runs.
     one_log, one_carry, one_clock = jax.tree.map(lambda x: constant(np.asarray(x)[0, ...]), arrays)
     first = run_of(one_log, one_carry, one_clock, joints, has_envelope=envelope is not None)
     log, (tally, fault, excursion, state), (windows, period, t1) = arrays
@@ -299,15 +299,15 @@ def value_and_gradient(
     - `define`: maps x to `(plant, controller, trajectory, state0)`; pure, and traced by JAX.
     - `at`: x, a tree of numbers and arrays.
     - `t1`, `stepping`, `bands`, `changes`: as in `simulate`; the engine "xla" is its `jax.jvp`.
-    - `log_every`: log one in so many samples for the metric; None logs none.
+    - `log_every`: n to log every n-th sample for the metric; None for no log.
 
-    Raises DefinitionError if `at` holds no numbers, or the parts do not fit each other.
+    Raises DefinitionError if `at` has no numbers, or the parts do not fit each other.
     """
     at = jax.tree.map(as_array, at)
-    numbers, rebuilt = ravel_pytree(at)
+    numbers, unravel = ravel_pytree(at)
     if not numbers.size:
-        raise DefinitionError("`at` must hold the numbers by which to differentiate; it holds none")
-    directions = jax.vmap(rebuilt)(jnp.eye(numbers.size))
+        raise DefinitionError("`at` must have the numbers with respect to which to differentiate; it has none")
+    directions = jax.vmap(unravel)(jnp.eye(numbers.size))
     request = BatchRequest(define, float(t1), Stepping.of(stepping, changes), log_every, tuple(bands))
 
     def by_xla(at: Any, directions: Any) -> tuple[Scalar, Any]:
@@ -321,7 +321,7 @@ def value_and_gradient(
         lambda: _differentiate_natively(metric, request, at, directions),
         lambda: jax.jit(by_xla)(at, directions),
     )
-    return value, rebuilt(slopes)
+    return value, unravel(slopes)
 
 
 def _differentiate_natively(
@@ -338,7 +338,7 @@ def _differentiate_natively(
         return metric(run_of(log, tuple(rest), clock, joints, has_envelope=envelope is not None))
 
     log = Dual(None, None) if log is None else log
-    # The run itself is the same in all directions.
+    # The run itself is equal in all directions.
     value = jax.tree.map(lambda x: x[0], (log.value, *results_of(carry.value)))
     tangent = jax.tree.map(jnp.asarray, (log.tangent, *results_of(carry.tangent)))
     return jax.vmap(lambda v: jvp(metric_of, value, v), out_axes=(None, 0))(tangent)

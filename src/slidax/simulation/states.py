@@ -1,4 +1,4 @@
-"""Robots and motions at many states at once: inertia, forces, joint frames, joint limits."""
+"""Evaluate robots and motions at many states at once: inertia, forces, joint frames, joint limits."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ class States(NamedTuple):
 
     - `mass`: M(q) [k n n], kg m², kg m, kg.
     - `bias`: `C(q,q̇) q̇ + G(q)` [k n], N m or N.
-    - `axes`, `positions`: of the joints, in the base frame [k n 3]; None for a robot without joint frames.
-    - `tip`: [k 3], m.
+    - `tip`: position of the tip [k 3], m.
+    - `axes`, `positions`: joint axes and positions in the base frame [k n 3]; None for a robot without joint frames.
     """
 
     mass: Numbers
@@ -63,7 +63,7 @@ def states_of(robot: AbstractRobot, q: Numbers, dq: Numbers | None = None) -> St
             numbers = [np.asarray(leaf) for leaf in jax.tree.leaves(arrays)]
             kernel = _state_kernel(LoopSignature.of(arrays, static, False), q.shape[1])
             return States(*kernel.batch([*numbers, *moving], runs=len(q), threads=1))
-    # XLA takes a hundred times as long to compile it.
+    # The compilation by XLA takes a hundred times as long.
     return States(*map(np.asarray, jax.jit(jax.vmap(_state, (None, 0, 0)))(robot, *moving)))
 
 
@@ -85,9 +85,9 @@ def _state_kernel(signature: LoopSignature, joints: int) -> llvm.Kernel:
 
 
 def spread_in_box(lower: Numbers, upper: Numbers, count: int) -> Numbers:
-    """Return points spread evenly over a box, [count n]: a deterministic additive recurrence.
+    """Return points spread evenly over a box, [count n], by an additive recurrence (quasi-random, deterministic).
 
-    Its steps are powers of the root of `x^(n+1) = x + 1`, the golden ratio in n dimensions.
+    Its steps are negative powers of the root of `x^(n+1) = x + 1`, the golden ratio in n dimensions.
     """
     n = len(lower)
     root = 1.5
@@ -99,10 +99,10 @@ def spread_in_box(lower: Numbers, upper: Numbers, count: int) -> Numbers:
 
 
 ROUNDING = 1e-9
-"""Relative excess over a limit that is allowed for rounding."""
+"""Allowed relative excess over a limit, for rounding."""
 
 CHUNK = 1_000_000
-"""Samples that are checked together, to limit memory."""
+"""Number of samples that are checked together, to limit memory."""
 
 REMEDY = 'stay within the limit, or set `limits="ignore"` (`simulation.limits: ignore`)'
 
@@ -123,25 +123,25 @@ def require_within_limits(
     ):
         return
     if not is_traced(state0):
-        excess = _beyond(robot, np.asarray(state0.q)[None], np.asarray(state0.dq)[None])
+        excess = _first_excess(robot, np.asarray(state0.q)[None], np.asarray(state0.dq)[None])
         if excess is not None:
             raise DefinitionError(f"`state0` is beyond the robot's limits: {excess[1]}; {REMEDY}")
-    # Later samples stand still. The motion is known, also inside a traced batch.
+    # Later samples are at rest. The motion has known values, even inside a traced batch.
     with jax.ensure_compile_time_eval():
         until = float(trajectory.until)
     last = int(min(steps, np.ceil(until / stepping.period) + 1))
     for first in range(0, last, CHUNK):
         times = np.arange(first, min(first + CHUNK, last) + 1) * stepping.period
         q = _positions(trajectory, times)
-        excess = _beyond(robot, q, np.diff(q, axis=0) / stepping.period)
+        excess = _first_excess(robot, q, np.diff(q, axis=0) / stepping.period)
         if excess is not None:
             raise DefinitionError(
                 f"the motion is beyond the robot's limits: at t = {times[excess[0]]:.6g} s {excess[1]}; {REMEDY}"
             )
 
 
-def _beyond(robot: Articulated | Coupled, q: np.ndarray, dq: np.ndarray) -> tuple[int, str] | None:
-    """The first sample beyond a limit, and a description: positions first, then velocities."""
+def _first_excess(robot: Articulated | Coupled, q: np.ndarray, dq: np.ndarray) -> tuple[int, str] | None:
+    """Return the first sample beyond a limit, and its description: positions first, then velocities."""
     limits = robot.limits
     lower, upper, fastest = (np.asarray(bound) for bound in (limits.lower, limits.upper, limits.velocity))
     for values, low, high, verb, per in ((q, lower, upper, "is at", ""), (dq, -fastest, fastest, "moves at", "/s")):
@@ -159,7 +159,7 @@ def _beyond(robot: Articulated | Coupled, q: np.ndarray, dq: np.ndarray) -> tupl
 
 
 def _positions(trajectory: AbstractMotion, times: np.ndarray) -> np.ndarray:
-    """The motion at these times, [times n], by machine code if possible: XLA compiles ten times longer."""
+    """Evaluate the motion at times, [times n], by machine code if possible, since XLA compiles ten times as long."""
     arrays, static = eqx.partition(trajectory, eqx.is_array)
     signature = LoopSignature.of(arrays, static, False)
     if llvm.available():

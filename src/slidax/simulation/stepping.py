@@ -27,7 +27,8 @@ class Stepping(AbstractPart):
 
     In mode "held" the law is evaluated once per period, its torque is held, and the plant takes `substeps` steps of
     the integrator. In mode "continuous" the law is evaluated at every stage of the integrator, whose step is the
-    period. `simulate` and the like take a `Stepping`, its fields as keywords, or both: a keyword replaces a field.
+    period. `simulate` and similar functions take a `Stepping`, its fields as keywords, or both: keywords take
+    precedence.
     """
 
     period: float = parameter("time between samples", "s", "> 0", static=True, converter=_known_period)
@@ -41,19 +42,18 @@ class Stepping(AbstractPart):
         static=True,
     )
     outside: Literal["raise", "recover"] = piece(
-        'what happens at a sample outside: "raise" ends the run; "recover", in held mode, counts it and goes on',
+        'action at a sample outside the envelope: "raise" ends the run; "recover", in held mode, counts it and continues',
         default="raise",
         static=True,
     )
     limits: Literal["check", "ignore"] = piece(
-        "what happens to a start or a motion beyond the joints' limits: "
-        '"check" refuses it; "ignore" runs it all the same',
+        'action at a start or a motion beyond the joint limits: "check" raises an error; "ignore" runs it',
         default="check",
         static=True,
     )
     engine: EngineName = piece(
-        'what computes: "native" is machine code of our own, "xla" the reference; "auto" takes the first where it can; '
-        '"cuda" is the same code on an NVIDIA card, for batches',
+        'engine: "native" for slidax\'s own machine code, "xla" for the reference, "auto" for "native" if possible, '
+        '"cuda" for the native code on an NVIDIA card, for batches',
         default="auto",
         static=True,
     )

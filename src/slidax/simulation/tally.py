@@ -1,4 +1,4 @@
-"""Running statistics of all samples, so that metrics are exact whatever is logged."""
+"""Running statistics of all samples: metrics are exact, even if few samples are logged."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from slidax.law.error_transformations import PrescribedPerformance, Sides
 
 
 class ErrorTally(eqx.Module):
-    """An error over all samples; each [], in its unit.
+    """Statistics of an error over all samples; each [], in its unit.
 
     - `error`: maximum.
     - `steady`: maximum in the last quarter of the run.
@@ -29,9 +29,9 @@ class ErrorTally(eqx.Module):
 
     @staticmethod
     def begin() -> ErrorTally:
-        """Before the first sample."""
-        nothing = jnp.zeros(())
-        return ErrorTally(error=nothing, steady=nothing, square=nothing)
+        """Return the tally before the first sample."""
+        zero = jnp.zeros(())
+        return ErrorTally(error=zero, steady=zero, square=zero)
 
     def add(self, size: Scalar, running: Bool[Array, ""], steady: Bool[Array, ""]) -> ErrorTally:
         """Add a sample if `running`, and to the last quarter if `steady`."""
@@ -46,40 +46,40 @@ class ToolTally(eqx.Module):
     """Error of the tool relative to the reference.
 
     - `position`: distance of the tip, m.
-    - `turn`: rotation angle, rad; None for a robot without an orientation of its tip.
+    - `rotation`: rotation angle, rad; None for a robot whose tip has no orientation.
     """
 
     position: ErrorTally
-    turn: ErrorTally | None
+    rotation: ErrorTally | None
 
     @staticmethod
     def begin(robot: AbstractRobot) -> ToolTally:
-        """Before the first sample."""
+        """Return the tally before the first sample."""
         rotates = isinstance(robot, Articulated | Coupled | Scara | TwoLink)
-        return ToolTally(position=ErrorTally.begin(), turn=ErrorTally.begin() if rotates else None)
+        return ToolTally(position=ErrorTally.begin(), rotation=ErrorTally.begin() if rotates else None)
 
     def add(
         self, robot: AbstractRobot, q: Vector, wanted: Vector, running: Bool[Array, ""], steady: Bool[Array, ""]
     ) -> ToolTally:
         """Add a sample with the actual and the wanted joint positions [n], rad or m."""
-        away = vector_norm(robot.tip(q) - robot.tip(wanted))
-        turn = self.turn
-        if turn is not None:
+        distance = vector_norm(robot.tip(q) - robot.tip(wanted))
+        rotation = self.rotation
+        if rotation is not None:
             assert isinstance(robot, Articulated | Coupled | Scara | TwoLink)
             angle = rotation_angle(robot.tip_frame(q)[0], robot.tip_frame(wanted)[0])
-            turn = turn.add(angle, running, steady)
-        return ToolTally(position=self.position.add(away, running, steady), turn=turn)
+            rotation = rotation.add(angle, running, steady)
+        return ToolTally(position=self.position.add(distance, running, steady), rotation=rotation)
 
 
 def rotation_angle(axes: Float[Array, "3 3"], others: Float[Array, "3 3"]) -> Scalar:
     """Rotation angle between two frames with axes as columns, in [0, π], rad; accurate for small angles."""
     x, y, z = (jnp.cross(others[:, k], axes[:, k]) for k in range(3))
-    # Half the sum of these is the axis times the sine; the trace is 1 + 2 cos.
+    # Half the sum of x, y, z is the axis times the sine; the trace is 1 + 2 cos.
     return jnp.arctan2(vector_norm(0.5 * (x + y + z)), 0.5 * (jnp.sum(axes * others) - 1.0))
 
 
 class ToleranceTally(eqx.Module):
-    """Margin to a tolerance band `b ρ(t) < e < b̄ ρ(t)`, eq. (12), with the sides of (13) from the true first error.
+    """Margin to a tolerance band `b ρ(t) < e < b̄ ρ(t)`, eq. (12), with the sides of (13) from the true initial error.
 
     - `sides`: b and b̄ [n].
     - `outside`: number of samples with a joint at or outside its bounds, [].
@@ -92,7 +92,7 @@ class ToleranceTally(eqx.Module):
 
     @staticmethod
     def begin(tolerance: PrescribedPerformance, e: Vector) -> ToleranceTally:
-        """Before the first sample, for an error e at t = 0 [n], rad or m."""
+        """Return the tally before the first sample, for an error e at t = 0 [n], rad or m."""
         sides = tolerance.init(jnp.zeros(()), e)
         return ToleranceTally(sides=sides, outside=jnp.zeros((), int), margin=jnp.full(e.shape, jnp.inf))
 
@@ -110,7 +110,7 @@ class ToleranceTally(eqx.Module):
 
 
 class MonitorTally(eqx.Module):
-    """The monitor's margin over all samples.
+    """Margin of the law's monitor over all samples.
 
     - `margin`: minimum, []; inf before the first sample.
     - `warned`: number of the first sample with a negative margin, []; -1 without one.
@@ -121,7 +121,7 @@ class MonitorTally(eqx.Module):
 
     @staticmethod
     def begin() -> MonitorTally:
-        """Before the first sample."""
+        """Return the tally before the first sample."""
         return MonitorTally(margin=jnp.full((), jnp.inf), warned=jnp.full((), -1))
 
     def add(self, k: Int[Array, ""], margin: Scalar, running: Bool[Array, ""]) -> MonitorTally:
@@ -200,7 +200,7 @@ class Tally(eqx.Module):
         tool: ToolTally | None = None,
         gated: bool = False,
     ) -> Tally:
-        """Return the tally before the first sample, for so many joints and settling bands."""
+        """Return the tally before the first sample; `joints` and `bands` are numbers of joints and settling bands."""
         zero = jnp.zeros(joints)
         count = jnp.zeros((), int)
         return Tally(
@@ -252,7 +252,7 @@ class Tally(eqx.Module):
             last_torque=tau,
             peak_torque=jnp.maximum(self.peak_torque, effort),
             max_step=jnp.maximum(self.max_step, step),
-            # The step into the window's first sample belongs to the time before it.
+            # The torque step to the first sample of the window belongs to the time before it.
             steady_step=jnp.where(k > windows.steady, jnp.maximum(self.steady_step, step), self.steady_step),
             steady_square=self.steady_square + jnp.where(k > windows.steady, step * step, 0.0),
             torque_square=self.torque_square + effort * effort,

@@ -1,4 +1,4 @@
-"""XLA engine: the reference, and the engine for gradients, accelerators and `vmap`."""
+"""XLA engine: the reference engine, also for gradients, accelerators and `vmap`."""
 
 from __future__ import annotations
 
@@ -18,49 +18,49 @@ from .loop import Carry, ClosedLoop, LoopStart, begin, sample
 from .run import Log, RunTiming
 
 CHUNK = 50_000
-"""Samples between two looks at the run, about: each look costs as much as a thousand samples."""
+"""Approximate number of samples between two updates of the bar, each of which costs as much as a thousand samples."""
 
 _begin = eqx.filter_jit(begin)
 
 
 def advance(loop: ClosedLoop, carry: Carry, points: int, every: int | None, *, pack: bool) -> tuple[Carry, Log | None]:
-    """Return the carry after `points * (every or 1)` samples, with every `every`-th sample logged.
+    """Return the carry after `points * (every or 1)` samples, and the log of every `every`-th sample.
 
-    - `pack`: pass the loop's arrays as one. Faster for a single run; a batch then shares nothing.
+    - `pack`: True to pass the loop's arrays as one: faster for a single run, but the runs of a batch share nothing.
     """
     arrays, rest = eqx.partition(loop, eqx.is_inexact_array)
     packed, unpack = ravel_pytree(arrays)
 
-    def turn(carry: Carry, _: None) -> tuple[Carry, Log]:
-        # One array instead of dozens: XLA looks up the address of each in every step.
+    def advance_sample(carry: Carry, _: None) -> tuple[Carry, Log]:
+        # One array instead of dozens, since XLA looks up the address of each in every step.
         unpacked = eqx.combine(unpack(barrier(packed)), rest) if pack else loop
-        # Tied together, so that a run rounds alike whether it is logged or not.
+        # The barrier makes a run with a log round like a run without one.
         return jax.lax.optimization_barrier(sample(unpacked, carry))
 
     def unlogged(carry: Carry, _: None) -> tuple[Carry, None]:
-        return turn(carry, None)[0], None
+        return advance_sample(carry, None)[0], None
 
     def group(carry: Carry, _: None) -> tuple[Carry, Log]:
-        carry, logs = jax.lax.scan(turn, carry, None, length=every)
+        carry, logs = jax.lax.scan(advance_sample, carry, None, length=every)
         return carry, jax.tree.map(lambda x: x[0], logs)
 
     if every is None:
         return jax.lax.scan(unlogged, carry, None, length=points)
-    return jax.lax.scan(turn if every == 1 else group, carry, None, length=points)
+    return jax.lax.scan(advance_sample if every == 1 else group, carry, None, length=points)
 
 
 _advance: Any = eqx.filter_jit(advance)
 
 
 def drive(request: RunRequest) -> EngineResult:
-    """Run the loop in chunks of equal size, which are compiled once and let a bar be drawn."""
+    """Run the loop in chunks of equal size, which compile once, to update the bar in between."""
     loop, samples, every = request.loop, request.samples, request.log_every
     start: LoopStart = _begin(loop, request.state0)
     require_start(loop, request.state0, *start[1:])
     carry = start[0]
     chunks = max(1, round(samples / CHUNK))
-    # In continuous mode, a loop without a log would be compiled differently and round differently (other products are
-    # fused into sums): metrics would depend on logging. So two lines per chunk are made there, and dropped.
+    # In continuous mode, XLA fuses other products into sums in a loop without a log, so metrics would depend on logging.
+    # Therefore each chunk logs two samples, which are dropped.
     stride = every or (-(-samples // (2 * chunks)) if loop.continuous else None)
     points = max(2, -(-samples // (chunks * (stride or 1))))
     chunks = -(-samples // (points * (stride or 1)))

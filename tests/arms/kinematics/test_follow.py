@@ -56,7 +56,7 @@ def test_a_line_is_straight_and_the_tool_turns_by_slerp(name):
     np.testing.assert_allclose(place, pose.position + s[:, None] * np.array([0.08, 0.1, -0.05]), atol=TIGHT)
     between = Slerp([0, 1], Rotation.from_matrix([pose.rotation, end]))(s).as_matrix()
     np.testing.assert_allclose(rotation, between, atol=TIGHT)
-    assert followed.place_error < 1e-6 and followed.turn_error < 1e-6
+    assert followed.position_error < 1e-6 and followed.rotation_error < 1e-6
     assert_continuous(followed.trajectory)
     np.testing.assert_allclose(followed.trajectory.position(jnp.asarray(0.0)), start, atol=1e-12)
     assert float(followed.trajectory.until) == 2.5
@@ -139,7 +139,7 @@ def test_damping_reports_the_pose_error_at_a_singularity():
     with pytest.raises(DefinitionError, match=r"a singularity, where the tip cannot move along .* `damping`"):
         follow(PLANAR, [beyond], start=start, hold="place")
     followed = follow(PLANAR, [beyond], start=start, hold="place", damping=0.05, tolerance=1e-5)
-    assert 1e-4 < followed.place_error < 2e-2
+    assert 1e-4 < followed.position_error < 2e-2
     assert "singularity" in str(followed)
     assert np.isfinite(np.asarray(followed.trajectory.coefficients)).all()
 
@@ -158,12 +158,12 @@ def test_damping_reports_the_pose_error_at_a_singularity():
             {"velocity": 0.2},
         ),
         ("moves.0: needs a `duration`", [Line(by=[0.1, 0, 0])], {}),
-        ("moves.0: `Line` goes nowhere", [Line(by=[0, 0, 0], duration=1.0)], {}),
+        ("moves.0: `Line` must change the position", [Line(by=[0, 0, 0], duration=1.0)], {}),
         ("either `to` or `by`", [Line(by=[0, 0, 0.1], to=[0, 0, 0.1], duration=1.0)], {}),
         ("`acceleration` is missing|acceleration` is missing", [Line(by=[0, 0, 0.1], speed=1.0)], {}),
-        ("has no radius", [Circle(center=[0.30701957005161, 0, 0], axis=[0, 0, 1], duration=1.0)], {}),
+        ("its radius is 0", [Circle(center=[0.30701957005161, 0, 0], axis=[0, 0, 1], duration=1.0)], {}),
         ("`Pause.duration` must be given", [Pause()], {}),
-        ("must be where the tool is", [Through(poses=[[0, 0, 1], [0, 0, 0.5]], times=[0, 1])], {}),
+        ("must be the tool.s pose at the start", [Through(poses=[[0, 0, 1], [0, 0, 0.5]], times=[0, 1])], {}),
         ("by 140 degrees", [Through(poses=[[0.4, 0, 0.5, 0.8, -0.2, 0.5, 0.1]], duration=1.0)], {}),
         ("`tolerance` must be in", [Pause(duration=1.0)], {"tolerance": 0.0}),
         ("inside of the limits", [Pause(duration=1.0)], {"posture": [9, 0, 0, -1, 0, 1, 0]}),
@@ -198,9 +198,9 @@ def test_columns_come_in_any_order_and_in_their_units():
     ("text", "message"),
     [
         ("x,y\n1,2\n", "`z` is missing"),
-        ("x,y,z,w\n1,2,3,4\n", "`w` is none of them"),
-        ("x,y,z\n", "has no row below the names of its columns"),
-        ("x,y,Z,z\n1,2,3,4\n", "`z` is there twice"),
+        ("x,y,z,w\n1,2,3,4\n", "`w` is unknown"),
+        ("x,y,z\n", "has no row below its column titles"),
+        ("x,y,Z,z\n1,2,3,4\n", "`z` occurs twice"),
         ("x [in],y,z\n1,2,3\n", r"column `x \[in\]`: the unit must be one of m, cm, mm"),
     ],
 )

@@ -62,7 +62,7 @@ def test_inverse_reaches_the_pose_of_a_random_posture_within_limits(name):
         np.testing.assert_allclose(there.position, wanted.position, atol=1e-9)
         np.testing.assert_allclose(there.rotation, wanted.rotation, atol=1e-9)
         assert (solution.q >= arm.limits.lower).all() and (solution.q <= arm.limits.upper).all()
-        assert solution.place_error < 1e-9 and solution.turn_error < 1e-9 and solution.least_motion > 0
+        assert solution.position_error < 1e-9 and solution.rotation_error < 1e-9 and solution.least_motion > 0
 
 
 def test_the_same_arguments_give_the_same_bits():

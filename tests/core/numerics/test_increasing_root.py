@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slidax.core import increasing_root
-from slidax.core.root_finding import STEPS
+from slidax.core.root_finding import ITERATIONS
 
 
 def cubic(parameters, x):
@@ -66,7 +66,7 @@ def test_it_ends_within_its_turns_and_then_the_root_is_as_near_as_it_says(steepn
         turns = 1
         bracket = (jnp.array([-1.0]), jnp.array([1.0]))
         x = increasing_root(stairs, parameters, target, start, at_guess, bracket, jnp.array([1e-15]))
-    assert turns <= STEPS
+    assert turns <= ITERATIONS
     left = abs(float(stairs(parameters, x)[0][0] - target[0]))
     # Where a step is steep the rounding of x alone is this much.
     assert left <= 1e-15 or abs(float(x[0] - where)) <= 2 * 2.0**-52 + 1e-15 / 10.0**rate

@@ -209,7 +209,9 @@ def forces_between_samples(
     """
     samples = Samples(period, motion.t, motion.q, motion.dq)
     lower, upper = members.disturbances
-    forces = lower.off_chord(upper, samples) + members.rubbing(plants).off_chord(members.rubbing(plants), samples)
+    forces = lower.chord_deviation(upper, samples) + members.rubbing(plants).chord_deviation(
+        members.rubbing(plants), samples
+    )
     first, _ = request.beliefs[0].at_first(motion.t, motion.q, motion.dq)
     inverse = np.abs([np.linalg.inv(model.learnt(first, motion.t)) for model in request.beliefs])
     bound: Floats = np.einsum("bkij,kj->bki", inverse, forces).max(axis=0)
