@@ -210,7 +210,7 @@ MISFITS = [
     (
         TWO_LINK,
         {"simulation.plant": "mujoco"},
-        r"simulation.plant: a MujocoPlant needs an `Articulated` arm.*got a TwoLink",
+        r"simulation.plant: a MujocoPlant needs.*got a TwoLink",
     ),
 ]
 

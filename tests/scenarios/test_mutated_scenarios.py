@@ -272,7 +272,7 @@ def test_a_run_of_too_many_samples_is_refused_with_their_number():
 def test_a_log_that_no_memory_holds_is_refused_with_its_size_and_the_remedy():
     scenario = changed(simulation__t1=1e5)
     with pytest.raises(
-        DefinitionError, match=r"the log of 100000001 samples would take .* GB.*make `log_every` (\d+) times"
+        DefinitionError, match=r"the log of 100000001 samples would take .* GB.*`log_every` (\d+) times"
     ):
         scenario.simulate(log_every=1)
     assert MOST_BYTES <= 10**9

@@ -19,7 +19,6 @@ from .outcome import Excursion, Fault, Outcome, describe_outcome
 from .plant import FreeBody
 from .tally import Tally, Windows
 
-
 PER = {"q": "", "dq": "/s", "q_d": "", "dq_d": "/s", "ddq_d": "/s²", "e": "", "lower": "", "upper": ""}
 """Suffixes to the unit of a joint's position."""
 

@@ -42,7 +42,7 @@ class Stepping(AbstractPart):
         static=True,
     )
     outside: Literal["raise", "recover"] = piece(
-        'action at a sample outside the envelope: "raise" ends the run; "recover", in held mode, counts it and continues',
+        'action at a sample outside the envelope: "raise" ends the run; "recover" counts it and continues (held mode)',
         default="raise",
         static=True,
     )

@@ -59,7 +59,7 @@ def drive(request: RunRequest) -> EngineResult:
     require_start(loop, request.state0, *start[1:])
     carry = start[0]
     chunks = max(1, round(samples / CHUNK))
-    # In continuous mode, XLA fuses other products into sums in a loop without a log, so metrics would depend on logging.
+    # In continuous mode, XLA fuses other products into sums in a loop without a log: metrics would depend on logging.
     # Therefore each chunk logs two samples, which are dropped.
     stride = every or (-(-samples // (2 * chunks)) if loop.continuous else None)
     points = max(2, -(-samples // (chunks * (stride or 1))))
