@@ -64,7 +64,7 @@ BAD_JOINTS = {
         {"rotation": np.diag([1.0, 1.0, -1.0])},
         "the frame of joint `elbow` must have orthonormal axes, right-handed",
     ),
-    "place": ({"translation": np.array([INF, 0.0, 0.0])}, "the place of joint `elbow` must be three finite numbers"),
+    "place": ({"translation": np.array([INF, 0.0, 0.0])}, "the position of joint `elbow` must be three finite numbers"),
     "no axis": ({"axis": np.zeros(3)}, r"the axis of joint `elbow` must have a direction; got \[0.0, 0.0, 0.0\]"),
     "axis that is no number": ({"axis": np.array([0.0, NAN, 1.0])}, "the axis of joint `elbow` must have a direction"),
     "axis of two numbers": ({"axis": np.ones(2)}, r"the axis of joint `elbow` must have a direction; got \[1.0, 1.0\]"),
@@ -182,9 +182,7 @@ def test_a_joint_of_an_unknown_kind_is_refused_by_its_name():
     joint = a_joint()
     # What checks types in these tests would be first.
     object.__setattr__(joint, "kind", "continuous")
-    message = (
-        "joint `elbow` must be `revolute`, `prismatic` or `fixed`; got `continuous`; one that turns without end is"
-    )
+    message = "joint `elbow` must be `revolute`, `prismatic` or `fixed`; got `continuous`; a continuous joint is"
     with pytest.raises(DefinitionError, match=message):
         joint.__post_init__()
 

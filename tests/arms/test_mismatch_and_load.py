@@ -205,7 +205,7 @@ def test_release_before_pick_up_is_an_error(released):
 
 
 def test_paper_arms_carry_no_payload():
-    with pytest.raises(DefinitionError, match="a TwoLink has no tip to carry a load; only an articulated arm has"):
+    with pytest.raises(DefinitionError, match="a TwoLink has no tip to carry a payload; use an articulated arm"):
         TimedPayload(PAYLOAD).on(TWO_LINK, jnp.asarray(0.0))
 
 

@@ -66,7 +66,7 @@ def test_a_scenario_file_can_ask_for_it(card):
 
 
 def test_a_single_run_goes_by_the_processor_and_says_so():
-    with pytest.warns(UserWarning, match="with the engine `native`, as `cuda` is for batches"):
+    with pytest.warns(UserWarning, match="with the engine `native`, because `cuda` is for batches"):
         run = simulate(plant_4_1(), SPRING, MOTION_4_1, START_4_1, t1=0.01, period=1e-3, engine="cuda")
     assert_equal(run.tally, simulate(plant_4_1(), SPRING, MOTION_4_1, START_4_1, t1=0.01, period=1e-3).tally)
 

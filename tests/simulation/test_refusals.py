@@ -52,7 +52,9 @@ def test_a_start_that_the_actuator_cannot_hold_is_refused(engine, outside):
     assert -6.0 < held[1] < -5.0
     weak = Plant(*plant_parts(), actuator=Actuator(TorqueLimits([60.0, 5.0])))
     message = rf"joint 2 needs {held[1]:.4g} N m there, but its limit is 5 N m; raise it, or start in a posture"
-    with pytest.raises(DefinitionError, match=r"`TorqueLimits.torque` must hold the arm where it starts: " + message):
+    with pytest.raises(
+        DefinitionError, match=r"`TorqueLimits.torque` must hold the arm in its initial posture: " + message
+    ):
         attempt(weak, engine=engine, outside=outside)
     enough = Plant(*plant_parts(), actuator=Actuator(TorqueLimits([60.0, 6.0])))
     attempt(enough, engine=engine, outside=outside)
@@ -132,5 +134,5 @@ def test_what_needs_samples_is_refused_in_continuous_mode(change, message):
 def test_a_sampled_data_law_that_is_made_for_another_period_is_refused():
     law = sampled_data(law_4_1(), period=2e-3)
     assert attempt(law=law, period=2e-3).outcome.ok
-    with pytest.raises(DefinitionError, match=r"made for a period of 0.002 s; it cannot be sampled every 0.001 s"):
+    with pytest.raises(DefinitionError, match=r"designed for a period of 0.002 s; it cannot be sampled every 0.001 s"):
         attempt(law=law, period=1e-3)

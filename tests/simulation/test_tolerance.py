@@ -69,9 +69,7 @@ def test_a_batch_has_the_tolerance_of_its_scenario_and_may_vary_it():
 
 def test_a_tolerance_that_does_not_fit_is_refused_in_one_line():
     small = {**OWN, "performance": {**FIXED_TIME, "initial": [0.5, 0.6]}}
-    with pytest.raises(
-        DefinitionError, match=r"must be inside the tolerance band.*got e\(0\) = -0.6 for joint 1"
-    ):
+    with pytest.raises(DefinitionError, match=r"must be inside the tolerance band.*got e\(0\) = -0.6 for joint 1"):
         run(small)
     with pytest.raises(DefinitionError, match=r"tolerance: .*2 joints"):
         run({**OWN, "overshoot": [0.2, 0.2, 0.2]})

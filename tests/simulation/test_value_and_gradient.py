@@ -83,7 +83,7 @@ def test_a_metric_may_read_the_log():
 
 
 def test_nothing_to_differentiate_by_is_refused():
-    with pytest.raises(DefinitionError, match="`at` must hold the numbers by which to differentiate"):
+    with pytest.raises(DefinitionError, match="`at` must have the numbers with respect to which"):
         value_and_gradient(last_error, lambda _: define(AT), {}, **HOW)
 
 

@@ -1,9 +1,9 @@
 """Robot arms: inertia matrix, bias forces, friction, tip, and inverse kinematics.
 
-One class is both the true arm and the nominal one that a control law knows. Begin with `arm.py`, the base class,
-and `articulated.py`, the class of nearly all arms. `files` reads URDF and MJCF, `assemble.py` makes an arm from joints,
-and `built_in.py` has the built-in arms: each is a function without arguments, such as `slidax.arms.panda()`.
-`mismatch.py` makes the true arm from the nominal one; `chain.py` and `inverse.py` are the kinematics of the tool.
+The true arm and the nominal arm of a control law have the same class. Begin with `arm.py`, the base class, and
+`articulated.py`, the class of nearly all arms. `files` reads URDF and MJCF, `assemble.py` builds an arm from joints,
+and `built_in.py` has the built-in arms as functions, such as `slidax.arms.panda()`. `mismatch.py` derives the true arm
+from the nominal one. `chain.py` and `inverse.py` have the kinematics of the tool.
 """
 
 from .arm import AbstractRobot as AbstractRobot

@@ -1,4 +1,4 @@
-"""Base class of all arms, with the parts that they share: joint limits and a payload at the tip."""
+"""Base class of all arms, joint limits, and the payload at the tip."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class AbstractRobot(AbstractPart):
     def friction(self, dq: Vector) -> Vector:
         """Return the joint friction `F(q̇)`, [n], N m or N; 0 for an arm without friction.
 
-        `bias` does not contain it, because control laws do not compensate it: its sign changes with noise.
+        `bias` excludes it, since control laws do not compensate it: its sign changes with noise.
         """
 
     @abstractmethod
@@ -70,7 +70,7 @@ class AbstractRobot(AbstractPart):
     def coriolis(self, q: Vector, dq: Vector) -> Matrix:
         """Return `C(q,q̇)` in Christoffel form, for which `Ṁ - 2C` is skew-symmetric, [n n].
 
-        C is half the derivative of the bias by the velocity, since `C(q,q̇) q̇` is a quadratic form in the velocity.
+        C is half the derivative of the bias with respect to the velocity, in which `C(q,q̇) q̇` is a quadratic form.
         """
         slope: Matrix = jax.jacfwd(self.bias, argnums=1)(q, dq)
         return 0.5 * slope
@@ -88,7 +88,7 @@ class AbstractRobot(AbstractPart):
 
 
 class JointLimits(AbstractPart):
-    """Limits of each joint; infinite where there is none or none is known."""
+    """Limits of each joint; infinite if there is none or it is unknown."""
 
     lower: Vector = parameter("least positions", "rad or m", "[-inf, inf)")
     upper: Vector = parameter("largest positions", "rad or m", "(lower, inf]")
@@ -101,7 +101,7 @@ class JointLimits(AbstractPart):
 
 
 def _moments(value: Any) -> Array:
-    """Convert one number to equal moments about every axis, as of a ball."""
+    """Convert one number to equal moments about every axis, like those of a ball."""
     moments = as_array(value)
     if moments.shape not in ((), (3, 3)):
         raise DefinitionError(f"`Payload.inertia` must be one number or 3 x 3; got {list(moments.shape)}")
@@ -133,11 +133,11 @@ class Payload(AbstractPart):
         )
 
     def times(self, share: Scalar) -> Payload:
-        """Return the body with mass and inertia times a factor: 0 for nothing, 1 for all of it."""
+        """Return the body with mass and inertia times a factor, such as 0 for no payload."""
         return Payload(mass=share * self.mass, center=self.center, inertia=share * self.inertia)
 
     def joined(self, other: Payload) -> Payload:
-        """Return both payloads, in one frame, as one body."""
+        """Return this and another payload, in the same frame, as one body."""
         mass = self.mass + other.mass
         share = other.mass / jnp.where(mass > 0, mass, 1.0)
         between = other.center - self.center

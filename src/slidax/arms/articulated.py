@@ -1,4 +1,4 @@
-"""Articulated: any arm of rigid links, a tree of revolute and prismatic joints, and its equations of motion."""
+"""Articulated: an arm of rigid links in a tree of revolute and prismatic joints, and its equations of motion."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from slidax.core.types import Matrix, Scalar, Vector
 from .arm import AbstractRobot, JointLimits, Payload
 
 PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-"""The entries of a symmetric 3 x 3 matrix that are kept."""
+"""Stored entries of a symmetric 3 x 3 matrix."""
 
-PLACES = ((0, 3, 4), (3, 1, 5), (4, 5, 2))
-"""Where each entry of the matrix stands among those."""
+INDICES = ((0, 3, 4), (3, 1, 5), (4, 5, 2))
+"""Index into `PAIRS` for each entry of the matrix."""
 
 
 class Bodies(NamedTuple):
-    """Inertia of each link about an origin; the values of bodies that move together add up.
+    """Inertia of each link about an origin; values of rigidly connected bodies add up.
 
     - `mass`: [n], kg.
     - `moment`: mass times centre [3 n], kg m.
@@ -49,7 +49,7 @@ class JointAxes(NamedTuple):
     """Velocity of each link for a unit velocity of its joint.
 
     - `angular`: [3 n]; 0 for a prismatic joint.
-    - `linear`: of the point that passes through the base's origin [3 n].
+    - `linear`: velocity of the link's point at the base's origin [3 n].
     """
 
     angular: Float[Array, "3 n"]
@@ -83,10 +83,10 @@ def joint_frames(
     )
 
 
-# Traced once for all joints of a kind, and a function in exported C.
+# With jit, all joints of a kind are traced once and share a function in exported C.
 @jax.jit
 def _behind(before: Any, at: Any, own: tuple[Any, Any], moved: tuple[Any, ...]) -> tuple[Any, Any]:
-    """Frame of a joint from its parent's frame."""
+    """Return a joint's frame from its parent's frame."""
     rotation, position = own
     return _moved((_product(before, rotation), at + _image(before, position)), moved)
 
@@ -100,12 +100,12 @@ def _moved(frame: tuple[Any, Any], moved: tuple[Any, ...]) -> tuple[Any, Any]:
         rotation = jnp.stack([cosine * x + sine * y, cosine * y - sine * x, z], axis=1)
     else:
         position = position + moved[0] * z
-    # Without this XLA would compute each frame anew in every one behind it.
+    # Without the barrier, XLA would recompute each frame for every later one.
     return barrier((rotation, position))
 
 
 def joint_axes(at: JointFrames, revolute: Sequence[bool]) -> JointAxes:
-    """Return the velocity that each joint gives its link."""
+    """Return the velocity of each link for a unit velocity of its joint."""
     z, is_revolute = at.rotation[:, 2], np.asarray(revolute)
     return JointAxes(angular=jnp.where(is_revolute, z, 0.0), linear=jnp.where(is_revolute, cross(at.position, z), z))
 
@@ -114,7 +114,7 @@ def about_base_origin(bodies: Bodies, at: JointFrames) -> Bodies:
     """Transform the links' inertia from each joint's frame to the base frame and its origin."""
     r, p, m = at.rotation, at.position, bodies.mass
     h = jnp.sum(r * bodies.moment[None], axis=1)
-    full = bodies.inertia[np.asarray(PLACES)]
+    full = bodies.inertia[np.asarray(INDICES)]
     half = jnp.sum(r[:, :, None] * full[None], axis=1)
     turned = [jnp.sum(half[i] * r[j], axis=0) for i, j in PAIRS]
     # J = R J' Rᵀ + 2 (p·h) 1 - p hᵀ - h pᵀ + m (p·p 1 - p pᵀ), with a = h + m p/2: p hᵀ + h pᵀ + m p pᵀ = p aᵀ + a pᵀ.
@@ -126,14 +126,14 @@ def about_base_origin(bodies: Bodies, at: JointFrames) -> Bodies:
 
 
 def inertia_matrix(bodies: Bodies, s: JointAxes, parents: Sequence[int]) -> Matrix:
-    """Return `M`, [n n], by composite rigid bodies: `M_ij = S_i · I_j S_j`.
+    """Return `M`, [n n], by the composite-rigid-body algorithm: `M_ij = S_i · I_j S_j` if joint i carries joint j.
 
-    Joint i carries joint j, and I_j is the inertia of all links that j moves.
+    I_j is the inertia of all links that joint j moves.
 
-    - `bodies`: about the base's origin.
+    - `bodies`: links about the base's origin.
     - `s`: velocity of each link for a unit velocity of its joint.
     """
-    carried = Bodies(*(_down_to_the_base(part, parents) for part in barrier(bodies)))
+    carried = Bodies(*(_sum_over_descendants(part, parents) for part in barrier(bodies)))
     force, torque = barrier(_momentum(carried, s.linear, s.angular))
     pairs = s.angular[:, :, None] * torque[:, None, :] + s.linear[:, :, None] * force[:, None, :]
     upper = jnp.sum(pairs, axis=0)
@@ -146,20 +146,20 @@ def inertia_matrix(bodies: Bodies, s: JointAxes, parents: Sequence[int]) -> Matr
 def bias_forces(bodies: Bodies, s: JointAxes, parents: Sequence[int], dq: Vector, gravity: Float[Array, "3"]) -> Vector:
     """Return `C q̇ + G`, [n], by recursive Newton-Euler: the torques for zero joint acceleration.
 
-    - `bodies`: about the base's origin.
+    - `bodies`: links about the base's origin.
     - `s`: velocity of each link for a unit velocity of its joint.
     - `gravity`: acceleration [3], m/s².
     """
     own_w, own_v = s.angular * dq, s.linear * dq
-    w, v = barrier((_along_the_tree(own_w, parents), _along_the_tree(own_v, parents)))
-    # The base accelerates upwards: so weight needs no term of its own.
-    aw = _along_the_tree(cross(w, own_w), parents)
-    av = _along_the_tree(cross(w, own_v) + cross(v, own_w), parents) - gravity[:, None]
+    w, v = barrier((_sum_over_ancestors(own_w, parents), _sum_over_ancestors(own_v, parents)))
+    # Accelerating the base upwards replaces separate terms for the weight.
+    aw = _sum_over_ancestors(cross(w, own_w), parents)
+    av = _sum_over_ancestors(cross(w, own_v) + cross(v, own_w), parents) - gravity[:, None]
     force, torque = _momentum(bodies, *barrier((av, aw)))
     linear, angular = barrier(_momentum(bodies, v, w))
     force = force + cross(w, linear)
     torque = torque + cross(w, angular) + cross(v, linear)
-    force, torque = barrier((_down_to_the_base(force, parents), _down_to_the_base(torque, parents)))
+    force, torque = barrier((_sum_over_descendants(force, parents), _sum_over_descendants(torque, parents)))
     return jnp.sum(s.angular * torque + s.linear * force, axis=0)
 
 
@@ -170,12 +170,12 @@ def cross(a: Float[Array, "3 ..."], b: Float[Array, "3 ..."]) -> Float[Array, "3
 
 def _momentum(bodies: Bodies, linear: Any, angular: Any) -> tuple[Any, Any]:
     """Linear and angular momentum about the base's origin [3 n]."""
-    full = bodies.inertia[np.asarray(PLACES)]
+    full = bodies.inertia[np.asarray(INDICES)]
     momentum = bodies.mass * linear + cross(angular, bodies.moment)
     return momentum, jnp.sum(full * angular[None], axis=1) + cross(bodies.moment, linear)
 
 
-def _along_the_tree(own: Float[Array, "k n"], parents: Sequence[int]) -> Float[Array, "k n"]:
+def _sum_over_ancestors(own: Float[Array, "k n"], parents: Sequence[int]) -> Float[Array, "k n"]:
     """For each joint, the sum over the joint and all its ancestors."""
     sums: list[Any] = []
     for i, parent in enumerate(parents):
@@ -183,7 +183,7 @@ def _along_the_tree(own: Float[Array, "k n"], parents: Sequence[int]) -> Float[A
     return jnp.stack(sums, axis=-1)
 
 
-def _down_to_the_base(own: Float[Array, "... n"], parents: Sequence[int]) -> Float[Array, "... n"]:
+def _sum_over_descendants(own: Float[Array, "... n"], parents: Sequence[int]) -> Float[Array, "... n"]:
     """For each joint, the sum over the joint and all its descendants."""
     sums: list[Any] = [own[..., i] for i in range(len(parents))]
     for i, parent in reversed(list(enumerate(parents))):
@@ -193,7 +193,7 @@ def _down_to_the_base(own: Float[Array, "... n"], parents: Sequence[int]) -> Flo
 
 
 def _carries(parents: Sequence[int]) -> np.ndarray:
-    """Matrix [n n], True where the first joint is the second or one of its ancestors."""
+    """Return a matrix [n n], True where joint i is joint j or one of its ancestors."""
     carries = np.eye(len(parents), dtype=bool)
     for i, parent in enumerate(parents):
         if parent >= 0:
@@ -212,36 +212,36 @@ def _image(a: Float[Array, "3 3"], x: Float[Array, "3"]) -> Float[Array, "3"]:
 class Articulated(AbstractRobot):
     """A tree of rigid links, `M(q) q̈ + C(q,q̇) q̇ + G(q) + F(q̇) = τ + τ_d`, with a payload at its tip.
 
-    Each joint turns about, or slides along, the z axis of its frame; `rotations` and `translations` give that frame in
-    its parent's frame at position 0. M comes from composite rigid bodies, with the rotors' armature on its diagonal,
-    and the bias from recursive Newton-Euler (Featherstone, 2008). Friction is `F = f_c tanh(q̇/v_s) + f_v q̇` with
-    `coulomb`, `smoothing` and `viscous`.
+    Each joint turns about, or slides along, the z axis of its frame; `rotations` and `translations` are that frame in
+    its parent's frame at position 0. M comes from the composite-rigid-body algorithm, with the rotors' armature on its
+    diagonal, and the bias from recursive Newton-Euler (Featherstone, 2008). Friction is `F = f_c tanh(q̇/v_s) + f_v q̇`
+    with `coulomb`, `smoothing` and `viscous`.
 
-    `slidax.arms.panda()` and the other built-in arms, `from_urdf`, `from_mjcf` and `assemble` make it. Every number
-    is a leaf, so that a batch can vary it; `Mismatch` makes the true arm from a nominal one.
+    `slidax.arms.panda()` and the other built-in arms, `from_urdf`, `from_mjcf` and `assemble` return such arms. Every
+    number is a leaf, so that a batch can vary it; `Mismatch` derives the true arm from a nominal one.
     """
 
     rotations: Float[Array, "n 3 3"] = parameter("each joint's axes in its parent's frame, as columns")
-    translations: Float[Array, "n 3"] = parameter("each joint's place in its parent's frame", "m")
+    translations: Float[Array, "n 3"] = parameter("each joint's position in its parent's frame", "m")
     masses: Vector = parameter("masses of the links", "kg", ">= 0")
     centers: Float[Array, "n 3"] = parameter("centres of mass, in the joint's frame", "m")
     inertias: Float[Array, "n 3 3"] = parameter("inertias about the centres of mass, in the joint's axes", "kg m²")
-    armature: Vector = parameter("inertia of the rotors, seen from the joints", "kg m² or kg", ">= 0")
+    armature: Vector = parameter("rotor inertias at the joints", "kg m² or kg", ">= 0")
     viscous: Vector = parameter("viscous friction f_v", "N m s/rad or N s/m", ">= 0")
     coulomb: Vector = parameter("Coulomb friction f_c", "N m or N", ">= 0")
-    smoothing: Scalar = parameter("v_s, the velocity within which Coulomb friction turns", "rad/s or m/s", "> 0")
+    smoothing: Scalar = parameter("v_s, width of Coulomb friction's smoothed sign change", "rad/s or m/s", "> 0")
     gravity_vector: Float[Array, "3"] = parameter("acceleration of gravity in the base frame", "m/s²")
     tip_rotation: Float[Array, "3 3"] = parameter("the tip's axes in the frame of the joint that carries it")
-    tip_translation: Float[Array, "3"] = parameter("the tip's place there", "m")
-    payload: Payload = piece("what the tip carries")
-    limits: JointLimits = piece("what the joints can do, by their data sheet; nothing here keeps them")
-    name: str = piece("of the arm, for messages and pictures", static=True)
-    joint_names: tuple[str, ...] = piece("of the joints", static=True)
-    link_names: tuple[str, ...] = piece("of the links that they move", static=True)
+    tip_translation: Float[Array, "3"] = parameter("the tip's position in that frame", "m")
+    payload: Payload = piece("payload at the tip")
+    limits: JointLimits = piece("joint limits from the data sheet; the equations of motion ignore them")
+    name: str = piece("name of the arm, for messages and figures", static=True)
+    joint_names: tuple[str, ...] = piece("names of the joints", static=True)
+    link_names: tuple[str, ...] = piece("names of the links that they move", static=True)
     parents: tuple[int, ...] = piece(
-        "number of the joint before each, -1 for the base; always less than its own", static=True
+        "index of each joint's parent, -1 for the base; always less than its own", static=True
     )
-    tip_joint: int = piece("number of the joint that carries the tip", static=True)
+    tip_joint: int = piece("index of the joint that carries the tip", static=True)
     joint_units: tuple[str, ...] = piece('"rad" or "m" for each joint', static=True)
 
     def __check_init__(self) -> None:
@@ -294,7 +294,7 @@ class Articulated(AbstractRobot):
         return _frames(self.rotations, self.translations, q, self.parents, self._revolute)
 
     def _bodies(self) -> Bodies:
-        """The links about their joints' origins; the payload is part of the link that carries the tip."""
+        """Return the links about their joints' origins; the payload is part of the link that carries the tip."""
         links = _about_the_origin(self.masses, self.centers, self.inertias)
         r, load = self.tip_rotation, self.payload
         center = self.tip_translation + jnp.sum(r * load.center[None], axis=1)
@@ -305,8 +305,8 @@ class Articulated(AbstractRobot):
         return Bodies(*(link + jnp.where(at_tip, extra, 0.0) for link, extra in zip(links, carried, strict=True)))
 
 
-# A law calls these several times at each sample: jit's cache saves tracing them anew, and in exported C each stays a
-# function. Common results of one posture are computed once.
+# A law calls these several times at each sample: the cache of jit avoids tracing them again, and exported C has a
+# function for each. Results that two calls for the same posture share are computed once.
 @functools.partial(jax.jit, static_argnames=("parents", "revolute"))
 def _frames(
     rotations: Float[Array, "n 3 3"],

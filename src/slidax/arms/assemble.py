@@ -1,4 +1,4 @@
-"""Assemble an arm from joints: remove fixed joints, turn frames so that each axis is z, check the inertia matrix."""
+"""Assemble an arm from joints: remove fixed joints, rotate frames so that each axis is z, check the inertia matrix."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from .rotations import rotation_about
 POSTURES = 3
 
 LEAST = 1e-12
-"""Of the eigenvalues of M, once its diagonal is scaled to 1; rounding alone leaves some 1e-16."""
+"""Least eigenvalue of M, scaled to a diagonal of 1, that counts as regular; rounding alone leaves about 1e-16."""
 
 
 def require_regular_inertia(arm: Articulated) -> None:
-    """Raise DefinitionError, naming a joint that can move without moving mass, if M is singular in all tested postures.
+    """Raise DefinitionError if M is singular in all tested postures; name a joint that can move without moving mass.
 
-    M is singular, for example, if two joints have one axis and nothing between them has mass.
+    M is singular, for example, if two joints share an axis and no link between them has mass.
     """
     least, joint = 0.0, 0
     for q in np.random.default_rng(0).uniform(-1.0, 1.0, (POSTURES, arm.joints)):
@@ -74,22 +74,24 @@ def _inertia_matrix(arm: Articulated, q: np.ndarray) -> np.ndarray:
 
 
 SMOOTHING = 0.01
-"""Velocity within which the Coulomb friction of a new arm changes sign, rad/s or m/s."""
+"""Width of the smoothed sign change of a new arm's Coulomb friction, rad/s or m/s."""
 
 
 @dataclasses.dataclass
-class _Moved:
-    """A joint that remains, with the mass of everything fixed to its link, in the link's frame."""
+class _MovingBody:
+    """A moving joint with the total mass of everything fixed to its link, in the link's frame.
+
+    - `inertia`: about the centre of mass.
+    """
 
     joint: Joint
     mass: float
     center: np.ndarray
     inertia: np.ndarray
-    """About the centre of mass."""
 
 
 @dataclasses.dataclass(frozen=True)
-class _Placed:
+class _LinkFrame:
     """A link's frame relative to the moving link that carries it; `carrier` is None for the base."""
 
     carrier: str | None
@@ -105,37 +107,39 @@ def assemble(
     gravity: Sequence[float] = (0.0, 0.0, -9.81),
     name: str = "robot",
 ) -> Articulated:
-    """Return an arm made of joints.
+    """Build an arm from joints.
 
     Links behind a fixed or a locked joint become part of the link that carries them; links fixed to the base are
     dropped. The remaining joints keep their order, except that each comes after its parent.
 
     - `joints`: in any order.
-    - `tip`: name of the link whose frame is the tip, also one behind fixed joints.
+    - `tip`: name of the link whose frame is the tip; it may be behind fixed joints.
     - `locked`: positions of joints that do not move, rad or m.
     - `gravity`: acceleration in the base frame [3], m/s².
 
-    Raises DefinitionError, naming joint or link, if the joints are no tree, a name is unknown, or a moving link has no
-    mass.
+    Raises DefinitionError, naming joint or link, if the joints do not form a tree, a name is unknown, or a moving link
+    has no mass.
     """
     locked = dict(locked or {})
     ordered = _in_order(joints)
     _check_locked(locked, ordered)
-    placed: dict[str | None, _Placed] = {None: _Placed(None, np.eye(3), np.zeros(3))}
-    moved: dict[str, _Moved] = {}
+    placed: dict[str | None, _LinkFrame] = {None: _LinkFrame(None, np.eye(3), np.zeros(3))}
+    moved: dict[str, _MovingBody] = {}
     for joint in ordered:
         before = placed[joint.parent]
         rotation = before.rotation @ np.asarray(joint.rotation, float)
         translation = before.translation + before.rotation @ np.asarray(joint.translation, float)
         if joint.kind != "fixed" and joint.name not in locked:
-            turn = _onto_z(np.asarray(joint.axis, float))
-            stays = dataclasses.replace(joint, parent=before.carrier, rotation=rotation @ turn, translation=translation)
-            moved[joint.name] = _Moved(stays, 0.0, np.zeros(3), np.zeros((3, 3)))
-            # The link's own frame, in the one whose z is the axis.
-            here = _Placed(joint.name, turn.T, np.zeros(3))
+            axes = _axes_with_z(np.asarray(joint.axis, float))
+            moving = dataclasses.replace(
+                joint, parent=before.carrier, rotation=rotation @ axes, translation=translation
+            )
+            moved[joint.name] = _MovingBody(moving, 0.0, np.zeros(3), np.zeros((3, 3)))
+            # The link's own frame in the joint's new frame, whose z is the axis.
+            here = _LinkFrame(joint.name, axes.T, np.zeros(3))
         else:
-            rotation, translation = _at(joint, locked.get(joint.name, 0.0), rotation, translation)
-            here = _Placed(before.carrier, rotation, translation)
+            rotation, translation = _lock(joint, locked.get(joint.name, 0.0), rotation, translation)
+            here = _LinkFrame(before.carrier, rotation, translation)
         placed[joint.name] = here
         if here.carrier is not None:
             _add(moved[here.carrier], joint, here)
@@ -193,20 +197,22 @@ def _check_locked(locked: Mapping[str, float], joints: Sequence[Joint]) -> None:
             )
 
 
-def _onto_z(axis: np.ndarray) -> np.ndarray:
-    """Axes of a frame, as columns, whose z is along an axis; the identity if that axis is z."""
+def _axes_with_z(axis: np.ndarray) -> np.ndarray:
+    """Return a frame whose z is along an axis, as columns; the identity if that axis is z."""
     z = axis / np.linalg.norm(axis)
     if z[2] == 1.0:
         return np.eye(3)
-    # The coordinate axis that is most across, so that digits are kept.
+    # Start from the coordinate axis farthest from z, which loses the fewest digits.
     first = np.eye(3)[int(np.argmin(np.abs(z)))]
     x = np.cross(first, z)
     x /= np.linalg.norm(x)
     return np.stack([x, np.cross(z, x), z], axis=1)
 
 
-def _at(joint: Joint, position: float, rotation: np.ndarray, translation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A frame behind a joint at a fixed position."""
+def _lock(
+    joint: Joint, position: float, rotation: np.ndarray, translation: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return a link's frame behind a joint at a fixed position."""
     if joint.kind == "fixed":
         return rotation, translation
     axis = np.asarray(joint.axis, float) / np.linalg.norm(joint.axis)
@@ -215,11 +221,11 @@ def _at(joint: Joint, position: float, rotation: np.ndarray, translation: np.nda
     return rotation @ rotation_about(axis, position), translation
 
 
-def _add(carrier: _Moved, joint: Joint, here: _Placed) -> None:
-    """Add a link's mass to the body that moves with it."""
+def _add(carrier: _MovingBody, joint: Joint, here: _LinkFrame) -> None:
+    """Add a link's mass to the body that carries it."""
     center = here.translation + here.rotation @ np.asarray(joint.center, float)
     turned = here.rotation @ np.asarray(joint.inertia, float) @ here.rotation.T
-    # The first body, mostly the only one, keeps its printed numbers.
+    # Written so that the numbers of a single link remain exactly those of the file.
     total = carrier.mass + joint.mass
     share = joint.mass / total if total > 0 else 0.0
     between = center - carrier.center
@@ -228,8 +234,8 @@ def _add(carrier: _Moved, joint: Joint, here: _Placed) -> None:
     carrier.mass = total
 
 
-def _check_masses(moved: Mapping[str, _Moved], name: str) -> None:
-    """Require mass behind each joint; a link between two joints that meet may have none."""
+def _check_masses(moved: Mapping[str, _MovingBody], name: str) -> None:
+    """Require mass behind each joint; a link between two joints may be massless if a later link has mass."""
     if moved and not any(body.mass > 0 or body.joint.armature > 0 for body in moved.values()):
         raise DefinitionError(
             f"no link that a joint of {name} moves has a mass, as in files that are for drawing alone: take a file "
@@ -247,7 +253,7 @@ def _check_masses(moved: Mapping[str, _Moved], name: str) -> None:
             carried[parent] += carried[joint]
 
 
-def _tip(tip: str, joints: Sequence[Joint], placed: Mapping[str | None, _Placed], name: str) -> _Placed:
+def _tip(tip: str, joints: Sequence[Joint], placed: Mapping[str | None, _LinkFrame], name: str) -> _LinkFrame:
     by_link = {joint.link: joint.name for joint in joints}
     if tip not in by_link:
         raise DefinitionError(f"`tip` names link `{tip}`, which {name} does not have; {nearest_word(tip, by_link)}")
@@ -257,7 +263,7 @@ def _tip(tip: str, joints: Sequence[Joint], placed: Mapping[str | None, _Placed]
     return frame
 
 
-def _arm(moved: Mapping[str, _Moved], tip: _Placed, gravity: Sequence[float], name: str) -> Articulated:
+def _arm(moved: Mapping[str, _MovingBody], tip: _LinkFrame, gravity: Sequence[float], name: str) -> Articulated:
     names = list(moved)
     joints = [body.joint for body in moved.values()]
     inertias = []

@@ -1,4 +1,4 @@
-"""Built-in arms: the numbers of makers and of published identifications, one YAML file each in `built_in_arms`."""
+"""Built-in arms, with data from manufacturers and published identifications: one YAML file each in `built_in_arms`."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ FILES = resources.files("slidax.arms") / "built_in_arms"
 
 @dataclass(frozen=True)
 class BuiltInArm:
-    """An arm with the facts that its maker gives.
+    """A built-in arm with its manufacturer's data.
 
-    - `robot`: without friction.
+    - `robot`: the arm without friction.
     - `title`: full name.
     - `rate`: sampling rate of its command interface, 1/s.
-    - `home`: a usual posture [n], rad.
-    - `sources`: source of each group of numbers.
+    - `home`: typical posture [n], rad.
+    - `sources`: source of each group of parameters.
     """
 
     robot: Articulated
@@ -41,16 +41,16 @@ class BuiltInArm:
 
 
 def built_in_names() -> tuple[str, ...]:
-    """Return the names of the built-in arms, which are those of the files."""
+    """Return the names of the built-in arms, from their file names."""
     return tuple(sorted(file.name.removesuffix(".yaml") for file in FILES.iterdir() if file.name.endswith(".yaml")))
 
 
 def built_in_title(name: str) -> str:
     """Return an arm's title: "Franka Emika Panda, 7 joints"."""
-    # Not by reading all of it, which takes a hundred times as long.
+    # Parsing the whole file would take a hundred times as long.
     text = (FILES / f"{name}.yaml").read_text(encoding="utf-8")
-    (called,) = re.findall(r"^title: (.+)$", text, re.MULTILINE)
-    return f"{called}, {len(re.findall(r'^  - name: ', text, re.MULTILINE))} joints"
+    (title,) = re.findall(r"^title: (.+)$", text, re.MULTILINE)
+    return f"{title}, {len(re.findall(r'^  - name: ', text, re.MULTILINE))} joints"
 
 
 def built_in_arm(name: str) -> BuiltInArm:

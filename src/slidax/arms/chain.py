@@ -19,7 +19,7 @@ from .rotations import matrix_of, quaternion_of
 
 
 class PlacedAxis(NamedTuple):
-    """A joint's axis in a posture: direction and position are series of vectors [... 3]."""
+    """A joint's axis in a posture, in the base frame; direction and position are series of vectors [... 3]."""
 
     joint: int
     revolute: bool
@@ -28,7 +28,7 @@ class PlacedAxis(NamedTuple):
 
 
 class PlacedTool(NamedTuple):
-    """The tool's axes x, y, z and its position in a posture, series of vectors [... 3], and the joints before it."""
+    """The tool's axes x, y, z and its position in a posture, series of vectors [... 3], and the axes of its joints."""
 
     x: Series
     y: Series
@@ -42,9 +42,9 @@ class KinematicChain:
     """The joints that move a robot's tip, each about or along the z axis of its frame.
 
     - `joints`: indices of the joints that move the tip [c].
-    - `rotations`, `translations`: each frame in the frame before it, at position 0 [c 3 3], [c 3].
+    - `rotations`, `translations`: each joint's frame in the previous frame, at position 0 [c 3 3], [c 3].
     - `rotation`, `translation`: the tool's frame in the last joint's frame [3 3], [3].
-    - `lower`, `upper`: limits of all joints, infinite where there are none [n].
+    - `lower`, `upper`: position limits of all joints, infinite if there are none [n].
     """
 
     name: str
@@ -73,8 +73,8 @@ class KinematicChain:
         for joint, rotation, translation, revolute in zip(
             self.joints, self.rotations, self.translations, self.revolute, strict=True
         ):
-            position = sum_series(position, _combined(columns, translation))
-            x, y, z = (_combined(columns, column) for column in rotation.T)
+            position = sum_series(position, _combine(columns, translation))
+            x, y, z = (_combine(columns, column) for column in rotation.T)
             own = [None if coefficient is None else coefficient[..., joint] for coefficient in q]
             axes.append(PlacedAxis(joint, revolute, z, position))
             if revolute:
@@ -85,8 +85,8 @@ class KinematicChain:
             else:
                 position = sum_series(position, product(own, z, scale_vectors))
             columns = [x, y, z]
-        position = sum_series(position, _combined(columns, self.translation))
-        x, y, z = (_combined(columns, column) for column in self.rotation.T)
+        position = sum_series(position, _combine(columns, self.translation))
+        x, y, z = (_combine(columns, column) for column in self.rotation.T)
         return PlacedTool(x, y, z, position, tuple(axes))
 
     def frame(self, q: Array) -> tuple[Array, Array]:
@@ -98,7 +98,7 @@ class KinematicChain:
 def kinematic_chain(robot: AbstractRobot) -> KinematicChain:
     """Return the chain of joints that move a robot's tip.
 
-    Raises DefinitionError for another class than an articulated arm, a two-link arm or a SCARA.
+    Raises DefinitionError unless the robot is an articulated arm, a two-link arm or a SCARA.
     """
     if isinstance(robot, Articulated):
         joints: list[int] = []
@@ -121,12 +121,12 @@ def kinematic_chain(robot: AbstractRobot) -> KinematicChain:
         )
     if isinstance(robot, Coupled):
         raise DefinitionError(
-            f"joint `{robot.followers[0]}` of {robot.name} follows another one, and the kinematics of such an arm are "
-            f"not known as a chain of joints: give the motion in joint positions, or hold the follower by `locked`"
+            f"joint `{robot.followers[0]}` of {robot.name} follows another one, so the arm is no chain of independent "
+            f"joints: give the motion in joint positions, or hold the follower by `locked`"
         )
     if not isinstance(robot, TwoLink | Scara):
         raise DefinitionError(
-            f"the kinematics of a {type(robot).__name__} are not known as a chain of joints: make it by "
+            f"the kinematics of a {type(robot).__name__} are not available as a chain of joints: build the arm by "
             "`slidax.arms.assemble`, or read it from a file"
         )
     first, second = np.asarray(robot.lengths)
@@ -149,8 +149,8 @@ def kinematic_chain(robot: AbstractRobot) -> KinematicChain:
     )
 
 
-def _combined(columns: list[Series], weights: Array) -> Series:
-    """A fixed combination of three vectors."""
+def _combine(columns: list[Series], weights: Array) -> Series:
+    """Return a linear combination of three vectors."""
     parts = [scale_series(column, weight) for column, weight in zip(columns, weights, strict=True) if weight != 0.0]
     return sum_series(*parts) if parts else scale_series(columns[0], 0.0)
 
@@ -222,7 +222,7 @@ def unit_quaternion(owner: str, value: object) -> Array:
 
     - `owner`: name of the field, for the message.
 
-    Raises DefinitionError for another form, or a length of zero.
+    Raises DefinitionError unless it has four finite numbers and a length > 0.
     """
     quaternion = numbers(owner, value, 4)
     size = float(np.linalg.norm(quaternion))

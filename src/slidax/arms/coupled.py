@@ -1,4 +1,4 @@
-"""Coupled: an arm in which some joints follow others, as by a belt, a parallelogram or a screw."""
+"""Coupled: an arm in which some joints follow others, by a belt, a parallelogram or a screw."""
 
 from __future__ import annotations
 
@@ -20,21 +20,19 @@ class Coupled(AbstractRobot):
     """An arm in which some joints follow others: `q_a = S q + s₀`, where q are the leaders' positions.
 
     S is constant with one entry in each row: the ratio of a joint's velocity to its leader's, 1 for a leader. So `M =
-    Sᵀ M_a(S q + s₀) S`, and `C q̇ + G` and F are `Sᵀ` times those of all joints at `S q + s₀`, `S q̇`. A torque acts on
-    its leader, with the followers' reactions through their ratios; followers have no drives.
+    Sᵀ M_a(S q + s₀) S`, and `C q̇ + G` and F are `Sᵀ` times those of all joints at `S q + s₀`, `S q̇`. Torques act on
+    the leaders; followers have no drives.
 
-    `from_urdf` makes it from a file with `<mimic>`, and `couple` from an articulated arm.
+    `from_urdf` returns one for a file with `<mimic>`; `couple` derives one from an articulated arm.
     """
 
-    arm: Articulated = piece("the arm in which each joint moves by itself")
-    ratios: Vector = parameter("velocity of each of its joints for a unit velocity of the leader; 1 for a leader")
-    offsets: Vector = parameter("position of each of its joints while the leader's is 0; 0 for a leader", "rad or m")
-    limits: JointLimits = piece("what the leaders can do, within what their followers can")
-    leaders: tuple[int, ...] = piece(
-        "for each joint of the arm the number of the coordinate that moves it", static=True
-    )
-    joint_names: tuple[str, ...] = piece("of the joints that lead", static=True)
-    joint_units: tuple[str, ...] = piece('"rad" or "m" for each of them', static=True)
+    arm: Articulated = piece("the arm with all joints independent")
+    ratios: Vector = parameter("velocity of each joint for a unit velocity of its leader; 1 for a leader")
+    offsets: Vector = parameter("position of each joint at leader position 0; 0 for a leader", "rad or m")
+    limits: JointLimits = piece("limits of the leaders that also keep the followers within theirs")
+    leaders: tuple[int, ...] = piece("index of each joint's leader among the leading joints", static=True)
+    joint_names: tuple[str, ...] = piece("names of the leading joints", static=True)
+    joint_units: tuple[str, ...] = piece('"rad" or "m" for each leading joint', static=True)
 
     def __check_init__(self) -> None:
         m, n = self.arm.joints, len(self.joint_names)
@@ -60,17 +58,17 @@ class Coupled(AbstractRobot):
     @property
     def armature(self) -> Vector:
         """Rotor inertia at the leaders [n], kg m² or kg."""
-        return jnp.sum(self._selection() ** 2 * self.arm.armature[:, None], axis=0)
+        return jnp.sum(self._ratio_matrix() ** 2 * self.arm.armature[:, None], axis=0)
 
     @property
     def viscous(self) -> Vector:
         """Viscous friction at the leaders [n], N m s/rad or N s/m."""
-        return jnp.sum(self._selection() ** 2 * self.arm.viscous[:, None], axis=0)
+        return jnp.sum(self._ratio_matrix() ** 2 * self.arm.viscous[:, None], axis=0)
 
     @property
     def coulomb(self) -> Vector:
-        """Coulomb friction at the leaders while all of a leader's joints move [n], N m or N."""
-        return jnp.sum(jnp.abs(self._selection()) * self.arm.coulomb[:, None], axis=0)
+        """Coulomb friction at the leaders, including that of their followers [n], N m or N."""
+        return jnp.sum(jnp.abs(self._ratio_matrix()) * self.arm.coulomb[:, None], axis=0)
 
     def positions(self, q: Vector) -> Float[Array, " m"]:
         """Return the positions of all joints, `S q + s₀`, rad or m, from those of the leaders [n]."""
@@ -82,7 +80,7 @@ class Coupled(AbstractRobot):
 
     def mass(self, q: Vector) -> Matrix:
         """Return `Sᵀ M_a S`, [n n], kg m², kg m, kg."""
-        s = self._selection()
+        s = self._ratio_matrix()
         half = jnp.sum(s[:, :, None] * self.arm.mass(self.positions(q))[:, None, :], axis=0)
         return jnp.sum(half[:, :, None] * s[None], axis=1)
 
@@ -104,23 +102,23 @@ class Coupled(AbstractRobot):
         """Return the tip's axes, as columns, and its position in the base frame, [3 3] and [3], m."""
         return self.arm.tip_frame(self.positions(q))
 
-    def _selection(self) -> Float[Array, "m n"]:
+    def _ratio_matrix(self) -> Float[Array, "m n"]:
         chosen = np.asarray(self.leaders)[:, None] == np.arange(len(self.joint_names))
         return jnp.where(chosen, self.ratios[:, None], 0.0)
 
     def _onto_leaders(self, forces: Float[Array, " m"]) -> Vector:
-        return jnp.sum(self._selection() * forces[:, None], axis=0)
+        return jnp.sum(self._ratio_matrix() * forces[:, None], axis=0)
 
 
 def couple(arm: Articulated, following: Mapping[str, tuple[str, float, float]]) -> Coupled:
-    """Let joints of an arm follow others.
+    """Return an arm in which some joints follow others.
 
-    A leader's range and velocity limit are those that its followers leave; its torque limit is its own drive's.
+    A leader's range and velocity limit are reduced to keep its followers within theirs; its torque limit is unchanged.
 
     - `following`: by follower name, the leader's name, the ratio, and the follower's position at leader position 0.
 
-    Raises DefinitionError if a name is no joint of the arm, a leader follows itself, or the ranges have nothing in
-    common.
+    Raises DefinitionError if a name is not a joint of the arm, a leader is a follower, or a follower's range excludes
+    its leader's.
     """
     names = arm.joint_names
     for follower, (leader, ratio, offset) in following.items():

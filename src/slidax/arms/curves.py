@@ -21,7 +21,7 @@ def constant(value: Array, orders: int) -> Series:
 
 
 def sum_series(*terms: Series) -> Series:
-    """Return the sum of series with equally many coefficients."""
+    """Return the sum of series with the same number of coefficients."""
     return [_sum([term[k] for term in terms]) for k in range(len(terms[0]))]
 
 
@@ -70,7 +70,7 @@ def inverse_root(series: Series) -> Series:
 
 def cross(a: Array, b: Array) -> Array:
     """Return `a × b` in the last axis, [... 3]."""
-    # Twice as fast as NumPy's own for few vectors.
+    # Twice as fast as `np.cross` for a few vectors.
     x, y = a[..., [1, 2, 0]], b[..., [2, 0, 1]]
     return x * y - a[..., [2, 0, 1]] * b[..., [1, 2, 0]]
 
@@ -96,7 +96,7 @@ def _sum(terms: list[Any]) -> Any:
 
 
 class TargetPose(NamedTuple):
-    """Target of the tool: its axes x, y, z and its position, series of vectors [... 3]."""
+    """Target pose of the tool: axes x, y, z and position, series of vectors [... 3]."""
 
     x: Series
     y: Series
@@ -138,10 +138,10 @@ class Helix(AbstractCurve):
     spin: float = 0.0
 
     def aim(self, s: Series) -> TargetPose:
-        arm = _turned(self.axis, scale_series(s, self.angle), self.position - self.center)
+        arm = _rotate(self.axis, scale_series(s, self.angle), self.position - self.center)
         shift = [None if coefficient is None else coefficient[..., None] * self.shift for coefficient in s]
         position = sum_series(constant(self.center, len(s)), arm, shift)
-        x, y, z = (_turned(self.spin_axis, scale_series(s, self.spin), column) for column in self.rotation.T)
+        x, y, z = (_rotate(self.spin_axis, scale_series(s, self.spin), column) for column in self.rotation.T)
         return TargetPose(x, y, z, position)
 
 
@@ -178,14 +178,14 @@ class Spline(AbstractCurve):
         return TargetPose(x, y, z, position)
 
 
-def standing(rotation: Array, position: Array) -> Helix:
+def constant_pose(rotation: Array, position: Array) -> Helix:
     """Return the curve that stays at a pose, [3 3] and [3], m."""
     still = np.zeros(3)
     up = np.array([0.0, 0.0, 1.0])
     return Helix(rotation=rotation, position=position, center=position, shift=still, axis=up, spin_axis=up)
 
 
-def _turned(axis: Array, angle: Series, vector: Array) -> Series:
+def _rotate(axis: Array, angle: Series, vector: Array) -> Series:
     """Rotate a vector about an axis, by Rodrigues' formula."""
     cosine, sine = cosine_and_sine(angle)
     crossed = cross(axis, vector)

@@ -1,4 +1,4 @@
-"""Inverse kinematics: the joint positions for a tool pose, and the equations that they solve."""
+"""Inverse kinematics: the joint positions for a tool pose, and the equations that determine them."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from .curves import (
     Array,
     Series,
     TargetPose,
+    constant_pose,
     cross,
     dot,
     product,
     scale_series,
     scale_vectors,
-    standing,
     sum_series,
 )
 
@@ -31,7 +31,7 @@ HOLDS = {"place": 3, "axis": 5, "pose": 6}
 """Held coordinates of the tool and their number: position, also direction of the z axis, or the whole pose."""
 
 BARRIER = 0.02
-"""Weight of the limits of a redundant arm's joints, relative to that of the posture."""
+"""Weight of a redundant arm's joint limits, relative to that of the posture."""
 
 SEED, DRAWN = 0, 8
 """Seed and number of random postures for the Jacobian's rank."""
@@ -39,12 +39,12 @@ SEED, DRAWN = 0, 8
 
 @dataclass(frozen=True, eq=False)
 class PoseTask:
-    """Minimise `½ Σ ((q - q_0)/w)²` among the postures that have the tool at its target.
+    """Minimise `½ Σ ((q - q_0)/w)²` over the postures that have the tool at its target.
 
     A barrier, whose slope is 0 at q_0, keeps a redundant arm's joints inside their limits. The posture is therefore a
     smooth function of the tool's pose: a closed path of the tool is a closed path of the joints.
 
-    - `hold`: the coordinates of the tool that are prescribed.
+    - `hold`: the prescribed coordinates of the tool.
     - `posture`: q_0 [n], rad or m.
     - `widths`: w [n], half of each joint's range; 1 for a joint without limits.
     - `lower`, `upper`: joint limits [n]; infinite for an arm that is not redundant.
@@ -60,14 +60,14 @@ class PoseTask:
     damping: float = 0.0
 
     def residual(self, q: Series, force: Series, aim: TargetPose) -> Series:
-        """Return the equations' residual: the slope along the free directions, and the tool's error.
+        """Return the residual of the optimality conditions: the gradient of the Lagrangian, and the tool's error.
 
         - `q`, `force`: posture and forces on the tool, series [... n], [... m].
         """
         tool = self.chain.tool(q)
-        pulled = self._pulled(tool, force, aim)
-        off = sum_series(self.error(tool, aim), scale_series(force, -(self.damping**2)))
-        return [_joined(a, b, q[0], force[0]) for a, b in zip(sum_series(self._slope(q), pulled), off, strict=True)]
+        gradient = sum_series(self._slope(q), self._joint_forces(tool, force, aim))
+        error = sum_series(self.error(tool, aim), scale_series(force, -(self.damping**2)))
+        return [_concatenate(a, b, q[0], force[0]) for a, b in zip(gradient, error, strict=True)]
 
     def error(self, tool: PlacedTool, aim: TargetPose) -> Series:
         """Return the tool's error in m and, for small angles, rad, a series [... m]."""
@@ -77,14 +77,14 @@ class PoseTask:
         turned: Series
         if self.hold == "axis":
             tilts = [product(aim.y, tool.z, dot), scale_series(product(aim.x, tool.z, dot), -1.0)]
-            turned = [_stacked([tilt[k] for tilt in tilts]) for k in range(len(position))]
+            turned = [_stack([tilt[k] for tilt in tilts]) for k in range(len(position))]
         else:
             pairs = zip((aim.x, aim.y, aim.z), (tool.x, tool.y, tool.z), strict=True)
             turned = scale_series(sum_series(*(product(a, b, cross) for a, b in pairs)), 0.5)
-        return [_joined(a, b, position[0], turned[0]) for a, b in zip(position, turned, strict=True)]
+        return [_concatenate(a, b, position[0], turned[0]) for a, b in zip(position, turned, strict=True)]
 
-    def _pulled(self, tool: PlacedTool, force: Series, aim: TargetPose) -> Series:
-        """Joint forces from a force on the tool, a series [... n]."""
+    def _joint_forces(self, tool: PlacedTool, force: Series, aim: TargetPose) -> Series:
+        """Return the joint forces from a force on the tool, a series [... n]."""
         pull = [None if c is None else c[..., :3] for c in force]
         moment: Series = scale_series(pull, 0.0)
         if self.hold == "pose":
@@ -113,12 +113,12 @@ class PoseTask:
         ]
 
     def _slope(self, q: Series) -> Series:
-        """Gradient of the minimised function, a series [... n]."""
+        """Return the gradient of the minimised function, a series [... n]."""
         slope = (q[0] - self.posture) / self.widths**2
-        slope = slope + BARRIER * (self._wall(q[0])[0] - self._wall(self.posture)[0])
+        slope = slope + BARRIER * (self._barrier(q[0])[0] - self._barrier(self.posture)[0])
         series: Series = [slope]
         if len(q) > 1:
-            _, once, twice = self._wall(q[0])
+            _, once, twice = self._barrier(q[0])
             stiffness = 1.0 / self.widths**2 + BARRIER * once
             with np.errstate(invalid="ignore"):
                 series.append(None if q[1] is None else stiffness * q[1])
@@ -127,16 +127,16 @@ class PoseTask:
                 series.append(bent + (0.0 if q[2] is None else stiffness * q[2]))
         return series
 
-    def _wall(self, q: Array) -> tuple[Array, Array, Array]:
-        """Slope of the barrier `-log((q - lower)(upper - q))`, with its first and second derivative."""
-        # At a limit itself it is infinite, and there the search ends.
+    def _barrier(self, q: Array) -> tuple[Array, Array, Array]:
+        """Return the slope of the barrier `-log((q - lower)(upper - q))`, with its first and second derivative."""
+        # At a limit the slope is infinite, which ends the search.
         with np.errstate(divide="ignore", invalid="ignore"):
             up, down = 1.0 / (self.upper - q), 1.0 / (q - self.lower)
             return up - down, up**2 + down**2, 2.0 * (up**3 - down**3)
 
 
 class LinearisedTask(NamedTuple):
-    """Residual at points of a curve [k n+m], with its derivatives by z [k n+m n+m] and along the curve [k n+m]."""
+    """Residual at points of a curve [k n+m], with its derivatives by z [k n+m n+m] and by s [k n+m]."""
 
     residual: Array
     by_z: Array
@@ -150,7 +150,7 @@ def linearise_task(task: PoseTask, curve: AbstractCurve, z: Array, s: Array) -> 
     - `s`: curve parameters [k].
     """
     n, size = task.posture.size, z.shape[1]
-    # One direction for each unknown, and the last for the curve.
+    # One direction for each unknown, and the last for the curve parameter.
     directions = np.concatenate([np.eye(size), np.zeros((1, size))])
     moves = np.append(np.zeros(size), 1.0)
     shape = (len(z), size + 1)
@@ -162,7 +162,7 @@ def linearise_task(task: PoseTask, curve: AbstractCurve, z: Array, s: Array) -> 
 
 
 def curvature(task: PoseTask, curve: AbstractCurve, z: Array, s: Array, along: Array) -> Array:
-    """Return the residual's second derivative where z has the slope `along` [k n+m]."""
+    """Return the residual's second derivative along the curve, where z has the slope `along` [k n+m]."""
     n = task.posture.size
     aim = curve.aim([s, np.ones_like(s), None])
     *_, second = task.residual([z[:, :n], along[:, :n], None], [z[:, n:], along[:, n:], None], aim)
@@ -186,7 +186,7 @@ def pose_error(
     off: Array = np.linalg.norm(position - aim, axis=-1)
     if hold == "place":
         return off, np.zeros_like(off)
-    # By differences, which keep the digits of a small angle.
+    # Differences of the axes keep the digits of a small angle.
     difference, share = (rotation - there, 8.0) if hold == "pose" else ((rotation - there)[..., 2:], 4.0)
     size = np.sqrt(np.sum(difference**2, axis=(-2, -1)) / share)
     return off, 2.0 * np.arcsin(np.minimum(size, 1.0))
@@ -216,7 +216,7 @@ def task_rank(task: PoseTask) -> int:
     return int(np.linalg.matrix_rank(jacobian(task, postures), tol=1e-6).max())
 
 
-def _joined(a: Array | None, b: Array | None, like_a: Array, like_b: Array) -> Array | None:
+def _concatenate(a: Array | None, b: Array | None, like_a: Array, like_b: Array) -> Array | None:
     if a is None and b is None:
         return None
     return np.concatenate(
@@ -224,21 +224,21 @@ def _joined(a: Array | None, b: Array | None, like_a: Array, like_b: Array) -> A
     )
 
 
-def _stacked(terms: list[Array | None]) -> Array | None:
+def _stack(terms: list[Array | None]) -> Array | None:
     known = [term for term in terms if term is not None]
     if not known:
         return None
     return np.stack([np.zeros_like(known[0]) if term is None else term for term in terms], axis=-1)
 
 
-TURNS = 15
-"""Limit of Newton steps; near a solution three are enough."""
+NEWTON_STEPS = 15
+"""Most Newton steps; near a solution three are enough."""
 
 SMALL = 1e-9
-"""A shorter step is the last one: the next would be rounding."""
+"""A shorter step is the last one, since the next would be at rounding level."""
 
 EMPTY = 1e-11
-"""Smaller singular values, relative to the largest, are directions in which the tool can never move."""
+"""Smaller singular values, relative to the largest, belong to directions in which the tool can never move."""
 
 
 def solve_task(task: PoseTask, curve: AbstractCurve, z: Array, s: Array) -> Array | None:
@@ -250,20 +250,20 @@ def solve_task(task: PoseTask, curve: AbstractCurve, z: Array, s: Array) -> Arra
     n = task.posture.size
     lower, upper = task.lower, task.upper
     last = False
-    for _ in range(TURNS):
+    for _ in range(NEWTON_STEPS):
         equations = linearise_task(task, curve, z, s)
         if not (np.isfinite(equations.residual).all() and np.isfinite(equations.by_z).all()):
             return None
         if last:
             return z if np.abs(equations.residual).max() < SMALL else None
         step = -solve_singular(equations.by_z, equations.residual)
-        # Not through the wall at a joint's limit, where the equations end.
+        # Damp the step to stay inside the joint limits, where the barrier is finite.
         with np.errstate(divide="ignore", invalid="ignore"):
             q, dq = z[:, :n], step[:, :n]
-            room = np.where(dq > 0, (upper - q) / dq, np.where(dq < 0, (lower - q) / dq, np.inf))
-        share = np.minimum(1.0, 0.9 * room.min(axis=1))
+            to_limit = np.where(dq > 0, (upper - q) / dq, np.where(dq < 0, (lower - q) / dq, np.inf))
+        share = np.minimum(1.0, 0.9 * to_limit.min(axis=1))
         z = z + share[:, None] * step
-        # Forces do not count: they are large near a singularity.
+        # Forces are not part of the test, since they are large near a singularity.
         last = bool(np.abs(step[:, :n]).max() < SMALL and (share == 1.0).all())
     return None
 
@@ -274,7 +274,7 @@ def solve_singular(matrices: Array, right: Array) -> Array:
 
 
 TRIES, START_SEED = 16, 0
-"""Starts of a search, and the seed of all but the first."""
+"""Number of starts of a search, and the seed for all but the first."""
 
 AT_LIMIT = 1e-5
 """A joint within this part of its range from a limit counts as at the limit."""
@@ -303,8 +303,8 @@ def inverse(
     """Return the joint positions within the limits, near a start, that have the tool at a pose.
 
     A trust-region search (damped least squares with bounds) starts at `start`. If it fails, it starts again at random
-    postures, and the solution nearest to `start` is taken. A redundant arm takes the solution nearest to `posture`,
-    with each joint scaled by its range. The same arguments give the same bits.
+    postures, and the solution nearest to `start` is returned. For a redundant arm, this is then the solution nearest to
+    `posture`, with each joint scaled by its range. The result is deterministic.
 
     - `start`: posture from which to search [n], rad or m.
     - `hold`: "place" prescribes the position of the tip, "axis" also the direction of the tool's z axis, "pose" both
@@ -322,9 +322,9 @@ def inverse(
 
 
 def inverse_of_chain(
-    chain: KinematicChain, pose: Pose, begin: Array, liked: Array, hold: HeldCoordinates
+    chain: KinematicChain, pose: Pose, begin: Array, preferred: Array, hold: HeldCoordinates
 ) -> InverseSolution:
-    """Solve `inverse` for a chain of joints, from `begin` and with the preferred posture `liked` [n].
+    """Solve `inverse` for a chain of joints, from `begin` and with the preferred posture `preferred` [n].
 
     Raises DefinitionError if the search finds no posture.
     """
@@ -344,21 +344,21 @@ def inverse_of_chain(
     low = np.where(np.isfinite(lower), lower, begin - np.pi)
     for start in range(1, TRIES + 1):
         guess = begin if start == 1 else low + span * generator.random(chain.size)
-        q = _searched(chain, pose, guess, hold)
-        off = float(np.hypot(*_apart(chain, pose, q, hold)))
+        q = _search(chain, pose, guess, hold)
+        off = float(np.hypot(*_pose_errors(chain, pose, q, hold)))
         if off < nearest[0]:
             nearest = (off, q)
         if off < 1e-6:
-            away = float(np.linalg.norm((q - begin) / span))
-            if best is None or away < best[0]:
-                best = (away, q)
+            distance = float(np.linalg.norm((q - begin) / span))
+            if best is None or distance < best[0]:
+                best = (distance, q)
             if start == 1 or start >= TRIES // 4:
                 break
     if best is None:
-        raise DefinitionError(_refused(chain, pose, nearest[1], hold))
-    task = pose_task(chain, liked, hold)
-    q = _polished(task, pose, best[1])
-    return InverseSolution(q, *_apart(chain, pose, q, hold), float(least_motion(task, q)), start)
+        raise DefinitionError(_failure_message(chain, pose, nearest[1], hold))
+    task = pose_task(chain, preferred, hold)
+    q = _refine(task, pose, best[1])
+    return InverseSolution(q, *_pose_errors(chain, pose, q, hold), float(least_motion(task, q)), start)
 
 
 def require_hold(hold: str) -> None:
@@ -389,35 +389,35 @@ def pose_task(chain: KinematicChain, posture: Array, hold: HeldCoordinates, damp
     return replace(free, lower=lower, upper=upper)
 
 
-def _searched(chain: KinematicChain, pose: Pose, guess: Array, hold: HeldCoordinates) -> Array:
-    """Damped least squares within the limits, on differences of positions and of axes."""
+def _search(chain: KinematicChain, pose: Pose, guess: Array, hold: HeldCoordinates) -> Array:
+    """Search by damped least squares within the limits, on differences of positions and of axes."""
     from scipy.optimize import least_squares
 
-    room = 1e-9 * np.where(np.isfinite(chain.upper - chain.lower), chain.upper - chain.lower, 1.0)
-    kept = {"place": [], "axis": [2], "pose": [0, 1, 2]}[hold]
+    inset = 1e-9 * np.where(np.isfinite(chain.upper - chain.lower), chain.upper - chain.lower, 1.0)
+    columns = {"place": [], "axis": [2], "pose": [0, 1, 2]}[hold]
 
     def error(q: Array) -> Array:
         rotation, position = chain.frame(q)
-        turned = ((rotation - pose.rotation)[:, kept] / np.sqrt(2.0)).T.ravel()
+        turned = ((rotation - pose.rotation)[:, columns] / np.sqrt(2.0)).T.ravel()
         return np.concatenate([position - pose.position, turned])
 
     def slope(q: Array) -> Array:
         tool = chain.tool([q])
-        jacobian = np.zeros((3 + 3 * len(kept), chain.size))
+        jacobian = np.zeros((3 + 3 * len(columns), chain.size))
         axes = (tool.x[0], tool.y[0], tool.z[0])
         for axis in tool.axes:
             direction = axis.direction[0]
             jacobian[:3, axis.joint] = (
                 cross(direction, tool.position[0] - axis.position[0]) if axis.revolute else direction
             )
-            for row, k in enumerate(kept):
+            for row, k in enumerate(columns):
                 if axis.revolute:
                     jacobian[3 * row + 3 : 3 * row + 6, axis.joint] = cross(direction, axes[k]) / np.sqrt(2.0)
         return jacobian
 
     result = least_squares(
         error,
-        np.clip(guess, chain.lower + room, chain.upper - room),
+        np.clip(guess, chain.lower + inset, chain.upper - inset),
         jac=slope,
         bounds=(chain.lower, chain.upper),
         xtol=1e-14,
@@ -428,30 +428,30 @@ def _searched(chain: KinematicChain, pose: Pose, guess: Array, hold: HeldCoordin
     return np.asarray(result.x)
 
 
-def _apart(chain: KinematicChain, pose: Pose, q: Array, hold: HeldCoordinates) -> tuple[float, float]:
+def _pose_errors(chain: KinematicChain, pose: Pose, q: Array, hold: HeldCoordinates) -> tuple[float, float]:
     position, turn = pose_error(*chain.frame(q), pose.rotation, pose.position, hold)
     return float(position), float(turn)
 
 
-def _polished(task: PoseTask, pose: Pose, q: Array) -> Array:
+def _refine(task: PoseTask, pose: Pose, q: Array) -> Array:
     """Refine a solution to the last digits, and for a redundant arm towards the preferred posture."""
-    room = 1e-3 * task.widths
-    begin = np.clip(q, task.lower + room, task.upper - room)
+    inset = 1e-3 * task.widths
+    begin = np.clip(q, task.lower + inset, task.upper - inset)
     refined = move_to_posture(replace(task, posture=begin), pose, begin, task.posture)
     q_refined = None if refined is None else refined[: q.size]
-    if q_refined is None or np.hypot(*_apart(task.chain, pose, q_refined, task.hold)) > 1e-6:
+    if q_refined is None or np.hypot(*_pose_errors(task.chain, pose, q_refined, task.hold)) > 1e-6:
         return q
     return q_refined
 
 
-def move_to_posture(task: PoseTask, pose: Pose, q: Array, liked: Array) -> Array | None:
-    """Return posture and forces at a pose while the preferred posture moves from q to `liked`, or None."""
+def move_to_posture(task: PoseTask, pose: Pose, q: Array, preferred: Array) -> Array | None:
+    """Move the preferred posture from q to `preferred` in steps; return posture and forces at the pose, or None."""
     z = np.concatenate([q, np.zeros(HOLDS[task.hold])])
-    curve, at = standing(pose.rotation, pose.position), np.zeros(1)
-    done, step = 0.0, 1.0 if (liked == q).all() else 0.25
+    curve, at = constant_pose(pose.rotation, pose.position), np.zeros(1)
+    done, step = 0.0, 1.0 if (preferred == q).all() else 0.25
     while done < 1.0:
         goal = min(done + step, 1.0)
-        solution = solve_task(replace(task, posture=q + goal * (liked - q)), curve, z[None], at)
+        solution = solve_task(replace(task, posture=q + goal * (preferred - q)), curve, z[None], at)
         if solution is None or np.abs(solution[0, : q.size] - z[: q.size]).max() > 0.5:
             step *= 0.5
             if step < 1e-4:
@@ -461,8 +461,8 @@ def move_to_posture(task: PoseTask, pose: Pose, q: Array, liked: Array) -> Array
     return z
 
 
-def _refused(chain: KinematicChain, pose: Pose, q: Array, hold: HeldCoordinates) -> str:
-    position, turn = _apart(chain, pose, q, hold)
+def _failure_message(chain: KinematicChain, pose: Pose, q: Array, hold: HeldCoordinates) -> str:
+    position, turn = _pose_errors(chain, pose, q, hold)
     span = np.where(np.isfinite(chain.upper - chain.lower), chain.upper - chain.lower, 1.0)
     ends = [
         f"{name} at its {side} limit of {bound:.4g}"
@@ -474,4 +474,4 @@ def _refused(chain: KinematicChain, pose: Pose, q: Array, hold: HeldCoordinates)
     target = {"place": where, "axis": f"{where} with this direction", "pose": f"{where} in this orientation"}[hold]
     near = f"{position:.3g} m" + ("" if hold == "place" else f" and {np.rad2deg(turn):.3g} degrees")
     why = f", with {' and '.join(ends)}" if ends else ""
-    return f"no posture was found that brings the tool to {target}: the nearest is {near} off{why}"
+    return f"no posture found with the tool at {target}: the nearest is {near} off{why}"

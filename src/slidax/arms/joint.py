@@ -1,4 +1,4 @@
-"""A joint with its link, as a file or a data sheet describes it, and the inertias that rigid bodies can have."""
+"""Description of a joint with its link, and checks that a rigid body can have an inertia."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ import numpy as np
 from slidax.core.errors import DefinitionError, Setting
 
 ROUNDING = 1e-6
-"""By this share a printed inertia may miss what a rigid body can have: it is rounded."""
+"""Allowed relative violation of the triangle inequality of moments, for inertias that are rounded in print."""
 
 ZERO = 1e-9
-"""Below this share of the largest a negative principal moment is a rounded 0."""
+"""A negative principal moment smaller than this part of the largest is a rounded 0."""
 
 POINT = 1e-15
-"""kg m²: moments below this are rounded zeros, as of a point. A grain of 1 mg and 0.1 mm has ten times as much."""
+"""Moments below this are rounded zeros of a point mass [kg m²]. A grain of 1 mg and 0.1 mm has ten times as much."""
 
 
 def require_rigid(inertia: np.ndarray, what: str, *, moves: bool, setting: Setting | None = None) -> None:
     """Raise DefinitionError unless a rigid body can have this inertia.
 
-    A principal moment may be 0, as of a thin rod, or negative within rounding relative to the largest.
+    A principal moment may be 0, as for a thin rod, or negative within rounding relative to the largest.
 
     - `inertia`: about the centre of mass, symmetric [3 3], kg m².
     - `what`: name of the inertia, for the message.
-    - `moves`: True if a joint moves the body; then an inertia of 0 is rejected, as it is mostly a forgotten one.
+    - `moves`: True if a joint moves the body; then an inertia of 0 is rejected, since it is usually a missing value.
     - `setting`: the setting that selects the nearest possible inertia, for the message.
     """
     moments = np.linalg.eigvalsh(inertia)
@@ -82,14 +82,14 @@ def _zeros() -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """One joint and its link, in the link's frame, which is the joint's frame.
+    """A joint and the link that it moves. The link's frame is also the joint's frame.
 
     - `kind`: "revolute", "prismatic" or "fixed"; a continuous joint is revolute with infinite limits.
-    - `parent`: name of the joint before it; None for the base.
+    - `parent`: name of the parent joint; None for the base.
     - `link`: name of the link that it moves.
-    - `rotation`, `translation`: the link's frame in that of the link before it, at position 0 [3 3], [3], m.
-    - `axis`: in the link's frame [3]; unused for a fixed joint.
-    - `mass`: of the link, kg.
+    - `rotation`, `translation`: the link's frame in the parent link's frame, at position 0 [3 3], [3], m.
+    - `axis`: joint axis in the link's frame [3]; unused for a fixed joint.
+    - `mass`: mass of the link, kg.
     - `center`: centre of mass [3], m.
     - `inertia`: about the centre of mass, in the link's axes [3 3], kg m².
     - `lower`, `upper`: position limits, rad or m.
@@ -97,8 +97,8 @@ class Joint:
     - `armature`: rotor inertia at the joint, kg m² or kg.
     - `viscous`, `coulomb`: friction, N m s/rad or N s/m, N m or N.
 
-    Raises DefinitionError, naming joint or link, for an invalid value. `assemble` rejects a link without mass if
-    nothing with mass moves with it.
+    Raises DefinitionError, naming joint or link, for an invalid value. `assemble` rejects a link without mass unless
+    another link with mass moves with it.
     """
 
     name: str
@@ -123,8 +123,8 @@ class Joint:
     def __post_init__(self) -> None:
         if self.kind not in ("revolute", "prismatic", "fixed"):
             raise DefinitionError(
-                f"joint `{self.name}` must be `revolute`, `prismatic` or `fixed`; got `{self.kind}`; one that turns "
-                "without end is revolute with infinite limits"
+                f"joint `{self.name}` must be `revolute`, `prismatic` or `fixed`; got `{self.kind}`; a continuous "
+                "joint is `revolute` with infinite limits"
             )
         rotation = np.asarray(self.rotation, float)
         square = rotation.shape == (3, 3) and np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6)
@@ -132,7 +132,7 @@ class Joint:
             raise DefinitionError(
                 f"the frame of joint `{self.name}` must have orthonormal axes, right-handed; got {rotation.tolist()}"
             )
-        _require_place(self.translation, f"the place of joint `{self.name}`")
+        _require_point(self.translation, f"the position of joint `{self.name}`")
         self._check_link()
         if self.kind != "fixed":
             self._check_motion()
@@ -140,7 +140,7 @@ class Joint:
     def _check_link(self) -> None:
         if not (math.isfinite(self.mass) and self.mass >= 0):
             raise DefinitionError(f"the mass of link `{self.link}` must be >= 0 kg and finite; got {self.mass:g}")
-        _require_place(self.center, f"the centre of mass of link `{self.link}`")
+        _require_point(self.center, f"the centre of mass of link `{self.link}`")
         inertia = np.asarray(self.inertia, float)
         if inertia.shape != (3, 3) or not np.isfinite(inertia).all():
             raise DefinitionError(f"the inertia of link `{self.link}` must be 3 x 3 and finite; got {inertia.tolist()}")
@@ -151,7 +151,7 @@ class Joint:
             return
         if not np.allclose(inertia, inertia.T, rtol=0, atol=1e-9 * size):
             raise DefinitionError(f"the inertia of link `{self.link}` must be symmetric; got {inertia.tolist()}")
-        # A point or a thin rod may be fixed to a link that is neither; `assemble` looks at all that moves together.
+        # A point or a thin rod may be fixed to a link that is neither; `assemble` checks their sum.
         require_rigid(inertia, f"the inertia of link `{self.link}`", moves=self.kind != "fixed")
 
     def _check_motion(self) -> None:
@@ -176,6 +176,6 @@ class Joint:
                 raise DefinitionError(f"the {name} of joint `{self.name}` must be >= 0 and finite; got {value:g}")
 
 
-def _require_place(place: np.ndarray, what: str) -> None:
-    if np.shape(place) != (3,) or not np.isfinite(place).all():
-        raise DefinitionError(f"{what} must be three finite numbers; got {np.asarray(place).tolist()}")
+def _require_point(point: np.ndarray, what: str) -> None:
+    if np.shape(point) != (3,) or not np.isfinite(point).all():
+        raise DefinitionError(f"{what} must be three finite numbers; got {np.asarray(point).tolist()}")

@@ -21,13 +21,13 @@ from .coupled import Coupled
 class TimedPayload(AbstractPart):
     """The tip carries `payload` for `attached <= t < released`.
 
-    Joint velocities are continuous: at pick-up the body has the tip's velocity, as when both rest, and keeps it at
-    release.
+    Joint velocities are continuous: at pick-up the payload already has the tip's velocity, for example 0, and at
+    release it keeps it.
     """
 
-    payload: Payload = piece("what is carried")
-    attached: Scalar = parameter("from when it is carried", "s", default=0.0)
-    released: Scalar = parameter("until when it is carried", "s", "(attached, inf]", default=float("inf"))
+    payload: Payload = piece("the payload")
+    attached: Scalar = parameter("time of attachment", "s", default=0.0)
+    released: Scalar = parameter("time of release", "s", "(attached, inf]", default=float("inf"))
 
     def on(self, robot: AbstractRobot, t: Scalar) -> AbstractRobot:
         """Return the arm at time t [s], with this payload in addition to its permanent one.
@@ -37,13 +37,13 @@ class TimedPayload(AbstractPart):
         if isinstance(robot, Coupled):
             return eqx.tree_at(lambda coupled: coupled.arm, robot, self.on(robot.arm, t))
         if not isinstance(robot, Articulated):
-            raise DefinitionError(f"a {type(robot).__name__} has no tip to carry a load; only an articulated arm has")
+            raise DefinitionError(f"a {type(robot).__name__} has no tip to carry a payload; use an articulated arm")
         carried = jnp.where((t >= self.attached) & (t < self.released), 1.0, 0.0)
         return eqx.tree_at(lambda arm: arm.payload, robot, robot.payload.joined(self.payload.times(carried)))
 
 
 INERTIAL = 11
-"""Inertial parameters of a joint: ten numbers of its body, and its rotor."""
+"""Number of inertial parameters per joint: ten for its body, and its rotor inertia."""
 
 
 Arm = TypeVar("Arm", bound=Articulated | Coupled)
@@ -53,32 +53,31 @@ class Mismatch(AbstractPart):
     """The true arm: the nominal one with other masses, other friction, and a payload at its tip.
 
     With a `mass_factor` of 0.85 the arm is 15 % lighter than its model. Friction and rotor inertia replace those of the
-    nominal arm; fields that are None keep its values. `inertial` is added last, to each body with what it carries.
+    nominal arm; fields that are None keep its values. `inertial` is added last, to each link including a permanent
+    payload.
     """
 
     title = "Differences between the true arm and its nominal model."
 
     mass_factor: PerJoint = parameter("factor on the links' masses", "", "> 0", default=1.0)
     inertia_factor: PerJoint | None = parameter(
-        "factor on their inertias about the centres of mass, `mass_factor` if not given", "", "> 0", default=None
+        "factor on their inertias about the centres of mass; by default `mass_factor`", "", "> 0", default=None
     )
     viscous: PerJoint | None = parameter("viscous friction", "N m s/rad or N s/m", ">= 0", default=None)
     coulomb: PerJoint | None = parameter("Coulomb friction", "N m or N", ">= 0", default=None)
-    armature: PerJoint | None = parameter(
-        "inertia of the rotors, seen from the joints", "kg m² or kg", ">= 0", default=None
-    )
+    armature: PerJoint | None = parameter("rotor inertias at the joints", "kg m² or kg", ">= 0", default=None)
     inertial: Float[Array, "m n"] | None = parameter(
         "change of each joint's inertial parameters, as rows: mass, mass times centre (x, y, z), inertia about the "
-        "joint's origin (xx, yy, zz, xy, xz, yz), rotor; the tip's permanent payload belongs to its body",
+        "joint's origin (xx, yy, zz, xy, xz, yz), rotor; the last link includes the tip's permanent payload",
         "kg, kg m, kg m²",
         default=None,
     )
-    load: TimedPayload | None = piece("what the tip carries, and when; None for nothing", default=None)
+    load: TimedPayload | None = piece("payload at the tip with its times; None without one", default=None)
 
     def applied(self, nominal: Arm) -> Arm:
         """Return the true arm, without the payload.
 
-        Raises DefinitionError for a list whose length differs from the number of joints, including followers.
+        Raises DefinitionError if a list has another length than the number of joints, including followers.
         """
         if isinstance(nominal, Coupled):
             return eqx.tree_at(lambda coupled: coupled.arm, nominal, self._true(nominal.arm))
@@ -95,10 +94,10 @@ class Mismatch(AbstractPart):
                 *(self._each(name, nominal, getattr(nominal, name)) for name in ("viscous", "coulomb", "armature")),
             ),
         )
-        return true if self.inertial is None else self._changed(true, self.inertial)
+        return true if self.inertial is None else self._with_change(true, self.inertial)
 
-    def _changed(self, arm: Articulated, change: Float[Array, "m n"]) -> Articulated:
-        """The arm with other inertial parameters, its payload joined to the body that carries it."""
+    def _with_change(self, arm: Articulated, change: Float[Array, "m n"]) -> Articulated:
+        """Add `change` to the inertial parameters; the payload becomes part of the link that carries it."""
         if change.shape != (INERTIAL, arm.joints):
             raise DefinitionError(
                 f"`Mismatch.inertial` must have {INERTIAL} rows with one number for {each_of(arm.joints, 'joint')}; "
@@ -127,7 +126,7 @@ class Mismatch(AbstractPart):
         )
 
     def _each(self, field: str, nominal: Articulated, otherwise: PerJoint) -> Vector:
-        """One number for each joint: the field's, or `otherwise` if it is None."""
+        """Return a field with one number for each joint, or `otherwise` if it is None."""
         value = getattr(self, field)
         if value is None:
             return otherwise
@@ -140,6 +139,6 @@ class Mismatch(AbstractPart):
 
 
 def _about_origin(center: Float[Array, "... 3"]) -> Float[Array, "... 3 3"]:
-    """Inertia of a unit mass at a point about the origin."""
+    """Return the inertia of a unit point mass about the origin."""
     square = jnp.sum(center * center, axis=-1)[..., None, None]
     return square * jnp.eye(3) - center[..., :, None] * center[..., None, :]

@@ -23,8 +23,8 @@ class TwoLink(AbstractRobot):
     `G = [(m1 + m2) l1 g cos q1 + m2 l2 g cos(q1 + q2), m2 l2 g cos(q1 + q2)]`.
 
     Source: the benchmark arm that the paper cites as [45] and does not print; this is its standard form. The
-    eigenvalues of `M⁻¹`, .089 to .197 for the paper's numbers, are where its bounds .09 and .2 come from. `I1` and `I2`
-    stand on the diagonal alone, so they act as inertias that turn with their own joint.
+    eigenvalues of `M⁻¹`, 0.089 to 0.197 for the paper's parameters, explain its bounds 0.09 and 0.2. `I1` and `I2` are
+    on the diagonal only, so they act as inertias that rotate with their own joint.
     """
 
     title = "The planar two-link arm of Example 4.1."
@@ -55,7 +55,7 @@ class TwoLink(AbstractRobot):
         cos1, sin1 = barrier((jnp.cos(q[0]), jnp.sin(q[0])))
         cos2, sin2 = barrier((jnp.cos(q[1]), jnp.sin(q[1])))
         h = m2 * l1 * l2 * sin2
-        # cos(q1 + q2), without one more call of the library.
+        # cos(q1 + q2), without another call of the cosine.
         g2 = m2 * l2 * g * (cos1 * cos2 - sin1 * sin2)
         g1 = (m1 + m2) * l1 * g * cos1 + g2
         return jnp.array([g1 - h * dq[1] * (2.0 * dq[0] + dq[1]), g2 + h * dq[0] * dq[0]])
@@ -90,8 +90,8 @@ class Scara(AbstractRobot):
     `M = [a + 2c cos q2 + b, b + c cos q2, 0; b + c cos q2, b, 0; 0, 0, m3]`,
     `C = [-c sin(q2) q̇2, -c sin(q2) (q̇1 + q̇2), 0; c sin(q2) q̇1, 0, 0; 0, 0, 0]`, `G = [0, 0, -m3 g]`.
 
-    Identified, not sourced: the paper cites its model as [46] and does not print it. This arm fits the printed results
-    best among some 35 variants tried.
+    Identified, not sourced: the paper cites its model as [46] and does not print it. Among some 35 tested variants,
+    this arm fits the printed results best.
     """
 
     title = "The three-joint arm of Example 4.2: two revolute joints and a prismatic one."

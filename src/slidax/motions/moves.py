@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from slidax.arms.chain import Pose, numbers, unit_quaternion
-from slidax.arms.curves import AbstractCurve, Array, Helix, Spline, standing
+from slidax.arms.curves import AbstractCurve, Array, Helix, Spline, constant_pose
 from slidax.arms.rotations import angle_between, axis_and_angle, matrix_of
 from slidax.core.errors import DefinitionError, each_of, plain_name
 
@@ -246,7 +246,9 @@ class Pause(AbstractMove):
             raise DefinitionError("`Pause.duration` must be given, > 0 and finite")
         if self.speed is not None or self.acceleration is not None:
             raise DefinitionError("`Pause` takes a `duration` alone")
-        return TimedCurve(standing(pose.rotation, pose.position), minimum_jerk_law(self.duration), False, 0.0, pose)
+        return TimedCurve(
+            constant_pose(pose.rotation, pose.position), minimum_jerk_law(self.duration), False, 0.0, pose
+        )
 
 
 def _rotation_move(

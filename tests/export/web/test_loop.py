@@ -92,7 +92,7 @@ def test_a_start_outside_is_refused_in_one_line(two_link, tmp_path):
     variant = variant_of(setting, {})
     inputs = inputs_of(setting, variant, {"scheme.transformation.performance.initial": 0.1})
     outcome = played(two_link, variant["program"], inputs, tmp_path)["outcome"]
-    assert outcome["kind"] == "refused" and "must be inside the tolerance band" in outcome["message"]
+    assert outcome["kind"] == "refused" and "must hold the start" in outcome["message"]
 
 
 @pytest.mark.full

@@ -1,4 +1,4 @@
-"""Arms from robot files: URDF, also as xacro, and MJCF, MuJoCo's format.
+"""Read arms from robot files: URDF, also as xacro, and MJCF, MuJoCo's format.
 
 Begin with `urdf.py` and `mjcf.py`. `source.py` reads the text with limits, `urdf_tree.py` and
 `mjcf_checks.py` check it, and `find_arm.py` finds the arm in a file with grippers and other parts.

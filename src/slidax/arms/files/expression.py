@@ -1,4 +1,4 @@
-"""Expressions of xacro files, evaluated without Python's own evaluator, so that a file cannot run code."""
+"""Evaluate expressions of xacro files without Python's own `eval`, so that a file cannot run code."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 LONGEST = 100_000
-"""Characters of a text, entries of a list, and steps of a loop."""
+"""Most characters in a string, entries in a list, and steps in a loop."""
 
 MOST_BITS = 4096
-"""Of an integer."""
+"""Most bits in an integer."""
 
 MOST_STEPS = 5_000_000
-"""Steps of an expansion, of about a microsecond each; the UR5e by its maker takes 100 000."""
+"""Most steps in an expansion, of about 1 µs each; the manufacturer's UR5e takes 100 000."""
 
 CHARACTERS = 100
-"""Characters of a text that count as one step."""
+"""Number of characters that count as one step."""
 
 MATHEMATICS = {
     name: function
     for name, function in vars(math).items()
     if callable(function) and name[0] != "_" and name not in ("factorial", "comb", "perm", "prod", "lcm")
 }
-"""Functions of one or two numbers; of the others the value can be of any length."""
+"""Functions of one or two numbers, without those whose value can have any length."""
 
 BUILTINS = (
     *(bool, int, float, str, list, tuple, dict, set, len, min, max, abs, sorted, reversed, zip, enumerate),
@@ -65,7 +65,7 @@ class ExpressionError(ValueError):
 
 
 class Budget:
-    """Counts the steps of an expansion, so that a file that repeats itself ends with an error."""
+    """Counts the steps of an expansion, so that endless repetition ends with an error."""
 
     def __init__(self) -> None:
         self.left = MOST_STEPS
@@ -100,14 +100,14 @@ def limited_range(*ends: int) -> range:
 
 
 def limited_round(number: Any, digits: int | None = None) -> Any:
-    """Return a rounded number; rounding an integer to -10⁹ digits would compute the power."""
+    """Return a rounded number; limit the digits, since rounding an integer to -10⁹ digits computes 10^(10⁹)."""
     if digits is not None and abs(digits) > MOST_BITS:
         raise ExpressionError(f"a number is not rounded to {digits} digits")
     return round(number, digits)
 
 
 def add_numbers(numbers: Iterable[Any], start: Any = 0) -> Any:
-    """Return a sum of numbers; a sum of many lists would copy each of them many times."""
+    """Return a sum of numbers; reject lists, since adding many of them would copy each one many times."""
     terms = [start, *numbers]
     if not all(isinstance(term, int | float) for term in terms):
         raise ExpressionError("only numbers are summed")
@@ -117,7 +117,7 @@ def add_numbers(numbers: Iterable[Any], start: Any = 0) -> Any:
 LIMITED: Mapping[str, Callable[..., Any]] = {"range": limited_range, "round": limited_round, "sum": add_numbers}
 
 SAFE = frozenset({*BUILTINS, *LIMITED.values(), *MATHEMATICS.values()})
-"""The functions that an expression may call; they are compared by identity."""
+"""Functions that an expression may call; the comparison is by identity."""
 
 
 def evaluate(
@@ -125,10 +125,10 @@ def evaluate(
 ) -> Any:
     """Return the value of an expression.
 
-    - `text`: numbers, texts, lists, arithmetic, comparisons, conditions, indices, comprehensions and calls.
+    - `text`: numbers, strings, lists, arithmetic, comparisons, conditions, indices, comprehensions and calls.
     - `names`: values by name; entries of a mapping are attributes.
-    - `functions`: callable names, also in a namespace such as `xacro`, in addition to `math` and some of Python's own.
-    - `budget`: of the expansion; a new one by default.
+    - `functions`: callable names, also in a namespace such as `xacro`, in addition to `math` and some built-ins.
+    - `budget`: budget of the expansion; a new one by default.
 
     Raises ExpressionError for anything else.
     """

@@ -18,25 +18,30 @@ from slidax.core.joint_names import quote_names
 from .mjcf_checks import leave_out_objects, name_all
 from .reading import mujoco, reading
 from .source import MOST_BYTES, read_robot_file
-from .urdf import LostError, position_near_zero, resolve_mimic
+from .urdf import InvalidLeaderError, position_near_zero, resolve_mimic
 from .urdf_tree import limits_of, urdf_tree
 
 FINGER = re.compile(r"finger|grip|jaw|claw|knuckle|thumb", re.IGNORECASE)
-"""A joint of such a name opens or closes a hand."""
+"""Parts of the names of joints that open or close a hand."""
 
 TIP = ("tcp", "tool0", "end_effector", "ee_link", "tool", "flange", "ee", "hand")
-"""Words in the names of links where tools are held, the surest first."""
+"""Words in the names of links that hold a tool, the most specific first."""
 
 SHORT = 2
-"""Joints one after the other in a finger, or in a head."""
+"""Most joints in series in a finger or a head."""
 
 ARM = 3
-"""Joints one after the other that an arm has at least."""
+"""Least number of joints in series in an arm."""
 
 
 @dataclass(frozen=True)
 class ArmInFile:
-    """Moving joints in order from the base, the link or body at the end, and positions of held joints, rad or m."""
+    """The arm in a robot file.
+
+    - `joints`: moving joints in order from the base.
+    - `tip`: link or body at the end.
+    - `locked`: positions of held joints, rad or m.
+    """
 
     joints: tuple[str, ...]
     tip: str
@@ -44,8 +49,8 @@ class ArmInFile:
 
 
 @dataclass(frozen=True)
-class _Hinge:
-    """A joint between two links; `held` is its position if it does not move, None for a fixed joint."""
+class _Edge:
+    """A joint between two links; `held` is its position if it is not part of the arm, None for a fixed joint."""
 
     name: str
     parent: str
@@ -68,12 +73,12 @@ def find_arm(source: str | Path, tip: str | None = None) -> ArmInFile:
     - `source`: path of the file.
     - `tip`: the link or body at the end; by default the last moving link, or a tool's link fixed to it.
 
-    Raises DefinitionError if the file is not readable, has no arm, or has several arms of one length.
+    Raises DefinitionError if the file is not readable, has no arm, or has several arms of the same length.
     """
     is_urdf = Path(source).suffix.lower() != ".xml" or "<robot" in _beginning(source)
     with locate_errors(str(source)):
-        hinges = _of_urdf(source) if is_urdf else _of_mjcf(source, tip)
-        return _Tree(hinges).chain(tip)
+        edges = _of_urdf(source) if is_urdf else _of_mjcf(source, tip)
+        return _Tree(edges).arm_to(tip)
 
 
 def _beginning(source: str | Path) -> str:
@@ -82,76 +87,79 @@ def _beginning(source: str | Path) -> str:
 
 
 class _Tree:
-    def __init__(self, hinges: Sequence[_Hinge]) -> None:
-        self._hinges = hinges
-        self._below: dict[str, list[_Hinge]] = {}
-        for hinge in hinges:
-            self._below.setdefault(hinge.parent, []).append(hinge)
-        self._carrier = {hinge.child: hinge for hinge in hinges}
+    def __init__(self, edges: Sequence[_Edge]) -> None:
+        self._edges = edges
+        self._below: dict[str, list[_Edge]] = {}
+        for edge in edges:
+            self._below.setdefault(edge.parent, []).append(edge)
+        self._carrier = {edge.child: edge for edge in edges}
 
-    def chain(self, tip: str | None) -> ArmInFile:
-        moving = self._to(tip) if tip is not None else self._longest()
+    def arm_to(self, tip: str | None) -> ArmInFile:
+        moving = self._path_to(tip) if tip is not None else self._longest()
         if not moving:
-            raise DefinitionError("no joint moves the tip" if tip else f"there is no joint of an arm{self._left_out()}")
+            message = "no joint moves the tip" if tip else f"there is no joint of an arm{self._left_out_message()}"
+            raise DefinitionError(message)
         end = tip if tip is not None else self._tip(moving[-1].child)
-        names = tuple(hinge.name for hinge in moving)
-        held = {each.name: each.held for each in self._hinges if each.held is not None and each.name not in names}
+        names = tuple(edge.name for edge in moving)
+        held = {each.name: each.held for each in self._edges if each.held is not None and each.name not in names}
         return ArmInFile(names, end, held)
 
-    def _left_out(self) -> str:
-        """Joints that count as those of a hand, with the remedy."""
-        names = [hinge.name for hinge in self._hinges if hinge.held is not None and hinge.is_of_a_hand]
+    def _left_out_message(self) -> str:
+        """Return a message with the joints that count as those of a hand, and the remedy."""
+        names = [edge.name for edge in self._edges if edge.held is not None and edge.is_of_a_hand]
         reason = "follow or lead others, or have names of fingers; name the arm's end by `--tip LINK`"
         return f": {quote_names(names)} {reason}" if names else ""
 
-    def _to(self, tip: str) -> list[_Hinge]:
+    def _path_to(self, tip: str) -> list[_Edge]:
         if tip not in self._carrier:
             raise DefinitionError(f"`tip` names `{tip}`, which no joint carries; {nearest_word(tip, self._carrier)}")
-        hinges: list[_Hinge] = []
+        edges: list[_Edge] = []
         while tip in self._carrier:
-            hinge = self._carrier[tip]
-            if hinge.held is not None:
-                hinges.append(hinge)
-            tip = hinge.parent
-        return hinges[::-1]
+            edge = self._carrier[tip]
+            if edge.held is not None:
+                edges.append(edge)
+            tip = edge.parent
+        return edges[::-1]
 
-    def _longest(self) -> list[_Hinge]:
-        roots = [hinge.parent for hinge in self._hinges if hinge.parent not in self._carrier]
-        link, hinges = roots[0], list[_Hinge]()
+    def _longest(self) -> list[_Edge]:
+        roots = [edge.parent for edge in self._edges if edge.parent not in self._carrier]
+        link, edges = roots[0], list[_Edge]()
         while True:
-            ways = sorted(self._below.get(link, ()), key=self._length, reverse=True)
-            ways = [hinge for hinge in ways if self._length(hinge) > 0]
-            if not ways or (len(hinges) >= ARM and len(ways) > 1 and self._length(ways[0]) <= SHORT):
-                return hinges
-            if len(ways) > 1 and self._length(ways[0]) == self._length(ways[1]) and self._length(ways[0]) >= ARM:
-                ends = ", ".join(f"`{self._tip(self._end(way))}`" for way in ways if self._length(way) >= ARM)
+            branches = sorted(self._below.get(link, ()), key=self._length, reverse=True)
+            branches = [edge for edge in branches if self._length(edge) > 0]
+            if not branches or (len(edges) >= ARM and len(branches) > 1 and self._length(branches[0]) <= SHORT):
+                return edges
+            longest = [branch for branch in branches if self._length(branch) == self._length(branches[0])]
+            if len(longest) > 1 and self._length(branches[0]) >= ARM:
+                arms = [branch for branch in branches if self._length(branch) >= ARM]
+                ends = ", ".join(f"`{self._tip(self._end(branch))}`" for branch in arms)
                 raise DefinitionError(f"there are several arms; say which by its tip (`--tip`): {ends}")
-            if ways[0].held is not None:
-                hinges.append(ways[0])
-            link = ways[0].child
+            if branches[0].held is not None:
+                edges.append(branches[0])
+            link = branches[0].child
 
-    def _end(self, hinge: _Hinge) -> str:
+    def _end(self, edge: _Edge) -> str:
         """The last moving link on the longest branch."""
-        last = hinge.child
+        last = edge.child
         while True:
-            ways = sorted(self._below.get(hinge.child, ()), key=self._length, reverse=True)
-            if not ways or self._length(ways[0]) == 0:
+            branches = sorted(self._below.get(edge.child, ()), key=self._length, reverse=True)
+            if not branches or self._length(branches[0]) == 0:
                 return last
-            hinge = ways[0]
-            last = hinge.child if hinge.held is not None else last
+            edge = branches[0]
+            last = edge.child if edge.held is not None else last
 
-    def _length(self, hinge: _Hinge) -> int:
+    def _length(self, edge: _Edge) -> int:
         """Number of an arm's joints in series from this joint on."""
-        if hinge.held is not None and hinge.is_of_a_hand:
+        if edge.held is not None and edge.is_of_a_hand:
             return 0
-        further = max((self._length(branch) for branch in self._below.get(hinge.child, ())), default=0)
-        return further + (hinge.held is not None)
+        further = max((self._length(branch) for branch in self._below.get(edge.child, ())), default=0)
+        return further + (edge.held is not None)
 
     def _tip(self, link: str) -> str:
         """The last moving link, or a link fixed to it that has a tool's name."""
         fixed = [link]
-        for place in fixed:
-            fixed += [hinge.child for hinge in self._below.get(place, ()) if hinge.held is None]
+        for end in fixed:
+            fixed += [edge.child for edge in self._below.get(end, ()) if edge.held is None]
         for word in TIP:
             for name in fixed:
                 if re.search(rf"(^|[_\-/]){word}([_\-/]|\d|$)", name, re.IGNORECASE):
@@ -159,13 +167,13 @@ class _Tree:
         return link
 
 
-def _of_urdf(source: str | Path) -> list[_Hinge]:
+def _of_urdf(source: str | Path) -> list[_Edge]:
     tree = urdf_tree(read_robot_file(source, "robot", "from_mjcf reads <mujoco>").root)
     moving = [name for name in tree.order if tree.moves(name)]
     held = {name: position_near_zero(tree, name) for name in moving}
     follows = {name for name in moving if tree.joints[name].find("mimic") is not None}
     for name in follows:
-        with contextlib.suppress(LostError):
+        with contextlib.suppress(InvalidLeaderError):
             motion = resolve_mimic(tree, name, {})
             at = motion if isinstance(motion, float) else motion.ratio * held[motion.leader] + motion.offset
             with contextlib.suppress(DefinitionError):
@@ -173,18 +181,18 @@ def _of_urdf(source: str | Path) -> list[_Hinge]:
                 held[name] = float(np.clip(at, limits.get("lower"), limits.get("upper")))
     leads = {mimic.get("joint", "") for name in moving for mimic in tree.joints[name].findall("mimic")}
     return [
-        _Hinge(name, tree.parents[name], tree.children[name], held.get(name), name in follows | leads)
+        _Edge(name, tree.parents[name], tree.children[name], held.get(name), name in follows | leads)
         for name in tree.order
     ]
 
 
-def _of_mjcf(source: str | Path, tip: str | None) -> list[_Hinge]:
+def _of_mjcf(source: str | Path, tip: str | None) -> list[_Edge]:
     with reading():
         library = mujoco()
         spec = library.MjSpec.from_file(str(source))
         name_all(spec)
         leave_out_objects(spec, tip)
-        hinges = []
+        edges = []
         coupled = {name for equality in spec.equalities for name in (equality.name1, equality.name2)}
         for body in spec.bodies:
             if body is spec.worldbody:
@@ -195,8 +203,8 @@ def _of_mjcf(source: str | Path, tip: str | None) -> list[_Hinge]:
                 degrees = spec.compiler.degree and joint.type == library.mjtJoint.mjJNT_HINGE
                 limited = limits["lower"] < limits["upper"]
                 value = _nearest_to_zero(limits if limited else {})
-                hinges.append(
-                    _Hinge(
+                edges.append(
+                    _Edge(
                         joint.name,
                         parent,
                         body.name,
@@ -206,8 +214,8 @@ def _of_mjcf(source: str | Path, tip: str | None) -> list[_Hinge]:
                 )
                 parent = body.name
             if not body.joints:
-                hinges.append(_Hinge("", parent, body.name, None))
-        return hinges
+                edges.append(_Edge("", parent, body.name, None))
+        return edges
 
 
 def _nearest_to_zero(limits: Mapping[str, Any]) -> float:

@@ -1,4 +1,4 @@
-"""Inertias in robot files that no rigid body can have: rejected, or replaced by the nearest possible one."""
+"""Reject inertias in robot files that no rigid body can have, or replace them by the nearest possible ones."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ CHOICES = ("given", "nearest", "strict")
 NEAREST = Setting("inertias", "nearest")
 
 PRINTED = 0.01
-"""Largest change that "given" makes, as a part of the largest principal moment: rounding to three printed digits.
+"""Largest change by "given", relative to the largest principal moment: the effect of rounding to three digits.
 
 Such rounding changes each entry by at most 0.5 %: a body's inertia I becomes I + E with `|E| ≤ 0.005 |I|`, where
 `‖I‖ ≤ √2 I₃` in the Frobenius norm. An eigenvalue of `½ tr(E) 1 - E` is `⟨E, ½ 1 - u uᵀ⟩ ≤ 0.005 (√3/2) √2 I₃`, one
@@ -32,7 +32,7 @@ class RigidInertias:
     - `how`: "strict" rejects each inertia that no body can have, "nearest" replaces it by the nearest possible one, and
       "given" replaces it if no principal moment is negative and none changes by more than `PRINTED` of the largest.
 
-    Raises DefinitionError for another word.
+    Raises DefinitionError for another value.
     """
 
     def __init__(self, how: str) -> None:
@@ -45,21 +45,21 @@ class RigidInertias:
         self._changes: dict[str, float] = {}
 
     def of(self, inertia: np.ndarray, owner: str, *, moves: bool) -> np.ndarray:
-        """Return an inertia that a body can have: the given one, or the nearest.
+        """Return the inertia itself if a body can have it, else the nearest possible one.
 
         - `inertia`: about the centre of mass, symmetric [3 3], kg m².
         - `owner`: its link or body, such as "link `forearm`".
-        - `moves`: True if a joint moves it by itself.
+        - `moves`: True if a joint moves it directly.
 
-        Raises DefinitionError, naming the owner, if there is none.
+        Raises DefinitionError, naming the owner, if the inertia must not be replaced.
         """
         if not np.isfinite(inertia).all() or is_rigid(inertia):
             return inertia
         close = nearest_rigid(inertia)
-        # The principal axes stay, so the spectral norm of the difference is the largest change of a moment.
+        # The principal axes are equal, so the spectral norm of the difference is the largest change of a moment.
         change = float(np.linalg.norm(close - inertia, 2) / np.linalg.norm(inertia, 2))
         helps = not moves or not is_point(close)
-        # The nearest to a negative moment may be 0, with which a joint about that axis has no inertia.
+        # A negative moment may become 0, and a joint about that axis would have no inertia.
         rounded = change <= PRINTED and np.linalg.eigvalsh(inertia)[0] >= 0.0
         if not helps or self._how == "strict" or (self._how == "given" and not rounded):
             require_rigid(inertia, f"the inertia of {owner}", moves=moves, setting=NEAREST if helps else None)

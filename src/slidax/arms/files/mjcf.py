@@ -1,4 +1,4 @@
-"""An arm from an MJCF file, MuJoCo's own format."""
+"""Read an arm from an MJCF file, MuJoCo's own format."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ def actuators_of_joint(model: Any, joint: int) -> list[int]:
 
 
 def torque_limits(model: Any) -> np.ndarray:
-    """Return the torque limit of each joint, the same in both directions, N m or N; infinite where none is given.
+    """Return the torque limit of each joint, equal in both directions, N m or N; infinite if the file has none.
 
     Raises DefinitionError, naming the joint, if its range does not contain both directions.
     """
     limits = []
     for joint in range(model.njnt):
-        lower, upper = _by_actuators(model, joint)
+        lower, upper = _actuator_range(model, joint)
         if model.jnt_actfrclimited[joint]:
             low, high = (float(end) for end in model.jnt_actfrcrange[joint])
             lower, upper = max(lower, low), min(upper, high)
@@ -51,15 +51,15 @@ def torque_limits(model: Any) -> np.ndarray:
     return np.array(limits)
 
 
-def _by_actuators(model: Any, joint: int) -> tuple[float, float]:
-    """Sum of the ranges of a joint's actuators; unlimited without any, since a law's torque acts all the same."""
-    ranges = [_range(model, actuator) for actuator in actuators_of_joint(model, joint)]
+def _actuator_range(model: Any, joint: int) -> tuple[float, float]:
+    """Return the sum of the torque ranges of a joint's actuators; infinite without actuators."""
+    ranges = [_torque_range(model, actuator) for actuator in actuators_of_joint(model, joint)]
     if not ranges:
         return -math.inf, math.inf
     return sum(low for low, _ in ranges), sum(high for _, high in ranges)
 
 
-def _range(model: Any, actuator: int) -> tuple[float, float]:
+def _torque_range(model: Any, actuator: int) -> tuple[float, float]:
     library, gear = mujoco(), float(model.actuator_gear[actuator, 0])
     low, high = -math.inf, math.inf
     if model.actuator_forcelimited[actuator]:
@@ -80,7 +80,7 @@ def _range(model: Any, actuator: int) -> tuple[float, float]:
 
 
 HINGE = 3
-"""MuJoCo's number of a joint that turns; the other kind that an arm has slides."""
+"""MuJoCo's number for a hinge joint; the other joints of an arm are slide joints."""
 
 
 def joints_of(model: Any, tip: str | None) -> list[Joint]:
@@ -108,7 +108,7 @@ def joints_of(model: Any, tip: str | None) -> list[Joint]:
 def _chain(model: Any, body: int, parent: str | None, torques: np.ndarray) -> list[Joint]:
     name = model.body(body).name
     rotation, translation = matrix_of(model.body_quat[body]), np.array(model.body_pos[body])
-    # The place in the body about which it turned last; a body's joints all stand in its own axes.
+    # Position of the last hinge in the body's frame; all joints of a body are defined in this frame.
     anchor = np.zeros(3)
     chain: list[Joint] = []
     first = int(model.body_jntadr[body])
@@ -129,28 +129,28 @@ def _chain(model: Any, body: int, parent: str | None, torques: np.ndarray) -> li
                 translation=translation + rotation @ offset,
                 axis=axis,
                 torque=float(torques[joint]),
-                **_motion(model, joint),
+                **_motion_parameters(model, joint),
             )
         )
         anchor, rotation, translation = here, np.eye(3), np.zeros(3)
     if chain and not anchor.any():
-        chain[-1] = dataclasses.replace(chain[-1], link=name, **_weight(model, body))
+        chain[-1] = dataclasses.replace(chain[-1], link=name, **_inertial(model, body))
         return chain
-    # The last joint's frame stands where it turns, and the body's somewhere else.
-    behind = Joint(
+    # The last joint's frame is at its hinge, the body's frame elsewhere.
+    body_joint = Joint(
         name=f"{name}, fixed",
         kind="fixed",
         parent=chain[-1].name if chain else parent,
         link=name,
         rotation=rotation,
         translation=translation - rotation @ anchor,
-        **_weight(model, body),
+        **_inertial(model, body),
     )
-    return [*chain, behind]
+    return [*chain, body_joint]
 
 
-def _weight(model: Any, body: int) -> dict[str, Any]:
-    """Mass, centre and inertia of a body; nothing for one fixed to the world, which may have any."""
+def _inertial(model: Any, body: int) -> dict[str, Any]:
+    """Return mass, centre and inertia of a body; empty for a body fixed to the world, whose mass has no effect."""
     if model.body_weldid[body] == 0:
         return {}
     turned = matrix_of(model.body_iquat[body])
@@ -161,8 +161,8 @@ def _weight(model: Any, body: int) -> dict[str, Any]:
     }
 
 
-def _motion(model: Any, joint: int) -> dict[str, Any]:
-    """Limits, friction and rotor inertia of a joint, including those of its actuators."""
+def _motion_parameters(model: Any, joint: int) -> dict[str, Any]:
+    """Return limits, friction and rotor inertia of a joint, including those of its actuators."""
     dof = int(model.jnt_dofadr[joint])
     actuators = actuators_of_joint(model, joint)
     squares = model.actuator_gear[actuators, 0] ** 2
@@ -225,7 +225,7 @@ def from_mjcf(
         _refuse_nan(file.root)
         with reading() as messages:
             spec = _spec(file)
-            # The names are for all bodies: MuJoCo would join what is fixed to each other.
+            # MuJoCo would otherwise fuse bodies that are fixed to each other, and lose their names.
             spec.compiler.fusestatic = False
             name_all(spec)
             objects = leave_out_objects(spec, tip)
@@ -259,21 +259,21 @@ def _spec(file: RobotFile) -> Any:
         require_named_files(file.root, file.folder)
         if file.path is not None and has_parts:
             return mujoco().MjSpec.from_file(str(file.path))
-        # From a file MuJoCo takes nothing but UTF-8 under a name that ends with .xml.
+        # MuJoCo reads only files in UTF-8 whose names end with .xml.
         spec = mujoco().MjSpec.from_string(file.text)
         spec.modelfiledir = f"{file.folder}/"
         return spec
     except ValueError as error:
-        # It has the line only, and if files are included, it does not say of which.
-        place = re.search(r"Element '(\w+)', line (\d+)", str(error))
-        if place is None or has_parts:
+        # The error has only a line number, and with included files does not say in which file.
+        line = re.search(r"Element '(\w+)', line (\d+)", str(error))
+        if line is None or has_parts:
             raise
-        owner = owner_at(file.text, place[1], int(place[2]))
+        owner = owner_at(file.text, line[1], int(line[2]))
         raise ValueError(f"{error} in {owner}" if owner else str(error)) from error
 
 
 def _refuse_nan(root: ET.Element) -> None:
-    """Reject NaN, which MuJoCo takes for a missing number."""
+    """Reject NaN, which MuJoCo reads as a missing number."""
     for where, element in elements(root):
         for name, text in element.attrib.items():
             if name not in ("name", "file", "content") and "nan" in text.lower().split():

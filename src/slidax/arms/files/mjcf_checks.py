@@ -1,4 +1,4 @@
-"""Checks of MuJoCo models: content that no arm of rigid links has, and parts that are left out."""
+"""Checks of MuJoCo models: reject features that an arm of rigid links cannot have, leave out other objects."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def name_all(spec: Any) -> None:
 
 
 def check_spec(spec: Any) -> None:
-    """Reject features that MuJoCo would drop at compilation, and those that it cannot name.
+    """Reject features that MuJoCo drops at compilation, or rejects without naming them.
 
     Raises DefinitionError naming joint or body.
     """
@@ -89,7 +89,7 @@ def _check_finite(model: Any) -> None:
                 raise DefinitionError(f"{field} of {kind} `{name}` must be finite")
     for field in ("gear", "forcerange", "ctrlrange", "gainprm", "armature", "damping"):
         values = getattr(model, f"actuator_{field}")
-        # Gears are squared.
+        # Squares must be finite, too, since gears are squared.
         with np.errstate(over="ignore"):
             squares = np.square(np.reshape(values, (model.nu, values.size // max(model.nu, 1))))
         finite = np.isfinite(squares).all(axis=1)
@@ -147,7 +147,7 @@ def _check_equalities(model: Any, free: set[int]) -> None:
             held = _carrier(model, bodies[0], free) == _carrier(model, bodies[1], free)
             between = [model.body(body).name for body in bodies]
         elif kind == int(kinds.mjEQ_TENDON):
-            held = not any(_moved_by(model, end, free) for end in ends if end >= 0)
+            held = not any(_is_moved(model, end, free) for end in ends if end >= 0)
             between = [model.tendon(end).name for end in ends if end >= 0]
         else:
             held, between = False, []
@@ -168,15 +168,15 @@ def _check_tendons(model: Any, free: set[int]) -> None:
             "a limited range": [model.tendon_limited[i]],
         }
         for what, values in forces.items():
-            if np.any(values) and _moved_by(model, i, free):
+            if np.any(values) and _is_moved(model, i, free):
                 name = model.tendon(i).name or i + 1
                 raise DefinitionError(
                     f"tendon `{name}` has {what}; an arm here has no tendons: lock its joints, or remove it"
                 )
 
 
-def _moved_by(model: Any, tendon: int, free: set[int]) -> bool:
-    """True if a joint that moves changes a tendon's length; assumed for a spatial tendon."""
+def _is_moved(model: Any, tendon: int, free: set[int]) -> bool:
+    """True if a moving joint changes a tendon's length; assumed for a spatial tendon."""
     first = int(model.tendon_adr[tendon])
     for k in range(first, first + int(model.tendon_num[tendon])):
         if model.wrap_type[k] != int(mujoco().mjtWrap.mjWRAP_JOINT) or int(model.wrap_objid[k]) in free:
@@ -185,7 +185,7 @@ def _moved_by(model: Any, tendon: int, free: set[int]) -> bool:
 
 
 def _carrier(model: Any, body: int, free: set[int]) -> int:
-    """Index of the body with a moving joint that carries this body, or is it; 0 if it stands still."""
+    """Return the index of the first body with a moving joint, from this body towards the base; 0 if there is none."""
     while body:
         first = int(model.body_jntadr[body])
         if free & set(range(first, first + int(model.body_jntnum[body]))):
@@ -197,7 +197,7 @@ def _carrier(model: Any, body: int, free: set[int]) -> int:
 POSTURES = 3
 ROUNDING = 1e-9
 SINGULAR = 1e-12
-"""Least eigenvalue of the inertia matrix, of its largest."""
+"""Least regular eigenvalue of the inertia matrix, relative to its largest."""
 
 
 def check_motion(model: Any, joints: Sequence[Joint], locked: Mapping[str, float]) -> None:
@@ -209,16 +209,16 @@ def check_motion(model: Any, joints: Sequence[Joint], locked: Mapping[str, float
     """
     library, data = mujoco(), mujoco().MjData(model)
     numbers = np.random.default_rng(0)
-    # Every joint is of one number, so that its places among positions and velocities are the same.
-    places = {model.joint(i).name: int(model.jnt_qposadr[i]) for i in range(model.njnt)}
+    # Every joint has one coordinate, so its index is the same among positions and velocities.
+    indices = {model.joint(i).name: int(model.jnt_qposadr[i]) for i in range(model.njnt)}
     moving = [joint for joint in joints if joint.kind != "fixed" and joint.name not in locked]
-    at = [places[joint.name] for joint in moving]
+    at = [indices[joint.name] for joint in moving]
     viscous = np.array([joint.viscous for joint in moving])
     if not moving:
         return
     for _ in range(POSTURES):
         for name, position in locked.items():
-            data.qpos[places[name]] = position
+            data.qpos[indices[name]] = position
         data.qpos[at] = [np.clip(numbers.uniform(-1.0, 1.0), joint.lower, joint.upper) for joint in moving]
         data.qvel[at] = numbers.uniform(-1.0, 1.0, len(at))
         library.mj_fwdPosition(model, data)
@@ -249,8 +249,8 @@ WEIGHS = "the body's inertia comes from it, so give the body an <inertial>"
 def drop_weightless_shapes(spec: Any, folder: Path, meshes: bool, attached: bool) -> None:
     """Replace shapes from files by a small ball, except those that define a body's inertia.
 
-    - `meshes`: True if the dropped meshes must exist as well.
-    - `attached`: True if parts come from other files. Only MuJoCo then knows the folders of meshes.
+    - `meshes`: True if the dropped meshes must exist, too.
+    - `attached`: True if parts come from other files; then only MuJoCo knows the folders of meshes.
 
     Raises DefinitionError, naming the body, if a mesh is missing.
     """
@@ -295,8 +295,8 @@ def _make_ball(geom: Any) -> None:
 def leave_out_objects(spec: Any, tip: str | None) -> list[str]:
     """Delete bodies that are not part of the arm, and return their names.
 
-    The bodies of the world are trees. With a tip, all moving trees without it are objects. Without one, trees with a
-    free or a ball joint are objects, if another tree can be an arm. A body that an equality ties is no object.
+    Each child of the world is the root of a tree. With a tip, all moving trees without it are objects. Without a tip,
+    trees with a free or a ball joint are objects, if another tree can be an arm. Bodies in an equality are no objects.
 
     - `tip`: name of the body or site at the arm's end; None if unknown.
     """

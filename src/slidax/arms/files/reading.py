@@ -1,4 +1,4 @@
-"""Helpers of all readers of robot files: MuJoCo's own reader, assumptions as warnings, and mesh files."""
+"""Helpers for all readers of robot files: MuJoCo's reader, warnings about assumptions, and mesh files."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from slidax.core.errors import DefinitionError, DefinitionWarning
 
 
 def mujoco() -> Any:
-    """Return the package; raise DefinitionError, with the way to install it, if it is missing."""
+    """Return the `mujoco` package; raise DefinitionError, with the command to install it, if it is missing."""
     try:
         import mujoco
     except ImportError as error:
@@ -40,7 +40,7 @@ def reading() -> Iterator[list[str]]:
         messages.extend(str(warning.message) for warning in raised)
     except DefinitionError:
         raise
-    # Its errors are of several kinds, and what they are is not documented.
+    # MuJoCo raises errors of several undocumented types.
     except Exception as error:
         raise DefinitionError(f"MuJoCo does not read the robot file: {_one_line(error)}") from error
     finally:
@@ -48,7 +48,7 @@ def reading() -> Iterator[list[str]]:
 
 
 def _one_line(error: Exception) -> str:
-    """The message without MuJoCo's word "Error" and without line ends."""
+    """Return MuJoCo's message on one line, without the word "Error"."""
     lines = [line.strip() for line in str(error).splitlines()]
     return "; ".join(line for line in lines if line).removeprefix("Error: ").removeprefix("XML Error: ")
 
@@ -68,11 +68,11 @@ def turn_about(axis: np.ndarray, angle: float) -> np.ndarray:
 
 
 MOST = 4
-"""Owners that a warning lists by name."""
+"""Most owners that a warning lists by name."""
 
 
 class Notes:
-    """Assumptions of one reading; the same assumption for several links or joints is one warning, which lists them."""
+    """Assumptions while reading a file; those that are equal for several links or joints share a warning."""
 
     def __init__(self) -> None:
         self._owners: dict[tuple[str, str], list[str]] = {}
@@ -80,7 +80,7 @@ class Notes:
     def add(self, text: str, owner: str = "") -> None:
         """Note an assumption.
 
-        - `text`: a sentence without its period, and the remedy; `{}` stands for the owners.
+        - `text`: the assumption and the remedy, without a period; `{}` is replaced by the owners.
         - `owner`: the link or joint, such as "link `forearm`".
         """
         before, _, after = text.partition("{}")
@@ -90,7 +90,7 @@ class Notes:
 
     @property
     def sentences(self) -> list[str]:
-        """The assumptions in their order."""
+        """The assumptions in the order of their addition."""
         return [f"{before}{_listed(owners)}{after}" for (before, after), owners in self._owners.items()]
 
     def explain(self, error: DefinitionError) -> DefinitionError:
@@ -101,14 +101,14 @@ class Notes:
             for (before, after), owners in self._owners.items()
             if not named or named & set(re.findall(r"`[^`]*`", " ".join(owners)))
         ]
-        told = error.message + "".join(f"; note that {hint}" for hint in hints)
-        return DefinitionError(told, where=error.where).offering(error.setting)
+        message = error.message + "".join(f"; note that {hint}" for hint in hints)
+        return DefinitionError(message, where=error.where).offering(error.setting)
 
     def warn(self, source: str, stacklevel: int) -> None:
-        """Raise one `DefinitionWarning` for each assumption.
+        """Issue one `DefinitionWarning` for each assumption.
 
         - `source`: path of the file, or the robot's name.
-        - `stacklevel`: of `warnings.warn`, relative to the caller.
+        - `stacklevel`: stack level for `warnings.warn`, relative to the caller.
         """
         for sentence in self.sentences:
             warnings.warn(f"{source}: {sentence}", DefinitionWarning, stacklevel=stacklevel + 1)
@@ -131,25 +131,25 @@ PACKAGE = re.compile(r"(?:package|model):///?([^/]+)/(.+)")
 
 
 def require_mesh(owner: str, name: str, folder: Path, packages: Packages = (), instead: str = WITHOUT) -> None:
-    """Raise DefinitionError, with the searched places, if a mesh file does not exist.
+    """Raise DefinitionError, with the searched paths, if a mesh file does not exist.
 
     - `owner`: its owner, for the message: "link `forearm`".
-    - `name`: path or address, as the robot file has it.
-    - `folder`: of the robot file.
+    - `name`: path or URI in the robot file.
+    - `folder`: folder of the robot file.
     - `packages`: folders of packages by name, or folders that contain packages.
     - `instead`: the alternative, for the message.
     """
-    places = mesh_places(name, folder, packages)
-    if any(place.is_file() for place in places):
+    paths = mesh_paths(name, folder, packages)
+    if any(path.is_file() for path in paths):
         return
-    looked = ", ".join(str(place) for place in places) or "nowhere, as it is not the address of a file"
+    looked = ", ".join(str(path) for path in paths) or "nowhere, as it is not the address of a file"
     package = PACKAGE.match(name)
     remedy = f"packages={{'{package[1]}': FOLDER}} says where the package is, or " if package else ""
     raise DefinitionError(f"the mesh `{name}` of {owner} is not there; looked for {looked}; {remedy}{instead}")
 
 
-def mesh_places(name: str, folder: Path, packages: Packages = ()) -> list[Path]:
-    """Return the possible places of a mesh, the likeliest first; arguments as in `require_mesh`."""
+def mesh_paths(name: str, folder: Path, packages: Packages = ()) -> list[Path]:
+    """Return the possible paths of a mesh, the most likely first; arguments as in `require_mesh`."""
     package = PACKAGE.match(name)
     if package:
         return _in_package(package[1], package[2], folder, packages)
@@ -164,8 +164,8 @@ def _in_package(package: str, rest: str, folder: Path, packages: Packages) -> li
             return [Path(packages[package]) / rest]
         in_packages = []
     else:
-        in_packages = [Path(place) / package / rest for place in packages]
-    # A description package mostly holds the robot file itself, or stands beside the one that does.
+        in_packages = [Path(folder_of_packages) / package / rest for folder_of_packages in packages]
+    # A description package usually contains the robot file, or is a sibling of the package that does.
     around = [above / rest for above in (folder, *folder.parents) if above.name == package]
     siblings = [above / package / rest for above in (folder, *folder.parents) if (above / package).is_dir()]
     return [*in_packages, *around, *siblings] or [folder / package / rest]

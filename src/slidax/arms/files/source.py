@@ -1,4 +1,4 @@
-"""The text of a robot file and its XML, read with limits, and the files that it names."""
+"""Read the text and XML of a robot file within size limits, and check the files that it names."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from .reading import Packages
 from .xacro import expand
 
 MOST_BYTES = 10 * MEGABYTE
-"""Of a file; the largest known robot file has one."""
+"""Size limit of a file [bytes]; the largest known robot file has 1 MB."""
 
 DEEPEST = 300
-"""Elements inside of each other; MuJoCo's reader takes 500."""
+"""Most levels of nested elements; MuJoCo's reader allows 500."""
 
 
 @dataclass(frozen=True)
 class RobotFile:
     """A robot file.
 
-    - `path`: None for a text.
-    - `root`: the XML's outermost element.
-    - `prefixed`: the name of one element for each undeclared prefix.
+    - `path`: path of the file; None for a text.
+    - `root`: outermost XML element.
+    - `prefixed`: name of an element with each undeclared prefix.
     """
 
     text: str
@@ -54,11 +54,11 @@ def read_robot_file(
 
     - `source`: a path, or the XML itself: a text with `<` in it.
     - `root`: name of its outermost element.
-    - `other`: the remedy for another element, as a clause after a semicolon.
-    - `arguments`: of a xacro file, by name.
+    - `other`: the remedy for another outermost element, as a clause after a semicolon.
+    - `arguments`: arguments of a xacro file, by name.
     - `packages`: as in `from_urdf`.
 
-    Raises DefinitionError if there is no such file, or no such XML in it.
+    Raises DefinitionError if the file does not exist, or has no such XML.
     """
     path: Path | None = None
     text: str | bytes
@@ -79,11 +79,11 @@ def read_robot_file(
     return RobotFile(_decoded(text, tree), path, tree, prefixed)
 
 
-class _Guarded:
+class _TreeBuilder:
     """Build a tree, but reject documents that define entities or are nested too deeply.
 
-    Prefixes stay in the names: other readers of robot files know no namespaces, and old files for Gazebo have prefixes
-    without declarations.
+    Prefixes remain part of the names: other readers of robot files ignore namespaces, and old files for Gazebo have
+    undeclared prefixes.
     """
 
     def __init__(self) -> None:
@@ -111,8 +111,8 @@ class _Guarded:
 
 
 def _parsed(text: str | bytes) -> tuple[ET.Element, dict[str, str]]:
-    """The tree, and one element's name for each undeclared prefix."""
-    guarded, parser = _Guarded(), expat.ParserCreate()
+    """Return the tree, and the name of an element with each undeclared prefix."""
+    guarded, parser = _TreeBuilder(), expat.ParserCreate()
     parser.buffer_text = True
     parser.StartElementHandler, parser.EndElementHandler = guarded.start, guarded.end
     parser.CharacterDataHandler = guarded.builder.data
@@ -134,7 +134,7 @@ def _decoded(text: str | bytes, tree: ET.Element) -> str:
     try:
         return text.decode("utf-8-sig")
     except UnicodeDecodeError:
-        # The reader of XML knew the encoding by the declaration, or by the first bytes.
+        # The XML parser knew the encoding from the declaration or the first bytes.
         return ET.tostring(tree, encoding="unicode")
 
 
@@ -150,10 +150,7 @@ def elements(root: ET.Element) -> Iterator[tuple[str, ET.Element]]:
 
 
 def owner_at(text: str, tag: str, line: int) -> str:
-    """Return the owner, in the form of `elements`, of the element that begins in a line; empty if there is none.
-
-    - `line`: counted from 1.
-    """
+    """Return the owner, as in `elements`, of the element that begins in a line, from 1; empty if there is none."""
     parser, around, owners = expat.ParserCreate(), [""], [""]
 
     def start(name: str, attributes: dict[str, str]) -> None:
@@ -190,11 +187,11 @@ PARTS = ("include", "model")
 
 
 def require_named_files(root: ET.Element, folder: Path) -> None:
-    """Check the files that a MuJoCo file names, and those that its parts name.
+    """Check the files that a MuJoCo file and its included files name.
 
-    Reading a pipe or a device would never end. Missing files are left to MuJoCo's reader, which knows other places.
+    Reading a pipe or a device would never end. Missing files are left to MuJoCo's reader, which searches other folders.
 
-    Raises DefinitionError if a file exists but is no regular file, or is too large.
+    Raises DefinitionError if a file exists but is not a regular file, or is too large.
     """
     waiting, known = [root], set[Path]()
     while waiting:
@@ -203,7 +200,7 @@ def require_named_files(root: ET.Element, folder: Path) -> None:
         folders = {folder, *(folder / text for text in named)}
         for part in element.iter():
             name = part.get("file")
-            for path in () if not name else (place / name for place in folders):
+            for path in () if not name else (folder / name for folder in folders):
                 if path in known or not _exists(path):
                     continue
                 known.add(path)
@@ -225,7 +222,7 @@ def _exists(path: Path) -> bool:
 
 
 def _parsed_part(path: Path) -> list[ET.Element]:
-    """Outermost element of a part; none if MuJoCo's reader will reject it."""
+    """Return the outermost element of an included file; empty if MuJoCo's reader will reject the file."""
     content = read_bytes(path, "the included file", most=MOST_BYTES)
     if b"<!DOCTYPE" in content:
         raise DefinitionError(f"the included file `{path}` has a DOCTYPE, which may define entities; remove it")

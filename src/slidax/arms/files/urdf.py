@@ -1,4 +1,4 @@
-"""An arm from a URDF file, with its mimic joints."""
+"""Read an arm from a URDF file, with its mimic joints."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Mimics = Literal["held", "followed"]
 FOLLOWED = 'mimics="followed"'
 
 MOST_NAMES = 3
-"""Followers that a warning lists by name."""
+"""Most followers that a warning lists by name."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Mimicry:
     following: dict[str, Following]
 
 
-class LostError(Exception):
+class InvalidLeaderError(Exception):
     """A follower has no valid leader."""
 
 
@@ -73,14 +73,15 @@ def mimicry_of(tree: UrdfTree, tip: str, locked: Mapping[str, float], mimics: st
             continue
         try:
             leader_motion = resolve_mimic(tree, name, locked)
-        except LostError as error:
-            place = position_near_zero(tree, name)
+        except InvalidLeaderError as error:
+            position = position_near_zero(tree, name)
             if name in between:
                 raise DefinitionError(
-                    f"{error}; locked={{'{name}': {place:g}}} holds the joint, or remove its <mimic>"
+                    f"{error}; locked={{'{name}': {position:g}}} holds the joint, or remove its <mimic>"
                 ) from None
-            held[name] = place
-            notes.add(f"{error}: {{}} is held at {place:g}; locked={{'{name}': POSITION}} holds it elsewhere", _j(name))
+            held[name] = position
+            remedy = f"locked={{'{name}': POSITION}} holds it elsewhere"
+            notes.add(f"{error}: {{}} is held at {position:g}; {remedy}", _j(name))
             continue
         if isinstance(leader_motion, float):
             held[name] = leader_motion
@@ -98,7 +99,7 @@ def mimicry_of(tree: UrdfTree, tip: str, locked: Mapping[str, float], mimics: st
 
 
 def hold_massless(tree: UrdfTree, tip: str, mimicry: Mimicry, rotors: Iterable[str], notes: Notes) -> None:
-    """Hold joints without mass behind them outside the path from base to tip: they do not influence the motion.
+    """Hold joints outside the path from base to tip that carry no mass: they do not influence the motion.
 
     - `mimicry`: receives the held joints.
     - `rotors`: names of joints with rotor inertia, which move without a mass.
@@ -146,13 +147,13 @@ def _hold(
         if not outside:
             continue
         at = position_near_zero(tree, leader)
-        places = ({leader: at} if apart else {}) | {
+        positions = ({leader: at} if apart else {}) | {
             name: following[name].ratio * at + following[name].offset for name in outside
         }
         for name in outside:
             del following[name]
-        held |= places
-        listed = ", ".join(f"'{name}': {place:.6g}" for name, place in places.items())
+        held |= positions
+        listed = ", ".join(f"'{name}': {position:.6g}" for name, position in positions.items())
         names = ", ".join(f"`{name}`" for name in outside[:MOST_NAMES])
         more = f" and {len(outside) - MOST_NAMES} more" if len(outside) > MOST_NAMES else ""
         notes.add(
@@ -164,9 +165,9 @@ def _hold(
 
 
 def resolve_mimic(tree: UrdfTree, name: str, locked: Mapping[str, float]) -> Following | float:
-    """Return how a joint follows the first joint that moves by itself, or its position if there is none.
+    """Resolve a chain of mimic joints: return the independent leader and the ratio, or a position if none moves.
 
-    Raises LostError if it follows an unknown joint or itself.
+    Raises InvalidLeaderError if it follows an unknown joint or itself.
     """
     ratio, offset, at, passed = 1.0, 0.0, name, [name]
     while True:
@@ -179,14 +180,14 @@ def resolve_mimic(tree: UrdfTree, name: str, locked: Mapping[str, float]) -> Fol
             return Following(at, ratio, offset)
         leader = _leader(tree, at)
         if leader not in tree.joints:
-            raise LostError(
+            raise InvalidLeaderError(
                 f"joint `{at}` mimics joint `{leader}`, which does not exist; {nearest_word(leader, tree.joints)}"
             )
         multiplier = number(mimic, "multiplier")
         offset += ratio * (number(mimic, "offset") or 0.0)
         ratio *= 1.0 if multiplier is None else multiplier
         if leader in passed:
-            raise LostError(f"joint `{at}` mimics joint `{leader}`, which follows it in turn")
+            raise InvalidLeaderError(f"joint `{at}` mimics joint `{leader}`, which follows it in turn")
         passed.append(leader)
         at = leader
 
@@ -310,7 +311,7 @@ def _coupled(arm: Articulated, mimicry: Mimicry, notes: Notes) -> Coupled:
 
 
 def _drop_ranges_apart(limits: dict[str, dict[str, float]], mimicry: Mimicry, notes: Notes) -> None:
-    """Ignore a follower's range that has nothing in common with its leader's."""
+    """Ignore a follower's range that does not overlap its leader's."""
     left = {follower.leader: _range(limits[follower.leader]) for follower in mimicry.following.values()}
     for name, follower in mimicry.following.items():
         first, last = sorted((end - follower.offset) / follower.ratio for end in _range(limits[name]))
@@ -333,11 +334,11 @@ def _range(limits: Mapping[str, float]) -> tuple[float, float]:
 def _limits(
     tree: UrdfTree, moving: Sequence[str], locked: Mapping[str, float], mimicry: Mimicry, notes: Notes
 ) -> dict[str, dict[str, float]]:
-    """Limits by joint: of moving joints, and of those that the user holds, as far as they are valid."""
+    """Return the limits of moving joints, and the valid ones of joints that the user holds, by joint name."""
     by_joint, missing = dict[str, dict[str, float]](), dict[str, list[str]]()
     for name in moving:
         by_joint[name], without = limits_of(tree.joints[name], notes)
-        # A follower is driven by its leader, and needs no limits of its own.
+        # A follower's leader drives it, so its own limits may be missing.
         for limit in without if name not in mimicry.following else ():
             missing.setdefault(limit, []).append(name)
     for name in locked:
@@ -421,7 +422,7 @@ def _joint(
         }
     # A link fixed to the base may have any inertia, and often has an impossible one.
     if link not in tree.standing and body.explicitinertial:
-        # Of an inertia that is 0 MuJoCo makes one that is not defined.
+        # MuJoCo turns an inertia of 0 into NaN.
         xx, yy, zz, xy, xz, yz = np.nan_to_num(body.fullinertia)
         inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         if body.mass > 0:
@@ -440,9 +441,9 @@ def _joint(
 
 
 def _skeleton(tree: UrdfTree, numbers: Mapping[str, str]) -> str:
-    """The file with only the elements of the motion, and numbers for names.
+    """Return the file with only the elements that define the motion, and numbers instead of names.
 
-    Other elements cannot disturb MuJoCo then, and no name, such as `world`, has a meaning for it.
+    MuJoCo then cannot fail on other elements, and cannot give a name such as `world` a special meaning.
     """
     robot = ET.Element("robot", name="robot")
     for link, number_ in numbers.items():

@@ -1,4 +1,4 @@
-"""Shapes of a URDF file and their places, for drawing."""
+"""Shapes of a URDF file and their poses, for drawing."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from slidax.core.errors import DefinitionError, locate_errors
 
 from ..rotations import rotation_about, rotation_by_roll_pitch_yaw
-from .reading import mesh_places
+from .reading import mesh_paths
 from .source import read_robot_file
 from .urdf_tree import UrdfTree, urdf_tree
 
@@ -26,9 +26,9 @@ class Shape:
     - `kind`: "box", "cylinder", "sphere" or "mesh".
     - `at`: pose in the link's frame [4 4].
     - `numbers`: sides, radius and length, or radius, m; for a mesh the scale along its axes [3].
-    - `colour`: red, green, blue, opacity, 0 to 1; None if the file gives none.
-    - `file`: mesh file as the URDF names it; empty for others.
-    - `path`: mesh file; None if it does not exist.
+    - `colour`: red, green, blue, opacity, 0 to 1; None if the file has none.
+    - `file`: name of the mesh file in the URDF; empty for other shapes.
+    - `path`: path of the mesh file; None if it does not exist.
     """
 
     link: str
@@ -82,7 +82,7 @@ class UrdfDrawing:
     def _shape(self, link: str, shape: ET.Element, at: np.ndarray, colour: tuple[float, ...] | None) -> Iterator[Shape]:
         if shape.tag == "mesh":
             file = shape.get("filename", "").strip()
-            path = next((path for path in mesh_places(file, self.folder) if path.is_file()), None)
+            path = next((path for path in mesh_paths(file, self.folder) if path.is_file()), None)
             scale = np.broadcast_to(_numbers(shape, "scale", "1 1 1"), 3)
             yield Shape(link, "mesh", at, scale, colour, file, path)
         elif shape.tag in SIZES:
@@ -93,7 +93,7 @@ class UrdfDrawing:
 def urdf_drawing(path: Path) -> UrdfDrawing:
     """Read a URDF file for drawing.
 
-    Raises DefinitionError if it is not readable, or its links are no tree.
+    Raises DefinitionError if it is not readable, or its links do not form a tree.
     """
     file = read_robot_file(path, "robot", "a URDF file is needed")
     with locate_errors(str(path)):

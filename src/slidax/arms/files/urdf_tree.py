@@ -22,7 +22,7 @@ CHILDREN: Mapping[str, tuple[str, ...]] = {
     "inertial": ("origin", "mass", "inertia"),
     "joint": ("origin", "parent", "child", "axis", "dynamics", "limit", "mimic"),
 }
-"""The elements that define the motion, and those around them."""
+"""Elements that define the motion, by the element that contains them."""
 
 NUMBERS: Mapping[str, Mapping[str, int]] = {
     "origin": {"xyz": 3, "rpy": 3, "quat_xyzw": 4},
@@ -41,17 +41,17 @@ REQUIRED: Mapping[str, tuple[str, ...]] = {
     "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
     "inertial": ("mass", "inertia"),
 }
-"""Attributes, or elements inside, without which an element says nothing."""
+"""Attributes or inner elements that an element must have."""
 
 
 SHAPING = ("origin", "axis", "mass", "inertia")
-"""Elements whose values all shape the motion. In the others programs have attributes of their own, such as `jerk`."""
+"""Elements whose attributes all define the motion. In others, programs add attributes of their own, such as `jerk`."""
 
 UPRIGHT = 1e-9
-"""Cosine of the pitch below which roll and yaw are not told apart."""
+"""Cosine of the pitch below which roll and yaw cannot be distinguished."""
 
 MOTION = ("axis", "dynamics", "limit", "mimic")
-"""Elements that mean nothing in a joint that does not move."""
+"""Elements without a meaning in a fixed joint."""
 
 
 def check_element(owner: str, element: ET.Element, notes: Notes) -> None:
@@ -73,7 +73,7 @@ def check_element(owner: str, element: ET.Element, notes: Notes) -> None:
                     f"<{child.tag}> in <{tag}> of {{}} is not read, as URDF has no such element; remove it", owner
                 )
         elif still and child.tag in MOTION:
-            _pass_over(owner, child, notes)
+            _ignore_element(owner, child, notes)
         elif tag != "robot":
             check_element(owner, child, notes)
     if tag == "robot":
@@ -87,7 +87,7 @@ def check_element(owner: str, element: ET.Element, notes: Notes) -> None:
             raise DefinitionError(f"<{tag}> of {owner} has no {kind} `{name}`")
     _check_attributes(owner, element, notes)
     if element.get("quat_xyzw") is not None:
-        _turn_by_angles(owner, element)
+        _convert_quaternion(owner, element)
 
 
 def same_element(first: ET.Element, second: ET.Element) -> bool:
@@ -101,7 +101,7 @@ def same_element(first: ET.Element, second: ET.Element) -> bool:
     )
 
 
-def _turn_by_angles(owner: str, origin: ET.Element) -> None:
+def _convert_quaternion(owner: str, origin: ET.Element) -> None:
     """Convert a quaternion, from newer versions of URDF, to roll, pitch and yaw."""
     x, y, z, w = (float(word) for word in origin.attrib.pop("quat_xyzw").split())
     size = math.hypot(x, y, z, w)
@@ -116,12 +116,12 @@ def _turn_by_angles(owner: str, origin: ET.Element) -> None:
     if flat > UPRIGHT:
         roll, yaw = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)), math.atan2(along, across)
     else:
-        # Roll and yaw turn about the same axis there.
+        # Gimbal lock: roll and yaw rotate about the same axis.
         roll, yaw = 0.0, math.atan2(2.0 * (w * z - x * y), 1.0 - 2.0 * (x * x + z * z))
     origin.set("rpy", f"{roll!r} {pitch!r} {yaw!r}")
 
 
-def _pass_over(owner: str, element: ET.Element, notes: Notes) -> None:
+def _ignore_element(owner: str, element: ET.Element, notes: Notes) -> None:
     """Ignore an element of a fixed joint, since it means nothing."""
     try:
         check_element(owner, element, Notes())
@@ -142,9 +142,9 @@ def _check_attributes(owner: str, element: ET.Element, notes: Notes) -> None:
 
 
 def _check_unknown(owner: str, element: ET.Element, name: str, known: tuple[str, ...]) -> bool:
-    """True if a name is similar to a known one that is also there; raise an error if the known one is missing.
+    """True if a name is similar to a known one that is also present; raise an error if the known one is missing.
 
-    A name that is similar to none is some program's extension.
+    A name that is similar to no known one counts as an extension of some program.
     """
     close = [] if "_" in name or ":" in name else get_close_matches(name.lower(), known, n=1, cutoff=0.66)
     if close and element.get(close[0]) is None and element.find(close[0]) is None:
@@ -203,7 +203,7 @@ def limits_of(joint: ET.Element, notes: Notes | None = None) -> tuple[dict[str, 
             limits[field] = value
     if not endless:
         limits |= _range_of(name, limit_element, notes)
-    # A joint without end needs no limits at all, but if it has some they should be complete.
+    # A continuous joint needs no limits, but if it has some, they should be complete.
     needed = (("upper", "position"), ("velocity", "velocity"), ("torque", "effort"))
     missing = [shown for field, shown in needed if field not in limits and not (endless and field == "upper")]
     return limits, [] if endless and limit_element is None else missing
@@ -319,9 +319,9 @@ def urdf_tree(robot: ET.Element, notes: Notes | None = None) -> UrdfTree:
 
 
 def _add_base(links: dict[str, ET.Element], joints: Mapping[str, ET.Element], notes: Notes) -> None:
-    """Take a named link without description as the base, if a joint carries every described link.
+    """Use a link that only a joint names as the base, if every described link is a child of a joint.
 
-    Parts that are meant to be fixed to another robot are like this, and files that rely on a link `world`.
+    This occurs in files of parts that belong on another robot, and in files that rely on a link `world`.
     """
     ends = [{_end(joint, end) for joint in joints.values()} for end in ("parent", "child")]
     described = set(links) <= ends[1]
@@ -397,7 +397,7 @@ def _root(links: Mapping[str, ET.Element], carriers: Mapping[str, str]) -> str:
 def _order(
     root: str, links: Mapping[str, ET.Element], parents: Mapping[str, str], children: Mapping[str, str]
 ) -> tuple[str, ...]:
-    """Joints in depth-first order from the root."""
+    """Return the joints in depth-first order from the root."""
     carried: dict[str, list[str]] = {link: [] for link in links}
     for joint, parent in parents.items():
         carried[parent].append(joint)

@@ -1,4 +1,4 @@
-"""URDF files written as xacro macros, expanded by xacrodoc without running code from the file."""
+"""Expand xacro files to URDF by xacrodoc, without running code from the file."""
 
 from __future__ import annotations
 
@@ -21,35 +21,35 @@ from .reading import Packages
 MISSING = "xacrodoc, which reads xacro files, is needed: pip install 'slidax[robots]'"
 
 MOST_OF_YAML = MEGABYTE // 4
-"""Of a YAML file; its reader takes up to ten seconds for more."""
+"""Size limit of a YAML file [bytes]; reading a larger one can take more than ten seconds."""
 
 STEPS_OF_A_NODE = 25
-"""Steps that an element or an attribute counts, so that those of an expansion need at most about 0.2 GB."""
+"""Steps for an element or an attribute, which limit the memory of an expansion to about 0.2 GB."""
 
 STEPS_OF_A_COPY = 100
-"""Steps that each use of a macro or a block counts in addition."""
+"""Additional steps for each use of a macro or a block."""
 
 LONGEST_MESSAGE = 500
-"""Characters of a message of xacro."""
+"""Most characters that are shown of a message of xacro."""
 
 MACRO_PARAMETER = re.compile(
     r"^\s*([^\s:=]+?)\s*:?=\s*(\^\|?)?(\$\{.*?\}|\$\(.*?\)|(?:'[^']*'|\"[^\"]*\"|[^\s'\"])+|)(?:\s+|$)(.*)"
 )
-"""xacro's own, but for a repetition in a repetition, which takes exponential time."""
+"""xacro's own expression without a nested repetition, which takes exponential time."""
 
 _ONE_AT_A_TIME = threading.Lock()
-"""xacro keeps the file that it reads in variables of its module."""
+"""Lock for xacro, which keeps the state of an expansion in module variables."""
 
 
 def expand(path: Path, arguments: Mapping[str, str], packages: Packages = (), *, most: int) -> str:
     """Return the URDF text of a xacro file.
 
     `expression.evaluate` evaluates its expressions, so a file cannot run code. It may include and read other files, by
-    relative paths and by `$(find PACKAGE)`. Packages are searched in `packages`, around the file, and where ROS has
-    them.
+    relative paths and by `$(find PACKAGE)`. Packages are searched in `packages`, in the folders above the file, and
+    where ROS has them.
 
     - `arguments`: values of its `<xacro:arg>` by name.
-    - `most`: limit in bytes for the file, for each included file, and for the text.
+    - `most`: size limit for the file, for each included file, and for the expansion [bytes].
 
     Raises DefinitionError if xacrodoc is not installed, or the expansion needs more than `most` or the steps of a
     `Budget`.
@@ -74,13 +74,13 @@ def expand(path: Path, arguments: Mapping[str, str], packages: Packages = (), *,
         return str(evaluate(words, {**functions, **values, **arg}, {**functions, **arg}, budget))
 
     def eval_text(words: str, symbols: Any) -> Any:
-        # The lexer of xacro copies the rest of a text at each `$`.
+        # xacro's lexer copies the rest of the string at each `$`.
         budget.spend(1 + len(words) // CHARACTERS + words.count("$") * len(words) // CHARACTERS**2)
         return original_eval_text(words, symbols)
 
     def eval_all(node: Any, macros: Any, symbols: Any) -> None:
         if node.parentNode is None:
-            # A copy of a macro or of a block: count all of it before what is in it is copied in turn.
+            # A copy of a macro or a block: count all its nodes before it copies others in turn.
             budget.spend(STEPS_OF_A_COPY + STEPS_OF_A_NODE * _nodes_in(node))
         original_eval_all(node, macros, symbols)
 
@@ -112,7 +112,12 @@ def expand(path: Path, arguments: Mapping[str, str], packages: Packages = (), *,
         (substitution_args, "_eval", substitution),
         (substitution_args, "_eval_find", find),
     )
-    with _ONE_AT_A_TIME, _replaced(swaps), contextlib.redirect_stderr(io.StringIO()), contextlib.ExitStack() as left:
+    with (
+        _ONE_AT_A_TIME,
+        _replace_attributes(swaps),
+        contextlib.redirect_stderr(io.StringIO()),
+        contextlib.ExitStack() as left,
+    ):
         left.callback(xacro.init_stacks, None)
         xacro.init_stacks(str(path))
         try:
@@ -136,7 +141,7 @@ class _LimitedText(io.StringIO):
 
 
 def _nodes_in(element: Any) -> int:
-    """Number of elements and attributes in an element, including itself."""
+    """Return the number of elements and attributes in an element, including itself."""
     number, waiting = 0, [element]
     while waiting:
         node = waiting.pop()
@@ -146,7 +151,7 @@ def _nodes_in(element: Any) -> int:
 
 
 def _one_line(error: Exception) -> str:
-    """The message, with that of the underlying error, without line ends."""
+    """Return the message of an error, or of its cause, on one line."""
     cause: BaseException | None = error
     while cause is not None:
         if isinstance(cause, RecursionError):
@@ -159,10 +164,10 @@ def _one_line(error: Exception) -> str:
 
 
 @contextlib.contextmanager
-def _replaced(swaps: tuple[tuple[Any, str, Any], ...]) -> Iterator[None]:
-    """Replace evaluation, file access and limits in xacro's modules by our own, for one expansion.
+def _replace_attributes(swaps: tuple[tuple[Any, str, Any], ...]) -> Iterator[None]:
+    """Replace evaluation, file access and limits in xacro's modules by slidax's own, for one expansion.
 
-    Raises DefinitionError if a version of xacro lacks one of the names, since it may evaluate in another way.
+    Raises DefinitionError if a version of xacro lacks one of the names, since it may evaluate expressions differently.
     """
     for module, name, _ in swaps:
         if not hasattr(module, name):
@@ -195,7 +200,7 @@ def _functions(xacro: Any) -> dict[str, Callable[..., Any]]:
         "abs_filename": lambda name: xacro.abs_filename_spec(str(name)),
         "dotify": dict,
         "arg": lambda name: xacro.substitution_args_context["arg"][name],
-        # Its separators stand in a regular expression, which may be any.
+        # xacro would use the separators as a regular expression.
         "tokenize": lambda text, sep=",; ", skip_empty=True: xacro.tokenize(str(text), re.escape(sep), skip_empty),
         "fatal": fatal,
         **dict.fromkeys(("message", "warning", "error", "print_location"), message),
@@ -208,7 +213,7 @@ def _yaml(path: Path) -> Any:
 
     factors = {"radians": 1.0, "degrees": math.pi / 180.0, "meters": 1.0, "millimeters": 1e-3}
     factors |= {"foot": 0.3048, "inches": 0.0254}
-    # A class of its own, as the constructors would be those of every reader of YAML.
+    # A new class, since constructors added to SafeLoader would apply to every reader of YAML.
     loader: Any = type("Loader", (yaml.SafeLoader,), {})
 
     def scaled(factor: float) -> Callable[[Any, Any], float]:
@@ -220,12 +225,12 @@ def _yaml(path: Path) -> Any:
 
 
 def _package(name: str, path: Path, packages: Packages) -> str | None:
-    """Folder of a package: from `packages`, or one with its name around the file."""
+    """Return the folder of a package: from `packages`, or a folder with its name above the file."""
     if isinstance(packages, Mapping):
-        places = [Path(packages[name])] if name in packages else []
+        folders = [Path(packages[name])] if name in packages else []
     else:
-        places = [Path(place) / name for place in packages]
+        folders = [Path(folder) / name for folder in packages]
     for above in path.resolve().parents:
-        places += [above] if above.name == name else []
-        places += [above / name]
-    return next((str(place) for place in places if place.is_dir()), None)
+        folders += [above] if above.name == name else []
+        folders += [above / name]
+    return next((str(folder) for folder in folders if folder.is_dir()), None)
