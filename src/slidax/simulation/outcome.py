@@ -175,7 +175,7 @@ def describe_outcome(
         remedy = (
             "It was outside its envelope, where the law is not defined: use its sampled-data form."
             if excursion is not None and bool(excursion.outside)
-            else "Shorten the period, or lower the gains; the run up to this time is available."
+            else "Shorten the period, or lower the gains; the run up to there is kept."
         )
         return Outcome(
             kind, f"{_joint(names[joint])} became infinite or undefined at t = {t:.4g} s. {remedy}", t, joint + 1
