@@ -256,7 +256,7 @@ def test_many_runs_are_numbered_and_rows_of_studies_have_units(kind):
 
 
 def test_another_library_is_refused(monkeypatch):
-    with pytest.raises(DefinitionError, match='of "pandas" or of "polars"'):
+    with pytest.raises(DefinitionError, match='must be "pandas" or "polars"'):
         inspect.unwrap(data_frame)({}, "arrow")
     monkeypatch.setitem(__import__("sys").modules, "polars", None)
     with pytest.raises(DefinitionError, match=r"pip install 'slidax\[frame\]'"):
