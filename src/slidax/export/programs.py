@@ -11,11 +11,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from slidax.arms.arm import AbstractRobot
 from slidax.codegen.builder import Builder
 from slidax.codegen.ir import Program, Value
 from slidax.codegen.passes import rebuild
 from slidax.codegen.trace.library import Library
 from slidax.codegen.trace.tracing import ir_type, trace
+from slidax.core.linear_algebra import matvec
 from slidax.core.types import Reference, Scalar, State, Vector
 from slidax.motions.trajectory import AbstractMotion
 from slidax.simulation.plant import Plant
@@ -63,7 +65,11 @@ class Function:
         """The constant arrays that it reads."""
         read = {value.data[0] for value in self.program.body.values if value.op == "input"}
         read |= {value.data for value in self.program.walk() if value.op == "load"}
-        return [place.member for k, place in enumerate(self.inputs) if place.member.values is not None and k in read]
+        return [
+            place.member
+            for k, place in enumerate(self.inputs)
+            if not place.pointer and place.member.values is not None and k in read
+        ]
 
     @property
     def assigned(self) -> list[tuple[str, Value]]:
@@ -203,6 +209,32 @@ def arm_program(plant: Plant) -> Function:
     ]
     outputs = [Place("", Member("ddq", "f64", shape))]
     return _function(acceleration, (t, state, state.q, long), ("t", "", "tau", "table"), inputs, outputs)
+
+
+def torque_program(guard: GuardedStep, step: StepPrograms, robot: AbstractRobot) -> Function:
+    """Trace the nominal arm's torque M(q) q̈ + C(q,q̇) q̇ + G(q) + F(q̇) as a function of parameters and motion.
+
+    - `robot`: used if the law has no nominal arm.
+    """
+    long, short = _tables(robot)
+
+    def torque(guard: GuardedStep, q: Vector, dq: Vector, ddq: Vector, long: Any) -> Vector:
+        arms = [each for each in jax.tree.leaves(guard, is_leaf=_is_robot) if _is_robot(each)]
+        arm = arms[0] if arms else eqx.combine(long, short)
+        return matvec(arm.mass(q), ddq) + arm.bias(q, dq) + arm.friction(dq)
+
+    vector = jnp.zeros(guard.joints)
+    inputs = [
+        *_places("parameters->", step.parameters),
+        *(Place("", Member(name, "f64", vector.shape)) for name in ("q", "dq", "ddq")),
+        *_places("", _tabled(long, "arm")),
+    ]
+    outputs = [Place("", Member("tau", "f64", vector.shape))]
+    return _function(torque, (guard, vector, vector, vector, long), ("", "q", "dq", "ddq", "table"), inputs, outputs)
+
+
+def _is_robot(node: Any) -> bool:
+    return isinstance(node, AbstractRobot)
 
 
 def _tables(tree: Any) -> tuple[Any, Any]:

@@ -19,7 +19,7 @@ import numpy as np
 
 from slidax.arms.articulated import Articulated
 from slidax.arms.coupled import Coupled
-from slidax.codegen.c.expressions import Dialect
+from slidax.codegen.c.expressions import Dialect, Helpers
 from slidax.core.errors import DefinitionError
 from slidax.core.writing import write_text
 from slidax.plant.actuators import Actuator, TorqueLimits
@@ -27,11 +27,13 @@ from slidax.scenarios.scenario import Scenario
 from slidax.simulation.plant import MujocoPlant, Plant
 
 from .c_project import STEP, CProject, export_c, project, write_files, writing
+from .c_source import function_body
 from .c_structures import Member
 from .onboard.franka import run_franka
 from .onboard.pilot import MotionLog, Pilot, load_law
 from .onboard.rehearsal import rehearse
 from .onboard.ur import run_ur
+from .programs import torque_program
 
 
 @dataclass(frozen=True)
@@ -186,6 +188,9 @@ HOLDING = 0.1
 SPEED = 0.95
 """Share of a joint's largest speed that is used."""
 
+SHARE = 0.9
+"""Share of a joint's largest torque that an external trajectory may need; the law needs the rest."""
+
 
 @dataclass(frozen=True)
 class RobotLimits:
@@ -195,9 +200,12 @@ class RobotLimits:
     - `lower`, `upper`, `speed`, `torque`, `rate`: the robot's limits, one number per joint.
     - `torque_hold`: largest torques while it holds, per joint; infinite where the law carries the weight.
     - `error_hold`, `error_small`, `error_full`: largest errors, per joint.
+    - `acceleration`: largest accelerations of an external trajectory, per joint.
+    - `share`: of the torque that an external trajectory may need.
     - `held`, `lost`, `outside`, `limited`, `void`: longest duration of each condition, in periods.
     - `age`: of a measurement when it arrives [s].
     - `carried`: True if the robot carries its own weight.
+    - `torque_lines`, `torque_helpers`, `torque_tables`: the nominal arm's torque in C.
     """
 
     unit: str
@@ -211,6 +219,8 @@ class RobotLimits:
     error_hold: list[float]
     error_small: list[float]
     error_full: list[float]
+    acceleration: list[float]
+    share: float
     dialect: Dialect
     held: int
     lost: int
@@ -219,6 +229,9 @@ class RobotLimits:
     void: int
     age: float
     carried: bool
+    torque_lines: list[str]
+    torque_helpers: list[str]
+    torque_tables: list[Member]
 
     reasons = REASONS
 
@@ -245,6 +258,9 @@ class RobotLimits:
         if plant.actuator is not None:
             torque = np.broadcast_to(np.asarray(plant.actuator.limits.torque), (n,))
             rate = np.broadcast_to(np.asarray(plant.actuator.limits.rate), (n,))
+        helpers = Helpers(project.dialect)
+        needed = torque_program(project.guard, project.step, plant.robot)
+        body = function_body(needed, project.dialect, ("parameters", "q", "dq", "ddq", "tau"), helpers)
         return cls(
             unit=units[0],
             torque_unit=plant.robot.torque_units[0],
@@ -257,6 +273,8 @@ class RobotLimits:
             error_hold=errors[0],
             error_small=errors[1],
             error_full=errors[2],
+            acceleration=_numbers(endless),
+            share=SHARE,
             dialect=project.dialect,
             held=5,
             lost=lost,
@@ -265,6 +283,9 @@ class RobotLimits:
             void=_periods(0.1, project.period),
             age=float(scenario.description.sensor.delay) * project.period,
             carried=carried,
+            torque_lines=body.lines,
+            torque_helpers=helpers.lines,
+            torque_tables=needed.tables,
         )
 
     def literal(self, number: float) -> str:
@@ -289,7 +310,10 @@ def _periods(seconds: float, period: float) -> int:
     return max(round(seconds / period), 1)
 
 
-C_FILES = ("path.h", "path.c", "follow.h", "follow.c", "pilot.h", "pilot.c", "words.c")
+SOURCES = ("path", "follow", "pilot", "admit", "words")
+"""C sources of the pilot, each with the law's prefix."""
+
+C_FILES = (*(f"{name}.c" for name in SOURCES), "path.h", "follow.h", "pilot.h", "admit.h")
 """Files in C, each with the law's prefix."""
 
 
@@ -401,6 +425,7 @@ def describe_structures(exported: CProject, limits: RobotLimits) -> dict[str, An
         "joints": len(exported.joints),
         "units": [joint.q for joint in exported.joints],
         "torque_units": [joint.tau for joint in exported.joints],
+        "sources": ["", "_scenario", *(f"_{name}" for name in SOURCES)],
         "period": exported.period,
         "t1": exported.t1,
         "delay": exported.delay,

@@ -10,7 +10,7 @@ from slidax import scenarios
 from slidax.export.onboard import pilot as onboard
 from slidax.export.onboard import rehearsal
 from slidax.export.onboard.rehearsal import RehearsalArm, rehearse
-from slidax.export.robots import RobotLimits, write_law, write_onboard
+from slidax.export.robots import SOURCES, RobotLimits, write_law, write_onboard
 from tests.export.exported import STRICT, allow_error, compiled, needs_a_compiler, quickly_compiled
 
 SCENARIO = scenarios.load("example-4.1-1khz", {"scheme": {"name": "computed_torque"}})
@@ -23,7 +23,7 @@ def law(tmp_path_factory):
     folder = tmp_path_factory.mktemp("onboard")
     project = write_law(SCENARIO, folder / "law", name="law", single=False, command="", golden=False)
     write_onboard(project, RobotLimits.of(SCENARIO, project), folder)
-    for part in ("path", "follow", "pilot", "words"):
+    for part in SOURCES:
         compiled("gcc", folder / "law", f"slidax_law_{part}.c", "-c", "-o", f"{part}.o", *STRICT)
     return onboard.CompiledLaw(folder / "law")
 
@@ -203,9 +203,9 @@ def test_the_robots_own_limits_are_kept_whatever_the_law_knows_of_them(law):
 
 
 def test_the_structures_are_as_large_here_as_in_c(law, tmp_path):
-    names = ("options", "report", "reference", "command", "parameters", "trajectory")
+    names = ("options", "report", "reference", "command", "parameters", "trajectory", "admission")
     lines = "".join(f'    printf("%zu\\n", sizeof(slidax_law_{name}));\n' for name in names)
-    text = f'#include "slidax_law_pilot.h"\n#include <stdio.h>\nint main(void) {{\n{lines}    return 0;\n}}\n'
+    text = f'#include "slidax_law_admit.h"\n#include <stdio.h>\nint main(void) {{\n{lines}    return 0;\n}}\n'
     (tmp_path / "sizes.c").write_text(text)
     subprocess.run(["gcc", f"-I{law.folder}", tmp_path / "sizes.c", "-o", tmp_path / "sizes"], check=True)
     result = subprocess.run([tmp_path / "sizes"], check=True, capture_output=True, text=True).stdout.split()
@@ -215,7 +215,7 @@ def test_the_structures_are_as_large_here_as_in_c(law, tmp_path):
 def test_it_compiles_in_floats_too(tmp_path):
     project = write_law(SCENARIO, tmp_path / "law", name="law", single=True, command="", golden=False)
     write_onboard(project, RobotLimits.of(SCENARIO, project), tmp_path)
-    for part in ("path", "follow", "pilot", "words"):
+    for part in SOURCES:
         compiled("gcc", tmp_path / "law", f"slidax_law_{part}.c", "-c", "-o", f"{part}.o", "-Wdouble-promotion")
     law = quickly_compiled(tmp_path / "law")
     pilot = law.pilot()
@@ -233,3 +233,110 @@ def test_what_is_missing_is_one_line(law, tmp_path, capsys, monkeypatch):
     with pytest.raises(SystemExit) as no_compiler:
         rehearsal.main(["--law", str(law.folder)])
     assert no_compiler.value.code == 2 and "install gcc, or set CC" in capsys.readouterr().err
+
+
+def at_rest(law):
+    pilot = following(law)
+    pilot.begin([0.1, 0.2])
+    pilot.step(0.0, [0.1, 0.2], [0.0, 0.0])
+    pilot.options.speed[:] = [1e3] * 2
+    return pilot
+
+
+def quintic(law, pilot, goal, seconds):
+    goals = [list(pilot.reference.q), goal]
+    return pilot.trajectory([0.0, seconds], goals, [[0.0] * 2] * 2, [[0.0] * 2] * 2)
+
+
+def needed(law, pilot, q, dq, ddq):
+    tau = law.vector()
+    law.call("nominal_torque")(pilot.parameters, *(law.vector(*each) for each in (q, dq, ddq)), tau)
+    return np.array(tau)
+
+
+def test_the_nominal_torque_is_that_of_the_laws_own_arm(law):
+    pilot, arm = law.pilot(), SCENARIO.controller.nominal
+    q, dq, ddq = [0.3, -0.7], [0.5, 1.1], [2.0, -3.0]
+    expected = arm.mass(jnp.array(q)) @ jnp.array(ddq) + arm.bias(jnp.array(q), jnp.array(dq)) + arm.friction(jnp.array(dq))
+    assert needed(law, pilot, q, dq, ddq) == pytest.approx(np.asarray(expected), rel=1e-12)
+
+
+def test_a_trajectory_that_needs_too_much_torque_is_refused_with_joint_time_and_amount(law):
+    pilot = at_rest(law)
+    pilot.options.torque[:] = [1e6, 60.0]
+    admission = pilot.admit(quintic(law, pilot, [1.0, 1.2], 0.3))
+    why = admission.violation
+    assert admission.slowdown == 0.0 and law.text("taken", why.verdict) == "it needs more torque than a trajectory may"
+    assert why.joint == 2 and why.limit == pytest.approx(0.9 * 60.0) and why.value > why.limit and 0.0 <= why.t < 0.3
+
+
+def test_a_slowed_trajectory_keeps_the_torque_limit_and_a_faster_one_does_not(law):
+    pilot = at_rest(law)
+    pilot.options.torque[:] = [150.0, 60.0]
+    pilot.options.path.ramp = 1e3
+    fast = quintic(law, pilot, [1.0, 1.2], 0.3)
+    slowdown = pilot.admit(fast, 20.0).slowdown
+    assert 1.0 < slowdown < 20.0 and fast.points[1].t == pytest.approx(0.3 * slowdown)
+    start, way = np.array([0.1, 0.2]), np.array([0.9, 1.0])
+
+    def share(seconds):
+        x = np.linspace(0.0, 1.0, 400)[:, None]
+        q = start + way * x**3 * (10 - 15 * x + 6 * x**2)
+        dq = way * 30 * x**2 * (1 - x) ** 2 / seconds
+        ddq = way * 60 * x * (1 - x) * (1 - 2 * x) / seconds**2
+        tau = [needed(law, pilot, *row) for row in zip(q, dq, ddq, strict=True)]
+        return (np.abs(tau) / np.array(pilot.options.torque)).max()
+
+    assert 0.88 < share(0.3 * slowdown) < 0.902 < share(0.3 * slowdown / 1.02)
+
+
+def test_every_stop_of_an_admitted_trajectory_keeps_the_torque_limit(law):
+    for ramp in (1.0, 0.1):
+        pilot = at_rest(law)
+        pilot.options.torque[:] = [150.0, 60.0]
+        pilot.options.path.ramp = ramp
+        motion = quintic(law, pilot, [1.0, 1.2], 0.3)
+        assert pilot.admit(motion, 20.0).slowdown > 1.0
+        times, q = [0.0, motion.points[1].t], [[0.1, 0.2], [1.0, 1.2]]
+        for begins in np.linspace(0.1, 0.9, 5) * motion.points[1].t:
+            pilot = at_rest(law)
+            pilot.options.path.ramp = ramp
+            assert pilot.take(times, q, [[0.0] * 2] * 2, [[0.0] * 2] * 2) == ""
+            most, halted = 0.0, False
+            for k in range(1, int(1e3 * (begins + ramp)) + 10):
+                if k * 1e-3 >= begins and not halted:
+                    pilot.halt()
+                    halted = True
+                pilot.options.limited = pilot.options.outside = 10**6
+                allow_error(pilot, 1e3)
+                pilot.step(1e-3, [0.1, 0.2], [0.0, 0.0])
+                wanted = pilot.reference
+                most = max(most, np.abs(needed(law, pilot, wanted.q, wanted.dq, wanted.ddq) / [150.0, 60.0]).max())
+            assert 0.2 < most < 0.903 and list(pilot.reference.dq) == [0.0, 0.0]
+
+
+def test_a_point_at_time_zero_must_be_where_the_arm_is(law):
+    pilot = at_rest(law)
+    pilot.options.error_small[:] = [0.05] * 2
+    assert pilot.take([0.0, 1.0], [[0.14, 0.2], [0.5, 0.2]]) == ""
+    pilot.step(1e-3, [0.1, 0.2], [0.0, 0.0])
+    assert pilot.reference.q[0] == pytest.approx(0.1, abs=1e-4)
+    elsewhere = pilot.trajectory([0.0, 1.0], [[0.3, 0.2], [0.5, 0.2]])
+    why = pilot.admit(elsewhere).violation
+    assert law.text("taken", why.verdict) == "its first point is not where the arm is"
+    assert why.joint == 1 and why.value == pytest.approx(0.2, abs=1e-3) and why.limit == 0.05
+
+
+def test_a_rest_that_the_law_wants_is_not_cut_short_by_a_trajectory(law):
+    pilot = at_rest(law)
+    assert pilot.take([2.0], [[1.0, 0.2]], [[0.0, 0.0]]) == ""
+    pilot.options.limited = pilot.options.outside = 10**6
+    allow_error(pilot, 1e3)
+    for _ in range(500):
+        pilot.step(1e-3, [0.1, 0.2], [0.0, 0.0])
+    pilot.rest()
+    pilot.step(1e-3, [0.1, 0.2], [0.0, 0.0])
+    assert pilot.take([2.0], [[0.0, 0.2]]) == "the law brings the arm to rest, and takes no trajectory before"
+    for _ in range(1100):
+        pilot.step(1e-3, [0.1, 0.2], [0.0, 0.0])
+    assert pilot.take([2.0], [[0.0, 0.2]]) == "" and pilot.phase == "follow"

@@ -76,9 +76,7 @@ class CompiledLaw:
         return getattr(self.library, f"{self.prefix}_{name}")
 
     def _compiled(self) -> Path:
-        sources = [
-            self.folder / f"{self.prefix}{part}.c" for part in ("", "_scenario", "_path", "_follow", "_pilot", "_words")
-        ]
+        sources = [self.folder / f"{self.prefix}{part}.c" for part in self.about["sources"]]
         library = self.folder / f"lib{self.prefix}.so"
         newest = max(each.stat().st_mtime for each in sources)
         if not library.is_file() or library.stat().st_mtime < newest:
@@ -96,12 +94,14 @@ class CompiledLaw:
         path = [(name, real) for name in ("hold", "speed", "ramp", "amplitude", "small", "widen", "motion")]
         self.Path = _structure("Path", path)
         limits = ("lower", "upper", "speed", "torque", "rate", "torque_hold", "error_hold", "error_small", "error_full")
+        limits += ("acceleration",)
         counts = ("held", "lost", "outside", "limited", "void_")
         self.Options = _structure(
             "Options",
             [
                 ("path", self.Path),
                 *((name, vector) for name in limits),
+                ("share", real),
                 *((name, ctypes.c_int32) for name in counts),
                 ("free", ctypes.c_bool),
                 ("follows", ctypes.c_bool),
@@ -129,6 +129,10 @@ class CompiledLaw:
                 ("points", self.Point * POINTS),
             ],
         )
+        numbers = ("t", "value", "limit")
+        violation = [("verdict", ctypes.c_int32), ("joint", ctypes.c_int32), *((name, real) for name in numbers)]
+        self.Violation = _structure("Violation", violation)
+        self.Admission = _structure("Admission", [("violation", self.Violation), ("slowdown", real)])
         for name, members in self.about["structures"].items():
             fields = [
                 (each["name"], C_TYPES[each["type"]] * each["size"] if each["size"] else C_TYPES[each["type"]])
@@ -148,9 +152,14 @@ class CompiledLaw:
             ("pilot_begin", [vector], ctypes.c_bool),
             ("pilot_step", [self.real, vector, vector], ctypes.c_int),
             ("pilot_rest", [], None),
+            ("pilot_halt", [], None),
             ("pilot_take", [ctypes.POINTER(self.Trajectory)], ctypes.c_int),
         ):
             self.call(name).argtypes, self.call(name).restype = [pilot, *rest], result
+        parts = [ctypes.POINTER(each) for each in (self.Options, self.Parameters, self.Reference, self.Trajectory)]
+        self.call("admit").argtypes = [*parts, self.real, ctypes.POINTER(self.Admission)]
+        self.call("nominal_torque").argtypes = [parts[1], vector, vector, vector, vector]
+        self.call("nominal_torque").restype = None
         for what in ("phase", "reason", "taken"):
             self.call(f"{what}_text").argtypes = [ctypes.c_int32]
             self.call(f"{what}_text").restype = ctypes.c_char_p
@@ -194,6 +203,10 @@ class Pilot:
         """Request the end: the arm comes to rest along its path."""
         self.law.call("pilot_rest")(self._at)
 
+    def halt(self) -> None:
+        """Slow down along the trajectory to rest; the next one may come at any time."""
+        self.law.call("pilot_halt")(self._at)
+
     def take(
         self,
         times: Sequence[float],
@@ -203,11 +216,36 @@ class Pilot:
     ) -> str:
         """Follow a trajectory from now on, if `options.follows` is set; return "" or why it is refused.
 
-        - `times`: of its points from now on, increasing [s].
+        Positions and speeds are checked; `admit` checks accelerations and torques as well.
+
+        - `times`: of its points from now on, increasing [s]; a first point at 0 is where the arm should be.
         - `q`, `dq`, `ddq`: positions, and optional velocities and accelerations there.
         """
         if len(times) >= POINTS:
             return self.law.text("taken", 1)
+        taken: int = self.law.call("pilot_take")(self._at, self.trajectory(times, q, dq, ddq))
+        return self.law.text("taken", taken) if taken else ""
+
+    def admit(self, trajectory: Any, slowest: float = 1.0) -> Any:
+        """Check a trajectory against all limits from the current reference on; return the admission.
+
+        `slowdown` is 0 if it is refused, and `violation` tells joint, time, value and limit.
+
+        - `trajectory`: as from `trajectory`; if slowed down, changed in place.
+        - `slowest`: largest factor by which it may be slowed down, >= 1.
+        """
+        admission = self.law.Admission()
+        self.law.call("admit")(self.options, self.parameters, self.reference, trajectory, slowest, admission)
+        return admission
+
+    def trajectory(
+        self,
+        times: Sequence[float],
+        q: Sequence[Sequence[float]],
+        dq: Sequence[Sequence[float]] | None = None,
+        ddq: Sequence[Sequence[float]] | None = None,
+    ) -> Any:
+        """A trajectory as a structure of C; the arguments are those of `take`, with fewer than `POINTS` points."""
         trajectory = self.law.Trajectory()
         trajectory.count = len(times)
         trajectory.velocities, trajectory.accelerations = dq is not None, ddq is not None
@@ -219,8 +257,7 @@ class Pilot:
                 point.dq[:] = dq[k]
             if ddq is not None:
                 point.ddq[:] = ddq[k]
-        taken: int = self.law.call("pilot_take")(self._at, trajectory)
-        return self.law.text("taken", taken) if taken else ""
+        return trajectory
 
     @property
     def phase(self) -> str:
