@@ -79,7 +79,7 @@ def export_ros2(
     ] = Compensation.law,
     changes: Changes = None,
 ) -> None:
-    """Export the law as a ROS 2 package: a ros2_control controller with its parameters, and a node in Python."""
+    """Export the law as a ROS 2 package: a ros2_control controller for MoveIt, and a node in Python."""
     options = {"name": name, "single": single, "gravity": gravity.value}
     _export("ros2", "slidax.export.ros2", scenario, changes, out, "for ros2_control", **options)
 

@@ -25,6 +25,10 @@ KEPT = ("nominal_payload_mass", "nominal_payload_center", "nominal_gravity_vecto
 """Settable parameters of the nominal arm; the others describe the arm itself and keep their compiled values."""
 
 
+STOPPED = 0.05
+"""Largest speed of a joint that counts as at rest, rad/s or m/s."""
+
+
 @dataclass(frozen=True)
 class RosParameter:
     """One parameter.
@@ -53,9 +57,20 @@ def ros_parameters(project: CProject, allowed: RobotLimits, joint_names: Sequenc
         RosParameter("trajectory_topic", "string", '"~/joint_trajectory"', "where trajectories come from"),
         RosParameter("hold", "double", "1.0", "initial hold of the measured posture, s", (("gt_eq<>", "[0.0]"),)),
         RosParameter("ramp", "double", "1.0", "duration of a requested stop, s", (("gt<>", "[0.0]"),)),
+        RosParameter("retime", "bool", "false", "slow down a goal that breaks a limit, instead of refusing it"),
+        RosParameter("slowest", "double", "10.0", "largest factor of slowing down", (("gt_eq<>", "[1.0]"),)),
+        RosParameter("goal_time", "double", "1.0", "longest wait at the goal, s", (("gt_eq<>", "[0.0]"),)),
     ]
+    size = (("fixed_size<>", f"[{n}]"),)
+    for name, default, meaning in (
+        ("path", np.zeros(n), f"largest errors along a goal's path, {allowed.unit}, 0 for none but limits.error_full"),
+        ("goal", allowed.error_hold, f"largest errors at a goal, {allowed.unit}, 0 for none"),
+        ("stopped", np.full(n, STOPPED), f"largest speeds at a goal, {allowed.unit}/s, 0 for none"),
+    ):
+        rows.append(RosParameter(f"tolerances.{name}", "double_array", as_list(map(_number, default)), meaning, size))
     units = {"lower": allowed.unit, "upper": allowed.unit, "speed": f"{allowed.unit}/s", "torque": allowed.torque_unit}
     units |= {"rate": f"{allowed.torque_unit}/s", "torque_hold": allowed.torque_unit}
+    units |= {"acceleration": f"{allowed.unit}/s^2"}
     words = {
         "lower": "least positions",
         "upper": "largest positions",
@@ -65,6 +80,7 @@ def ros_parameters(project: CProject, allowed: RobotLimits, joint_names: Sequenc
         "torque_hold": "largest torques while it holds",
         "error_hold": "largest errors while it holds",
         "error_full": "largest errors later",
+        "acceleration": "largest accelerations of a trajectory",
     }
     for name, meaning in words.items():
         # Infinite limits become a large number that no robot reaches.
@@ -72,6 +88,9 @@ def ros_parameters(project: CProject, allowed: RobotLimits, joint_names: Sequenc
         checks = (("fixed_size<>", f"[{n}]"),)
         unit = units.get(name, allowed.unit)
         rows.append(RosParameter(f"limits.{name}", "double_array", as_list(numbers), f"{meaning}, {unit}", checks))
+    share = ("gt<>", "[0.0]"), ("lt_eq<>", "[1.0]")
+    meaning = "share of the torque that a trajectory may need; the law needs the rest"
+    rows.append(RosParameter("limits.torque_share", "double", _number(allowed.share), meaning, share))
     for name, number, meaning in (
         ("held", allowed.held, "periods in a row without a good sample, then it stops"),
         ("lost", allowed.lost, "periods between two samples, then it stops"),
@@ -181,7 +200,7 @@ def export_ros2(
 ) -> CProject:
     """Write a package with a controller for ros2_control and a node in Python, and the law that both run.
 
-    Trajectories arrive by a topic; the scenario's motion is not used.
+    Trajectories arrive by the action `FollowJointTrajectory` or a topic; the scenario's motion is not used.
 
     - `name`, `single`, `command`: as in `export_c`.
     - `gravity`: "law" if the law carries the arm's weight, "robot" if the robot adds it to each effort.

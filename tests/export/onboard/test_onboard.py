@@ -257,7 +257,9 @@ def needed(law, pilot, q, dq, ddq):
 def test_the_nominal_torque_is_that_of_the_laws_own_arm(law):
     pilot, arm = law.pilot(), SCENARIO.controller.nominal
     q, dq, ddq = [0.3, -0.7], [0.5, 1.1], [2.0, -3.0]
-    expected = arm.mass(jnp.array(q)) @ jnp.array(ddq) + arm.bias(jnp.array(q), jnp.array(dq)) + arm.friction(jnp.array(dq))
+    expected = (
+        arm.mass(jnp.array(q)) @ jnp.array(ddq) + arm.bias(jnp.array(q), jnp.array(dq)) + arm.friction(jnp.array(dq))
+    )
     assert needed(law, pilot, q, dq, ddq) == pytest.approx(np.asarray(expected), rel=1e-12)
 
 

@@ -11,7 +11,8 @@ from slidax.export.ros2 import export_ros2
 from tests.export.ros2.test_controller import PACKAGE, STUBS, header
 
 SHARE = Path("/usr/share")
-OURS = ("controller_interface", "rclcpp", "rclcpp_lifecycle", "realtime_tools", "std_msgs", "trajectory_msgs")
+OURS = ("control_msgs", "controller_interface", "rclcpp", "rclcpp_action", "rclcpp_lifecycle", "realtime_tools")
+OURS += ("std_msgs", "trajectory_msgs")
 """Packages that Debian lacks."""
 
 CONFIG = """
@@ -48,7 +49,7 @@ def built(scenario, folder):
     source, prefix, headers = folder / "src", folder / "prefix", folder / "headers"
     export_ros2(scenario, source / PACKAGE, name="law", golden=False)
     # pluginlib is the real one.
-    shutil.copytree(STUBS, headers, ignore=shutil.ignore_patterns("pluginlib", "main.cpp"))
+    shutil.copytree(STUBS, headers, ignore=shutil.ignore_patterns("pluginlib", "*.cpp"))
     (headers / PACKAGE).mkdir()
     parameters = YAML(typ="safe").load((source / PACKAGE / "src" / "parameters.yaml").read_text())
     (headers / PACKAGE / "parameters.hpp").write_text(header(parameters))

@@ -1,4 +1,5 @@
 import json
+import re
 import subprocess
 from pathlib import Path
 from xml.etree import ElementTree
@@ -16,6 +17,7 @@ PACKAGE = "slidax_law_controller"
 TYPES = {
     "double": "double",
     "int": "long",
+    "bool": "bool",
     "string": "std::string",
     "double_array": "std::vector<double>",
     "string_array": "std::vector<std::string>",
@@ -49,6 +51,8 @@ def header(tree):
     def written(value):
         if isinstance(value, list):
             return "{" + ", ".join(map(written, value)) + "}"
+        if isinstance(value, bool):
+            return str(value).lower()
         return f'"{value}"' if isinstance(value, str) else repr(value)
 
     def structure(inside):
@@ -67,18 +71,19 @@ def header(tree):
         #include <vector>
         namespace {namespace} {{
         struct Params {{ {structure(inside)} }};
+        inline Params parameters;
         class ParamListener {{
         public:
             template <typename Node> explicit ParamListener(const Node &) {{}}
-            Params get_params() const {{ return {{}}; }}
+            Params get_params() const {{ return parameters; }}
         }};
         }}
     """
 
 
-@needs_a_compiler
-@needs_cmake
-def test_it_lives_as_ros2_control_has_it(package, parameters):
+@pytest.fixture(scope="module")
+def run(package, parameters):
+    """Compile the controller with one of our programs, and return its lines."""
     generated = package / "made" / PACKAGE
     generated.mkdir(parents=True)
     (generated / "parameters.hpp").write_text(header(parameters))
@@ -86,14 +91,26 @@ def test_it_lives_as_ros2_control_has_it(package, parameters):
     warnings = ["-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror"]
     sources = sorted((package / "law").glob("slidax_law*.c"))
     for source in sources:
-        subprocess.run(["gcc", "-std=c99", "-O0", "-c", source, "-o", source.with_suffix(".o")], check=True)
-    subprocess.run(
-        ["g++", "-std=c++17", *warnings, *includes, package / "src" / "controller.cpp", STUBS / "main.cpp"]
-        + [source.with_suffix(".o") for source in sources]
-        + ["-lm", "-o", package / "life"],
-        check=True,
-    )
-    message = subprocess.run([package / "life"], check=True, capture_output=True, text=True).stdout.splitlines()
+        subprocess.run(["gcc", "-std=c99", "-O1", "-c", source, "-o", source.with_suffix(".o")], check=True)
+
+    def lines_of(program):
+        subprocess.run(
+            ["g++", "-std=c++17", *warnings, *includes, package / "src" / "controller.cpp", STUBS / f"{program}.cpp"]
+            + [source.with_suffix(".o") for source in sources]
+            + ["-lm", "-o", package / program],
+            check=True,
+        )
+        done = subprocess.run([package / program], check=True, capture_output=True, text=True)
+        (package / f"{program}.txt").write_text(done.stdout)
+        return done.stdout.splitlines()
+
+    return lines_of
+
+
+@needs_a_compiler
+@needs_cmake
+def test_it_lives_as_ros2_control_has_it(run):
+    message = run("main")
     lines = iter(message)
     assert next(lines) == "init 1" and next(lines) == "interfaces 2 4"
     assert next(lines).startswith("wrong rate 1 the law needs 1000 Hz") and next(lines) == "configure 1"
@@ -104,10 +121,63 @@ def test_it_lives_as_ros2_control_has_it(package, parameters):
         assert name == what and 0.0 <= float(number) < most, message
     assert next(lines).startswith("finger: trajectory joint `finger` is ignored")
     assert next(lines) == "wrong name: trajectory rejected: it must have the joint `joint_2` once"
-    assert next(lines).endswith("refused 2") and next(lines) == "stopped after 6"
+    assert next(lines).startswith("not finite: trajectory rejected: a number is NaN or infinite; joint `joint_1`")
+    assert next(lines) == "stopped after 6"
     assert next(lines) == "finite 1"
     assert next(lines).startswith("deactivate 1 stopped: no good measurement for too long")
     assert list(lines) == ["again 1", "error 1", "configure again 1", "cleanup 1", "shutdown 1"]
+
+
+@pytest.fixture(scope="module")
+def action(run):
+    return dict(line.split(": ", 1) for line in run("action"))
+
+
+@needs_a_compiler
+@needs_cmake
+def test_goals_succeed_or_are_refused_and_no_goal_is_lost(action):
+    assert action["name"] == "law/follow_joint_trajectory" and action["inactive"] == "1"
+    succeeded, refused = int(action["succeeded"]), int(action["refused"])
+    assert succeeded + refused == 60 and min(succeeded, refused) >= 5
+    assert {action[name] for name in ("wrong", "wrong then", "wrong at last")} == {"0"}
+
+
+@needs_a_compiler
+@needs_cmake
+def test_a_new_goal_preempts_and_a_cancelled_arm_comes_to_rest(action):
+    assert int(action["preempted"]) >= 40 and int(action["slowed"]) >= 5
+    canceled, requests = map(int, action["canceled"].split(" of "))
+    assert canceled == requests >= 40
+
+
+@needs_a_compiler
+@needs_cmake
+@pytest.mark.parametrize(
+    ("goal", "result"),
+    [
+        ("wrong joint", r"aborted -2 it must have the joint `joint_\d` once"),
+        ("not finite", "aborted -1 a number is NaN or infinite; joint `joint_2`.*"),
+        ("tolerance of nobody", "aborted -2 a tolerance names the joint `finger`, which the law does not have"),
+        ("starts elsewhere", "aborted -1 its first point is not where the arm is; joint `joint_1`: 0.4 .*allowed 0.1"),
+        ("too strong", r"aborted -1 it needs more torque than a trajectory may; joint `joint_\d`: .* allowed 42"),
+        ("slowed down", "succeeded 0 slowed down by a factor of .*"),
+        ("path tolerance", "aborted -4 path tolerance violated; joint `joint_2`: .*allowed 1e-07"),
+        ("goal tolerance, waiting", "executing 99 "),
+        ("goal tolerance", "aborted -5 goal tolerance violated; joint `joint_1`: .*allowed 1e-13"),
+        ("topic", "aborted -1 preempted by a trajectory from the topic"),
+        ("deactivated", "aborted -4 the controller was deactivated"),
+    ],
+)
+def test_a_result_has_the_code_of_control_msgs_and_the_reason(action, goal, result):
+    assert re.fullmatch(result, action[goal]), action[goal]
+
+
+@needs_a_compiler
+@needs_cmake
+def test_no_goal_preemption_or_cancel_makes_the_torque_jump(action):
+    assert 0.01 < float(action["jump"]) <= 1.000001 and 0.3 < float(action["torque"]) <= 1.0
+    # The fastest joint of the goals moves at about 5 rad/s.
+    assert float(action["reference"]) < 0.008 and float(action["lost client"]) < 0.02
 
 
 def test_parameters_have_our_names_units_ranges_and_words(parameters):

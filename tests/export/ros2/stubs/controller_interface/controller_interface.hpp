@@ -5,6 +5,7 @@
 #include <std_msgs/msg/float64_multi_array.hpp>
 #include <trajectory_msgs/msg/joint_trajectory.hpp>
 
+#include <chrono>
 #include <memory>
 #include <optional>
 #include <string>
@@ -37,6 +38,16 @@ public:
         return subscription;
     }
 
+    std::shared_ptr<rclcpp::TimerBase> create_wall_timer(std::chrono::milliseconds, std::function<void()> callback) {
+        timer = std::make_shared<rclcpp::TimerBase>();
+        timer->callback = std::move(callback);
+        return timer;
+    }
+    [[nodiscard]] rclcpp::Time now() const { return {}; }
+    [[nodiscard]] const char *get_name() const { return "law"; }
+
+    std::shared_ptr<void> server;
+    std::shared_ptr<rclcpp::TimerBase> timer;
     std::shared_ptr<rclcpp::Publisher<std_msgs::msg::Float64MultiArray>> publisher;
     std::shared_ptr<rclcpp::Subscription<trajectory_msgs::msg::JointTrajectory>> subscription;
 };

@@ -13,6 +13,10 @@ struct Duration {
     std::int32_t sec = 0;
     std::uint32_t nanosec = 0;
 };
+struct Time {
+    std::int32_t sec = 0;
+    std::uint32_t nanosec = 0;
+};
 }  // namespace builtin_interfaces::msg
 
 namespace rclcpp {
@@ -22,12 +26,25 @@ public:
         : seconds_(message.sec + 1e-9 * message.nanosec) {}
     static Duration from_seconds(double seconds) { return Duration(seconds); }
     [[nodiscard]] double seconds() const { return seconds_; }
+    // NOLINTNEXTLINE: implicit, as in ROS 2
+    operator builtin_interfaces::msg::Duration() const {
+        const auto whole = static_cast<std::int32_t>(seconds_);
+        return {whole, static_cast<std::uint32_t>(1e9 * (seconds_ - whole))};
+    }
 
 private:
     explicit Duration(double seconds) : seconds_(seconds) {}
     double seconds_;
 };
-class Time {};
+class Time {
+public:
+    // NOLINTNEXTLINE: implicit, as in ROS 2
+    operator builtin_interfaces::msg::Time() const { return {}; }
+};
+class TimerBase {
+public:
+    std::function<void()> callback;
+};
 struct Logger {};
 struct SystemDefaultsQoS {};
 
