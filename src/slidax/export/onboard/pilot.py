@@ -94,13 +94,13 @@ class CompiledLaw:
         path = [(name, real) for name in ("hold", "speed", "ramp", "amplitude", "small", "widen", "motion")]
         self.Path = _structure("Path", path)
         limits = ("lower", "upper", "speed", "torque", "rate", "torque_hold", "error_hold", "error_small", "error_full")
-        limits += ("acceleration",)
         counts = ("held", "lost", "outside", "limited", "void_")
         self.Options = _structure(
             "Options",
             [
                 ("path", self.Path),
                 *((name, vector) for name in limits),
+                ("acceleration", vector),
                 ("share", real),
                 *((name, ctypes.c_int32) for name in counts),
                 ("free", ctypes.c_bool),
@@ -129,8 +129,8 @@ class CompiledLaw:
                 ("points", self.Point * POINTS),
             ],
         )
-        numbers = ("t", "value", "limit")
-        violation = [("verdict", ctypes.c_int32), ("joint", ctypes.c_int32), *((name, real) for name in numbers)]
+        violation = [("verdict", ctypes.c_int32), ("joint", ctypes.c_int32)]
+        violation += [(name, real) for name in ("t", "value", "limit")]
         self.Violation = _structure("Violation", violation)
         self.Admission = _structure("Admission", [("violation", self.Violation), ("slowdown", real)])
         for name, members in self.about["structures"].items():
@@ -156,7 +156,7 @@ class CompiledLaw:
             ("pilot_take", [ctypes.POINTER(self.Trajectory)], ctypes.c_int),
         ):
             self.call(name).argtypes, self.call(name).restype = [pilot, *rest], result
-        parts = [ctypes.POINTER(each) for each in (self.Options, self.Parameters, self.Reference, self.Trajectory)]
+        parts = [ctypes.POINTER(getattr(self, name)) for name in ("Options", "Parameters", "Reference", "Trajectory")]
         self.call("admit").argtypes = [*parts, self.real, ctypes.POINTER(self.Admission)]
         self.call("nominal_torque").argtypes = [parts[1], vector, vector, vector, vector]
         self.call("nominal_torque").restype = None
