@@ -26,7 +26,9 @@ from .common import (
 
 
 def new(
-    robot: Annotated[str, typer.Option(help="A URDF or MJCF file, or a built-in arm by name.")],
+    robot: Annotated[
+        str, typer.Option(help="A URDF or MJCF file, a built-in arm, or a module of robot_descriptions by name.")
+    ],
     rate: Annotated[float, typer.Option(help="Sampling rate of the controller [Hz].")] = 1000.0,
     out: Annotated[Path | None, typer.Option(help="YAML file for the scenario; default: print it.")] = None,
     tip: Annotated[str | None, typer.Option(help="Link at the arm's tip; default: found automatically.")] = None,

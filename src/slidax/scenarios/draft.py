@@ -10,11 +10,14 @@ from os.path import relpath
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from slidax.arms.articulated import Articulated
 from slidax.arms.built_in import built_in_arm, built_in_names
 from slidax.arms.coupled import Coupled
 from slidax.arms.files.find_arm import ArmInFile, find_arm
 from slidax.arms.files.mjcf import from_mjcf
+from slidax.arms.files.robot_descriptions import description_file, is_description
 from slidax.arms.files.urdf import from_urdf
 from slidax.core.errors import DefinitionError, nearest_word
 from slidax.simulation.states import Numbers
@@ -78,7 +81,7 @@ def draft_text(chosen: Choices) -> str:
     narrow = [RADIUS * period * WIDTH[unit] for unit in units]
     values = {
         "title": f"{chosen.arm.name} at {chosen.rate:g} Hz",
-        "robot": {**chosen.block, "plant": {"armature": _row(ROTORS * ratings.torque)}},
+        "robot": {**chosen.block, "plant": {"armature": _row(_rotors(chosen))}},
         "trajectory": {
             "kind": "sinusoid",
             "offset": _row(chosen.home),
@@ -117,15 +120,21 @@ def draft_text(chosen: Choices) -> str:
     return dump_commented(values, _comments(chosen))
 
 
+def _rotors(chosen: Choices) -> Numbers:
+    """Rotor inertias of the simulated arm: those of the robot's file, or else from the torque."""
+    rotors = np.asarray(chosen.arm.armature)
+    return np.where(rotors > 0.0, rotors, ROTORS * chosen.ratings.torque)
+
+
 def _comments(chosen: Choices) -> Iterator[tuple[str, str]]:
     """Yield the path of each key with its comment."""
     if chosen.notes:
         yield "robot", "\n".join(["Assumptions:", *(f"- {note}" for note in chosen.notes)])
     yield (
         "robot.plant",
-        f"Differences of the true arm, which the law does not know: its rotors, {ROTORS:g} kg m² for each N m. For "
-        "example also mass_factor: 0.85, coulomb: 0.5, load: {mass: 1.0, center: [0.0, 0.0, 0.05]}. The law learns the "
-        "rotors, unless nominal: {armature: ...} gives them (kg m², seen from the joint).",
+        f"Differences of the true arm, which the law does not know: its rotors, {ROTORS:g} kg m² for each N m unless the "
+        "robot's file has them. For example also mass_factor: 0.85, coulomb: 0.5, load: {mass: 1.0, center: [0.0, 0.0, "
+        "0.05]}. The law learns the rotors, unless nominal: {armature: ...} gives them (kg m², seen from the joint).",
     )
     yield (
         "trajectory",
@@ -189,7 +198,7 @@ class Draft:
 def draft(robot: str | Path, rate: float = 1000.0, *, tip: str | None = None, folder: Path = Path()) -> Draft:
     """Return a scenario for an arm that runs, with comments for a person who will edit it.
 
-    - `robot`: a built-in arm by name, or the path of a URDF or MJCF file.
+    - `robot`: a built-in arm by name, the path of a URDF or MJCF file, or a module of robot_descriptions.
     - `rate`: loop rate, Hz.
     - `tip`: link, body or site at the end of the arm; None to search it.
     - `folder`: folder of the scenario file, from which it names the robot file.
@@ -212,7 +221,11 @@ def _arm(robot: str, tip: str | None, folder: Path) -> tuple[Articulated, dict[s
         if tip is not None:
             raise DefinitionError(f"`{robot}` has its tip; `tip` is for robot files")
         return built_in_arm(robot).robot, {"kind": robot}, ()
+    notes: list[str] = []
     path = Path(robot)
+    if is_description(robot):
+        path = description_file(robot)
+        notes.append(f"the robot's file is that of `{robot}` in the cache of robot_descriptions; copy it to keep it")
     kind = FILES.get(path.suffix.lower())
     if kind is None:
         known = ", ".join(FILES)
@@ -228,7 +241,7 @@ def _arm(robot: str, tip: str | None, folder: Path) -> tuple[Articulated, dict[s
         raise DefinitionError(_with_followers(arm, kind, path, chain.tip))
     messages = [str(warning.message).removeprefix(f"{path}: ") for warning in assumed]
     changed = [message for message in messages if "inertias are changed" in message]
-    notes = [message.rpartition("; ")[2] for message in changed]
+    notes += [message.rpartition("; ")[2] for message in changed]
     notes += [message for message in messages if message.endswith("left out")]
     block: dict[str, Any] = {"kind": kind, "file": relpath(path, folder), "tip": chain.tip}
     if chain.locked:

@@ -14,6 +14,7 @@ from pydantic import TypeAdapter, ValidationError
 from slidax.arms.articulated import Articulated
 from slidax.arms.built_in import built_in_names
 from slidax.arms.coupled import Coupled
+from slidax.arms.files.robot_descriptions import description_file, is_description
 from slidax.core.errors import DefinitionError, nearest_word, plain_name
 
 from .robots import AbstractArticulated, RobotDescription, read_robot
@@ -40,7 +41,8 @@ def named_robot(
 ) -> tuple[Articulated, dict[str, Any]]:
     """Return the nominal arm, and its description as under `robot` in a scenario file.
 
-    - `word`: name of a built-in arm; or a URDF file, an MJCF file, or a YAML file with a mapping `robot`.
+    - `word`: name of a built-in arm, or of a module of robot_descriptions; or a URDF file, an MJCF file, or a YAML file
+      with a mapping `robot`.
     - `tip`: link, body or site of the tip, for URDF and MJCF files with several ends.
     - `inertias`: `nearest` replaces inertias that no rigid body can have, `strict` refuses them.
     - `locked`: joints in a file that do not move, with their positions [rad or m].
@@ -48,6 +50,8 @@ def named_robot(
 
     Raises DefinitionError if the arm does not exist.
     """
+    if is_description(word):
+        word = str(description_file(word))
     kind = FILES.get(Path(word).suffix.lower())
     if kind is None and word not in built_in_names():
         raise DefinitionError(

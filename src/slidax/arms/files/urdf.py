@@ -20,7 +20,7 @@ from ..joint import Joint
 from .inertias import Inertias, RigidInertias
 from .reading import Notes, Packages, matrix_of, mujoco, reading, require_mesh
 from .source import RobotFile, read_robot_file
-from .urdf_tree import CHILDREN, MOTION, NUMBERS, UrdfTree, limits_of, number, urdf_tree
+from .urdf_tree import CHILDREN, MOTION, NUMBERS, UrdfTree, limits_of, number, rotor_inertias, urdf_tree
 
 Mimics = Literal["held", "followed"]
 
@@ -211,7 +211,7 @@ def from_urdf(
     tip: str | None = None,
     locked: Mapping[str, float] | None = None,
     gravity: Sequence[float] = (0.0, 0.0, -9.81),
-    armature: Armature = 0.0,
+    armature: Armature | None = None,
     packages: Packages = (),
     meshes: bool = False,
     limits: bool = True,
@@ -229,7 +229,7 @@ def from_urdf(
     - `locked`: positions of joints that do not move, such as a gripper's, rad or m.
     - `gravity`: acceleration in the base link's frame [3], m/s².
     - `armature`: rotor inertia at the joints: one number, one per moving joint, or by joint name with 0 for the others,
-      kg m² or kg. URDF has no element for it.
+      kg m² or kg; by default those of the file's transmissions, and 0 without any.
     - `packages`: folders for `package://NAME/...`: by name, or folders that contain packages. The folders around the
       file are searched as well.
     - `meshes`: True if every mesh must exist. None is read, since the motion does not depend on them.
@@ -263,7 +263,7 @@ def _arm(
     tip: str | None,
     locked: Mapping[str, float] | None,
     gravity: Sequence[float],
-    armature: Armature,
+    armature: Armature | None,
     packages: Packages,
     meshes: bool,
     limits: bool,
@@ -280,10 +280,15 @@ def _arm(
     if end == tree.root:
         raise DefinitionError(f"`tip` names link `{end}`, which is the base")
     mimicry = mimicry_of(tree, end, locked or {}, mimics, notes)
+    from_file = armature is None
+    if armature is None:
+        armature = _rotors(file, tree, notes)
     if isinstance(armature, Mapping) or not np.any(static_value(as_array(armature))):
         hold_massless(tree, end, mimicry, armature if isinstance(armature, Mapping) else (), notes)
     feasible = RigidInertias(inertias)
     moving = [name for name in tree.order if tree.moves(name) and name not in mimicry.held]
+    if from_file and isinstance(armature, Mapping):
+        armature = {name: value for name, value in armature.items() if name in moving}
     by_joint = _limits(tree, moving, locked or {}, mimicry, notes) if limits else {}
     joints = _joints(tree, by_joint, _armatures(moving, mimicry, armature), feasible)
     name = file.root.get("name") or "robot"
@@ -377,6 +382,15 @@ def _armatures(joints: Sequence[str], mimicry: Mimicry, armature: Armature) -> d
             f"{', '.join(moving)}; got shape {list(values.shape)}"
         )
     return dict(zip(moving, np.broadcast_to(values, len(moving)).tolist(), strict=True))
+
+
+def _rotors(file: RobotFile, tree: UrdfTree, notes: Notes) -> dict[str, float]:
+    """Rotor inertias of the file's transmissions at joints that move."""
+    rotors = rotor_inertias(file.root)
+    for name in rotors:
+        if name not in tree.joints:
+            notes.add(f"a transmission with a rotor inertia names {{}}, {nearest_word(name, tree.joints)}", _j(name))
+    return {name: value for name, value in rotors.items() if name in tree.joints and tree.moves(name)}
 
 
 def _only_leaf(tree: UrdfTree) -> str:

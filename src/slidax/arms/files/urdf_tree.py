@@ -234,6 +234,52 @@ def _range_of(name: str, limit_element: ET.Element | None, notes: Notes) -> dict
     return {"lower": lower, "upper": upper}
 
 
+INERTIA = ("drake:rotor_inertia", "motorInertia", "rotorInertia")
+RATIO = ("drake:gear_ratio", "mechanicalReduction")
+"""Elements of a <transmission> with a rotor's inertia, kg m², and its turns for each turn of the joint."""
+
+
+def rotor_inertias(robot: ET.Element) -> dict[str, float]:
+    """Return rotor inertias at the joints from transmissions, by joint name, kg m² or kg.
+
+    An actuator's inertia I at the ratio r moves with its joint as r² I. A missing ratio is 1; a transmission without an
+    inertia says nothing.
+
+    - `robot`: outermost element.
+
+    Raises DefinitionError if a number is invalid, or a transmission with an inertia does not have one joint.
+    """
+    rotors: dict[str, float] = {}
+    for transmission in robot.findall("transmission"):
+        name = transmission.get("name", "").strip()
+        where = f"transmission `{name}`"
+        inertia = _amount(where, transmission, INERTIA)
+        if inertia is None:
+            continue
+        joints = [joint.get("name", "").strip() for joint in transmission.findall("joint")]
+        if len(joints) != 1 or not joints[0] or len(transmission.findall("actuator")) > 1:
+            raise DefinitionError(
+                f"{where} has a rotor inertia, and couples several joints or actuators; remove it and give the inertias "
+                "at the joints by `armature`"
+            )
+        ratio = _amount(where, transmission, RATIO)
+        if inertia < 0.0 or ratio == 0.0:
+            raise DefinitionError(
+                f"{where} must have a rotor inertia >= 0 and a ratio other than 0; got {inertia:g} and {ratio or 0:g}"
+            )
+        rotors[joints[0]] = rotors.get(joints[0], 0.0) + inertia * (1.0 if ratio is None else ratio) ** 2
+    return rotors
+
+
+def _amount(where: str, transmission: ET.Element, names: tuple[str, ...]) -> float | None:
+    """The number of the first of some elements, as its attribute `value` or its text; None without it."""
+    for name in names:
+        for element in transmission.iter(name):
+            text = element.get("value", element.text or "").strip()
+            return _numbers(where, name, "the value", text, 1)[0]
+    return None
+
+
 KINDS = ("revolute", "continuous", "prismatic", "fixed")
 MOST_LINKS = 1000
 
