@@ -16,7 +16,8 @@ DRAKE = """<transmission name="t{i}" xmlns:drake="http://drake.mit.edu"><type>Si
 <actuator name="m{i}"><drake:rotor_inertia value="{inertia}"/><drake:gear_ratio value="{ratio}"/></actuator>
 </transmission>"""
 ROS = """<transmission name="t{i}"><type>transmission_interface/SimpleTransmission</type><joint name="{joint}"/>
-<actuator name="m{i}"><mechanicalReduction>{ratio}</mechanicalReduction><motorInertia>{inertia}</motorInertia></actuator>
+<actuator name="m{i}"><mechanicalReduction>{ratio}</mechanicalReduction>
+<motorInertia>{inertia}</motorInertia></actuator>
 </transmission>"""
 
 

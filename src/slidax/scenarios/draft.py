@@ -132,9 +132,10 @@ def _comments(chosen: Choices) -> Iterator[tuple[str, str]]:
         yield "robot", "\n".join(["Assumptions:", *(f"- {note}" for note in chosen.notes)])
     yield (
         "robot.plant",
-        f"Differences of the true arm, which the law does not know: its rotors, {ROTORS:g} kg m² for each N m unless the "
-        "robot's file has them. For example also mass_factor: 0.85, coulomb: 0.5, load: {mass: 1.0, center: [0.0, 0.0, "
-        "0.05]}. The law learns the rotors, unless nominal: {armature: ...} gives them (kg m², seen from the joint).",
+        f"Differences of the true arm, which the law does not know: its rotors, {ROTORS:g} kg m² for each N m unless "
+        "the robot's file has them. For example also mass_factor: 0.85, coulomb: 0.5, load: {mass: 1.0, center: [0.0, "
+        "0.0, 0.05]}. The law learns the rotors, unless nominal: {armature: ...} gives them (kg m², seen from the "
+        "joint).",
     )
     yield (
         "trajectory",

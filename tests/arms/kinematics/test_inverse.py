@@ -109,7 +109,9 @@ def test_position_alone_and_axis_alone_leave_more_freedom():
 def test_unreachable_pose_is_an_error_with_the_distance():
     arm = arms.panda()
     pose = Pose.of_tip(arm, home("panda"))
-    with pytest.raises(DefinitionError, match=r"no posture found with the tool at \[2, 0, 0.5\] m: the nearest is .* m off"):
+    with pytest.raises(
+        DefinitionError, match=r"no posture found with the tool at \[2, 0, 0.5\] m: the nearest is .* m off"
+    ):
         inverse(arm, Pose([2.0, 0.0, 0.5], pose.rotation), start=home("panda"), hold="place")
     with pytest.raises(DefinitionError, match="the nearest is"):
         inverse(arm, Pose([0.0, 0.0, -0.5], pose.rotation), start=home("panda"))

@@ -1,3 +1,5 @@
+import shutil
+import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -208,3 +210,17 @@ def test_a_full_disk_is_an_error_with_the_name_of_the_file_and_no_panic(large, c
     with pytest.raises(OSError, match="No space left on device"):
         writer.close()
     assert "panic" not in capfd.readouterr().err
+
+
+@pytest.mark.skipif(shutil.which("rerun") is None, reason="no rerun here (pip install rerun-sdk)")
+def test_rerun_reads_every_channel(tmp_path):
+    written(tmp_path / "log.mcap", np.random.default_rng(5))
+    done = subprocess.run(
+        ["rerun", "mcap", "check", "log.mcap"], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    rows = [line.split() for line in done.stdout.splitlines() if " /" in line]
+    assert {row[3] for row in rows} == {message.topic for message in (*CHANNELS.law(), *CHANNELS.arm())}
+    assert all(row[0] == "ok" and int(row[2]) > 0 for row in rows), done.stdout
+    convert = ["rerun", "mcap", "convert", "log.mcap", "-o", "log.rrd"]
+    converted = subprocess.run(convert, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert "/joint_states/position" in converted.stdout + converted.stderr

@@ -259,8 +259,8 @@ def rotor_inertias(robot: ET.Element) -> dict[str, float]:
         joints = [joint.get("name", "").strip() for joint in transmission.findall("joint")]
         if len(joints) != 1 or not joints[0] or len(transmission.findall("actuator")) > 1:
             raise DefinitionError(
-                f"{where} has a rotor inertia, and couples several joints or actuators; remove it and give the inertias "
-                "at the joints by `armature`"
+                f"{where} has a rotor inertia, and couples several joints or actuators; remove it and give the "
+                "inertias at the joints by `armature`"
             )
         ratio = _amount(where, transmission, RATIO)
         if inertia < 0.0 or ratio == 0.0:
