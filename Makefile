@@ -17,11 +17,11 @@ export PIP_NO_INDEX := 1
 export PIP_FIND_LINKS := $(abspath $(WHEELS))
 endif
 
-.PHONY: help venv demo test lint format bench verify figures tables targets benchmark docs release lock wheels clean
+.PHONY: help venv demo reproduce test lint format bench verify figures tables targets benchmark docs release lock wheels clean
 .DEFAULT_GOAL := help
 
 help: ## Show these targets
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' Makefile
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-9s %s\n", $$1, $$2 }' Makefile
 
 venv: .venv/.installed ## Make or update the environment, .venv
 
@@ -31,8 +31,10 @@ venv: .venv/.installed ## Make or update the environment, .venv
 .venv-3.11/.installed: pyproject.toml requirements/dev.txt
 	@scripts/bootstrap .venv-3.11 3.11
 
-# What takes ten seconds is `slidax demo`.
-demo: .venv/.installed ## Reproduce the paper's results and say where the report is
+demo: .venv/.installed ## Run the paper's examples, and take an arm from its URDF to a certificate and C
+	@scripts/demo $(ARGS)
+
+reproduce: .venv/.installed ## Reproduce all results of the paper and say where the report is
 	@.venv/bin/slidax reproduce --out reproduction $(ARGS)
 
 test: .venv/.installed ## Run the tests
@@ -66,7 +68,7 @@ tables: .venv/.installed ## Renew the measured tables of docs/choosing.md
 targets: .venv/.installed ## Build and run the exported step on every target that is here, and renew docs/targets.md
 	@.venv/bin/python -m benchmarks.targets $(ARGS)
 
-benchmark: .venv/.installed ## Benchmark the schemes, and renew the table in docs/benchmark-of-schemes.md and README.md
+benchmark: .venv/.installed ## Benchmark the schemes, and renew the table in docs/benchmark-of-schemes.md
 	@.venv/bin/python scripts/measure benchmark $(ARGS)
 
 docs: .venv/.installed .venv-docs/.installed ## Run the code of all pages, and build the documentation site, site/
@@ -125,6 +127,6 @@ wheels: .venv-lock/bin/uv ## Download the locked packages into the folder TO, fo
 	@echo "The packages are in $(TO): make test WHEELS=$(TO), or WHEELS=$(TO) .ci/run"
 
 clean: ## Remove everything that make made
-	@rm -rf .venv .venv-3.11 .venv-wheel .venv-lock .venv-docs .venv-release .python build dist reproduction site
+	@rm -rf .venv .venv-3.11 .venv-wheel .venv-lock .venv-docs .venv-release .python build demo dist reproduction site
 	@rm -rf .pytest_cache .hypothesis .mypy_cache .ruff_cache .import_linter_cache
 	@find src tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} + 2>/dev/null || true

@@ -5,9 +5,6 @@ Usage: python examples/01_run_a_scenario.py [FIGURE.svg]
 
 import sys
 
-import jax
-
-jax.config.update("jax_enable_x64", True)
 
 import slidax as sx
 

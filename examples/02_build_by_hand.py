@@ -3,9 +3,6 @@
 Usage: python examples/02_build_by_hand.py
 """
 
-import jax
-
-jax.config.update("jax_enable_x64", True)
 
 import slidax as sx
 from slidax.arms import TwoLink

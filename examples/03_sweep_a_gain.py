@@ -5,8 +5,6 @@ Usage: python examples/03_sweep_a_gain.py
 
 import jax
 
-jax.config.update("jax_enable_x64", True)
-
 import equinox as eqx
 import jax.numpy as jnp
 

@@ -5,8 +5,6 @@ Usage: python examples/04_differentiate_a_run.py
 
 import jax
 
-jax.config.update("jax_enable_x64", True)
-
 import equinox as eqx
 import jax.numpy as jnp
 

@@ -3,9 +3,6 @@
 Usage: python examples/05_payloads_on_an_arm.py
 """
 
-import jax
-
-jax.config.update("jax_enable_x64", True)
 
 import equinox as eqx
 import numpy as np

@@ -3,9 +3,6 @@
 Usage: python examples/06_a_tool_on_its_path.py
 """
 
-import jax
-
-jax.config.update("jax_enable_x64", True)
 
 import numpy as np
 

@@ -3,9 +3,6 @@
 Usage: python examples/07_margins_of_the_loop.py
 """
 
-import jax
-
-jax.config.update("jax_enable_x64", True)
 
 import numpy as np
 

@@ -389,17 +389,13 @@ class PageRun:
                 raise PageError(f"`{command.line}` left with exit code {code}:\n{text}")
 
     def _ours(self, arguments: list[str]) -> tuple[str, int]:
-        import jax
         from typer.testing import CliRunner
 
         from slidax.cli import app
 
-        before = jax.config.jax_enable_x64
         runner = CliRunner(env={"COLUMNS": str(COLUMNS), "TERM": "dumb", "NO_COLOR": "1"})
         with contextlib.chdir(self.folder):
             result = runner.invoke(app, arguments)
-        # The command line switches 64-bit numbers on for its own process; code on the page must do so itself.
-        jax.config.update("jax_enable_x64", before)
         if result.exception is not None and not isinstance(result.exception, SystemExit):
             raise result.exception
         return result.output.replace(str(self.folder), "."), result.exit_code

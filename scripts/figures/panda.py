@@ -1,4 +1,4 @@
-"""Figures and tables of arms from files: docs/rivals.md, docs/robots.md and the README's moving picture."""
+"""Figures and tables of arms from files: docs/rivals.md and docs/robots.md."""
 
 from __future__ import annotations
 
@@ -374,7 +374,7 @@ class Half:
 
 
 def write_panda_moving() -> None:
-    """Draw docs/figures/panda-moving.svg, the README's picture: the Panda under this law and the strongest rival.
+    """Draw docs/figures/panda-moving.svg: the Panda under this law and the strongest rival.
 
     It moves by SMIL, so that it needs no script and plays where a page shows it as an image. A viewer that cannot play
     it shows the end of both runs.

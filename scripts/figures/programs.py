@@ -330,25 +330,8 @@ def measure_loop() -> None:
     write_table("loop.md", "loop", table)
 
 
-BEST = 6
-"""Rows of the table in the README."""
-
-
-def shortened(text: str) -> str:
-    """Return the table's head, its first rows, and the paragraph after it."""
-    table, about = text.split("\n\n")[:2]
-    lines = table.splitlines()
-    rest = len(lines) - 2 - BEST
-    more = (
-        f"{about} The other {rest} are in [docs/benchmark-of-schemes.md](docs/benchmark-of-schemes.md)."
-        if rest > 0
-        else about
-    )
-    return "\n".join(lines[: 2 + BEST]) + f"\n\n{more}"
-
-
 def write_benchmark() -> None:
-    """Run the benchmark of schemes, and write its table into docs/benchmark-of-schemes.md and README.md.
+    """Run the benchmark of schemes, and write its table into docs/benchmark-of-schemes.md.
 
     Entries that have a result are not run again. The arguments are those of `slidax benchmark`.
     """
@@ -356,7 +339,6 @@ def write_benchmark() -> None:
     out = Path(arguments[arguments.index("--out") + 1]) if "--out" in arguments else Path("benchmark")
     subprocess.run([Path(sys.executable).with_name("slidax"), "benchmark", *arguments], check=True)
     table = (out / "benchmark.md").read_text(encoding="utf-8").strip()
-    write_table("../README.md", "benchmark", shortened(table))
     write_table("benchmark-of-schemes.md", "benchmark", table)
 
 

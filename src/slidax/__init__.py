@@ -1,11 +1,11 @@
 """Sliding-mode control of robot arms in JAX: one law, written once, simulated, batched, differentiated.
 
-    import jax
-    jax.config.update("jax_enable_x64", True)
     import slidax as sx
 
     scenario = sx.scenarios.load("example-4.1")
     run = scenario.simulate()
+
+Importing it makes JAX compute with 64 bits, unless `JAX_ENABLE_X64` is set or JAX has arrays already.
 
 Its subpackages, from the bottom up; each is imported when it is first used:
 
@@ -18,6 +18,8 @@ Its subpackages, from the bottom up; each is imported when it is first used:
 
 from __future__ import annotations
 
+import os
+import sys
 from importlib import import_module
 from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Any
@@ -65,6 +67,19 @@ _HOME = {name: package for package, names in _EXPORTED.items() for name in names
 _SHORT = {"figures": "report.figures", "metrics": "analysis.metrics"}
 """Modules that are used after nearly every run, under a short name."""
 _SUBPACKAGES = [module.name for module in iter_modules(__path__) if not module.name.startswith("_")]
+
+
+def _enable_64_bits() -> None:
+    """Make JAX compute with 64 bits, where nobody has decided otherwise."""
+    jax = sys.modules.get("jax")
+    if jax is None:
+        # JAX reads it when it is imported, which takes a while and is left to the first use.
+        os.environ.setdefault("JAX_ENABLE_X64", "1")
+    elif "JAX_ENABLE_X64" not in os.environ and not jax.live_arrays():
+        jax.config.update("jax_enable_x64", True)
+
+
+_enable_64_bits()
 
 
 def __getattr__(name: str) -> Any:

@@ -32,10 +32,12 @@ PACKAGES = sorted(".".join(path.parent.relative_to(SOURCE).parts) for path in SO
 
 
 def in_a_fresh_interpreter(code, folder=None):
+    # This process has imported slidax, which decides for its children.
+    inherited = {name: value for name, value in os.environ.items() if name != "JAX_ENABLE_X64"}
     done = subprocess.run(
         [sys.executable, "-c", code],
         cwd=folder,
-        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(SOURCE.parent), str(TESTS.parent)])},
+        env=inherited | {"PYTHONPATH": os.pathsep.join([str(SOURCE.parent), str(TESTS.parent)])},
         capture_output=True,
         text=True,
         check=False,
@@ -149,18 +151,34 @@ DRAWING = {"analysis", "certify", "cli", "design", "export", "paper", "report", 
 
 
 @pytest.mark.parametrize("rooms", [ROOMS, sorted(set(ROOMS) - DRAWING)], ids=["all", "without files and figures"])
-def test_importing_slidax_sets_nothing_and_loads_what_it_needs(rooms):
-    code = "import sys, jax\nbefore = dict(jax.config.values)\n"
+def test_importing_slidax_sets_64_bits_alone_and_loads_what_it_needs(rooms):
+    code = "import sys, jax\nbefore = {**jax.config.values, 'jax_enable_x64': True}\n"
     code += "".join(f"import slidax.{room}\n" for room in rooms)
-    code += "assert dict(jax.config.values) == before\nassert not jax.config.jax_enable_x64\n"
+    code += "assert dict(jax.config.values) == before\n"
     code += "print(*sorted(set(m.split('.')[0] for m in sys.modules)))"
     loaded = set(in_a_fresh_interpreter(code).split())
     heavy = {"diffrax", "pandas", "mujoco", "llvmlite", "viser", "pyarrow", "ruckig"}
     assert not loaded & (heavy if rooms == ROOMS else heavy | {"matplotlib", "rich", "pydantic", "jinja2"})
 
 
+@pytest.mark.parametrize(
+    ("first", "bits"),
+    [
+        ("import slidax, jax", 64),
+        ("import jax, slidax", 64),
+        ("import jax\njax.numpy.zeros(1)\nimport slidax", 64),
+        ("import jax\nkept = jax.numpy.zeros(1)\nimport slidax", 32),
+        ("import os\nos.environ['JAX_ENABLE_X64'] = '0'\nimport slidax, jax", 32),
+    ],
+)
+def test_importing_slidax_enables_64_bits_unless_someone_has_decided(first, bits):
+    assert in_a_fresh_interpreter(f"{first}\nprint(jax.numpy.ones(1).dtype)").strip() == f"float{bits}"
+
+
 def test_without_64_bit_numbers_a_run_is_refused_with_the_one_line_remedy():
     code = """
+import os
+os.environ["JAX_ENABLE_X64"] = "0"
 from slidax.core.errors import DefinitionError
 from slidax.simulation import simulate
 from tests.paper_examples import MOTION_4_1, START_4_1, law_4_1, plant_4_1
@@ -174,6 +192,8 @@ except DefinitionError as error:
 
 def test_32_bit_numbers_are_refused_by_states_certificates_and_designs():
     code = """
+import os
+os.environ["JAX_ENABLE_X64"] = "0"
 import numpy as np
 from slidax.core.errors import DefinitionError
 from slidax.certify import certify

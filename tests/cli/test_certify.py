@@ -37,7 +37,9 @@ def test_exit_code_is_0_if_all_certificates_hold(monkeypatch):
     only(monkeypatch, admissibility)
     words = ["certify", "example-4.1", "--runs", "0", "--set", "simulation.t1=0.1"]
     done = in_process(*words, code=0)
-    assert "Guarantee" in done.stdout and "proved  the start is inside" in done.stdout
+    assert "✓ Every guarantee that applies holds. Weakest grade: B." in done.stdout
+    assert "proved: the start is inside" not in done.stdout
+    assert "proved: the start is inside" in in_process(*words, "--long", code=0).stdout
     outside = in_process(*words, "--set", "start.q=[-1, 2.5]", code=4)
-    assert "joint 1 begins" in outside.stdout
+    assert "✗ Not certified: admissibility." in outside.stdout and "joint 1 begins" in outside.stdout
     assert "--set 'scheme.transformation.performance.initial=[1.5,0.6]'" in outside.stdout

@@ -98,8 +98,24 @@ def test_a_run_that_is_outside_at_its_end_has_left_with_3_and_is_not_back():
 
 def test_the_table_of_a_run_shows_how_many_samples_were_outside_and_how_smooth_the_torque_was():
     result = in_process("run", "example-4.1-1khz", "--set", "start.q=[-0.8,2.9]", "--set", "simulation.t1=4", code=3)
-    assert "outcome recovered, samples outside the envelope: " in result.stdout
-    assert "torque step, steady, rms [N m]" in result.stdout
+    assert re.search(r"✗ Joint 2 was outside its envelope from the start", result.stdout)
+    assert re.search(r"4001 samples, [1-9]\d* outside the envelope", " ".join(result.stdout.split()))
+    assert "torque step, steady [N m]" in result.stdout and "rms" not in result.stdout
+
+
+def test_a_run_prints_its_verdict_before_its_numbers_within_80_columns(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    lines = in_process("run", "example-4.2", "--set", "simulation.t1=2").stdout.splitlines()
+    verdict = next(k for k, line in enumerate(lines) if line.startswith("✓ Inside the envelope. Closest: joint 3, "))
+    assert verdict < next(k for k, line in enumerate(lines) if line.startswith("settled"))
+    assert "42 % of its bound" in lines[verdict] and max(map(len, lines)) <= 80
+
+
+def test_long_prints_every_metric():
+    short, long = (
+        in_process("run", "example-4.1", "--set", "simulation.t1=0.01", *form).stdout for form in ((), ("--long",))
+    )
+    assert "ECI (81)" in long and "ECI (81)" not in short
 
 
 def test_another_scheme_by_name_keeps_the_sampled_data_form_of_the_file():
@@ -142,10 +158,10 @@ def test_seven_joints_fit_on_a_terminal_under_their_own_names(monkeypatch, colum
     heads = [line.split() for line in lines if line.strip().startswith("joint")]
     assert [len(head) for head in heads] == tables
     assert [name for head in heads for name in head] == [f"joint{i + 1}" for i in range(7)]
-    assert all(len(line) <= columns for line in lines[1:-2])
+    assert all(len(line) <= columns for line in lines)
     # The sums of the paper are for its own examples.
-    assert not any("(80)" in line for line in lines)
-    assert "IAE (80) [rad]" in in_process("run", "example-4.1", "--set", "simulation.t1=0.01").stdout
+    assert "(80)" not in in_process("run", "panda-payload", "--set", "simulation.t1=0.05", "--long").stdout
+    assert "IAE (80) [rad]" in in_process("run", "example-4.1", "--set", "simulation.t1=0.01", "--long").stdout
 
 
 @pytest.mark.parametrize("form", [(), ("--json",)])

@@ -83,6 +83,13 @@ def test_blocks_for_every_day_run(page, tmp_path):
     assert len([item for item in outcomes if item.texts]) == len(marked)
 
 
+def test_the_readme_shows_what_its_commands_print(tmp_path):
+    outcomes = PageRun(ROOT / "README.md", tmp_path, tmp_path / "made").run()
+    shown = [item for item in outcomes if item.texts]
+    assert len(shown) == 3 and "✓ Inside the envelope." in shown[0].texts[1]
+    assert (tmp_path / "error.svg").exists()
+
+
 @pytest.mark.full
 def test_the_code_of_all_pages_runs():
     from scripts.documentation.pages import run_all

@@ -72,14 +72,6 @@ def test_an_example_runs_by_itself(script, tmp_path):
 
 
 @EVERY
-def test_64_bit_numbers_are_switched_on_before_anything_else(script):
-    """Run one after the other, the first would do it for all."""
-    before = script.read_text(encoding="utf-8").split('jax.config.update("jax_enable_x64", True)')[0]
-    assert "slidax as" not in before and "jax.numpy" not in before
-    assert before != script.read_text(encoding="utf-8")
-
-
-@EVERY
 def test_an_example_is_under_60_lines(script):
     assert len(script.read_text(encoding="utf-8").splitlines()) < 60
 
@@ -213,8 +205,8 @@ def test_the_python_example_is_ten_lines_and_runs(tmp_path, monkeypatch):
 
 
 def test_the_table_in_the_overview_is_the_one_that_the_command_prints():
-    shown = OVERVIEW.split("$ slidax run example-4.1\n")[1].split("```")[0]
-    printed = in_process("run", "example-4.1").stdout
+    shown = OVERVIEW.split("$ slidax run example-4.1 --long\n")[1].split("```")[0]
+    printed = in_process("run", "example-4.1", "--long").stdout
     for line in shown.strip().splitlines():
         assert line.rstrip() in printed, line
 
@@ -224,6 +216,20 @@ def test_the_moving_picture_is_small_and_asks_nothing_of_others():
     assert len(text) < 2_000_000
     assert "<animate" in text and "prefers-color-scheme: dark" in text and "<title" in text
     assert not re.findall(r"<script|https?://(?!www\.w3\.org/2000/svg)", text)
+
+
+def test_readme_is_at_most_120_lines_and_has_its_two_commands():
+    assert len(README.splitlines()) <= 120
+    targets = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+    assert {"demo", "test"} <= set(re.findall(r"^make (\w+)", README, re.MULTILINE)) <= set(targets)
+
+
+def test_the_picture_of_the_readme_is_small_and_shows_the_numbers_of_its_table():
+    text = (ROOT / "docs" / "figures" / "hero.svg").read_text(encoding="utf-8")
+    assert len(text) < 200_000 and "prefers-color-scheme: dark" in text and "<title" in text
+    rows = re.findall(r"^\| [^|]+ \| ([\d.]+) \|$", README.split("<!-- table hero -->")[1], re.MULTILINE)
+    envelope, bound, largest, textbook = map(float, rows)
+    assert largest < bound < envelope < textbook
 
 
 def test_every_command_that_is_shown_is_one():

@@ -56,6 +56,8 @@ from .metrics import torque_travel as torque_travel
 from .metrics import warned_at as warned_at
 from .run_record import RunRecord as RunRecord
 from .run_record import require_explainable as require_explainable
+from .run_verdict import RunVerdict as RunVerdict
+from .run_verdict import run_verdict as run_verdict
 from .sampled_system import Margins as Margins
 from .sampled_system import SampledSystem as SampledSystem
 from .sampled_system import margins_of as margins_of

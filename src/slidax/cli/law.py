@@ -18,6 +18,7 @@ def certify(
     scenario: Named,
     changes: Changes = None,
     json: AsJson = False,
+    long: Annotated[bool, typer.Option("--long", help="Print every assumption.")] = False,
     out: Annotated[Path | None, typer.Option(help="Folder for a report with figures and certificate.json.")] = None,
     runs: Annotated[int, typer.Option(help="Runs of the statistical certificate; 0 omits it.", min=0)] = 300,
     seed: Annotated[int, typer.Option(help="Random seed of these runs.", min=0)] = 0,
@@ -48,7 +49,7 @@ def certify(
         if json:
             print_json(certificates.as_json())
         else:
-            print_certificates(certificates)
+            print_certificates(certificates, every=long)
             if out is not None:
                 say_where(out)
         if not certificates.holds:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from enum import StrEnum
@@ -39,6 +40,7 @@ def run(
     scenario: Named,
     changes: Changes = None,
     json: AsJson = False,
+    long: Annotated[bool, typer.Option("--long", help="Print every metric.")] = False,
     out: Annotated[Path | None, typer.Option(help="Folder for a report, log and figures; or FILE.mcap.")] = None,
     engine: Annotated[Engine | None, typer.Option(help="Engine; default: the scenario's.")] = None,
     view: Annotated[bool, typer.Option("--view", help="Replay the run in the browser, in three dimensions.")] = False,
@@ -83,7 +85,8 @@ def run(
             _require_views(view, recording)
         _warn_beforehand(parts)
         import_s = time.perf_counter() - STARTED
-        finished = parts.simulate(log_every=0 if folder is not None or view or recording is not None else None)
+        whole = folder is not None or view or recording is not None
+        finished = parts.simulate(log_every=0 if whole else _sparse(parts))
         summary = run_as_json(parts, finished, import_s)
         if folder is not None:
             files.write_log(finished, folder / "log.parquet")
@@ -95,19 +98,29 @@ def run(
         if json:
             print_json(summary)
         else:
-            print_run(parts, finished, summary)
+            print_run(parts, finished, summary, every=long)
             if folder is not None:
                 say_where(folder)
             if log is not None:
                 typer.echo(f"The log is in {log.resolve()}")
         _warn_of_rejections(finished)
         if not finished.outcome.ok:
-            typer.echo(finished.outcome.message, err=True)
+            if json:
+                typer.echo(finished.outcome.message, err=True)
             _print_cause(parts)
         if recording is not None or view:
             _replay(parts, finished, view, recording)
         if not finished.outcome.ok:
             raise typer.Exit(OUTCOME)
+
+
+ROWS = 20_000
+"""Samples that are logged of a run without `--out`, for its verdict."""
+
+
+def _sparse(parts: Scenario) -> int:
+    """Logging interval of a run without `--out`."""
+    return max(parts.log_every or 1, math.ceil(parts.t1 / parts.period / ROWS))
 
 
 def _require_log(parts: Scenario, log: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -11,11 +12,13 @@ from rich.text import Text
 
 from slidax.analysis.metric import short_names
 from slidax.analysis.metrics import envelope_violations, metrics_of, summary
+from slidax.analysis.run_verdict import run_verdict
 from slidax.core.errors import count_noun
 from slidax.paper.printed import INDICES
 
 if TYPE_CHECKING:
     from slidax.analysis.metric import Metric
+    from slidax.analysis.run_verdict import RunVerdict
     from slidax.certify.certificate import Verdict
     from slidax.certify.certify import Certificates
     from slidax.certify.motion.admission import MotionAdmission
@@ -57,44 +60,47 @@ def run_as_json(parts: Scenario, finished: Run, import_s: float) -> dict[str, An
     }
 
 
-def print_run(parts: Scenario, finished: Run, answer: dict[str, Any]) -> None:
-    """Print the metrics of one run, joint by joint, and its outcome.
+def print_run(parts: Scenario, finished: Run, answer: dict[str, Any], *, every: bool = False) -> None:
+    """Print the verdict of one run, then its metrics joint by joint.
 
     A narrow terminal gets several tables with some of the joints each.
 
     - `parts`, `finished`: the scenario and its run.
     - `answer`: from `run_as_json`.
+    - `every`: True for all metrics, False for the most important ones.
     """
     rows: list[tuple[str, list[float | None]]] = []
     for metric in (*metrics_of(finished), *INDICES):
-        values = metric.shown(finished) if metric.per_joint and metric.source in parts.description.source else []
+        if not (metric.per_joint and metric.source in parts.description.source and (every or metric.brief)):
+            continue
+        values = metric.shown(finished)
         if any(value is not None for value in values) or metric.needs_settling:
             rows.append((_titled(metric.title, metric.units(finished)), values))
     console = Console(markup=False, highlight=False)
-    console.print(parts.description.title, style="bold", soft_wrap=True)
+    console.print(parts.description.title, style="bold")
+    _print_verdict(console, run_verdict(parts, finished))
     names = short_names(finished.joint_names)
     widest = max(len(title) for title, _ in rows)
-    for number, shown in enumerate(_fitting(names, console.width - widest)):
+    for shown in _fitting(names, console.width - widest):
         table = _table(widest, shown)
         for title, values in rows:
             table.add_row(title, *(_cell(values[names.index(joint)]) for joint in shown))
-        if number:
-            console.print()
+        console.print()
         console.print(table)
     violations = answer["metrics"]["envelope_violations"]
-    envelope = "no envelope" if violations is None else f"samples outside the envelope: {violations}"
+    envelope = "" if violations is None else f"{violations} outside the envelope; "
     timing = answer["timing"]
-    error = answer["metrics"].get("tool_error")
-    if error is not None:
-        turn = answer["metrics"].get("tool_turn")
-        angle = "" if turn is None else f" and {turn:.3g} rad"
-        envelope = f"{envelope}, tool off by at most {error:.3g} m{angle}"
     console.print(
-        f"\n{parts.scheme} on {parts.robot}: outcome {finished.outcome.kind}, {envelope}; "
-        f"{count_noun(int(finished.tally.samples), 'sample')} in {timing['run_s']:.2f} s, compiled in "
-        f"{timing['compile_s']:.1f} s",
-        soft_wrap=True,
+        f"\n{parts.scheme} on {parts.robot}: {count_noun(int(finished.tally.samples), 'sample')}, {envelope}"
+        f"simulated in {timing['run_s']:.2f} s, compiled in {timing['compile_s']:.1f} s"
     )
+
+
+def _print_verdict(console: Console, verdict: RunVerdict) -> None:
+    sign, style = ("✓", "bold green") if verdict.good else ("✗", "bold red")
+    console.print(Text(f"{sign} {verdict.sentence}", style=style))
+    for fact in verdict.facts:
+        console.print(f"  {fact}")
 
 
 def print_comparison(rivals: Mapping[str, Rival]) -> None:
@@ -191,28 +197,59 @@ def _written(cell: str | float | int | None) -> str:
     return f"{cell:.4g}" if isinstance(cell, float) else str(cell)
 
 
-def print_certificates(certificates: Certificates) -> None:
-    """Print a table of `certificates`, then the statement, assumptions and remedies of each."""
+def print_certificates(certificates: Certificates, *, every: bool = False) -> None:
+    """Print the verdict on all `certificates`, then the statement of each that applies, with failures and remedies.
+
+    - `every`: True for all assumptions, and the reasons of certificates that do not apply.
+    """
     console = Console(highlight=False)
-    table = Table(box=None, pad_edge=False)
-    for name in ("Guarantee", "holds", "grade", "margin", "bound"):
-        table.add_column(name, justify="right" if name == "margin" else "left", overflow="fold")
-    for verdict in certificates:
-        bound = "; ".join(verdict.bound_in_words)
-        answer = Text(verdict.answer, style=_style(verdict))
-        table.add_row(Text(verdict.title), answer, verdict.grade or "", _cell(verdict.margin), Text(bound))
     console.print(Text(certificates.scenario, style="bold"))
-    console.print(table)
+    console.print(certificates_verdict(certificates))
     for verdict in certificates:
+        if verdict.holds is None and not every:
+            continue
+        sign = {True: "✓", False: "✗", None: "-"}[verdict.holds]
+        since = f" {verdict.answer}" if verdict.since is not None else ""
+        facts = [verdict.name]
+        if verdict.grade:
+            facts.append(f"grade {verdict.grade}: {verdict.stands_on}")
+        if verdict.margin is not None:
+            facts.append(f"margin {100 * verdict.margin:.3g} %")
         console.print()
-        console.print(Text(verdict.name, style="bold"), Text(verdict.answer, style=_style(verdict)))
-        console.print(Text(f"  {verdict.statement}"), soft_wrap=True)
+        console.print(Text(f"{sign} {verdict.title}{since}", style=_style(verdict) or "bold"))
+        console.print(Text(_indented("; ".join(facts), 2, console), style="dim"))
+        console.print(Text(_indented(verdict.statement, 2, console)))
         for assumption in verdict.assumptions:
-            style = "red" if assumption.status == "fails" else ""
-            console.print(Text(f"  {assumption.status:>8}  {assumption.text}", style=style), soft_wrap=True)
+            if every or assumption.status == "fails":
+                style = "red" if assumption.status == "fails" else ""
+                console.print(Text(_indented(f"{assumption.status}: {assumption.text}", 4, console), style=style))
         for remedy in verdict.remedies:
+            # A command to copy is not wrapped.
             changes = f": {remedy.sets}" if remedy.changes else ""
-            console.print(Text(f"    remedy  {remedy.words}{changes}"), soft_wrap=True)
+            console.print(Text(f"    remedy: {remedy.words}{changes}"), soft_wrap=True)
+    absent = [verdict.name for verdict in certificates if verdict.holds is None]
+    if absent and not every:
+        console.print(Text(f"\nNot applicable: {', '.join(absent)}."))
+    if not every:
+        console.print(Text("`--long` prints every assumption and the reason why a certificate does not apply."))
+
+
+def _indented(text: str, spaces: int, console: Console) -> str:
+    """The text in lines as wide as the console, with spaces before each."""
+    margin = " " * spaces
+    return textwrap.fill(text, console.width, initial_indent=margin, subsequent_indent=margin, break_on_hyphens=False)
+
+
+def certificates_verdict(certificates: Certificates) -> Text:
+    """The verdict on all `certificates` in a sentence."""
+    if certificates.failing:
+        return Text(f"✗ Not certified: {', '.join(certificates.failing)}.", style="bold red")
+    grades = [verdict.grade for verdict in certificates if verdict.grade]
+    late = [verdict.since for verdict in certificates if verdict.since is not None]
+    since = f", from {max(late):.3g} s on" if late else ""
+    weakest = f" Weakest grade: {max(grades)}." if grades else ""
+    style = "bold yellow" if late else "bold green"
+    return Text(f"✓ Every guarantee that applies holds{since}.{weakest}", style=style)
 
 
 def print_admissions(law: CertifiedLaw, admissions: Sequence[MotionAdmission]) -> None:

@@ -34,5 +34,6 @@ def require_64_bits() -> None:
     """Raise DefinitionError if JAX computes with 32-bit numbers."""
     if not jax.config.read("jax_enable_x64"):
         raise DefinitionError(
-            'slidax needs 64-bit numbers: call jax.config.update("jax_enable_x64", True) before anything else'
+            "slidax needs 64-bit numbers: import slidax before JAX makes its first array, or call "
+            'jax.config.update("jax_enable_x64", True)'
         )

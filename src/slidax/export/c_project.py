@@ -19,6 +19,7 @@ from slidax.codegen.ir import Loop, functions
 from slidax.codegen.passes import NO_OPERATIONS, OperationCount, count_iterations, count_operations
 from slidax.core.errors import DefinitionError
 from slidax.core.writing import error_reason, write_text
+from slidax.law.sampled.controller import SampledData
 from slidax.plant.actuators import TorqueLimits
 from slidax.simulation.plant import MujocoPlant
 
@@ -40,8 +41,9 @@ from .status import ANSWERED, CHECKED, CONDITIONS, HELD, WAITING, Condition
 
 @dataclass(frozen=True)
 class JointUnits:
-    """The units of a joint's position, velocity and torque."""
+    """The name of a joint, and the units of its position, velocity and torque."""
 
+    name: str
     q: str
     dq: str
     tau: str
@@ -132,6 +134,12 @@ class CProject:
         n = len(self.joints)
         flags = [name in self.guard.reads for name in ("state.q", "state.dq") for _ in range(n)] + [True]
         return ", ".join("true" if flag else "false" for flag in flags)
+
+    @property
+    def bounds_velocity(self) -> bool:
+        """True if a measured velocity must be in range; any finite value may stand where the estimator reads none."""
+        law = self.guard.controller
+        return not isinstance(law, SampledData) or law.estimator.reads_velocity
 
     @property
     def golden_is_close(self) -> bool:
@@ -401,8 +409,8 @@ def project(
         law=f"{scenario.scheme} on {scenario.robot}",
         command=command,
         joints=tuple(
-            JointUnits(unit, f"{unit}/s", torque)
-            for unit, torque in zip(robot.joint_units, robot.torque_units, strict=True)
+            JointUnits(comment(joint), unit, f"{unit}/s", torque)
+            for joint, unit, torque in zip(robot.joint_names, robot.joint_units, robot.torque_units, strict=True)
         ),
         dialect=dialect,
         guard=guard,

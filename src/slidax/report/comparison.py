@@ -15,6 +15,7 @@ import numpy as np
 
 from slidax.analysis.metric import Metric, short_names
 from slidax.analysis.metrics import metrics_of, summary
+from slidax.analysis.run_verdict import torque_limits
 from slidax.core.errors import DefinitionError
 from slidax.law.sampled.controller import SampledData
 from slidax.scenarios.scenario import Scenario
@@ -24,7 +25,7 @@ from . import figures
 from .figures.compared import LOOKS
 from .files import parameters
 from .page import Picture, picture, write_page
-from .pages import tip_paths, torque_limits
+from .pages import tip_paths
 
 
 @dataclass(frozen=True)

@@ -48,7 +48,15 @@ def _values(part: Any) -> Any:
         return {"kind": type(part).__name__, **fields}
     if callable(part):
         return getattr(part, "__name__", type(part).__name__)
-    return np.asarray(part).tolist() if eqx.is_array(part) else part
+    if not eqx.is_array(part):
+        return part
+    values = np.asarray(part)
+    return _rounded(values).tolist() if values.dtype.kind == "f" else values.tolist()
+
+
+def _rounded(values: np.ndarray) -> np.ndarray:
+    """To six digits, so that a sum of decimals shows as such."""
+    return np.vectorize(lambda value: float(f"{value:.6g}"), otypes=[float])(values)
 
 
 def columns(run: Run) -> dict[str, np.ndarray]:

@@ -11,9 +11,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from slidax.analysis.metric import Metric, short_names
-from slidax.analysis.metrics import envelope_violations, metrics_of, tool_error, tool_turn
+from slidax.analysis.metrics import envelope_margin, metrics_of, peak_torque, steady_error
+from slidax.analysis.run_verdict import bound_shares, run_verdict, torque_limits
 from slidax.arms.arm import AbstractRobot
-from slidax.certify.sampled_scenario import envelope_bounds
+from slidax.certify.sampled_scenario import envelope_bounds, has_envelope
 from slidax.core.errors import DefinitionError
 from slidax.identify.identified_arm import Identification
 from slidax.scenarios.scenario import Scenario
@@ -41,15 +42,6 @@ def tip_paths(robot: AbstractRobot, run: Run) -> tuple[np.ndarray, np.ndarray]:
     return np.asarray(actual), np.asarray(desired)
 
 
-def torque_limits(scenario: Scenario) -> np.ndarray | None:
-    """Largest torque of the actuator of a `scenario` [n], N m or N; None if unlimited."""
-    actuator = scenario.plant.actuator
-    if actuator is None:
-        return None
-    limits = np.broadcast_to(np.asarray(actuator.limits.torque), scenario.plant.robot.joints)
-    return limits if np.isfinite(limits).any() else None
-
-
 def write_run_report(
     scenario: Scenario, run: Run, out: Path, *, also: Sequence[Metric[Any]] = (), command: str = ""
 ) -> Path:
@@ -60,26 +52,59 @@ def write_run_report(
     - `command`: command line, for the page.
     """
     metrics = [m for m in (*metrics_of(run), *also) if m.per_joint and m.source in scenario.description.source]
+    overview, pictures = _run_pictures(scenario, run, out / "figures")
     return write_page(
         out,
         "run.html.j2",
         scenario=scenario,
         run=run,
-        outcome=run.outcome,
-        rows=[(metric, metric.units(run), metric.shown(run)) for metric in metrics],
-        violations=envelope_violations(run),
-        tool=tool_error(run),
-        turn=tool_turn(run),
-        pictures=_run_pictures(scenario, run, out / "figures"),
+        verdict=run_verdict(scenario, run),
+        joints=short_names(run.joint_names),
+        columns=_joint_columns(scenario, run),
+        rows=[(metric, _unit_of(metric.units(run)), metric.shown(run)) for metric in metrics],
+        overview=overview,
+        pictures=pictures,
         parameters=parameters(scenario),
         seconds=run.timing.compile_s + run.timing.run_s if run.timing else 0.0,
         command=command,
     )
 
 
-def _run_pictures(scenario: Scenario, run: Run, folder: Path) -> list[Picture]:
+def _unit_of(units: Sequence[str]) -> str:
+    """The unit of a row, "rad, m" for joints of both kinds."""
+    return ", ".join(dict.fromkeys(units))
+
+
+def _joint_columns(scenario: Scenario, run: Run) -> list[tuple[str, str, list[float | None]]]:
+    """Columns of the short table: title, unit and a value per joint; None where there is none."""
+    columns = [("Steady error", _unit_of(steady_error.units(run)), steady_error.shown(run))]
+    if run.has_envelope:
+        columns.insert(0, _envelope_column(run))
+    columns.append(("Peak torque", _unit_of(peak_torque.units(run)), peak_torque.shown(run)))
+    if (limits := torque_limits(scenario)) is not None:
+        used = [None if tau is None else 100.0 * tau / c for tau, c in zip(peak_torque.shown(run), limits, strict=True)]
+        columns.append(("Torque", "% of its limit", used))
+    return columns
+
+
+def _envelope_column(run: Run) -> tuple[str, str, list[float | None]]:
+    if run.log is None or not len(np.atleast_1d(run.log.t)):
+        left = [None if value is None else 100.0 * value for value in envelope_margin.shown(run)]
+        return "Envelope left", "% of its width", left
+    return "Error", "% of its bound", [100.0 * float(share) for share in np.nanmax(bound_shares(run), axis=0)]
+
+
+def _run_pictures(scenario: Scenario, run: Run, folder: Path) -> tuple[Picture | None, list[Picture]]:
+    """The picture of all joints at once, if the scheme has an envelope, and those of each joint."""
     if run.log is None or len(np.atleast_1d(run.log.t)) < 2:
-        return []
+        return None, []
+    overview = None
+    if run.has_envelope:
+        caption = (
+            "Error of every joint as a share of its bound at that time. The joint that comes nearest to its envelope "
+            "is blue."
+        )
+        overview = picture(figures.envelope_share(run), folder, "envelope-share", "Errors in the envelope", caption)
     inside = " in its envelope" if run.has_envelope else ""
     torque = figures.torque(run, limits=torque_limits(scenario))
     specs = [
@@ -98,7 +123,7 @@ def _run_pictures(scenario: Scenario, run: Run, folder: Path) -> list[Picture]:
         ("torque", "Torque", "Over the whole run, and at its beginning.", torque),
         ("tip-path", "Path of the tip", "In the workspace.", figures.tip_path(*tip_paths(scenario.plant.robot, run))),
     ]
-    return [picture(figure, folder, name, title, caption) for name, title, caption, figure in specs]
+    return overview, [picture(figure, folder, name, title, caption) for name, title, caption, figure in specs]
 
 
 def write_study_report(
@@ -162,17 +187,29 @@ def write_certificate_report(
 
 def _certificate_pictures(scenario: Scenario, certificates: Certificates, folder: Path) -> list[Picture]:
     t = np.linspace(0.0, scenario.t1, 801)
-    envelope = envelope_bounds(scenario, t)
+    envelope = envelope_bounds(scenario, t) or _tolerance_bounds(scenario, t)
     if envelope is None:
         return []
     plant = scenario.plant
     robot = getattr(plant, "own", plant).robot
     radii = np.sort(np.abs(np.stack(envelope)), axis=0)
     bounds = _bounds(certificates, scenario.t1)
-    caption = "The two sides of the envelope by their distance from zero"
+    name = "envelope" if has_envelope(scenario) else "tolerance band"
+    caption = f"The two sides of the {name} by their distance from zero"
     caption += ", and the bounds of |e| with their grades." if bounds else "; there is no bound of the error."
     figure = figures.bounded_error(t, radii, bounds, short_names(robot.joint_names), robot.joint_units)
     return [picture(figure, folder, "bounded-error", "Bound of the error", caption)]
+
+
+def _tolerance_bounds(scenario: Scenario, t: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """The tolerance band for the scenario's own start, two arrays [N n]; None without one."""
+    band = scenario.tolerance
+    if band is None:
+        return None
+    start = jnp.zeros(())
+    error = scenario.state0.q - scenario.trajectory.reference(start).q
+    sides: Any = eqx.filter_vmap(band.envelope, in_axes=(0, None))(jnp.asarray(t), band.init(start, error))
+    return np.asarray(sides.lower), np.asarray(sides.upper)
 
 
 def _bounds(certificates: Certificates, t1: float) -> dict[str, tuple[np.ndarray, np.ndarray]]:

@@ -14,6 +14,7 @@ from .loops import bode as bode
 from .loops import bounded_error as bounded_error
 from .loops import latencies as latencies
 from .loops import nyquist as nyquist
+from .overlay import envelope_share as envelope_share
 from .run import error_sizes as error_sizes
 from .run import identified_torques as identified_torques
 from .run import performance as performance

@@ -1,0 +1,59 @@
+"""All joints of a run in one panel: the share of the allowed error that each uses."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from slidax.analysis.metric import short_names
+from slidax.analysis.run_verdict import bound_shares
+from slidax.core.errors import DefinitionError
+from slidax.simulation.run import Run
+
+from .style import BAND, BOUND, LINES, WIDTH, log_of, styled, thin_curve, use_time_axis
+
+HIGHEST = 250.0
+"""End of the axis at most, in %: far outside, a curve leaves the panel."""
+
+
+@styled
+def envelope_share(run: Run, *, ax: Axes | None = None) -> Figure:
+    """Error of each joint as a share of its bound at that time: 100 % is the envelope. The joint nearest to it is blue.
+
+    - `run`: with a log and an envelope.
+    - `ax`: axes to draw into; by default a new figure.
+
+    Raises DefinitionError if the run has no log, or its scheme has no envelope.
+    """
+    log = log_of(run)
+    if log.envelope is None:
+        raise DefinitionError("a share of the envelope needs a scheme with an envelope: draw `tracking_error` instead")
+    t = np.asarray(log.t)
+    shares = 100.0 * bound_shares(run)
+    names = short_names(run.joint_names)
+    worst, nearest = (int(k) for k in np.unravel_index(np.nanargmax(shares), shares.shape))
+    figure = Figure(figsize=(WIDTH, 2.5), layout="constrained") if ax is None else None
+    axes: Axes = figure.subplots() if figure is not None else ax  # type: ignore[assignment]
+    high = min(HIGHEST, max(112.0, 1.1 * float(np.nanmax(shares))))
+    axes.axhspan(0.0, 100.0, **BAND)
+    axes.axhline(100.0, **{**BOUND, "linewidth": 1.2})
+    for joint in [k for k in range(run.joints) if k != nearest] + [nearest]:
+        look = {**LINES[0], "linewidth": 1.5} if joint == nearest else {"color": "0.55", "linewidth": 0.8}
+        axes.plot(*thin_curve(t, shares[:, joint]), **look, label=names[joint])
+    axes.set_ylim(0.0, high)
+    axes.set_ylabel("error / bound  [%]")
+    use_time_axis(axes, float(t[0]), float(t[-1]))
+    axes.text(float(t[-1]), 101.0, "envelope ", ha="right", va="bottom", color=BOUND["color"], fontsize=8.0)
+    place = float(min(shares[worst, nearest], high))
+    side = ("left", 6) if t[worst] < 0.7 * t[-1] else ("right", -6)
+    axes.annotate(
+        f"{names[nearest]}: {shares[worst, nearest]:.3g} % at {t[worst]:.3g} s",
+        (float(t[worst]), place),
+        xytext=(side[1], 2),
+        textcoords="offset points",
+        ha=side[0],
+        va="bottom",
+        color=LINES[0]["color"],
+    )
+    return axes.figure  # type: ignore[return-value]
