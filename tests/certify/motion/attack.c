@@ -92,14 +92,40 @@ static void accelerate(const arm_t *arm, const double *q, const double *v, const
     solve(arm->n, M, a);
 }
 
+/* A plan with an envelope and the paper's surface, per joint. now, ahead: N and A in each slot [slots + delay][n]. */
+typedef struct {
+    double horizon, lower[N], upper[N], k1[N], k2[N], p[N], q[N], delta[N];
+    const double *now, *ahead;
+} plan_t;
+
+static double bent(double x, double p, double d) {
+    double a = fabs(x), l1 = pow(d, p - 1) * (p*p/2 - 5*p/2 + 3), l2 = pow(d, p - 2) * (-p*p + 4*p - 3),
+           l3 = pow(d, p - 3) * (p*p/2 - 3*p/2 + 1);
+    double y = a >= d ? pow(a, p) : a * (l1 + a * (l2 + a * l3));
+    return x < 0 ? -y : y;
+}
+
+/* A psi(eps)/H^2 with N psi(eps) + H phi(eps) = y, by bisection; phi grows without end. */
+static double goal(const plan_t *plan, int slot, int n, int i, double y) {
+    double b = plan->lower[i], t = plan->upper[i], low = -300, high = 300, place = 0;
+    for (int k = 0; k < 120; k++) {
+        double x = 0.5 * (low + high), z = exp(x);
+        place = b * t * (z - 1) / (b * z - t);
+        double a = fabs(x), far = (x < 0 ? -1 : 1) * pow(a, plan->q[i]);
+        double phi = plan->k1[i] * bent(x, plan->p[i], plan->delta[i]) + plan->k2[i] * far;
+        if (plan->now[slot*n+i] * place + plan->horizon * phi < y) low = x; else high = x;
+    }
+    return plan->ahead[slot*n+i] * place / (plan->horizon * plan->horizon);
+}
+
 /* friction: 0: Coulomb by the sign of the velocity, else the pattern `push` alone, which holds for each substep.
    desired: [(slots + 1) * sub + 1][2][n], position and velocity at substeps. push: [slots * sub][n], N m.
    start: position and velocity [2][n]. phase: of the encoder's grid [n].
    largest: [slots][2][n] of |q - q_d| and |v - dq_d| over the substeps of each slot. trace, unless null:
-   [slots][sub][6][n]: q, v, a; [.][3] command acceleration u - w^ ; [4] qm; [5] vm. torque: [slots][n]. */
+   plan: null for computed torque. [slots][sub][6][n]: q, v, a; [.][3] command acceleration u - w^ ; [4] qm; [5] vm. torque: [slots][n]. */
 void run(const arm_t *truth, const arm_t *model, double h, double kp, double kd, const double *gains, int delay, int slots, int sub,
          const double *desired, const double *push, int friction, const double *coulomb, double resolution,
-         const double *phase, const double *start, int settled, double *largest, double *trace, double *torque) {
+         const double *phase, const double *start, int settled, const plan_t *plan, double *largest, double *trace, double *torque) {
     int n = truth->n;
     double q[N], v[N], qh[N], vh[N], wh[N], held[N];
     double ring_tau[16][N], ring_a[16][N], ring_w[16][N], ring_q[16][N], ring_v[16][N];
@@ -140,6 +166,7 @@ void run(const arm_t *truth, const arm_t *model, double h, double kp, double kd,
         for (int i = 0; i < n; i++) {
             double mean = (next[n+i] - now[n+i]) / h, e = at[i] - now[i], de = rate[i] - now[n+i];
             u[i] = mean - kp * e - kd * de;
+            if (plan) u[i] += goal(plan, k + delay, n, i, e + (plan->horizon - 0.5 * h) * de);
             qm[i] = at[i] + 0.5 * h * rate[i] + 0.125 * h * h * u[i]; vm[i] = rate[i] + 0.5 * h * u[i];
             if (delay == 0) { qh[i] += h * vh[i] + 0.5 * h * h * u[i]; vh[i] += h * u[i]; }
             u[i] -= wh[i];

@@ -30,6 +30,52 @@ class ArmStruct(ctypes.Structure):
     ]
 
 
+class PlanStruct(ctypes.Structure):
+    _fields_ = [
+        ("horizon", ctypes.c_double),
+        *((name, ctypes.c_double * LARGEST) for name in ("lower", "upper", "k1", "k2", "p", "q", "delta")),
+        ("now", ctypes.POINTER(ctypes.c_double)),
+        ("ahead", ctypes.POINTER(ctypes.c_double)),
+    ]
+
+
+@dataclass(frozen=True)
+class PaperPlan:
+    """The paper's surface and envelope, with a plan over a horizon, all joints alike; the wide side is above zero."""
+
+    horizon: float
+    initial: float
+    final: float
+    deadline: float
+    exponent: float = 2.01
+    overshoot: float = 0.3
+    k1: float = 0.5
+    k2: float = 1.0
+    p: float = 0.5
+    q: float = 1.2
+    delta: float = 0.01
+
+    def frames(self, times: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
+        """N and A at times."""
+        lead, left = self.horizon - 0.5 * period, np.maximum(1.0 - times / self.deadline, 0.0)
+        size, m = self.initial - self.final, self.exponent
+        radius = size * left**m + self.final
+        rate = -size * m / self.deadline * left ** (m - 1)
+        curvature = size * m * (m - 1) / self.deadline**2 * left ** (m - 2) * (left > 0)
+        now = np.maximum(radius + lead * rate, 0.1 * radius)
+        return now, np.maximum(now + self.horizon * (rate + lead * curvature), 0.1 * radius)
+
+    def struct(self, joints: int, times: np.ndarray, period: float) -> tuple[PlanStruct, list[np.ndarray]]:
+        """The plan in C, and the arrays that it points to."""
+        plan = PlanStruct(horizon=self.horizon)
+        for name in ("k1", "k2", "p", "q", "delta"):
+            getattr(plan, name)[:joints] = [getattr(self, name)] * joints
+        plan.lower[:joints], plan.upper[:joints] = [-self.overshoot] * joints, [1.0] * joints
+        arrays = [np.repeat(values[:, None], joints, axis=1).copy() for values in self.frames(times, period)]
+        plan.now, plan.ahead = map(_pointer, arrays)
+        return plan, arrays
+
+
 @functools.cache
 def library() -> Any:
     folder = Path(tempfile.mkdtemp())
@@ -153,6 +199,7 @@ def simulate(
     phase: np.ndarray | None = None,
     start: np.ndarray | None = None,
     settled: bool = False,
+    plan: PaperPlan | None = None,
     trace: bool = False,
 ) -> Run:
     """Run the arm; `desired` are positions and velocities at substeps [(slots + delay + 1) sub + 1, 2, n]."""
@@ -168,6 +215,8 @@ def simulate(
     friction = np.zeros(n) if coulomb is None else np.ascontiguousarray(coulomb)
     real, unreal = truth.struct(), model.struct()
     gains = np.array(loop.gains)
+    times = loop.period * np.arange(slots + loop.delay)
+    sliding, kept = (None, None) if plan is None else plan.struct(n, times, loop.period)
     library().run(
         ctypes.byref(real),
         ctypes.byref(unreal),
@@ -186,8 +235,10 @@ def simulate(
         _pointer(grid),
         _pointer(begin),
         int(settled),
+        None if sliding is None else ctypes.byref(sliding),
         _pointer(sizes),
         _pointer(traced),
         _pointer(torque),
     )
+    del kept
     return Run(sizes[:, 0], sizes[:, 1], traced, torque)

@@ -147,5 +147,5 @@ def test_the_command_answers_for_each_file_in_json_and_by_its_exit_code(tmp_path
 
 
 def test_a_law_without_such_a_bound_is_refused_with_the_setting_that_is_missing():
-    with pytest.raises(DefinitionError, match=r"set `scheme\.name: computed_torque`"):
+    with pytest.raises(DefinitionError, match=r"set `scheme\.sampled_data\.adaptation: null`"):
         certified_law(sx.scenarios.load("panda-payload"))

@@ -13,11 +13,17 @@ from slidax.certify.motion.joint_loop import OUTPUTS, JointLoop
 from slidax.core.errors import DefinitionError
 from slidax.core.types import Reference, State
 from slidax.law import ComputedTorque, Kalman, SampledData, sampled_data
+from slidax.law.envelopes import FixedTime
+from slidax.law.error_transformations import PrescribedPerformance
+from slidax.law.reaching_laws import FixedTimeReaching
+from slidax.law.sliding_mode_controllers import SlidingMode
+from slidax.law.surfaces import SmoothFixedTime
+from slidax.law.torque_bounds import FixedBound
 from slidax.scenarios import alter, load
 from tests.law.sampled.test_sampled_data import FreeMass
 
 from .cases import desired, knotted, panda
-from .plant import Chain, simulate
+from .plant import Chain, PaperPlan, simulate
 
 PERIOD, RESOLUTION = 1e-3, 1e-5
 
@@ -61,6 +67,22 @@ def certified(arm: AbstractRobot, delay: int, **changes: Any) -> SampledData:
     return sampled_data(law, period=PERIOD, delay=float(delay), **options)
 
 
+def sliding(arm: AbstractRobot, plan: PaperPlan, delay: int, density: float = 0.1) -> SampledData:
+    """The paper's law with the plan of the independent one."""
+    law = SlidingMode(
+        arm,
+        PrescribedPerformance(
+            FixedTime(plan.initial, plan.final, deadline=plan.deadline, exponent=plan.exponent), plan.overshoot
+        ),
+        SmoothFixedTime(k1=plan.k1, k2=plan.k2, p=plan.p, q=plan.q, delta=plan.delta),
+        FixedTimeReaching(gain=0.1, exponent=1.2),
+        FixedBound(200.0),
+    )
+    kalman = Kalman.steady(density=density, variance=RESOLUTION**2 / 12, period=PERIOD)
+    options = {"estimator": kalman, "midpoint": True, "viscous_feedforward": True, "horizon": plan.horizon}
+    return sampled_data(law, period=PERIOD, delay=float(delay), **options)
+
+
 @eqx.filter_jit
 def torques(law: SampledData, q: Any, first: Reference, references: Any) -> Any:
     """Torques and rejections of a law at samples, from measured positions [N n] and the references [N + 1 2 n]."""
@@ -72,8 +94,9 @@ def torques(law: SampledData, q: Any, first: Reference, references: Any) -> Any:
         command = law(t, State(q, jnp.zeros_like(q)), at, after, memory)
         return command.memory, (command.tau, command.signals["rejected"])
 
-    samples = jnp.asarray(PERIOD * np.arange(len(q))), q, references[:-1], references[1:]
-    return jax.lax.scan(step, law.init(jnp.zeros(()), start, first), samples)[1]
+    # The time of a sample is when its torque sets in.
+    samples = jnp.asarray(PERIOD * (law.delay + np.arange(len(q)))), q, references[:-1], references[1:]
+    return jax.lax.scan(step, law.init(jnp.asarray(PERIOD * law.delay), start, first), samples)[1]
 
 
 @pytest.mark.parametrize("name", ARMS)
@@ -101,6 +124,27 @@ def test_torques_are_those_of_the_certified_law(name: str, delay: int) -> None:
         reference[delay : delay + slots + 1],
     )
     assert np.max(np.abs(other[: len(applied)] - applied)) > 1e-6 * np.max(np.abs(applied))
+
+
+@pytest.mark.parametrize("delay", [0, 1])
+def test_torques_of_a_sliding_mode_law_are_those_of_its_loop_with_a_goal(delay: int) -> None:
+    arm, rng, slots = two_joints(), np.random.default_rng(5), 400
+    plan = PaperPlan(horizon=0.02, initial=0.05, final=0.01, deadline=0.2)
+    law = sliding(arm, plan, delay)
+    motion = knotted(arm, rng, 0.6)
+    reference = desired(motion, PERIOD, slots, 1, delay)
+    nominal = Chain.of(arm)
+    push = rng.normal(size=(slots, arm.joints)) * 0.2
+    run = simulate(
+        nominal.member(rng, 0.05), nominal, JointLoop.of(law), reference, slots, 1, push=push, resolution=RESOLUTION,
+        trace=True, plan=plan,
+    )  # fmt: skip
+    assert run.trace is not None
+    measured = RESOLUTION * (np.floor(run.trace[:, 0, 0] / RESOLUTION) + 0.5)
+    tau, rejected = torques(law, measured, Reference(*reference[0]), reference[delay : delay + slots + 1])
+    assert not np.any(rejected)
+    applied = run.torque[delay:]
+    np.testing.assert_allclose(tau[: len(applied)], applied, atol=1e-7 * np.max(np.abs(applied)), rtol=0)
 
 
 @pytest.mark.parametrize("ratio", [1.0, 0.8])

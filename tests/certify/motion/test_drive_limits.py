@@ -11,7 +11,7 @@ from slidax.certify.motion.joint_loop import JointLoop
 from slidax.certify.motion.tracking_bound import CertifiedPath, certified_path
 
 from .cases import desired, panda
-from .plant import Chain, simulate
+from .plant import Chain, PaperPlan, simulate
 from .test_tracking_bound import short, uncertainty
 
 LOOPS = {
@@ -29,7 +29,14 @@ def case(name: str, seed: int) -> tuple[Any, Any, CertifiedPath, DriveBounds]:
     return arm, motion, certified, drive_bounds(arm, motion, certified.solution)
 
 
-def seen(arm: Any, motion: Any, certified: CertifiedPath, rng: np.random.Generator, run: int) -> np.ndarray:
+def seen(
+    arm: Any,
+    motion: Any,
+    certified: CertifiedPath,
+    rng: np.random.Generator,
+    run: int,
+    plan: PaperPlan | None = None,
+) -> np.ndarray:
     """Torques of one attacked run [slots n]."""
     loop, cells = certified.loop, certified.path.cells
     slots, sub, coulomb = len(cells.q) * cells.per_cell, 4, np.asarray(certified.inputs.coulomb)
@@ -50,6 +57,7 @@ def seen(arm: Any, motion: Any, certified: CertifiedPath, rng: np.random.Generat
         coulomb=friction,
         resolution=float(certified.inputs.resolution[0]),
         phase=rng.random(arm.joints),
+        plan=plan,
     ).torque
 
 

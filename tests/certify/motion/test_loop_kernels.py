@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from slidax.certify.motion.joint_loop import JointLoop
+from slidax.certify.motion.joint_loop import OWN, JointLoop
 from slidax.certify.motion.loop_kernels import _Trace, loop_kernels, spread_kernels
 from slidax.core.errors import DefinitionError
 from slidax.law.joint_loop import LinearLoop
@@ -95,7 +95,7 @@ def test_no_kernel_between_the_ratios_passes_the_largest(name: str) -> None:
     loop, p = LOOPS[name], 0.2
     spreads = spread_kernels(loop, p)
     least, most = 1 / (1 + p), 1 / (1 - p)
-    sums, peaks = ("any_form", "ramp", "pulse", "noise"), ("step", "start_error", "start_speed", "start_miss")
+    sums, peaks = ("any_form", "ramp", "pulse", "noise", "goal"), ("step", "start_error", "start_speed", "start_miss")
     for ratio in np.random.default_rng(0).uniform(least, most, size=6):
         trace = _Trace.of(loop, loop.maps_for(ratio), ratio, spreads["error"].nominal.any_form.size - 1, 0.0)
         for output, spread in spreads.items():
@@ -132,9 +132,9 @@ def test_eigenvalue_modulus_agrees_with_the_loop_of_the_law(ratio: float) -> Non
 def test_a_filter_that_begins_at_a_wrong_position_stays_within_its_kernel() -> None:
     loop = JointLoop.with_density(1e-3, 0.02, 1.0, 1e-5, 1)
     kernel = loop_kernels(loop)["error"]
-    state = np.zeros(8)
+    state = np.zeros(len(loop.maps.step))
     # The prediction and the pending command's position are off, the arm is not.
-    state[[2, 5]] = 1.0
+    state[[2, OWN]] = 1.0
     errors = []
     for _ in range(300):
         errors.append(abs(state[0]))

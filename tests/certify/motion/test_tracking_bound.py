@@ -16,12 +16,12 @@ from slidax.arms.articulated import Articulated
 from slidax.certify.motion.body_points import BodyPoints
 from slidax.certify.motion.joint_loop import JointLoop
 from slidax.certify.motion.parameter_region import BodyBand
-from slidax.certify.motion.tracking_bound import ArmUncertainty, CertifiedPath, certified_path, tracking_bound
+from slidax.certify.motion.tracking_bound import ArmUncertainty, CertifiedPath, certified_path, motion_bound
 from slidax.core.errors import DefinitionError
 from slidax.motions.tabulated import Tabulated
 
 from .cases import Members, desired, knotted, panda, quintic, ur5e
-from .plant import Chain, simulate
+from .plant import Chain, PaperPlan, simulate
 
 LOOP = JointLoop.with_density(1e-3, 0.007, 3.0, 1e-5, 1)
 SLOW = JointLoop.with_density(2e-3, 0.02, 1.0, 1e-5, 1)
@@ -54,6 +54,7 @@ def attack(
     runs: int,
     member: Callable[[Chain, np.random.Generator], Chain],
     sub: int = 4,
+    plan: PaperPlan | None = None,
 ) -> np.ndarray:
     """The largest ratio of error and speed to their bounds in each run, of some members of the region."""
     loop, cells = certified.loop, certified.path.cells
@@ -82,6 +83,7 @@ def attack(
             coulomb=friction,
             resolution=float(np.max(certified.inputs.resolution)),
             phase=rng.random(arm.joints),
+            plan=plan,
         )
         ratios = [
             getattr(seen, name).reshape(len(cells.q), -1, arm.joints).max(axis=1) / getattr(certified.bounds, name)
@@ -241,7 +243,7 @@ def test_bounds_grow_with_what_is_not_known() -> None:
 def test_the_verdict_names_the_joint_and_the_term() -> None:
     arm = arm_of("panda")
     motion = short(arm, 1)
-    verdict = tracking_bound(arm, motion, LOOP, uncertainty(0.02), allowed=1e-3)
+    verdict = motion_bound(arm, motion, LOOP, uncertainty(0.02), allowed=1e-3)
     assert verdict.holds
     assert verdict.grade == "B"
     assert verdict.margin is not None and 0.0 < verdict.margin < 1.0
@@ -249,12 +251,12 @@ def test_the_verdict_names_the_joint_and_the_term() -> None:
     terms = verdict.bound["terms"]
     assert np.max(verdict.bound["error"]) <= sum(terms.values()) * (1 + 1e-9)
     assert verdict.as_json()["bound"]["terms"]["friction"] > 0.0
-    assert tracking_bound(arm, motion, LOOP, uncertainty(0.02), allowed=1e-5).holds is False
+    assert motion_bound(arm, motion, LOOP, uncertainty(0.02), allowed=1e-5).holds is False
 
 
 def test_a_wide_band_is_refused_by_name() -> None:
     arm = arm_of("panda")
-    verdict = tracking_bound(arm, short(arm, 1), LOOP, uncertainty(0.2))
+    verdict = motion_bound(arm, short(arm, 1), LOOP, uncertainty(0.2))
     assert verdict.holds is False
     assert "band feedback" in verdict.statement
     assert verdict.assumptions[0].status == "fails"
@@ -267,7 +269,7 @@ def test_wrong_arguments_are_named() -> None:
     with pytest.raises(DefinitionError, match="bodies"):
         BodyBand(1.0, 0.0)
     with pytest.raises(DefinitionError, match="one per joint"):
-        tracking_bound(arm, short(arm, 1), LOOP, ArmUncertainty(BodyBand(0.0, 0.0), coulomb=[0.1, 0.2]))
+        motion_bound(arm, short(arm, 1), LOOP, ArmUncertainty(BodyBand(0.0, 0.0), coulomb=[0.1, 0.2]))
 
 
 @pytest.mark.full
@@ -278,6 +280,6 @@ def test_a_motion_of_seven_joints_takes_less_than_a_third_of_a_second() -> None:
     for _ in range(5):
         motion = knotted(arm, rng, 0.6)
         begin = time.perf_counter()
-        tracking_bound(arm, motion, LOOP, uncertainty(0.02), bodies=bodies)
+        motion_bound(arm, motion, LOOP, uncertainty(0.02), bodies=bodies)
         times.append(time.perf_counter() - begin)
     assert np.median(times) < 0.35

@@ -1,4 +1,4 @@
-"""Error bound along any motion of an identified arm, for computed torque with the same loop in all joints.
+"""Error bound along any motion of an identified arm, for laws with the same loop in all joints.
 
 Read first: `tracking_bound.py`, then `fixed_point.py`.
 """
@@ -9,4 +9,4 @@ from .parameter_region import BodyBand as BodyBand
 from .parameter_region import ParameterRegion as ParameterRegion
 from .tracking_bound import ArmUncertainty as ArmUncertainty
 from .tracking_bound import certified_path as certified_path
-from .tracking_bound import tracking_bound as tracking_bound
+from .tracking_bound import motion_bound as motion_bound

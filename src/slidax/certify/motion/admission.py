@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slidax.core.errors import DefinitionError
-from slidax.law.sampled.controller import STRONGEST
 from slidax.motions.trajectory import AbstractMotion, AbstractPiecewisePolynomial
 from slidax.scenarios.scenario import Scenario
 from slidax.scenarios.uncertainty import INERTIAL_PATH
@@ -20,6 +19,7 @@ from slidax.scenarios.uncertainty import INERTIAL_PATH
 from ..certificate import Assumption, Verdict, certificate
 from .certified_law import CertifiedLaw
 from .drive_limits import DriveBounds, drive_bounds
+from .law_limits import law_lines, plan_lines
 from .tracking_bound import NAME, TITLE, WIDEST, CertifiedPath, certified_path, verdict_of
 
 Floats = NDArray[np.float64]
@@ -115,7 +115,8 @@ class MotionAdmission:
 def tracking_bound(scenario: Scenario) -> Verdict:
     """Bound the tracking error along the scenario's motion, for its whole uncertainty set (docs/any-motion.md).
 
-    - `scenario`: with computed torque in sampled-data form, the same gains for all joints, and a motion of polynomials.
+    - `scenario`: with computed torque or a sliding-mode law in sampled-data form, the same loop in all joints, and a
+      motion of polynomials.
     """
     try:
         law = certified_law(scenario)
@@ -221,7 +222,7 @@ def judge_motion(law: CertifiedLaw, motion: AbstractPiecewisePolynomial, allowed
     - `allowed`: largest error, one number or [n], rad or m; None for any that has a bound.
     """
     limits = _passed_ranges(law, motion)
-    certified = certified_path(law.arm, motion, law.loop, law.uncertainty, bodies=law.bodies)
+    certified = certified_path(law.arm, motion, law.loop, law.uncertainty, bodies=law.bodies, hand_over=law.hand_over)
     verdict = verdict_of(certified, law.arm, allowed, law.premises)
     if verdict.holds is False:
         limits.insert(0, _error_limit(law, certified, verdict, allowed))
@@ -230,7 +231,9 @@ def judge_motion(law: CertifiedLaw, motion: AbstractPiecewisePolynomial, allowed
     drives = drive_bounds(law.arm, motion, certified.solution)
     lines, passed = _drive_lines(law, certified, drives)
     limits += passed
-    failing = [limit for limit in limits if limit.what != "torque step"]
+    failing = [f"{limit}" for limit in limits if limit.what != "torque step"]
+    planned = plan_lines(law, certified)
+    failing += [line.text for line in planned if line.status == "fails"]
     texts = [
         Assumption(f"the motion keeps the arm's range: {limit}", "fails")
         for limit in limits
@@ -243,43 +246,10 @@ def judge_motion(law: CertifiedLaw, motion: AbstractPiecewisePolynomial, allowed
         not failing,
         verdict.margin,
         {**verdict.bound, "torque": drives.torque.max(axis=0), "torque_step": drives.step.max(axis=0)},
-        (*verdict.assumptions, *_law_lines(law, motion, certified), *lines, *texts),
+        (*verdict.assumptions, *law_lines(law, motion, certified), *planned, *lines, *texts),
         statement,
     )
     return MotionVerdict(answer, tuple(limits))
-
-
-def _law_lines(law: CertifiedLaw, motion: AbstractPiecewisePolynomial, certified: CertifiedPath) -> list[Assumption]:
-    """Assumptions that the law is linear: its gate accepts each sample, and no bound of its estimates acts.
-
-    Of the conditions of `MeasurementGate`, those without velocities: a position may be out of range, too far from the
-    last one, or the same as the two before while the law predicts a way, which is at most the innovation.
-    """
-    gate, h, n = law.gate, law.loop.period, law.arm.joints
-    q_max, speed, acceleration, spread = (
-        np.broadcast_to(np.asarray(value, float), n)
-        for value in (gate.q_max, gate.speed, gate.acceleration, gate.spread)
-    )
-    bounds, noise = certified.bounds, np.asarray(certified.inputs.resolution)
-    fastest = motion.extremes(1).size + bounds.velocity.max(axis=0)
-    position = motion.extremes(0).size + bounds.error.max(axis=0) + 0.5 * noise
-    estimate = bounds.outputs["estimate"]
-    lumped = np.einsum("nij,nj->ni", certified.solution.problem.at.inertia, estimate).max(axis=0)
-    known = fastest + bounds.outputs["velocity_miss"].max(axis=0) + 0.5 * h * estimate.max(axis=0)
-    gate_shares = (
-        position / q_max,
-        (h * fastest + noise) / (2.0 * h * speed + spread),
-        bounds.outputs["innovation"].max(axis=0) / (2.0 * spread + acceleration * h**2),
-    )
-    law_shares = lumped / law.torque, known / speed, estimate.max(axis=0) / STRONGEST
-    lines = []
-    for text, shares in (
-        ("the measurement gate rejects no sample of the arm itself", gate_shares),
-        ("no bound of the law on its estimates acts", law_shares),
-    ):
-        largest = float(np.max(shares))
-        lines.append(Assumption(text, "proved" if largest < 1.0 else "assumed", largest))
-    return lines
 
 
 def _error_limit(law: CertifiedLaw, certified: CertifiedPath, verdict: Verdict, allowed: Any) -> MotionLimit:

@@ -24,6 +24,7 @@ from slidax.simulation.plant import Plant
 from ..certificate import Assumption
 from ..uncertainty_set import family_of, set_ends
 from .body_points import BodyPoints
+from .hand_over import HandOver
 from .joint_loop import JointLoop
 from .parameter_region import BodyBand, ParameterRegion, identified_region
 from .tracking_bound import ArmUncertainty
@@ -44,6 +45,7 @@ class CertifiedLaw:
     - `gate`: of its measurements.
     - `torque`, `torque_rate`: limits of the drives and of the law [n].
     - `premises`: assumptions that no bound proves.
+    - `hand_over`: the plan of a law with a sliding surface; None for computed torque.
     """
 
     arm: Articulated
@@ -54,6 +56,7 @@ class CertifiedLaw:
     torque: Floats
     torque_rate: Floats
     premises: tuple[Assumption, ...]
+    hand_over: HandOver | None = None
 
     @classmethod
     def of(cls, scenario: Scenario) -> CertifiedLaw:
@@ -89,7 +92,7 @@ class CertifiedLaw:
             start_error=start_error,
             start_speed=start_speed,
         )
-        return cls(arm, bodies, loop, uncertainty, law.gate, torque, rate, premises)
+        return cls(arm, bodies, loop, uncertainty, law.gate, torque, rate, premises, HandOver.of(law))
 
 
 def _ends(scenario: Scenario) -> list[tuple[Plant, Articulated, Any]]:

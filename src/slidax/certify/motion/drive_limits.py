@@ -20,12 +20,13 @@ from slidax.arms.articulated import Articulated
 from slidax.motions.trajectory import AbstractPiecewisePolynomial
 
 from ..certificate import Assumption, Verdict
-from .fixed_point import USED, Bounds, Problem, Solution, spreads_of
+from .fixed_point import USED, Bounds, Problem, spreads_of
 from .lagged_sums import Lags
 from .path_cells import PathCells, Pieces
 from .path_norms import size_in
 from .path_tube import Cell
 from .tracking_bound import CertifiedPath
+from .tube_search import Solution
 
 Floats = NDArray[np.float64]
 
@@ -140,9 +141,9 @@ class Torques:
         self.total_norm = bounds.disturbance_norm + acceleration + at.band + problem.pushed_norm
 
     def commanded(self, name: str) -> dict[str, Floats]:
-        """Shares of `M0 s`, or of `M0` times its step, by name [N n].
+        """Shares of M0 times an output by name [N n].
 
-        - `name`: `command` or `command_step`.
+        - `name`: of the output, with `beyond` 0 in its kernel: `command`, `command_step`, `estimate` or `innovation`.
         """
         problem, at, inputs, cells = self.problem, self.at, self.problem.inputs, self.problem.path.cells
         i, table = USED.index(name), problem.nominal
@@ -153,12 +154,10 @@ class Torques:
 
         shares = {key: past(table.any_form, value) for key, value in self.acting.items()}
         # A slow w is followed: s = -w + (s + w), and the step of s is that of -w and of s + w.
+        followed = USED.index("acceleration") if name == "command" else i
+        moving = self.weight * past(problem.weighted.ramp, self.slow_norm[:, None], followed)
         if name == "command":
-            moving = self.slow + self.weight * past(
-                problem.weighted.ramp, self.slow_norm[:, None], USED.index("acceleration")
-            )
-        else:
-            moving = self.weight * past(problem.weighted.ramp, self.slow_norm[:, None])
+            moving = moving + self.slow
         begun = np.zeros(shape)
         if not inputs.settled:
             begun[0] = self.slow[0]
@@ -183,7 +182,13 @@ class Torques:
         drift = Lags.of([kernel.any_form * turned], *problem.cut).past(self.total_norm[:, None])[..., 0]
         noisy = Lags.of([kernel.noise * turned], *problem.cut)
         rounding = size_in(np.broadcast_to(0.5 * inputs.resolution, shape), at.inertia)
-        shares["drift"] = self.weight * (drift + noisy.past(rounding[:, None])[..., 0])
+        drift = drift + noisy.past(rounding[:, None])[..., 0]
+        if problem.hand_over is not None and problem.goal is not None:
+            goal = problem.hand_over.goal(self.bounds.outputs["led"])
+            shares["hand-over"] = past(problem.goal.nominal, np.einsum("nij,nj->ni", at.inertia, goal))
+            turning = Lags.of([kernel.goal * turned], *problem.cut)
+            drift = drift + turning.past(size_in(goal, at.inertia)[:, None])[..., 0]
+        shares["drift"] = self.weight * drift
         return shares
 
     def state(self) -> Floats:

@@ -22,12 +22,13 @@ from functools import cached_property, lru_cache, partial
 import numpy as np
 from numpy.typing import NDArray
 
+from .hand_over import HandOverCells
 from .joint_loop import OUTPUTS, JointLoop
 from .lagged_sums import Lags, LagTable
 from .loop_kernels import LoopKernel, Spread, spread_kernels
 from .path import Path
 from .path_norms import size_in
-from .path_suprema import Suprema, suprema
+from .path_suprema import Suprema
 from .path_tube import Tube
 
 Floats = NDArray[np.float64]
@@ -38,11 +39,8 @@ ROUNDS = 100
 SETTLED = 1e-3
 """Relative change at which an iteration is extrapolated and verified."""
 
-TUBES = 16
-"""Tubes that are tried."""
-
-PASSES = 3
-"""Times that verified bounds are tightened."""
+WIDENINGS = 4
+"""Times that bounds which may be one are widened where they are not."""
 
 TINY = 1e-300
 
@@ -59,6 +57,7 @@ TERMS = (
     "sampling",
     "encoder",
     "start",
+    "hand-over",
 )
 """Shares of a bound."""
 
@@ -76,6 +75,8 @@ USED = (
     "model_velocity_step",
     "innovation",
     "estimate",
+    "led",
+    "sliding",
 )
 
 
@@ -141,6 +142,16 @@ class Bounds:
             norms={name: value * factor for name, value in self.norms.items()},
         )
 
+    def joined(self, other: Bounds) -> Bounds:
+        """Return the larger of two bounds."""
+        return replace(
+            self,
+            error=np.maximum(self.error, other.error),
+            velocity=np.maximum(self.velocity, other.velocity),
+            outputs={name: np.maximum(value, other.outputs[name]) for name, value in self.outputs.items()},
+            norms={name: np.maximum(value, other.norms[name]) for name, value in self.norms.items()},
+        )
+
     def within(self, other: Bounds) -> bool:
         """True if no bound is larger than another's."""
         return (
@@ -169,12 +180,44 @@ def tables_of(loop: JointLoop, p: float, growth: float, cell: int, count: int) -
     return {name: LagTable.of(each, cell, count) for name, each in kernels.items()}
 
 
+@dataclass(frozen=True, eq=False)
+class GoalTable:
+    """Kernels of the goal over cells: `nominal` and `weighted` of Theorem 1, and the others of Theorem 2."""
+
+    nominal: Lags
+    weighted: Lags
+    departure: Lags
+    largest: Lags
+
+
+@lru_cache(maxsize=64)
+def goals_of(loop: JointLoop, p: float, growth: float, cell: int, count: int) -> GoalTable:
+    """Return the kernels of the goal, computed once for all motions and tubes."""
+    spreads, grown = spreads_of(loop, p, growth), spreads_of(loop, 0.0, growth)
+    kernels = (
+        [spreads[name].nominal for name in USED],
+        [grown[name].largest for name in USED],
+        [spreads[name].departure for name in USED],
+        [spreads[name].largest for name in USED],
+    )
+    return GoalTable(*(Lags.of([kernel.goal for kernel in each], cell, count) for each in kernels))
+
+
 class Problem:
     """The inequalities for one path and one tube."""
 
-    def __init__(self, loop: JointLoop, path: Path, inputs: Inputs, at: Suprema, tube: Tube) -> None:
+    def __init__(
+        self,
+        loop: JointLoop,
+        path: Path,
+        inputs: Inputs,
+        at: Suprema,
+        tube: Tube,
+        hand_over: HandOverCells | None = None,
+    ) -> None:
         """Compute what does not depend on the outputs."""
         self.loop, self.path, self.inputs, self.at, self.tube = loop, path, inputs, at, tube
+        self.hand_over = hand_over
         self.p = path.region.p
         cells, h = path.cells, loop.period
         # Rounded up, so that motions share their kernels.
@@ -185,6 +228,7 @@ class Problem:
         tables = tables_of(loop, self.p, growth, *cut)
         self.nominal, self.weighted = tables["nominal"], tables["weighted"]
         self.departure, self.largest = tables["departure"], tables["largest"]
+        self.goal = None if hand_over is None else goals_of(loop, self.p, growth, *cut)
         # The change of K in the time of a lag, which is at most one period longer than its number.
         ages = h * (1.0 + np.arange(spreads["error"].largest.any_form.size))
         weight = np.exp(2.0 * growth * ages)
@@ -316,6 +360,14 @@ class Problem:
         gain_norms = self.weighted.any_form.past((total_norm + band)[:, None]) + self.fixed[0][1]
         mode_joints = by_modes + apart + self.fixed[1][0]
         mode_norms = mode_norms + self.fixed[1][1]
+        goal = None
+        if self.hand_over is not None and self.goal is not None:
+            own = self.hand_over.goal(parts["led"][0])
+            size = size_in(own, at.inertia)[:, None]
+            goal = self.goal.nominal.past(own)
+            more = conversion[..., None] * self.goal.departure.past(size)
+            gain_joints, gain_norms = gain_joints + goal, gain_norms + self.goal.weighted.past(size)
+            mode_joints, mode_norms = mode_joints + goal + more, mode_norms + self.goal.largest.past(size)
         least, least_norms = np.minimum(gain_joints, mode_joints), np.minimum(gain_norms, mode_norms)[:, 0]
         least_norms = np.minimum(least_norms, np.sqrt(np.sum(least * (at.inertia @ least), axis=1)))
         outputs = {name: least[..., i] for i, name in enumerate(USED)}
@@ -337,7 +389,9 @@ class Problem:
             0.5 * (total + at.band_joints + self.pushed + fed + self.h * odd) + mean
         )
         by_gain_is_less = bool(gain_joints[..., 0].sum() <= mode_joints[..., 0].sum())
-        shares = partial(self._terms, joints, fed if by_gain_is_less else apart[..., 0], within, by_gain_is_less)
+        if goal is not None:
+            goal = goal[..., 0] if by_gain_is_less else (goal + more)[..., 0]
+        shares = partial(self._terms, joints, fed if by_gain_is_less else apart[..., 0], within, by_gain_is_less, goal)
         return Bounds(error, velocity, outputs, sizes, shares, total, total_norm)
 
     def _apart(self, total_norm: Floats, acceleration: Floats) -> tuple[Floats, Floats]:
@@ -354,18 +408,23 @@ class Problem:
         apart = self.at.conversion[..., None] * (self.departure.any_form.past(total) + drift + direct)
         return apart, self.largest.any_form.past(total) + drift + direct
 
-    def _terms(self, joints: Mapping[str, Floats], band: Floats, within: Floats, by_gain: bool) -> dict[str, Floats]:
+    def _terms(
+        self, joints: Mapping[str, Floats], band: Floats, within: Floats, by_gain: bool, goal: Floats | None
+    ) -> dict[str, Floats]:
         """The shares of the error.
 
         - `joints`: of w per joint, by name. `within`: between two samples.
         - `band`: the disturbance by the band's feedback for the small gain, or its share of the error for the modes.
+        - `goal`: its share of the error; None for a linear law.
         """
         kernel = self.nominal.any_form.output(USED.index("error"))
         shares = {name: kernel.past(value)[..., 0] for name, value in joints.items()}
         shares["band feedback"] = kernel.past(band)[..., 0] if by_gain else band
         for name, (share, _) in (self.small_gain if by_gain else self.modes).items():
             shares[name] = shares.get(name, 0.0) + share[..., USED.index("error")]
-        terms = {name: _or_next(shares[name]) for name in TERMS}
+        if goal is not None:
+            shares["hand-over"] = goal
+        terms = {name: _or_next(shares[name]) for name in TERMS if name in shares}
         terms["sampling"] = terms["sampling"] + within
         return terms
 
@@ -377,7 +436,7 @@ class Problem:
             following = self.round(bounds)
             size = float(following.error.max())
             step = size - float(bounds.error.max())
-            # The inequalities are convex: once their steps grow, they grow for ever.
+            # Without a goal the inequalities are convex: once their steps grow, they grow for ever.
             if not size < cap or (k > 1 and step > last_step and step > SETTLED * size):
                 return following if np.isfinite(size) else bounds
             last_step = step
@@ -388,9 +447,12 @@ class Problem:
                 # A geometric series with the ratio of the last two changes, and some more.
                 ratio = min(change / last_change, 0.98) if last_change > 0.0 else 0.5
                 grown = bounds.times(1.0 + 1e-6 + 1.5 * change / (1.0 - ratio))
-                following = self.round(grown)
-                if following.within(grown):
-                    return replace(following, verified=True)
+                for _ in range(WIDENINGS):
+                    following = self.round(grown)
+                    if following.within(grown):
+                        return replace(following, verified=True)
+                    # Some bounds grow more than in proportion, such as those that a goal dominates.
+                    grown = grown.joined(following.times(1.0 + 1e-6))
             last_change = change
         return bounds
 
@@ -402,91 +464,6 @@ def _total(shares: Mapping[str, tuple[Floats, Floats]], which: int) -> Floats:
 def _or_next(values: Floats) -> Floats:
     """The larger of a cell's value and the next one's, with which its last period ends."""
     return np.maximum(values, np.concatenate([values[1:], values[-1:]]))
-
-
-@dataclass(frozen=True, eq=False)
-class Solution:
-    """Bounds along a path, with the inequalities that they satisfy and their suprema."""
-
-    bounds: Bounds
-    problem: Problem
-
-
-def bounds_along(loop: JointLoop, path: Path, inputs: Inputs, *, cap: float = 0.05) -> Solution | None:
-    """Return the bounds along a path, with a tube that contains them; unverified if there are none below `cap`.
-
-    None if the inertia changes too much within a cell.
-    """
-    tube = Tube.none(path.cells)
-    bounds: Bounds | None = None
-    problem: Problem | None = None
-    steps: list[float] = []
-    for _ in range(TUBES):
-        at = suprema(path, tube)
-        # Norms that grow nearly as fast as the loop forgets leave no bound.
-        if at is None or np.max(at.growth) > 0.5 * loop.decay:
-            break
-        problem = Problem(loop, path, inputs, at, tube)
-        bounds = problem.solve(bounds, cap)
-        if not bounds.verified:
-            return Solution(bounds, problem)
-        needed = tube_of(bounds, path, loop.period, at)
-        if all(np.all(getattr(needed, name) <= getattr(tube, name)) for name in vars(tube)):
-            return _tightened(Solution(bounds, problem), needed)
-        steps.append(float(bounds.error.max()))
-        if len(steps) > 3 and steps[-1] - steps[-2] > steps[-2] - steps[-3] > steps[-3] - steps[-4]:
-            break
-        tube = Tube(**{name: value * _ahead(steps) for name, value in vars(needed).items()})
-    if bounds is None or problem is None:
-        return None
-    return Solution(replace(bounds, verified=False), problem)
-
-
-def _tightened(solution: Solution, needed: Tube) -> Solution:
-    """Bounds by narrower tubes: a tube that the bounds need suffices, and no bound grows."""
-    bounds, last = solution.bounds, solution.problem
-    for _ in range(PASSES):
-        at = suprema(last.path, needed)
-        if at is None:
-            break
-        last = Problem(last.loop, last.path, last.inputs, at, needed)
-        before = float(bounds.error.max())
-        for _ in range(3):
-            bounds = replace(last.round(bounds), verified=True)
-        if float(bounds.error.max()) > (1.0 - SETTLED) * before:
-            break
-        needed = tube_of(bounds, last.path, last.loop.period, at)
-    return Solution(bounds, last)
-
-
-def _ahead(values: list[float]) -> float:
-    """Factor by which a tube is widened: to the limit of a geometric series of its widths, and some more."""
-    if len(values) < 3:
-        return 1.01
-    last, before = values[-1] - values[-2], values[-2] - values[-3]
-    ratio = min(max(last / max(before, TINY), 0.0), 0.9)
-    return 1.01 + 0.5 * max(last, 0.0) * ratio / (1.0 - ratio) / values[-1]
-
-
-def tube_of(bounds: Bounds, path: Path, h: float, at: Suprema) -> Tube:
-    """Return the tube that contains the arm and the model's arguments within the bounds."""
-    cells, outputs, norms = path.cells, bounds.outputs, bounds.norms
-    # The reference's own miss at the middle of a period.
-    missed = h * h / 8.0 * cells.jerk + 0.25 * h * cells.jump
-    speed_norm = norms["velocity"] * (1.0 + h * at.growth) + h * (
-        norms["acceleration"] + size_in(0.5 * h * cells.jerk + cells.jump, at.inertia)
-    )
-    return Tube(
-        position=np.maximum(bounds.error, outputs["model_position"] + h * missed),
-        speed=bounds.velocity,
-        speed_norm=np.minimum(size_in(bounds.velocity, at.inertia), speed_norm),
-        model_speed=outputs["model_velocity"] + missed,
-        model_norm=norms["model_velocity"] + size_in(missed, at.inertia),
-        command=outputs["command"],
-        command_norm=norms["command"],
-        acceleration=outputs["command"] + outputs["acceleration"],
-        acceleration_norm=norms["command"] + norms["acceleration"],
-    )
 
 
 def memory(loop: JointLoop, p: float) -> float:

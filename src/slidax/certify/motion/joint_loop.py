@@ -3,10 +3,16 @@
 The loop of docs/any-motion.md: a double integrator `ë = s + w + ρ` under a computed torque with a steady Kalman filter,
 
     r = y - ê⁻,  ê = ê⁻ + L1 r,  v̂ = v̂⁻ + L2 r,  ŵ = ŵ⁻ + L3 r        (measurement y = e + n)
-    s = -kp ê_p - kd v̂_p - ŵ                                            (decided D periods before it acts)
+    s = -kp ê_p - kd v̂_p + g - ŵ                                        (decided D periods before it acts)
 
-where `ê_p, v̂_p` is the estimate, moved over the delay with `s + ŵ`. The state at the start of a period is
-`(e, v, ê⁻, v̂⁻, ŵ⁻)` and `(ê_p, v̂_p, ŵ)` of each pending command. In the maps the unit of time is the period.
+where `ê_p, v̂_p` is the estimate, moved over the delay with `s + ŵ`, and g the goal: an acceleration that the law itself
+adds, so that its prediction contains it. A sliding variable remembers how v̂_p departs from the plan, with the rate
+`h/H` of the law (docs/sampled-data.md):
+
+    σ⁺ = (1 - h/H) σ + v̂_p⁺ - (v̂_p + h (s + ŵ))
+
+The state at the start of a period is `(e, v, ê⁻, v̂⁻, ŵ⁻, σ⁻, planned v̂_p)` and `(ê_p, v̂_p, ŵ, g)` of each pending
+command. In the maps the unit of time is the period.
 """
 
 from __future__ import annotations
@@ -14,10 +20,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
 from slidax.core.errors import DefinitionError
+from slidax.law.error_transformations import Unconstrained
+from slidax.law.implicit_steps import AbstractSurfaceStep
 from slidax.law.kalman import Kalman, steady_gains
 from slidax.law.linear_controllers import ComputedTorque
 from slidax.law.sampled.controller import SampledData
@@ -39,6 +48,8 @@ OUTPUTS: dict[str, int] = {
     "model_velocity_step": 1,
     "estimate": 2,
     "innovation": 0,
+    "led": 0,
+    "sliding": 1,
 }
 """Outputs with their order in time: 0 for rad, 1 for rad/s, 2 for rad/s².
 
@@ -47,7 +58,7 @@ OUTPUTS: dict[str, int] = {
 - `position_miss`, `velocity_miss`: q and q̇ less those at which the model is evaluated, at any time of the period, but
   for what is odd about its middle.
 - `model_position`, `model_velocity`: those at which the model is evaluated, relative to the reference.
-- `estimate`: ŵ. `innovation`: r.
+- `estimate`: ŵ. `innovation`: r. `led`: `ê_p + c v̂_p`, `c = H - h/2`. `sliding`: σ.
 """
 
 
@@ -58,6 +69,7 @@ class JointLoop:
     - `period`: h [s]; `kp` [1/s²] and `kd` [1/s]: of the computed torque.
     - `gains`: L1, L2 [1/s], L3 [1/s²] of the Kalman filter.
     - `delay`: age of a measurement when its torque sets in, whole periods.
+    - `lead`: c of the led error [s]; 0 for a law without one.
 
     Raises DefinitionError if a value is out of its range or the loop is unstable.
     """
@@ -67,6 +79,7 @@ class JointLoop:
     kd: float
     gains: tuple[float, float, float]
     delay: int = 1
+    lead: float = 0.0
 
     def __post_init__(self) -> None:
         if not self.period > 0:
@@ -88,12 +101,6 @@ class JointLoop:
 
         Raises DefinitionError for a law that this loop does not describe, with the setting of a scenario that mends it.
         """
-        explicit = law.step.law if isinstance(law.step, ExplicitStep) else None
-        if not isinstance(explicit, ComputedTorque):
-            kind = type(law.step if explicit is None else explicit).__name__
-            raise DefinitionError(
-                f"a bound along a motion needs computed torque; got `{kind}`: set `scheme.name: computed_torque`"
-            )
         if not isinstance(law.estimator, Kalman):
             raise DefinitionError(
                 "a bound along a motion needs a Kalman filter; got the estimator "
@@ -122,15 +129,12 @@ class JointLoop:
         ):
             if not covered:
                 raise DefinitionError(f"a bound along a motion does not cover this law: {problem}; {remedy}")
-        kp, kd = (
-            _equal(f"scheme.{name}", gain, f"set `scheme.{name}` to one number")
-            for name, gain in zip(("kp", "kd"), explicit.gains(), strict=True)
-        )
-        first, second, third = (
-            _equal(f"L{k + 1}", gain, f"set `{block}.estimator` to `{ESTIMATOR}`, with one `variance`")
+        gains = tuple(
+            equal_gain(f"L{k + 1}", gain, f"set `{block}.estimator` to `{ESTIMATOR}`, with one `variance`")
             for k, gain in enumerate(np.asarray(law.estimator.gains))
         )
-        return cls(float(law.period), kp, kd, (first, second, third), int(law.delay))
+        kp, kd, lead = _feedback(law)
+        return cls(float(law.period), kp, kd, (gains[0], gains[1], gains[2]), int(law.delay), lead)
 
     @classmethod
     def with_horizon(
@@ -139,7 +143,8 @@ class JointLoop:
         """Return the loop of a computed torque with the horizon H [s], `kp = 1/H²`, `kd = (H - h/2)/H² + 1/H`."""
         if not horizon >= period:
             raise DefinitionError(f"`horizon` must be at least the period; got {horizon:g} s")
-        return cls(period, 1.0 / horizon**2, (horizon - 0.5 * period) / horizon**2 + 1.0 / horizon, gains, delay)
+        lead = horizon - 0.5 * period
+        return cls(period, 1.0 / horizon**2, lead / horizon**2 + 1.0 / horizon, gains, delay, lead)
 
     @classmethod
     def with_density(
@@ -168,40 +173,49 @@ class JointLoop:
 
         - `ratio`: κ, nominal over true inertia.
         """
-        size = 5 + 3 * self.delay
+        size = OWN + PENDING * self.delay
         columns = [self._next(ratio, *parts) for parts in _unit_inputs(size)]
         states = np.stack([state for state, _ in columns], axis=1)
         outputs = np.stack([output for _, output in columns], axis=1)
         return PeriodMaps(
-            step=states[:, :size], enters=states[:, size:], outputs=outputs[:, :size], direct=outputs[:, size]
+            step=states[:, :size],
+            enters=states[:, size : size + 3],
+            goal=states[:, size + 3],
+            outputs=outputs[:, :size],
+            direct=outputs[:, size],
+            goal_direct=outputs[:, size + 3],
         )
 
-    def _next(self, ratio: float, x: Floats, noise: float, pulse: float, velocity: float) -> tuple[Floats, Floats]:
+    def _next(
+        self, ratio: float, x: Floats, noise: float, pulse: float, velocity: float, goal: float
+    ) -> tuple[Floats, Floats]:
         """State after a period, and the outputs in it, in periods as the unit of time."""
         h = self.period
         first, second, third = self.gains[0], self.gains[1] * h, self.gains[2] * h * h
         kp, kd = self.kp * h * h, self.kd * h
 
-        def aim(position: float, speed: float) -> float:
-            return -kp * position - kd * speed
+        def aim(position: float, speed: float, goal: float) -> float:
+            return -kp * position - kd * speed + goal
 
         e, v, position, speed, push = (float(value) for value in x[:5])
         residual = e + noise - position
         position, speed, push = position + first * residual, speed + second * residual, push + third * residual
-        pending = [(float(x[i]), float(x[i + 1]), float(x[i + 2])) for i in range(5, x.size, 3)]
+        pending = [(float(a), float(b), float(c), float(d)) for a, b, c, d in x[OWN:].reshape(-1, PENDING)]
         prior = None
-        for one_position, one_speed, one_push in pending:
-            acceleration = aim(one_position, one_speed) - one_push + push
+        for at, rate, known, added in pending:
+            acceleration = aim(at, rate, added) - known + push
             position, speed = position + speed + 0.5 * acceleration, speed + acceleration
             prior = prior or (position, speed)
-        pending.append((position, speed, push))
+        pending.append((position, speed, push, goal))
+        fade = 1.0 - h / (self.lead + 0.5 * h) if self.lead else 0.0
+        sliding, planned = fade * x[5] + speed - x[6], speed + aim(position, speed, goal)
         if prior is None:
-            acceleration = aim(position, speed)
+            acceleration = aim(position, speed, goal)
             prior = position + speed + 0.5 * acceleration, speed + acceleration
-        at, rate, known = pending[0]
-        aimed = aim(at, rate)
+        at, rate, known, added = pending[0]
+        aimed = aim(at, rate, added)
         s = aimed - known
-        after = [e + v + 0.5 * ratio * s + pulse, v + ratio * s + velocity, *prior, push]
+        after = [e + v + 0.5 * ratio * s + pulse, v + ratio * s + velocity, *prior, push, sliding, planned]
         for entry in pending[1:]:
             after.extend(entry)
         outputs = {
@@ -218,6 +232,8 @@ class JointLoop:
             "model_velocity": rate + 0.5 * aimed,
             "estimate": known,
             "innovation": residual,
+            "led": at + self.lead / h * rate,
+            "sliding": sliding,
         }
         return np.array(after), np.array([outputs[name] for name in OUTPUTS])
 
@@ -226,8 +242,47 @@ ESTIMATOR = "{kind: kalman, acceleration_density: 1.0}"
 """An estimator in a scenario file with the same gains for all joints."""
 
 
-def _equal(name: str, values: object, remedy: str) -> float:
-    """The value of a gain, which all joints share."""
+OWN, PENDING = 7, 4
+"""Entries of the state without a pending command, and further ones for each."""
+
+
+def _feedback(law: SampledData) -> tuple[float, float, float]:
+    """Return kp [1/s²], kd [1/s] and the lead c [s] of a law."""
+    if isinstance(law.step, AbstractSurfaceStep):
+        assert law.horizon is not None
+        period, horizon = float(law.period), float(law.horizon)
+        lead, share = horizon - 0.5 * period, linear_share(law.step, horizon)
+        return (1.0 - share) / horizon**2, (1.0 - share) * lead / horizon**2 + 1.0 / horizon, lead
+    explicit = law.step.law if isinstance(law.step, ExplicitStep) else None
+    if not isinstance(explicit, ComputedTorque):
+        kind = type(law.step if explicit is None else explicit).__name__
+        raise DefinitionError(
+            "a bound along a motion needs computed torque or a sliding-mode law with a plan over a horizon; got "
+            f"`{kind}`: set `scheme.name: computed_torque`"
+        )
+    kp, kd = (
+        equal_gain(f"scheme.{name}", gain, f"set `scheme.{name}` to one number")
+        for name, gain in zip(("kp", "kd"), explicit.gains(), strict=True)
+    )
+    return kp, kd, 0.0
+
+
+def linear_share(step: AbstractSurfaceStep, horizon: float) -> float:
+    """Return θ0: the part of the led error at which a plan without an envelope aims, near zero; 0 with an envelope.
+
+    `ψ(ε) = θ y` with `θ = 1/(1 + H φ'(0))`, the mean of all joints; H is `horizon` [s].
+    """
+    if not isinstance(step.transformation, Unconstrained):
+        return 0.0
+    slope = np.asarray(step.surface.phi_and_slope(jnp.zeros(step.robot.joints))[1], float)
+    return float(np.mean(1.0 / (1.0 + horizon * slope)))
+
+
+def equal_gain(name: str, values: object, remedy: str) -> float:
+    """Return the value of a gain, which all joints share.
+
+    Raises DefinitionError if they do not, with the `name` of the gain and a `remedy`.
+    """
     each = np.asarray(values, float).reshape(-1)
     if np.ptp(each) > 0.0:
         raise DefinitionError(f"a bound along a motion needs the same `{name}` for all joints; got {each}: {remedy}")
@@ -236,15 +291,21 @@ def _equal(name: str, values: object, remedy: str) -> float:
 
 @dataclass(frozen=True)
 class PeriodMaps:
-    """`x⁺ = step x + enters (n, ∫(1-τ) w, ∫w)`, `y = outputs x + direct n`, with y in the order of `OUTPUTS`."""
+    """`x⁺ = step x + enters (n, ∫(1-τ) w, ∫w) + goal g`, `y = outputs x + direct n + goal_direct g`.
+
+    y is in the order of `OUTPUTS`; g is that of the command that is decided in the period.
+    """
 
     step: Floats
     enters: Floats
+    goal: Floats
     outputs: Floats
     direct: Floats
+    goal_direct: Floats
 
 
-def _unit_inputs(size: int) -> list[tuple[Floats, float, float, float]]:
+def _unit_inputs(size: int) -> list[tuple[Floats, float, float, float, float]]:
     nothing = np.zeros(size)
-    states = [(row, 0.0, 0.0, 0.0) for row in np.eye(size)]
-    return [*states, (nothing, 1.0, 0.0, 0.0), (nothing, 0.0, 1.0, 0.0), (nothing, 0.0, 0.0, 1.0)]
+    states = [(row, 0.0, 0.0, 0.0, 0.0) for row in np.eye(size)]
+    noise, pulse, velocity, goal = ((nothing, *map(float, row)) for row in np.eye(4))
+    return [*states, noise, pulse, velocity, goal]  # type: ignore[list-item]

@@ -5,14 +5,14 @@ Inside this module the unit of time is the period.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slidax.core.errors import DefinitionError
 
-from .joint_loop import OUTPUTS, JointLoop, PeriodMaps
+from .joint_loop import OUTPUTS, OWN, PENDING, JointLoop, PeriodMaps
 
 Floats = NDArray[np.float64]
 
@@ -41,6 +41,7 @@ class LoopKernel:
     - `noise`: for a measurement error of size 1 at each sample.
     - `start_error`, `start_speed`: for an initial e, which the filter knows, or v, which it does not, of size 1.
     - `start_miss`: for an error of the filter's first position of size 1.
+    - `goal`: for an acceleration of size 1 that the law itself adds to its command, by the lag from when it acts.
     """
 
     any_form: Floats
@@ -52,6 +53,7 @@ class LoopKernel:
     start_error: Floats
     start_speed: Floats
     start_miss: Floats
+    goal: Floats
 
     @property
     def gain(self) -> float:
@@ -137,11 +139,15 @@ def _bend(step: float, p: float, gain: float) -> float:
 class _Trace:
     """Responses of all outputs in periods as the unit of time.
 
-    - `response`: [L outputs 5] to noise, position pulse, velocity pulse, and the two starts; `rest`: [outputs 5].
-    - `own`: effect in the same period of noise, of a constant w, and further by the time in it [outputs 3].
+    - `response`: [L outputs 7] to noise, position pulse, velocity pulse, the two starts, the goal, and a position pulse
+      by w; `rest`: [outputs 7].
+    - `own`: effect in the same period of noise, of a constant w, further by the time in it, and of a goal that is
+      decided in it [outputs 4].
+    - `delay`: periods until a goal acts.
     """
 
     period: float
+    delay: int
     response: Floats
     rest: Floats
     own: Floats
@@ -151,19 +157,18 @@ class _Trace:
     @classmethod
     def of(cls, loop: JointLoop, maps: PeriodMaps, ratio: float, length: int, growth: float) -> _Trace:
         size = maps.step.shape[0]
-        state = np.concatenate([maps.enters, _starts(size)], axis=1)
+        state = np.concatenate([maps.enters, _starts(size), maps.goal[:, None]], axis=1)
         states = _powers(maps.step, state, length)
         response = maps.outputs @ states
         rest = _rest(maps, length, maps.step @ states[-1], growth * loop.period)
-        own = np.zeros((len(OUTPUTS), 3))
+        own = np.zeros((len(OUTPUTS), 4))
         for i, name in enumerate(OUTPUTS):
-            own[i] = maps.direct[i], *DIRECT.get(name, (0.0, 0.0))
+            own[i] = maps.direct[i], *DIRECT.get(name, (0.0, 0.0)), maps.goal_direct[i]
             if name == "acceleration":
                 own[i, 1] = ratio
             if name.endswith("_step"):
-                direct = own[i, 0]
                 response[:, i] = np.diff(response[:, i], axis=0, prepend=0.0)
-                response[0, i, 0] -= direct
+                response[0, i, [0, 5]] -= own[i, [0, 3]]
                 rest[i] *= 2.0
         # A w acts by κ.
         response[:, :, 2] *= ratio
@@ -172,18 +177,18 @@ class _Trace:
         rest = np.concatenate([rest, rest[:, 1:2] * ratio], axis=1)
         # An input of k periods ago may be up to k + 1 periods old.
         weight = np.exp(growth * loop.period * (1.0 + np.arange(length + 1)))
-        return cls(loop.period, response, rest, own, ratio, weight)
+        return cls(loop.period, loop.delay, response, rest, own, ratio, weight)
 
     def less(self, other: _Trace) -> _Trace:
         """The difference of two responses."""
-        own = self.own - other.own
-        return _Trace(self.period, self.response - other.response, self.rest + other.rest, own, self.ratio, self.weight)
+        response, rest, own = self.response - other.response, self.rest + other.rest, self.own - other.own
+        return replace(self, response=response, rest=rest, own=own)
 
     def kernel(self, name: str) -> LoopKernel:
         i, h = list(OUTPUTS).index(name), self.period
         response, rest, weight = self.response[:, i], self.rest[i], self.weight
-        direct, constant, beyond = self.own[i]
-        noise, pulse, velocity, start_error, start_speed, late = response.T
+        direct, constant, beyond, goal_direct = self.own[i]
+        noise, pulse, velocity, start_error, start_speed, goal, late = response.T
         # A w at the start of its period acts by `late + velocity`, at its end by `velocity`; a maximum over κ of the
         # size of such a line is convex in time.
         ends = np.stack([np.abs(velocity), np.abs(velocity + late)])
@@ -192,7 +197,7 @@ class _Trace:
         stepped = np.maximum(np.abs(reached), np.append(np.abs(reached[1:]), np.abs(reached[-1])))
         stepped[:-1] += np.abs(late) / 8.0
         unit = h ** -OUTPUTS[name]
-        w_rest = float(rest[5] + rest[2])
+        w_rest = float(rest[6] + rest[2])
 
         def joined(own: float, later: Floats, rest: float) -> Floats:
             value = np.concatenate([[abs(own)], np.abs(later)]) * weight
@@ -212,7 +217,15 @@ class _Trace:
             start_speed=np.append(np.abs(start_speed) * weight[:-1], float(rest[4])) * (unit * h),
             # A known error less one that the filter does not know.
             start_miss=np.append(np.abs(start_error - pulse) * weight[:-1], float(rest[3] + rest[1])) * unit,
+            goal=self._acting(float(goal_direct), goal, float(rest[5])) * (unit * h**2),
         )
+
+    def _acting(self, own: float, later: Floats, rest: float) -> Floats:
+        """Sizes of the response to a goal, from when it acts; before that it has no effect."""
+        value = np.concatenate([[abs(own)], np.abs(later)])
+        value = np.concatenate([value[self.delay :], np.zeros(self.delay)]) * self.weight
+        value[-1] += rest
+        return value
 
 
 def _largest(kernels: list[LoopKernel], pushed: LoopKernel | None = None, between: float = 0.0) -> LoopKernel:
@@ -237,6 +250,7 @@ def _largest(kernels: list[LoopKernel], pushed: LoopKernel | None = None, betwee
         start_error=most_at_once("start_error"),
         start_speed=most_at_once("start_speed"),
         start_miss=most_at_once("start_miss"),
+        goal=most("goal"),
     )
 
 
@@ -244,7 +258,7 @@ def _starts(size: int) -> Floats:
     """Initial states: an error e that the filter has measured, and a velocity v that it does not know."""
     starts = np.zeros((size, 2))
     starts[[0, 2], 0] = 1.0
-    starts[5::3, 0] = 1.0
+    starts[OWN::PENDING, 0] = 1.0
     starts[1, 1] = 1.0
     return starts
 

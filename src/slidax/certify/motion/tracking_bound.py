@@ -16,11 +16,13 @@ from slidax.motions.trajectory import AbstractMotion
 
 from ..certificate import Assumption, Verdict, joint_values
 from .body_points import BodyPoints
-from .fixed_point import TERMS, Bounds, Inputs, Solution, bounds_along, memory
+from .fixed_point import Bounds, Inputs, memory
+from .hand_over import HandOver
 from .joint_loop import JointLoop
 from .parameter_region import BodyBand, ParameterRegion, identified_region
 from .path import Path
 from .path_cells import PathCells
+from .tube_search import Solution, bounds_along
 
 Floats = NDArray[np.float64]
 
@@ -142,6 +144,7 @@ def certified_path(
     uncertainty: ArmUncertainty,
     *,
     bodies: BodyPoints | None = None,
+    hand_over: HandOver | None = None,
 ) -> CertifiedPath:
     """Compute the error bounds along a motion.
 
@@ -149,6 +152,7 @@ def certified_path(
     - `motion`: ends at rest; a piecewise polynomial.
     - `loop`: of every joint.
     - `bodies`: of the arm, if they are known already.
+    - `hand_over`: the plan of a law with a sliding surface; None for computed torque.
 
     Raises DefinitionError if an argument is invalid, or the loop is unstable for an arm of the band.
     """
@@ -161,8 +165,9 @@ def certified_path(
         if finer > 1:
             cells = PathCells.of(motion, loop.period, per_cell=max(1, cells.per_cell // finer), rest=rest)
         path = Path.of(bodies, region, cells)
-        solution = bounds_along(loop, path, inputs, cap=WIDEST)
-        if solution is not None and solution.bounds.verified:
+        along = None if hand_over is None else hand_over.along(cells)
+        solution = bounds_along(loop, path, inputs, cap=WIDEST, hand_over=along)
+        if solution is not None and (solution.bounds.verified or _largest_term(solution.bounds) == "hand-over"):
             break
     if solution is None:
         raise DefinitionError(
@@ -172,7 +177,13 @@ def certified_path(
     return CertifiedPath(loop, path, uncertainty, inputs, solution)
 
 
-def tracking_bound(
+def _largest_term(bounds: Bounds) -> str:
+    """The term with the largest share of the largest error."""
+    at = np.unravel_index(int(np.argmax(bounds.error)), bounds.error.shape)
+    return max(bounds.terms, key=lambda name: float(bounds.terms[name][at]))
+
+
+def motion_bound(
     arm: Articulated,
     motion: AbstractMotion,
     loop: JointLoop,
@@ -210,7 +221,7 @@ def verdict_of(
     bounds, cells = certified.bounds, certified.path.cells
     error = bounds.error.max(axis=0)
     cell, joint = (int(i) for i in np.unravel_index(int(np.argmax(bounds.error)), bounds.error.shape))
-    terms = {name: float(bounds.terms[name][cell, joint]) for name in TERMS}
+    terms = {name: float(values[cell, joint]) for name, values in bounds.terms.items()}
     dominating = max(terms, key=lambda name: terms[name])
     where = f"joint `{arm.joint_names[joint]}` at {cells.centres[cell]:.3g} s"
     if not bounds.verified:

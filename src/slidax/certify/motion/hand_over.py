@@ -1,0 +1,223 @@
+"""Sliding-mode laws in sampled-data form near the reference: the nonlinear part of their plan.
+
+With the led error `y = ê_p + c v̂_p` and s⁺ = 0 a plan over the horizon H aims at `A ψ(ε)`, where ε solves
+`N ψ(ε) + H φ(ε) = y` (docs/sampled-data.md). So the law is the linear loop of a `JointLoop` with the goal
+
+    g = (A ψ(ε) - θ0 y)/H²,
+
+which the law knows itself. |g| grows with |y|. θ0 is `linear_share`: 0 in an envelope, where `N = A = 1` otherwise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from slidax.core.errors import DefinitionError
+from slidax.core.types import State
+from slidax.law.error_transformations import PrescribedPerformance, Sides, psi
+from slidax.law.implicit_steps import AbstractSurfaceStep, SlidingStep
+from slidax.law.reaching_laws import SaturatedReaching
+from slidax.law.sampled.controller import SampledData
+
+from .joint_loop import linear_share
+from .path_cells import PathCells
+
+Floats = NDArray[np.float64]
+
+LEAST, LARGEST, PLACES = 1e-9, 1e4, 2**15
+"""Transformed errors of the table of ψ and φ; neighbours differ by 0.1 %."""
+
+SETTLED = 1e-9
+"""Relative distance of an envelope from its final width at which it counts as settled."""
+
+
+@dataclass(frozen=True, eq=False)
+class HandOver:
+    """The plan of a law with a sliding surface, while s⁺ = 0.
+
+    - `step`: of the law; `period`: h [s]; `horizon`: H [s].
+    - `share`: θ0.
+    - `psi`: ψ(ε) on the wide and on the narrow side of the envelope [2 n M]; `phi`: φ(ε) [n M]; for ε >= 0, from 0 on.
+    """
+
+    step: AbstractSurfaceStep
+    period: float
+    horizon: float
+    share: float
+    psi: Floats = field(repr=False)
+    phi: Floats = field(repr=False)
+
+    @classmethod
+    def of(cls, law: SampledData) -> HandOver | None:
+        """Return the plan of a law; None for a law without a surface.
+
+        Raises DefinitionError for a law whose s⁺ is not 0 in a boundary layer, with a remedy.
+        """
+        step = law.step
+        if not isinstance(step, AbstractSurfaceStep):
+            return None
+        assert law.horizon is not None
+        horizon, n = float(law.horizon), law.joints
+        layer = getattr(step.reaching, "layer", 0.0) if isinstance(step, SlidingStep) else 0.0
+        if np.any(np.asarray(layer)):
+            raise DefinitionError(
+                "a bound along a motion needs a reaching law without a boundary layer, with which s is exactly 0; got "
+                f"{np.max(np.asarray(layer)):g}: set the scheme's `layer` to 0"
+            )
+        eps = np.concatenate([[0.0], np.geomspace(LEAST, LARGEST, PLACES - 1)])
+        rows = jnp.broadcast_to(jnp.asarray(eps)[:, None], (PLACES, n))
+        phi = np.asarray(jax.vmap(lambda row: step.surface.phi_and_slope(row)[0])(rows), float).T
+        if isinstance(step.transformation, PrescribedPerformance):
+            overshoot = jnp.broadcast_to(step.transformation.overshoot, (n,))
+            sides = Sides(-overshoot, jnp.ones(n)), Sides(-jnp.ones(n), overshoot)
+            both = np.stack([np.asarray(psi(rows, each), float).T for each in sides])
+        else:
+            both = np.broadcast_to(eps, (2, n, PLACES))
+        return cls(step, float(law.period), horizon, linear_share(step, horizon), both, phi)
+
+    def along(self, cells: PathCells) -> HandOverCells:
+        """Return the plan in each cell of a motion that starts with the law."""
+        n, count = len(self.phi), len(cells.q)
+        transformation = self.step.transformation
+        if not isinstance(transformation, PrescribedPerformance):
+            even = np.ones((count, n))
+            return HandOverCells(self, even, even, np.full((count, n), np.inf), np.zeros(n))
+        times = np.asarray(cells.period * np.arange(count * cells.per_cell + 1), float)
+        final = _frames(transformation, self.horizon, self.period, np.array([FAR], float), n)[2]
+        while True:
+            now, ahead, radius = _frames(transformation, self.horizon, self.period, times, n)
+            if np.all(radius[-1] <= final * (1.0 + SETTLED)) or times[-1] > FAR:
+                break
+            times = np.asarray(cells.period * np.arange(2 * len(times)), float)
+        # A cell ends where the next one begins; the last one stands for all times after it.
+        starts = np.arange(count) * cells.per_cell
+        ends = np.append(starts[1:] + 1, len(times))
+        least, most, narrow = (
+            np.stack([pick(values[a:b], axis=0) for a, b in zip(starts, ends, strict=True)])
+            for pick, values in ((np.min, now), (np.max, ahead), (np.min, radius))
+        )
+        room = narrow * np.asarray(transformation.overshoot)
+        return HandOverCells(self, least, most, room, np.abs(now[0] - ahead[0]) / (self.horizon * now[0]))
+
+    @property
+    def covered(self) -> float:
+        """The least u, for an arm at rest at position 0 under no torque [N m]; inf for a law without one."""
+        if not isinstance(self.step, SlidingStep):
+            return np.inf
+        nothing = jnp.zeros(self.step.robot.joints)
+        return float(self.step.bound(State(q=nothing, dq=nothing), nothing))
+
+    def needed(self, torque: Floats, sliding: Floats) -> float:
+        """Return the part of what s⁺ = 0 allows that the sliding variable needs; below 1 s⁺ is exactly 0.
+
+        - `torque`: bounds of |M0 s|/H [N n], N m or N. `sliding`: of |s| [N n], rad/s or m/s.
+        """
+        if not isinstance(self.step, SlidingStep):
+            # With s⁺ = 0 the integral v is at most |s|/H.
+            return float(np.max(2.0 * sliding / (self.horizon**2 * np.asarray(self.step.k2))))  # type: ignore[attr-defined]
+        reaching = self.step.reaching
+        with np.errstate(divide="ignore"):
+            if isinstance(reaching, SaturatedReaching):
+                return float(np.max(torque / (self.covered * np.asarray(reaching.weights))))
+            return float(np.max(np.linalg.norm(torque, axis=1)) / np.float64(self.covered))
+
+    def first_sliding(self, led: Floats, velocity: Floats, along: HandOverCells) -> Floats:
+        """Return a bound of |s| at the first sample [n], where s is measured: `|v̂| + |N - A|/(H N) |y| + φ(ε)`.
+
+        - `led`, `velocity`: bounds of |y| and |v̂| there [n]. `along`: of the motion.
+        """
+        shares = led / along.now[0]
+        places = np.array([np.searchsorted(row, y) for row, y in zip(self.psi.min(axis=0), shares, strict=True)])
+        steep = self.phi[np.arange(len(led)), np.minimum(places, PLACES - 1)]
+        steep = np.where(places >= PLACES, np.inf, steep)
+        return np.asarray(velocity + along.drift * led + steep)
+
+
+FAR = 1e4
+"""s: time at which every envelope has its final width."""
+
+
+@dataclass(frozen=True, eq=False)
+class HandOverCells:
+    """The plan in each cell.
+
+    - `now`, `ahead`: the least N and the largest A [N n], rad or m.
+    - `room`: the least ϑ ρ [N n]; inf without an envelope.
+    - `drift`: |N - A|/(H N) at the first sample [n], 1/s.
+    """
+
+    plan: HandOver
+    now: Floats
+    ahead: Floats
+    room: Floats
+    drift: Floats
+
+    def goal(self, led: Floats) -> Floats:
+        """Return a bound of |g| in each cell [N n], rad/s² or m/s², for a bound of |y| [N n].
+
+        Between two places of the table ε counts as the upper one; interpolation in y keeps the bound continuous.
+        """
+        plan, joints = self.plan, np.arange(led.shape[1])
+        if plan.share:
+            return np.stack([np.interp(y, *row) for y, row in zip(led.T, self._apart, strict=True)], axis=1)
+        bound = np.zeros_like(led)
+        for psi_side in plan.psi:
+
+            def target(place: NDArray[np.int64], side: Floats = psi_side) -> Floats:
+                return np.asarray(self.now * side[joints, place] + plan.horizon * plan.phi[joints, place])
+
+            low, high = np.zeros(led.shape, np.int64), np.full(led.shape, PLACES - 2)
+            while np.any(high - low > 1):
+                middle = (low + high) // 2
+                below = target(middle) <= led
+                low, high = np.where(below, middle, low), np.where(below, high, middle)
+            first, last = target(low), target(low + 1)
+            part = np.clip((led - first) / np.maximum(last - first, 1e-300), 0.0, 1.0)
+            upper = (1.0 - part) * psi_side[joints, low + 1] + part * psi_side[joints, low + 2 - (low + 2 >= PLACES)]
+            bound = np.maximum(bound, self.ahead * upper)
+        # ψ(ε) has the sign of y, and N ψ(ε) is no larger.
+        return np.asarray(np.minimum(bound, self.ahead / self.now * led) / plan.horizon**2)
+
+    @property
+    def _apart(self) -> list[tuple[Floats, Floats]]:
+        """For each joint places y, and the largest |ψ(ε) - θ0 y|/H² up to the next one; the plan has no envelope."""
+        plan, rows = self.plan, []
+        for psi_row, phi_row in zip(plan.psi[0], plan.phi, strict=True):
+            y = psi_row + plan.horizon * phi_row
+            apart = np.abs(psi_row - plan.share * y)
+            step = np.diff(psi_row, append=2.0 * psi_row[-1]) + plan.share * np.diff(y, append=2.0 * y[-1])
+            rows.append((y, np.maximum.accumulate(apart + step) / plan.horizon**2))
+        return rows
+
+
+def _frames(
+    transformation: PrescribedPerformance, horizon: float, period: float, times: Floats, joints: int
+) -> tuple[Floats, Floats, Floats]:
+    """N, A and ρ at times at which torques set in [times n]."""
+    sides = Sides(-jnp.ones(joints), jnp.ones(joints))
+
+    padding = -len(times) % BATCH
+    rows = _framed(transformation, sides, horizon - 0.5 * period, horizon, np.pad(times, (0, padding), mode="edge"))
+    now, ahead, radius = (np.asarray(row, float)[: len(times)] for row in rows)
+    return now, ahead, radius
+
+
+@eqx.filter_jit
+def _framed(transformation: Any, sides: Sides, lead: Any, horizon: Any, times: Any) -> Any:
+    def at(t: Any) -> Any:
+        frame = transformation.frame(t, jnp.asarray(lead), jnp.asarray(horizon), sides)
+        values = frame.now, frame.ahead, transformation.performance.radius(t)
+        return tuple(jnp.broadcast_to(value, sides.lower.shape) for value in values)
+
+    return jax.vmap(at)(jnp.asarray(times))
+
+
+BATCH = 2048
+"""The envelope is computed at a multiple of this number of times, so that few programs are compiled."""

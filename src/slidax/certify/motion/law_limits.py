@@ -1,0 +1,104 @@
+"""Conditions under which a certified law is its linear loop: gate, bounds on estimates, s⁺ = 0, and the envelope."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slidax.law.sampled.controller import STRONGEST
+from slidax.motions.trajectory import AbstractPiecewisePolynomial
+
+from ..certificate import Assumption
+from .certified_law import CertifiedLaw
+from .drive_limits import Torques
+from .hand_over import HandOver
+from .tracking_bound import CertifiedPath
+
+
+def law_lines(law: CertifiedLaw, motion: AbstractPiecewisePolynomial, certified: CertifiedPath) -> list[Assumption]:
+    """Return the assumptions that the gate accepts each sample, and that no bound of the law's estimates acts.
+
+    Of the conditions of `MeasurementGate`, those without velocities: a position may be out of range, too far from the
+    last one, or the same as the two before while the law predicts a way, which is at most the innovation.
+    """
+    gate, h, n = law.gate, law.loop.period, law.arm.joints
+    q_max, speed, acceleration, spread = (
+        np.broadcast_to(np.asarray(value, float), n)
+        for value in (gate.q_max, gate.speed, gate.acceleration, gate.spread)
+    )
+    bounds, noise = certified.bounds, np.asarray(certified.inputs.resolution)
+    fastest = motion.extremes(1).size + bounds.velocity.max(axis=0)
+    position = motion.extremes(0).size + bounds.error.max(axis=0) + 0.5 * noise
+    estimate = bounds.outputs["estimate"]
+    lumped = np.einsum("nij,nj->ni", certified.solution.problem.at.inertia, estimate).max(axis=0)
+    known = fastest + bounds.outputs["velocity_miss"].max(axis=0) + 0.5 * h * estimate.max(axis=0)
+    gate_shares = (
+        position / q_max,
+        (h * fastest + noise) / (2.0 * h * speed + spread),
+        bounds.outputs["innovation"].max(axis=0) / (2.0 * spread + acceleration * h**2),
+    )
+    # With u, it is u that bounds the torque which makes up for the estimate: `plan_lines`.
+    unlimited = law.hand_over is not None and np.isfinite(law.hand_over.covered)
+    law_shares = np.zeros(n) if unlimited else lumped / law.torque, known / speed, estimate.max(axis=0) / STRONGEST
+    lines = []
+    for text, shares in (
+        ("the measurement gate rejects no sample of the arm itself", gate_shares),
+        ("no bound of the law on its estimates acts", law_shares),
+    ):
+        largest = float(np.max(shares))
+        lines.append(Assumption(text, "proved" if largest < 1.0 else "assumed", largest))
+    return lines
+
+
+def plan_lines(law: CertifiedLaw, certified: CertifiedPath) -> list[Assumption]:
+    """Return the assumptions about a law with a sliding surface: s⁺ = 0, u, and the envelope; none for another law.
+
+    A value below 1 is the part of what is allowed that may be needed.
+    """
+    plan, along = law.hand_over, certified.solution.problem.hand_over
+    if plan is None or along is None:
+        return []
+    lines = [_reached(plan, certified)]
+    torques = Torques(certified.solution.problem, certified.bounds)
+    if np.isfinite(plan.covered):
+        estimate = np.minimum(
+            np.einsum("nij,nj->ni", certified.solution.problem.at.inertia, certified.bounds.outputs["estimate"]),
+            sum(torques.commanded("estimate").values()),
+        )
+        size = float(np.max(np.linalg.norm(estimate, axis=1)))
+        text = f"the estimated disturbance is at most {size:.3g} N m, of the robust torque u of {plan.covered:.3g} N m"
+        lines.append(Assumption(text, "proved" if size < plan.covered else "fails", size / max(plan.covered, 1e-300)))
+    if np.all(np.isfinite(along.room)):
+        outputs, h = certified.bounds.outputs, law.loop.period
+        # The predicted position where a torque sets in, by that in the middle of its period.
+        predicted = outputs["model_position"] + 0.5 * h * outputs["model_velocity"]
+        predicted = predicted + 0.375 * h * h * (outputs["command"] + outputs["estimate"])
+        share = np.maximum(certified.bounds.error, predicted) / along.room
+        cell, joint = (int(i) for i in np.unravel_index(int(np.argmax(share)), share.shape))
+        text = (
+            f"the error is inside the envelope at every time, at most {100 * share[cell, joint]:.0f} % of its width, "
+            f"in `{law.arm.joint_names[joint]}` at {certified.path.cells.centres[cell]:.3g} s"
+        )
+        lines.append(Assumption(text, "proved" if share[cell, joint] < 1.0 else "fails", float(share[cell, joint])))
+    return lines
+
+
+def _reached(plan: HandOver, certified: CertifiedPath) -> Assumption:
+    """The assumption that s⁺ is 0 at every sample: then s is the output `sliding`, but for that of the first sample.
+
+    There s is measured; in `sliding` it is the first estimate of v. The difference fades by `1 - h/H` in each period.
+    """
+    problem, bounds, inputs, loop = certified.solution.problem, certified.bounds, certified.inputs, certified.loop
+    assert problem.hand_over is not None
+    inertia, cells = problem.at.inertia, certified.path.cells
+    led = inputs.start_error + 0.5 * inputs.resolution + (loop.lead + loop.delay * loop.period) * inputs.start_speed
+    first = plan.first_sliding(led, inputs.start_speed, problem.hand_over) + inputs.start_speed
+    fade = (1.0 - loop.period / plan.horizon) ** (cells.per_cell * np.arange(len(cells.q)))
+    begun = fade[:, None] * first
+    later = np.minimum(
+        np.einsum("nij,nj->ni", inertia, bounds.outputs["sliding"]),
+        sum(Torques(problem, bounds).commanded("sliding").values()),
+    )
+    torque = later + np.einsum("nij,nj->ni", inertia, begun)
+    needed = plan.needed(torque / plan.horizon, bounds.outputs["sliding"] + begun)
+    text = f"the sliding variable is held at 0: it needs {100 * needed:.0f} % of the torque or gain that reaches it"
+    return Assumption(text, "proved" if needed < 1.0 else "fails", needed)
