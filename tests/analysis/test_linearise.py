@@ -71,7 +71,7 @@ def linearised():
 
 
 def test_derivative_error_is_reported(linearised):
-    assert linearised.apart < 0.05 and linearised.stable and linearised.held
+    assert linearised.derivative_error < 0.05 and linearised.stable and linearised.held
     assert linearised.system.inputs[:2] == ("disturbance[joint 1]", "disturbance[joint 2]")
     assert linearised.system.input_units[:2] == ("N m", "N m") and len(linearised.system.inputs) == 2 * len(INPUTS)
 
@@ -84,7 +84,7 @@ def test_a_perturbed_run_is_that_of_the_linear_system(linearised):
     changes |= {"disturbance": disturbance, "simulation.t1": 0.6}
     scenario = scenarios.load("example-4.1-1khz", changes)
     run, still = (scenarios.alter(scenario, {"disturbance.scale": on}).simulate(log_every=1) for on in (1.0, 0.0))
-    times, steps = linearised.system.part("disturbance[joint 1]", "error").step_response(0.1)
+    times, steps = linearised.system.select("disturbance[joint 1]", "error").step_response(0.1)
     moved = (np.asarray(run.log.e) - np.asarray(still.log.e))[500:601]
     np.testing.assert_allclose(moved / push, steps[:, :, 0], atol=0.02 * np.abs(steps).max())
     assert times[-1] == pytest.approx(0.1)
@@ -93,7 +93,7 @@ def test_a_perturbed_run_is_that_of_the_linear_system(linearised):
 @pytest.mark.parametrize("where", ["torque", "measurement"])
 def test_at_its_gain_margin_the_loop_is_at_the_edge(linearised, where):
     """With another gain at the place where it was broken, the loop's own eigenvalues say when it is unstable."""
-    closed = linearised.closed(where)
+    closed = linearised.closed_loop(where)
     for joint, margin in enumerate(linearised.margins(where)):
         b, c = closed.b[:, [joint]], closed.c[[joint]]
         for gain in (margin.gain_up, margin.gain_down):
@@ -113,7 +113,7 @@ def test_at_its_gain_margin_the_loop_is_at_the_edge(linearised, where):
 
 def test_a_delay_as_long_as_the_margin_makes_the_loop_unstable(linearised):
     """Whole periods, one after another, before the drives."""
-    closed = linearised.closed("torque")
+    closed = linearised.closed_loop("torque")
     margin = linearised.margins("torque")[0]
     b, c = closed.b[:, [0]], closed.c[[0]]
 
@@ -135,7 +135,7 @@ def test_a_delay_as_long_as_the_margin_makes_the_loop_unstable(linearised):
 
 
 def test_the_open_loop_closed_again_is_the_loop(linearised):
-    opened = linearised.loop("torque", 1)
+    opened = linearised.loop_gain("torque", 1)
     again = opened.a + opened.b @ -opened.c
     closed = np.sort_complex(linearised.system.eigenvalues)
     np.testing.assert_allclose(np.sort_complex(np.linalg.eigvals(again).astype(complex)), closed, atol=1e-5)
@@ -197,7 +197,7 @@ def test_computed_torque_has_the_eigenvalues_of_its_gains():
     rates = np.sort([(np.log(z) / 1e-4).real for z, _, _ in loop.modes])
     np.testing.assert_allclose(rates, np.repeat(expected, 2), rtol=2e-3)
     # At rest a disturbance moves it by d/(M kp).
-    response = loop.system.part("disturbance", "error").response(np.array([1e-6]))[0]
+    response = loop.system.select("disturbance", "error").response(np.array([1e-6]))[0]
     mass = scenarios.load("example-4.1-1khz", changes).plant.robot.mass(jnp.asarray([0.3, 0.4]))
     np.testing.assert_allclose(response.real, np.linalg.inv(mass) / 100.0, rtol=1e-6)
 
@@ -206,7 +206,7 @@ def test_continuous_mode_has_eigenvalues_and_no_open_loop():
     loop = linearise(scenarios.load("example-4.1", {"simulation.t1": 0.01}))
     assert not loop.held and np.isfinite(loop.system.radius)
     with pytest.raises(DefinitionError, match="no sampled loop can be broken open"):
-        loop.closed("torque")
+        loop.closed_loop("torque")
     assert loop.as_json()["margins"] is None
 
 
@@ -251,18 +251,18 @@ def test_loop_without_a_derivative_is_refused(changes, at, message):
 
 
 def test_the_parts_have_names(linearised):
-    part = linearised.system.part("torque[joint 2]", ["error", "torque[joint 1]"])
+    part = linearised.system.select("torque[joint 2]", ["error", "torque[joint 1]"])
     assert part.outputs == ("error[joint 1]", "error[joint 2]", "torque[joint 1]")
     with pytest.raises(DefinitionError, match="did you mean `torque`"):
-        linearised.system.part("torq", "error")
+        linearised.system.select("torq", "error")
     with pytest.raises(DefinitionError, match='broken at the "torque"'):
-        linearised.closed("joint")
+        linearised.closed_loop("joint")
 
 
 def test_margins_agree_with_python_control(linearised):
     control = pytest.importorskip("control", reason="pip install 'slidax[linear]'")
-    loop = linearised.loop("torque", 0)
-    theirs = loop.for_control()
+    loop = linearised.loop_gain("torque", 0)
+    theirs = loop.to_control()
     assert theirs.dt == pytest.approx(1e-3)
     omega = np.array([1.0, 50.0, 400.0, 2000.0])
     np.testing.assert_allclose(theirs(np.exp(1j * omega * 1e-3)), loop.response(omega)[:, 0, 0], rtol=1e-6)
@@ -272,8 +272,8 @@ def test_margins_agree_with_python_control(linearised):
     gain, phase, *_ = control.stability_margins((np.abs(response), np.degrees(np.angle(response)), omega))
     ours = linearised.margins("torque")[0]
     assert gain == pytest.approx(ours.gain_up, rel=1e-3) and abs(phase) == pytest.approx(ours.phase, rel=1e-3)
-    times, steps = linearised.system.part("disturbance", "error").step_response(0.05)
-    expected = control.step_response(linearised.system.part("disturbance", "error").for_control(), T=times)
+    times, steps = linearised.system.select("disturbance", "error").step_response(0.05)
+    expected = control.step_response(linearised.system.select("disturbance", "error").to_control(), T=times)
     np.testing.assert_allclose(steps[:, 0, 1], expected.outputs[0, 1], atol=1e-12)
 
 

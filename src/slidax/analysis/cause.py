@@ -18,10 +18,10 @@ from .run_record import RunRecord
 
 @dataclass(frozen=True)
 class Remedy:
-    """One thing to do.
+    """A proposed remedy.
 
-    - `words`: what, for a person.
-    - `changes`: the same as values by their paths in the scenario file; empty for what no file says.
+    - `words`: description.
+    - `changes`: new values by their paths in the scenario file; empty if the file has no value for this remedy.
     """
 
     words: str
@@ -37,12 +37,12 @@ class Remedy:
 class Finding:
     """Evidence for a cause in a run's log.
 
-    - `name`: of the cause.
-    - `joint`: which joint it is about, from 0; None for all.
-    - `weight`: how likely it is why the run left, from 0 to 1: above .8 it explains it by itself.
-    - `evidence`: one sentence with the numbers.
-    - `numbers`: the same by name.
-    - `remedies`: what may help, the best first.
+    - `name`: name of the cause.
+    - `joint`: index of the joint, from 0; None if the cause concerns all joints.
+    - `weight`: likelihood that this cause made the run leave, from 0 to 1; above 0.8 it suffices as an explanation.
+    - `evidence`: a sentence with the values.
+    - `numbers`: the values by name.
+    - `remedies`: possible remedies, the best first.
     """
 
     name: str
@@ -54,7 +54,7 @@ class Finding:
 
 
 class AbstractCause(ABC):
-    """One reason for which a run leaves its envelope, and how a log shows it."""
+    """A cause for leaving the envelope, and its detection in a log."""
 
     name: ClassVar[str]
 
@@ -74,11 +74,11 @@ def _as_yaml(value: Any) -> str:
 
 
 FACTORS = (0.7, 0.5)
-"""Of the speed."""
+"""Speed factors to try."""
 
 
 def slower_motion(record: RunRecord) -> list[Remedy]:
-    """The motion at a part of its speed, where its kind has a number for that."""
+    """Remedies that slow the motion down, if its kind has a frequency, times or rates."""
     motion: Any = record.scenario.description.trajectory
     remedies = []
     for factor in FACTORS:
@@ -94,7 +94,7 @@ def slower_motion(record: RunRecord) -> list[Remedy]:
 
 
 def data_sheet_limit(record: RunRecord, name: str) -> np.ndarray:
-    """A limit of the joints by the arm's description [n]; 0 where it has none.
+    """A joint limit from the arm's description [n]; 0 where it has none.
 
     - `name`: `torque` or `torque_rate`.
     """

@@ -36,20 +36,20 @@ CAUSES: tuple[AbstractCause, ...] = (
     SubstepsCause(),
     PeriodCause(),
 )
-"""All that are looked for."""
+"""All causes that `explain` checks."""
 
 MOST_TRIED = 4
-"""Causes whose remedies are tried: each trial is a run."""
+"""Largest number of causes whose remedies are tried: each trial is a run."""
 
 
 @dataclass(frozen=True)
 class Explanation:
-    """A cause, with its remedy.
+    """A cause and its remedy.
 
-    - `finding`: what the log shows.
-    - `remedy`: the first that made the run hold, or else the first; None if there is none.
-    - `tried`: whether a run was made with it.
-    - `holds`: whether that run kept its envelope.
+    - `finding`: the evidence in the log.
+    - `remedy`: the first remedy with which the run keeps its envelope; otherwise the first; None if there is none.
+    - `tried`: True if remedies were simulated.
+    - `holds`: True if the run keeps its envelope with the remedy.
     """
 
     finding: Finding
@@ -62,11 +62,11 @@ class Explanation:
         if self.remedy is None:
             return f"{self.finding.evidence}."
         sets = f": `{self.remedy.sets}`" if self.remedy.changes else ""
-        outcome = "tried, the run holds" if self.holds else "tried, not enough by itself" if self.tried else "not tried"
+        outcome = "tried, the run holds" if self.holds else "tried, not enough alone" if self.tried else "not tried"
         return f"{self.finding.evidence}. Remedy: {self.remedy.words}{sets} ({outcome})."
 
     def as_json(self) -> dict[str, Any]:
-        """For programs; joints are counted from 1."""
+        """The explanation as JSON; joints are counted from 1."""
         finding, remedy = self.finding, self.remedy
         return {
             "name": finding.name,
@@ -84,17 +84,17 @@ class Explanation:
 def explain(
     scenario: Scenario, run: Run | RunRecord, *, tries: bool = True, seconds: float = math.inf
 ) -> list[Explanation]:
-    """The causes that the log shows, most likely first; empty if it shows none.
+    """Find the causes that the log shows, most likely first; empty if it shows none.
 
-    They are weighed by what the log shows. The remedies of the likeliest are then tried in simulation, until the run
-    holds with one: that cause is the first of the answer.
+    Causes are sorted by their weight. The remedies of the likeliest are then tried in simulation. If the run keeps its
+    envelope with one, that cause comes first.
 
-    - `scenario`: what was run.
-    - `run`: its run, with each sample in its log, or the record of one.
-    - `tries`: whether remedies are tried.
-    - `seconds`: after so many no further remedy is tried.
+    - `scenario`: the scenario of the run.
+    - `run`: the run with every sample in its log, or its record.
+    - `tries`: True to try remedies.
+    - `seconds`: time limit after which no further remedy is tried.
 
-    Raises DefinitionError if the log has not each sample, or the scheme is not in sampled-data form with an envelope.
+    Raises DefinitionError if the log lacks samples, or the scheme is not in sampled-data form with an envelope.
     """
     until = time.monotonic() + seconds
     record = run if isinstance(run, RunRecord) else RunRecord.of(scenario, run)
@@ -106,17 +106,19 @@ def explain(
     held = False
     for finding in findings:
         may = tries and not held and len(answers) < MOST_TRIED and not scenario.changed
-        answer = _tried(scenario, finding, until) if may else Explanation(finding, next(iter(finding.remedies), None))
+        answer = (
+            _try_remedies(scenario, finding, until) if may else Explanation(finding, next(iter(finding.remedies), None))
+        )
         held = held or answer.holds
         answers.append(answer)
     return sorted(answers, key=lambda answer: not answer.holds)
 
 
 def likeliest_cause(scenario: Scenario, *, seconds: float) -> str:
-    """The likeliest cause and its remedy in one line; empty if none is found, or the scheme cannot be diagnosed.
+    """The likeliest cause and its remedy in one line; empty if no cause shows, or the scheme cannot be diagnosed.
 
-    - `scenario`: what left its envelope; it is run again with each sample in the log.
-    - `seconds`: after so many no further remedy is tried.
+    - `scenario`: the scenario whose run left its envelope; it is run again with every sample in the log.
+    - `seconds`: time limit after which no further remedy is tried.
     """
     try:
         require_explainable(scenario)
@@ -126,7 +128,7 @@ def likeliest_cause(scenario: Scenario, *, seconds: float) -> str:
     return answers[0].sentence() if answers else ""
 
 
-def _tried(scenario: Scenario, finding: Finding, until: float) -> Explanation:
+def _try_remedies(scenario: Scenario, finding: Finding, until: float) -> Explanation:
     tried = False
     for remedy in finding.remedies:
         if not remedy.changes or time.monotonic() > until:
@@ -139,7 +141,7 @@ def _tried(scenario: Scenario, finding: Finding, until: float) -> Explanation:
 
 
 def _holds(scenario: Scenario, remedy: Remedy) -> bool | None:
-    """True if the run keeps its envelope with the remedy; None if it cannot be run."""
+    """True if the run keeps its envelope with the remedy; None if the changed scenario cannot run."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -153,17 +155,17 @@ SCENARIO, LOG = "scenario.yaml", "log.parquet"
 
 
 def read_saved(saved: Path) -> tuple[Scenario, dict[str, np.ndarray], bool]:
-    """The scenario of a saved run, its log as flat columns, and whether each sample is in it.
+    """The scenario of a saved run, its log as flat columns, and True if the log has every sample.
 
     - `saved`: a folder that `slidax run --out` has written, or an MCAP file.
 
-    Raises DefinitionError if a file is missing or is none of ours, or the package that reads it is not installed.
+    Raises DefinitionError if a file is missing or not from slidax, or the package that reads it is not installed.
     """
     if saved.suffix == ".mcap":
         log = read_mcap(saved)
         if not log.complete:
             warnings.warn(
-                f"`{saved}` has no end or is damaged: it is read as far as it is whole", DefinitionWarning, stacklevel=2
+                f"`{saved}` is truncated or damaged: only its intact part is read", DefinitionWarning, stacklevel=2
             )
         return restore(log.scenario, log.files, log.name), _columns(log), True
     for name in (SCENARIO, LOG):
@@ -178,7 +180,7 @@ def read_saved(saved: Path) -> tuple[Scenario, dict[str, np.ndarray], bool]:
 
 
 def _columns(log: SavedLog) -> dict[str, np.ndarray]:
-    """A row for each tick of the arm; where the law gave no answer, its last one stood."""
+    """A row for each tick of the arm; the law's last answer fills ticks without one."""
     arm, law = log.arm, log.law
     if not len(arm["true_k"]) or not len(law["k"]):
         raise DefinitionError(f"`{log.path}` has no ticks of a simulated arm on `/truth`")
@@ -188,7 +190,7 @@ def _columns(log: SavedLog) -> dict[str, np.ndarray]:
         "dq": arm["true_dq"],
         "e": arm["true_e"],
         "tau": arm["set_tau"],
-        # Of the reference itself the law's last word may be old.
+        # From the arm's own log, since the reference in the law's last answer may be old.
         "q_d": arm["true_q"] - arm["true_e"],
         **{name: law[name][answer] for name in ("dq_d", "ddq_d", "lower", "upper") if name in law},
     }

@@ -23,29 +23,29 @@ from .loop_causes import FAST, NOISY, SLOW, step_ratio
 from .run_record import inertia_and_bias, joint_loops, require_explainable
 
 SAMPLES = 200
-"""Of the motion, at which is looked."""
+"""Times along the motion at which it is checked."""
 
 COMES = 0.02
-"""Of a run: a load that comes or goes is looked at so long after."""
+"""Time after a payload is attached at which its mass is read, s."""
 
 
 def forecast(scenario: Scenario) -> list[str]:
     """Likely reasons for a run to leave its envelope, one sentence each; empty for a scheme that cannot be diagnosed.
 
-    Along the motion: the torque that it needs against the limits, the eigenvalues κ of `M⁻¹ M0` against those for which
-    the loop of a joint is stable, ω H of its estimator, u against what it must cover, and the integrator's steps
-    against the simulated friction.
+    Along the motion it compares: the required torque with the limits, the eigenvalues κ of `M⁻¹ M0` with the stable
+    range of each joint's loop, the estimator's ω H with its useful range, the robust torque u with the model error, and
+    the integrator's step with the simulated friction.
     """
     try:
         law = require_explainable(scenario)
     except DefinitionError:
         return []
-    ahead = _Ahead(scenario, law)
-    return [*ahead.torques(), *ahead.inertias(), *ahead.estimators(), *ahead.cover(), *ahead.steps()]
+    planned = _PlannedMotion(scenario, law)
+    return [*planned.torques(), *planned.inertias(), *planned.estimators(), *planned.cover(), *planned.steps()]
 
 
-class _Ahead:
-    """The motion as it is to be, with the true arm and as the law believes it to be."""
+class _PlannedMotion:
+    """The planned motion, with the true and the nominal arm along it."""
 
     def __init__(self, scenario: Scenario, law: SampledData) -> None:
         self.scenario, self.law = scenario, law
@@ -60,12 +60,12 @@ class _Ahead:
 
     @cached_property
     def believed(self) -> tuple[np.ndarray, np.ndarray]:
-        """M0 and the bias along the motion."""
+        """M0 and the nominal bias along the motion."""
         return inertia_and_bias(self.nominal, self.q, self.dq)
 
     @cached_property
     def true(self) -> tuple[np.ndarray, np.ndarray]:
-        """M and the bias with friction along the motion, with what the arm carries at each time."""
+        """M and the bias with friction along the motion, including the payload at each time."""
         mass, bias = inertia_and_bias(self.plant.robot, self.q, self.dq)
         load = self.plant.load
         if load is not None:
@@ -86,7 +86,7 @@ class _Ahead:
         )
 
     def torques(self) -> Iterator[str]:
-        """The torque that the motion needs."""
+        """Warn if the motion needs more torque than a drive has."""
         mass, bias = self.true
         needed = np.einsum("kij,kj->ki", mass, self.ddq) + bias - self.external_torque
         limit = np.broadcast_to(np.asarray(self.law.limits.torque), self.law.joints)
@@ -95,13 +95,13 @@ class _Ahead:
         if over[k, joint] >= 1.0:
             unit = self.nominal.torque_units[joint]
             yield (
-                f"the motion needs {abs(needed[k, joint]):.3g} {unit} of `{self.names[joint]}` at t = "
-                f"{self.t[k]:.3g} s, and "
-                f"its limit is {limit[joint]:.4g} {unit}: go slower, carry less, or allow more torque"
+                f"the motion needs {abs(needed[k, joint]):.3g} {unit} at `{self.names[joint]}` at t = "
+                f"{self.t[k]:.3g} s, but its limit is {limit[joint]:.4g} {unit}: go slower, carry less, or allow more "
+                "torque"
             )
 
     def inertias(self) -> Iterator[str]:
-        """The κ of the stated mismatch, for a law that does not learn it."""
+        """Warn if a κ of the scenario's mismatch is outside the stable range, for a law that does not learn it."""
         if not isinstance(self.nominal, Articulated) or self.law.adaptation is not None:
             return
         values, vectors = np.linalg.eig(np.linalg.solve(self.true[0], self.believed[0]))
@@ -120,23 +120,21 @@ class _Ahead:
         if worst is not None:
             _, joint, low, high, least, most = worst
             yield (
-                f"κ, nominal over true inertia, is {low:.2g} to {high:.2g} at `{self.names[joint]}`, and its "
-                "loop bears "
-                f"{least:.2g} to {most:.2g}: tell the law the rotors' inertia (`robot.nominal.armature`)"
+                f"κ, nominal over true inertia, is {low:.2g} to {high:.2g} at `{self.names[joint]}`, but its loop is "
+                f"stable for {least:.2g} to {most:.2g}: set the rotor inertias in `robot.nominal.armature`"
             )
 
     def estimators(self) -> Iterator[str]:
-        """ω H, and whether the loop is stable if all is as believed."""
+        """Warn if the nominal loop is unstable, or if ω H of an estimator is too small or too large."""
         loops = [(joint, loop) for joint, loop in enumerate(self._loops) if loop is not None]
         if not loops or self.law.horizon is None:
             return
         joint, loop = max(loops, key=lambda pair: pair[1].radius())
-        # One, but for rounding, is a loop whose horizon has endlessly many periods.
+        # A loop whose horizon has infinitely many periods has radius 1, up to rounding.
         if loop.radius() > 1.0 + 1e-9:
             yield (
-                f"the loop of `{self.names[joint]}` is unstable with `{type(self.law.estimator).__name__}` "
-                "even if all is as "
-                f"the law believes (modulus {loop.radius():.3f} a period): take the Kalman filter"
+                f"the loop of `{self.names[joint]}` is unstable with `{type(self.law.estimator).__name__}` even for "
+                f"the nominal arm (spectral radius {loop.radius():.3f}): use the Kalman filter"
             )
             return
         if loop.measures_velocity:
@@ -145,20 +143,20 @@ class _Ahead:
         slowest = min(paces, key=paces.__getitem__)
         if paces[slowest] < SLOW:
             yield (
-                f"the estimator of `{self.names[slowest]}` follows at {paces[slowest]:.2g} times 1/H, too slow for the "
-                "horizon: raise `torque_density`, or take finer encoders or a longer `horizon`"
+                f"the estimator of `{self.names[slowest]}` has a bandwidth of {paces[slowest]:.2g}/H, too slow for "
+                "the horizon: raise `torque_density`, or use finer encoders or a longer `horizon`"
             )
         noises = {joint: self._noise(joint, loop) for joint, loop in loops if paces[joint] > FAST}
         loudest = max(noises, key=noises.__getitem__, default=None)
         if loudest is not None and noises[loudest] >= NOISY:
             yield (
-                f"the estimator of `{self.names[loudest]}` follows at {paces[loudest]:.2g} times 1/H, so fast that "
-                f"noise alone asks for torque steps of {noises[loudest]:.2g} times the rate limit: lower "
-                "`torque_density`, or take finer encoders"
+                f"the estimator of `{self.names[loudest]}` has a bandwidth of {paces[loudest]:.2g}/H, so fast that "
+                f"noise alone causes torque steps of {noises[loudest]:.2g} times the rate limit: lower "
+                "`torque_density`, or use finer encoders"
             )
 
     def _noise(self, joint: int, loop: LinearLoop) -> float:
-        """Three standard deviations of the torque's steps from the position's noise, over the rate limit."""
+        """Three standard deviations of the torque steps due to position noise, relative to the rate limit."""
         mass = jnp.asarray(self.believed[0].mean(axis=0))
         if self.law.adaptation is not None:
             mass = self.law.adaptation.mass_at_start(mass)
@@ -173,20 +171,19 @@ class _Ahead:
         if bound is None:
             return
         difference = np.einsum("kij,kj->ki", self.true[0] - self.believed[0], self.ddq)
-        lacks = np.linalg.norm(difference + self.true[1] - self.believed[1] - self.external_torque, axis=1)
+        missing = np.linalg.norm(difference + self.true[1] - self.believed[1] - self.external_torque, axis=1)
         feedforward = np.einsum("kij,kj->ki", self.believed[0], self.ddq) + self.believed[1]
         moving = State(q=jnp.asarray(self.q), dq=jnp.asarray(self.dq))
         u = np.asarray(jax.jit(jax.vmap(lambda state, tau: bound(state, tau)))(moving, jnp.asarray(feedforward)))
-        k = int(np.argmax(lacks / u))
-        if lacks[k] > u[k]:
+        k = int(np.argmax(missing / u))
+        if missing[k] > u[k]:
             yield (
-                f"u covers {u[k]:.3g} N m at t = {self.t[k]:.3g} s, and the model lacks {lacks[k]:.3g} N m "
-                "there: enlarge "
-                "`scheme.bound`, or tell the law more of the arm"
+                f"u covers {u[k]:.3g} N m at t = {self.t[k]:.3g} s, but the model error is {missing[k]:.3g} N m there: "
+                "enlarge `scheme.bound`, or improve the nominal arm"
             )
 
     def steps(self) -> Iterator[str]:
-        """The integrator's steps."""
+        """Warn if the integrator's step is too long for the simulated friction."""
         ratio_and_joint = step_ratio(self.scenario)
         if ratio_and_joint is not None and ratio_and_joint[0] > 1.0:
             yield (

@@ -33,20 +33,20 @@ QUIET = ("resolution", "position_noise", "velocity_noise")
 
 
 def operating_point(scenario: Scenario, at: float) -> tuple[ClosedLoop, Carry, list[str]]:
-    """The loop, what it has at a sample, and what was left out of it.
+    """The loop, its state at a sample, and notes on effects that were left out.
 
     - `at`: time of the sample [s], a whole number of periods, at least one.
 
-    Raises DefinitionError if the run ends before, or the arm is MuJoCo's.
+    Raises DefinitionError if the run ends earlier, or MuJoCo simulates the arm.
     """
     if isinstance(scenario.plant, MujocoPlant):
-        raise DefinitionError("an arm that MuJoCo moves has no derivatives here: set `simulation.plant` to `own`")
+        raise DefinitionError("an arm simulated by MuJoCo has no derivatives here: set `simulation.plant` to `own`")
     stepping = scenario.stepping
     plant, left_out = _smooth(scenario.plant, stepping.mode == "held")
     parts = plant, scenario.controller, scenario.trajectory, scenario.state0
     bands = (1e-3,)
     loop, samples = define_loop(*parts, at, replace(stepping, engine="auto"), None, bands)
-    # The sample at `at` itself is not decided yet: that is what is linearised.
+    # Stop before the sample at `at`: that sample is linearised.
     request = RunRequest(loop, scenario.state0, samples - 1, log_every=None, progress=False)
     begun: Any
     try:
@@ -58,13 +58,15 @@ def operating_point(scenario: Scenario, at: float) -> tuple[ClosedLoop, Carry, l
     kind = int(carry.fault.kind)
     if kind:
         when = float(carry.fault.t)
-        what = "left its envelope" if kind == 1 else "became infinite"
-        raise DefinitionError(f"the run {what} at t = {when:.4g} s, before the time that is asked for, {at:g} s")
+        event = "left its envelope" if kind == 1 else "became infinite"
+        raise DefinitionError(
+            f"the run {event} at t = {when:.4g} s, before the requested time {at:g} s: choose an earlier time"
+        )
     return eqx.tree_at(lambda x: x.last, loop, constant(samples + 10)), carry, left_out
 
 
 def _smooth(plant: Plant, held: bool) -> tuple[Plant, list[str]]:
-    """The plant, and what was left out."""
+    """The plant with a differentiable sensor, and notes on effects that were left out."""
     left_out: list[str] = []
     sensor: AbstractSensor | None = Exact() if held else None
     if plant.sensor is not None:
@@ -77,7 +79,7 @@ def _quiet(sensor: AbstractSensor, left_out: list[str]) -> AbstractSensor:
     if isinstance(sensor, Lossy):
         loses = float(sensor.probability) > 0 or bool(np.asarray(sensor.counts).sum() > 0)
         if loses:
-            left_out.append("lost samples: every one arrives")
+            left_out.append("lost samples: every sample arrives")
         return _quiet(sensor.sensor, left_out)
     if isinstance(sensor, Delayed):
         if sensor.jitter:
@@ -88,13 +90,13 @@ def _quiet(sensor: AbstractSensor, left_out: list[str]) -> AbstractSensor:
         if value is None or not np.any(np.asarray(value) > 0):
             continue
         label = "rounding by the encoders" if name == "resolution" else name.replace("_", " ")
-        left_out.append(f"{label}: measured as it is")
+        left_out.append(f"{label}: left out, the measurement is exact")
         sensor = replace(sensor, **{name: jnp.zeros_like(value)})
     return sensor
 
 
 def arm_state(carry: Carry) -> tuple[np.ndarray, np.ndarray]:
-    """Where the arm is, and how fast, [n] and [n]."""
+    """Joint positions and velocities, [n] and [n]."""
     q, dq = jax.tree.map(np.asarray, (carry.state.q, carry.state.dq))
     return q, dq
 
@@ -104,19 +106,19 @@ SLOW = 5.0
 
 
 def linearisation_notes(loop: ClosedLoop, carry: Carry, *, rough: bool) -> list[str]:
-    """Notes on frozen parts and on points where the loop is not smooth, one sentence each.
+    """Notes on frozen parts and on nonsmooth points of the loop, one sentence each.
 
-    - `carry`: what it has at the time.
-    - `rough`: whether derivative and differences disagree.
+    - `carry`: state of the loop.
+    - `rough`: True if derivative and differences disagree.
     """
     notes = []
     law = loop.controller
     if isinstance(law, SampledData) and law.adaptation is not None:
-        notes.append("learning: rotors and friction stay as they are believed to be at that time")
+        notes.append("learning: the learnt rotor inertias and friction are frozen at that time")
     if rough:
         notes.append(
-            "not smooth: within a millionth the loop bends so much that derivative and differences disagree; a gate, a "
-            "limit or a sign is near, and what is said of stability holds for smaller motions still"
+            "not smooth: derivative and differences disagree for relative steps of 1e-6; a gate, a limit or a sign "
+            "changes nearby, and the stability result holds only for smaller motions"
         )
     robot = loop.plant.robot
     if isinstance(robot, Articulated):
@@ -124,8 +126,8 @@ def linearisation_notes(loop: ClosedLoop, carry: Carry, *, rough: bool) -> list[
         if slow.any():
             joints = ", ".join(name for name, applies in zip(robot.joint_names, slow, strict=True) if applies)
             notes.append(
-                f"Coulomb friction of {joints} counts as damping, f_c/v_s at rest: that holds for velocities below "
-                f"{float(robot.smoothing):g} rad/s alone"
+                f"Coulomb friction of {joints} counts as damping, f_c/v_s at rest: this holds only for velocities "
+                f"below {float(robot.smoothing):g} rad/s"
             )
     drive = loop.plant.actuator
     if drive is not None and carry.actuator is not None:
@@ -134,38 +136,38 @@ def linearisation_notes(loop: ClosedLoop, carry: Carry, *, rough: bool) -> list[
         full = np.abs(last) >= limit * (1 - 1e-9)
         if full.any():
             joints = ", ".join(name for name, applies in zip(robot.joint_names, full, strict=True) if applies)
-            notes.append(f"{joints} is at its limit of torque: there its loop is open")
+            notes.append(f"{joints} is at its torque limit: its loop is open there")
     return notes
 
 
 Array = NDArray[np.float64]
 
 STEP = 1e-6
-"""Of the central differences, beside the size of a number, or 1 for what is smaller."""
+"""Relative step of the central differences; relative to 0.01 for smaller values."""
 
 ROUNDING = 16.0
-"""Units in the last place that a sample's numbers may be off by rounding."""
+"""Assumed rounding error of a sample's values, in units in the last place."""
 
 ROUGH = 1e-3
-"""Where they differ by more than this, the loop bends within so little that its derivative says nothing."""
+"""Relative difference between derivative and central differences above which the loop counts as nonsmooth."""
 
 BROKEN = {"torque": ("torque", "torque"), "measurement": ("position", "position")}
-"""Where a loop is broken open: what is added there, and what comes round."""
+"""Input and output of the opened loop, for each point where it can be opened."""
 
 
 @dataclass(frozen=True, eq=False)
 class LinearisedLoop:
-    """The closed loop near a point of its run.
+    """The closed loop, linearised at a point of its run.
 
-    - `scenario`: its name.
-    - `at`: the time [s].
-    - `q`, `dq`: where the arm is there, and how fast [n].
-    - `system`: from all that can enter to all that is asked, with the states that matter.
-    - `joint_names`: of its joints.
-    - `held`: whether the torque is held over the period, so that the loop can be broken open.
-    - `notes`: what was left out, frozen, or is not smooth there, in words.
-    - `apart`: the largest difference of a derivative from central differences of the simulated sample, as a part of the
-      largest number in its column.
+    - `scenario`: name of the scenario.
+    - `at`: time [s].
+    - `q`, `dq`: joint positions and velocities at this time [n].
+    - `system`: linear system from all injected signals to all outputs, with the states that connect them.
+    - `joint_names`: names of the joints.
+    - `held`: True if the torque is held over the period; only then the loop can be opened.
+    - `notes`: sentences on effects that are left out, frozen or nonsmooth.
+    - `derivative_error`: largest difference between a derivative and central differences of the simulated sample,
+      relative to the largest value in its column.
     """
 
     scenario: str
@@ -176,19 +178,19 @@ class LinearisedLoop:
     joint_names: tuple[str, ...]
     held: bool
     notes: tuple[str, ...]
-    apart: float
+    derivative_error: float
     _known: dict[str, Any] = field(init=False, default_factory=dict, repr=False)
 
     @property
     def stable(self) -> bool:
-        """True if the loop is stable there: its spectral radius is below 1."""
+        """True if the spectral radius is below 1."""
         return self.system.radius < 1.0
 
     @cached_property
     def modes(self) -> list[tuple[complex, float, float]]:
-        """Eigenvalues on or above the real axis, the slowest first: each with its frequency [rad/s] and damping.
+        """Eigenvalues on or above the real axis, slowest first, each with natural frequency [rad/s] and damping ratio.
 
-        Those of a natural frequency beyond half of the sampling frequency are left out: they are over in a period.
+        Modes with a modulus below 1e-9 are left out: they decay within a period.
         """
         modes = []
         for z in self.system.eigenvalues:
@@ -199,30 +201,30 @@ class LinearisedLoop:
             modes.append((complex(z), size, -s.real / size if size else 1.0))
         return modes
 
-    def closed(self, where: str) -> SampledSystem:
-        """From what is added at a place to what comes round there.
+    def closed_loop(self, where: str) -> SampledSystem:
+        """Closed loop from a signal injected at a point to the signal that returns there, `-L/(1 + L)`.
 
         - `where`: "torque", between law and drives, or "measurement", between arm and sensor.
 
-        Raises DefinitionError for another place, or in continuous mode.
+        Raises DefinitionError for another point, or in continuous mode.
         """
         if where not in BROKEN:
             raise DefinitionError(f'a loop can be broken at the "torque" or the "measurement"; got "{where}"')
         if not self.held:
             raise DefinitionError(
-                "in continuous mode the torque follows within a period, so that no sampled loop can be broken open: "
+                "in continuous mode the torque changes within a period, and no sampled loop can be opened: "
                 "set `simulation.mode` to `held`"
             )
-        return self.system.part(*BROKEN[where])
+        return self.system.select(*BROKEN[where])
 
-    def loop(self, where: str, joint: int) -> SampledSystem:
-        """L of one joint, the others closed: what comes round, with its sign turned, where the loop is broken there.
+    def loop_gain(self, where: str, joint: int) -> SampledSystem:
+        """Loop gain L of a joint, with the loop opened at a point and the loops of all other joints closed.
 
-        - `where`: as in `closed`.
+        - `where`: as in `closed_loop`.
 
-        Raises DefinitionError as `closed` does.
+        Raises DefinitionError as `closed_loop` does.
         """
-        closed = self._of_joint(where, joint)
+        closed = self._closed_joint(where, joint)
         return SampledSystem(
             a=closed.a - closed.b @ closed.c,
             b=closed.b,
@@ -236,38 +238,38 @@ class LinearisedLoop:
         )
 
     def margins(self, where: str) -> list[Margins] | None:
-        """Of each joint with the others closed; None for a loop that is not stable, which has none.
+        """Margins of each joint, with the loops of the others closed; None if the loop is unstable.
 
-        - `where`: as in `closed`.
+        - `where`: as in `closed_loop`.
 
-        Raises DefinitionError as `closed` does.
+        Raises DefinitionError as `closed_loop` does.
         """
         if not self.stable:
             return None
         names = [f"{where}[{name}]" for name in self.joint_names]
         if where not in self._known:
-            self._known[where] = [margins_of(self._of_joint(where, k), name) for k, name in enumerate(names)]
+            self._known[where] = [margins_of(self._closed_joint(where, k), name) for k, name in enumerate(names)]
         return self._known[where]
 
-    def together(self, where: str) -> tuple[float, float, float] | None:
-        """Disk margin, peak of the largest singular value of S, and its frequency [rad/s], for all joints at once.
+    def simultaneous_margins(self, where: str) -> tuple[float, float, float] | None:
+        """Disk margin for simultaneous changes in all joints, largest singular value of S, and its frequency [rad/s].
 
-        - `where`: as in `closed`.
+        - `where`: as in `closed_loop`.
 
-        None for a loop that is not stable.
+        None if the loop is unstable.
         """
-        return simultaneous_margins(self.closed(where), where) if self.stable else None
+        return simultaneous_margins(self.closed_loop(where)) if self.stable else None
 
-    def _of_joint(self, where: str, joint: int) -> SampledSystem:
-        closed = self.closed(where)
-        return closed.part([closed.inputs[joint]], [closed.outputs[joint]])
+    def _closed_joint(self, where: str, joint: int) -> SampledSystem:
+        closed = self.closed_loop(where)
+        return closed.select([closed.inputs[joint]], [closed.outputs[joint]])
 
     def as_json(self) -> dict[str, Any]:
-        """All of it, as `slidax linear --json` prints it."""
+        """The output of `slidax linear --json`."""
         margins: dict[str, Any] = {}
         if self.held and self.stable:
             for where in BROKEN:
-                disk, peak, omega = self.together(where) or (math.nan,) * 3
+                disk, peak, omega = self.simultaneous_margins(where) or (math.nan,) * 3
                 margins[where] = {
                     "joints": [margin.as_json() for margin in self.margins(where) or []],
                     "together": {"disk": disk, "sensitivity": peak, "at_peak": omega},
@@ -282,7 +284,7 @@ class LinearisedLoop:
             "eigenvalues": [[float(z.real), float(z.imag)] for z in system.eigenvalues],
             "margins": margins or None,
             "notes": list(self.notes),
-            "difference": self.apart,
+            "difference": self.derivative_error,
             "system": {
                 "A": system.a.tolist(),
                 "B": system.b.tolist(),
@@ -295,16 +297,15 @@ class LinearisedLoop:
 
 
 def linearise(scenario: Scenario, at: float | None = None) -> LinearisedLoop:
-    """The closed loop of a scenario near a point of its run: one period of it, by its exact derivative.
+    """Linearise a scenario's closed loop at a time of its run, by the exact derivative of a sampling period.
 
     The linearised map is the simulated sample: sensor, estimator, prediction, law, drives, and the arm between
-    two samples. Parts without a derivative are left out or frozen, and listed in `notes`: rounding, noise
-    and lost samples of sensors, and learning, which stays as it is at that time. For a
-    motion the system is that of the moment, as if it stayed; at rest it is the loop's.
+    two samples. Parts without a derivative are left out or frozen, and listed in `notes`: sensor rounding, noise and
+    lost samples, and learning. The result is time-invariant; along a motion it describes the loop frozen at this time.
 
-    - `at`: when [s]; the nearest sample is taken; the end of the run if not given.
+    - `at`: time [s], rounded to the nearest sample; by default the end of the run.
 
-    Raises DefinitionError if the run ends before, or the arm is MuJoCo's.
+    Raises DefinitionError if the run ends earlier, or MuJoCo simulates the arm.
     """
     h = scenario.period
     at = scenario.t1 if at is None else at
@@ -317,14 +318,14 @@ def linearise(scenario: Scenario, at: float | None = None) -> LinearisedLoop:
     m = loop_map.x.size
     if not np.isfinite(derivative).all():
         raise DefinitionError(
-            f"the loop has no derivative at t = {at:g} s: a part of it is infinitely steep there, as the sign in a law "
-            "without a layer is at zero; give `layer` a width, or another time"
+            f"the loop has no derivative at t = {at:g} s: a part of it is infinitely steep there, such as the sign "
+            "function of a law without a boundary layer; give `layer` a width, or choose another time"
         )
     names = tuple(loop.plant.robot.joint_names)
     inputs, outputs = _names(INPUTS, names), _names(OUTPUTS, names)
     a, b, c, d = derivative[:m, :m], derivative[:m, m:], derivative[m:, :m], derivative[m:, m:]
     kept = connected_states(a, b, c)
-    apart = _apart(loop_map, derivative, kept)
+    error = _derivative_error(loop_map, derivative, kept)
     q, dq = arm_state(carry)
     units = loop.plant.robot.joint_units
     return LinearisedLoop(
@@ -345,12 +346,12 @@ def linearise(scenario: Scenario, at: float | None = None) -> LinearisedLoop:
         ),
         joint_names=names,
         held=not loop.continuous,
-        notes=(*notes, *linearisation_notes(loop, carry, rough=apart > ROUGH)),
-        apart=apart,
+        notes=(*notes, *linearisation_notes(loop, carry, rough=error > ROUGH)),
+        derivative_error=error,
     )
 
 
-def _apart(loop_map: PeriodMap, derivative: Array, kept: Any) -> float:
+def _derivative_error(loop_map: PeriodMap, derivative: Array, kept: Any) -> float:
     """Largest relative difference between derivatives and central differences, over the connected states."""
     m = loop_map.x.size
     here = np.concatenate([loop_map.x, np.zeros(loop_map.inputs)])
@@ -358,12 +359,12 @@ def _apart(loop_map: PeriodMap, derivative: Array, kept: Any) -> float:
     value = loop_map.evaluate(here, np.zeros_like(here))[0]
     rows = np.concatenate([kept, np.arange(m, m + loop_map.outputs)])
     columns = np.concatenate([kept, np.arange(m, m + loop_map.inputs)])
-    place = np.ix_(rows, columns)
-    off = np.abs(derivative - loop_map.differences(steps))[place]
+    connected = np.ix_(rows, columns)
+    off = np.abs(derivative - loop_map.differences(steps))[connected]
     # Subtract the rounding error of the differences.
     rounding = ROUNDING * np.finfo(float).eps * (np.abs(value)[:, None] + np.abs(derivative).max(axis=1)[:, None])
-    off = np.maximum(off - (rounding / steps)[place], 0.0)
-    size = np.abs(derivative)[place].max(axis=0)
+    off = np.maximum(off - (rounding / steps)[connected], 0.0)
+    size = np.abs(derivative)[connected].max(axis=0)
     return float((off.max(axis=0) / np.where(size > 0, size, 1.0)).max())
 
 
@@ -372,14 +373,14 @@ def _names(groups: tuple[str, ...], joints: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _units(groups: tuple[str, ...], joints: tuple[str, ...]) -> tuple[str, ...]:
-    of: dict[str, str] = {
+    motion_units: dict[str, str] = {
         "reference_velocity": "{0}/s",
         "velocity": "{0}/s",
         "reference_acceleration": "{0}/s²",
     }
     torque = {"rad": "N m", "m": "N"}
     return tuple(
-        torque[unit] if group in ("disturbance", "torque") else of.get(group, "{0}").format(unit)
+        torque[unit] if group in ("disturbance", "torque") else motion_units.get(group, "{0}").format(unit)
         for group in groups
         for unit in joints
     )

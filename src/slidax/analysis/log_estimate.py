@@ -9,25 +9,26 @@ import numpy as np
 from .run_record import RunRecord, band_pass, held_torque, resolvable_band
 
 BAND = (20.0, 200.0)
-"""Of a loop's crossover [rad/s]: below it an unknown weight looks like a negative inertia, above it there is noise."""
+"""Band around a loop's crossover [rad/s]: below it, an unknown weight looks like a negative inertia; above it is noise.
+"""
 
 DELAYS = np.arange(0.0, 8.01, 0.25)
-"""The delays that are tried [periods]."""
+"""Delays to try [periods]."""
 
 CLEAR = 3.0
-"""Times the encoders' noise that an acceleration must be in the band, to tell anything of an inertia."""
+"""Least ratio of acceleration to encoder noise in the band for an estimate of the inertia."""
 
 
 @dataclass(frozen=True)
 class LogEstimate:
-    """Inertia and delay estimated from a log; [n] per joint.
+    """Inertia of each joint [n] and delay, estimated from a log.
 
-    - `inertia`: diagonal of M as the log shows it, kg m² or kg; nan where the joint moves too little in the band.
-    - `nominal`: that of the law's arm, weighted alike.
+    - `inertia`: estimated diagonal of M, kg m² or kg; NaN if the joint moves too little in the band.
+    - `nominal`: diagonal of the nominal M0, with the same weights.
     - `spread`: standard error of `inertia`.
-    - `delay`: of a torque in what is measured [periods]; nan where no joint tells.
-    - `coherence`: the share of the torque in the band that the inertia explains.
-    - `delay_gain`: the share of the unexplained torque that this delay explains beyond the believed one.
+    - `delay`: delay from a torque to its measured effect [periods]; NaN if no joint determines it.
+    - `coherence`: share of the torque in the band that the inertia explains.
+    - `delay_gain`: relative decrease of the unexplained torque by this delay, compared with the believed delay.
     """
 
     inertia: np.ndarray
@@ -39,16 +40,16 @@ class LogEstimate:
 
     @property
     def kappa(self) -> np.ndarray:
-        """κ of each joint by itself, nominal over true inertia; nan where it is not seen."""
+        """κ of each joint, nominal over estimated inertia; NaN where it is unknown."""
         return np.where(self.inertia > 0, self.nominal / np.where(self.inertia > 0, self.inertia, 1.0), np.nan)
 
 
 def estimate_from_log(record: RunRecord) -> LogEstimate:
-    """Fits `τ̄ - C0 q̇ - G0 - Σ_{j≠i} M0_ij a_j = I_i a_i` in the band, joint by joint.
+    """Fit `τ̄ - C0 q̇ - G0 - Σ_{j≠i} M0_ij a_j = I_i a_i` in the band, joint by joint.
 
     a is the second difference of the measured positions and τ̄ the torque's mean over the two periods that it spans,
-    shifted by the delay: with a held torque `q₊ - 2 q + q₋ = h² (a + a₋)/2` exactly. Both go through the same filters.
-    The encoders' noise in a is taken off the sum of squares, which it makes too large.
+    shifted by the delay: with a held torque `q₊ - 2 q + q₋ = h² (a + a₋)/2` exactly. Both pass the same filters. The
+    encoders' noise in a enlarges its sum of squares, and is subtracted.
     """
     h = record.period
     q, tau, count = record.q, record.tau, len(record.t)
@@ -60,45 +61,45 @@ def estimate_from_log(record: RunRecord) -> LogEstimate:
     own = np.einsum("kii->ki", mass)
     square = np.sum(filtered * filtered, axis=0)
     clean = square - len(a) * noise**2
-    told = clean > (CLEAR**2 - 1.0) * len(a) * noise**2
-    safe = np.where(told, clean, 1.0)
-    nominal = np.where(told, np.sum(own * filtered**2, axis=0) / np.where(square > 0, square, 1.0), own.mean(axis=0))
+    known = clean > (CLEAR**2 - 1.0) * len(a) * noise**2
+    safe = np.where(known, clean, 1.0)
+    nominal = np.where(known, np.sum(own * filtered**2, axis=0) / np.where(square > 0, square, 1.0), own.mean(axis=0))
 
     extra, unexplained = [], []
     times = np.arange(1, count - 1)
     for delay in DELAYS:
         mean = 0.5 * (held_torque(tau, times - delay) + held_torque(tau, times - 1.0 - delay))
         rest = band_pass(mean, BAND, h) - coupled
-        # The encoders' noise adds to both sums, and is subtracted from both.
+        # The encoders' noise enlarges both sums.
         more = (np.sum(rest * filtered, axis=0) + nominal * len(a) * noise**2) / safe
         left = rest - more * filtered
         extra.append(more)
         unexplained.append(np.sum(left * left, axis=0) / np.sum((rest + nominal * filtered) ** 2 + 1e-300, axis=0))
-    left = np.array(unexplained)[:, told]
+    left = np.array(unexplained)[:, known]
     believed = int(np.argmin(np.abs(DELAYS - float(record.law.delay))))
     best, gain = believed, 0.0
     if left.size:
-        # Each joint says as much as its unexplained part is small at the best delay.
+        # Relative shares, so that every joint counts equally.
         best = int(np.argmin(np.mean(left, axis=1)))
         gain = float(1.0 - np.mean(left[best]) / max(np.mean(left[believed]), 1e-300))
     chosen = extra[best]
     share = unexplained[best]
     effective = max(len(a) * h * (resolvable_band(BAND, h)[1] - BAND[0]) / np.pi, 2.0)
     spread = np.sqrt(share / effective) * np.abs(nominal + chosen)
-    inertia = np.where(told, nominal + chosen, np.nan)
+    inertia = np.where(known, nominal + chosen, np.nan)
     return LogEstimate(inertia, nominal, spread, 1.0 - share, float(DELAYS[best]) if left.size else float("nan"), gain)
 
 
 def _noise(record: RunRecord, count: int) -> np.ndarray:
-    """Standard deviation of a's noise in the band [n], from the smallest steps that the encoders make."""
+    """Standard deviation of the noise of a in the band [n], from the encoders' resolution."""
     chance = np.random.default_rng(0).standard_normal(count + 2)
     factor = float(np.std(band_pass(np.diff(chance, 2), BAND, record.period)))
-    # At small speeds rounding is no white noise: half of a step, and not its standard deviation, is on the safe side.
+    # At small speeds rounding is not white noise: half a step is conservative, the standard deviation is not.
     return factor / record.period**2 * encoder_resolution(record.q) / 2.0
 
 
 def encoder_resolution(q: np.ndarray) -> np.ndarray:
-    """The encoders' resolution as their readings show it [n], rad or m; 0 where they are not rounded.
+    """The encoders' resolution, estimated from their readings [n], rad or m; 0 where these are not rounded.
 
     - `q`: measured positions [N n].
     """
@@ -113,10 +114,10 @@ def encoder_resolution(q: np.ndarray) -> np.ndarray:
 
 
 def believed_inertia(record: RunRecord, estimate: LogEstimate) -> np.ndarray:
-    """Each joint's inertia as the law believed it just before the run left its envelope [n], kg m² or kg."""
+    """Each joint's inertia in the law's model just before the run left its envelope [n], kg m² or kg."""
     own = estimate.nominal
     if record.law.adaptation is None:
         return own
     learnt = record.signals["rotor"][record.before].mean(axis=0) - np.asarray(record.law.adaptation.counted)
-    # A law never believes in a negative inertia: it scales the links instead.
+    # The law never uses a negative inertia: it scales the links instead.
     return np.maximum(own + learnt, 0.01 * own)

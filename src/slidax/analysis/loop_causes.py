@@ -15,14 +15,14 @@ from .log_estimate import LogEstimate, believed_inertia, encoder_resolution, est
 from .run_record import RunRecord
 
 GAIN = 0.08
-"""The share of the unexplained torque that another delay must explain, to be believed."""
+"""Least share of the unexplained torque that a different delay must explain."""
 
 APART = 0.9
-"""Periods by which a delay must be off, to be named: friction looks like three quarters of one."""
+"""Least difference of a delay from the believed one, in periods: friction looks like a delay of 0.75 periods."""
 
 
 class DelayCause(AbstractCause):
-    """The torque shows in the measured motion later than the law predicts."""
+    """The torque acts on the measured motion later than the law assumes."""
 
     name: ClassVar[str] = "delay"
 
@@ -32,10 +32,10 @@ class DelayCause(AbstractCause):
             return None
         loops = [loop for loop in record.loops if loop is not None]
         radius = max((loop.radius(1.0, estimate.delay) for loop in loops), default=1.0)
-        as_told = max((loop.radius() for loop in loops), default=0.0)
+        nominal_radius = max((loop.radius() for loop in loops), default=0.0)
         evidence = (
-            f"a torque shows in what is measured {estimate.delay:g} periods after it is decided, and the law is told "
-            f"{believed:g}; its loop then has the modulus {radius:.3f}, in place of {as_told:.3f}"
+            f"the delay from torque to measurement is {estimate.delay:g} periods, but the law assumes {believed:g}; "
+            f"the loop's spectral radius is then {radius:.3f} instead of {nominal_radius:.3f}"
         )
         return Finding(
             name=self.name,
@@ -44,33 +44,32 @@ class DelayCause(AbstractCause):
             evidence=evidence,
             numbers={"seen": estimate.delay, "believed": believed, "radius": radius},
             remedies=[
-                Remedy("tell the law the delay", {"scheme.sampled_data.delay": delay})
+                Remedy("set the law's delay to the estimated one", {"scheme.sampled_data.delay": delay})
                 for delay in dict.fromkeys((float(np.ceil(estimate.delay)), float(np.floor(estimate.delay))))
             ],
         )
 
 
 COARSE = 0.25
-"""Of the room in the envelope that one step of the encoders may be: a velocity is found from many of them."""
+"""Largest encoder step as a share of the envelope's half width: a velocity estimate needs many steps."""
 
 
 class EncoderCause(AbstractCause):
-    """A step of the encoders is a good part of the envelope's room, or their noise alone needs the drives' rate."""
+    """An encoder step is a large share of the envelope, or encoder noise alone exceeds the torque rate limit."""
 
     name: ClassVar[str] = "encoder"
 
     def finding(self, record: RunRecord) -> Finding | None:
         steps = encoder_resolution(record.q)
-        ratio, noise = steps / record.room, torque_step_noise(record)
+        ratio, noise = steps / record.half_width, torque_step_noise(record)
         joint = int(np.argmax(np.maximum(ratio / COARSE, noise)))
         if ratio[joint] < COARSE and noise[joint] < 1.0:
             return None
         unit = record.units[joint]
         evidence = (
             f"{record.named(joint)}: its encoder has steps of {steps[joint]:.2g} {unit}, {ratio[joint]:.2g} of the "
-            f"{record.room[joint]:.2g} {unit} that the envelope allows; their rounding alone asks for torque "
-            "steps of "
-            f"{noise[joint]:.2g} times the rate limit"
+            f"{record.half_width[joint]:.2g} {unit} that the envelope allows; their rounding alone causes torque "
+            f"steps of {noise[joint]:.2g} times the rate limit"
         )
         numbers = {"resolution": float(steps[joint]), "ratio": float(ratio[joint]), "noise": float(noise[joint])}
         weight = 0.98 if ratio[joint] >= COARSE else min(0.4 + 0.1 * float(noise[joint]), 0.75)
@@ -78,7 +77,7 @@ class EncoderCause(AbstractCause):
 
 
 def torque_step_noise(record: RunRecord) -> np.ndarray:
-    """Three standard deviations of the torque's steps from the encoders' rounding, over the rate limit [n]."""
+    """Three standard deviations of the torque steps due to encoder rounding, relative to the rate limit [n]."""
     mass = np.einsum("kii->ki", record.mass_and_bias[0]).mean(axis=0)
     steps, noise = encoder_resolution(record.q), np.zeros(record.joints)
     for joint, loop in enumerate(record.loops):
@@ -91,13 +90,13 @@ def torque_step_noise(record: RunRecord) -> np.ndarray:
 def _encoder_remedies(record: RunRecord, step: float) -> list[Remedy]:
     scheme: Any = record.scenario.description.scheme
     final = np.asarray(scheme.transformation.performance.final)
-    side = record.room / np.broadcast_to(final, record.joints)
+    side = record.half_width / np.broadcast_to(final, record.joints)
     remedies = []
     for times in (4.0, 8.0):
         wider = np.maximum(final, times * step / np.min(side))
         value = [float(f"{radius:.2g}") for radius in np.atleast_1d(wider)]
         path = "scheme.transformation.performance.final"
-        remedies.append(Remedy("a final radius that they can resolve", {path: value if final.ndim else value[0]}))
+        remedies.append(Remedy("a final radius that the encoders resolve", {path: value if final.ndim else value[0]}))
     for part in (0.1, 0.01):
         finer = float(f"{part * step:.2g}")
         remedies.append(Remedy(f"encoders with steps of {finer:g}", {"sensor.resolution": finer}))
@@ -105,17 +104,16 @@ def _encoder_remedies(record: RunRecord, step: float) -> list[Remedy]:
 
 
 SLOW, FAST = 0.25, 4.0
-"""ω H of an estimator that is slower or faster than a loop with that horizon can use; the built-in scenarios have .6 to
-3."""
+"""Useful range of ω H, an estimator's bandwidth times the horizon; the built-in scenarios have 0.6 to 3."""
 
 NOISY = 0.5
-"""Of the torque's rate limit that noise may ask for, before a fast estimator is too fast."""
+"""Share of the torque rate limit above which noise makes an estimator too fast."""
 
 ESTIMATOR = "scheme.sampled_data.estimator"
 
 
 class EstimatorCause(AbstractCause):
-    """With the believed inertia and delay the loop is unstable; or ω H of its estimator is far from 1."""
+    """The nominal loop is unstable, or ω H of its estimator is far from 1."""
 
     name: ClassVar[str] = "estimator"
 
@@ -123,14 +121,13 @@ class EstimatorCause(AbstractCause):
         kind = type(record.law.estimator).__name__
         loops = [loop for loop in record.loops if loop is not None]
         if not loops:
-            return self._not_known(record, kind)
+            return self._nonlinear_estimator(record, kind)
         radius = [loop.radius() for loop in loops]
         joint = int(np.argmax(radius))
         if radius[joint] >= 1.0:
             evidence = (
-                f"{record.named(joint)}: with exactly the believed inertia and delay, the loop with the "
-                f"estimator `{kind}` "
-                f"is unstable (modulus {radius[joint]:.3f} a period)"
+                f"{record.named(joint)}: even with the nominal inertia and delay, the loop with the estimator "
+                f"`{kind}` is unstable (spectral radius {radius[joint]:.3f})"
             )
             numbers = {"radius": radius[joint]}
             return Finding(self.name, joint, 0.97, evidence, numbers, _estimator_remedies(record))
@@ -139,7 +136,7 @@ class EstimatorCause(AbstractCause):
         if pace[slowest] < SLOW and isinstance(record.law.estimator, Kalman):
             bandwidth = loops[slowest].bandwidth
             evidence = (
-                f"{record.named(slowest)}: the estimator follows at {bandwidth:.3g} rad/s, {pace[slowest]:.2g} of 1/H"
+                f"{record.named(slowest)}: the estimator's bandwidth is {bandwidth:.3g} rad/s, {pace[slowest]:.2g}/H"
             )
             numbers = {"bandwidth": bandwidth, "pace": pace[slowest]}
             return Finding(self.name, slowest, 0.75, evidence, numbers, _estimator_remedies(record))
@@ -149,24 +146,22 @@ class EstimatorCause(AbstractCause):
                 return None
             bandwidth = loops[fastest].bandwidth
             evidence = (
-                f"{record.named(fastest)}: the estimator follows at {bandwidth:.3g} rad/s, "
-                f"{pace[fastest]:.2g} times 1/H, "
-                f"so that the encoders' rounding alone asks for torque steps of {noise[fastest]:.2g} times "
-                "the rate limit"
+                f"{record.named(fastest)}: the estimator's bandwidth is {bandwidth:.3g} rad/s, {pace[fastest]:.2g}/H, "
+                f"and encoder rounding alone causes torque steps of {noise[fastest]:.2g} times the rate limit"
             )
             numbers = {"bandwidth": bandwidth, "pace": pace[fastest], "noise": float(noise[fastest])}
             return Finding(self.name, fastest, 0.92, evidence, numbers, _estimator_remedies(record))
         return None
 
-    def _not_known(self, record: RunRecord, kind: str) -> Finding | None:
+    def _nonlinear_estimator(self, record: RunRecord, kind: str) -> Finding | None:
         if record.law.horizon is None:
             return None
-        evidence = f"the estimator `{kind}` is not linear, so that its loop cannot be told to be stable"
+        evidence = f"the estimator `{kind}` is nonlinear, so the stability of its loop cannot be checked"
         return Finding(self.name, None, 0.45, evidence, {}, _estimator_remedies(record))
 
 
 def _estimator_remedies(record: RunRecord) -> list[Remedy]:
-    """Another density, so that ω H is near 1, as ω goes with its sixth root; and the filter as it is by default."""
+    """Densities for ω H near 1, since ω is proportional to the sixth root of the density; and the default filter."""
     block: Any = record.scenario.description.scheme.sampled_data
     remedies = []
     density = getattr(block.estimator, "torque_density", None)
@@ -182,17 +177,17 @@ def _estimator_remedies(record: RunRecord) -> list[Remedy]:
 
 
 SURE = 0.85
-"""The share of a joint's torque in the band that its inertia must explain."""
+"""Least share of a joint's torque in the band that its inertia must explain."""
 
 ADAPTATION = "adaptation"
-"""The field of `sampled_data` that says whether and how the law learns its arm's inertia, where there is one."""
+"""Optional field of `sampled_data` for learning the arm's inertia."""
 
 EDGE = 0.995
-"""The largest modulus of a loop that is as good as unstable: it takes .2 s at 1 kHz to forget half of an error."""
+"""Spectral radius from which a loop counts as unstable: at 1 kHz an error then takes 0.14 s to halve."""
 
 
 class InertiaCause(AbstractCause):
-    """The loop with the inertia that is seen is unstable, or nearly so, and with the believed one it is not."""
+    """The loop is unstable, or nearly so, for the estimated inertia, but stable for the believed one."""
 
     name: ClassVar[str] = "inertia"
 
@@ -200,16 +195,16 @@ class InertiaCause(AbstractCause):
         estimate = estimate_from_log(record)
         believed = believed_inertia(record, estimate)
         kappa = np.divide(believed, estimate.inertia, where=estimate.inertia > 0, out=np.full_like(believed, np.nan))
-        told = np.isfinite(kappa) & (estimate.coherence > SURE)
+        known = np.isfinite(kappa) & (estimate.coherence > SURE)
         radius = np.array(
             [
-                loop.radius(kappa[joint]) if told[joint] and loop is not None else 0.0
+                loop.radius(kappa[joint]) if known[joint] and loop is not None else 0.0
                 for joint, loop in enumerate(record.loops)
             ]
         )
         if not radius.size or radius.max() < EDGE:
             return None
-        beyond = np.where(radius >= EDGE, np.abs(np.log(np.where(told, kappa, 1.0))), 0.0)
+        beyond = np.where(radius >= EDGE, np.abs(np.log(np.where(known, kappa, 1.0))), 0.0)
         joint = int(np.argmax(beyond))
         loop = record.loops[joint]
         assert loop is not None
@@ -217,11 +212,11 @@ class InertiaCause(AbstractCause):
         unit = "kg m²" if record.units[joint] == "rad" else "kg"
         own = believed[joint] - estimate.nominal[joint]
         learnt = "" if record.law.adaptation is None else f", {own:.2g} of it learnt"
-        compared = f"is {factor:.2g} times as heavy as" if factor > 1 else f"has {factor:.2g} of the inertia that"
         least, most = loop.stable_range()
         evidence = (
-            f"{record.named(joint)}: the arm {compared} the law believes (seen {estimate.inertia[joint]:.3g}, believed "
-            f"{believed[joint]:.3g} {unit}{learnt}); its loop bears {1.0 / most:.2g} to {1.0 / least:.2g} times"
+            f"{record.named(joint)}: the arm has {factor:.2g} times the inertia in the law's model (estimated "
+            f"{estimate.inertia[joint]:.3g}, modelled {believed[joint]:.3g} {unit}{learnt}); its loop is stable for "
+            f"{1.0 / most:.2g} to {1.0 / least:.2g} times the inertia"
         )
         return Finding(
             name=self.name,
@@ -236,39 +231,39 @@ class InertiaCause(AbstractCause):
                 "stable_from": least,
                 "stable_to": most,
             },
-            remedies=[*_learnt(record), *_told(record, estimate, told)],
+            remedies=[*_adaptation_remedies(record), *_model_remedies(record, estimate, known)],
         )
 
 
-def _learnt(record: RunRecord) -> list[Remedy]:
-    """Where a law can learn the inertia and its file says null: let it. Here, and nowhere else, is this said."""
+def _adaptation_remedies(record: RunRecord) -> list[Remedy]:
+    """Enable the adaptation of a law that can learn the inertia but has `adaptation: null`."""
     block = record.scenario.description.scheme.sampled_data
     field = {} if block is None else type(block).model_fields
     if ADAPTATION not in field or getattr(block, ADAPTATION) is not None:
         return []
     default = field[ADAPTATION].get_default(call_default_factory=True)
     value: Any = {} if default is None else {"kind": default.kind}
-    return [Remedy("let it be learnt: remove `adaptation: null`", {f"scheme.sampled_data.{ADAPTATION}": value})]
+    return [Remedy("let the law learn it: remove `adaptation: null`", {f"scheme.sampled_data.{ADAPTATION}": value})]
 
 
-def _told(record: RunRecord, estimate: LogEstimate, told: np.ndarray) -> list[Remedy]:
-    """The inertia that was seen, as numbers of the nominal arm."""
+def _model_remedies(record: RunRecord, estimate: LogEstimate, known: np.ndarray) -> list[Remedy]:
+    """Set the nominal arm's inertia to the estimate."""
     robot = record.scenario.description.robot
     nominal: Any = getattr(robot, "nominal", None)
     fields = {} if nominal is None else type(nominal).model_fields
     if "armature" in fields:
-        known = np.broadcast_to(np.asarray(record.nominal.armature), record.joints)  # type: ignore[attr-defined]
-        change = np.where(told, estimate.inertia - estimate.nominal, 0.0)
-        armature = [float(f"{value:.3g}") for value in np.maximum(known + np.nan_to_num(change), 0.0)]
-        words = "tell the law what was seen, or find it by `slidax identify`"
+        believed = np.broadcast_to(np.asarray(record.nominal.armature), record.joints)  # type: ignore[attr-defined]
+        change = np.where(known, estimate.inertia - estimate.nominal, 0.0)
+        armature = [float(f"{value:.3g}") for value in np.maximum(believed + np.nan_to_num(change), 0.0)]
+        words = "set the nominal inertia to the estimate, or run `slidax identify`"
         return [Remedy(words, {"robot.nominal.armature": armature})]
     if {"masses", "inertias"} <= fields.keys():
-        factor = float(np.exp(np.mean(np.log(1.0 / estimate.kappa[told]))))
+        factor = float(np.exp(np.mean(np.log(1.0 / estimate.kappa[known]))))
         changes = {}
         for name in ("masses", "inertias"):
             values = np.asarray(getattr(record.nominal, name)) * factor
             changes[f"robot.nominal.{name}"] = [float(f"{value:.4g}") for value in np.atleast_1d(values)]
-        return [Remedy(f"tell the law {factor:.3g} times the inertia", changes)]
+        return [Remedy(f"set the nominal inertia to {factor:.3g} times its value", changes)]
     return []
 
 
@@ -279,19 +274,18 @@ class PeriodCause(AbstractCause):
 
     def finding(self, record: RunRecord) -> Finding | None:
         age = record.horizon + float(record.law.delay) * record.period
-        reached = age**2 * record.missed
-        ratio = reached / record.room
+        deviation = age**2 * record.missed
+        ratio = deviation / record.half_width
         joint = int(np.argmax(ratio))
         if ratio[joint] < 1.0:
             return None
         unit = record.units[joint]
         evidence = (
-            f"{record.named(joint)}: at a period of {1e3 * record.period:g} ms the estimate misses up to "
+            f"{record.named(joint)}: at a period of {1e3 * record.period:g} ms the estimate is off by up to "
             f"{record.missed[joint]:.3g} {unit}/s², which moves the error by (H + D h)² w = "
-            f"{reached[joint]:.2g} {unit} far, "
-            f"and the envelope allows {record.room[joint]:.2g} {unit}"
+            f"{deviation[joint]:.2g} {unit}, but the envelope allows {record.half_width[joint]:.2g} {unit}"
         )
-        # A slow loop is the reason by itself; in a fast one, the rule fails since something else does.
+        # A slow loop is a cause of its own; in a fast loop the rule fails because of another cause.
         alone = np.clip(np.log10(record.period / 1e-3), 0.0, 1.0)
         return Finding(
             name=self.name,
@@ -317,18 +311,18 @@ def _shorter(record: RunRecord, factor: int) -> Remedy:
     }
     if block is not None and block.horizon is not None:
         changes["scheme.sampled_data.horizon"] = float(f"{block.horizon / factor:.6g}")
-    return Remedy(f"a period of {1e3 * simulation.period / factor:g} ms, and a horizon that goes with it", changes)
+    return Remedy(f"a period of {1e3 * simulation.period / factor:g} ms, and a horizon in proportion", changes)
 
 
 STABLE = {"rk4": 2.78, "semi_implicit_euler": 2.0}
-"""The largest step times rate at which friction still decays in an integrator."""
+"""Stability limit of each integrator: the largest product of step and decay rate."""
 
 
 class SubstepsCause(AbstractCause):
-    """Friction changes faster than a step of the integrator can follow.
+    """The integrator's step is too long for the simulated friction.
 
-    Near rest friction is `(f_c/v_s + f_v) q̇`, which decays at that slope over the inertia. This is about the simulation
-    and not about the law, so that the plant is looked at.
+    Near rest, friction is `(f_c/v_s + f_v) q̇`: the velocity decays at this slope over the inertia. The cause is in the
+    simulation and not in the law, so this check uses the plant.
     """
 
     name: ClassVar[str] = "substeps"
@@ -342,9 +336,8 @@ class SubstepsCause(AbstractCause):
         more = int(np.ceil(2.0 * ratio)) * simulation.substeps
         step = 1e3 * simulation.period / simulation.substeps
         evidence = (
-            f"{record.named(joint)}: a step of {step:.3g} ms is {ratio:.2g} times as long as the integrator "
-            "needs to follow "
-            "the simulated friction near rest"
+            f"{record.named(joint)}: the integrator's step of {step:.3g} ms is {ratio:.2g} times the longest stable "
+            "step for the simulated friction near rest"
         )
         return Finding(
             name=self.name,
@@ -357,7 +350,7 @@ class SubstepsCause(AbstractCause):
 
 
 def step_ratio(scenario: Scenario) -> tuple[float, int] | None:
-    """Step length over the longest stable one for the plant's friction, and the joint with the largest ratio."""
+    """Step over the longest stable step for the plant's friction, and the joint with the fastest friction."""
     simulation, robot = scenario.description.simulation, scenario.plant.robot
     if simulation.plant != "own" or not isinstance(robot, Articulated):
         return None

@@ -23,20 +23,20 @@ Value = TypeVar("Value", covariant=True)
 class Metric(Generic[Value]):
     """A metric, called like the function that computes it: `metrics.peak_torque(run)`.
 
-    A batch has the run as first axis. Missing values are None; those of a batch are masked. Inside `jit`, `vmap`
-    and `grad`, where this is not known yet, it is NaN.
+    For a batch the first axis is the run. A missing value is None, masked in a batch, and NaN inside `jit`, `vmap` and
+    `grad`, where its absence is unknown.
 
-    - `key`: its place in `summary` and in JSON; a dot in it opens a group.
-    - `title`: a few words for tables.
-    - `unit`: `{position}` stands for the joint's own unit, `{torque}` for that of its torque.
-    - `function`: from a run to the value; the first line of its docstring says how it is computed.
-    - `least_is_best`: whether less is better.
-    - `per_joint`: whether there is one value per joint, or one for the whole run.
-    - `brief`: whether the short comparison on a terminal shows it.
-    - `bars`: whether the report of a comparison draws it.
-    - `needs_settling`: whether it is a time that means nothing if it lies at the end of the run.
-    - `counts`: True if it counts samples, and so has no derivative.
-    - `source`: a DOI; tables show the metric for scenarios of this source only.
+    - `key`: key in `summary` and in JSON; a dot separates a group from a name.
+    - `title`: a short title for tables.
+    - `unit`: unit; `{position}` stands for the unit of the joint, `{torque}` for the unit of its torque.
+    - `function`: returns the value for a run; the first line of its docstring states the formula.
+    - `least_is_best`: True if smaller is better.
+    - `per_joint`: True for a value per joint, False for a single value per run.
+    - `brief`: True if the short comparison on a terminal shows the metric.
+    - `bars`: True if a comparison report plots the metric.
+    - `needs_settling`: True for a time that is meaningless at the end of the run.
+    - `counts`: True if the metric counts samples, and so has no derivative.
+    - `source`: a DOI; tables show the metric only for scenarios of this source.
     """
 
     key: str
@@ -55,11 +55,11 @@ class Metric(Generic[Value]):
         object.__setattr__(self, "__doc__", self.function.__doc__)
 
     def __call__(self, run: Run) -> Value:
-        """The value.
+        """Return the metric's value.
 
-        - `run`: a finished run, or a batch; also inside `jit`, `vmap` and `grad`.
+        - `run`: a finished run or a batch, or a traced run inside `jit`, `vmap` and `grad`.
 
-        Raises DefinitionError inside these if the metric counts samples, or computes with NumPy.
+        Raises DefinitionError for a traced run if the metric counts samples or uses NumPy.
         """
         if not is_traced(run.tally):
             return self.function(run)
@@ -69,8 +69,8 @@ class Metric(Generic[Value]):
             return self.function(run)
         except (jax.errors.TracerArrayConversionError, jax.errors.ConcretizationTypeError) as error:
             raise DefinitionError(
-                f"`{self.key}` is computed by NumPy, which has no derivatives and cannot be traced: compute it by "
-                "`slidax.analysis.arrays(run)` in place of `numpy`, or take it of the finished run"
+                f"`{self.key}` uses NumPy, which cannot be traced and has no derivatives: compute it with "
+                "`slidax.analysis.arrays(run)` in place of `numpy`, or for the finished run"
             ) from error
 
     @property
@@ -79,12 +79,12 @@ class Metric(Generic[Value]):
         return inspect.cleandoc(self.function.__doc__ or "").partition("\n")[0].replace("`", "").rstrip(".")
 
     def units(self, run: Run) -> list[str]:
-        """Its unit for each joint."""
+        """The metric's unit for each joint."""
         pairs = zip(run.joint_units, run.torque_units, strict=True)
         return [self.unit.format(position=position, torque=torque).replace("(N)", "N") for position, torque in pairs]
 
     def shown(self, run: Run) -> list[float | None]:
-        """Its values in a table, one per joint; None where there is none."""
+        """The values for a table, one per joint; None for a missing value."""
         values: Any = self(run)
         if values is None:
             return [None] * run.joints
@@ -94,56 +94,56 @@ class Metric(Generic[Value]):
 
 
 def metric(title: str, unit: str, *, key: str = "", **how: Any) -> Callable[[Callable[[Run], Value]], Metric[Value]]:
-    """Makes a metric of the function below it.
+    """Decorator that turns a function into a metric.
 
     - `title`, `unit`, `how`: as in `Metric`.
-    - `key`: the function's name if not given.
+    - `key`: the function's name by default.
     """
     return lambda function: Metric(key or function.__name__, title, unit, function, **how)
 
 
 def counting_error(name: str) -> DefinitionError:
-    """The refusal of a metric that counts samples, inside `jit`, `vmap` and `grad`.
+    """The error for a metric that counts samples, inside `jit`, `vmap` and `grad`.
 
-    - `name`: of the metric.
+    - `name`: name of the metric.
     """
     return DefinitionError(
-        f"`{name}` counts samples, so that it has no derivative and no value inside `jit`, `vmap` or `grad`: take it "
-        "of the finished run, and differentiate another metric, such as `rms_error`"
+        f"`{name}` counts samples, and so has no derivative and no value inside `jit`, `vmap` or `grad`: compute it "
+        "for the finished run, and differentiate another metric, such as `rms_error`"
     )
 
 
 def arrays(run: Run) -> Any:
-    """Return NumPy for a finished run, and JAX's twin of NumPy inside `jit`, `vmap` and `grad`.
+    """Return `numpy` for a finished run, and `jax.numpy` inside `jit`, `vmap` and `grad`.
 
-    - `run`: the run that a metric looks at.
+    - `run`: the run that a metric evaluates.
     """
     return jnp if is_traced(run.tally) else np
 
 
 def array_of(value: Any) -> np.ndarray:
-    """A number of a run's tally as NumPy's; as it is inside `jit`, `vmap` and `grad`.
+    """Convert a value of a run's tally to NumPy, except inside `jit`, `vmap` and `grad`.
 
-    - `value`: one number, or an array.
+    - `value`: a scalar or an array.
     """
     return value if is_traced(value) else np.asarray(value)
 
 
 def safe_sqrt(xp: Any, square: Any) -> Any:
-    """The square root, whose derivative at 0 is 0 in place of infinity.
+    """Square root with derivative 0, instead of infinity, at 0.
 
-    - `xp`: NumPy, or JAX's.
-    - `square`: >= 0 but for rounding.
+    - `xp`: `numpy` or `jax.numpy`.
+    - `square`: >= 0 up to rounding.
     """
     positive = square > 0.0
     return xp.where(positive, xp.sqrt(xp.where(positive, square, 1.0)), 0.0)
 
 
 def known_values(known: Any, values: np.ndarray) -> np.ndarray | None:
-    """The values of a run, or None if they are not known; those of a batch, masked where they are not.
+    """The values of a run, None if unknown; for a batch, masked where unknown; for a traced run, NaN where unknown.
 
     - `known`: [] or [runs].
-    - `values`: [n] or [runs n]; of a traced run they are NaN where they are not known.
+    - `values`: [n] or [runs n].
     """
     if is_traced((known, values)):
         return _traced_where(jnp.asarray(known)[..., None], values)
@@ -154,10 +154,9 @@ def known_values(known: Any, values: np.ndarray) -> np.ndarray | None:
 
 
 def value_of_run(known: Any, value: np.ndarray) -> np.ndarray | float | None:
-    """One number of a run, or None if it is not known; those of a batch, masked where they are not.
+    """The value of a run, None if unknown; for a batch, masked where unknown; for a traced run, NaN where unknown.
 
-    - `known`: [] or [runs].
-    - `value`: [] or [runs]; of a traced run it is NaN where it is not known.
+    - `known`, `value`: [] or [runs].
     """
     if is_traced((known, value)):
         return _traced_where(known, value)
@@ -168,29 +167,29 @@ def value_of_run(known: Any, value: np.ndarray) -> np.ndarray | float | None:
 
 def _traced_where(known: Any, values: Any) -> np.ndarray:
     array: Any = jnp.where(known, values, jnp.nan)
-    # A traced array of JAX stands for one of NumPy.
+    # A traced JAX array takes the place of a NumPy array.
     return array
 
 
 def integral(run: Run, total: Any, first: Any, last: Any) -> np.ndarray:
-    """The integral over the run by the trapezoidal rule, [n] or [runs n].
+    """Integral over the run by the trapezoidal rule, [n] or [runs n].
 
-    - `run`: whose period it is.
-    - `total`: the sum over all samples.
-    - `first`, `last`: the first and the last sample, of which half counts.
+    - `run`: the run, whose period is the step.
+    - `total`: sum over all samples.
+    - `first`, `last`: first and last sample, which count half.
     """
     return array_of(run.period)[..., None] * (array_of(total) - 0.5 * (array_of(first) + array_of(last)))
 
 
 def short_names(names: Sequence[str]) -> list[str]:
-    """The names without the words that all of them begin or end with: `panda_joint1` is `joint1`.
+    """Remove the words that all names begin or end with: `panda_joint1` becomes `joint1`.
 
-    A name that would be left without a letter keeps its words.
+    Common words stay if a name would have no letter without them.
 
-    - `names`: of the joints.
+    - `names`: names of the joints.
     """
-    before = _shared(names)
-    after = _shared([name[::-1] for name in names])
+    before = _common_length(names)
+    after = _common_length([name[::-1] for name in names])
     for start, end in ((before, after), (before, 0), (0, after)):
         short = [name[start : len(name) - end] for name in names]
         if all(re.search("[^\\W\\d_]", name) for name in short):
@@ -198,7 +197,7 @@ def short_names(names: Sequence[str]) -> list[str]:
     return list(names)
 
 
-def _shared(names: Sequence[str]) -> int:
+def _common_length(names: Sequence[str]) -> int:
     """Length of the words that all names begin with, including the separator."""
     words = [re.findall("[^ _/.-]*[ _/.-]+", name) for name in names]
     alike = takewhile(lambda same: len(set(same)) == 1, zip(*words, strict=False)) if len(names) > 1 else ()

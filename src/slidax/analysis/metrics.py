@@ -19,11 +19,11 @@ BRIEF_BANDS = (1e-3, 1e-5)
 
 
 def settling_time(run: Run, band: float) -> np.ndarray:
-    """The last sample time at which |e| is above the band, [n], s; 0 if it never is, `t1` if it still is at the end.
+    """Last sample time with |e| above the band, [n], s; 0 if it never is, `t1` if it still is at the end.
 
-    - `band`: one of the bands that were tallied, rad or m.
+    - `band`: one of the run's settling bands, rad or m.
 
-    Raises DefinitionError if the band was not tallied, or the run is traced.
+    Raises DefinitionError if the run has no such band, or is traced.
     """
     if is_traced(run.tally):
         raise counting_error("settling_time")
@@ -32,14 +32,14 @@ def settling_time(run: Run, band: float) -> np.ndarray:
     if not len(match):
         known = ", ".join(f"{b:g}" for b in bands)
         remedy = f"simulate with `bands=({band:g},)`"
-        raise DefinitionError(f"the band {band:g} was not tallied; there are {known}; {remedy}")
+        raise DefinitionError(f"the run has no settling band {band:g}, only {known}; {remedy}")
     last = np.maximum(array_of(run.tally.last_above)[..., match[0], :], 0)
-    # Rounded to a picosecond: 7614 periods of 1e-4 s are .7614 s, not .7614000000000001 s.
+    # Rounded to a picosecond: 7614 periods of 1e-4 s are 0.7614 s, not 0.7614000000000001 s.
     return np.round(last * array_of(run.period)[..., None], 12)
 
 
 def settling_times(run: Run) -> tuple[Metric[np.ndarray], ...]:
-    """The settling time at each band that was tallied, as metrics."""
+    """A settling-time metric for each of the run's bands."""
 
     def settled(run: Run, band: float) -> np.ndarray:
         """Last sample time with |e| above the band."""
@@ -70,7 +70,7 @@ def rms_error(run: Run) -> np.ndarray | None:
     samples = array_of(tally.samples)
     duration = arrays(run).maximum(samples - 1, 1).astype(float) * array_of(run.period)
     mean = integral(run, tally.error_square, first**2, last**2) / duration[..., None]
-    # Of a run without motion the difference of equal sums may fall a rounding below zero.
+    # For a run without motion, the difference of equal sums may round below zero.
     return known_values(samples > 1, safe_sqrt(arrays(run), mean))
 
 
@@ -78,7 +78,7 @@ def rms_error(run: Run) -> np.ndarray | None:
 def iae(run: Run) -> np.ndarray:
     """`∫ |e| dt` over the run.
 
-    By the trapezoidal rule on all samples, so that it does not depend on the period.
+    By the trapezoidal rule on all samples, so it does not depend on the period.
     """
     tally = run.tally
     total = array_of(tally.early_error) + array_of(tally.late_error)
@@ -86,7 +86,7 @@ def iae(run: Run) -> np.ndarray:
 
 
 def reached_last_quarter(run: Run) -> Any:
-    """True if the run has samples in its last quarter, from which steady values are taken, [] or [runs]."""
+    """True if the run has samples in its last quarter, the window of steady values, [] or [runs]."""
     return array_of(run.tally.samples) > array_of(run.windows.steady)
 
 
@@ -95,7 +95,7 @@ def _bands(run: Run) -> np.ndarray:
 
 
 def _named(band: float) -> str:
-    """`1e-3` rather than `0.001`."""
+    """The band in the form `1e-3`."""
     mantissa, exponent = f"{band:e}".split("e")
     return f"{mantissa.rstrip('0').rstrip('.')}e{int(exponent)}"
 
@@ -137,7 +137,7 @@ def steady_torque_step_rms(run: Run) -> np.ndarray | None:
 def torque_energy(run: Run) -> np.ndarray:
     """`∫ τ² dt` over the run.
 
-    By the trapezoidal rule on all samples. A motor's winding turns it into heat.
+    By the trapezoidal rule on all samples. The heat in a motor's winding is proportional to it.
     """
     first, last = array_of(run.tally.first_torque), array_of(run.tally.last_torque)
     return integral(run, run.tally.torque_square, first**2, last**2)
@@ -145,9 +145,9 @@ def torque_energy(run: Run) -> np.ndarray:
 
 @metric("torque travel", "{torque}", brief=True, bars=True)
 def torque_travel(run: Run) -> np.ndarray:
-    """`Σ |τ(k+1) - τ(k)|` over the run: how far the torque goes up and down.
+    """`Σ |τ(k+1) - τ(k)|` over the run, the total variation of the torque.
 
-    For a torque without jumps it does not depend on the period; one that chatters travels the more, the shorter it is.
+    For a continuous torque it does not depend on the period; with chattering it grows as the period shrinks.
     """
     return array_of(run.tally.torque_travel)
 
@@ -163,9 +163,9 @@ def envelope_violations(run: Run) -> np.ndarray | int | None:
 
 @metric("envelope margin", "of its width", least_is_best=False)
 def envelope_margin(run: Run) -> np.ndarray | None:
-    """Least distance to the nearer bound over the run, over the envelope's width.
+    """Least distance to the nearer bound over the run, relative to the envelope's width.
 
-    None for a scheme without an envelope, and for a run whose very first sample was not good.
+    None for a scheme without an envelope, and for a run without a valid first sample.
     """
     return known_values(array_of(run.tally.samples) > 0, array_of(run.tally.margin)) if run.has_envelope else None
 
@@ -201,7 +201,7 @@ def tolerance_violations(run: Run) -> np.ndarray | int | None:
 def tolerance_margin(run: Run) -> np.ndarray | None:
     """Least distance to the nearer bound over the run, relative to the band's width; below 0 outside.
 
-    None for a run without a tolerance band, and for one whose very first state was not finite.
+    None for a run without a tolerance band, and for a run whose first state is not finite.
     """
     if run.tally.tolerance is None:
         return None
@@ -211,7 +211,7 @@ def tolerance_margin(run: Run) -> np.ndarray | None:
 
 @metric("tool error", "m", per_joint=False)
 def tool_error(run: Run) -> np.ndarray | float | None:
-    """Most that the tip is away from where the reference has it [m]; None where no tool is led."""
+    """Largest distance of the tip from its reference position [m]; None if no tool is guided."""
     if run.tally.tool is None:
         return None
     return value_of_run(array_of(run.tally.samples) > 0, array_of(run.tally.tool.position.error))
@@ -219,7 +219,7 @@ def tool_error(run: Run) -> np.ndarray | float | None:
 
 @metric("steady tool error", "m", per_joint=False)
 def steady_tool_error(run: Run) -> np.ndarray | float | None:
-    """The same over the last quarter of the run [m]."""
+    """Largest distance of the tip from its reference position over the last quarter of the run [m]."""
     if run.tally.tool is None:
         return None
     return value_of_run(reached_last_quarter(run), array_of(run.tally.tool.position.steady))
@@ -227,7 +227,7 @@ def steady_tool_error(run: Run) -> np.ndarray | float | None:
 
 @metric("tool error, rms", "m", per_joint=False)
 def rms_tool_error(run: Run) -> np.ndarray | float | None:
-    """Root mean square of that distance over all samples [m]."""
+    """Root mean square distance of the tip from its reference position over all samples [m]."""
     if run.tally.tool is None:
         return None
     samples = array_of(run.tally.samples)
@@ -236,21 +236,21 @@ def rms_tool_error(run: Run) -> np.ndarray | float | None:
 
 @metric("tool turn", "rad", per_joint=False)
 def tool_turn(run: Run) -> np.ndarray | float | None:
-    """Largest angle of the rotation between the tool and how the reference has it [rad]; None where no tool is led."""
+    """Largest rotation angle between the tool and its reference orientation [rad]; None if no tool is guided."""
     turn = None if run.tally.tool is None else run.tally.tool.rotation
     return None if turn is None else value_of_run(array_of(run.tally.samples) > 0, array_of(turn.error))
 
 
 @metric("steady tool turn", "rad", per_joint=False)
 def steady_tool_turn(run: Run) -> np.ndarray | float | None:
-    """The same over the last quarter of the run [rad]."""
+    """Largest rotation angle between the tool and its reference over the last quarter of the run [rad]."""
     turn = None if run.tally.tool is None else run.tally.tool.rotation
     return None if turn is None else value_of_run(reached_last_quarter(run), array_of(turn.steady))
 
 
 @metric("tool turn, rms", "rad", per_joint=False)
 def rms_tool_turn(run: Run) -> np.ndarray | float | None:
-    """Root mean square of that angle over all samples [rad]."""
+    """Root mean square rotation angle between the tool and its reference over all samples [rad]."""
     turn = None if run.tally.tool is None else run.tally.tool.rotation
     if turn is None:
         return None
@@ -259,7 +259,7 @@ def rms_tool_turn(run: Run) -> np.ndarray | float | None:
 
 
 def _rms(run: Run, square: Any) -> Any:
-    """The root of a sum of squares over all samples."""
+    """Root mean square from a sum of squares over all samples."""
     xp = arrays(run)
     return safe_sqrt(xp, array_of(square) / xp.maximum(array_of(run.tally.samples), 1).astype(float))
 
@@ -292,7 +292,7 @@ TOOL_METRICS: tuple[Metric[Any], ...] = (
     steady_tool_turn,
     rms_tool_turn,
 )
-"""Additional metrics of a run whose arm leads a tool; the turns, if the robot defines its tip's orientation."""
+"""Additional metrics of a run whose arm guides a tool; rotations only if the robot defines its tip's orientation."""
 
 
 MONITOR_METRICS: tuple[Metric[Any], ...] = (guarantee_margin, warned_at)
@@ -310,7 +310,7 @@ def metrics_of(run: Run) -> tuple[Metric[Any], ...]:
 
 
 def summary(run: Run, also: Sequence[Metric[Any]] = ()) -> dict[str, Any]:
-    """Every metric by its key; lists have one entry per joint, and those of a batch one list per run.
+    """All metrics by key; a list has an entry per joint, for a batch an entry per run.
 
     Missing and infinite values are None.
 
@@ -320,8 +320,8 @@ def summary(run: Run, also: Sequence[Metric[Any]] = ()) -> dict[str, Any]:
     for item in (*metrics_of(run), *also):
         value = item(run)
         group, _, name = item.key.partition(".")
-        place = values.setdefault(group, {}) if name else values
-        place[name or group] = _plain(value.tolist() if hasattr(value, "tolist") else value)
+        entries = values.setdefault(group, {}) if name else values
+        entries[name or group] = _plain(value.tolist() if hasattr(value, "tolist") else value)
     return values
 
 
@@ -332,16 +332,16 @@ def _plain(value: Any) -> Any:
 
 
 def metrics_frame(runs: Run | Mapping[str, Run], kind: Kind = "pandas", also: Sequence[Metric[Any]] = ()) -> Any:
-    """All metrics as a data frame, one row for each number: columns `run`, `metric`, `joint`, `unit`, `value`.
+    """All metrics as a data frame with columns `run`, `metric`, `joint`, `unit`, `value` and a row for each value.
 
-    `run` is the number of a run, from 0, or its name; `joint` is the joint's name, and empty for a metric of the whole
-    run. Missing values are NaN in pandas, null in polars.
+    `run` is the index of a run, from 0, or its name. `joint` is the joint's name, empty for a metric of the run.
+    Missing values are NaN in pandas, null in polars.
 
-    - `runs`: one run, many of `simulate_batch`, or several by name, such as one for each scheme.
+    - `runs`: a run, a batch from `simulate_batch`, or several runs by name, such as one for each scheme.
     - `kind`: "pandas" or "polars".
     - `also`: further metrics, such as those of a paper.
 
-    Raises DefinitionError if the library is another, or is not installed.
+    Raises DefinitionError if the library is unknown or not installed.
     """
     named = runs if isinstance(runs, Mapping) else _numbered(runs)
     rows = [row for name, run in named.items() for row in _rows(name, run, also)]

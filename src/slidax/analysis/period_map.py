@@ -1,4 +1,4 @@
-"""One period of a closed loop as a differentiable function of its states and of signals injected from outside."""
+"""A sampling period of a closed loop as a differentiable map of its states and of injected signals."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ from slidax.plant.disturbances import AbstractDisturbance
 from slidax.plant.sensors import AbstractSensor, Measurement
 from slidax.simulation.loop import Carry, ClosedLoop, sample
 
-OF_THE_LAW = "command of the law"
-"""The signal in which the torque of the law stands, before what is added to it."""
+LAW_TORQUE = "command of the law"
+"""Name of the signal with the law's own torque, without the injected one."""
 
 
 class InjectedSignals(eqx.Module):
-    """Signals injected in one period, each [n].
+    """Signals injected in a period, each [n].
 
     - `disturbance`: torque on the joints, held over the period, N m or N.
     - `torque`: added to the law's command, before the drives, N m or N.
-    - `reference`, `reference_velocity`, `reference_acceleration`: added to what the joints should do.
-    - `position`, `velocity`: added to the state that is measured.
+    - `reference`, `reference_velocity`, `reference_acceleration`: added to the reference trajectory.
+    - `position`, `velocity`: added to the state before the sensor.
     """
 
     disturbance: Vector
@@ -50,10 +50,10 @@ class InjectedSignals(eqx.Module):
 
 
 class AddedDisturbance(AbstractDisturbance):
-    """A disturbance with a constant torque beside it."""
+    """A disturbance plus a constant torque."""
 
-    disturbance: AbstractDisturbance = piece("what there is")
-    torque: Vector = piece("what is added")
+    disturbance: AbstractDisturbance = piece("the loop's disturbance")
+    torque: Vector = piece("the added torque")
 
     def __call__(self, t: Scalar, state: State) -> Vector:
         return self.disturbance(t, state) + self.torque
@@ -63,10 +63,10 @@ class AddedDisturbance(AbstractDisturbance):
 
 
 class AddedTorque(AbstractController):
-    """A law to whose command a torque is added, of which it does not know."""
+    """A law with a torque added to its command without the law's knowledge."""
 
     law: AbstractController = piece("the law")
-    torque: Vector = piece("what is added")
+    torque: Vector = piece("the added torque")
 
     @property
     def joints(self) -> int:
@@ -80,7 +80,7 @@ class AddedTorque(AbstractController):
     ) -> Command:
         command = self.law(t, state, reference_now, reference_next, memory)
         return Command(
-            command.tau + self.torque, command.memory, {**command.signals, OF_THE_LAW: command.tau}, command.rate
+            command.tau + self.torque, command.memory, {**command.signals, LAW_TORQUE: command.tau}, command.rate
         )
 
     def envelope(self, t: Scalar, memory: Memory) -> Envelope | None:
@@ -88,11 +88,11 @@ class AddedTorque(AbstractController):
 
 
 class ShiftedSensor(AbstractSensor):
-    """A sensor before which something is added to the state; no sample is lost."""
+    """A sensor of a shifted state; it loses no samples."""
 
-    sensor: AbstractSensor = piece("what measures")
-    position: Vector = piece("what is added to the positions")
-    velocity: Vector = piece("what is added to the velocities")
+    sensor: AbstractSensor = piece("the sensor")
+    position: Vector = piece("added to the positions")
+    velocity: Vector = piece("added to the velocities")
 
     def init(self, state: State) -> Memory:
         return self.sensor.init(state)
@@ -102,12 +102,12 @@ class ShiftedSensor(AbstractSensor):
 
 
 class OffsetMotion(AbstractMotion):
-    """A motion with something added to its position, velocity and acceleration, each by itself."""
+    """A motion with independent offsets of its position, velocity and acceleration."""
 
     motion: AbstractMotion = piece("the motion")
-    q: Vector = piece("what is added to the position")
-    dq: Vector = piece("what is added to the velocity")
-    ddq: Vector = piece("what is added to the acceleration")
+    q: Vector = piece("added to the position")
+    dq: Vector = piece("added to the velocity")
+    ddq: Vector = piece("added to the acceleration")
 
     def position(self, t: Scalar) -> Vector:
         return self.motion.position(t) + self.q
@@ -118,10 +118,10 @@ class OffsetMotion(AbstractMotion):
 
 
 def inject(loop: ClosedLoop, signals: InjectedSignals) -> ClosedLoop:
-    """The loop into which signals enter; its memories are those of the loop.
+    """The loop with injected signals; its memories have the same structure.
 
-    - `loop`: the loop; with a sensor, if it is in held mode.
-    - `signals`: what enters.
+    - `loop`: the loop, with a sensor in held mode.
+    - `signals`: the injected signals.
     """
     plant = eqx.tree_at(
         lambda p: p.disturbance, loop.plant, AddedDisturbance(loop.plant.disturbance, signals.disturbance)
@@ -136,10 +136,10 @@ def inject(loop: ClosedLoop, signals: InjectedSignals) -> ClosedLoop:
 
 
 def freeze_adaptation(controller: AbstractController, memory: Memory) -> tuple[AbstractController, Memory]:
-    """The law, which uses what it has learnt and learns no more, and its memory without what learning keeps.
+    """The law with its learnt parameters frozen, and its memory without the learning state.
 
     - `controller`: the law.
-    - `memory`: what it keeps.
+    - `memory`: the law's memory.
     """
     if not isinstance(controller, SampledData) or controller.adaptation is None:
         return controller, memory
@@ -154,10 +154,10 @@ def freeze_adaptation(controller: AbstractController, memory: Memory) -> tuple[A
 
 
 class DelayLineMemory(eqx.Module):
-    """The memory of `Late`.
+    """The memory of `DelayLine`.
 
     - `q`, `dq`: the last states, the newest first [m n].
-    - `inner`: the memory of the sensor that is late.
+    - `inner`: the memory of the delayed sensor.
     """
 
     q: Float[Array, "m n"]
@@ -168,12 +168,12 @@ class DelayLineMemory(eqx.Module):
 class DelayLine(AbstractSensor):
     """`slidax.plant.Delayed` without jitter, as a shift register.
 
-    That one keeps the states in a ring, whose places mean something else in
-    each period, so that no one matrix is its period; here the newest stands first.
+    `Delayed` keeps the states in a ring buffer, whose index changes in each period: its period is not a
+    time-invariant map. In the shift register the newest state always comes first.
     """
 
-    sensor: AbstractSensor = piece("what measures")
-    periods: float = parameter("the delay, whole or not", "sampling periods", "[0, 100]", static=True)
+    sensor: AbstractSensor = piece("the delayed sensor")
+    periods: float = parameter("the delay, integer or fractional", "sampling periods", "[0, 100]", static=True)
 
     def init(self, state: State) -> DelayLineMemory:
         shape = (math.ceil(self.periods) + 1, *state.q.shape)
@@ -202,17 +202,17 @@ class DelayLine(AbstractSensor):
 
 INPUTS = tuple(InjectedSignals.__annotations__)
 OUTPUTS = ("error", "torque", "position", "velocity")
-"""Outputs of the map at the sample: e, the law's command, and the true state that a sensor receives."""
+"""Outputs of the map at the sample: e, the law's command, and the true state at the sensor's input."""
 
 
 @dataclass(frozen=True, eq=False)
 class PeriodMap:
-    """`x⁺, y = f(x, u)` at one sample; x are all numbers that the loop keeps.
+    """The map `x⁺, y = f(x, u)` of a sampling period, with x the state of the loop.
 
-    - `x`: what it keeps there [m].
-    - `inputs`: how many numbers u has, n of each of `INPUTS`.
-    - `outputs`: how many y has, n of each of `OUTPUTS`.
-    - `evaluate`: from x and u, and a direction of both, to x⁺ and y, and their slope in it [m + outputs].
+    - `x`: the state at the operating point [m].
+    - `inputs`: size of u, n for each of `INPUTS`.
+    - `outputs`: size of y, n for each of `OUTPUTS`.
+    - `evaluate`: returns (x⁺, y) and its directional derivative for (x, u) and a direction, both [m + outputs].
     """
 
     x: np.ndarray
@@ -221,14 +221,14 @@ class PeriodMap:
     evaluate: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
     def derivative(self) -> np.ndarray:
-        """All slopes at x and no input, [m + outputs, m + inputs]."""
+        """The Jacobian at x and u = 0, [m + outputs, m + inputs]."""
         here = np.concatenate([self.x, np.zeros(self.inputs)])
         return np.stack([self.evaluate(here, direction)[1] for direction in np.eye(here.size)], axis=1)
 
     def differences(self, steps: np.ndarray) -> np.ndarray:
-        """The same by central differences of the simulated sample itself.
+        """The Jacobian by central differences of the simulated sample.
 
-        - `steps`: how far to go along each number [m + inputs].
+        - `steps`: step along each entry of (x, u) [m + inputs].
         """
         here = np.concatenate([self.x, np.zeros(self.inputs)])
         nothing = np.zeros_like(here)
@@ -244,14 +244,14 @@ class PeriodMap:
 
 
 def period_map(loop: ClosedLoop, carry: Carry) -> PeriodMap:
-    """One period of a loop.
+    """The map of a loop's sampling period.
 
-    - `carry`: what it has before the sample.
+    - `carry`: state of the loop before the sample.
     """
     controller, memory = freeze_adaptation(loop.controller, carry.memory)
     loop = eqx.tree_at(lambda x: x.controller, loop, controller)
     carry = eqx.tree_at(lambda c: c.memory, carry, memory)
-    # Only what acts on what comes after: no statistics.
+    # Only the state that affects later samples: no statistics.
     moving = (carry.state, carry.memory, carry.sensor, carry.actuator, carry.torque)
     floats, others = eqx.partition(moving, eqx.is_inexact_array)
     x, unravel = ravel_pytree(floats)
@@ -274,7 +274,7 @@ def period_map(loop: ClosedLoop, carry: Carry) -> PeriodMap:
         then, log = sample(loop, before)
         kept = (then.state, then.memory, then.sensor, then.actuator, then.torque)
         moved = ravel_pytree(eqx.filter(kept, eqx.is_inexact_array))[0]
-        y = [log.e, log.signals[OF_THE_LAW], state.q, state.dq]
+        y = [log.e, log.signals[LAW_TORQUE], state.q, state.dq]
         return jnp.concatenate([moved, *y])
 
     def with_slope(arrays: Any, xu: jax.Array, direction: jax.Array) -> tuple[jax.Array, jax.Array]:
@@ -292,7 +292,7 @@ def period_map(loop: ClosedLoop, carry: Carry) -> PeriodMap:
 def _compiled(
     function: Any, arrays: Any, size: int
 ) -> Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
-    """By machine code of our own, which is made in seconds; where that cannot be, by XLA."""
+    """Compile to machine code within seconds; by XLA where this is not possible."""
     known = [np.asarray(leaf) for leaf in jax.tree.leaves(arrays)]
     shapes = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, leaf.dtype), arrays)
     numbers = jax.ShapeDtypeStruct((size,), float)

@@ -30,7 +30,7 @@ from slidax.simulation.run import Run, columns_of
 def inertia_and_bias(robot: AbstractRobot, q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """`M(q)` [N n n] and `C(q, q̇) q̇ + G(q)` [N n] at each of N samples, in the units of the robot.
 
-    - `robot`: whose.
+    - `robot`: the arm.
     - `q`, `dq`: positions and velocities [N n].
     """
 
@@ -52,11 +52,11 @@ Signal = NDArray[np.floating[Any]]
 
 
 def low_pass(signal: Signal, cutoff: float, period: float) -> Signal:
-    """Zero-phase low-pass filter, with a cut-off of at most half of the Nyquist frequency.
+    """Zero-phase low-pass filter, with a cut-off of at most half the Nyquist frequency.
 
     - `signal`: samples [N ...].
-    - `cutoff`: the frequency [rad/s].
-    - `period`: between two samples [s].
+    - `cutoff`: cut-off frequency [rad/s].
+    - `period`: sampling period [s].
     """
     return _filtered(signal, min(cutoff, 0.5 * np.pi / period), "lowpass", period)
 
@@ -65,27 +65,27 @@ def band_pass(signal: Signal, band: tuple[float, float], period: float) -> Signa
     """Zero-phase band-pass filter, limited to the frequencies that the samples resolve.
 
     - `signal`: samples [N ...].
-    - `band`: the frequencies [rad/s].
-    - `period`: between two samples [s].
+    - `band`: lower and upper frequency [rad/s].
+    - `period`: sampling period [s].
     """
     return _filtered(signal, resolvable_band(band, period), "bandpass", period)
 
 
 def resolvable_band(band: tuple[float, float], period: float) -> tuple[float, float]:
-    """The part of a band that samples can show well [rad/s].
+    """The part of a band that the samples resolve well [rad/s].
 
-    - `band`: its two frequencies [rad/s].
-    - `period`: between two samples [s].
+    - `band`: lower and upper frequency [rad/s].
+    - `period`: sampling period [s].
     """
     high = min(band[1], 0.5 * np.pi / period)
     return min(band[0], 0.2 * high), high
 
 
 def held_torque(tau: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """Torque at some times, held constant over each period, interpolated between two periods at a fractional time.
+    """Torques at integer times, linearly interpolated at fractional times.
 
     - `tau`: torques [N n].
-    - `times`: in periods [m].
+    - `times`: times in periods [m].
     """
     integer = np.floor(times).astype(int)
     fraction = (times - integer)[:, None]
@@ -93,7 +93,7 @@ def held_torque(tau: np.ndarray, times: np.ndarray) -> np.ndarray:
 
 
 def _filtered(signal: Signal, edges: float | tuple[float, float], kind: str, period: float) -> Signal:
-    # Here, since `slidax run` imports this room and only a run that failed is filtered.
+    # Imported here, since `slidax run` imports this module but filters only after a failure.
     from scipy.signal import butter, sosfiltfilt
 
     sections = butter(2, edges, kind, fs=2.0 * np.pi / period, output="sos")
@@ -101,9 +101,9 @@ def _filtered(signal: Signal, edges: float | tuple[float, float], kind: str, per
 
 
 def joint_loops(scenario: Scenario) -> tuple[LinearLoop | None, ...]:
-    """Each joint's loop near its goal; None where its estimator is not linear.
+    """Each joint's loop near its goal; None if its estimator is nonlinear.
 
-    - `scenario`: with a law in sampled-data form.
+    - `scenario`: a scenario with a law in sampled-data form.
     """
     law, sensor = scenario.controller, scenario.description.sensor
     assert isinstance(law, SampledData)
@@ -117,11 +117,12 @@ def joint_loops(scenario: Scenario) -> tuple[LinearLoop | None, ...]:
 def measured_positions(
     sensor: AbstractSensor | None, q: np.ndarray, dq: np.ndarray, period: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The positions that a sensor gives at each sample [N n], and whether they arrived [N].
+    """The measured positions at each sample [N n], and True for samples that arrived [N].
 
-    A simulated log has the true state; the law had this. The same seed gives the same noise as in the run.
+    A simulated log has the true state, but the law received the measurement. The sensor's seed reproduces the noise of
+    the run.
 
-    - `sensor`: the run's; None for a perfect one.
+    - `sensor`: the run's sensor; None for an ideal sensor.
     - `q`, `dq`: true positions and velocities [N n], from sample 0 on.
     - `period`: h [s].
     """
@@ -143,22 +144,22 @@ def measured_positions(
 
 
 BEFORE = 0.3
-"""Window before the run left its envelope in which causes are searched [s]."""
+"""Length of the window before leaving the envelope in which causes are searched [s]."""
 
 SLOW = 20.0
-"""Below it is what the model lacks, and above it the loop's own motion [rad/s]."""
+"""Frequency that separates the model error, below, from the loop's own motion, above [rad/s]."""
 
 NARROW = 1.05
-"""An envelope has reached its final width where it is at most so many times as wide as at the end."""
+"""An envelope counts as narrow when its width is at most this multiple of its final width."""
 
 
-EACH = "a diagnosis needs each sample of the log: set `simulation.log_every=1`"
+EACH = "a diagnosis needs every sample in the log: set `simulation.log_every=1`"
 
 
 def require_explainable(scenario: Scenario) -> SampledData:
-    """The law of a scenario that can be diagnosed.
+    """Return the law of a scenario that can be diagnosed.
 
-    - `scenario`: any.
+    - `scenario`: the scenario to check.
 
     Raises DefinitionError if its scheme is not in sampled-data form, or has no envelope.
     """
@@ -168,30 +169,30 @@ def require_explainable(scenario: Scenario) -> SampledData:
         def envelope(t: Scalar) -> Envelope | None:
             return law.envelope(t, law.init(t, start, scenario.trajectory.reference(t)))
 
-        # Only whether there is one: nothing is computed.
+        # Checks the structure only; nothing is computed.
         if eqx.filter_eval_shape(envelope, jax.ShapeDtypeStruct((), float)) is not None:
             return law
     raise DefinitionError(
-        "only a scheme in sampled-data form with an envelope can be diagnosed: give `scheme.sampled_data`, "
-        "and a scheme "
-        "with `performance`"
+        "only a scheme in sampled-data form with an envelope can be diagnosed: give `scheme.sampled_data`, and a "
+        "scheme with `performance`"
     )
 
 
 @dataclass(frozen=True)
 class RunRecord:
-    """A run as a robot's own log would have it, and the law's side of its scenario; arrays of N samples, n joints.
+    """Signals of a run that a real robot's log would also have, and the law; arrays of N samples and n joints.
 
-    - `scenario`: what was run; of its plant nothing is read here.
-    - `law`: its law in sampled-data form.
+    - `scenario`: the scenario of the run; the diagnosis does not read its true plant.
+    - `law`: the law in sampled-data form.
     - `t`: time [s], [N].
-    - `q`: positions as they were measured, at the sample at which they arrived [N n]; `fresh`: whether they did [N].
-    - `tau`: torque that was set [N n], N m or N.
-    - `q_d`, `dq_d`, `ddq_d`: what the joints should do [N n].
+    - `q`: measured positions at the sample of their arrival [N n].
+    - `fresh`: True if a measurement arrived [N].
+    - `tau`: applied torque [N n], N m or N.
+    - `q_d`, `dq_d`, `ddq_d`: reference positions, velocities and accelerations [N n].
     - `lower`, `upper`: the envelope [N n].
-    - `error`: as the law's outcome counts it [N n].
-    - `signals`: of the law, by name.
-    - `names`, `units`: of the joints.
+    - `error`: the error that the envelope bounds [N n].
+    - `signals`: signals of the law, by name.
+    - `names`, `units`: names and position units of the joints.
     """
 
     scenario: Scenario
@@ -214,10 +215,10 @@ class RunRecord:
     def of(cls, scenario: Scenario, run: Run) -> RunRecord:
         """The record of a simulated run.
 
-        - `scenario`: what was run, in sampled-data form and with an envelope.
-        - `run`: its run, with each sample in its log.
+        - `scenario`: the scenario of the run, in sampled-data form and with an envelope.
+        - `run`: the run, with every sample in its log.
 
-        Raises DefinitionError if the log is missing or has not each sample, or the scheme is not of that form.
+        Raises DefinitionError if the log is missing or lacks samples, or the scheme has another form.
         """
         if run.log is None:
             raise DefinitionError(EACH)
@@ -228,10 +229,10 @@ class RunRecord:
     def of_columns(cls, scenario: Scenario, columns: Mapping[str, np.ndarray]) -> RunRecord:
         """The record of a log as flat columns: `t`, `q_1`, ..., `tau_1`, the bounds, and the signals by name.
 
-        - `scenario`, as above.
-        - `columns`: as `slidax run --out` writes them.
+        - `scenario`: as in `of`.
+        - `columns`: columns as `slidax run --out` writes them.
 
-        Raises DefinitionError as above, and if a column is missing.
+        Raises DefinitionError as `of` does, and if a column is missing.
         """
         law = require_explainable(scenario)
         n = law.joints
@@ -239,7 +240,7 @@ class RunRecord:
         def wide(name: str) -> np.ndarray:
             parts = [columns.get(f"{name}_{joint + 1}") for joint in range(n)]
             if any(column is None for column in parts):
-                raise DefinitionError(f"the log has no columns `{name}_1` to `{name}_{n}`: is it of this scenario?")
+                raise DefinitionError(f"the log has no columns `{name}_1` to `{name}_{n}`: is it from this scenario?")
             return np.stack([np.asarray(column, float) for column in parts], axis=1)
 
         t = np.asarray(columns.get("t", ()), float)
@@ -287,7 +288,7 @@ class RunRecord:
 
     @property
     def horizon(self) -> float:
-        """H [s]; the period for a law that does not plan."""
+        """Horizon H [s]; the period for a law without a horizon."""
         return self.period if self.law.horizon is None else float(self.law.horizon)
 
     @cached_property
@@ -297,13 +298,13 @@ class RunRecord:
 
     @property
     def kept(self) -> bool:
-        """True if the run reached its end inside its envelope."""
+        """True if the run stayed inside its envelope until its end."""
         complete = len(self.t) == round(self.scenario.t1 / self.period) + 1
         return complete and not self.outside.any()
 
     @cached_property
     def left(self) -> int:
-        """The first sample outside; the last one if none is."""
+        """Index of the first sample outside the envelope; of the last sample if there is none."""
         out: np.ndarray = self.outside.any(axis=1)
         first = int(np.argmax(out)) if out.any() else len(out) - 1
         return first
@@ -316,43 +317,43 @@ class RunRecord:
 
     @cached_property
     def torque_limits(self) -> np.ndarray:
-        """That the law knows [n], N m or N."""
+        """Torque limits of the law [n], N m or N."""
         return np.broadcast_to(np.asarray(self.law.limits.torque), self.joints)
 
     @cached_property
     def rate_limits(self) -> np.ndarray:
-        """That the law knows [n], N m/s or N/s."""
+        """Torque rate limits of the law [n], N m/s or N/s."""
         return np.broadcast_to(np.asarray(self.law.limits.rate), self.joints)
 
     @cached_property
     def mass_and_bias(self) -> tuple[np.ndarray, np.ndarray]:
-        """The nominal arm's `M0` [N n n] and `C0 q̇ + G0` [N n] where it was."""
+        """The nominal arm's `M0` [N n n] and `C0 q̇ + G0` [N n] along the measured motion."""
         dq = np.gradient(self.q, self.period, axis=0)
         return inertia_and_bias(self.nominal, self.q, dq)
 
     @cached_property
     def lumped(self) -> np.ndarray:
-        """`M0 w`, the torque by which the law makes up for what its model does not explain [N n]."""
+        """`M0 w`, the law's compensation of the lumped disturbance w [N n]."""
         return np.einsum("kij,kj->ki", self.mass_and_bias[0], self.signals["disturbance"])
 
     @cached_property
     def loops(self) -> tuple[LinearLoop | None, ...]:
-        """Each joint's loop near its goal, with what the law believes; None where its estimator is not linear."""
+        """Each joint's loop near its goal, by the law's model; None if its estimator is nonlinear."""
         return joint_loops(self.scenario)
 
     @cached_property
     def before(self) -> slice:
-        """The samples just before it left."""
+        """The samples just before the run left its envelope."""
         return slice(max(0, self.left - round(BEFORE / self.period)), self.left + 1)
 
     @cached_property
-    def room(self) -> np.ndarray:
-        """The envelope's distance from zero at its narrowest, on the nearer side, ϑ ρ∞ [n], rad or m."""
+    def half_width(self) -> np.ndarray:
+        """Smallest distance of the envelope from zero, on the nearer side, ϑ ρ∞ [n], rad or m."""
         return np.min(np.minimum(self.upper, -self.lower), axis=0)
 
     @cached_property
     def missed(self) -> np.ndarray:
-        """w̄ of the loop-rate rule, what the estimate misses [n]: while the envelope is narrow, rad/s² or m/s²."""
+        """w̄ of the loop-rate rule, the largest estimation error while the envelope is narrow [n], rad/s² or m/s²."""
         d = float(self.law.delay)
         missed = np.abs(self.signals["residual"][1:]) + d * np.abs(np.diff(self.signals["disturbance"], axis=0))
         narrow = self.narrow[1:]
@@ -360,7 +361,7 @@ class RunRecord:
 
     @cached_property
     def unexplained(self) -> np.ndarray:
-        """`τ̄ - M0 a - C0 q̇ - G0` below the loop's band [N n], N m or N: what the model lacks, whatever u covers."""
+        """Torque that the model does not explain, `τ̄ - M0 a - C0 q̇ - G0` below the loop's band [N n], N m or N."""
         a = np.zeros_like(self.q)
         a[1:-1] = np.diff(self.q, 2, axis=0) / self.period**2
         mass, bias = self.mass_and_bias
@@ -369,7 +370,7 @@ class RunRecord:
         return low_pass(torque - np.einsum("kij,kj->ki", mass, a) - bias, SLOW, self.period)
 
     def named(self, joint: int) -> str:
-        """A joint for a sentence."""
+        """A joint's number and name for messages."""
         own = f"joint {joint + 1}"
         return own if self.names[joint] == own else f"{own} (`{self.names[joint]}`)"
 

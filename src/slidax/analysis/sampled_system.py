@@ -1,4 +1,4 @@
-"""Linear systems in discrete time with named inputs and outputs, and their stability margins."""
+"""Discrete-time linear systems with named inputs and outputs, and their stability margins."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 CHUNK = 64
-"""Frequencies that are solved for together."""
+"""Frequencies to solve for at a time."""
 
 
 @dataclass(frozen=True, eq=False)
 class SampledSystem:
-    """`x⁺ = A x + B u`, `y = C x + D u`, once a period.
+    """Discrete-time system `x⁺ = A x + B u`, `y = C x + D u`.
 
     - `a`, `b`, `c`, `d`: the matrices.
     - `period`: h [s].
@@ -41,23 +41,23 @@ class SampledSystem:
 
     @property
     def eigenvalues(self) -> Complex:
-        """Of A, the largest first."""
+        """Eigenvalues of A, the largest modulus first."""
         eigenvalues = np.linalg.eigvals(self.a).astype(complex)
         return eigenvalues[np.lexsort((eigenvalues.imag, -np.abs(eigenvalues)))]
 
     @property
     def radius(self) -> float:
-        """The largest modulus of an eigenvalue; below 1 the loop is stable."""
+        """Spectral radius of A; the system is stable if it is below 1."""
         return float(np.abs(self.eigenvalues[0])) if self.a.size else 0.0
 
-    def part(self, inputs: str | list[str], outputs: str | list[str]) -> SampledSystem:
-        """The same states with some inputs and outputs alone.
+    def select(self, inputs: str | list[str], outputs: str | list[str]) -> SampledSystem:
+        """The system with a selection of its inputs and outputs.
 
-        - `inputs`, `outputs`: a group, such as `torque`, one of its entries, such as `torque[joint 1]`, or a list.
+        - `inputs`, `outputs`: a group, such as `torque`, an entry, such as `torque[joint 1]`, or a list of these.
 
-        Raises DefinitionError for a name that is not there.
+        Raises DefinitionError for an unknown name.
         """
-        columns, rows = _places(self.inputs, inputs, "input"), _places(self.outputs, outputs, "output")
+        columns, rows = _indices(self.inputs, inputs, "input"), _indices(self.outputs, outputs, "output")
         return SampledSystem(
             a=self.a,
             b=self.b[:, columns],
@@ -71,7 +71,7 @@ class SampledSystem:
         )
 
     def response(self, frequencies: Array) -> Complex:
-        """`C (z - A)⁻¹ B + D` at `z = e^{jωh}`, [k outputs inputs].
+        """Frequency response `C (z - A)⁻¹ B + D` at `z = e^{jωh}`, [k outputs inputs].
 
         - `frequencies`: ω [k], rad/s, up to π/h.
         """
@@ -85,7 +85,7 @@ class SampledSystem:
         return (np.concatenate(response) + self.d).astype(complex)
 
     def step_response(self, duration: float) -> tuple[Array, Array]:
-        """Times [k], s, and the outputs after a unit step of each input, [k outputs inputs].
+        """Times [k], s, and the response to a unit step of each input, [k outputs inputs].
 
         - `duration`: [s].
         """
@@ -98,8 +98,8 @@ class SampledSystem:
         times: Array = self.period * np.arange(steps + 1, dtype=float)
         return times, outputs
 
-    def for_control(self) -> Any:
-        """The system as a `control.StateSpace` of python-control, with `dt`, for `bode_plot` and all else.
+    def to_control(self) -> Any:
+        """Convert the system to a `control.StateSpace` of python-control with sample time `dt`.
 
         Raises DefinitionError if python-control is not installed.
         """
@@ -107,26 +107,26 @@ class SampledSystem:
             import control
         except ImportError:
             raise DefinitionError(
-                "this needs python-control, which is not installed: pip install 'slidax[linear]'"
+                "`to_control` needs python-control, which is not installed: pip install 'slidax[linear]'"
             ) from None
         return control.ss(
             self.a, self.b, self.c, self.d, self.period, inputs=list(self.inputs), outputs=list(self.outputs)
         )
 
 
-def _places(names: tuple[str, ...], choice: str | list[str], what: str) -> list[int]:
-    places: list[int] = []
+def _indices(names: tuple[str, ...], choice: str | list[str], kind: str) -> list[int]:
+    indices: list[int] = []
     for name in [choice] if isinstance(choice, str) else choice:
-        here = [k for k, entry in enumerate(names) if entry == name or entry.partition("[")[0] == name]
-        if not here:
+        matching = [k for k, entry in enumerate(names) if entry == name or entry.partition("[")[0] == name]
+        if not matching:
             groups = dict.fromkeys(entry.partition("[")[0] for entry in names)
-            raise DefinitionError(f"there is no {what} `{name}`; {nearest_word(name, [*groups, *names])}")
-        places += here
-    return places
+            raise DefinitionError(f"there is no {kind} `{name}`; {nearest_word(name, [*groups, *names])}")
+        indices += matching
+    return indices
 
 
 def connected_states(a: Array, b: Array, c: Array) -> NDArray[np.intp]:
-    """The states that inputs reach and outputs see: the others are constants, clocks, or are used by nothing.
+    """Indices of the states that an input can affect and that affect an output; clocks and constants do not.
 
     - `a`, `b`, `c`: the matrices.
     """
@@ -143,29 +143,30 @@ def connected_states(a: Array, b: Array, c: Array) -> NDArray[np.intp]:
 
 
 POINTS = 1500
-"""Frequencies at which a loop is looked at first."""
+"""Frequencies on the linear part of the grid; the logarithmic part has half as many."""
 
 LOWEST = 1e-5
-"""The lowest of them, times π/h."""
+"""Lowest frequency of the grid, as a multiple of π/h."""
 
-TURNS = 60
-"""Of a search between two of them."""
+ITERATIONS = 60
+"""Bisection steps between two frequencies of the grid."""
 
 
 @dataclass(frozen=True)
 class Margins:
-    """Of a loop that is broken at one place, all else being closed; `None` where there is no such number.
+    """Stability margins of a loop opened at a point, with all other loops closed; `None` for a margin without limit.
 
-    With S = 1/(1 + L), and L what goes around the loop.
+    L is the loop gain and S = 1/(1 + L) the sensitivity.
 
-    - `where`: the place.
-    - `gain_up`, `gain_down`: factors of the gain there at which the loop becomes unstable.
-    - `phase`: least change of the phase at which it does, degrees.
-    - `delay`: least additional delay at which it does [s], if it is bounded.
-    - `disk`: the disk margin α: all factors `(1 + δ/2)/(1 - δ/2)`, `|δ| < α`, of gain and phase at once are borne.
-    - `sensitivity`: the peak of |S|.
-    - `at_peak`: where that is [rad/s].
-    - `crossover`: the highest frequency at which |L| = 1 [rad/s].
+    - `where`: the point.
+    - `gain_up`, `gain_down`: gain margins, the factors of the gain at which the loop becomes unstable.
+    - `phase`: phase margin, degrees.
+    - `delay`: delay margin, the smallest additional delay at which the loop becomes unstable [s].
+    - `disk`: disk margin α: the loop stays stable for all simultaneous changes `(1 + δ/2)/(1 - δ/2)`, `|δ| < α`, of
+      gain and phase.
+    - `sensitivity`: peak of |S|.
+    - `at_peak`: frequency of this peak [rad/s].
+    - `crossover`: highest frequency with |L| = 1 [rad/s].
     """
 
     where: str
@@ -180,25 +181,25 @@ class Margins:
 
     @property
     def disk_gains(self) -> tuple[float, float]:
-        """The factors of the gain that the disk margin allows."""
+        """Smallest and largest gain factor that the disk margin allows."""
         if self.disk >= 2.0:
             return 0.0, math.inf
         return (2.0 - self.disk) / (2.0 + self.disk), (2.0 + self.disk) / (2.0 - self.disk)
 
     @property
     def disk_phase(self) -> float:
-        """The change of the phase that the disk margin allows, degrees."""
+        """Phase change that the disk margin allows, degrees."""
         return math.degrees(2.0 * math.atan(0.5 * self.disk))
 
     def as_json(self) -> dict[str, Any]:
-        """All numbers by name."""
+        """The margins by name."""
         low, high = self.disk_gains
         values = asdict(self) | {"disk_gains": [low, high if math.isfinite(high) else None]}
         return values | {"disk_phase": self.disk_phase}
 
 
 def frequencies(period: float) -> Array:
-    """From slow to half of the sampling frequency, rad/s.
+    """Frequency grid up to half the sampling frequency, rad/s.
 
     - `period`: h [s].
     """
@@ -207,30 +208,31 @@ def frequencies(period: float) -> Array:
 
 
 def margins_of(closed: SampledSystem, where: str) -> Margins:
-    """The margins of a stable loop at one place.
+    """Margins of a stable loop at a point.
 
-    - `closed`: from a signal that is added there to what comes round, one input and one output: `-L/(1 + L)`.
-    - `where`: the place.
+    - `closed`: the closed loop at this point, `-L/(1 + L)`, with a single input and output.
+    - `where`: the point.
     """
 
-    def loop(omega: float) -> complex:
-        around = complex(closed.response(np.array([omega]))[0, 0, 0])
-        return -around / (1.0 + around)
+    def gain_at(omega: float) -> complex:
+        response = complex(closed.response(np.array([omega]))[0, 0, 0])
+        return -response / (1.0 + response)
 
     omega = frequencies(closed.period)
     sensitivity = 1.0 + closed.response(omega)[:, 0, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
-        around = (1.0 - sensitivity) / sensitivity
-    gains = [-1.0 / loop(at).real for at in _crossings(omega, around.imag, lambda w: loop(w).imag) if loop(at).real < 0]
-    # At half of the sampling frequency L is real.
-    end = float(around[-1].real)
+        loop_gain = (1.0 - sensitivity) / sensitivity
+    real_axis = [gain_at(at).real for at in _crossings(omega, loop_gain.imag, lambda w: gain_at(w).imag)]
+    gains = [-1.0 / value for value in real_axis if value < 0]
+    # At half the sampling frequency L is real.
+    end = float(loop_gain[-1].real)
     if end < 0:
         gains.append(-1.0 / end)
     ups, downs = [gain for gain in gains if gain > 1], [gain for gain in gains if gain < 1]
-    crossed = _crossings(omega, np.abs(around) - 1.0, lambda w: abs(loop(w)) - 1.0)
-    phases = [math.atan2(loop(at).imag, loop(at).real) for at in crossed]
-    # From there to -1, in either direction; and in that of a delay alone.
-    apart = [math.pi - abs(phase) for phase in phases]
+    crossed = _crossings(omega, np.abs(loop_gain) - 1.0, lambda w: abs(gain_at(w)) - 1.0)
+    phases = [math.atan2(gain_at(at).imag, gain_at(at).real) for at in crossed]
+    # Angle from L to -1: in either direction for the phase margin, clockwise for the delay margin.
+    angles = [math.pi - abs(phase) for phase in phases]
     delays = [((phase + math.pi) % (2 * math.pi)) / at for phase, at in zip(phases, crossed, strict=True)]
     size, at_peak = _peak(omega, np.abs(sensitivity), lambda w: abs(1.0 + closed.response(np.array([w]))[0, 0, 0]))
     half, _ = _peak(omega, np.abs(sensitivity - 0.5), lambda w: abs(0.5 + closed.response(np.array([w]))[0, 0, 0]))
@@ -238,7 +240,7 @@ def margins_of(closed: SampledSystem, where: str) -> Margins:
         where=where,
         gain_up=min(ups, default=None),
         gain_down=max(downs, default=None),
-        phase=math.degrees(min(apart)) if apart else None,
+        phase=math.degrees(min(angles)) if angles else None,
         delay=min(delays, default=None),
         disk=float(1.0 / half),
         sensitivity=float(size),
@@ -247,13 +249,12 @@ def margins_of(closed: SampledSystem, where: str) -> Margins:
     )
 
 
-def simultaneous_margins(closed: SampledSystem, where: str) -> tuple[float, float, float]:
-    """The disk margin for all channels at once, the largest singular value of S, and where that is [rad/s].
+def simultaneous_margins(closed: SampledSystem) -> tuple[float, float, float]:
+    """Disk margin for simultaneous changes in all channels, peak singular value of S, and its frequency [rad/s].
 
-    Each channel may have a factor of its own; the number is a lower bound, by the largest singular value.
+    Each channel may have a different factor. The disk margin is a lower bound, from the largest singular value.
 
-    - `closed`: from signals that are added to what comes round, as many inputs as outputs.
-    - `where`: the place.
+    - `closed`: the closed loop at a point, with as many inputs as outputs.
     """
     omega = frequencies(closed.period)
     eye = np.eye(len(closed.outputs))
@@ -268,14 +269,13 @@ def simultaneous_margins(closed: SampledSystem, where: str) -> tuple[float, floa
 
 
 def _crossings(omega: Array, values: Array, function: Callable[[float], float]) -> list[float]:
-    """Where a function of the frequency is zero."""
+    """Frequencies at which a function changes its sign."""
     crossings = []
     known = np.isfinite(values[:-1]) & np.isfinite(values[1:])
     for k in np.flatnonzero(known & (np.sign(values[:-1]) * np.sign(values[1:]) < 0)):
         low, high = float(omega[k]), float(omega[k + 1])
         at_low = function(low)
-        # A jump from one sign to the other, as of a phase, is no zero.
-        for _ in range(TURNS):
+        for _ in range(ITERATIONS):
             middle = 0.5 * (low + high)
             value = function(middle)
             if value * at_low > 0:
@@ -287,11 +287,11 @@ def _crossings(omega: Array, values: Array, function: Callable[[float], float]) 
 
 
 def _peak(omega: Array, values: Array, function: Callable[[float], float]) -> tuple[float, float]:
-    """The largest value, and where it is."""
+    """Largest value and its frequency, by golden-section search around the largest grid value."""
     best = int(np.argmax(values))
     low, high = float(omega[max(best - 1, 0)]), float(omega[min(best + 1, len(omega) - 1)])
     share = 0.5 * (math.sqrt(5.0) - 1.0)
-    for _ in range(TURNS // 2):
+    for _ in range(ITERATIONS // 2):
         a, b = high - share * (high - low), low + share * (high - low)
         if function(a) > function(b):
             high = b

@@ -18,10 +18,10 @@ from .cause import AbstractCause, Finding, Remedy, data_sheet_limit, slower_moti
 from .run_record import SLOW, RunRecord, inertia_and_bias, low_pass
 
 REACHED = 0.999
-"""Of a limit: a torque that is so large is at it."""
+"""A torque of at least this share of its limit counts as saturated."""
 
 TORQUE_SPARE = 1.15
-"""Beyond what the motion needs, for what the law adds to it."""
+"""Factor on the motion's torque that leaves room for feedback."""
 
 
 class TorqueCause(AbstractCause):
@@ -36,9 +36,8 @@ class TorqueCause(AbstractCause):
             return None
         needed, limit, unit = needed_torque(record), record.torque_limits, record.torque_unit(joint)
         evidence = (
-            f"{record.named(joint)}: its torque is at its limit of {limit[joint]:.4g} {unit} in "
-            f"{share[joint]:.0%} of the "
-            f"samples before; the motion needs up to {needed[joint]:.3g} {unit}"
+            f"{record.named(joint)}: its torque is at its limit of {limit[joint]:.4g} {unit} in {share[joint]:.0%} "
+            f"of the samples just before; the motion needs up to {needed[joint]:.3g} {unit}"
         )
         weak = needed > limit
         return Finding(
@@ -52,28 +51,28 @@ class TorqueCause(AbstractCause):
 
 
 def needed_torque(record: RunRecord) -> np.ndarray:
-    """The largest torque of the motion [n], N m or N: the nominal arm's, with what the log shows it to lack."""
+    """Largest torque along the motion [n], N m or N: the nominal arm's, plus the unexplained torque in the log."""
     mass, bias = inertia_and_bias(record.nominal, record.q_d, record.dq_d)
     wanted = np.einsum("kij,kj->ki", mass, record.ddq_d) + bias
-    lacks = np.median(record.unexplained[record.before], axis=0)
-    return np.max(np.abs(wanted + lacks), axis=0)
+    unexplained = np.median(record.unexplained[record.before], axis=0)
+    return np.max(np.abs(wanted + unexplained), axis=0)
 
 
 def _torque_remedies(record: RunRecord, needed: np.ndarray) -> list[Remedy]:
     limits, sheet = record.torque_limits, data_sheet_limit(record, "torque")
     remedies = []
     if np.any(sheet > limits):
-        words = "allow the torque that the arm's data sheet has"
+        words = "allow the torque of the arm's data sheet"
         remedies.append(Remedy(words, {"actuator.torque": sheet.tolist()}))
     remedies += slower_motion(record)
     for factor in (TORQUE_SPARE, 1.5, 2.0):
         enough = [float(f"{value:.3g}") for value in np.maximum(limits, factor * needed)]
-        remedies.append(Remedy("take drives that give what the motion needs", {"actuator.torque": enough}))
+        remedies.append(Remedy("use drives with the torque that the motion needs", {"actuator.torque": enough}))
     return remedies
 
 
 class TorqueRateCause(AbstractCause):
-    """A joint's torque changes at its limit when the run leaves its envelope."""
+    """A joint's torque rate is at its limit when the run leaves its envelope."""
 
     name: ClassVar[str] = "torque_rate"
 
@@ -86,8 +85,8 @@ class TorqueRateCause(AbstractCause):
             return None
         unit = f"{record.torque_unit(joint)}/s"
         evidence = (
-            f"{record.named(joint)}: its torque changes at its limit of {limits[joint]:.4g} {unit} in "
-            f"{share[joint]:.0%} of the samples before"
+            f"{record.named(joint)}: its torque rate is at its limit of {limits[joint]:.4g} {unit} in "
+            f"{share[joint]:.0%} of the samples just before"
         )
         return Finding(
             name=self.name,
@@ -103,21 +102,21 @@ def _rate_remedies(record: RunRecord) -> list[Remedy]:
     limits, sheet = record.rate_limits, data_sheet_limit(record, "torque_rate")
     remedies = []
     if np.any(sheet > limits):
-        words = "allow the rate that the arm's data sheet has"
+        words = "allow the torque rate of the arm's data sheet"
         remedies.append(Remedy(words, {"actuator.rate": np.maximum(sheet, limits).tolist()}))
     remedies += slower_motion(record)
     for factor in (3.0, 10.0, 30.0):
-        words = f"take drives that are {factor:g} times as fast"
+        words = f"use drives with {factor:g} times the torque rate"
         remedies.append(Remedy(words, {"actuator.rate": (factor * limits).tolist()}))
     return remedies
 
 
 COVER_SPARE = 1.5
-"""Beyond the largest torque that the model was seen to lack."""
+"""Factor on the largest unexplained torque for a new bound u."""
 
 
 class RobustTorqueCause(AbstractCause):
-    """The law makes up for `‖M0 w‖ <= u`, and w is at that limit when the run leaves its envelope."""
+    """The law limits its compensation to `‖M0 w‖ <= u`, and w is at this limit when the run leaves its envelope."""
 
     name: ClassVar[str] = "robust_torque"
 
@@ -131,9 +130,8 @@ class RobustTorqueCause(AbstractCause):
         lacks = float(np.percentile(np.linalg.norm(record.unexplained[: record.left + 1], axis=1), 99))
         covers = float(np.median(u))
         evidence = (
-            f"the estimate is held back by u in {share:.0%} of the samples before: the model lacks up to "
-            f"{lacks:.3g} N m, "
-            f"and u covers {covers:.3g} N m"
+            f"u limits the estimate in {share:.0%} of the samples just before: the model error is up to "
+            f"{lacks:.3g} N m, but u covers {covers:.3g} N m"
         )
         return Finding(
             name=self.name,
@@ -147,7 +145,7 @@ class RobustTorqueCause(AbstractCause):
 
 def _cover_remedies(record: RunRecord, covers: float, lacks: float) -> list[Remedy]:
     bound: Any = getattr(record.scenario.description.scheme, "bound", None)
-    # A value that the file leaves out was computed for the arm, and is in the law.
+    # A value missing in the file was computed for the arm, and is in the law.
     bound_of_law: Any = getattr(record.law.step, "bound", None)
     remedies = []
     for factor in (1.0, 2.0, 4.0):
@@ -156,30 +154,31 @@ def _cover_remedies(record: RunRecord, covers: float, lacks: float) -> list[Reme
             if hasattr(bound, name):
                 now = getattr(bound, name)
                 value = float(f"{float(getattr(bound_of_law, name) if now is None else now) + more:.3g}")
-                remedies.append(Remedy("let u cover it", {f"scheme.bound.{name}": value}))
+                remedies.append(Remedy("raise u to cover the model error", {f"scheme.bound.{name}": value}))
     return remedies
 
 
-ARMS = (0.0, 0.2)
-"""Two places of a kilogram along the tip's axis [m]: its unknown place is between or near them."""
+OFFSETS = (0.0, 0.2)
+"""Two positions of a trial mass of 1 kg along the tip's axis [m]; the payload's centre is between or near them."""
 
 SURE = 4.0
-"""Standard errors that a mass must be, to be believed."""
+"""Least ratio of an estimated mass to its standard error."""
 
 AROUND = (0.2, 2.0)
-"""Time after leaving the envelope that still shows a payload carried all along, and one picked up [s]."""
+"""Time after leaving the envelope to include, for a payload carried from the start and for one picked up [s]."""
 
 LEAST = 0.2
-"""The least mass that is named [kg]."""
+"""Smallest payload to report [kg]."""
 
 
 @dataclass(frozen=True)
 class PayloadEstimate:
-    """Payload beyond the one in the law's model.
+    """Estimated payload in addition to the one in the law's model.
 
-    - `mass`: [kg], with its standard error `spread`.
-    - `explained`: the share of what the model lacks that it explains beyond friction and the arm's own mass.
-    - `most`: the largest mass with which the drives can follow the motion [kg].
+    - `mass`: its mass [kg].
+    - `spread`: standard error of the mass [kg].
+    - `explained`: share of the unexplained torque that it explains, beyond friction and a scale of the arm's mass.
+    - `most`: largest mass with which the drives can follow the motion [kg].
     """
 
     mass: float
@@ -189,7 +188,7 @@ class PayloadEstimate:
 
 
 class PayloadCause(AbstractCause):
-    """The torque missing from the model is that of a payload, and exceeds the torque limits."""
+    """The unexplained torque is that of a payload."""
 
     name: ClassVar[str] = "payload"
 
@@ -199,17 +198,15 @@ class PayloadCause(AbstractCause):
         estimate = estimate_payload(record, record.nominal)
         if estimate.mass < max(SURE * estimate.spread, LEAST) or estimate.explained < 0.3:
             return None
-        # From where it left on: before, u or the rate may have held the torque back.
+        # Includes the samples after leaving: before, u or the rate limit may have held the torque back.
         share = np.mean(np.abs(record.tau[record.before.start :]) >= REACHED * record.torque_limits, axis=0)
         joint = int(np.argmax(share))
         unit = record.torque_unit(joint)
         evidence = (
-            f"the tip carries about {estimate.mass:.2g} kg more than the law knows (± {2.0 * estimate.spread:.1g} "
-            "kg); by its "
-            f"torque limits alone the arm could follow the motion with {max(estimate.most, 0.0):.2g} kg, and "
-            f"{record.named(joint)} is at its limit of {record.torque_limits[joint]:.4g} {unit} in "
-            f"{share[joint]:.0%} of the "
-            "samples from there on"
+            f"the tip carries about {estimate.mass:.2g} kg more than in the law's model "
+            f"(± {2.0 * estimate.spread:.1g} kg); the torque limits allow {max(estimate.most, 0.0):.2g} kg for this "
+            f"motion, and {record.named(joint)} is at its limit of {record.torque_limits[joint]:.4g} {unit} in "
+            f"{share[joint]:.0%} of the samples just before and after"
         )
         return Finding(
             name=self.name,
@@ -226,33 +223,33 @@ class PayloadCause(AbstractCause):
         )
 
     def _weight(self, record: RunRecord, estimate: PayloadEstimate) -> float:
-        """Beyond the limits it is the reason, unless those were lowered; else something that u can cover."""
+        """High if the payload exceeds the torque limits, unless these were lowered; otherwise u can cover it."""
         if estimate.most >= estimate.mass:
             return 0.62
         return 0.93 if np.all(record.torque_limits >= data_sheet_limit(record, "torque")) else 0.7
 
 
 def estimate_payload(record: RunRecord, nominal: Articulated) -> PayloadEstimate:
-    """Least-squares payload mass for the torque missing from the model, next to friction and a scale of the arm's mass.
+    """Estimate a payload's mass from the unexplained torque by least squares, with friction and the arm's mass scale.
 
-    Over the samples until it left, or over those from then on, if a mass explains more of them: it may have been taken
-    up then.
+    The fit uses the samples until the run left its envelope, or those around and after, if the payload explains more
+    of them: the arm may have picked it up then.
 
-    - `nominal`: the arm as the law knows it.
+    - `nominal`: the nominal arm.
     """
     short, long = (round(seconds / record.period) for seconds in AROUND)
     until = slice(0, min(len(record.t), max(record.left + short, long // 2)))
     after = slice(max(record.left - short // 4, 0), min(len(record.t), record.left + long))
-    fits = [_weighed(record, nominal, part) for part in (until, after) if part.stop - part.start > short]
+    fits = [_fit_payload(record, nominal, part) for part in (until, after) if part.stop - part.start > short]
     return max(fits, key=lambda fit: fit.explained)
 
 
-def _weighed(record: RunRecord, nominal: Articulated, part: slice) -> PayloadEstimate:
+def _fit_payload(record: RunRecord, nominal: Articulated, part: slice) -> PayloadEstimate:
     h = record.period
     q = low_pass(record.q, SLOW, h)[part]
     dq = np.gradient(q, h, axis=0)
     ddq = np.gradient(dq, h, axis=0)
-    torques = [_torque(_carrying(nominal, arm), q, dq, ddq) - _torque(nominal, q, dq, ddq) for arm in ARMS]
+    torques = [_torque(_with_mass(nominal, x), q, dq, ddq) - _torque(nominal, q, dq, ddq) for x in OFFSETS]
     own = _torque(nominal, q, dq, ddq)
     n, scale = record.joints, np.where(np.isfinite(record.torque_limits), record.torque_limits, 1.0)
     friction = [np.where(np.arange(n) == joint, shape, 0.0) for shape in (np.tanh(dq / 0.02), dq) for joint in range(n)]
@@ -263,16 +260,16 @@ def _weighed(record: RunRecord, nominal: Articulated, part: slice) -> PayloadEst
     rest = float(np.sum((lacks - columns @ solved) ** 2))
     more = float(np.sum((lacks - columns[:, 2:] @ without) ** 2))
     mass = float(solved[0] + solved[1])
-    # The residual is slow: samples count as independent only at the spacing of the filter's memory.
-    fresh = max(len(q) * h * SLOW / np.pi * n, len(solved) + 1.0)
-    covariance = np.linalg.pinv(columns.T @ columns) * rest / fresh
+    # The filtered residual is correlated: only samples at the filter's time constant are independent.
+    independent = max(len(q) * h * SLOW / np.pi * n, len(solved) + 1.0)
+    covariance = np.linalg.pinv(columns.T @ columns) * rest / independent
     spread = float(np.sqrt(max(np.sum(covariance[:2, :2]), 0.0)))
-    # Where it is, as far as that is seen; the drives follow the motion with it, or with less.
-    place = float(np.clip(solved[1] / mass if mass > LEAST else 0.5, 0.0, 1.0))
+    # Position of the payload between the two offsets.
+    position = float(np.clip(solved[1] / mass if mass > LEAST else 0.5, 0.0, 1.0))
     wanted = inertia_and_bias(nominal, record.q_d, record.dq_d)
     needed = (1.0 + solved[2]) * (np.einsum("kij,kj->ki", wanted[0], record.ddq_d) + wanted[1])
-    each = [_torque(_carrying(nominal, arm), record.q_d, record.dq_d, record.ddq_d) for arm in ARMS]
-    per_kg = (1.0 - place) * each[0] + place * each[1] - _torque(nominal, record.q_d, record.dq_d, record.ddq_d)
+    each = [_torque(_with_mass(nominal, x), record.q_d, record.dq_d, record.ddq_d) for x in OFFSETS]
+    per_kg = (1.0 - position) * each[0] + position * each[1] - _torque(nominal, record.q_d, record.dq_d, record.ddq_d)
     spare = record.torque_limits - np.abs(solved[3 : 3 + n])
     with np.errstate(divide="ignore", invalid="ignore"):
         bounds = (spare - np.sign(per_kg) * needed) / np.abs(per_kg)
@@ -280,9 +277,9 @@ def _weighed(record: RunRecord, nominal: Articulated, part: slice) -> PayloadEst
     return PayloadEstimate(mass, spread, 1.0 - rest / more if more > 0 else 0.0, most)
 
 
-def _carrying(nominal: Articulated, arm: float) -> Articulated:
-    """The arm with a kilogram more on the tip's axis."""
-    more = Carried(mass=as_array(1.0), center=as_array([0.0, 0.0, arm]))
+def _with_mass(nominal: Articulated, offset: float) -> Articulated:
+    """The arm with an additional kilogram on the tip's axis."""
+    more = Carried(mass=as_array(1.0), center=as_array([0.0, 0.0, offset]))
     return eqx.tree_at(lambda robot: robot.payload, nominal, nominal.payload.joined(more))
 
 
@@ -303,23 +300,23 @@ def _payload_remedies(record: RunRecord, estimate: PayloadEstimate) -> list[Reme
 
 
 SUDDEN = 0.1
-"""Within which time a contact shows [s]."""
+"""Time within which a contact changes the torque [s]."""
 
 FITS = 0.85
-"""The share of a sudden torque that one force at the tip must explain."""
+"""Least share of a sudden torque change that a force at the tip must explain."""
 
 HANGS, GRAVITY = 0.9, 9.81
-"""The cosine between a force and gravity's direction from which on it is a weight."""
+"""Cosine between a force and gravity above which the force counts as a weight; gravity [m/s²]."""
 
 CARRIED = 0.9
-"""The cosine between a force and the tip's deceleration from which on it may be the inertia of what the arm carries."""
+"""Cosine between a force and the tip's deceleration above which the force may be a payload's inertia."""
 
 RARE = 4.0
-"""Times the usual change in that time that it must be."""
+"""Least ratio of a sudden torque change to the usual change."""
 
 
 class ContactCause(AbstractCause):
-    """The torque missing from the model changes suddenly, like that of a force at the tip, `Jᵀ F`."""
+    """The unexplained torque changes suddenly, like the torque `Jᵀ F` of a force at the tip."""
 
     name: ClassVar[str] = "contact"
 
@@ -346,22 +343,20 @@ class ContactCause(AbstractCause):
         before, after = _accelerations(record, robot, [at, at + span])
         slower = before - after
         deceleration = float(np.linalg.norm(slower))
-        # A load resists the tip's acceleration as well, but none is heavier than the arm itself.
+        # A payload also resists the tip's acceleration, but no payload is heavier than the arm.
         if force @ slower > CARRIED * newtons * deceleration and newtons < float(np.sum(robot.masses)) * deceleration:
             return None
         x, y, z = force / max(newtons, 1e-300)
-        place = ", ".join(f"{coordinate:.3f}" for coordinate in np.asarray(robot.tip(q)))
+        position = ", ".join(f"{coordinate:.3f}" for coordinate in np.asarray(robot.tip(q)))
         evidence = (
-            f"at t = {record.t[middle]:.3g} s the torque changed within {SUDDEN:g} s as a force of "
-            f"{newtons:.2g} N on the "
-            f"tip does, along ({x:.2f}, {y:.2f}, {z:.2f}), which explains {explained:.0%} of it: the tip at "
-            f"({place}) m met "
-            "something"
+            f"at t = {record.t[middle]:.3g} s the torque changed within {SUDDEN:g} s; a force of {newtons:.2g} N at "
+            f"the tip, along ({x:.2f}, {y:.2f}, {z:.2f}), explains {explained:.0%} of the change: the tip at "
+            f"({position}) m touched something"
         )
         return Finding(
             name=self.name,
             joint=None,
-            # A force along gravity is more likely a payload that the arm picked up.
+            # A force along gravity is more likely the weight of a picked-up payload.
             weight=0.5 if force @ np.asarray(robot.gravity_vector) > HANGS * newtons * GRAVITY else 0.9,
             evidence=evidence,
             numbers={"t": float(record.t[middle]), "force": newtons, "explained": explained},
@@ -370,7 +365,7 @@ class ContactCause(AbstractCause):
 
 
 def _accelerations(record: RunRecord, robot: Articulated, samples: list[int]) -> np.ndarray:
-    """Of the tip at some samples, below the loop's band [N 3], m/s²."""
+    """Accelerations of the tip at the samples, below the loop's band [N 3], m/s²."""
     q = low_pass(record.q, SLOW, record.period)
     dq = np.gradient(q, record.period, axis=0)
     ddq = np.gradient(dq, record.period, axis=0)
@@ -385,6 +380,6 @@ def _accelerations(record: RunRecord, robot: Articulated, samples: list[int]) ->
 
 
 def _contact_remedies(record: RunRecord) -> list[Remedy]:
-    words = "keep the motion clear of it, or take it out of the way"
+    words = "keep the motion clear of the obstacle, or remove it"
     known = record.scenario.description.surroundings.table is not None
     return [Remedy(words, {"surroundings.table": None} if known else {})]

@@ -266,7 +266,7 @@ def _print(parts: Scenario, loop: LinearisedLoop) -> None:
             ]
             for name, margin in zip(names, margins, strict=True)
         ]
-        together = loop.together(where)
+        together = loop.simultaneous_margins(where)
         if together is not None:
             rows.append(["all at once", "", "", "", "", *map(_number, together)])
         head = ["", "gain up", "down", "phase °", "delay/h", "disk", "peak S", "rad/s"]

@@ -1,6 +1,6 @@
 """Identification of an arm from measured positions and torques, and the motion that excites its parameters.
 
-`identify` reads a log, checks it against the arm, and fits rotors, friction, payload and links by weighted
+`identify` reads a log, checks it against the arm, and fits rotor inertias, friction, payload and links by weighted
 least squares. `excite` designs the motion to record, and `write_arm` saves the result for `robot: {kind: identified}`.
 
 Start with `identify.py`, which lists the steps in order. `log_files.py` reads files, `log_checks.py` and `checks.py`

@@ -1,4 +1,4 @@
-"""The band in which the true arm lies, at a stated confidence for all parameters at once."""
+"""The band of an identified arm: a joint confidence region for all of its parameters."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from slidax.arms.articulated import Articulated
 
-from .mass_bound import SPATIAL, MassBound
+from .mass_bound import SPATIAL, MassBound, change_of_axes
 from .regressor import (
     BODY,
     JointMotion,
@@ -19,40 +19,38 @@ from .regressor import (
 )
 
 DRAWS = 1000
-"""Errors that are drawn from their distribution, to find how large a region must be."""
+"""Errors drawn from their distribution to find the size of the region."""
 
 CHUNK = 250
-"""Of these are refined at once."""
+"""Draws refined at a time."""
 
 INTERVALS = ("armature", "coulomb", "viscous")
-"""Numbers of drives that have an interval each."""
+"""Drive parameters; the band has an interval for each."""
 
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """A joint confidence region of an arm's parameters: all of its statements hold at once with `confidence`.
+    """Joint confidence region of an arm's parameters: all of its statements hold simultaneously with `confidence`.
 
     The true arm is within a relative distance p of the identified one in the sense that
 
         (1 - p) M₀(q) ≤ M(q) ≤ (1 + p) M₀(q)   for every q,                                                  (1)
 
     as matrix inequalities, with M₀ the mass matrix of the identified arm, payload and rotors included. The region is
-    defined by this inequality, as `MassBound` proves it for an error of the parameters: not for samples of q, but for
-    all. Only base parameters show in a log. Changes of the others leave M, C and G as they are, and p does not depend
-    on them.
+    defined by this inequality. `MassBound` proves it for a parameter error, for all q and not only for samples of q.
+    Only base parameters show in a log. The others do not change M, C and G, and p does not depend on them.
 
-    For the torque of a motion the region has a second bound. The errors of the base parameters lie in an ellipsoid, and
-    Y Δφ over an ellipsoid has its largest value in closed form (`torque_error`):
+    For the torque along a motion the region has a second bound. The errors of the base parameters lie in an ellipsoid,
+    and the maximum of Y Δφ over an ellipsoid has a closed form (`torque_error`):
 
         |τ(q, q̇, q̈) - τ₀(q, q̇, q̈)|_i ≤ |Y_i(q, q̇, q̈) Dᵀ|,   τ = M q̈ + C q̇ + G,                               (2)
 
-    with the rows of D, `deviations`. It bounds the errors of C and G, too.
+    with D the matrix `deviations`. The second bound includes the errors of C and G.
 
-    - `confidence`: for all of this at once, under normally distributed errors with the covariance of the fit.
-    - `p`: of (1).
+    - `confidence`: of all statements together, for normally distributed errors with the covariance of the fit.
+    - `p`: relative distance in (1).
     - `armature`, `coulomb`, `viscous`: intervals, lower and upper ends [2 n]; empty [2 0] if not identified.
-    - `deviations`: D [r 11n], of the ten numbers of each body, the payload merged into the one that carries it, and of
-      the rotors. All `φ₀ + ξ D` with `|ξ| ≤ 1` are in the ellipsoid.
+    - `deviations`: D [r 11n], in the order of `arm_parameters`. All `φ₀ + ξ D` with `|ξ| ≤ 1` are in the ellipsoid.
     - `links`: True if links were identified; False if they are taken as exact.
     """
 
@@ -65,10 +63,10 @@ class Band:
     links: bool
 
     def torque_error(self, robot: Articulated, motion: JointMotion) -> np.ndarray:
-        """Return the largest error of the torque, friction excluded, for all arms of the region, [k n].
+        """Return the largest torque error over all arms of the region, without friction, [k n].
 
         - `robot`: the identified arm.
-        - `motion`: at k times.
+        - `motion`: the motion at k times.
         """
         return np.linalg.norm(inertial_regressor(robot, motion) @ self.deviations.T, axis=2)
 
@@ -90,8 +88,8 @@ class Band:
 class EstimateErrors:
     """An estimate and the covariance of its errors.
 
-    - `names`, `joints`: of each parameter, as in `Unknowns`.
-    - `bodies`: where the ten numbers of each body begin.
+    - `names`, `joints`: name and joint of each parameter, as in `Unknowns`.
+    - `bodies`: index of each body's first parameter.
     - `theta`, `covariance`: the estimate [p], the covariance of its errors [p p].
     """
 
@@ -105,26 +103,26 @@ class EstimateErrors:
 def band_of(robot: Articulated, estimate: EstimateErrors, *, confidence: float = 0.95) -> Band:
     """Return the band of an identified arm.
 
-    Each of its statements has a level of its own, the same for all; the least level for which all hold at once in
-    `confidence` of the cases. That is found by drawing errors from their distribution, with a fixed seed.
+    Every statement gets the same individual level: the lowest at which all statements hold simultaneously with
+    `confidence`. The level comes from errors drawn from their distribution, with a fixed seed.
 
     - `robot`: the identified arm.
     - `estimate`: its parameters.
 
-    Raises DefinitionError if the arm's mass matrix is not bounded by `MassBound`.
+    Raises DefinitionError if `MassBound` cannot bound the arm's mass matrix.
     """
     names, covariance = np.array(estimate.names), estimate.covariance
     arm = arm_parameters(robot)
     to_arm = _to_arm(robot, estimate)
     base, scale = base_parameters(robot)
     into_base = base.T @ (to_arm / scale[:, None])
-    # In units in which all errors are alike, so that the factor is of good condition.
+    # Scaled to errors of equal size, so that the factor is well conditioned.
     unit = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     values, vectors = np.linalg.eigh(covariance / np.outer(unit, unit))
     factor = unit[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
     errors = np.random.default_rng(0).normal(size=(DRAWS, len(unit))) @ factor.T
-    of_base = into_base @ factor
-    left, spread, _ = np.linalg.svd(of_base, full_matrices=False)
+    base_factor = into_base @ factor
+    left, spread, _ = np.linalg.svd(base_factor, full_matrices=False)
     shown = spread > 1e-9 * max(spread.max(initial=0.0), 1e-300)
     left, spread = left[:, shown], spread[shown]
     ellipsoid = np.linalg.norm(errors @ into_base.T @ left / spread, axis=1)
@@ -132,7 +130,7 @@ def band_of(robot: Articulated, estimate: EstimateErrors, *, confidence: float =
     relative = np.abs(errors[:, drives]) / unit[drives]
     bound = MassBound(robot, arm)
     mass = _tail(bound, (errors @ into_base.T @ base.T) * scale, 1.0 - confidence)
-    p, radius, sigmas = _at_once(np.stack([mass, ellipsoid, relative.max(axis=1, initial=0.0)]), confidence)
+    p, radius, sigmas = _simultaneous_values(np.stack([mass, ellipsoid, relative.max(axis=1, initial=0.0)]), confidence)
     intervals = {}
     for name in INTERVALS:
         own = names == name
@@ -148,35 +146,36 @@ def band_of(robot: Articulated, estimate: EstimateErrors, *, confidence: float =
 
 
 def arm_parameters(robot: Articulated) -> np.ndarray:
-    """Return the ten numbers of each body, the payload merged into the body that carries it, and the rotors, [11n].
+    """Return the inertial parameters of each body [10n], payload included in its carrier, and rotor inertias [n].
 
     - `robot`: an arm.
     """
     bodies = parameters_of_links(robot).copy()
-    payload, turn = robot.payload, np.asarray(robot.tip_rotation)
-    center = np.asarray(robot.tip_translation) + turn @ np.asarray(payload.center)
+    payload, rotation = robot.payload, np.asarray(robot.tip_rotation)
+    center = np.asarray(robot.tip_translation) + rotation @ np.asarray(payload.center)
     inertia = np.asarray(payload.inertia)
     inertia = inertia * np.eye(3) if inertia.ndim == 0 else inertia
-    bodies[robot.tip_joint * BODY :][:BODY] += parameters_of_body(float(payload.mass), center, turn @ inertia @ turn.T)
+    inertia = rotation @ inertia @ rotation.T
+    bodies[robot.tip_joint * BODY :][:BODY] += parameters_of_body(float(payload.mass), center, inertia)
     return np.concatenate([bodies, np.asarray(robot.armature)])
 
 
 def inertial_regressor(robot: Articulated, motion: JointMotion) -> np.ndarray:
     """Return Y with `M q̈ + C q̇ + G = Y φ`, φ as from `arm_parameters`, [k n 11n].
 
-    - `robot`: its frames.
-    - `motion`: at k times.
+    - `robot`: the arm; only its geometry is used.
+    - `motion`: the motion at k times.
     """
     return np.concatenate([links_regressor(robot, motion), motion.ddq[:, :, None] * np.eye(robot.joints)], axis=2)
 
 
 def base_parameters(robot: Articulated) -> tuple[np.ndarray, np.ndarray]:
-    """Return an orthonormal basis of the combinations that show in some torque [11n r], and the units of φ [11n].
+    """Return an orthonormal basis of the base parameters [11n r], and a scale for each entry of φ [11n].
 
-    It spans the row space of Y at random states. The entries of Y are analytic functions of the state, so that what
-    gives no torque at so many random states gives none at all.
+    The basis spans the row space of Y at random states. The entries of Y are analytic functions of the state:
+    a combination that gives no torque at so many random states never gives a torque.
 
-    - `robot`: its frames.
+    - `robot`: the arm; only its geometry is used.
     """
     n = robot.joints
     rng = np.random.default_rng(0)
@@ -191,7 +190,7 @@ def base_parameters(robot: Articulated) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _to_arm(robot: Articulated, estimate: EstimateErrors) -> np.ndarray:
-    """The parameters of the arm that each unknown adds to, [11n p]."""
+    """Matrix from the unknowns to the parameters of the arm, [11n p]."""
     n = robot.joints
     to_arm = np.zeros(((BODY + 1) * n, len(estimate.names)))
     for start in estimate.bodies:
@@ -208,19 +207,15 @@ def _to_arm(robot: Articulated, estimate: EstimateErrors) -> np.ndarray:
 
 
 def _from_tip(robot: Articulated) -> np.ndarray:
-    """The ten numbers of a body in the axes of the joint that carries the tip, from those in the tip's, [10 10]."""
-    motion = np.eye(6)
-    turn, place = np.asarray(robot.tip_rotation), np.asarray(robot.tip_translation)
-    cross = np.array([[0.0, -place[2], place[1]], [place[2], 0.0, -place[0]], [-place[1], place[0], 0.0]])
-    motion[:3, :3] = motion[3:, 3:] = turn.T
-    motion[3:, :3] = -turn.T @ cross
+    """Matrix from a body's ten parameters in the tip's frame to those in the frame of the tip's joint, [10 10]."""
+    motion = change_of_axes(np.asarray(robot.tip_rotation), np.asarray(robot.tip_translation))
     flat = SPATIAL.reshape(BODY, -1)
     moved = (motion.T @ SPATIAL @ motion).reshape(BODY, -1)
     return np.linalg.lstsq(flat.T, moved.T, rcond=None)[0]
 
 
 def _tail(bound: MassBound, errors: np.ndarray, share: float) -> np.ndarray:
-    """Bounds of all errors, exact for the largest ones: a share of all at least."""
+    """Bounds of all errors; at least this share, the largest bounds, are refined."""
     bounds = bound.of(errors, refine=False)
     order = np.argsort(-bounds)
     count = int(np.ceil(share * len(errors))) + 1
@@ -229,14 +224,14 @@ def _tail(bound: MassBound, errors: np.ndarray, share: float) -> np.ndarray:
         own = order[start : start + CHUNK]
         bounds[own] = bound.of(errors[own])
         best = np.sort(np.concatenate([best, bounds[own]]))[-count:]
-        # Refined bounds are not larger than the rough ones: what is left is smaller than these.
+        # Refined bounds are not larger than the rough ones, so the remaining ones are smaller than these.
         if start + CHUNK < len(order) and len(best) == count and best[0] >= bounds[order[start + CHUNK]]:
             break
     return bounds
 
 
-def _at_once(statistics: np.ndarray, confidence: float) -> np.ndarray:
-    """The values of some statistics, at a level that is the same for all, which hold at once."""
+def _simultaneous_values(statistics: np.ndarray, confidence: float) -> np.ndarray:
+    """Quantiles of several statistics, at the lowest common level at which all hold simultaneously."""
     ordered = np.sort(statistics, axis=1)
     draws = statistics.shape[1]
     for rank in range(int(np.ceil(confidence * draws)) - 1, draws):

@@ -32,25 +32,25 @@ from .signals import LogSignals
 from .torque_model import TorqueMatch, TorqueSample, match_torques, rigid_torques, sample_of
 
 DOUBT, COSTS = 0.1, 10.0
-"""A residual, as a share of the torque, and a cost of the belief per joint: above, other conventions are tried."""
+"""Residual, as a share of the torque, and cost of the prior per joint, above which other conventions are tried."""
 
 BETTER = 0.7
-"""By how much the sum of the logarithms of the residuals must fall for another convention: a factor of two."""
+"""Least decrease of the residuals' summed logarithms by another convention; 0.7 is a factor of two."""
 
 SHARE_LEFT = 0.65
-"""Of that sum, which another convention may leave."""
+"""Largest share of the score that a convincing convention may leave."""
 
 EXPLAINS = 0.6
-"""The share of the torque's power that another convention must explain."""
+"""Least share of the torque's power that a convincing convention must explain."""
 
 CLOSE = 0.4
-"""A difference of scores within which two conventions fit equally well."""
+"""Difference of scores within which two conventions fit equally well."""
 
 LARGEST = 1e8
-"""A torque that no arm has, N m, in whatever unit."""
+"""Torque that no arm reaches in any unit, N m."""
 
 ENOUGH = 0.03
-"""The share of the score that a convention leaves, below which no further ones are tried."""
+"""No further conventions are tried once one leaves less than this share of the score."""
 
 
 def require_torques(
@@ -62,8 +62,8 @@ def require_torques(
 ) -> None:
     """Raise a DefinitionError if the torques contradict the arm and fit it with another convention.
 
-    - `log`: in the arm's units and joint order, as far as known.
-    - `signals`: of the log, in a band of a few Hz.
+    - `log`: the log in the arm's units and joint order, as far as known.
+    - `signals`: signals of the log in a band of a few Hz.
     - `usable`: True for joints whose torques are used [n].
     """
     sample = sample_of(signals, mark_moving(signals))
@@ -89,8 +89,8 @@ def require_torques(
     if second is not None and second.score < best.score + CLOSE:
         other = f"; {second.sentence} would fit as well: `{second.option}`"
     raise DefinitionError(
-        f"torques of {log.source} do not fit {robot.name}, of whose links and drives they show "
-        f"{100 * match.explained:.0f} % (least of joint `{robot.joint_names[worst]}`). They fit it to "
+        f"torques of {log.source} do not fit {robot.name}: its links and drives explain "
+        f"{100 * match.explained:.0f} % of them (least for joint `{robot.joint_names[worst]}`). They explain "
         f"{100 * best.match.explained:.0f} % with {best.sentence}: `{best.option}` applies this{other}"
     )
 
@@ -104,7 +104,7 @@ def find_usable_torques(log: JointLog, robot: Articulated, conventions: Conventi
     if largest.max() > LARGEST:
         raise DefinitionError(
             f"the torque of {log.source} reaches {largest.max():.4g} N m for joint "
-            f"`{log.joints[int(np.argmax(largest))]}`: no arm has such torques; is this column a torque? `--columns` "
+            f"`{log.joints[int(np.argmax(largest))]}`: no arm has such torques. Is this column a torque? `--columns` "
             "chooses the columns"
         )
     usable = np.array([name not in conventions.ignore_torque for name in log.joints])
@@ -126,18 +126,18 @@ def find_usable_torques(log: JointLog, robot: Articulated, conventions: Conventi
         listed = " ".join(f"--ignore-torque {name}" for name in wrong)
         raise DefinitionError(
             f"the torque of {log.source} is constant, {log.tau[0, log.joints.index(wrong[0])]:.4g}, for joint "
-            f"`{wrong[0]}`, which moves: is it not measured? `{listed}` leaves it out"
+            f"`{wrong[0]}`, although the joint moves. Was it measured? `{listed}` leaves it out"
         )
     return usable & ~constant, [
-        f"the torque of {log.source} is constant for {joint_list(robot, constant)}, which stand still, as with a "
-        "brake: it is left out"
+        f"the torque of {log.source} is constant at standstill, as with a brake: it is left out for "
+        f"{joint_list(robot, constant)}"
     ]
 
 
 def _repairs(
     robot: Articulated, signals: LogSignals, sample: TorqueSample, match: TorqueMatch, conventions: Conventions
 ) -> list[Repair]:
-    """Other conventions with their matches; the costly ones are left out after one that explains all."""
+    """Other conventions with their matches, cheapest first; stops after one that explains nearly everything."""
     rigid = rigid_torques(robot, sample.motion)
     stages: tuple[Callable[[], Iterator[Repair]], ...] = (
         lambda: itertools.chain(
@@ -145,7 +145,7 @@ def _repairs(
         ),
         lambda: itertools.chain(torque_scales(robot, rigid, sample, conventions), position_units(robot, sample)),
         lambda: torque_orders(robot, rigid, sample, conventions),
-        # For an arm in a plane, another zero of its first joint is another direction of gravity: both are named.
+        # For a planar arm, a different zero of the first joint and a tilted mounting look the same: try both.
         lambda: itertools.chain(position_zeros(robot, sample, conventions), mountings(robot, sample)),
         lambda: torque_delays(signals, rigid, sample, conventions),
         lambda: joint_orders(robot, sample, conventions),
@@ -159,34 +159,31 @@ def _repairs(
 
 
 USELESS, POOR = 1.0, 0.2
-"""An error of the predicted torque, as a share of the torque's standard deviation: refused, and warned of."""
+"""Error of the predicted torque, as a share of the torque's standard deviation, for a refusal and for a warning."""
 
 NOISE_ALONE = 0.6
-"""A share of noise in a torque above which nothing else can be explained."""
+"""Share of noise in a torque above which the rest cannot be explained."""
 
 SMALL = 5e-3
-"""A share of the torque limit below which a torque shows nothing."""
+"""Share of the torque limit below which a torque shows nothing."""
 
 SLUGGISH = 2.0
-"""Seconds at the torque limit within which a rotor reaches its speed limit in any arm."""
-
-OVERLOAD = 3.0
-"""A torque, as a multiple of its limit, that no drive has."""
+"""Longest time for a rotor alone to reach its speed limit at the torque limit, in any arm, s."""
 
 SURE = 2.0
-"""Standard errors by which a parameter must be beyond a bound."""
+"""Standard errors by which a parameter must be beyond a bound for a refusal."""
 
 
 def judge_result(
     result: Identification, robot: Articulated, signals: LogSignals, ignored: np.ndarray
 ) -> tuple[str, ...]:
-    """Sentences on what the log supports badly.
+    """Check the identified parameters and the prediction, and return warnings.
 
     - `result`: the identification.
     - `robot`: the arm as it was known.
     - `ignored`: True for joints whose torques were not used [n].
 
-    Raises DefinitionError if a parameter is one that no such arm has, or the prediction errs by more than the torque.
+    Raises DefinitionError if no such arm can have a parameter, or the prediction error exceeds the torque.
     """
     warnings: list[str] = []
     _judge_parameters(result, robot, warnings)
@@ -199,9 +196,9 @@ def judge_result(
             f"{largest[joint] / limit[joint]:.2g} times its limit in the arm's file"
         )
     if result.unseen:
-        names = ", ".join(f"`{parameter.title}`" for parameter in result.unseen[:4])
+        names = ", ".join(f"`{parameter.label}`" for parameter in result.unseen[:4])
         more = f" and {len(result.unseen) - 4} more" if len(result.unseen) > 4 else ""
-        warnings.append(f"the log does not show {names}{more}: their values are those that were believed before")
+        warnings.append(f"the log does not show {names}{more}: they keep their prior values")
     return tuple(warnings)
 
 
@@ -220,20 +217,20 @@ def _judge_prediction(
         if ignored[joint] or share[joint] <= POOR:
             continue
         if silent[joint]:
-            warnings.append(f"the torque of joint `{name}` is noise alone: the log shows nothing of its drive")
+            warnings.append(f"the torque of joint `{name}` is only noise: the log shows nothing about its drive")
             continue
-        where = "held out" if result.held_out_rms[joint] >= result.fit_rms[joint] else "fitted"
+        where = "held-out" if result.held_out_rms[joint] >= result.fit_rms[joint] else "fitted"
         facts = (
             f"{robot.name} as identified from {result.log.source} predicts the torque of joint `{name}` with an error "
-            f"of {errors[joint]:.3g} in the part that is {where}; the torque itself varies by {size[joint]:.3g}"
+            f"of {errors[joint]:.3g} in the {where} part; the torque itself varies by {size[joint]:.3g}"
         )
         if share[joint] > USELESS:
             raise DefinitionError(
                 f"{facts}. No other sign, scale, joint order, delay or gravity explains it. Is the arm's file right, "
-                f"and did nothing touch the arm? `--links` identifies its links, too; `--ignore-torque {name}` leaves "
+                f"and did nothing touch the arm? `--links` also identifies its links; `--ignore-torque {name}` leaves "
                 "this torque out"
             )
-        warnings.append(f"{facts}: the arm's file, or this torque, is in doubt")
+        warnings.append(f"{facts}: the arm's file or this torque may be wrong")
 
 
 def _judge_parameters(result: Identification, robot: Articulated, warnings: list[str]) -> None:
@@ -248,11 +245,11 @@ def _judge_parameters(result: Identification, robot: Articulated, warnings: list
         if parameter.name == "armature":
             if np.isfinite(torque[j]) and np.isfinite(speed[j]):
                 bound = SLUGGISH * torque[j] / speed[j]
-                rule = f"its drive would take more than {SLUGGISH:g} s to its speed limit"
+                rule = f"its drive would take more than {SLUGGISH:g} s to reach its speed limit"
             else:
                 bound, rule = (
                     5.0 * total * (reach**2 if robot.joint_units[j] == "rad" else 1.0),
-                    ("this is more than five times the whole arm stretched out"),
+                    "this is more than five times the inertia of the stretched arm",
                 )
         elif parameter.name == "coulomb" and np.isfinite(torque[j]):
             bound, rule = torque[j], "this is more than its drive's torque limit"
@@ -268,11 +265,11 @@ def _judge_parameters(result: Identification, robot: Articulated, warnings: list
         if parameter.value <= bound:
             continue
         half = 1.96 * parameter.standard_error
-        facts = f"{parameter.title} would be {parameter.value:.4g} ± {half:.2g} {parameter.unit}"
+        facts = f"{parameter.label} would be {parameter.value:.4g} ± {half:.2g} {parameter.unit}"
         if parameter.value - SURE * parameter.standard_error > bound:
             raise DefinitionError(
                 f"{facts}: {rule}. Torques or times of {result.log.source} are in another unit, scale or joint order "
                 f"than those of {robot.name}: `--torque-unit`, `--torque-scale`, `--time-unit` and `--joint-order` set "
                 "them"
             )
-        warnings.append(f"{facts}: {rule}; the log does not tell it better")
+        warnings.append(f"{facts}: {rule}; the log determines it poorly")

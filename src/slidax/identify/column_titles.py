@@ -13,17 +13,17 @@ from slidax.core.errors import DefinitionError, nearest_word, plain_name, short_
 from .logs import LogColumns, ReadOptions
 
 TIMES = ("t", "time", "timestamp", "__time", "%time", "seconds", "stamp", "elapsed", "duration", "rosbagtimestamp")
-"""Titles for the column of times, the likeliest first."""
+"""Titles of the time column, the likeliest first."""
 
 WORDS = {
     "q": ("q", "position", "pos", "actual_q", "joint_position", "q_measured", "measured_position", "angle", "theta"),
     "dq": ("dq", "velocity", "vel", "qd", "actual_qd", "joint_velocity", "qdot", "speed"),
     "tau": ("tau", "torque", "effort", "tau_j", "joint_torque", "tau_measured", "measured_torque", "joint_effort"),
 }
-"""Words for a quantity in a title, before or after the joint, the likeliest first, also of libfranka and RTDE."""
+"""Words for a quantity in a title, before or after the joint, the likeliest first; those of libfranka and RTDE too."""
 
 PLURALS = {"positions": "position", "velocities": "velocity", "torques": "torque", "efforts": "effort"}
-"""Words for all joints, which a title may have in place of the word for one."""
+"""Plural forms that a title may use."""
 
 CURRENTS = ("current", "actual_current", "motor_current", "joint_current")
 COMPUTED = ("target_moment", "tau_j_d", "target_torque", "desired_torque", "commanded_torque")
@@ -35,16 +35,16 @@ UNITS: dict[str, dict[str, float]] = {
     "dq": {"rad/s": 1.0, "rads1": 1.0, "deg/s": pi / 180, "°/s": pi / 180, "m/s": 1.0, "mm/s": 1e-3, "rpm": pi / 30},
     "tau": {"nm": 1.0, "n": 1.0, "mnm": 1e-3, "nmm": 1e-3, "knm": 1e3, "kn": 1e3, "ncm": 1e-2},
 }
-"""Units that a title may name, and what one of them is in s, rad, rad/s or N m."""
+"""Units that a title may name, and their size in s, rad, rad/s or N m."""
 
 STATES = ("", "state", "robot_state", "joint_states", "joint_state", "measured", "actual", "feedback", "robot0")
 """Prefixes of measured columns, as in `state.q[0]` next to `cmd.q[0]`."""
 
 COMMANDS = ("cmd", "command", "desired", "target", "goal", "reference", "ref", "setpoint", "output", "error")
-"""Words before a column that was not measured."""
+"""Prefixes of columns that were not measured."""
 
 RATES = ("success_rate", "state.success_rate", "control_command_success_rate")
-"""Titles that libfranka writes next to its times, which are milliseconds."""
+"""Titles that only libfranka writes; its times are in milliseconds."""
 
 INDEX = re.compile(r"(?P<stem>.*?)[._]?(?:\[(?P<a>\d{1,6})\]|\((?P<b>\d{1,6})\)|(?P<c>\d{1,6}))")
 JOINT = re.compile(r"(?:joint|axis|motor|j)[_.]?(?P<index>\d{1,6})")
@@ -55,10 +55,11 @@ _ENDING = re.compile(r"(?<=[a-z0-9\])])_(?P<unit>ms|us|ns|s|sec|rad|deg|nm)$")
 
 @dataclass(frozen=True)
 class Title:
-    """A title in its parts.
+    """A column title.
 
-    - `bare`: without its unit, its parts separated by points.
-    - `unit`: as it is in the title; empty if there is none.
+    - `text`: the title as written.
+    - `bare`: the title without its unit, its parts separated by points.
+    - `unit`: the unit as written; empty if there is none.
     """
 
     text: str
@@ -85,46 +86,46 @@ class Title:
         return cls(text, bare, unit.strip())
 
     def suffixes(self) -> Iterator[tuple[str, str]]:
-        """The title from each of its parts on, the whole one first, with what stands before."""
+        """Yield each split of the title into prefix and suffix, the longest suffix first."""
         parts = self.bare.split(".")[-6:]
         for start in range(len(parts)):
             yield ".".join(parts[:start]), ".".join(parts[start:])
 
 
 def rank_of_state(prefix: str) -> int:
-    """Return the rank of what stands before a word: measured states first, commands last.
+    """Return the rank of a title's prefix: measured states first, commands last.
 
-    - `prefix`: separated by points.
+    - `prefix`: prefix of a title, separated by points.
     """
     last = prefix.rpartition(".")[2]
     return STATES.index(last) if last in STATES else len(STATES) + is_command(prefix)
 
 
 def is_command(prefix: str) -> bool:
-    """Return True if a column with these words before its quantity was not measured.
+    """True if a column with this prefix was not measured.
 
-    - `prefix`: separated by points.
+    - `prefix`: prefix of a title, separated by points.
     """
     return prefix.rpartition(".")[2] in COMMANDS
 
 
 def scale_of(quantity: str, title: Title, source: str) -> tuple[float, str]:
-    """Return the value of a column's unit in rad, rad/s or N m, and a note about the conversion.
+    """Return the size of a column's unit in rad, rad/s or N m, and a note about the conversion.
 
     - `quantity`: `q`, `dq` or `tau`.
-    - `source`: of the table, for messages.
+    - `source`: name of the table, for messages.
 
-    Raises DefinitionError if the unit is not known.
+    Raises DefinitionError if the unit is unknown.
     """
     unit = re.sub(r"[\s·*⋅.^-]", "", title.unit)
     if unit in ("", "1", "SI"):
         return 1.0, ""
-    # Only in these, capitals matter.
+    # These are the only units where upper and lower case differ in meaning.
     scale = 1e6 if quantity == "tau" and unit in ("MNm", "MN") else UNITS[quantity].get(unit.lower())
     if scale is None:
         options = ", ".join(list(UNITS[quantity])[:4])
         raise DefinitionError(
-            f"{source}: column `{plain_name(title.text)}` is in `{plain_name(title.unit)}`, which is no known unit of "
+            f"{source}: column `{plain_name(title.text)}` is in `{plain_name(title.unit)}`, an unknown unit of "
             f"`{quantity}` ({options}, ...): convert the column, or correct the unit in its title"
         )
     return (
@@ -134,12 +135,12 @@ def scale_of(quantity: str, title: Title, source: str) -> tuple[float, str]:
 
 
 def scale_of_time(title: Title, titles: Sequence[Title], source: str) -> tuple[float, str]:
-    """Return the value of the unit of a column of times in s, and a note about the conversion.
+    """Return the size of the time column's unit in s, and a note about the conversion.
 
-    - `titles`: of all columns, which may show the tool that wrote them.
-    - `source`: of the table, for messages.
+    - `titles`: titles of all columns, which may show the tool that wrote them.
+    - `source`: name of the table, for messages.
 
-    Raises DefinitionError if the unit is not known.
+    Raises DefinitionError if the unit is unknown.
     """
     unit = title.unit.lower().strip()
     if not unit and title.bare.lower() in ("%time", "rosbagtimestamp"):
@@ -159,34 +160,34 @@ def scale_of_time(title: Title, titles: Sequence[Title], source: str) -> tuple[f
 
 
 MOST_COLUMNS = 10_000
-"""Of a table."""
+"""Largest number of columns in a table."""
 
 
 def match_columns(titles: Sequence[str], joints: Sequence[str], source: str, reading: ReadOptions) -> LogColumns:
-    """Return the columns by their titles: `q1`, `q_1`, `NAME`, `NAME.position`, `tau_1`, `state.q[0]`, and so on.
+    """Match columns to joints and quantities by titles such as `q1`, `q_1`, `NAME.position`, `tau_1`, `state.q[0]`.
 
-    Names of joints come first, numbers second: from 0 or from 1, in the arm's order.
+    Joint names take precedence over numbers, which start at 0 or 1, in the arm's order.
 
-    - `titles`: of the columns; a unit in brackets behind is converted.
+    - `titles`: titles of the columns, with an optional unit in brackets at the end.
     - `joints`: the arm's joints, in its order.
-    - `source`: of the table, for messages.
-    - `reading`: what the titles do not say.
+    - `source`: name of the table, for messages.
+    - `reading`: options that the titles leave open.
 
-    Raises DefinitionError if times, a position or a torque is missing, or a title has several meanings.
+    Raises DefinitionError if times, a position or a torque is missing, or if titles are ambiguous.
     """
     return _Matching(titles, joints, source, reading).columns()
 
 
 @dataclass
 class _Group:
-    """Columns of one quantity that are called alike: by the name of the joint, and by its number.
+    """Columns of a quantity with the same word and prefix, by joint name and by joint number.
 
-    `twins` are two columns of one joint, such as `q_1` and `q1`.
+    `duplicates` are pairs of columns for the same joint, such as `q_1` and `q1`.
     """
 
     named: dict[str, Title] = field(default_factory=dict)
     numbered: dict[int, Title] = field(default_factory=dict)
-    twins: list[tuple[Title, Title]] = field(default_factory=list)
+    duplicates: list[tuple[Title, Title]] = field(default_factory=list)
 
 
 class _Matching:
@@ -213,7 +214,7 @@ class _Matching:
         of: dict[str, list[Title]] = {}
         for quantity in WORDS:
             if quantity in self.reading.drop:
-                self.notes.append(f"`{quantity}` is left out, as asked")
+                self.notes.append(f"`{quantity}` is left out, as `drop` says")
                 continue
             columns = self._quantity(quantity)
             if columns is not None:
@@ -236,9 +237,8 @@ class _Matching:
         for word in self.dropped_names:
             if word in self.joints:
                 raise DefinitionError(
-                    f"`drop` names `{plain_name(word)}`, a joint of the arm: identification needs all of them; "
-                    "lock it in "
-                    "the robot file if it does not move"
+                    f"`drop` names `{plain_name(word)}`, a joint of the arm: identification needs all joints; "
+                    "lock it in the robot file if it does not move"
                 )
             key = self.fold(word)
             known = any(
@@ -267,7 +267,7 @@ class _Matching:
             if len(ending) == 1:
                 return ending[0]
         raise DefinitionError(
-            f"{self.source} has no column of times: call it `time` [s], or name it (`--columns t=NAME`); "
+            f"{self.source} has no time column: call it `time` [s], or name it (`--columns t=NAME`); "
             f"it has {self._some()}"
         )
 
@@ -292,42 +292,40 @@ class _Matching:
             return [self._named_column(text, quantity) for text in choice]
         words = WORDS[quantity] if choice is None else (Title.of(choice).bare.lower(),)
         groups = self._groups(words, positions=quantity == "q" and choice is None)
-        whole = [place for place, group in groups.items() if self._whole(group)]
-        if not whole:
+        complete = [key for key, group in groups.items() if self._is_complete(group)]
+        if not complete:
             self._require_missing_is_allowed(quantity, words, groups, choice)
             return None
-        first = min(whole, key=lambda place: (is_command(place[1]), place[0], rank_of_state(place[1])))
+        first = min(complete, key=lambda key: (is_command(key[1]), key[0], rank_of_state(key[1])))
 
-        def called(place: tuple[int, str]) -> str:
-            return f"{place[1]}.{(*words, '')[place[0]]}".strip(".")
+        def name_of(key: tuple[int, str]) -> str:
+            return f"{key[1]}.{(*words, '')[key[0]]}".strip(".")
 
         if choice is None and is_command(first[1]):
-            name = called(first)
+            name = name_of(first)
             if quantity == "dq":
                 self.notes.append(f"`{plain_name(name)}` was not measured: it is left out")
                 return None
             raise DefinitionError(
                 f"{self.source} has no measured `{quantity}`, only `{plain_name(name)}`; `--columns {quantity}={name}` "
-                "reads it all the same"
+                "reads it anyway"
             )
-        rivals = [
-            place for place in whole if place[0] == first[0] and rank_of_state(place[1]) == rank_of_state(first[1])
-        ]
+        rivals = [key for key in complete if key[0] == first[0] and rank_of_state(key[1]) == rank_of_state(first[1])]
         if len(rivals) > 1:
-            names = ", ".join(f"`{plain_name(called(place))}`" for place in rivals)
+            names = ", ".join(f"`{plain_name(name_of(key))}`" for key in rivals)
             raise DefinitionError(
-                f"{self.source} has several columns for `{quantity}`: {names}; say which "
-                f"(such as `--columns {quantity}={called(rivals[0])}`)"
+                f"{self.source} has several columns for `{quantity}`: {names}; choose one, "
+                f"such as `--columns {quantity}={name_of(rivals[0])}`"
             )
-        return self._of_group(quantity, groups[first])
+        return self._joint_columns(quantity, groups[first])
 
     def _groups(self, words: Sequence[str], *, positions: bool) -> dict[tuple[int, str], _Group]:
-        """The columns of one quantity by the place of their word in `words`, and by what stands before it."""
-        rank = {word: place for place, word in reversed(list(enumerate(words)))}
-        for many, single in PLURALS.items():
-            for text, place in list(rank.items()):
-                if text == single or text.endswith(f".{single}"):
-                    rank.setdefault(text.removesuffix(single) + many, place)
+        """The columns of a quantity, by the index of their word in `words` and by their prefix."""
+        rank = {word: index for index, word in reversed(list(enumerate(words)))}
+        for plural, singular in PLURALS.items():
+            for text, index in list(rank.items()):
+                if text == singular or text.endswith(f".{singular}"):
+                    rank.setdefault(text.removesuffix(singular) + plural, index)
         groups: dict[tuple[int, str], _Group] = {}
         for title in self.left:
             for prefix, suffix in title.suffixes():
@@ -341,12 +339,12 @@ class _Matching:
                         else group.named.setdefault(key, title)
                     )
                     if first.text != title.text and first.unit == title.unit:
-                        group.twins.append((first, title))
+                        group.duplicates.append((first, title))
                     break
         return groups
 
     def _match(self, suffix: str, rank: Mapping[str, int], bare: int | None) -> tuple[int, str | int] | None:
-        """The word's place and the joint, by its name or number; None if this is no such title."""
+        """The word's index and the joint's name or number; None if the suffix does not match."""
         text = self.fold(suffix)
         lower = suffix.lower()
         if bare is not None and text in self.keys:
@@ -370,20 +368,20 @@ class _Matching:
                     return rank[word], suffix.split(".")[0 if other == first else -1]
         return None
 
-    def _whole(self, group: _Group) -> bool:
+    def _is_complete(self, group: _Group) -> bool:
         return all(name in group.named for name in self.joints) or (
             not any(name in group.named for name in self.joints) and len(self._numbers(group)) >= len(self.joints)
         )
 
     def _numbers(self, group: _Group) -> list[int]:
-        """The numbers of joints that are in a group, without those that are dropped."""
+        """Joint numbers in a group, without dropped ones."""
         return sorted(number for number in group.numbered if number not in self.dropped_numbers)
 
-    def _of_group(self, quantity: str, group: _Group) -> list[Title]:
-        for first, second in group.twins:
+    def _joint_columns(self, quantity: str, group: _Group) -> list[Title]:
+        for first, second in group.duplicates:
             raise DefinitionError(
                 f"{self.source} has two columns for `{quantity}` of one joint, `{plain_name(first.text)}` and "
-                f"`{plain_name(second.text)}`: leave one of them out (`--drop {plain_name(second.text.strip())}`)"
+                f"`{plain_name(second.text)}`: leave one out (`--drop {plain_name(second.text.strip())}`)"
             )
         if all(name in group.named for name in self.joints):
             extra = [name for name in group.named if name not in self.joints and name not in self.reading.drop]
@@ -395,8 +393,8 @@ class _Matching:
         every = sorted(group.numbered)
         if every != list(range(every[0], every[0] + len(every))) or every[0] not in (0, 1):
             raise DefinitionError(
-                f"the columns for `{quantity}` of {self.source} have the numbers {short_repr(every)}: they must count "
-                f"from 0 or 1 without a gap, or name their joints; or list them, such as `--columns {quantity}=A,B,C`"
+                f"the columns for `{quantity}` of {self.source} have the numbers {short_repr(every)}: number them from "
+                f"0 or 1 without a gap, or by joint name; or list them, such as `--columns {quantity}=A,B,C`"
             )
         if len(numbers) > len(self.joints):
             raise DefinitionError(
@@ -418,16 +416,15 @@ class _Matching:
             if not known:
                 return
             if self.reading.drop and any(self.fold(word) not in self.keys for word in self.reading.drop):
-                self.notes.append("`dq` is left out, as columns of it are")
+                self.notes.append("`dq` is left out, since some of its columns are dropped")
                 return
         missing = next((name for name in self.joints if name not in known), self.joints[0])
         number = list(self.joints).index(missing) + 1
         remedy = ", or leave `dq` out (`--drop dq`)" if quantity == "dq" else ""
         if choice is not None:
             raise DefinitionError(
-                f"{self.source} has no columns `{plain_name(choice)}` with a number or name for each of "
-                f"{len(self.joints)} "
-                f"joints, joint `{missing}` is the first without; it has {self._some()}"
+                f"{self.source} has no column `{plain_name(choice)}` for joint `{missing}`: each of the "
+                f"{len(self.joints)} joints needs one, with its number or name; it has {self._some()}"
             )
         if quantity == "tau" and not known:
             self._refuse_other_torques()
@@ -437,7 +434,7 @@ class _Matching:
         raise DefinitionError(
             f"{self.source} has no `{quantity}` of joint `{missing}`: call its column `{quantity}_{number}` or "
             f"`{missing}.{WORDS[quantity][1]}`, or name the columns (`--columns {quantity}=WORD`){remedy}; "
-            f"there are {self._some()}{near}"
+            f"it has {self._some()}{near}"
         )
 
     def _refuse_other_torques(self) -> None:
@@ -448,11 +445,11 @@ class _Matching:
                 " --torque-scale A,B,C",
                 "multiplied by each joint's N m per A",
             ),
-            (COMPUTED, "torques that a controller computed, not measured ones", "", "all the same"),
+            (COMPUTED, "torques that a controller computed, not measured ones", "", "anyway"),
         ):
             groups = self._groups(words, positions=False)
             for (word, prefix), group in sorted(groups.items(), key=lambda item: item[0]):
-                if self._whole(group):
+                if self._is_complete(group):
                     name = f"{prefix}.{words[word]}".strip(".")
                     raise DefinitionError(
                         f"{self.source} has no torques, only `{name}`: {reason}; `--columns tau={name}{option}` "

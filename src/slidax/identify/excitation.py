@@ -25,19 +25,18 @@ from .regressor import (
 )
 
 LIMITS = ("range", "velocity", "acceleration", "torque")
-"""Whose shares there are."""
+"""The limits whose shares an excitation reports."""
 
 
 @dataclass(frozen=True, eq=False)
 class Excitation:
-    """A motion from rest to rest, in rows.
+    """An excitation motion from rest to rest, as a table.
 
     - `joints`: names of the joints.
     - `t`: times [k], s.
-    - `motion`: positions, velocities, accelerations at them.
-    - `share`: of the limits of position range, velocity, acceleration and torque, what each joint takes at most [4 n].
-    - `information`: `½ log₂ det(1 + S A S)`, the bits by which a log of it says more of the unknown numbers than was
-      believed before.
+    - `motion`: positions, velocities and accelerations at these times.
+    - `share`: largest share that each joint uses of its position range, velocity, acceleration and torque limit [4 n].
+    - `information`: `½ log₂ det(1 + S A S)`, the information in bits that a log of the motion adds to the prior.
     """
 
     joints: tuple[str, ...]
@@ -68,9 +67,9 @@ class Excitation:
     __repr__ = __str__
 
     def write(self, path: str | Path) -> None:
-        """Writes it as the CSV file that `trajectory: {kind: csv, file: ...}` and `Tabulated.from_csv` read.
+        """Write the motion as a CSV file that `trajectory: {kind: csv, file: ...}` and `Tabulated.from_csv` read.
 
-        - `path`: where to.
+        - `path`: the file to write.
 
         Raises DefinitionError if the file cannot be written.
         """
@@ -88,30 +87,30 @@ class FourierSeries:
     """`q(t) = Σ_k a_k cos(kωt) + b_k sin(kωt)`, with velocity and acceleration 0 at t = 0.
 
     - `period`: 2π/ω [s].
-    - `harmonics`: K, how many multiples of ω there are.
+    - `harmonics`: K, the number of harmonics.
     """
 
     period: float
     harmonics: int
 
     def random(self, rng: np.random.Generator, joints: int) -> np.ndarray:
-        """Random coefficients, [n 2K + 1]: a, b, and one number more that says about where to move.
+        """Random coefficients, [n 2K + 1]: a, b, and an entry that selects the centre of the motion.
 
         - `joints`: n.
         """
         return rng.normal(size=(joints, 2 * self.harmonics + 1))
 
     def motion(self, coefficients: np.ndarray, points: int) -> JointMotion:
-        """The series and its derivatives at even times of one period, each [points n].
+        """The series and its derivatives at evenly spaced times of one period, each [points n].
 
-        The coefficients are projected on those with `Σ k b_k = 0` and `Σ k² a_k = 0`, and the higher ones are made
-        smaller, so that accelerations of all harmonics are about alike.
+        The coefficients are projected onto `Σ k b_k = 0` and `Σ k² a_k = 0`. They are coefficients of the acceleration,
+        so that all harmonics have accelerations of similar size.
 
         - `coefficients`: [n 2K + 1].
-        - `points`: how many.
+        - `points`: number of times.
         """
         count = np.arange(1, self.harmonics + 1)
-        # As shares of acceleration, in which the condition on a is Σ a = 0, and that on b Σ b/k = 0.
+        # For coefficients of the acceleration the conditions are Σ a = 0 and Σ b/k = 0.
         a, b = coefficients[:, : self.harmonics], coefficients[:, self.harmonics : 2 * self.harmonics]
         a = a - a.mean(axis=1, keepdims=True)
         b = b - (b @ (1.0 / count))[:, None] / count / np.sum(1.0 / count**2)
@@ -127,21 +126,21 @@ class FourierSeries:
 
 
 POINTS = 100
-"""Times of a period at which torques are looked at during the search."""
+"""Times per period at which the search evaluates torques."""
 
 STARTS, STEPS = 60, 400
-"""Random motions of which the best is taken, and changes of it that are tried."""
+"""Random motions to choose the start from, and random changes of it to try."""
 
-ALMOST = 0.97
-"""Of the torque that is allowed: between the times that the search looks at there is a little more."""
+TORQUE_SHARE = 0.97
+"""Share of the allowed torque that the search uses: between its times the torque can be slightly larger."""
 
 NOISE = 0.01
-"""Of a joint's torque limit: what its torques are taken to be measured to."""
+"""Assumed noise of a measured torque, as a share of the joint's torque limit."""
 
-OF_FASTEST = 3.0
-"""The largest acceleration, where none is given, over the largest velocity, 1/s."""
+ACCELERATION_PER_SPEED = 3.0
+"""Default acceleration limit over the velocity limit, 1/s."""
 
-UNLIMITED_TURN, UNLIMITED_SPEED, UNLIMITED_TORQUE = 1.5, 1.5, 50.0
+UNLIMITED_ANGLE, UNLIMITED_SPEED, UNLIMITED_TORQUE = 1.5, 1.5, 50.0
 """Limits assumed where the arm has none: rad about 0, rad/s, N m."""
 
 
@@ -163,18 +162,20 @@ class ExcitationSearch:
         limits: JointLimits = robot.limits
         lower, upper = np.asarray(limits.lower), np.asarray(limits.upper)
         self.center = center
-        self.lower = np.where(np.isfinite(lower), lower, -UNLIMITED_TURN)
-        self.upper = np.where(np.isfinite(upper), upper, UNLIMITED_TURN)
+        self.lower = np.where(np.isfinite(lower), lower, -UNLIMITED_ANGLE)
+        self.upper = np.where(np.isfinite(upper), upper, UNLIMITED_ANGLE)
         if center is None:
-            # A joint that turns freely begins near 0, as all others do if their range allows it.
+            # A joint with unlimited rotation moves near 0, as all others do if their range allows it.
             self.lower, self.upper = np.maximum(self.lower, -np.pi), np.minimum(self.upper, np.pi)
         elif ((center < self.lower) | (center > self.upper)).any():
             raise DefinitionError(f"`center` must be within the joints' limits; got {list(center)}")
         self.velocity = _finite(limits.velocity, UNLIMITED_SPEED)
-        self.acceleration = OF_FASTEST * self.velocity if acceleration is None else acceleration + 0.0 * self.velocity
+        self.acceleration = (
+            ACCELERATION_PER_SPEED * self.velocity if acceleration is None else acceleration + 0.0 * self.velocity
+        )
         self.torque = _finite(limits.torque, UNLIMITED_TORQUE)
         self.robot, self.share, self.links = robot, share, links
-        # Plain numbers: the search asks for them many times.
+        # NumPy arrays: the search reads them many times.
         self.known, self.armature, self.masses = (
             parameters_of_links(robot),
             *map(np.asarray, (robot.armature, robot.masses)),
@@ -182,32 +183,32 @@ class ExcitationSearch:
         self.carried = parameters_of_payload(payload)
 
     def best(self, series: FourierSeries, rng: np.random.Generator) -> tuple[np.ndarray, float]:
-        """The best coefficients of all that are tried, and what they are worth.
+        """The best coefficients of a random search, and their score.
 
-        - `series`: their form.
+        - `series`: the Fourier series.
         """
-        best, where = -np.inf, series.random(rng, self.robot.joints)
+        best, coefficients = -np.inf, series.random(rng, self.robot.joints)
         for _ in range(STARTS):
             candidate = series.random(rng, self.robot.joints)
-            score = self.score(self.fitted(series, candidate, POINTS))
+            score = self.score(self.scaled_motion(series, candidate, POINTS))
             if score > best:
-                best, where = score, candidate
+                best, coefficients = score, candidate
         size = 0.5
         for _ in range(STEPS):
             changed = rng.random((self.robot.joints, 1)) < 0.3
-            candidate = where + size * series.random(rng, self.robot.joints) * changed
-            score = self.score(self.fitted(series, candidate, POINTS))
+            candidate = coefficients + size * series.random(rng, self.robot.joints) * changed
+            score = self.score(self.scaled_motion(series, candidate, POINTS))
             if score > best:
-                best, where, size = score, candidate, min(1.0, 1.3 * size)
+                best, coefficients, size = score, candidate, min(1.0, 1.3 * size)
             else:
                 size = max(0.02, 0.97 * size)
-        return where, best
+        return coefficients, best
 
-    def fitted(self, series: FourierSeries, coefficients: np.ndarray, points: int) -> JointMotion:
-        """The motion over one period, each joint's as large as its limits allow.
+    def scaled_motion(self, series: FourierSeries, coefficients: np.ndarray, points: int) -> JointMotion:
+        """The motion over one period, each joint scaled to its limits.
 
-        - `series`, `coefficients`: the motion's form.
-        - `points`: at how many times.
+        - `series`, `coefficients`: the shape of the motion.
+        - `points`: number of times.
         """
         shape, speed, change = series.motion(coefficients, points)
         low, high = shape.min(axis=0), shape.max(axis=0)
@@ -227,40 +228,38 @@ class ExcitationSearch:
             ]
         )
         if self.center is None:
-            # About any place at which it stays inside: the series' own last number says which.
+            # The last coefficient selects a centre for which the motion stays inside the limits.
             free = np.maximum(half - 0.5 * factor * (high - low), 0.0)
             middle = middle - 0.5 * factor * (high + low) + free * np.tanh(coefficients[:, -1])
         return JointMotion(middle + factor * shape, factor * speed, factor * change)
 
     def torque_share(self, motion: JointMotion) -> np.ndarray:
-        """The largest torque over what is allowed, [n]."""
+        """Largest torque as a share of the allowed torque, [n]."""
         torque = self._torque(motion)
         return np.abs(torque).max(axis=0) / (self.share * self.torque)
 
     def score(self, motion: JointMotion) -> float:
-        """Bits of information, less what the torque limits are passed by."""
+        """Bits of information, with a penalty for torques beyond their limits."""
         n = self.robot.joints
-        bodies = [payload_regressor(self.robot, motion)]
         weigh = max(float(np.sum(self.masses)), 0.1)
-        sizes = [weigh * _BODY]
         if self.links:
-            bodies = [links_regressor(self.robot, motion)]
+            bodies = links_regressor(self.robot, motion)
             sizes = [max(0.5 * float(mass), 0.01 * weigh) * _BODY for mass in self.masses]
         else:
-            bodies = [payload_regressor(self.robot, motion)]
+            bodies, sizes = payload_regressor(self.robot, motion), [weigh * _BODY]
         drives = [motion.ddq, np.sign(motion.dq), motion.dq, np.ones_like(motion.dq)]
         units = [self.acceleration, np.ones(n), self.velocity, np.ones(n)]
-        columns = np.concatenate([*bodies, *(drive[:, :, None] * np.eye(n) for drive in drives)], axis=2)
+        columns = np.concatenate([bodies, *(drive[:, :, None] * np.eye(n) for drive in drives)], axis=2)
         scale = np.concatenate([*sizes, *(self.torque / unit for unit in units)])
         scaled = columns * scale / (NOISE * self.torque[:, None])
         flat = scaled.reshape(-1, scaled.shape[2])
         _, size = np.linalg.slogdet(np.eye(len(scale)) + flat.T @ flat)
-        # Weighed so that no bits can pay for it.
-        over = np.maximum(self.torque_share(motion) - ALMOST, 0.0).sum()
+        # A weight that no gain in information can outweigh.
+        over = np.maximum(self.torque_share(motion) - TORQUE_SHARE, 0.0).sum()
         return float(0.5 * size / np.log(2.0) - 1000.0 * over)
 
     def shares(self, motion: JointMotion) -> np.ndarray:
-        """The largest share of each limit, [4 n]."""
+        """Largest share of each limit that the motion uses, [4 n]."""
         return np.stack(
             [
                 (motion.q.max(axis=0) - motion.q.min(axis=0)) / (self.upper - self.lower),
@@ -296,24 +295,24 @@ def excite(
     links: bool = False,
     rate: float = 50.0,
 ) -> Excitation:
-    """A Fourier series per joint, within limits, whose log says most about rotors, friction, payload and links.
+    """Design an excitation motion: a Fourier series per joint, within limits, with the most informative log.
 
     `q_j(t) = c_j + Σ_k a_jk cos(kωt) + b_jk sin(kωt)` (Swevers et al., *Optimal robot excitation and identification*,
-    1997), two periods of it, with the coefficients' sums such that velocity and acceleration are 0 at the start and at
-    the end. Each joint's series is scaled until it reaches one of its limits. Of many random ones the best by
-    D-optimality is taken, largest determinant of the information about the scaled unknowns, and changed at random as
-    long as that gets better. Collisions of the arm with itself and with what stands around it are not looked at.
+    1997) over two periods, with velocity and acceleration 0 at the start and at the end. Each joint's series is scaled
+    until it reaches one of its limits. The search takes the best of many random series by D-optimality, the largest
+    determinant of the information about the scaled parameters, and improves it by random changes. It does not check for
+    collisions of the arm with itself or with its surroundings.
 
     - `robot`: the arm, with its limits.
-    - `seed`: of the random numbers; the same seed gives the same motion.
-    - `duration`: of both periods together [s].
-    - `harmonics`: how many multiples of the base frequency there are, at least 3.
-    - `share`: of the limits that is used at most, in (0, 1].
-    - `acceleration`: the largest [rad/s² or m/s²]; three times the largest velocity, per second, if not given.
-    - `center`: positions about which to move [n]; chosen within the limits if not given.
-    - `payload`: the largest that the torque limits must allow; the robot's own if not given.
-    - `links`: whether the links' inertial parameters are to be shown, too.
-    - `rate`: rows per second of the table.
+    - `seed`: seed of the random numbers; the same seed gives the same motion.
+    - `duration`: duration of both periods together [s].
+    - `harmonics`: number of harmonics, at least 3.
+    - `share`: largest share of each limit to use, in (0, 1].
+    - `acceleration`: acceleration limit [rad/s² or m/s²]; by default three times the velocity limit, per second.
+    - `center`: positions about which to move [n]; chosen within the limits by default.
+    - `payload`: largest payload for which the torque limits must hold; the robot's own by default.
+    - `links`: True to excite the links' inertial parameters as well.
+    - `rate`: rows per second in the table.
 
     Raises DefinitionError if a number is out of its range, or no motion keeps the torque limits.
     """
@@ -325,23 +324,23 @@ def excite(
         ("acceleration", acceleration, acceleration is None or 0.0 < acceleration < np.inf, "> 0 and finite"),
     ):
         if not holds:
-            raise DefinitionError(f"`{name}` of a motion that excites must be {rule}; got {value}")
+            raise DefinitionError(f"`{name}` of an excitation motion must be {rule}; got {value}")
     if center is not None and np.shape(center) != (robot.joints,):
         raise DefinitionError(f"`center` must have one position for {each_of(robot.joints, 'joint')}; got {center}")
     search = ExcitationSearch(robot, share, acceleration, center, payload or robot.payload, links)
     rng = np.random.default_rng(seed)
     series = FourierSeries(duration / 2.0, harmonics)
-    # The rows are where the table will have them, so that limits hold at each.
+    # The same times as in the table, so that the limits hold in each row.
     rows = max(2, round(duration * rate / 2.0))
-    where, best = search.best(series, rng)
-    motion = search.fitted(series, where, rows)
+    coefficients, best = search.best(series, rng)
+    motion = search.scaled_motion(series, coefficients, rows)
     torque = search.torque_share(motion)
     if torque.max() > 1.0 + 1e-9:
         joint = int(np.argmax(torque))
         raise DefinitionError(
-            f"no motion was found that joint `{robot.joint_names[joint]}` has the torque for: it takes "
-            f"{torque[joint]:.3g} of its share; give a `center` where it carries less, a larger `share`, or less "
-            "payload"
+            f"no excitation motion found within the torque limit of joint `{robot.joint_names[joint]}`: the best "
+            f"takes {torque[joint]:.3g} times the allowed torque; give a `center` where the joint carries less, a "
+            "larger `share`, or less payload"
         )
     twice = JointMotion(*(np.concatenate([part, part, part[:1]]) for part in motion))
     t = np.arange(2 * rows + 1) * (duration / (2 * rows))

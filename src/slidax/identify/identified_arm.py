@@ -26,15 +26,15 @@ from .regressor import BODY, PAIRS, body_of_parameters
 
 @dataclass(frozen=True)
 class EstimatedParameter:
-    """One number of an arm.
+    """An estimated parameter of an arm.
 
     - `name`: such as `armature` or `payload.mass`.
-    - `joint`: its joint's name; empty where it belongs to none.
-    - `path`: where it stands in the description of a robot; empty where nothing there depends on it.
-    - `unit`: of the value.
-    - `value`: what fits best.
-    - `standard_error`: of the value.
-    - `identifiable`: True if the log determines it more closely than the prior.
+    - `joint`: name of its joint; empty if it belongs to no joint.
+    - `path`: its key in a robot's description; empty if the description has no such key.
+    - `unit`: unit of the value.
+    - `value`: the estimate.
+    - `standard_error`: standard error of the value.
+    - `identifiable`: True if the log determines the parameter more closely than the prior.
     """
 
     name: str
@@ -46,12 +46,12 @@ class EstimatedParameter:
     identifiable: bool
 
     @property
-    def title(self) -> str:
+    def label(self) -> str:
         """Name and joint: `armature of panda_joint1`."""
         return f"{self.name} of {self.joint}" if self.joint else self.name
 
     def interval(self, confidence: float = 0.95) -> tuple[float, float]:
-        """Between which the truth is with this probability, if the model's form is right.
+        """Confidence interval of the true value, if the form of the model is right.
 
         - `confidence`: in (0, 1).
         """
@@ -61,22 +61,22 @@ class EstimatedParameter:
 
 @dataclass(frozen=True, eq=False)
 class Identification:
-    """An arm as a log shows it.
+    """Result of identification: the arm, its parameters with standard errors, and the prediction errors.
 
-    - `robot`: with rotors, friction, payload and links as identified.
-    - `parameters`: each number with its standard error.
-    - `log`: what was read.
-    - `cut_off`: of the filter of the equations [Hz].
-    - `condition`: of the weighted regressor, over what was believed before: the largest gain over the least.
-    - `unseen_directions`: how many combinations of the numbers the log does not show.
-    - `lag`, `lag_error`: by how much the torques come after the positions, and its standard error [s].
-    - `t`, `measured`, `predicted`: torques in the filter's band, over time [k n].
-    - `split`: from which of these samples on the log was held out.
-    - `fit_rms`, `held_out_rms`, `measured_rms`: of prediction errors in both parts, and of what was measured, in the
-      filter's band [n], N m or N.
-    - `warnings`: sentences on the log and on parameters that it supports badly.
-    - `seconds`: that it took.
-    - `estimate`: the unknown parameters and the covariance of their errors.
+    - `robot`: the arm with identified rotors, friction, payload and links.
+    - `parameters`: each estimated parameter with its standard error.
+    - `log`: the log that was fitted.
+    - `cut_off`: cut-off frequency of the filter [Hz].
+    - `condition`: condition number of the weighted regressor relative to the prior, largest gain over smallest.
+    - `unseen_directions`: number of parameter combinations that the log does not show.
+    - `lag`, `lag_error`: delay of the torques after the positions, and its standard error [s].
+    - `t`, `measured`, `predicted`: times [k] and torques in the filter's band [k n].
+    - `split`: first sample of the held-out part.
+    - `fit_rms`, `held_out_rms`, `measured_rms`: root mean square of the prediction error in both parts, and of the
+      measured torque, in the filter's band [n], N m or N.
+    - `warnings`: sentences on the log, and on parameters that it determines poorly.
+    - `seconds`: computing time.
+    - `estimate`: the estimate of the unknown parameters, and the covariance of its errors.
     """
 
     robot: Articulated
@@ -108,18 +108,18 @@ class Identification:
 
     @property
     def unseen(self) -> tuple[EstimatedParameter, ...]:
-        """The numbers of which this log says nothing, or too little."""
+        """The parameters that this log does not determine more closely than the prior."""
         return tuple(parameter for parameter in self.parameters if not parameter.identifiable)
 
     def values(self, name: str) -> np.ndarray:
-        """All numbers of a name, in the order of the joints.
+        """The values of a parameter for all joints, in the arm's order.
 
         - `name`: such as `armature`.
         """
         return np.array([parameter.value for parameter in self.parameters if parameter.name == name])
 
     def standard_errors(self, name: str) -> np.ndarray:
-        """Their standard errors.
+        """The standard errors of a parameter for all joints, in the arm's order.
 
         - `name`: such as `armature`.
         """
@@ -151,12 +151,12 @@ class Identification:
         }
 
     def __str__(self) -> str:
-        width = max(len(parameter.title) for parameter in self.parameters)
+        width = max(len(parameter.label) for parameter in self.parameters)
         lines = [f"{self.robot.name} from {self.log.source}: {len(self.log.t)} samples, band {self.cut_off:.3g} Hz"]
         for parameter in self.parameters:
             half = 0.5 * (parameter.interval()[1] - parameter.interval()[0])
             end = "" if parameter.identifiable else "  not seen in this log"
-            lines.append(f"{parameter.title:<{width}}  {parameter.value:>10.4g} ± {half:<8.2g} {parameter.unit}{end}")
+            lines.append(f"{parameter.label:<{width}}  {parameter.value:>10.4g} ± {half:<8.2g} {parameter.unit}{end}")
         lines.append(f"torque [rms] measured     {_listed(self.measured_rms)}")
         lines.append(f"             error, fit   {_listed(self.fit_rms)}")
         lines.append(f"             held out     {_listed(self.held_out_rms)}")
@@ -173,8 +173,8 @@ def _listed(values: np.ndarray) -> str:
     return " ".join(f"{value:8.3g}" for value in values)
 
 
-SEEN = 0.1
-"""A number is seen if its standard error is less than this share of what it was believed to be off by."""
+IDENTIFIABLE = 0.1
+"""A parameter is identifiable if its standard error is less than this share of its prior standard deviation."""
 
 UNITS = {
     "armature": ("kg m²", "kg"),
@@ -183,24 +183,24 @@ UNITS = {
     "asymmetry": ("N m s/rad", "N s/m"),
     "offset": ("N m", "N"),
 }
-"""Of what drives have, for a joint that turns and for one that slides."""
+"""Units of a drive's parameters, for a revolute and for a prismatic joint."""
 
 PATHS = {"armature": "nominal.armature", "coulomb": "plant.coulomb", "viscous": "nominal.viscous"}
-"""Where the description of a robot has them."""
+"""Keys of drive parameters in a robot's description."""
 
-OF_BODY = (
+BODY_PARAMETERS = (
     ("mass", "kg", "mass"),
     *((f"center.{axis}", "m", f"center.{i}") for i, axis in enumerate("xyz")),
     *((f"inertia.{pair}", "kg m²", f"inertia.{i}") for i, pair in enumerate(("xx", "yy", "zz", "xy", "xz", "yz"))),
 )
-"""A body's numbers: name, unit, and where its description has each."""
+"""A body's parameters: name, unit, and key in the robot's description."""
 
 
 def identified_robot(robot: Articulated, unknowns: Unknowns, theta: np.ndarray) -> Articulated:
-    """The arm with what was identified in place of what was known.
+    """The arm with its identified parameters.
 
     - `robot`: the arm as it was known.
-    - `theta`: its parameters.
+    - `theta`: the identified parameters.
     """
     changes: dict[str, Any] = {}
     for name in ("armature", "coulomb", "viscous"):
@@ -224,18 +224,18 @@ def identified_robot(robot: Articulated, unknowns: Unknowns, theta: np.ndarray) 
 def estimates_of(
     robot: Articulated, unknowns: Unknowns, fitted: ParameterFit, theta: np.ndarray
 ) -> tuple[EstimatedParameter, ...]:
-    """Each number with its standard error, and whether the log shows it.
+    """Each parameter with its standard error, marked identifiable or not.
 
     - `robot`: the arm as it was known.
-    - `fitted`: the fit without conditions, whose standard errors these are.
-    - `theta`: the parameters with them.
+    - `fitted`: the unconstrained fit, which has the covariance.
+    - `theta`: the physically consistent parameters.
     """
     listed: list[EstimatedParameter] = []
     inside = np.zeros(len(theta), bool)
     for number, start in enumerate(unknowns.bodies):
         own = slice(start, start + BODY)
         inside[own] = True
-        listed += _of_body(
+        listed += _body_estimates(
             robot, unknowns.joints[start], number, theta[own], fitted.covariance[own, own], unknowns, own
         )
     errors = np.sqrt(np.maximum(np.diag(fitted.covariance), 0.0))
@@ -249,13 +249,13 @@ def estimates_of(
                 unit=UNITS[name][robot.joint_units[joint] == "m"],
                 value=float(theta[i]),
                 standard_error=float(errors[i]),
-                identifiable=bool(errors[i] < SEEN * unknowns.scale[i]),
+                identifiable=bool(errors[i] < IDENTIFIABLE * unknowns.scale[i]),
             )
         )
     return tuple(listed)
 
 
-def _of_body(
+def _body_estimates(
     robot: Articulated,
     joint: int,
     number: int,
@@ -264,37 +264,39 @@ def _of_body(
     unknowns: Unknowns,
     own: slice,
 ) -> list[EstimatedParameter]:
-    """Mass, centre and inertia about the centre, whose errors follow from those of φ to first order."""
-    values = _told(phi)
+    """Mass, centre and inertia about the centre, with errors propagated from φ to first order."""
+    values = _center_parameters(phi)
     sizes = unknowns.scale[own]
     slopes = np.empty((BODY, BODY))
     for i in range(BODY):
         step = 1e-6 * sizes[i]
-        slopes[:, i] = (_told(phi + step * np.eye(BODY)[i]) - _told(phi - step * np.eye(BODY)[i])) / (2.0 * step)
+        slopes[:, i] = (
+            _center_parameters(phi + step * np.eye(BODY)[i]) - _center_parameters(phi - step * np.eye(BODY)[i])
+        ) / (2.0 * step)
     errors = np.sqrt(np.maximum(np.diag(slopes @ covariance @ slopes.T), 0.0))
     mass = max(values[0], 1e-9)
     # The prior scale of centre and inertia follows the identified mass.
     believed = np.array([sizes[0], *3 * (REACH,), *6 * (mass * REACH**2,)])
-    what, place = ("payload", "nominal.load") if joint < 0 else ("link", "nominal.links")
+    body, section = ("payload", "nominal.load") if joint < 0 else ("link", "nominal.links")
     listed = []
-    for i, (name, unit, path) in enumerate(OF_BODY):
+    for i, (name, unit, path) in enumerate(BODY_PARAMETERS):
         kind, _, entry = path.partition(".")
         within = f".{number}" if joint >= 0 else ""
         listed.append(
             EstimatedParameter(
-                name=f"{what}.{name}",
+                name=f"{body}.{name}",
                 joint="" if joint < 0 else robot.joint_names[joint],
-                path=f"{place}.{kind}{within}{'.' if entry else ''}{entry}",
+                path=f"{section}.{kind}{within}{'.' if entry else ''}{entry}",
                 unit=unit,
                 value=float(values[i]),
                 standard_error=float(errors[i]),
-                identifiable=bool(errors[i] < SEEN * believed[i]),
+                identifiable=bool(errors[i] < IDENTIFIABLE * believed[i]),
             )
         )
     return listed
 
 
-def _told(phi: np.ndarray) -> np.ndarray:
+def _center_parameters(phi: np.ndarray) -> np.ndarray:
     """Mass, centre and inertia about the centre, [10]."""
     mass = phi[0] if abs(phi[0]) > 1e-9 else 1e-9
     _, center, inertia = body_of_parameters(np.array([abs(mass), *np.sign(mass) * phi[1:]]))
@@ -302,19 +304,19 @@ def _told(phi: np.ndarray) -> np.ndarray:
 
 
 DIGITS = 9
-"""Of the numbers: fewer, and rounding could make a body that cannot be."""
+"""Significant digits in the file: with fewer, rounding could make a body physically inconsistent."""
 
 
 def write_arm(identification: Identification, robot: Mapping[str, Any], path: str | Path) -> None:
-    """Writes the arm with what was identified, which `robot: {kind: identified, file: ...}` reads.
+    """Write the identified arm to a file that `robot: {kind: identified, file: ...}` reads.
 
-    Under `robot` is its description as in scenario files, with the identified numbers; under `uncertainty` the set in
-    which the true arm is with the band's confidence, or, for an arm without a band, the standard error of each number;
-    under `torque_offset` what is no part of an arm.
+    `robot` has the arm's description as in scenario files, with the identified parameters. `uncertainty` has the set
+    that contains the true arm with the band's confidence or, for an arm without a band, the standard error of each
+    parameter. `torque_offset` and `torque_asymmetry` have the terms that no arm description has.
 
     - `identification`: the identified arm.
     - `robot`: the description of the arm as it was known, such as `{"kind": "panda"}`.
-    - `path`: where to.
+    - `path`: the file to write.
 
     Raises DefinitionError if the file cannot be written.
     """
@@ -327,10 +329,10 @@ def write_arm(identification: Identification, robot: Mapping[str, Any], path: st
 
 
 def arm_as_yaml(identification: Identification, robot: Mapping[str, Any], folder: Path = Path()) -> str:
-    """The text of such a file.
+    """The text of the file that `write_arm` writes.
 
     - `identification`, `robot`: as in `write_arm`.
-    - `folder`: where it will be, for the path of a file that the description names.
+    - `folder`: the file's folder, to which paths in the description are made relative.
     """
     described = {key: value for key, value in robot.items() if key not in ("nominal", "plant")}
     if "file" in described:
@@ -349,9 +351,9 @@ def arm_as_yaml(identification: Identification, robot: Mapping[str, Any], folder
         arm = identification.robot
         inertias = [_six(inertia) for inertia in np.asarray(arm.inertias)]
         nominal["links"] = {"mass": _plain(arm.masses), "center": _plain(arm.centers), "inertia": inertias}
-    for name, place in (("coulomb", plant), ("viscous", nominal)):
+    for name, section in (("coulomb", plant), ("viscous", nominal)):
         if name in named:
-            place[name] = _plain(getattr(identification.robot, name))
+            section[name] = _plain(getattr(identification.robot, name))
     lines = [
         f"# {identification.robot.name}, identified from {identification.log.source}: "
         f"{len(identification.log.t)} samples.",
@@ -371,7 +373,7 @@ def arm_as_yaml(identification: Identification, robot: Mapping[str, Any], folder
 
 
 def _band_lines(band: Band) -> list[str]:
-    """Sets that hold at once: the band of the inertial parameters, and intervals of the friction."""
+    """Uncertainty sets that hold simultaneously: the inertial band, and intervals of the friction parameters."""
     lines = [
         f"  # {band}",
         "  robot.plant.inertial:",
@@ -390,13 +392,13 @@ def _band_lines(band: Band) -> list[str]:
 
 def _standard_errors(identification: Identification) -> list[str]:
     return [
-        "  # Standard errors are of one sigma; `identifiable: false` means that the log does not show it.",
+        "  # Standard errors are one sigma; `identifiable: false` means that the log does not show the parameter.",
         *(_line(parameter) for parameter in identification.parameters if parameter.path),
     ]
 
 
 def _short(row: np.ndarray) -> str:
-    # YAML takes 1e-05 for text without a point.
+    # YAML reads `1e-05`, without a decimal point, as text.
     return f"[{', '.join(f'{value:.5e}' if value else '0' for value in row)}]"
 
 
@@ -423,7 +425,7 @@ def _flow(value: Any) -> str:
         return "true" if value else "false"
     if isinstance(value, (list, tuple)):
         return f"[{', '.join(_flow(entry) for entry in value)}]"
-    # YAML takes 1e-05 for text without a point.
+    # YAML reads `1e-05`, without a decimal point, as text.
     return repr(float(value)) if "e" not in repr(float(value)) else f"{float(value):.{DIGITS}e}"
 
 
@@ -434,7 +436,7 @@ def _plain(values: Any) -> Any:
 
 def _six(inertia: Any) -> Sequence[float]:
     full = np.asarray(inertia)
-    return [_plain(full[pair]) for pair in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+    return [_plain(full[pair]) for pair in PAIRS]
 
 
 def _rounded(value: float, digits: int) -> float:

@@ -23,7 +23,7 @@ from .signals import LEAST, LogSignals, signals_of
 from .torque_model import BAND, with_gravity_torques
 
 EXPLAINED = 0.5
-"""The band ends where the model leaves more of the torque's power than this."""
+"""The band ends where the model leaves more than this share of the torque's power unexplained."""
 
 
 def identify(
@@ -38,30 +38,31 @@ def identify(
     cut_off: float | None = None,
     held_out: float = 0.25,
 ) -> Identification:
-    """Rotor inertia, friction, payload and, if asked for, the links' inertial parameters, from positions and torques.
+    """Estimate rotor inertias, friction, payload and, if `links`, the links' inertial parameters from a log.
 
         arm = identify("log.csv", sx.robots.panda())
         print(arm)
 
-    The torque is linear in all of them, `τ = Y(q,q̇,q̈) φ + J q̈ + f_c sign(q̇) + f_v q̇ + f_o`, so this is weighted least
-    squares on signals that all pass the same zero-phase filter, with physically consistent bodies (`consistent`). The
-    prior is very wide, so that it decides only the parameters that the log does not show; these are listed by name.
+    The torque is linear in the parameters, `τ = Y(q,q̇,q̈) φ + J q̈ + f_c sign(q̇) + f_v q̇ + f_o`. So this is weighted
+    least squares on signals that all pass the same zero-phase filter, with physically consistent bodies
+    (`consistent_parameters`). The prior is very wide: it determines only the parameters that the log does not show, and
+    these are listed by name.
 
-    The log is judged first: its time unit, gaps, velocities, and the sign, scale, joint order and gravity of its
-    torques against the arm. `Conventions` has the remedies.
+    The log is checked against the arm first: its time unit, gaps and velocities, and the sign, scale, joint order and
+    gravity of its torques. `Conventions` has the remedies.
 
-    - `log`: a `Log`, or the path of a file that `read_log` reads.
-    - `robot`: the arm as it is known; what is identified takes the place of its numbers.
+    - `log`: a `JointLog`, or the path of a file that `read_log` reads.
+    - `robot`: the arm as it is known; the identified parameters replace its own.
     - `conventions`: the log's units, signs and joint order, where they differ from the arm's.
-    - `rotors`: whether their inertia is unknown; torques measured behind the gears do not show it.
-    - `payload`: whether what the tip carries is unknown; if not given, unless `links` are, which it is a part of then.
-    - `links`: whether the links' inertial parameters are unknown: their believed values are within half of the mass.
-    - `asymmetric`: whether viscous friction may differ between the two directions.
-    - `cut_off`: of the filter [Hz]; chosen from the data if not given.
-    - `held_out`: the last share of the log, which is not fitted but predicted, in (0, 0.9].
+    - `rotors`: True to identify rotor inertias; torques measured behind the gears do not show them.
+    - `payload`: True to identify the payload; by default it is identified unless `links` is True, since the last link
+      then contains it.
+    - `links`: True to identify the links' inertial parameters; the prior of a link's mass is the file's value ± 50 %.
+    - `asymmetric`: True if viscous friction may differ between the two directions.
+    - `cut_off`: cut-off frequency of the filter [Hz]; chosen from the data by default.
+    - `held_out`: share at the end of the log that is predicted and not fitted, in (0, 0.9].
 
-    Raises DefinitionError if the log cannot be read or used, contradicts the arm, or leads to parameters that no arm
-    has.
+    Raises DefinitionError if the log cannot be read or used, contradicts the arm, or leads to impossible parameters.
     """
     started = time.perf_counter()
     if not 0.0 < held_out <= 0.9:
@@ -107,7 +108,7 @@ def identify(
     theta = consistent_parameters(
         fitted.theta, fitted.information, unknowns.bodies, unknowns.positive, _inside(unknowns, fitted.theta)
     )
-    # On its bound, where the barrier ends just above it.
+    # The barrier stops just above 0: a parameter there is on its bound.
     errors = np.sqrt(np.diag(fitted.covariance))
     theta = np.where(unknowns.positive & (theta < 1e-3 * errors), 0.0, theta)
     torque = unknowns.known + unknowns.columns @ theta
@@ -142,27 +143,27 @@ def identify(
 def explained_band(unknowns: Unknowns, signals: LogSignals, fitted: ParameterFit, rows: slice) -> float:
     """The frequency [Hz] up to which the model explains at least half of the torque's power, in the median joint.
 
-    Above it there is noise, or what the model does not have, such as gears that give way.
+    Above it the torque is noise, or an effect that the model lacks, such as elastic gears.
 
     - `unknowns`, `signals`: the equation and the log.
     - `fitted`: parameters of a first fit in a wider band.
-    - `rows`: the part of the log that is fitted.
+    - `rows`: the fitted part of the log.
     """
-    left = (signals.tau - unknowns.known)[rows] - unknowns.columns[rows] @ fitted.theta
+    residual = (signals.tau - unknowns.known)[rows] - unknowns.columns[rows] @ fitted.theta
     part = signals.part(rows)
-    f, of_rest = part.spectrum(left, 4.0)
-    _, of_all = part.spectrum(signals.tau[rows], 4.0)
+    f, residual_power = part.spectrum(residual, 4.0)
+    _, torque_power = part.spectrum(signals.tau[rows], 4.0)
     octave = [(f >= high / 2) & (f <= high) for high in f[2:]]
     ends = []
-    for joint in range(left.shape[1]):
-        shares = [of_rest[band, joint].sum() / max(of_all[band, joint].sum(), 1e-300) for band in octave]
+    for joint in range(residual.shape[1]):
+        shares = [residual_power[band, joint].sum() / max(torque_power[band, joint].sum(), 1e-300) for band in octave]
         bad = np.nonzero((np.array(shares) > EXPLAINED) & (f[2:] > LEAST))[0]
         ends.append(f[2 + bad[0]] if len(bad) else f[-1])
     return float(np.clip(np.median(ends), 2.0 * LEAST, signals.cut_off))
 
 
 def _require_long_enough(signals: LogSignals, split: int, log: JointLog) -> None:
-    """Raises a DefinitionError if the filter leaves too few samples in the part that is fitted, or in the other."""
+    """Raise a DefinitionError if the filter leaves too few samples in the fitted part or in the held-out part."""
     fewest = max(FEWEST // 2, 8 * signals.settled)
     row = np.arange(len(signals.t))
     fitted, rest = int(np.sum(signals.inner & (row < split))), int(np.sum(signals.inner & (row >= split)))
@@ -179,7 +180,7 @@ def _require_long_enough(signals: LogSignals, split: int, log: JointLog) -> None
 
 
 def _inside(unknowns: Unknowns, theta: np.ndarray) -> np.ndarray:
-    """Some θ with positive drives, and bodies that are spheres about where the best fit has them."""
+    """A θ inside the constraints: positive drive parameters, and each body a sphere with its centre at the origin."""
     inside = np.where(unknowns.positive, np.maximum(theta, 1e-3 * unknowns.scale), theta)
     for start in unknowns.bodies:
         mass = max(theta[start], 1e-2 * unknowns.scale[start])

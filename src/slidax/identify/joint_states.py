@@ -22,7 +22,7 @@ FIELDS = {"position": "q", "velocity": "dq", "effort": "tau"}
 
 MOST_BYTES = 1000 * MEGABYTE
 LONGEST_MESSAGE = MEGABYTE
-"""Characters of a message in a JSON text."""
+"""Largest number of characters of a message in a JSON text."""
 
 
 def log_of_messages(
@@ -30,20 +30,20 @@ def log_of_messages(
 ) -> JointLog:
     """Return the log in messages of joint states.
 
-    Each joint is found by its name. Messages without any of the arm's joints are another publisher's and left out;
+    Joints are matched by name. Messages without any of the arm's joints come from another publisher and are left out;
     velocities that are missing or all zero count as not measured.
 
-    - `source`: what is read, for messages.
+    - `source`: name of the log, for errors and notes.
     - `joints`: the arm's joints, in its order.
-    - `messages`: as mappings.
+    - `messages`: the messages, as mappings.
     - `reading`: fields to take or to drop.
-    - `notes`: of the reader, before those of the messages.
+    - `notes`: notes of the file's reader, which come first.
 
-    Raises DefinitionError, with the number of the message, if one lacks something.
+    Raises DefinitionError, with the number of the message, if a message is incomplete.
     """
     fields = _fields(reading)
     times, values = array("d"), {quantity: array("d") for quantity in fields.values()}
-    places: dict[tuple[str, ...], list[int] | None] = {}
+    columns_of: dict[tuple[str, ...], list[int] | None] = {}
     others: Counter[str] = Counter()
     origin: tuple[int, int] | None = None
     total = lost = 0
@@ -51,11 +51,11 @@ def log_of_messages(
         total += 1
         where = f"{source}, message {row}"
         names = _names(message, where)
-        if names not in places:
-            places[names] = _places(names, joints, where)
-            taken = places[names]
-            others.update(name for place, name in enumerate(names) if taken is not None and place not in taken)
-        indices = places[names]
+        if names not in columns_of:
+            columns_of[names] = _joint_indices(names, joints, where)
+            taken = columns_of[names]
+            others.update(name for index, name in enumerate(names) if taken is not None and index not in taken)
+        indices = columns_of[names]
         if indices is None:
             lost += 1
             continue
@@ -68,18 +68,18 @@ def log_of_messages(
                 values.pop("dq", None)
                 continue
             values[quantity].extend(_numbers(entries, indices, len(names), f"{where}: `{field}`"))
-    notes = [*notes, *(f"`{name}` is left out, as asked" for name in reading.drop if name in FIELDS.values())]
+    notes = [*notes, *(f"`{name}` is left out, as `drop` says" for name in reading.drop if name in FIELDS.values())]
     if not total:
         raise DefinitionError(f"{source} has no messages")
     if not times:
-        known = list(dict.fromkeys(name for key in places for name in key))
+        known = list(dict.fromkeys(name for key in columns_of for name in key))
         listed = ", ".join(f"`{plain_name(name)}`" for name in known[:12])
         raise DefinitionError(
-            f"{source}: there is no joint `{joints[0]}`, nor any other of the arm, in {total} messages; "
-            f"there are: {listed}"
+            f"{source}: none of the arm's joints (`{joints[0]}`, ...) is in its {total} messages, which have {listed}; "
+            "rename the joints in the log or in the arm's file"
         )
     if lost:
-        notes.append(f"{lost} of {total} messages are of another publisher, without the arm's joints: left out")
+        notes.append(f"{lost} of {total} messages come from another publisher, without the arm's joints: left out")
     extra = [name for name in others if name not in reading.drop]
     if extra:
         notes.append(f"the arm has no joint {', '.join(f'`{plain_name(name)}`' for name in extra[:8])}: left out")
@@ -93,13 +93,13 @@ def log_of_messages(
 
 
 def read_json(path: Path, joints: Sequence[str], reading: ReadOptions) -> JointLog:
-    """Return the log in a JSON text: a list of messages, or one message a line.
+    """Return the log in a JSON file: a list of messages, or one message per line.
 
-    - `path`: of the file.
+    - `path`: the file.
     - `joints`: the arm's joints, in its order.
     - `reading`: fields to take or to drop.
 
-    Raises DefinitionError if it is no such text.
+    Raises DefinitionError if the file has another form.
     """
     name = f"`{path.name}`"
     with open_file(path, most=MOST_BYTES) as file:
@@ -108,7 +108,7 @@ def read_json(path: Path, joints: Sequence[str], reading: ReadOptions) -> JointL
 
 
 def _messages(text: TextIO, name: str) -> Iterator[Any]:
-    """Messages one by one, of a list or one after the other, so that only numbers stay in memory."""
+    """Yield the messages one by one, so that only numbers stay in memory."""
     decoder = json.JSONDecoder(parse_int=parse_integer)
     window, start, ended, line, within = "", 0, False, 1, None
     try:
@@ -148,11 +148,13 @@ def _messages(text: TextIO, name: str) -> Iterator[Any]:
 
 
 def _broken(name: str, line: int, why: str) -> DefinitionError:
-    return DefinitionError(f"{name}, line {line}: not JSON: {why}; a list of messages is needed, or one message a line")
+    return DefinitionError(
+        f"{name}, line {line}: not JSON: {why}; a list of messages is needed, or one message per line"
+    )
 
 
 def _fields(reading: ReadOptions) -> dict[str, str]:
-    """The field of a message for each quantity that is taken."""
+    """Return the quantity of each field that is read."""
     fields = dict(FIELDS)
     for quantity, field in reading.columns.items():
         if not isinstance(field, str) or field not in FIELDS or quantity == "t":
@@ -176,27 +178,27 @@ def _names(message: Any, where: str) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _places(names: tuple[str, ...], joints: Sequence[str], where: str) -> list[int] | None:
-    """Where the arm's joints are among the names; None if none of them is."""
-    places = match_names(names, joints)
-    if not places:
+def _joint_indices(names: tuple[str, ...], joints: Sequence[str], where: str) -> list[int] | None:
+    """Indices of the arm's joints in the names; None if the names have none of them."""
+    indices = match_names(names, joints)
+    if not indices:
         return None
-    missing = [joint for joint in joints if joint not in places]
+    missing = [joint for joint in joints if joint not in indices]
     if missing:
-        others = [name for place, name in enumerate(names) if place not in places.values()]
+        others = [name for index, name in enumerate(names) if index not in indices.values()]
         near = nearest_word(missing[0], others) if others else "lock it in the robot file if it is not measured"
         raise DefinitionError(f"{where}: there is no joint {', '.join(f'`{joint}`' for joint in missing)}; {near}")
     for joint in joints:
         if names.count(joint) > 1:
-            raise DefinitionError(f"{where}: the joint `{joint}` is there {names.count(joint)} times")
-    return [places[joint] for joint in joints]
+            raise DefinitionError(f"{where}: the joint `{joint}` occurs {names.count(joint)} times; name it once")
+    return [indices[joint] for joint in joints]
 
 
 def _numbers(entries: Any, indices: Sequence[int], count: int, where: str) -> list[float]:
     if not _is_list(entries) or len(entries) != count:
         raise DefinitionError(f"{where} must have an entry for each name; got {short_repr(entries)}")
     try:
-        return [_number(entries[place]) for place in indices]
+        return [_number(entries[index]) for index in indices]
     except (TypeError, ValueError, OverflowError):
         raise DefinitionError(f"{where} must be numbers; got {short_repr(entries)}") from None
 
@@ -212,7 +214,7 @@ def _is_list(value: Any) -> bool:
 
 
 def _stamp(message: Mapping[str, Any], where: str) -> tuple[int, int]:
-    """Seconds and nanoseconds of a message, of ROS 2 or of ROS 1."""
+    """Seconds and nanoseconds of a ROS 2 or ROS 1 message's time stamp."""
     header = message.get("header")
     stamp = header.get("stamp") if isinstance(header, Mapping) else None
     if isinstance(stamp, Mapping):
@@ -223,5 +225,5 @@ def _stamp(message: Mapping[str, Any], where: str) -> tuple[int, int]:
                 if abs(second) < 1e12 and abs(billionth) < 1e12 and second == int(second):
                     return int(second), int(billionth)
     raise DefinitionError(
-        f"{where}: there is no `header.stamp` with `sec` and `nanosec` that are whole numbers; got {short_repr(header)}"
+        f"{where}: `header.stamp` needs `sec` and `nanosec` as whole numbers; got the header {short_repr(header)}"
     )

@@ -14,31 +14,31 @@ from slidax.core.errors import DefinitionError
 from .logs import FEWEST, TIME_UNITS, JointLog
 
 SLOWEST, FASTEST = 8.0, 50_000.0
-"""Sampling rates [Hz] of logs: below, no rotor shows; above, no robot's driver writes."""
+"""Range of sampling rates [Hz]: below it, no rotor inertia shows; no robot's driver writes faster."""
 
 BRIEFEST = 0.5
-"""Seconds that a log lasts at least."""
+"""Shortest duration of a log, s."""
 
 GAP_PERIODS, GAP_SECONDS = 5.0, 0.02
-"""A time without samples is a gap if it is longer than both: a shorter one is filled by a monotone cubic curve."""
+"""A time without samples is a gap if it is longer than both; shorter ones are interpolated."""
 
 FROZEN_SAMPLES, FROZEN_SECONDS = 8, 0.05
 """Torques that follow straight lines for longer than both, while the arm moves, were not measured."""
 
 FAST, USUAL = 4.0, 1.0
-"""Speeds, as multiples of a joint's limit, that no log shows and that a log may well show."""
+"""An implausible and a usual speed, as multiples of a joint's speed limit."""
 
 STILL = 2e-3
-"""A share of the speed limit, below which an arm does not move."""
+"""Share of the speed limit below which an arm stands still."""
 
 
 @dataclass(frozen=True, eq=False)
 class LogPieces:
-    """A log whose times increase, cut where nothing was measured.
+    """A log whose times increase, cut at its gaps.
 
-    - `log`: its samples in order.
+    - `log`: the samples in order.
     - `pieces`: rows without a gap between them.
-    - `warnings`: sentences on what was left out.
+    - `warnings`: sentences on samples that were left out.
     """
 
     log: JointLog
@@ -47,31 +47,31 @@ class LogPieces:
 
 
 def cut_at_gaps(log: JointLog, robot: Articulated) -> LogPieces:
-    """Judge the times of a log, and cut it at its gaps.
+    """Check the times of a log, and cut it at its gaps.
 
-    - `robot`: its speed limits show wrong units.
+    - `robot`: the arm, whose speed limits reveal wrong units.
 
-    Raises DefinitionError if the times do not advance, or are in another unit than s.
+    Raises DefinitionError if the times do not advance, or are not in s.
     """
     warnings: list[str] = []
     breaks = np.zeros(0, int)
     backward = np.nonzero(np.diff(log.t) < 0)[0] + 1
     if len(backward):
-        log, breaks, sentence = _in_order(log, backward)
+        log, breaks, sentence = _sort_times(log, backward)
         warnings.append(sentence)
-    log, breaks, merged = _merged(log, breaks)
+    log, breaks, merged = _merge_equal_times(log, breaks)
     if merged:
         warnings.append(f"{merged} samples of {log.source} repeat the time of the sample before: they are averaged")
     require_seconds(log, robot)
-    keep, cuts = _frozen(log, breaks)
+    keep, cuts = _drop_frozen(log, breaks)
     if not keep.all():
         first = int(np.argmin(keep))
         warnings.append(
             f"torques of {log.source} repeat or follow straight lines for {log.period * (~keep).sum():.3g} s, first at "
-            f"{log.t[first]:.4g} s: these samples are left out, since nothing was measured there"
+            f"{log.t[first]:.4g} s: these samples are left out, since they were not measured"
         )
-        place = np.cumsum(keep) - keep
-        breaks = np.unique(np.concatenate([place[breaks], place[cuts]]))
+        new_row = np.cumsum(keep) - keep
+        breaks = np.unique(np.concatenate([new_row[breaks], new_row[cuts]]))
         log = log.rows(keep)
     steps = np.diff(log.t)
     gaps = np.nonzero(steps > max(GAP_PERIODS * log.period, GAP_SECONDS))[0] + 1
@@ -88,10 +88,10 @@ def cut_at_gaps(log: JointLog, robot: Articulated) -> LogPieces:
 
 
 def require_seconds(log: JointLog, robot: Articulated) -> None:
-    """Raise a DefinitionError if the times of a log are in another unit than s.
+    """Raise a DefinitionError if the times of a log are not in s.
 
-    - `log`: with times that increase.
-    - `robot`: its speed limits show wrong units.
+    - `log`: a log with increasing times.
+    - `robot`: the arm, whose speed limits reveal wrong units.
     """
     rate, duration, speed = 1.0 / log.period, float(np.sum(np.diff(log.t).clip(0))), share_of_speed(log, robot)
 
@@ -102,7 +102,7 @@ def require_seconds(log: JointLog, robot: Articulated) -> None:
             and STILL * USUAL <= speed / unit <= FAST * USUAL
         )
 
-    others = _by_velocities(log) or [name for name, unit in TIME_UNITS.items() if name != "s" and is_possible(unit)]
+    others = _units_by_velocity(log) or [name for name, unit in TIME_UNITS.items() if name != "s" and is_possible(unit)]
     facts = f"the times of {log.source} are {duration:.4g} s long with {rate:.3g} samples per second"
     remedy = " or ".join(f"`--time-unit {name}`" for name in others)
     if not SLOWEST <= rate <= FASTEST or duration < BRIEFEST:
@@ -128,8 +128,8 @@ def require_seconds(log: JointLog, robot: Articulated) -> None:
         )
 
 
-def _by_velocities(log: JointLog) -> list[str]:
-    """The unit of time in which the measured velocities are the slope of the positions; none if none is clear."""
+def _units_by_velocity(log: JointLog) -> list[str]:
+    """Time units other than s for which the measured velocities are the slope of the positions; empty if unclear."""
     if log.dq is None or not log.dq.any():
         return []
     steps = np.diff(log.t)[:, None]
@@ -137,8 +137,8 @@ def _by_velocities(log: JointLog) -> list[str]:
     usable = (steps < 3.0 * log.period).ravel()
     slope, between = slope[usable].ravel(), between[usable].ravel()
     product = float(slope @ between)
-    alike = product / max(float(np.sqrt((slope @ slope) * (between @ between))), 1e-300)
-    if alike < 0.8:
+    correlation = product / max(float(np.sqrt((slope @ slope) * (between @ between))), 1e-300)
+    if correlation < 0.8:
         return []
     unit = float(slope @ slope) / product
     named = [name for name, size in TIME_UNITS.items() if 0.7 < unit / size < 1.4]
@@ -146,10 +146,10 @@ def _by_velocities(log: JointLog) -> list[str]:
 
 
 def share_of_speed(log: JointLog, robot: Articulated) -> float:
-    """The speed of the fastest joint as a share of its speed limit, from positions some ten samples apart.
+    """Speed of the fastest joint as a share of its speed limit, from positions about ten samples apart.
 
-    - `log`: with times that increase.
-    - `robot`: its limits; 3 rad/s or 1 m/s where it has none.
+    - `log`: a log with increasing times.
+    - `robot`: the arm; 3 rad/s or 1 m/s replace missing speed limits.
     """
     apart = max(1, min(10, len(log.t) // 40))
     steps = log.t[apart:] - log.t[:-apart]
@@ -162,8 +162,8 @@ def share_of_speed(log: JointLog, robot: Articulated) -> float:
     return float(np.max(np.quantile(speed, 0.98, axis=0) / limits))
 
 
-def _in_order(log: JointLog, backward: np.ndarray) -> tuple[JointLog, np.ndarray, str]:
-    """Samples sorted by their times if the positions are smoother so, else cut where the clock was set back."""
+def _sort_times(log: JointLog, backward: np.ndarray) -> tuple[JointLog, np.ndarray, str]:
+    """Sort the samples by time if this makes the positions smoother; otherwise cut where the clock was set back."""
     order = np.argsort(log.t, kind="stable")
     size = np.ptp(log.q, axis=0) + 1e-12
 
@@ -176,15 +176,15 @@ def _in_order(log: JointLog, backward: np.ndarray) -> tuple[JointLog, np.ndarray
     )
     if path(log.q[order]) <= 1.02 * path(log.q):
         return log.rows(order), np.zeros(0, int), f"{where}: the samples are sorted by their times"
-    # Each part goes on after the one before, so that the times increase.
+    # Shift each part to follow the previous one, so that the times increase.
     t = log.t.copy()
     for start in backward:
         t[start:] += t[start - 1] - t[start] + 2.0 * max(GAP_PERIODS * log.period, GAP_SECONDS)
     return replace(log, t=t), backward, f"{where}: the log is cut there, since its clock was set back"
 
 
-def _merged(log: JointLog, breaks: np.ndarray) -> tuple[JointLog, np.ndarray, int]:
-    """Samples of equal times are averaged."""
+def _merge_equal_times(log: JointLog, breaks: np.ndarray) -> tuple[JointLog, np.ndarray, int]:
+    """Average samples with equal times."""
     starts = np.concatenate([[True], np.diff(log.t) > 0])
     if starts.sum() < 2:
         raise DefinitionError(
@@ -208,8 +208,8 @@ def _merged(log: JointLog, breaks: np.ndarray) -> tuple[JointLog, np.ndarray, in
     return merged, (np.cumsum(starts) - 1)[breaks], int((~starts).sum())
 
 
-def _frozen(log: JointLog, breaks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rows that were measured, and the rows before which others were left out."""
+def _drop_frozen(log: JointLog, breaks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """True for the rows that were measured, and the indices of rows that follow a frozen stretch."""
     keep = np.ones(len(log.t), bool)
     bend = np.abs(np.diff(log.tau, 2, axis=0))
     usual = np.median(bend, axis=0)
@@ -228,7 +228,7 @@ def _frozen(log: JointLog, breaks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             continue
         after = min(last + 1, len(log.t) - 1)
         if (np.abs(log.q[after] - log.q[start]) > 5.0 * usual_move + 1e-9).any():
-            # The last of them may be a value that was held.
+            # The first of them is a measured value, the last may be a held one.
             keep[start + 1 : after] = False
             cuts.append(after)
     return keep, np.array(cuts, int)
@@ -240,37 +240,37 @@ def _gaps(count: int) -> str:
 
 DEGREE = np.pi / 180.0
 
-WINDS = 4.0 * np.pi
-"""A position, rad, that a turning joint without limits hardly reaches."""
+TWO_TURNS = 4.0 * np.pi
+"""Position, rad, that a revolute joint without limits hardly exceeds."""
 
 BEYOND = 0.5
-"""The excess over its limits, as a share of its range, above which a joint's unit is in doubt."""
+"""Excess over the position limits, as a share of the range, above which a joint's unit is in doubt."""
 
 APART = 0.3
-"""A difference between dq and the slope of q, as a share of the slope, above which dq is not used."""
+"""Difference between dq and the slope of q, as a share of the slope, above which dq is not used."""
 
-ALIKE = 0.9
-"""The correlation of dq with the slope of q above which a factor between them is a matter of units."""
+CORRELATED = 0.9
+"""Correlation of dq with the slope of q above which a factor between them is a matter of units."""
 
 TRAVEL = {"rad": 0.02, "m": 0.005}
-"""A range of positions below which a joint is held, and its dq shows nothing about units."""
+"""Range of positions below which a joint is held, and its dq shows nothing about units."""
 
-LATE = 0.1
-"""The time by which dq may come after the slope of q, s."""
+DQ_DELAY = 0.1
+"""Largest delay of dq after the slope of q, s."""
 
 
 def require_radians(log: JointLog, robot: Articulated) -> None:
     """Raise a DefinitionError if positions look like degrees, millimetres or revolutions.
 
-    - `log`: in the arm's joint order.
-    - `robot`: its position limits.
+    - `log`: a log in the arm's joint order.
+    - `robot`: the arm with its position limits.
     """
     lower, upper = np.asarray(robot.limits.lower), np.asarray(robot.limits.upper)
     least, most = log.q.min(axis=0), log.q.max(axis=0)
     turning = np.array([unit == "rad" for unit in robot.joint_units])
     limited = np.isfinite(lower) & np.isfinite(upper)
     slack = BEYOND * np.where(limited, upper - lower, 0.0)
-    outside = np.where(limited, (most > upper + slack) | (least < lower - slack), turning & (_largest(log) > WINDS))
+    outside = np.where(limited, (most > upper + slack) | (least < lower - slack), turning & (_largest(log) > TWO_TURNS))
     for kind, size, unit in ((turning, DEGREE, "deg"), (~turning, 1e-3, "mm")):
         wrong = outside & kind
         if not wrong.any():
@@ -284,8 +284,8 @@ def require_radians(log: JointLog, robot: Articulated) -> None:
             f"`{log.joints[joint]}`{limits}"
         )
         if fits:
-            what = "degrees" if unit == "deg" else "millimetres"
-            raise DefinitionError(f"{facts}: are they {what}? `--position-unit {unit}` reads them so")
+            name = "degrees" if unit == "deg" else "millimetres"
+            raise DefinitionError(f"{facts}: are they {name}? `--position-unit {unit}` converts them")
         if limited[joint]:
             raise DefinitionError(
                 f"{facts}: check `--position-unit`, `--position-order`, and `--position-offset` for another zero"
@@ -301,74 +301,74 @@ def find_usable_velocities(
 ) -> tuple[np.ndarray, list[str]]:
     """True for each joint whose measured velocity agrees with the slope of its positions [n]; and warnings.
 
-    - `log`, `robot`: of the positions.
-    - `slope`, `velocity`: of the positions, and as measured, in the band of the equations [k n].
-    - `noise`: standard deviation of the slope there [n].
-    - `rate`: samples per second [Hz].
+    - `log`, `robot`: the log and its arm.
+    - `slope`, `velocity`: slope of the positions and measured velocity, in the band of the equations [k n].
+    - `noise`: standard deviation of the slope's noise in this band [n].
+    - `rate`: sampling rate [Hz].
 
     Raises DefinitionError if a joint's velocity is a clear multiple of the slope, as with a wrong unit.
     """
-    size, theirs = _rms(slope), _rms(velocity)
+    size = _rms(slope)
     usable = _rms(velocity - slope) <= APART * size
     if usable.all():
         return usable, []
     travels = np.ptp(log.q, axis=0) > np.array([TRAVEL[unit] for unit in robot.joint_units])
     travels &= size > 5.0 * noise
-    if not (theirs > 1e-3 * size)[travels].any() and travels.any():
+    if not (_rms(velocity) > 1e-3 * size)[travels].any() and travels.any():
         return np.zeros_like(usable), [f"`dq` of {log.source} is 0 throughout while the arm moves: it is left out"]
     factors: dict[int, float] = {}
     for joint in np.nonzero(~usable & travels)[0]:
-        factor, alike = _factor(slope[:, joint], velocity[:, joint], rate)
-        if alike > ALIKE and not 0.75 < factor < 1.33:
+        factor, correlation = _best_factor(slope[:, joint], velocity[:, joint], rate)
+        if correlation > CORRELATED and not 0.75 < factor < 1.33:
             factors[int(joint)] = factor
     if factors:
-        raise DefinitionError(_units(log, factors, int(travels.sum())))
-    _require_own(log, slope, velocity, usable, travels)
+        raise DefinitionError(_velocity_unit_error(log, factors, int(travels.sum())))
+    _require_own_velocity(log, slope, velocity, usable, travels)
     names = ", ".join(f"`{log.joints[joint]}`" for joint in np.nonzero(~usable)[0])
     return usable, [f"`dq` of {log.source} does not follow the slope of `q` for {names}: it is left out there"]
 
 
-def _factor(slope: np.ndarray, velocity: np.ndarray, rate: float) -> tuple[float, float]:
-    """The factor between the two at the delay at which they are most alike, and their correlation there."""
-    most = max(1, min(int(LATE * rate), len(slope) // 4))
+def _best_factor(slope: np.ndarray, velocity: np.ndarray, rate: float) -> tuple[float, float]:
+    """The ratio of velocity to slope at the delay with the highest correlation, and this correlation."""
+    most = max(1, min(int(DQ_DELAY * rate), len(slope) // 4))
     best = (0.0, 0.0)
     for shift in np.unique(np.linspace(-most, most, 41).astype(int)):
         a = slope[max(0, -shift) : len(slope) - max(0, shift)]
         b = velocity[max(0, shift) : len(velocity) - max(0, -shift)]
         product = float(a @ b)
-        alike = abs(product) / max(float(np.sqrt((a @ a) * (b @ b))), 1e-300)
-        if alike > best[1]:
-            best = (product / max(float(a @ a), 1e-300), alike)
+        correlation = abs(product) / max(float(np.sqrt((a @ a) * (b @ b))), 1e-300)
+        if correlation > best[1]:
+            best = (product / max(float(a @ a), 1e-300), correlation)
     return best
 
 
-def _units(log: JointLog, factors: dict[int, float], travelling: int) -> str:
+def _velocity_unit_error(log: JointLog, factors: dict[int, float], travelling: int) -> str:
     joint = max(factors, key=lambda j: abs(np.log(abs(factors[j]))))
     factor = factors[joint]
     values = np.array(list(factors.values()))
-    facts = f"`dq` of {log.source} is not the slope of `q` for joint `{log.joints[joint]}`: it is {factor:.3g} times it"
+    facts = f"`dq` of {log.source} is {factor:.3g} times the slope of `q` for joint `{log.joints[joint]}`"
     leave = "`--drop dq` leaves `dq` out"
     if len(factors) < travelling or np.ptp(values) > 0.2 * abs(factor):
         if abs(factor + 1.0) < 0.2:
-            return f"{facts}; does `q` or `dq` count in the opposite direction? `--position-sign` turns both, {leave}"
+            return f"{facts}; do `q` and `dq` have opposite signs? `--position-sign` changes both signs, {leave}"
         return f"{facts}; {leave}"
     for name, unit in TIME_UNITS.items():
         if name != "s" and abs(factor * unit - 1.0) < 0.2:
-            return f"{facts}: are the times in {name}? `--time-unit {name}` reads them so; {leave}"
+            return f"{facts}: are the times in {name}? `--time-unit {name}` converts them; {leave}"
     if abs(factor * DEGREE - 1.0) < 0.2:
         return f"{facts}: is `dq` in degrees per second? {leave}"
     if abs(factor / DEGREE - 1.0) < 0.2:
-        return f"{facts}: is `q` in degrees? `--position-unit deg --drop dq` reads it so"
+        return f"{facts}: is `q` in degrees? `--position-unit deg --drop dq` converts it"
     if factor > 0.0:
         size = f"{1.0 / factor:.4g}"
-        return f"{facts} in all joints: are the times in units of {size} s? `--time-unit {size}` reads them so; {leave}"
+        return f"{facts} in all joints: are the times in units of {size} s? `--time-unit {size}` converts them; {leave}"
     return f"{facts} in all joints; {leave}"
 
 
-def _require_own(
+def _require_own_velocity(
     log: JointLog, slope: np.ndarray, velocity: np.ndarray, usable: np.ndarray, travels: np.ndarray
 ) -> None:
-    """Raises a DefinitionError if a joint's velocity is the slope of another joint's position."""
+    """Raise a DefinitionError if a joint's velocity is the slope of another joint's position."""
     for joint in np.nonzero(~usable & travels)[0]:
         for other in np.nonzero(~usable & travels)[0]:
             if joint != other and _rms(velocity[:, joint] - slope[:, other]) < 0.2 * _rms(slope[:, other]):
@@ -384,20 +384,20 @@ def _rms(values: np.ndarray) -> np.ndarray:
 
 
 WRAP = 0.5
-"""A step between two samples within this distance of a whole turn is a wrapped angle [rad]."""
+"""A step between two samples within this distance of 2π is a wrapped angle [rad]."""
 
 SPIKE = 30.0
-"""A distance from the neighbours' median, as a multiple of the usual distance, that is a fault of the measurement."""
+"""Distance of an outlier from the neighbours' median, as a multiple of the usual distance."""
 
 RANGE = 1.5
-"""The same, as a share of the column's range without its extremes."""
+"""Distance of an outlier from the neighbours' median, as a multiple of the column's 1 % to 99 % range."""
 
 MOST = 0.02
-"""A share of the samples above which they are no single faults."""
+"""Largest share of outliers to remove; more are not single faults."""
 
 
 def remove_outliers(log: JointLog, robot: Articulated) -> tuple[JointLog, list[str]]:
-    """The log with its angles unwrapped and without single faulty samples; and sentences on both."""
+    """The log with unwrapped angles and without single faulty samples; and warnings about both."""
     warnings: list[str] = []
     q = log.q.copy()
     for joint, unit in enumerate(robot.joint_units):
@@ -405,12 +405,11 @@ def remove_outliers(log: JointLog, robot: Articulated) -> tuple[JointLog, list[s
         if unit == "rad" and len(steps) and (np.abs(np.abs(steps) - 2.0 * np.pi) < WRAP).any():
             turns = np.where(np.abs(np.abs(steps) - 2.0 * np.pi) < WRAP, np.sign(steps), 0.0)
             around = 2.0 * np.pi * np.cumsum(np.concatenate([[0.0], turns]))
-            # A spike of a whole turn goes and comes: what is left of a true wrap are long parts.
+            # A spike of 2π jumps back at once; a true wrap does not.
             if np.median(np.abs(np.diff(q[:, joint] - around))) <= np.median(np.abs(steps)) + 1e-12:
                 q[:, joint] -= around
                 warnings.append(
-                    f"positions of {log.source} jump by a whole turn for joint `{log.joints[joint]}`: "
-                    "they are unwrapped"
+                    f"positions of {log.source} jump by a full turn for joint `{log.joints[joint]}`: they are unwrapped"
                 )
     wrong = np.zeros(len(log.t), bool)
     for values in (q, log.tau, *([] if log.dq is None else [log.dq])):

@@ -1,4 +1,4 @@
-"""Logs from files: CSV, Parquet, JSON, MCAP files and folders of ros2 bag."""
+"""Logs from files: CSV, Parquet, JSON, MCAP and ros2 bag folders."""
 
 from __future__ import annotations
 
@@ -26,41 +26,41 @@ from .logs import TIME_UNITS, JointLog, LogColumns, ReadOptions
 MOST_BYTES = 1000 * MEGABYTE
 
 _NAME = re.compile(r"(?:(?P<prefix>.*)\.)?names?(?:[._]?\[?(?P<index>\d{1,6})\]?)?")
-"""The title of a column with the name of a joint, or with a list of names."""
+"""Title of a column with the name of a joint, or with a list of names."""
 
 
 def read_csv(path: Path, joints: Sequence[str], reading: ReadOptions) -> JointLog:
     """Return the log in a CSV file.
 
-    Columns are separated by commas, semicolons, tabs or spaces, and decimals by a point, or by a comma where no comma
-    separates columns; which of them is recognised. Only the columns that are needed must be numbers. Numbered columns
-    belong to the joints that other columns name, such as `name0` next to `position0`.
+    The separator (comma, semicolon, tab or space) and the decimal sign (point, or a comma if the separator is another)
+    are detected. Only the columns that are read must be numeric. If columns such as `name0` have the joints' names,
+    then numbered columns such as `position0` belong to these joints.
 
-    - `path`: of the file.
+    - `path`: the file.
     - `joints`: the arm's joints, in its order.
-    - `reading`: what the titles do not say.
+    - `reading`: options that the titles leave open.
 
-    Raises DefinitionError, with line and column, if the file has not this form.
+    Raises DefinitionError, with line and column, if the file has another form.
     """
     name = f"`{path.name}`"
     with open_file(path, most=MOST_BYTES) as file:
         form = table_format(lines_of(file, name), name, "time,q_1,tau_1")
-        joints_in = _joints_in(form, file, name)
-        titles = [_renamed(title, joints_in) for title in form.titles] if joints_in else form.titles
+        joint_names = _name_columns(form, file, name)
+        titles = [_with_joint_name(title, joint_names) for title in form.titles] if joint_names else form.titles
         columns = match_columns(titles, joints, name, reading)
-        places = [titles.index(title) for title in columns.titles]
+        indices = [titles.index(title) for title in columns.titles]
         with closing(lines_of(file, name)) as lines:
-            values, notes = _csv_numbers(rows_of(lines, form, places, name), columns, name)
+            values, notes = _csv_numbers(rows_of(lines, form, indices, name), columns, name)
     return columns.log(name, joints, dict(zip(columns.titles, values.T, strict=True)), notes)
 
 
-def _joints_in(form: TableFormat, file: BinaryIO, name: str) -> dict[tuple[str, int], str]:
-    """The joints' names in columns of texts, by what stands before in the title and by their number.
+def _name_columns(form: TableFormat, file: BinaryIO, name: str) -> dict[tuple[str, int], str]:
+    """Joint names from text columns, by the prefix of the column's title and the joint's number.
 
     `rostopic echo -p` writes columns `field.name0`, `field.name1`; bagpy writes a list into a column `name`.
     """
-    parts = {place: _NAME.fullmatch(Title.of(text).bare.lower()) for place, text in enumerate(form.titles)}
-    titles = {place: part for place, part in parts.items() if part is not None}
+    parts = {index: _NAME.fullmatch(Title.of(text).bare.lower()) for index, text in enumerate(form.titles)}
+    titles = {index: part for index, part in parts.items() if part is not None}
     joints: dict[tuple[str, int], str] = {}
     if not titles:
         return joints
@@ -85,8 +85,8 @@ def _joints_in(form: TableFormat, file: BinaryIO, name: str) -> dict[tuple[str, 
     return joints
 
 
-def _renamed(text: str, joints: Mapping[tuple[str, int], str]) -> str:
-    """A title with the joint's name in place of its number."""
+def _with_joint_name(text: str, joints: Mapping[tuple[str, int], str]) -> str:
+    """Replace the joint's number in a title by the joint's name."""
     title = Title.of(text)
     parts = INDEX.fullmatch(title.bare)
     if parts is None:
@@ -99,8 +99,8 @@ def _renamed(text: str, joints: Mapping[tuple[str, int], str]) -> str:
 
 
 def _csv_numbers(rows: Iterator[tuple[int, list[str]]], columns: LogColumns, name: str) -> tuple[np.ndarray, list[str]]:
-    """The numbers in the rows, the first of each its time, and notes about them."""
-    # numpy reads some rows ahead of the one that it complains about.
+    """The numbers in the rows, the time first, and notes about conversions."""
+    # NumPy reads a few rows ahead of the row in its error.
     last: deque[tuple[int, list[str]]] = deque(maxlen=4)
     optional = columns.of.get("dq", [])
 
@@ -154,18 +154,15 @@ class Stamp:
         self._first: np.datetime64 | None = None
 
     def is_time(self, text: str) -> bool:
-        """Return True if a text is a date with a time.
-
-        - `text`: an entry.
-        """
+        """True if a text is a date with a time of day."""
         return self._moment(text) is not None
 
     def seconds(self, text: str) -> float:
-        """Return the seconds since the first text.
+        """Return the seconds since the first date.
 
-        - `text`: an entry.
+        - `text`: a date with a time of day.
 
-        Raises ValueError if a text is no date.
+        Raises ValueError if the text is no date.
         """
         moment = self._moment(text)
         if moment is None:
@@ -194,17 +191,17 @@ class Stamp:
 
 
 def read_parquet(path: Path, joints: Sequence[str], reading: ReadOptions) -> JointLog:
-    """Return the log in a Parquet file, as `slidax run --out` or another tool has written it.
+    """Return the log in a Parquet file of `slidax run --out` or another tool.
 
-    Timestamps are converted by the unit of their type, and decimals and dictionaries of numbers to numbers. A list of
-    numbers is a column for each of them, such as `position[0]`, or `position.elbow` where a column `name` has a list of
-    the joints' names, as messages have.
+    Timestamps are converted by the unit of their type; decimals and dictionaries of numbers become numbers. A list
+    column is split into columns such as `position[0]`, or `position.elbow` if a column `name` lists the joints' names,
+    as in messages.
 
-    - `path`: of the file.
+    - `path`: the file.
     - `joints`: the arm's joints, in its order.
-    - `reading`: what the titles do not say.
+    - `reading`: options that the titles leave open.
 
-    Raises DefinitionError, with the column, if one has another type or misses a value.
+    Raises DefinitionError, with the column, if a column has another type or lacks a value.
     """
     name = f"`{path.name}`"
     order = _joint_names(path, name)
@@ -217,7 +214,7 @@ def read_parquet(path: Path, joints: Sequence[str], reading: ReadOptions) -> Joi
             if title in sizes:
                 named = len(order) == sizes[title]
                 parts = [f"{title}.{order[k]}" if named else f"{title}[{k}]" for k in range(sizes[title])]
-                lists.update({part: (title, place) for place, part in enumerate(parts)})
+                lists.update({part: (title, index) for index, part in enumerate(parts)})
                 titles += parts
             else:
                 titles.append(title)
@@ -229,20 +226,20 @@ def read_parquet(path: Path, joints: Sequence[str], reading: ReadOptions) -> Joi
     values: dict[str, np.ndarray] = {}
     notes: list[str] = []
     for title in chosen.titles:
-        whole, place = lists.get(title, (title, None))
-        column = table.column(whole)
-        if place is not None:
-            column = parquet.element(column, place)
+        list_title, index = lists.get(title, (title, None))
+        column = table.column(list_title)
+        if index is not None:
+            column = parquet.element(column, index)
         values[title], note = _parquet_numbers(column, title, name, is_time=title == chosen.time)
         notes += [note] if note else []
         if note and title == chosen.time:
-            # The type says the unit, and the title says it again or nothing.
+            # The unit of the type has been applied already; undo that of the title.
             values[title] = values[title] / chosen.scale[title]
     return chosen.log(name, joints, values, notes)
 
 
 def _joint_names(path: Path, source: str) -> tuple[str, ...]:
-    """Return the names in the lists of a column `name`; none if there is no such column."""
+    """Return the joint names listed in a column `name`; empty if there is no such column."""
     title, orders = parquet.read_text_lists(path, ("name", "joint_names"))
     if len(orders) > 1:
         raise DefinitionError(
@@ -253,7 +250,7 @@ def _joint_names(path: Path, source: str) -> tuple[str, ...]:
 
 
 def _parquet_numbers(column: Any, title: str, name: str, *, is_time: bool) -> tuple[np.ndarray, str]:
-    """A column as numbers, times as seconds from the first; and what was converted."""
+    """A column as numbers, time stamps as seconds since the first; and a note about a conversion."""
     import pyarrow as pa
     import pyarrow.compute as pc
 
@@ -276,7 +273,7 @@ def _parquet_numbers(column: Any, title: str, name: str, *, is_time: bool) -> tu
     if pa.types.is_integer(kind) or pa.types.is_floating(kind):
         numbers = column.to_numpy()
         if is_time and pa.types.is_integer(kind) and len(numbers) and abs(int(numbers[0])) > 2**53:
-            # As integers, since floating-point numbers of this size have steps of hundreds.
+            # Subtract as integers: floating-point numbers of this size have steps of hundreds.
             numbers = numbers.astype(np.int64) - np.int64(numbers[0])
         return numbers.astype(float), ""
     if pa.types.is_decimal(kind):
@@ -292,29 +289,28 @@ def read_log(
     columns: Mapping[str, str | Sequence[str]] | None = None,
     drop: Sequence[str] = (),
 ) -> JointLog:
-    """Return the log in a file, by its ending.
+    """Read a log from a file; its suffix selects the format.
 
         log = read_log("bag.mcap", arm.joint_names, topic="/robot1/joint_states", drop=["dq"])
 
-    Joints are found by their names wherever the log has names. The log's `notes` say what was left out or converted.
+    Joints are matched by name if the log has names. The log's `notes` list data that was left out or converted.
 
-    - `path`: `.csv` (also `.tsv`, `.txt`) with a line that names the columns; `.parquet`, as `slidax run --out` writes
-      it; `.json` or `.jsonl` with `sensor_msgs/JointState` messages, in a list or one a line; `.mcap` with such
-      messages of ROS 2, as `slidax run`, `slidax loop` and `ros2 bag` write them; a folder of `ros2 bag`, or
-      its `.db3`.
+    - `path`: `.csv` (also `.tsv`, `.txt`) with a title line; `.parquet`, as `slidax run --out` writes it; `.json` or
+      `.jsonl` with `sensor_msgs/JointState` messages, in a list or one per line; `.mcap` with such messages of ROS 2,
+      as `slidax run`, `slidax loop` and `ros2 bag` write them; a `ros2 bag` folder, or its `.db3`.
     - `joints`: the arm's joints, in its order.
-    - `topic`: of the messages, where a log has several with joint states.
-    - `columns`: for `t`, `q`, `dq` or `tau`, the word that its columns have in their titles, or a title per joint.
-    - `drop`: quantities (`dq`), columns, joints by name, or joints by their number in the log, that are left out.
+    - `topic`: topic to read, if the log has several with joint states.
+    - `columns`: for `t`, `q`, `dq` or `tau`, the word in the titles of its columns, or a title per joint.
+    - `drop`: quantities (`dq`), columns, joints by name, or joints by their number in the log, to leave out.
 
-    Raises DefinitionError if it cannot be read, has another ending, or lacks something.
+    Raises DefinitionError if the file cannot be read, has another suffix, or is incomplete.
     """
     path = Path(path)
     reading = ReadOptions(topic, dict(columns or {}), tuple(drop))
     reader = _from_bag if path.is_dir() else READERS.get(path.suffix.lower())
     if reader is None:
         raise DefinitionError(
-            f"cannot read `{path.name}`: a log ends in {', '.join(READERS)}, or is a folder of ros2 bag"
+            f"cannot read `{path.name}`: a log's name must end in {', '.join(READERS)}, or be a ros2 bag folder"
         )
     if topic is not None and reader not in (_from_mcap, _from_bag):
         raise DefinitionError(f"`{path.name}` has no topics: leave `topic` out")

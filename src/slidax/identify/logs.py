@@ -1,4 +1,4 @@
-"""Measured positions and torques over time, the options for reading them, and their units, signs and joint order."""
+"""Logs of joint positions and torques, options for reading them, and their units, signs and joint order."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ FEWEST = 200
 class JointLog:
     """Positions and torques of all joints over time.
 
-    The times may repeat or run backward, as they do in bags: `identify` judges them.
+    The times may repeat or run backward, as they do in bags; `identify` checks them.
 
-    - `source`: its origin, for messages.
-    - `joints`: their names, in the arm's order.
+    - `source`: name of the log, for messages.
+    - `joints`: names of the joints, in the arm's order.
     - `t`: times [k], s.
     - `q`: positions [k n], rad or m.
     - `tau`: torques [k n], N m or N.
@@ -63,9 +63,9 @@ class JointLog:
             )
 
     def rows(self, rows: np.ndarray) -> JointLog:
-        """Return the log with some of its samples.
+        """Return the log with a selection of its samples.
 
-        - `rows`: their numbers in the new order, or True for each that is kept.
+        - `rows`: indices in the new order, or True for each sample to keep.
         """
         dq = None if self.dq is None else self.dq[rows]
         return replace(self, t=self.t[rows], q=self.q[rows], tau=self.tau[rows], dq=dq)
@@ -79,12 +79,12 @@ class JointLog:
 
 @dataclass(frozen=True)
 class LogColumns:
-    """Where a table has its times and, for each quantity that it has, the joints in the arm's order.
+    """Columns of a table with the times and the joints' quantities.
 
-    - `time`: name of the column.
-    - `of`: names of columns by quantity.
-    - `scale`: for each column that is used, what one of its units is in s, rad, rad/s or N m.
-    - `notes`: what was left out or converted.
+    - `time`: title of the time column.
+    - `of`: titles by quantity, in the arm's joint order.
+    - `scale`: for each used column, the factor from its unit to s, rad, rad/s or N m.
+    - `notes`: notes on data that was left out or converted.
     """
 
     time: str
@@ -94,18 +94,18 @@ class LogColumns:
 
     @property
     def titles(self) -> list[str]:
-        """The titles of all columns that are used."""
+        """Titles of all used columns."""
         return [self.time, *(title for titles in self.of.values() for title in titles)]
 
     def log(
         self, source: str, joints: Sequence[str], table: Mapping[str, np.ndarray], notes: Sequence[str] = ()
     ) -> JointLog:
-        """Return the log in a table that has these columns.
+        """Return the log in a table with these columns.
 
-        - `source`: what was read, for messages.
+        - `source`: name of the log, for messages.
         - `joints`: the arm's joints, in its order.
-        - `table`: each column by its title.
-        - `notes`: of the reader, before those of the columns.
+        - `table`: columns by title.
+        - `notes`: notes of the reader, which come first.
         """
         values = {
             name: np.stack([table[title] * self.scale.get(title, 1.0) for title in titles], axis=1)
@@ -113,7 +113,7 @@ class LogColumns:
         }
         times = table[self.time] * self.scale.get(self.time, 1.0)
         if len(times) and abs(times[0]) > 1e6:
-            # Since 1970, say: what matters is the time since the first sample.
+            # Such as seconds since 1970: keep the time since the first sample.
             times = (table[self.time] - table[self.time][0]) * self.scale.get(self.time, 1.0)
         return JointLog(
             source, tuple(joints), times, values["q"], values["tau"], values.get("dq"), (*notes, *self.notes)
@@ -125,13 +125,13 @@ QUANTITIES = ("t", "q", "dq", "tau")
 
 @dataclass(frozen=True)
 class ReadOptions:
-    """Options for reading a log whose column names leave something open.
+    """Options for reading a log whose column titles are ambiguous.
 
-    - `topic`: of the messages, where a log has several with joint states.
-    - `columns`: for `t`, `q`, `dq` or `tau`, the word that its columns have in their titles, or a title per joint.
-    - `drop`: quantities (`dq`), columns, joints by name, or joints by their number in the log, that are left out.
+    - `topic`: topic to read, if the log has several with joint states.
+    - `columns`: for `t`, `q`, `dq` or `tau`, the word in the titles of its columns, or a title per joint.
+    - `drop`: quantities (`dq`), columns, joints by name, or joints by their number in the log, to leave out.
 
-    Raises DefinitionError if a quantity is none of these, or one that is needed is dropped.
+    Raises DefinitionError if a quantity is unknown, or if `t`, `q` or `tau` is dropped.
     """
 
     topic: str | None = None
@@ -142,9 +142,8 @@ class ReadOptions:
         for quantity in self.columns:
             if quantity not in QUANTITIES:
                 raise DefinitionError(
-                    f"`columns` has the quantity `{plain_name(quantity)}`, but there are only `t`, `q`, `dq` and "
-                    "`tau`: "
-                    "write it such as `q=position,tau=effort`"
+                    f"`columns` has the quantity `{plain_name(quantity)}`, but the quantities are `t`, `q`, `dq` and "
+                    "`tau`: write for example `q=position,tau=effort`"
                 )
         for needed in ("t", "q", "tau"):
             if needed in self.drop:
@@ -154,7 +153,7 @@ class ReadOptions:
 def parse_columns(texts: Sequence[str]) -> dict[str, str | list[str]]:
     """Return the quantities and their columns, from texts such as `q=position,tau=effort` or `tau=a,b,c`.
 
-    - `texts`: each with one or more quantities.
+    - `texts`: texts with one or more quantities each.
 
     Raises DefinitionError if a text has another form.
     """
@@ -186,7 +185,7 @@ POSITION_UNITS = {
     "m": ("m", 1.0),
     "mm": ("m", 1e-3),
 }
-"""The kind of joint that a unit of position belongs to, and its size in rad or m."""
+"""Base unit of each unit of position, and its size in this base unit."""
 
 TORQUE_UNITS = {
     "Nm": 1.0,
@@ -199,28 +198,28 @@ TORQUE_UNITS = {
     "lbfin": 0.1129848,
     "ozfin": 0.00706155,
 }
-"""N m per unit of torque; for a sliding joint N per unit of force, with `mNm` for mN and so on."""
+"""N m per unit of torque; for a prismatic joint N per unit of force, with `mNm` for mN and so on."""
 
 
 @dataclass(frozen=True)
 class Conventions:
-    """Differences between a log and the arm's own units, signs and joint order.
+    """Differences between a log's units, signs and joint order and the arm's own.
 
-    Each field has an option of `slidax identify`: `torque_sign` is `--torque-sign`. A list has an entry for each joint,
-    in the arm's order; a single entry is for all joints.
+    Each field is also an option of `slidax identify`: `torque_sign` is `--torque-sign`. A list has an entry for each
+    joint, in the arm's order; a single entry applies to all joints.
 
     - `time_unit`: `s`, `ms`, `us` or `ns`, or a number: the seconds per unit of the log's times.
-    - `position_unit`: `rad`, `deg`, `mrad` or `rev` for turning joints, `m` or `mm` for sliding joints; velocities are
-      in this unit per second.
-    - `position_sign`: 1, or -1 for a joint that the log counts in the opposite direction.
+    - `position_unit`: `rad`, `deg`, `mrad` or `rev` for revolute joints, `m` or `mm` for prismatic joints; velocities
+      are in this unit per second.
+    - `position_sign`: 1, or -1 if the log counts a joint's position in the opposite direction.
     - `position_offset`: added to the positions, rad or m.
     - `torque_unit`: `Nm`, `mNm`, `Ncm`, `kNm`, `kgfm`, `kgfcm`, `lbfft`, `lbfin` or `ozfin`.
-    - `torque_scale`: a factor of the torques, such as gear ratio times torque constant for motor currents.
-    - `torque_sign`: 1, or -1 for a torque that the log counts in the opposite direction.
-    - `add_gravity`: whether the log's torques lack those of gravity, which the controller compensates by itself.
-    - `torque_delay`: the time by which the log's torques come after its positions, s.
+    - `torque_scale`: factor of the torques, such as gear ratio times torque constant for motor currents.
+    - `torque_sign`: 1, or -1 if the log counts a torque in the opposite direction.
+    - `add_gravity`: True if the log's torques exclude gravity, as with a robot that compensates gravity internally.
+    - `torque_delay`: delay of the log's torques after its positions, s.
     - `joint_order`: for each joint of the log as read, the arm's joint that its values belong to.
-    - `position_order`, `torque_order`: the same for positions and velocities alone, and for torques alone.
+    - `position_order`, `torque_order`: the same for positions and velocities only, and for torques only.
     - `ignore_torque`: joints whose torques are not used.
 
     Raises DefinitionError if a unit is unknown, or a number is out of range.
@@ -247,7 +246,7 @@ class Conventions:
         if any(not np.isfinite(scale) or scale <= 0.0 for scale in self.torque_scale):
             raise DefinitionError(
                 f"`torque_scale` must be > 0 and finite for each joint; got {short_repr(self.torque_scale)}; "
-                "`torque_sign` turns a sign"
+                "`torque_sign` changes a sign"
             )
         if not np.isfinite(self.position_offset).all():
             raise DefinitionError(f"`position_offset` must be finite; got {short_repr(self.position_offset)}")
@@ -275,14 +274,14 @@ class Conventions:
             return np.nan
 
     def applied(self, log: JointLog, units: Sequence[str]) -> JointLog:
-        """The log in the arm's units, signs and joint order.
+        """Convert a log to the arm's units, signs and joint order.
 
-        - `log`: as read.
+        - `log`: the log as read.
         - `units`: "rad" or "m" for each joint of the arm.
 
-        Raises DefinitionError if a list does not have an entry for each joint, or a name is not a joint's.
+        Raises DefinitionError if a list does not have an entry for each joint, or a name is no joint.
         """
-        whole, positions, torques = (
+        joint_order, positions, torques = (
             self._order(name, log.joints) for name in ("joint_order", "position_order", "torque_order")
         )
         for name in self.ignore_torque:
@@ -299,23 +298,23 @@ class Conventions:
             * self.each("torque_sign", len(units))
         )
         t = log.t * self.seconds if self.seconds != 1.0 else log.t
-        tau = log.tau[:, whole][:, torques] * torque
+        tau = log.tau[:, joint_order][:, torques] * torque
         if self.torque_delay:
             tau = _shifted(t, tau, self.torque_delay)
         return replace(
             log,
             t=t,
-            q=log.q[:, whole][:, positions] * size + self.each("position_offset", len(units)),
+            q=log.q[:, joint_order][:, positions] * size + self.each("position_offset", len(units)),
             tau=tau,
-            dq=None if log.dq is None else log.dq[:, whole][:, positions] * size,
+            dq=None if log.dq is None else log.dq[:, joint_order][:, positions] * size,
         )
 
     def each(self, name: str, joints: int) -> np.ndarray:
-        """A field's entries, one for each joint [n].
+        """A field's entry for each joint [n].
 
-        - `joints`: their number.
+        - `joints`: number of joints.
 
-        Raises DefinitionError if it has another number of entries.
+        Raises DefinitionError if the field has neither 1 nor n entries.
         """
         values = np.asarray(getattr(self, name), float)
         if values.size not in (1, joints):
@@ -325,7 +324,7 @@ class Conventions:
         return np.broadcast_to(values.ravel(), (joints,))
 
     def _order(self, name: str, joints: Sequence[str]) -> list[int]:
-        """For each joint of the arm, the column of the log as read that has its values."""
+        """For each joint of the arm, the index of its column in the log as read."""
         order = list(getattr(self, name))
         if not order:
             return list(range(len(joints)))
@@ -338,6 +337,6 @@ class Conventions:
 
 
 def _shifted(t: np.ndarray, values: np.ndarray, delay: float) -> np.ndarray:
-    """Values of a later time at each time; the ends keep the first or the last value."""
+    """Advance values by a delay; the ends keep the first or the last value."""
     in_order = np.argsort(t, kind="stable")
     return np.stack([np.interp(t + delay, t[in_order], column[in_order]) for column in values.T], axis=1)

@@ -1,24 +1,24 @@
 """Relative bounds of a mass matrix for every configuration, from errors of the inertial parameters.
 
-The statement is `-p M₀(q) ≤ ΔM(q) ≤ p M₀(q)` for all q, where ΔM is linear in the parameters' errors. It is proved
-without a grid. Let V be the twist of the body that carries joint i, in the axes and at the origin of that joint, I the
+The bound is `-p M₀(q) ≤ ΔM(q) ≤ p M₀(q)` for all q, where ΔM is linear in the parameters' errors. The proof needs no
+grid. Let V be the twist of the body that carries joint i, in the axes and at the origin of that joint, I the
 spatial inertia of the body that joint i moves, z the joint's axis and R the inertia of its rotor. Twice the kinetic
 energy of the arm is
 
     q̇ᵀ M q̇ = Σ_i (V + z q̇_i)ᵀ I_i (V + z q̇_i) + R_i q̇_i²                                                     (1)
 
 Choose for each joint a quadratic form L_i on twists that the joint's own motion does not change: for a revolute joint
-one that is symmetric about its axis, for a prismatic joint one that a displacement along its axis leaves alone. Then
-`Vᵀ L_i V` is the same number before joint i and behind it, whatever q_i is. Adding it to the body inside of the joint
-and subtracting it from the body outside leaves (1) as it is, and
+a form that is symmetric about its axis, for a prismatic joint one that is invariant under displacements along its axis.
+Then `Vᵀ L_i V` has the same value on both sides of joint i for every q_i. Adding it to the body on the inner side and
+subtracting it from the body on the outer side does not change (1), and
 
     q̇ᵀ M q̇ = Σ_i [V; q̇_i]ᵀ K_i [V; q̇_i],
     K_i = [1 z]ᵀ (I_i + Σ_c X_cᵀ L_c X_c) [1 z] + diag(0, R_i) - diag(L_i, 0)                                  (2)
 
 where c counts the joints that body i carries and X_c is the constant change of axes to joint c. No K_i depends on q.
 So if all K_i are positive semidefinite for the parameters `p φ₀ + Δφ` and some L, then `p M₀(q) + ΔM(q) ≥ 0` for every
-q, and the smallest such p is a small semidefinite program. V runs through the twists that the joints inside can make;
-K_i is restricted to them, which matters for planar arms.
+q, and the smallest such p is a small semidefinite program. K_i is restricted to the twists V that the inner joints can
+produce, which matters for planar arms.
 
 Any L proves a bound; a better L proves a smaller one. The bounds are exact up to floating-point rounding.
 """
@@ -32,23 +32,23 @@ import numpy as np
 from slidax.arms.articulated import Articulated
 from slidax.core.errors import DefinitionError
 
-from .regressor import BODY, PAIRS
+from .regressor import BODY, PAIRS, cross_matrix
 
 GAP = 0.02
-"""The bound may be larger than the best one of this kind by this share."""
+"""Share by which the bound may exceed the smallest bound of this kind."""
 
 NEWTON_STEPS = 4
-"""Steps per weight of the barrier."""
+"""Newton steps per barrier weight."""
 
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """K_i of (2), on a basis of the twists that occur.
+    """K_i of (2), on a basis of the possible twists.
 
-    - `parameters`: numbers of its parameters among all: the body's ten, and the rotor.
-    - `forms`: numbers of its coefficients among those of all L, those of L_i first.
-    - `own`: how many belong to L_i.
-    - `of_parameters`, `of_forms`: the matrix of each [11 m m], [f m m].
+    - `parameters`: indices of its parameters in φ: the body's ten, and the rotor.
+    - `forms`: indices of its coefficients among those of all L, the coefficients of L_i first.
+    - `own`: number of coefficients of L_i.
+    - `of_parameters`, `of_forms`: the matrix that each parameter and coefficient multiplies [11 m m], [f m m].
     """
 
     parameters: np.ndarray
@@ -60,14 +60,14 @@ class Block:
     def matrix(self, parameters: np.ndarray, forms: np.ndarray) -> np.ndarray:
         """Return K, [... m m].
 
-        - `parameters`, `forms`: of the whole arm [... 11n], [... f].
+        - `parameters`, `forms`: parameters and coefficients of the whole arm [... 11n], [... f].
         """
         own = np.tensordot(parameters[..., self.parameters], self.of_parameters, axes=1)
         return own + np.tensordot(forms[..., self.forms], self.of_forms, axes=1)
 
 
 class MassBound:
-    """Relative bounds of a mass matrix whose inertial parameters are in error.
+    """Relative bounds of the mass matrix's error for errors of the inertial parameters.
 
     Raises DefinitionError if the mass matrix is not positive definite in this form, as with massless bodies.
     """
@@ -75,7 +75,7 @@ class MassBound:
     def __init__(self, robot: Articulated, parameters: np.ndarray) -> None:
         """Find the centre of the forms that prove `M₀(q) > 0`.
 
-        - `parameters`: of the arm, of its bodies with the payload [10n] and rotors [n].
+        - `parameters`: of the arm, as from `arm_parameters` [11n].
         """
         self.blocks, self.coefficients = blocks_of(robot)
         self.centre = self._analytic_centre(parameters)
@@ -88,8 +88,8 @@ class MassBound:
         """Return for each error a p with `-p M₀(q) ≤ ΔM(q) ≤ p M₀(q)` for all q, [s].
 
         With the centre's L₀ as a metric, `K_i(p φ₀ ± Δφ, p L₀ ± L) ≥ 0` is `|E_i| ≤ p` for the normalised
-        `E_i = K_i⁰⁻¹ᐟ² K_i(Δφ, L) K_i⁰⁻¹ᐟ²`. The L that makes the sum of squares of all E_i least is linear in Δφ and
-        gives a bound that is some 1.4 times the best. The best has an L of its own for either sign, and comes from
+        `E_i = K_i⁰⁻¹ᐟ² K_i(Δφ, L) K_i⁰⁻¹ᐟ²`. The L with the smallest sum of squares of all E_i is linear in Δφ and
+        gives a bound about 1.4 times the smallest. The smallest bound has a different L for each sign, and comes from
         Newton's method with the barrier -log det.
 
         - `errors`: Δφ [s 11n].
@@ -120,11 +120,11 @@ class MassBound:
         return -np.linalg.lstsq(columns, target, rcond=1e-12)[0].T
 
     def _refined(self, matrices: list[np.ndarray]) -> list[np.ndarray]:
-        """The matrices after a change of L that makes the largest eigenvalue of all of them nearly least.
+        """The matrices for an L that nearly minimises their largest eigenvalue.
 
-        Minimise p subject to `p - A_i - Σ_k y_k T_ik ≥ 0`: damped Newton's steps on `p/μ - Σ log det`, which stay
-        inside since this function is self-concordant. At its minimum p is above the least by at most μ times the
-        number of rows.
+        Minimise p subject to `p - A_i - Σ_k y_k T_ik ≥ 0` by damped Newton steps on `p/μ - Σ log det`. The function is
+        self-concordant, so the steps stay feasible. At its minimum p exceeds the optimum by at most μ times the number
+        of rows.
         """
         count = len(matrices[0])
         size = np.maximum(_largest(matrices), 1e-300)
@@ -161,7 +161,7 @@ class MassBound:
             flat = turned.reshape(count, len(own), -1)
             other = np.swapaxes(turned, 2, 3).reshape(count, len(own), -1)
             curve[:, where[:, None], where] += flat @ np.swapaxes(other, 1, 2)
-        # In units of the same curvature; combinations on which nothing depends keep their values.
+        # Scaled to equal curvature; combinations without influence keep their values.
         unit = 1.0 / np.sqrt(np.maximum(np.einsum("sii->si", curve), 1e-200))
         curve = curve * unit[:, :, None] * unit[:, None, :] + 1e-10 * np.eye(unknowns)
         step = -unit * np.linalg.solve(curve, (unit * slope)[:, :, None])[:, :, 0]
@@ -178,7 +178,7 @@ class MassBound:
                 turned = np.linalg.inv(block.matrix(parameters, forms)) @ block.of_forms
                 slope[block.forms] -= np.trace(turned, axis1=1, axis2=2)
                 curve[np.ix_(block.forms, block.forms)] += np.einsum("aij,bji->ab", turned, turned)
-            # In units in which each coefficient has the same curvature.
+            # Scaled to equal curvature in every coefficient.
             unit = 1.0 / np.sqrt(np.maximum(np.diag(curve), 1e-300))
             step = -unit * np.linalg.lstsq(curve * np.outer(unit, unit), unit * slope, rcond=1e-13)[0]
             decrement = np.sqrt(max(float(-slope @ step), 0.0))
@@ -188,7 +188,7 @@ class MassBound:
         return forms
 
     def _inside(self, parameters: np.ndarray) -> np.ndarray:
-        """Some L for which all K_i are positive definite."""
+        """An L for which all K_i are positive definite."""
         for share in (0.0, *np.geomspace(1e-1, 1e-8, 15)):
             forms = self._definite(parameters, share)
             values = [np.linalg.eigvalsh(block.matrix(parameters, forms)) for block in self.blocks]
@@ -197,14 +197,14 @@ class MassBound:
         raise DefinitionError("the mass matrix is not bounded: some body of the arm has no mass or no inertia")
 
     def _definite(self, parameters: np.ndarray, share: float) -> np.ndarray:
-        """L that lend each body a share of what is inside of it, in decreasing amounts towards the tip."""
+        """The L that raise each K_i by a share of its size at the expense of the next body inwards, tip first."""
         forms = np.zeros(self.coefficients)
         if share == 0.0:
             return forms
         for block in reversed(self.blocks):
             if not block.own:
                 continue
-            # The form nearest to a multiple of the identity that the joint leaves alone.
+            # The form nearest to a multiple of the identity among those that the joint's motion does not change.
             rows = block.of_forms.shape[1]
             size = float(np.trace(block.matrix(parameters, forms))) / rows
             flat = block.of_forms[: block.own].reshape(block.own, -1)
@@ -216,17 +216,17 @@ class MassBound:
 def blocks_of(robot: Articulated) -> tuple[tuple[Block, ...], int]:
     """Return the K_i of an arm, and the number of coefficients of all L.
 
-    - `robot`: its frames.
+    - `robot`: the arm; only its geometry is used.
     """
     n = robot.joints
     rotations, translations = np.asarray(robot.rotations), np.asarray(robot.translations)
-    changes = [_change_of_axes(rotations[i], translations[i]) for i in range(n)]
+    changes = [change_of_axes(rotations[i], translations[i]) for i in range(n)]
     axes = [np.eye(6)[2 if unit == "rad" else 5] for unit in robot.joint_units]
     twists: list[np.ndarray] = []
     invariants: list[np.ndarray] = []
     for i, parent in enumerate(robot.parents):
         before = np.zeros((6, 0)) if parent < 0 else np.column_stack([twists[parent], axes[parent]])
-        twists.append(_closed(changes[i] @ before, robot.joint_units[i]))
+        twists.append(_reachable_twists(changes[i] @ before, robot.joint_units[i]))
         invariants.append(_invariant_forms(twists[i].T @ GENERATORS[robot.joint_units[i]] @ twists[i]))
     ends = np.cumsum([0, *(len(own) for own in invariants)])
     blocks = []
@@ -255,16 +255,19 @@ def blocks_of(robot: Articulated) -> tuple[tuple[Block, ...], int]:
     return tuple(blocks), int(ends[-1])
 
 
-def _change_of_axes(rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:
-    """The twist in a joint's axes and at its origin, at position 0, from that in its parent's, [6 6]."""
+def change_of_axes(rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:
+    """Return the matrix from a twist (ω, v) in one frame to the same twist in another, [6 6].
+
+    - `rotation`, `translation`: axes and origin of the new frame in the old one.
+    """
     change = np.zeros((6, 6))
     change[:3, :3] = change[3:, 3:] = rotation.T
-    change[3:, :3] = -rotation.T @ _cross_matrix(translation)
+    change[3:, :3] = -rotation.T @ cross_matrix(translation)
     return change
 
 
-def _closed(vectors: np.ndarray, unit: str) -> np.ndarray:
-    """An orthonormal basis of all twists that some become by a joint's motion, [6 d]."""
+def _reachable_twists(vectors: np.ndarray, unit: str) -> np.ndarray:
+    """Orthonormal basis of all twists that a joint's motion makes of the given ones, [6 d]."""
     moved = [vectors]
     for position in (0.7, 1.9, 3.1, 4.4, 5.6):
         motion = np.eye(6)
@@ -272,14 +275,14 @@ def _closed(vectors: np.ndarray, unit: str) -> np.ndarray:
             c, s = np.cos(position), np.sin(position)
             motion[:3, :3] = motion[3:, 3:] = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
         else:
-            motion[3:, :3] = -_cross_matrix(np.array([0.0, 0.0, position]))
+            motion[3:, :3] = -cross_matrix(np.array([0.0, 0.0, position]))
         moved.append(motion @ vectors)
     left, values, _ = np.linalg.svd(np.column_stack(moved), full_matrices=False)
     return left[:, values > 1e-9 * max(values.max(initial=0.0), 1e-300)]
 
 
 def _invariant_forms(generator: np.ndarray) -> np.ndarray:
-    """A basis of the symmetric L with `L A + Aᵀ L = 0`: forms that the motion exp(A s) does not change, [f d d].
+    """Basis of the symmetric L with `L A + Aᵀ L = 0`, the forms invariant under the motion exp(A s), [f d d].
 
     - `generator`: A, on a basis of the twists [d d].
     """
@@ -301,16 +304,12 @@ def _inverse_root(matrix: np.ndarray) -> np.ndarray:
 
 
 def _largest(matrices: list[np.ndarray]) -> np.ndarray:
-    """The largest eigenvalue of all, [s]."""
+    """Largest eigenvalue over the matrices of each sample, [s]."""
     return np.max([np.linalg.eigvalsh(matrix)[:, -1] for matrix in matrices], axis=0)
 
 
-def _cross_matrix(v: np.ndarray) -> np.ndarray:
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
-
-
 def _spatial() -> np.ndarray:
-    """The quadratic form on twists (ω, v) that each of a body's ten numbers contributes, [10 6 6].
+    """Quadratic form on twists (ω, v) that each of a body's ten parameters contributes, [10 6 6].
 
     `m |v|² + 2 v·(ω × h) + ωᵀ I ω`, twice the kinetic energy, with h the mass times the centre of mass and I the
     inertia about the origin.
@@ -318,7 +317,7 @@ def _spatial() -> np.ndarray:
     forms = np.zeros((BODY, 6, 6))
     forms[0, 3:, 3:] = np.eye(3)
     for axis in range(3):
-        cross = _cross_matrix(np.eye(3)[axis])
+        cross = cross_matrix(np.eye(3)[axis])
         forms[1 + axis, 3:, :3] = -cross
         forms[1 + axis, :3, 3:] = cross
     for entry, (i, j) in enumerate(PAIRS):
@@ -330,6 +329,6 @@ SPATIAL = _spatial()
 
 
 GENERATORS = {"rad": np.zeros((6, 6)), "m": np.zeros((6, 6))}
-"""The change of a twist (ω, v) per unit of a revolute and of a prismatic joint's motion, in the axes that move."""
-GENERATORS["rad"][:3, :3] = GENERATORS["rad"][3:, 3:] = -_cross_matrix(np.array([0.0, 0.0, 1.0]))
-GENERATORS["m"][3:, :3] = -_cross_matrix(np.array([0.0, 0.0, 1.0]))
+"""Change of a twist (ω, v) per unit of motion of a revolute or prismatic joint, in the moving axes."""
+GENERATORS["rad"][:3, :3] = GENERATORS["rad"][3:, 3:] = -cross_matrix(np.array([0.0, 0.0, 1.0]))
+GENERATORS["m"][3:, :3] = -cross_matrix(np.array([0.0, 0.0, 1.0]))

@@ -24,33 +24,33 @@ from .signals import LogSignals
 REACH = 0.2
 """Prior distance of a body's mass from its frame [m]; it sets the scale of first moment and inertia."""
 
-WIDE = 3.0
+DRIVE_SCALE = 3.0
 """Prior scale of a drive's parameters, as a multiple of the log's own scale."""
 
-HALF = 0.5
-"""Prior standard deviation of a link's mass, as a share of it."""
+MASS_SHARE = 0.5
+"""Prior standard deviation of a link's mass, as a share of the mass."""
 
-STANDS = 1e-3
-"""A velocity, rad/s or m/s, below which a joint does not move."""
+STANDSTILL = 1e-3
+"""Velocity, rad/s or m/s, below which a joint stands still."""
 
 FEW = 0.2
-"""A share of the rows that a joint is used in at least, if it moves."""
+"""Least share of the rows to use for a moving joint."""
 
 SLOW = 0.03
-"""Of a joint's largest velocity: where it is slower, dry friction may stick, and its equation does not count."""
+"""Share of a joint's largest velocity below which dry friction may stick; its equation is not used there."""
 
 
 @dataclass(frozen=True, eq=False)
 class Unknowns:
-    """The equation `τ - known = columns @ θ`, at each time and joint, and what is believed of θ before.
+    """The equation `τ - known = columns @ θ` at each time and joint, and the prior of θ.
 
-    - `names`, `joints`: of each column, `names` without the joint; the joint is -1 where there is none.
-    - `columns`: [k n p].
-    - `known`: torque that is not in question [k n].
-    - `prior`, `scale`: the θ believed before, and how far it may be off [p].
-    - `positive`: which cannot be negative [p].
-    - `bodies`: where the ten numbers of each body begin.
-    - `counts`: which equations count [k n].
+    - `names`, `joints`: name (without the joint) and joint of each parameter; -1 for a parameter without a joint.
+    - `columns`: the regressor [k n p].
+    - `known`: torque of the known parameters [k n].
+    - `prior`, `scale`: prior mean and standard deviation of θ [p].
+    - `positive`: True for parameters that cannot be negative [p].
+    - `bodies`: index of each body's first parameter.
+    - `counts`: True for equations that the fit uses [k n].
     """
 
     names: tuple[str, ...]
@@ -76,12 +76,12 @@ def unknowns_of(
 ) -> Unknowns:
     """The equation of an arm, `τ = Y φ + J q̈ + f_c sign(q̇) + f_v q̇ + f_a |q̇| + f_o`.
 
-    f_o is the offset: of the torque's measurement, or half of what friction differs by between the two directions,
-    which look the same. f_a is what viscous friction differs by, taken only if asked for.
+    f_o is the offset of the torque measurement, or half the difference of friction between the two directions: a log
+    cannot tell them apart. f_a is half the difference of viscous friction between the two directions, if `asymmetric`.
 
     - `robot`: the arm as it is known.
-    - `rotors`, `payload`, `links`: whether rotors, payload, and the links' inertial parameters are unknown.
-    - `asymmetric`: whether viscous friction may differ between the two directions.
+    - `rotors`, `payload`, `links`: True if rotors, payload, or the links' inertial parameters are unknown.
+    - `asymmetric`: True if viscous friction may differ between the two directions.
     - `ignored`: True for joints whose torques are not used [n].
     """
     motion, n = signals.motion, robot.joints
@@ -92,13 +92,13 @@ def unknowns_of(
     scale: list[float] = []
     positive: list[bool] = []
     bodies: list[int] = []
-    of_links = parameters_of_links(robot)
+    link_parameters = parameters_of_links(robot)
 
-    def add_body(what: str, at: int, believed: np.ndarray, mass: float) -> None:
+    def add_body(kind: str, joint: int, believed: np.ndarray, mass: float) -> None:
         bodies.append(len(names))
         for entry, size in zip(BODY_NAMES, (mass, *3 * (mass * REACH,), *6 * (mass * REACH**2,)), strict=True):
-            names.append(f"{what}.{entry}")
-            joints.append(at)
+            names.append(f"{kind}.{entry}")
+            joints.append(joint)
             scale.append(size)
         prior.extend(believed)
         positive.extend(BODY * [False])
@@ -106,17 +106,19 @@ def unknowns_of(
     total = max(float(np.sum(robot.masses)), 0.1)
     if links:
         for i in range(n):
-            add_body("link", i, of_links[i * BODY :][:BODY], HALF * max(float(robot.masses[i]), 0.02 * total))
+            add_body(
+                "link", i, link_parameters[i * BODY :][:BODY], MASS_SHARE * max(float(robot.masses[i]), 0.02 * total)
+            )
         columns.append(links_regressor(robot, motion))
     if payload:
         add_body("payload", -1, np.zeros(BODY), total)
         columns.append(payload_regressor(robot, motion))
     # Unknown bodies are not part of the known torque.
     carried = parameters_of_payload(robot.payload) * (not payload)
-    known = rigid_torque(robot, motion, of_links * (not links), carried)
+    known = rigid_torque(robot, motion, link_parameters * (not links), carried)
 
     size = np.sqrt(np.mean(signals.tau**2, axis=0)) + 1e-9
-    largest = np.maximum(np.abs(motion.dq).max(axis=0), STANDS)
+    largest = np.maximum(np.abs(motion.dq).max(axis=0), STANDSTILL)
     drives = [
         ("coulomb", np.sign(motion.dq), np.ones(n), True),
         ("viscous", motion.dq, largest, True),
@@ -134,7 +136,7 @@ def unknowns_of(
         names.extend(n * [name])
         joints.extend(range(n))
         prior.extend(np.asarray(robot.armature) if name == "armature" else np.zeros(n))
-        scale.extend(WIDE * size / unit)
+        scale.extend(DRIVE_SCALE * size / unit)
         positive.extend(n * [nonnegative])
     return Unknowns(
         names=tuple(names),
@@ -153,18 +155,18 @@ BODY_NAMES = ("mass", "moment.x", "moment.y", "moment.z", "xx", "yy", "zz", "xy"
 
 
 def mark_moving(signals: LogSignals) -> np.ndarray:
-    """True where a joint slides for as long as the filter feels, and for all of a joint that stands [k n]."""
+    """True at rows with sliding friction throughout the filter's settling time; always True for a still joint [k n]."""
     dq = signals.motion.dq
-    largest = np.maximum(np.abs(dq).max(axis=0), STANDS)
+    largest = np.maximum(np.abs(dq).max(axis=0), STANDSTILL)
     dead = np.maximum(SLOW * largest, 4.0 * signals.noise)
-    slow = (np.abs(dq) < dead) & (largest > STANDS)
+    slow = (np.abs(dq) < dead) & (largest > STANDSTILL)
     slides = np.empty(dq.shape, bool)
     for joint in range(dq.shape[1]):
         reach = signals.settled
         while True:
             near = np.convolve(slow[:, joint] * 1.0, np.ones(2 * reach + 1), "same") > 0.5
             slides[:, joint] = ~near & signals.inner
-            # A joint that turns round more often than the filter settles is used closer to its turns.
+            # A joint that reverses too often for the filter to settle is used closer to its reversals.
             if reach == 0 or slides[:, joint].mean() > FEW:
                 break
             reach //= 2
@@ -172,21 +174,21 @@ def mark_moving(signals: LogSignals) -> np.ndarray:
 
 
 PER_CUT_OFF = 3.0
-"""Rows that are kept per period of the cut-off frequency: between them nothing new is to be seen."""
+"""Rows kept per period of the cut-off frequency; rows between them add no information."""
 
 ROUNDS = 4
-"""Times that the weights are found anew from the residuals."""
+"""Iterations of the weights from the residuals."""
 
 
 @dataclass(frozen=True, eq=False)
 class ParameterFit:
-    """The parameters that fit best, and how well they are known.
+    """The best-fitting parameters and their uncertainty.
 
-    - `theta`: [p].
-    - `covariance`: of their errors [p p].
-    - `information`: of data and of what was believed before [p p].
-    - `gain`: eigenvalues of the data's information over that of what was believed before [p], largest first.
-    - `lag`, `lag_error`: by how much the torques come after the positions, and its standard error [s].
+    - `theta`: the parameters [p].
+    - `covariance`: covariance of their errors [p p].
+    - `information`: information of the data and the prior [p p].
+    - `gain`: eigenvalues of the data's information relative to the prior's [p], largest first.
+    - `lag`, `lag_error`: delay of the torques after the positions, and its standard error [s].
     - `sigma`: standard deviation of the residuals [n].
     """
 
@@ -200,15 +202,15 @@ class ParameterFit:
 
 
 def fit_parameters(unknowns: Unknowns, signals: LogSignals, rows: slice) -> ParameterFit:
-    """Weighted least squares on the filtered equation, with a time by which torques lag as one more unknown.
+    """Weighted least squares on the filtered equation, with the delay of the torques as an additional unknown.
 
-    Each joint's weight is the inverse of its residuals' variance. The covariance is that of
-    `covariance_of_fit`, and what the belief adds to it.
+    Each joint's weight is the inverse of its residuals' variance. The covariance is that of `covariance_of_fit` plus
+    the prior's.
 
-    - `rows`: the part of the log that is fitted.
+    - `rows`: the fitted part of the log.
     """
     part = signals.part(rows)
-    # In units of what was believed before, the belief is the identity.
+    # Scaled by the prior's standard deviations, the prior's information is the identity.
     columns = part.filtered(unknowns.columns[rows] * unknowns.scale)
     target = part.filtered((signals.tau - unknowns.known)[rows])
     known = part.filtered(unknowns.known[rows])
@@ -232,8 +234,7 @@ def fit_parameters(unknowns: Unknowns, signals: LogSignals, rows: slice) -> Para
     inverse = _inverse(data + identity)
     rate = part.rate / every
     covariance = covariance_of_fit(a, off / sigma, used, inverse, rate, part.cut_off) + inverse @ inverse
-    # By how much fewer samples there seem to be, as residuals are correlated; so that it counts against what was
-    # believed, too.
+    # Correlated residuals reduce the effective number of samples, and so the data's information against the prior's.
     ratio = max(1.0, float(np.einsum("ij,ji->", data + identity, covariance)) / len(start))
     information = data / ratio + identity
     gain = np.linalg.eigvalsh(data / ratio)[::-1]
@@ -256,26 +257,26 @@ LAG_SCALE = 0.01
 
 
 def _solve_regularised(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """The least `|a x - b|² + |x|²`: by orthogonal factors, which no log makes singular."""
+    """Minimise `|a x - b|² + |x|²` by orthogonal factors, which are regular for every log."""
     factor = np.linalg.qr(np.column_stack([a, b]), mode="r")
     u, s, vt = np.linalg.svd(factor[:, :-1], full_matrices=False)
     return vt.T @ (s / (s**2 + 1.0) * (u.T @ factor[:, -1]))
 
 
 def _inverse(matrix: np.ndarray) -> np.ndarray:
-    """The inverse of a symmetric matrix whose eigenvalues are at least 1, but for rounding."""
+    """Inverse of a symmetric matrix whose eigenvalues are at least 1 up to rounding."""
     values, vectors = np.linalg.eigh(matrix)
     return (vectors / np.maximum(values, 1.0)) @ vectors.T
 
 
 WIDTH = 30.0
-"""Of the window over frequencies, in multiples of the log's own resolution: so many numbers are averaged."""
+"""Width of the averaging window over frequencies, in multiples of the log's frequency resolution."""
 
 FRACTION = 0.25
-"""Of the cut-off frequency: the window is no wider, since the residuals' spectrum changes over the filter's band."""
+"""Largest window as a share of the cut-off frequency, since the residuals' spectrum changes over the filter's band."""
 
-LEAST_ROOM = 0.05
-"""A share of the degrees of freedom that the fit leaves at least, in a band of frequencies."""
+LEAST_FREEDOM = 0.05
+"""Smallest share of the degrees of freedom that the fit leaves in a frequency band."""
 
 
 def covariance_of_fit(
@@ -283,26 +284,26 @@ def covariance_of_fit(
 ) -> np.ndarray:
     """Return `A⁻¹ (Σ_j a_jᵀ R_j a_j) A⁻¹`, with R_j the covariance matrix of joint j's noise in time, [p p].
 
-    R_j is that of a stationary process, so that each sample may be correlated with all others. Its spectral density is
-    estimated from the residuals where it matters, at the frequencies at which the regressor has its power: errors of
-    the model, such as those of friction, repeat with a periodic motion and have their power there alone. At each
-    frequency ω the fit takes up noise, and the residual is smaller than it by the leverage `h(ω) = a(ω)* A⁻¹ a(ω)`:
+    R_j is that of a stationary process, so each sample may be correlated with all others. Its spectral density is
+    estimated from the residuals at the frequencies that matter, those where the regressor has its power: model errors,
+    such as those of friction, repeat with a periodic motion and have power only there. At each frequency ω the fit
+    absorbs some noise, and the residual is smaller than the noise by the leverage `h(ω) = a(ω)* A⁻¹ a(ω)`:
 
         S(ω) = ⟨h |r|²⟩ / ⟨h (1 - h)⟩ · ⟨h⟩ / ⟨h (1 - h)⟩
 
     with ⟨ ⟩ the mean over a window, and h as a share of the equations there. The first factor alone is unbiased for few
-    unknowns. The second makes it as careful as a jackknife (HC3 of MacKinnon and White, *Some heteroskedasticity-
-    consistent covariance matrix estimators with improved finite sample properties*, 1985).
+    unknowns. The second makes the estimate as conservative as a jackknife (HC3 of MacKinnon and White, *Some
+    heteroskedasticity-consistent covariance matrix estimators with improved finite sample properties*, 1985).
 
-    The result is of full rank. One from sums over blocks of the log is not: with 40 blocks and 80 unknowns it gives
-    combinations of the unknowns no error at all.
+    The result has full rank. A covariance from sums over blocks of the log has not: with 40 blocks and 80 unknowns,
+    some combinations of the unknowns would have no error at all.
 
-    - `a`: the equations in units of their noise, 0 where they do not count [k n p].
-    - `residuals`: in the same units, 0 where they do not count [k n].
-    - `counts`: which equations count [k n].
+    - `a`: the equations in units of their noise, 0 where they are not used [k n p].
+    - `residuals`: in the same units, 0 where they are not used [k n].
+    - `counts`: True for equations that are used [k n].
     - `inverse`: A⁻¹ [p p].
     - `rate`: rows per second [Hz].
-    - `cut_off`: of the filter that the equations have passed [Hz].
+    - `cut_off`: cut-off frequency of the equations' filter [Hz].
     """
     k = len(a)
     points = fft.next_fast_len(2 * k)
@@ -311,12 +312,12 @@ def covariance_of_fit(
     width = max(1, round(window * points / rate))
 
     def averaged(values: np.ndarray) -> np.ndarray:
-        # Of both signs of the frequency; twice, for a window without steps.
+        # Over both signs of the frequency; applied twice, which gives a continuous window.
         both = np.concatenate([values, values[1 : points - len(values) + 1][::-1]])
         once = ndimage.uniform_filter1d(both, width, mode="wrap")
         return ndimage.uniform_filter1d(once, width, mode="wrap")[: len(values)]
 
-    # Of real signals: a negative frequency has the same share as the positive one.
+    # For real signals the negative frequencies contribute the same as the positive ones.
     share = np.where((np.arange(points // 2 + 1) * 2) % points == 0, 1.0, 2.0) / points
     total = np.zeros_like(inverse)
     for joint in range(a.shape[1]):
@@ -327,28 +328,28 @@ def covariance_of_fit(
         if not used or not leverage.any():
             continue
         power = np.abs(fft.rfft(residuals[:, joint], points)) ** 2
-        room = np.maximum(1.0 - leverage / used, LEAST_ROOM)
-        # Rounding must not decide where the filter has left nothing.
+        room = np.maximum(1.0 - leverage / used, LEAST_FREEDOM)
+        # Where the filter leaves no power, rounding errors must not determine the result.
         leverage += 1e-6 * leverage.mean()
         left = averaged(leverage * room)
         density = averaged(leverage * power) * averaged(leverage) / (used * left**2)
-        # A moving sum may round below 0; and with the weighted columns no rounding makes a variance negative.
+        # A moving sum may round below 0. This product of weighted columns cannot give a negative variance.
         total += ((weighted.conj() * (np.maximum(density, 0.0) * share)[:, None]).T @ weighted).real
     return total
 
 
 STEPS = 60
-"""Newton steps for each weight of the barrier at most; some ten are taken."""
+"""Newton steps per barrier weight at most; about ten are usual."""
 
-LAST = 1e-6
-"""The barrier's last weight: so much of the sum of squares, in units of the noise, a bound may cost."""
+LAST_WEIGHT = 1e-6
+"""Last barrier weight, the largest increase of the sum of squares, in units of the noise, that a bound may cause."""
 
 
 def pseudo_inertia(phi: np.ndarray) -> np.ndarray:
-    """`[Σ h; hᵀ m]` with `Σ = ½ tr(I) 1 - I`, [4 4].
+    """Pseudo-inertia `[Σ h; hᵀ m]` with `Σ = ½ tr(I) 1 - I`, [4 4].
 
-    It is positive semi-definite exactly for what a distribution of mass can have (Wensing, Kim and Slotine, *Linear
-    matrix inequalities for physically consistent inertial parameter identification*, RA-L 2018).
+    It is positive semidefinite if and only if a mass distribution has these parameters (Wensing, Kim and Slotine,
+    *Linear matrix inequalities for physically consistent inertial parameter identification*, RA-L 2018).
 
     - `phi`: mass, mass times centre, inertia about the frame's origin [10].
     """
@@ -358,26 +359,26 @@ def pseudo_inertia(phi: np.ndarray) -> np.ndarray:
 def consistent_parameters(
     theta: np.ndarray, information: np.ndarray, bodies: Sequence[int], positive: np.ndarray, inside: np.ndarray
 ) -> np.ndarray:
-    """The physically consistent θ that fits best: least `½ (θ - θ̂)ᵀ A (θ - θ̂)`.
+    """The best-fitting physically consistent θ, which minimises `½ (θ - θ̂)ᵀ A (θ - θ̂)`.
 
-    Each body's pseudo-inertia is positive definite, and so are the numbers that `positive` names. Where θ̂ itself is so,
-    it is the answer. Else by an interior-point method of our own: Newton's steps on the sum with `-μ log det` of each
-    pseudo-inertia and `-μ log` of each number, for μ that falls to 1e-6. The barrier is self-concordant, a body has ten
-    numbers, and its derivatives are four lines; so no solver of cone programs is needed.
+    Each body's pseudo-inertia is positive definite, and the parameters marked in `positive` are positive. If θ̂ itself
+    fulfils this, it is the result. Otherwise an interior-point method finds θ: Newton steps on the sum with `-μ log
+    det` of each pseudo-inertia and `-μ log` of each positive parameter, for μ down to 1e-6. The barrier is
+    self-concordant and its derivatives take four lines, so no solver for cone programs is needed.
 
-    - `theta`: θ̂, the best without these conditions [p].
+    - `theta`: θ̂, the unconstrained estimate [p].
     - `information`: A, the inverse of its covariance [p p].
-    - `bodies`: where the ten numbers of each body begin.
-    - `positive`: which other numbers cannot be negative [p].
-    - `inside`: a θ that fulfils the conditions with some room [p].
+    - `bodies`: index of each body's first parameter.
+    - `positive`: True for other parameters that cannot be negative [p].
+    - `inside`: a θ strictly inside the constraints [p].
     """
     if np.isfinite(_barrier(theta, bodies, positive)):
         return theta
-    # In units in which the information is about 1 in each number, so that its factors are of good condition.
+    # Scaled to information of about 1 in each parameter, so that the factors are well conditioned.
     unit = 1.0 / np.sqrt(np.diag(information))
     scaled = information * np.outer(unit, unit)
     now, weight = inside.copy(), 1.0
-    while weight >= LAST:
+    while weight >= LAST_WEIGHT:
         for _ in range(STEPS):
             slope, curve = _derivatives(now, bodies, positive)
             slope = weight * slope * unit + scaled @ ((now - theta) / unit)
@@ -392,7 +393,7 @@ def consistent_parameters(
 
 
 def _solve_positive(curve: np.ndarray, slope: np.ndarray) -> np.ndarray:
-    """`curve⁻¹ slope` for a positive definite curve; where rounding hides a curvature, with the least that shows."""
+    """Return `curve⁻¹ slope` for a positive definite curve; eigenvalues below the rounding error are raised to it."""
     values, vectors = np.linalg.eigh(curve)
     return vectors @ ((vectors.T @ slope) / np.maximum(values, 1e-15 * values[-1]))
 
@@ -407,11 +408,11 @@ def _descend(
     bodies: Sequence[int],
     positive: np.ndarray,
 ) -> np.ndarray:
-    """One step, made shorter until it stays inside and descends."""
+    """Take a step, shortened until it stays feasible and descends."""
 
-    def cost(at: np.ndarray) -> float:
-        off = at - theta
-        return float(0.5 * off @ information @ off) + weight * _barrier(at, bodies, positive)
+    def cost(point: np.ndarray) -> float:
+        off = point - theta
+        return float(0.5 * off @ information @ off) + weight * _barrier(point, bodies, positive)
 
     here, share = cost(now), 1.0
     while share > 1e-12:
@@ -438,7 +439,7 @@ def _barrier(theta: np.ndarray, bodies: Sequence[int], positive: np.ndarray) -> 
 
 
 def _derivatives(theta: np.ndarray, bodies: Sequence[int], positive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Slope and curvature of the barrier: `-tr(J⁻¹ E_i)` and `tr(J⁻¹ E_i J⁻¹ E_j)`, `-1/θ` and `1/θ²`."""
+    """Gradient and Hessian of the barrier: `-tr(J⁻¹ E_i)` and `tr(J⁻¹ E_i J⁻¹ E_j)`, `-1/θ` and `1/θ²`."""
     slope, curve = np.zeros(len(theta)), np.zeros((len(theta), len(theta)))
     slope[positive] = -1.0 / theta[positive]
     curve[positive, positive] = 1.0 / theta[positive] ** 2

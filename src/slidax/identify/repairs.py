@@ -1,4 +1,4 @@
-"""Other conventions under which a log fits its arm: signs, scales, orders, delays, zeros, mountings."""
+"""Alternative conventions under which a log may fit its arm: signs, scales, orders, delays, zeros, mountings."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ EACH = 0.15
 
 @dataclass(frozen=True, eq=False)
 class Repair:
-    """Another convention of a log.
+    """An alternative convention for a log.
 
-    - `sentence`: the convention, to go after "with".
-    - `option`: of the command, which applies it.
-    - `joints`: how many joints it changes.
-    - `match`: with it.
+    - `sentence`: description of the convention, which follows "with".
+    - `option`: the command-line option that applies it.
+    - `joints`: number of joints that it changes.
+    - `match`: match of the arm's torques under this convention.
     """
 
     sentence: str
@@ -47,7 +47,7 @@ class Repair:
 
     @property
     def score(self) -> float:
-        """The match's score, and the cost of the changes."""
+        """The match's score plus the cost of the changes."""
         return self.match.score + EACH * self.joints
 
 
@@ -56,11 +56,11 @@ def improve_entries(
     match_of: Callable[[np.ndarray], TorqueMatch],
     others: Callable[[np.ndarray], Iterator[np.ndarray]],
 ) -> tuple[np.ndarray, TorqueMatch]:
-    """The best after changes of one entry after another, as long as the match gets better.
+    """Greedy search: apply the best single change of the entries until the match no longer improves.
 
-    - `start`: entries to begin with [n].
-    - `match_of`: the match with some entries.
-    - `others`: entries that differ in one place, or are exchanged.
+    - `start`: initial entries [n].
+    - `match_of`: returns the match for entries.
+    - `others`: yields all entries with a single change or exchange.
     """
     best, match = start, match_of(start)
     for _ in range(len(start)):
@@ -73,10 +73,7 @@ def improve_entries(
 
 
 def flips(sign: np.ndarray) -> Iterator[np.ndarray]:
-    """Signs of which one differs.
-
-    - `sign`: of each joint [n].
-    """
+    """Yield the signs with a single sign changed, for each joint in turn."""
     for joint in range(len(sign)):
         other = sign.copy()
         other[joint] *= -1.0
@@ -84,10 +81,7 @@ def flips(sign: np.ndarray) -> Iterator[np.ndarray]:
 
 
 def exchanges(order: np.ndarray) -> Iterator[np.ndarray]:
-    """Orders in which two entries are exchanged.
-
-    - `order`: numbers of the joints [n].
-    """
+    """Yield the order with two entries exchanged, for each pair of joints."""
     for a, b in itertools.combinations(range(len(order)), 2):
         other = order.copy()
         other[[a, b]] = order[[b, a]]
@@ -95,10 +89,10 @@ def exchanges(order: np.ndarray) -> Iterator[np.ndarray]:
 
 
 def order_option(robot: Articulated, order: np.ndarray, earlier: Sequence[str]) -> str:
-    """An option's list: for each joint of the log as read, the joint that its values belong to.
+    """The value of an order option: for each joint of the log as read, the joint that its values belong to.
 
-    - `order`: for each joint, the column that has its values [n].
-    - `earlier`: names by which the columns were ordered already; none if empty.
+    - `order`: for each joint, the column with its values [n].
+    - `earlier`: order already applied to the columns; empty if none was.
     """
     names = list(robot.joint_names)
     belongs = {names[column]: names[joint] for joint, column in enumerate(order)}
@@ -107,36 +101,33 @@ def order_option(robot: Articulated, order: np.ndarray, earlier: Sequence[str]) 
 
 
 def joint_list(robot: Articulated, which: np.ndarray) -> str:
-    """The names of some joints for a message.
+    """The names of the selected joints for a message.
 
-    - `which`: True for each of them [n].
+    - `which`: True for selected joints [n].
     """
     names = [f"`{name}`" for name, chosen in zip(robot.joint_names, which, strict=True) if chosen]
     return "all joints" if len(names) == robot.joints and len(names) > 1 else ", ".join(names)
 
 
 def number_list(values: np.ndarray, digits: int = 3) -> str:
-    """Numbers with commas between them, as an option takes them.
+    """Numbers separated by commas, as an option takes them.
 
     - `values`: the numbers.
-    - `digits`: of each.
+    - `digits`: significant digits.
     """
     return ",".join(f"{value + 0.0:.{digits}g}" for value in values)
 
 
 def short_number_list(values: np.ndarray) -> str:
-    """As `listed`, or one number where all are the same.
-
-    - `values`: the numbers.
-    """
+    """As `number_list`, or a single number if all are equal."""
     return number_list(values[:1] if (values == values[0]).all() else values)
 
 
 FEW = 4
-"""Joints of which all orders are tried; of more, exchanges of two as long as the match gets better."""
+"""Up to this number of joints all orders are tried; for more joints a greedy search exchanges pairs."""
 
 STEPS = 12
-"""Positions of another zero that are tried in a turn."""
+"""Zero positions to try per revolution."""
 
 
 def position_signs(robot: Articulated, sample: TorqueSample, conventions: Conventions) -> Iterator[Repair]:
@@ -215,9 +206,9 @@ def position_zeros(robot: Articulated, sample: TorqueSample, conventions: Conven
 
     def others(offset: np.ndarray) -> Iterator[np.ndarray]:
         for joint in np.nonzero(turning)[0]:
-            for turn in np.arange(1, STEPS) * 2.0 * np.pi / STEPS:
+            for angle in np.arange(1, STEPS) * 2.0 * np.pi / STEPS:
                 other = offset.copy()
-                other[joint] = (offset[joint] + turn + np.pi) % (2.0 * np.pi) - np.pi
+                other[joint] = (offset[joint] + angle + np.pi) % (2.0 * np.pi) - np.pi
                 yield other
 
     zeros, match = improve_entries(zero, match_of, others)
@@ -232,7 +223,7 @@ def position_zeros(robot: Articulated, sample: TorqueSample, conventions: Conven
         near = (zeros[joint] - step, zeros[joint] + step)
         best = optimize.minimize_scalar(along, bounds=near, method="bounded", options={"maxiter": 15}).x
         quarter = 0.5 * np.pi * np.round(best / (0.5 * np.pi))
-        # A zero is a matter of convention where it is about a quarter of a turn away.
+        # A zero about a multiple of 90° away is a matter of convention, and exactly that multiple.
         zeros[joint] = quarter if abs(best - quarter) < 0.1 and along(quarter) < along(best) + EACH else best
     match = match_of(zeros)
     total = zeros + conventions.each("position_offset", n)
@@ -245,7 +236,7 @@ def position_zeros(robot: Articulated, sample: TorqueSample, conventions: Conven
 
 
 def mountings(robot: Articulated, sample: TorqueSample) -> Iterator[Repair]:
-    """The direction of gravity that fits best, from three columns that are linear in it, then by its score."""
+    """Gravity of another direction, from least squares and then by the score; or compensated by the robot."""
     believed = np.asarray(robot.gravity_vector)
     strength = float(np.linalg.norm(believed)) or 9.81
 
@@ -255,21 +246,21 @@ def mountings(robot: Articulated, sample: TorqueSample) -> Iterator[Repair]:
     still = torque(np.zeros(3))
     each = np.stack([torque(axis) - still for axis in np.eye(3)], axis=2)
     weight = sample.counts / sample.size
-    whole = np.concatenate([each, -each, drive_columns(sample)], axis=2) * weight[:, :, None]
-    a, b = whole.reshape(-1, whole.shape[2]), ((sample.tau - still) * weight).ravel()
+    columns = np.concatenate([each, -each, drive_columns(sample)], axis=2) * weight[:, :, None]
+    a, b = columns.reshape(-1, columns.shape[2]), ((sample.tau - still) * weight).ravel()
     solution = nonnegative(a, b)
-    # Along an axis that no joint feels, the columns are rounding.
+    # Along an axis without gravity torques, the columns are rounding errors.
     felt = np.linalg.norm(each, axis=(0, 1)) > 1e-6 * np.linalg.norm(each)
     direction = np.where(felt, solution[:3] - solution[3:6], 0.0)
     if not felt.any() or not direction.any():
         return
 
     def score(vector: np.ndarray) -> float:
-        turned = strength * vector / (np.linalg.norm(vector) + 1e-12)
-        return match_torques(with_gravity(robot, turned), sample).score
+        gravity = strength * vector / (np.linalg.norm(vector) + 1e-12)
+        return match_torques(with_gravity(robot, gravity), sample).score
 
     yield Repair(
-        "the arm's gravity added to them, as of a controller that compensates it by itself",
+        "the arm's gravity added to them, as for a robot that compensates gravity internally",
         "--add-gravity",
         1,
         match_torques(with_gravity(robot, np.zeros(3)), sample),
@@ -283,7 +274,7 @@ def mountings(robot: Articulated, sample: TorqueSample) -> Iterator[Repair]:
     angle = float(np.degrees(np.arccos(np.clip(gravity @ believed / strength**2, -1.0, 1.0))))
     if angle > 3.0:
         yield Repair(
-            f"gravity turned by {angle:.0f}°, for an arm that is mounted so",
+            f"gravity rotated by {angle:.0f}°, as for an arm mounted at this angle",
             f"--gravity {number_list(gravity, 4)}",
             2,
             match_torques(with_gravity(robot, gravity), sample),
@@ -291,24 +282,24 @@ def mountings(robot: Articulated, sample: TorqueSample) -> Iterator[Repair]:
 
 
 SCALES = (0.4, 2.5)
-"""Factors of the torques within which a wrong mass explains them as well as a wrong scale."""
+"""Range of torque factors that wrong masses explain as well as a wrong scale."""
 
 SHARES = (0.7, 1.4)
-"""The same for single joints, where the torques of the others show the masses."""
+"""Range of such factors for single joints, where the torques of the other joints determine the masses."""
 
 UNITS = {1e3: "mN m", 1e2: "N cm", 1e-3: "kN m", 1.0 / 0.0980665: "kgf cm"}
-"""The factor by which torques in other units are too large, and the unit's name."""
+"""Factor by which torques in other units are too large, and the unit's name."""
 
 LATEST = 1.0
-"""The delay of torques that is looked for, s."""
+"""Largest torque delay to search for, s."""
 
 
 def torque_signs(
     robot: Articulated, rigid: RigidTorques, sample: TorqueSample, conventions: Conventions
 ) -> Iterator[Repair]:
-    """Torques with the opposite sign, of all joints or of some.
+    """Torques with the opposite sign, in all joints or in some.
 
-    - `rigid`: torques of its bodies.
+    - `rigid`: torques of the arm's bodies.
     """
     n, same = robot.joints, np.arange(robot.joints)
 
@@ -329,9 +320,9 @@ def torque_signs(
 def torque_scales(
     robot: Articulated, rigid: RigidTorques, sample: TorqueSample, conventions: Conventions
 ) -> Iterator[Repair]:
-    """Torques in another unit, as currents, or of the motor's side of the gear.
+    """Torques in another unit, as currents, or on the motor's side of the gear.
 
-    - `rigid`: torques of its bodies.
+    - `rigid`: torques of the arm's bodies.
     """
     n = robot.joints
 
@@ -356,7 +347,7 @@ def torque_scales(
         for factor, unit in UNITS.items():
             if 0.4 < rough / factor < 2.5:
                 yield repair(np.full(n, sign * factor), unit)
-    # A joint without a rigid torque of its own shows no scale: it has that of the others.
+    # A joint without a rigid-body torque shows no scale; it gets the scale of the others.
     each = [_scale_of(rigid.only(j), sample.only(j, j)) for j in range(n)]
     scales = np.array([scale if shows else 0.0 for scale, shows in each])
     shown_scales = np.abs(scales[scales != 0.0])
@@ -368,7 +359,7 @@ def torque_scales(
     yield repair(np.where(scales == 0.0, np.median(shown_scales), scales))
     few = np.where(outside, scales, 1.0)
     yield repair(few)
-    # Relative to the other joints, if a payload makes all of them seem larger.
+    # Relative to the other joints, in case a payload makes all scales look larger.
     relative = scales / np.median(shown_scales)
     apart = (scales != 0.0) & ((np.abs(relative) < SHARES[0]) | (np.abs(relative) > SHARES[1]))
     for joint in np.nonzero(outside)[0]:
@@ -385,9 +376,9 @@ def torque_scales(
 
 
 def _scaled(robot: Articulated, scales: np.ndarray, unit: str, match: TorqueMatch, conventions: Conventions) -> Repair:
-    """Torques that are some multiples of what the arm needs, as a repair.
+    """The repair for torques that are multiples of the arm's torques.
 
-    A unit is a name of `UNITS`; without one, the scale is an estimate.
+    `unit` is a name in `UNITS`; without a unit, the scale is an estimate.
     """
     size, n = np.abs(scales), robot.joints
     changed = size != 1.0
@@ -402,11 +393,11 @@ def _scaled(robot: Articulated, scales: np.ndarray, unit: str, match: TorqueMatc
             f"--torque-scale {short_number_list(factors)}",
         )
     else:
-        of = "all torques" if alike else f"torques of {joint_list(robot, changed)}"
-        sentence = f"{of} about {short_number_list(size[changed])} times what the arm needs"
+        torques = "all torques" if alike else f"torques of {joint_list(robot, changed)}"
+        sentence = f"{torques} about {short_number_list(size[changed])} times as large as the arm needs"
         if size.min() < 1.0:
             sentence += " (motor currents, or torques on the motor's side of the gear?)"
-        sentence += ", which the data sheet tells more exactly"
+        sentence += "; see the data sheet for the exact factor"
         option = f"--torque-scale {short_number_list(factors)}"
     if (scales < 0).any():
         sentence += f" and the opposite sign for {joint_list(robot, scales < 0)}"
@@ -416,22 +407,22 @@ def _scaled(robot: Articulated, scales: np.ndarray, unit: str, match: TorqueMatc
 
 
 def _scale_of(rigid: RigidTorques, sample: TorqueSample, sign: float = 0.0) -> tuple[float, bool]:
-    """The factor of the arm's own torque that fits best, and whether the torque shows it.
+    """The best factor of the arm's own torque, and True if the torque determines this factor.
 
-    Without a `sign` both are tried, and the factor has the better.
+    With `sign` 0, both signs are tried, and the factor has the better one.
     """
     weight = sample.counts / sample.size
     drives = drive_columns(sample)
-    whole = np.concatenate([rigid.total[:, :, None], drives], axis=2) * weight[:, :, None]
-    a = whole.reshape(-1, whole.shape[2])
+    columns = np.concatenate([rigid.total[:, :, None], drives], axis=2) * weight[:, :, None]
+    a = columns.reshape(-1, columns.shape[2])
     best = (np.inf, 0.0, False)
-    for turned in (1.0, -1.0) if sign == 0.0 else (sign,):
-        b = (turned * sample.tau * weight).ravel()
+    for trial in (1.0, -1.0) if sign == 0.0 else (sign,):
+        b = (trial * sample.tau * weight).ravel()
         solution = nonnegative(a, b)
         residual = float(np.sum((b - a @ solution) ** 2))
         more = float(np.sum((b - a[:, 1:] @ nonnegative(a[:, 1:], b)) ** 2))
         if residual < best[0]:
-            scale = solution[0] if sign else turned * solution[0]
+            scale = solution[0] if sign else trial * solution[0]
             best = (residual, float(scale), solution[0] > 0.0 and more > 1.2 * residual + 1e-3 * len(b))
     return best[1], best[2]
 
@@ -441,7 +432,7 @@ def torque_orders(
 ) -> Iterator[Repair]:
     """Torques in another joint order, perhaps with other signs.
 
-    - `rigid`: torques of its bodies.
+    - `rigid`: torques of the arm's bodies.
     """
     n = robot.joints
     if n < 2:
@@ -449,18 +440,18 @@ def torque_orders(
     cost = np.zeros((2, n, n))
     for joint, column in itertools.product(range(n), range(n)):
         own = sample.only(joint, column)
-        for turned in range(2):
-            signed = own.with_torques(np.zeros(1, int), np.array([1.0 - 2.0 * turned]))
+        for negative in range(2):
+            signed = own.with_torques(np.zeros(1, int), np.array([1.0 - 2.0 * negative]))
             match = match_rigid_torques(rigid.only(joint), signed)
-            cost[turned, joint, column] = match.score + match.cost / len(sample.tau)
+            cost[negative, joint, column] = match.score + match.cost / len(sample.tau)
     for with_signs in (False, True):
         order = optimize.linear_sum_assignment(np.minimum(cost[0], cost[1] + EACH) if with_signs else cost[0])[1]
         if (order == np.arange(n)).all():
             continue
         sign = np.ones(n)
         if with_signs:
-            turned_cost, plain_cost = (costs[np.arange(n), order] for costs in (cost[1], cost[0]))
-            sign = np.where(turned_cost + EACH < plain_cost, -1.0, 1.0)
+            negative_cost, positive_cost = (costs[np.arange(n), order] for costs in (cost[1], cost[0]))
+            sign = np.where(negative_cost + EACH < positive_cost, -1.0, 1.0)
         match = match_rigid_torques(rigid, sample.with_torques(order, sign))
         option = f"--torque-order {order_option(robot, order, conventions.torque_order)}"
         sentence = f"the torques of {joint_list(robot, order != np.arange(n))} interchanged"
@@ -483,8 +474,8 @@ def torque_delays(
     tau = signals.filtered(signals.tau)
 
     def match_of(delay: float) -> TorqueMatch:
-        late = np.stack([np.interp(sample.t + delay, signals.t, column) for column in tau.T], axis=1)
-        return match_rigid_torques(rigid, replace(sample, tau=late))
+        shifted = np.stack([np.interp(sample.t + delay, signals.t, column) for column in tau.T], axis=1)
+        return match_rigid_torques(rigid, replace(sample, tau=shifted))
 
     best = float(min(delays, key=lambda delay: match_of(delay).score))
     near = np.linspace(best - 0.25 * period, best + 0.25 * period, 11)

@@ -17,34 +17,34 @@ from .log_checks import LogPieces, find_usable_velocities
 from .regressor import JointMotion
 
 ORDER = 4
-"""Of the Butterworth filters, which run forwards and backwards, so that nothing is delayed."""
+"""Order of the Butterworth filters, which run forwards and backwards and so have no delay."""
 
 WIDER = 4.0
-"""Cut-off of the positions' filter over that of the equations: it changes nothing in their band."""
+"""Ratio of the positions' cut-off to the equations': the positions' filter does not change the equations' band."""
 
 SNR = 10.0
-"""The band ends where the positions' spectrum comes so near to their noise."""
+"""Least ratio of the positions' spectrum to their noise in the band."""
 
 NOISE_SHARE = 1e-4
-"""Of an acceleration's power in the band may be noise at most: by so much it would make an inertia smaller."""
+"""Largest share of noise in an acceleration's power in the band; noise biases an inertia down by this share."""
 
 LEAST, MOST = 1.0, 30.0
-"""Cut-off frequencies [Hz] within which one is chosen: beyond, drives and links are no longer rigid."""
+"""Range of the cut-off frequency [Hz]: above it, drives and links are no longer rigid."""
 
 
 @dataclass(frozen=True, eq=False)
 class LogSignals:
-    """A log at even times, in pieces without gaps, with the inputs of a regressor.
+    """An evenly sampled log, in pieces without gaps, with the inputs of a regressor.
 
-    - `t`: [k], s.
-    - `motion`: smooth positions, velocities and accelerations.
+    - `t`: times [k], s.
+    - `motion`: smoothed positions, velocities and accelerations.
     - `tau`: torques as measured [k n].
-    - `cut_off`: of the filter of the equations [Hz].
+    - `cut_off`: cut-off frequency of the equations' filter [Hz].
     - `noise`: standard deviation of the velocities' noise [n].
-    - `rate`: samples per second within a piece [Hz].
-    - `pieces`: rows that follow each other evenly; filters and derivatives do not cross their ends.
-    - `measured`: rows near samples of the log [k].
-    - `warnings`: sentences on what was left out.
+    - `rate`: sampling rate within a piece [Hz].
+    - `pieces`: evenly sampled rows; filters and derivatives do not cross their ends.
+    - `measured`: True for rows near samples of the log [k].
+    - `warnings`: sentences on data that was left out.
     """
 
     t: np.ndarray
@@ -62,24 +62,18 @@ class LogSignals:
         return signal.butter(ORDER, self.cut_off, fs=self.rate, output="sos")
 
     def filtered(self, columns: np.ndarray) -> np.ndarray:
-        """The columns after the zero-phase filter of the equations; the same for torque and regressor.
-
-        - `columns`: [k ...].
-        """
+        """Apply the zero-phase filter of the equations, the same for torque and regressor, [k ...]."""
         return _per_piece(lambda values: signal.sosfiltfilt(self._sos, values, axis=0), columns, self.pieces)
 
     def slope(self, columns: np.ndarray) -> np.ndarray:
-        """The derivative of the columns over time.
-
-        - `columns`: [k ...].
-        """
+        """Time derivative of the columns, [k ...]."""
         return _per_piece(lambda values: np.gradient(values, 1.0 / self.rate, axis=0), columns, self.pieces)
 
     def spectrum(self, values: np.ndarray, seconds: float) -> tuple[np.ndarray, np.ndarray]:
         """Frequencies [Hz] and power spectral densities of the columns, averaged over the pieces.
 
-        - `values`: [k n].
-        - `seconds`: of a window, or less if no piece is as long.
+        - `values`: columns [k n].
+        - `seconds`: length of a window; shorter if no piece is that long.
         """
         return _spectrum(values, self.rate, self.pieces, seconds)
 
@@ -91,7 +85,7 @@ class LogSignals:
         return np.sqrt(density * self.cut_off)
 
     def part(self, rows: slice) -> LogSignals:
-        """The signals of some rows.
+        """The signals in a range of rows.
 
         - `rows`: with a start and a stop.
         """
@@ -109,12 +103,12 @@ class LogSignals:
 
     @property
     def settled(self) -> int:
-        """Samples at each end of a piece within which the filter still feels the end."""
+        """Settling time of the filter at each end of a piece, in samples."""
         return math.ceil(self.rate / self.cut_off)
 
     @cached_property
     def inner(self) -> np.ndarray:
-        """Measured rows that are far enough from the ends of their piece for the filter [k]."""
+        """True for measured rows at which the filter has settled [k]."""
         inner: np.ndarray = np.zeros(len(self.t), bool)
         for piece in self.pieces:
             if piece.stop - piece.start > SHORTEST:
@@ -124,17 +118,17 @@ class LogSignals:
 
 
 def signals_of(timed: LogPieces, robot: Articulated, cut_off: float | None = None) -> LogSignals:
-    """The log at even times, smoothed, with its derivatives.
+    """Resample a log evenly, smooth it and differentiate it.
 
-    Measured velocities are used where they are quieter than the slope of the positions, and agree with it.
+    Measured velocities are used where they are less noisy than the derivative of the positions, and agree with it.
 
     - `timed`: the log, in pieces.
-    - `cut_off`: of the filter of the equations [Hz]; chosen from the positions' spectrum if not given.
+    - `cut_off`: cut-off frequency of the equations' filter [Hz]; chosen from the positions' spectrum by default.
 
     Raises DefinitionError if no piece is long enough, or if the cut-off is not below a quarter of the sampling rate.
     """
     log = timed.log
-    t, q, tau, dq, measured, pieces = _even(timed)
+    t, q, tau, dq, measured, pieces = _resample(timed)
     rate = 1.0 / (t[pieces[0].start + 1] - t[pieces[0].start])
     chosen = choose_cut_off(q, rate, pieces) if cut_off is None else float(cut_off)
     if not 0 < chosen < rate / 4:
@@ -146,16 +140,16 @@ def signals_of(timed: LogPieces, robot: Articulated, cut_off: float | None = Non
     warnings = list(timed.warnings)
     if dq is not None:
         narrow = signal.butter(ORDER, chosen, fs=rate, output="sos")
-        theirs = _per_piece(lambda values: signal.sosfiltfilt(wide, values, axis=0), dq, pieces)
+        measured_velocity = _per_piece(lambda values: signal.sosfiltfilt(wide, values, axis=0), dq, pieces)
         band = [
             _per_piece(lambda values: signal.sosfiltfilt(narrow, values, axis=0), v, pieces) for v in (velocity, dq)
         ]
         usable, sentences = find_usable_velocities(log, robot, band[0], band[1], 0.5 * noise, rate)
         warnings += sentences
-        their_noise = _noise(dq, chosen, rate, pieces)
-        # Each joint's velocity from whichever is quieter just above the band.
-        better = usable & (their_noise < noise)
-        velocity, noise = np.where(better, theirs, velocity), np.where(better, their_noise, noise)
+        measured_noise = _noise(dq, chosen, rate, pieces)
+        # Use the velocity with less noise just above the band.
+        better = usable & (measured_noise < noise)
+        velocity, noise = np.where(better, measured_velocity, velocity), np.where(better, measured_noise, noise)
     motion = JointMotion(smooth, velocity, _slope(velocity, rate, pieces))
     signals = LogSignals(t, motion, tau, chosen, noise, rate, pieces, measured, tuple(warnings))
     if not signals.inner.any():
@@ -168,14 +162,14 @@ def signals_of(timed: LogPieces, robot: Articulated, cut_off: float | None = Non
 
 
 def choose_cut_off(q: np.ndarray, rate: float, pieces: tuple[slice, ...]) -> float:
-    """The frequency [Hz] up to which the positions say more than their noise.
+    """Choose the frequency [Hz] up to which the positions exceed their noise.
 
-    The noise of encoders is even over all frequencies, so the upper part of the spectrum shows its density S. The band
-    ends where a joint's spectrum falls to 10 S, or where its acceleration's noise, `S (2π)⁴ f⁵/5`, would be a
-    ten-thousandth of the acceleration's power, whichever is first; the median of the joints counts.
+    Encoder noise is white, so the upper part of the spectrum shows its density S. The band ends where a joint's
+    spectrum falls to 10 S, or where the noise of its acceleration, `S (2π)⁴ f⁵/5`, reaches a share of 1e-4 of the
+    acceleration's power, whichever is lower. The result is the median over the joints.
 
-    - `q`: positions at even times [k n].
-    - `rate`: samples per second [Hz].
+    - `q`: evenly sampled positions [k n].
+    - `rate`: sampling rate [Hz].
     - `pieces`: rows without a gap.
     """
     f, power = _spectrum(q, rate, pieces, 8.0)
@@ -184,8 +178,8 @@ def choose_cut_off(q: np.ndarray, rate: float, pieces: tuple[slice, ...]) -> flo
     for joint in range(q.shape[1]):
         above = power[:, joint] > SNR * floor[joint]
         if not above[1:4].any():
-            continue  # It does not move.
-        # A line spectrum has gaps: the last frequency above, within one octave of the one before it.
+            continue  # The joint does not move.
+        # A line spectrum has gaps: take the last frequency above the floor before a gap of an octave.
         visible = f[above & (f > 0)]
         gap = np.nonzero(visible[1:] > np.maximum(2.0 * visible[:-1], visible[:-1] + 1.0))[0]
         end = float(visible[gap[0]] if len(gap) else visible[-1])
@@ -195,13 +189,13 @@ def choose_cut_off(q: np.ndarray, rate: float, pieces: tuple[slice, ...]) -> flo
     return float(np.clip(np.median(ends) if ends else LEAST, LEAST, min(MOST, rate / 10)))
 
 
-def _even(
+def _resample(
     timed: LogPieces,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None, np.ndarray, tuple[slice, ...]]:
-    """Times, positions, torques, velocities at even times, which rows were measured, and the pieces.
+    """Evenly sampled times, positions, torques and velocities, the rows that were measured, and the pieces.
 
-    Pieces that are even already, with the step of the longest, keep their samples. The others are read between their
-    samples from a monotone cubic curve, which does not overshoot.
+    Pieces with the even step of the longest piece keep their samples. The others are interpolated by a monotone cubic
+    curve, which does not overshoot.
     """
     log = timed.log
     longest = max(timed.pieces, key=lambda piece: piece.stop - piece.start)
@@ -217,9 +211,9 @@ def _even(
         even = own[0] + step * np.arange(points)
         columns = [log.q[piece], log.tau[piece], *([] if log.dq is None else [log.dq[piece]])]
         apart = np.abs(even - own).max() if points == len(own) else np.inf
-        between = [] if apart < 1e-3 * step else _between(own, np.minimum(even, own[-1]), columns)
-        if apart < 1e-3 * step or (apart < step and _rough(columns[0]) < _rough(between[0])):
-            # Even samples, perhaps with uneven stamps.
+        between = [] if apart < 1e-3 * step else _interpolate(own, np.minimum(even, own[-1]), columns)
+        if apart < 1e-3 * step or (apart < step and _roughness(columns[0]) < _roughness(between[0])):
+            # Evenly sampled, although the time stamps may jitter.
             values, measured = columns, np.ones(points, bool)
         else:
             values, even = between, np.minimum(even, own[-1])
@@ -233,19 +227,19 @@ def _even(
     return t, q, tau, None if log.dq is None else dq, measured, tuple(pieces)
 
 
-def _between(own: np.ndarray, even: np.ndarray, columns: list[np.ndarray]) -> list[np.ndarray]:
+def _interpolate(own: np.ndarray, even: np.ndarray, columns: list[np.ndarray]) -> list[np.ndarray]:
     return [interpolate.PchipInterpolator(own, column, axis=0)(even) for column in columns]
 
 
-def _rough(q: np.ndarray) -> float:
-    """The size of the third differences, over the joints; 0 for fewer than four samples."""
+def _roughness(q: np.ndarray) -> float:
+    """Relative size of the third differences, summed over the joints; 0 for fewer than four samples."""
     if len(q) < 4:
         return 0.0
     return float(np.sum(np.std(np.diff(q, 3, axis=0), axis=0) / (np.std(q, axis=0) + 1e-12)))
 
 
 def _per_piece(work: Callable[[np.ndarray], np.ndarray], values: np.ndarray, pieces: tuple[slice, ...]) -> np.ndarray:
-    """Each piece after some work; a piece that is too short for it as it is."""
+    """Apply a function to each piece; pieces too short for the filters stay unchanged."""
     done = np.array(values, float)
     for piece in pieces:
         if piece.stop - piece.start > SHORTEST:
@@ -254,11 +248,11 @@ def _per_piece(work: Callable[[np.ndarray], np.ndarray], values: np.ndarray, pie
 
 
 SHORTEST = 40
-"""Rows that a piece must have to be filtered: more than the filters' own padding."""
+"""A piece must have more rows than this to be filtered; the filters' padding needs fewer."""
 
 
 def _slope(values: np.ndarray, rate: float, pieces: tuple[slice, ...]) -> np.ndarray:
-    """The derivative by the five-point formula, whose error is of fourth order."""
+    """Time derivative by the five-point formula, with an error of fourth order."""
 
     def five_points(piece: np.ndarray) -> np.ndarray:
         padded = np.pad(piece, ((2, 2), (0, 0)), mode="reflect", reflect_type="odd")
@@ -273,7 +267,7 @@ def _slope(values: np.ndarray, rate: float, pieces: tuple[slice, ...]) -> np.nda
 def _spectrum(
     values: np.ndarray, rate: float, pieces: tuple[slice, ...], seconds: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Welch's estimate, averaged over the pieces that are as long as a window; the longest decides its length."""
+    """Welch's estimate, averaged over the pieces that are at least a window long; no window exceeds the longest."""
     window = max(min(max(p.stop - p.start for p in pieces), int(seconds * rate)), 2)
     total, weight, f = 0.0, 0, np.zeros(0)
     for piece in pieces:

@@ -1,4 +1,4 @@
-"""The torque that an arm needs for a logged motion, within physical bounds of its parameters."""
+"""Comparison of a log's torques with an arm, within physical bounds of the arm's parameters."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ from .regressor import (
 from .signals import LogSignals
 
 ROWS = 240
-"""Times at which torques are compared: enough for some fifty parameters."""
+"""Times at which torques are compared: enough for about fifty parameters."""
 
 BAND = 5.0
-"""The band in which torques are compared, Hz: arms move there, and links and gears are rigid."""
+"""Upper end of the band in which torques are compared, Hz: arms move there, and links and gears are rigid."""
 
 FEW_COUNT = 0.2
-"""A share of the rows; a joint that turns round more often is compared in all."""
+"""A joint that slides in fewer than this share of the rows is compared in all rows."""
 
 FLOOR = 0.03
-"""A residual, as a share of the torque, below which a model is as good as any."""
+"""Residual, as a share of the torque, below which smaller is no better."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,11 +44,11 @@ class TorqueSample:
 
     - `t`: times [m], s.
     - `motion`: positions, velocities, accelerations in the band of the equations [m n].
-    - `direction`: the sign of the velocities there, as Coulomb friction has it [m n].
-    - `tau`: torques there [m n].
+    - `direction`: filtered sign of the velocities, the regressor of Coulomb friction [m n].
+    - `tau`: filtered torques [m n].
     - `counts`: False near standstill, where dry friction takes any value [m n].
     - `size`: standard deviation of the torques [n].
-    - `noise`: standard deviation of their noise in the band [n].
+    - `noise`: standard deviation of the torques' noise in the band [n].
     """
 
     t: np.ndarray
@@ -61,14 +61,14 @@ class TorqueSample:
 
     @cached_property
     def floor(self) -> np.ndarray:
-        """The least residual that counts, as a share of the torque [n]."""
+        """Smallest residual that is told apart from 0, as a share of the torque [n]."""
         return np.clip(self.noise / self.size, FLOOR, 1.0)
 
     def with_torques(self, order: np.ndarray, factor: np.ndarray) -> TorqueSample:
         """The sample with each joint's torque taken from another column, times a factor.
 
-        - `order`: the column that has each joint's torque [n].
-        - `factor`: of each joint after that [n].
+        - `order`: for each joint, the column with its torque [n].
+        - `factor`: for each joint, the factor of its torque [n].
         """
         size = np.abs(factor)
         return replace(
@@ -79,19 +79,19 @@ class TorqueSample:
         )
 
     def with_positions(self, order: np.ndarray, factor: np.ndarray, offset: np.ndarray) -> TorqueSample:
-        """The sample with each joint's motion taken from another column, times a factor, with another zero.
+        """The sample with each joint's motion taken from another column, times a factor, plus an offset.
 
-        - `order`: the column that has each joint's position [n].
-        - `factor`, `offset`: of each joint after that [n].
+        - `order`: for each joint, the column with its position [n].
+        - `factor`, `offset`: for each joint, the factor and offset of its position [n].
         """
         q, dq, ddq = (values[:, order] * factor for values in self.motion)
         direction = self.direction[:, order] * np.sign(factor)
         return replace(self, motion=JointMotion(q + offset, dq, ddq), direction=direction, counts=self.counts[:, order])
 
     def only(self, joint: int, column: int) -> TorqueSample:
-        """The sample of one joint, with the torque of some column.
+        """The sample of a single joint, with its torque from a column.
 
-        - `column`: of the torque.
+        - `column`: index of the torque's column.
         """
         own = slice(joint, joint + 1)
         return TorqueSample(
@@ -106,9 +106,9 @@ class TorqueSample:
 
 
 def sample_of(signals: LogSignals, counts: np.ndarray) -> TorqueSample:
-    """Some rows of a log, evenly over its measured part.
+    """Rows of a log, spread evenly over its measured part.
 
-    - `counts`: rows and joints whose equations count [k n].
+    - `counts`: True for rows and joints whose equations are used [k n].
     """
     rows = np.nonzero(signals.inner & counts.any(axis=1))[0]
     rows = rows if len(rows) else np.nonzero(signals.inner)[0]
@@ -127,28 +127,28 @@ def sample_of(signals: LogSignals, counts: np.ndarray) -> TorqueSample:
 
 
 REACH = 0.2
-"""The distance of a payload's mass from the tip, along each axis [m]."""
+"""Distance of a payload's mass from the tip along each axis [m]."""
 
 LEAST_SHARE = 0.4
-"""The least share of a link's mass in the file that it can have."""
+"""Lower bound of a link's mass, as a share of its mass in the file."""
 
 SPREAD = 0.3
-"""The standard deviation of a link's mass, as a share of that in the file."""
+"""Prior standard deviation of a link's mass, as a share of its mass in the file."""
 
 PAYLOAD = 0.5
-"""The standard deviation of a payload's mass, as a share of the arm's."""
+"""Prior standard deviation of the payload's mass, as a share of the arm's mass."""
 
 DRIVE = 3.0
-"""The standard deviation of a drive's torque, as a multiple of the torque that links and payload need."""
+"""Prior standard deviation of a drive's torque, as a multiple of the torque for links and payload."""
 
 LIMIT_SHARE = 0.02
-"""A share of the torque limit that friction may take in any drive."""
+"""Share of the torque limit that friction may take in any drive."""
 
 STIFFNESS = 2.0
-"""The weight of the belief, relative to that of one row with a residual as large as the torque."""
+"""Weight of the prior, relative to a row with a residual as large as the torque."""
 
 COSTLY = 60.0
-"""The belief's cost, in units of one row, that counts as much as an error that is 2.7 times larger in one joint."""
+"""Cost of the prior, in rows, that weighs as much as an error 2.7 times larger in one joint."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,8 +156,8 @@ class TorqueMatch:
     """Match of an arm's torques with those of a sample.
 
     - `errors`: residual of each joint, as a share of the torque's standard deviation [n].
-    - `floor`: the share of noise in it [n].
-    - `cost`: of the belief about links and drives, in units of one row.
+    - `floor`: share of noise in each residual [n].
+    - `cost`: deviation of links and drives from their prior, in units of one row.
     """
 
     errors: np.ndarray
@@ -166,34 +166,34 @@ class TorqueMatch:
 
     @property
     def score(self) -> float:
-        """The sum of the logarithms of the joints' errors, and the cost of the belief; less is better."""
-        # Beyond the floor there is noise alone.
+        """Sum of the logarithms of the joints' errors plus the cost of the prior; smaller is better."""
+        # Below the floor an error is only noise.
         misfit = np.sum(np.log(np.clip(self.errors, self.floor, 10.0)) - np.log(self.floor))
         return float(misfit) + self.cost / COSTLY
 
     @property
     def explained(self) -> float:
-        """The mean share of the torque's power that the arm explains, over the joints."""
+        """Share of the torque's power that the arm explains, averaged over the joints."""
         return float(np.mean(np.clip(1.0 - self.errors**2, 0.0, 1.0)))
 
 
 def match_torques(robot: Articulated, sample: TorqueSample) -> TorqueMatch:
-    """The best match within physical bounds: masses, rotors and friction are not negative.
+    """Fit the arm to a sample within physical bounds: masses, rotor inertias and friction are not negative.
 
-    Unknown are each link's mass (within a spread about the file's), a payload (as masses at the corners of a box about
-    the tip), rotors, friction and offsets. All are linear, so this is least squares with unknowns >= 0.
+    The unknowns are each link's mass (prior: the mass in the file), a payload (as masses at the corners of a box about
+    the tip), rotors, friction and offsets. The torque is linear in all of them: nonnegative least squares.
     """
     return match_rigid_torques(rigid_torques(robot, sample.motion), sample)
 
 
 @dataclass(frozen=True, eq=False)
 class RigidTorques:
-    """Torques that the bodies of an arm need for a motion.
+    """Torques of an arm's bodies for a motion.
 
-    - `columns`: of each link, and of a payload of 1 kg in each corner [m n l].
-    - `known`: of the payload in the arm's description [m n].
-    - `needed`: root mean square of the links' torque, and a share of the limit that friction may take [n].
-    - `mass`: of the links together, kg.
+    - `columns`: torque of each link, and of a payload of 1 kg at each corner [m n l].
+    - `known`: torque of the payload in the arm's description [m n].
+    - `needed`: root mean square of the links' torque, plus a share of the torque limit for friction [n].
+    - `mass`: mass of all links, kg.
     """
 
     columns: np.ndarray
@@ -212,9 +212,9 @@ class RigidTorques:
         return self.columns[:, :, : self.links].sum(axis=2) + self.known
 
     def only(self, joint: int) -> RigidTorques:
-        """The torques of one joint.
+        """The torques of a single joint.
 
-        - `joint`: its number.
+        - `joint`: index of the joint.
         """
         own = slice(joint, joint + 1)
         return RigidTorques(self.columns[:, own], self.known[:, own], self.needed[own], self.mass)
@@ -223,12 +223,12 @@ class RigidTorques:
 def rigid_torques(robot: Articulated, motion: JointMotion) -> RigidTorques:
     """The torques of an arm's links and payload.
 
-    - `motion`: at m times.
+    - `motion`: the motion at m times.
     """
     n = robot.joints
-    of_links = parameters_of_links(robot).reshape(n, BODY)
+    link_parameters = parameters_of_links(robot).reshape(n, BODY)
     regressor = links_regressor(robot, motion).reshape(len(motion.q), n, n, BODY)
-    links = np.einsum("kilb,lb->kil", regressor, of_links)
+    links = np.einsum("kilb,lb->kil", regressor, link_parameters)
     carried = payload_regressor(robot, motion)
     size = np.sqrt(np.mean(links.sum(axis=2) ** 2, axis=0))
     limit = np.asarray(robot.limits.torque)
@@ -242,21 +242,21 @@ def rigid_torques(robot: Articulated, motion: JointMotion) -> RigidTorques:
 
 
 def match_rigid_torques(rigid: RigidTorques, sample: TorqueSample) -> TorqueMatch:
-    """As `matched`, with torques that are computed already.
+    """As `match_torques`, with torques that are already computed.
 
-    - `rigid`: of the arm.
+    - `rigid`: torques of the arm's bodies.
     """
     columns, known, links = rigid.columns, rigid.known, rigid.links
     m, n = sample.tau.shape
-    whole = np.concatenate([columns, drive_columns(sample)], axis=2)
-    believed = np.zeros(whole.shape[2])
+    regressor = np.concatenate([columns, drive_columns(sample)], axis=2)
+    believed = np.zeros(regressor.shape[2])
     believed[:links] = 1.0 - LEAST_SHARE
     target = sample.tau - known - LEAST_SHARE * columns[:, :, :links].sum(axis=2)
     weight = sample.counts / sample.size
-    a = (whole * weight[:, :, None]).reshape(m * n, -1)
+    a = (regressor * weight[:, :, None]).reshape(m * n, -1)
     b = (target * weight).ravel()
-    # A drive is believed to add up to a few times the torque that the links need.
-    drives = whole[:, :, links + len(CORNERS) :]
+    # Prior of a drive's torque: a few times the torque that the links need.
+    drives = regressor[:, :, links + len(CORNERS) :]
     typical = np.sqrt(np.mean(np.sum(drives, axis=1) ** 2, axis=0)) / np.tile(rigid.needed, drives.shape[2] // n)
     mass = np.full(len(CORNERS), PAYLOAD * max(rigid.mass, 0.1))
     spread = np.concatenate([np.full(links, SPREAD), mass, DRIVE / (typical + 1e-12)])
@@ -278,18 +278,18 @@ def drive_columns(sample: TorqueSample) -> np.ndarray:
 def nonnegative(
     a: np.ndarray, b: np.ndarray, prior: np.ndarray | None = None, believed: np.ndarray | None = None
 ) -> np.ndarray:
-    """The x >= 0 of the least `|a x - b|² + |prior (x - believed)|²`.
+    """Minimise `|a x - b|² + |prior (x - believed)|²` over x >= 0.
 
-    - `a`, `b`: of the equations.
-    - `prior`, `believed`: weight and value of each x that is believed before; none if not given.
+    - `a`, `b`: the equations.
+    - `prior`, `believed`: weight and mean of each unknown's prior; no prior by default.
     """
-    # Without BLAS, whose threads take longer to start than this takes.
+    # Without BLAS: starting its threads would take longer than the products.
     gram, right = np.einsum("ki,kj->ij", a, a), np.einsum("ki,k->i", a, b)
     if prior is not None and believed is not None:
         gram[np.diag_indices_from(gram)] += prior**2
         right = right + prior**2 * believed
     size = np.sqrt(np.diag(gram)) + 1e-150
-    # In units in which the diagonal is 1, so that a tiny share of it makes the factor exist.
+    # Scaled to a diagonal of 1; a tiny addition to it makes the matrix positive definite.
     gram = gram / np.outer(size, size)
     gram[np.diag_indices_from(gram)] += 1e-9
     factor = np.linalg.cholesky(gram).T
@@ -297,7 +297,7 @@ def nonnegative(
     try:
         solution = optimize.nnls(factor, target, maxiter=20 * len(size))[0]
     except RuntimeError:
-        # By rounding it turned in a circle; bounded least squares ends.
+        # NNLS can cycle because of rounding; bounded least squares terminates.
         solution = optimize.lsq_linear(factor, target, (0.0, np.inf), max_iter=100).x
     return np.asarray(solution) / size
 
@@ -311,14 +311,14 @@ def with_gravity(robot: Articulated, gravity: np.ndarray) -> Articulated:
 
 
 def with_gravity_torques(log: JointLog, robot: Articulated) -> JointLog:
-    """The log with the torques that gravity needs, by the arm's description, added to its torques."""
+    """The log with the gravity torques of the arm's description added to its torques."""
     still = JointMotion(log.q, np.zeros_like(log.q), np.zeros_like(log.q))
     gravity = rigid_torque(robot, still, parameters_of_links(robot), parameters_of_payload(robot.payload))
     return replace(log, tau=log.tau + gravity)
 
 
 def _corners() -> np.ndarray:
-    """Inertial parameters of 1 kg at the tip, and at each corner of a box about it [9 10]."""
+    """Inertial parameters of 1 kg at the tip, and of 1 kg at each corner of a box about it, [9 10]."""
     corners = [np.zeros(3)]
     corners += [REACH * np.array([x, y, z]) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)]
     return np.stack([parameters_of_body(1.0, corner, np.zeros((3, 3))) for corner in corners])

@@ -255,7 +255,7 @@ def write_linear_report(
         scenario=scenario,
         linear=linear,
         margins={where: linear.margins(where) for where in LOOP_PLACES} if has_margins else {},
-        together={where: linear.together(where) for where in LOOP_PLACES} if has_margins else {},
+        together={where: linear.simultaneous_margins(where) for where in LOOP_PLACES} if has_margins else {},
         places=LOOP_PLACES,
         joints=short_names(linear.joint_names),
         pictures=_loop_pictures(linear, out / "figures") if has_margins else [],
@@ -271,7 +271,7 @@ def _loop_pictures(linear: LinearisedLoop, folder: Path) -> list[Picture]:
     names = short_names(linear.joint_names)
     pictures = []
     for where, title in LOOP_PLACES.items():
-        closed = linear.closed(where).response(omega)
+        closed = linear.closed_loop(where).response(omega)
         loops = {name: -closed[:, k, k] / (1.0 + closed[:, k, k]) for k, name in enumerate(names)}
         caption = "Open loop of each joint with the other joints closed, up to half of the sampling frequency."
         figure = figures.bode(omega, loops, title)
