@@ -52,7 +52,7 @@ def write_sweeps() -> None:
         # A map without a bound in it shows nothing that the sentence does not say.
         if not result.good:
             save(parameter_map(axes, np.maximum(result.worst, -1.0), "least margin", 0.0), name)
-        print(f"{name}: {result.lead}", flush=True)
+        print(f"{name}: {result.summary}", flush=True)
 
 
 RANDOM = 10_000
@@ -240,7 +240,7 @@ def write_tune_fronts() -> None:
             )
         write_table("searches.md", f"tune-{name}", table(FRONT_HEAD, rows))
         draw_front(name)
-        print(f"{name}: {result.lead}", flush=True)
+        print(f"{name}: {result.summary}", flush=True)
         for aim in result.aims:
             change = result.difference(result.best or 0, aim)
             ends = "" if change.of_mean is None else f", {change.of_mean.lower:.2g} to {change.of_mean.upper:.2g}"

@@ -242,7 +242,7 @@ def test_learning_that_stands_still_is_no_state(linearised):
     ("changes", "at", "message"),
     [
         ({}, 99.0, "`at` must be from"),
-        ({"simulation.t1": 10.0, "scheme.sampled_data": None}, 9.0, "the run .* at t = .*, before the time"),
+        ({"simulation.t1": 10.0, "scheme.sampled_data": None}, 9.0, "the run .* at t = .*, before the requested time"),
     ],
 )
 def test_loop_without_a_derivative_is_refused(changes, at, message):

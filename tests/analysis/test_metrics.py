@@ -48,7 +48,7 @@ def test_settling_time_is_zero_if_the_error_is_never_above_the_band():
 
 
 def test_a_band_that_was_not_tallied_is_refused_with_those_that_were():
-    with pytest.raises(DefinitionError, match=r"the band 0.003 was not tallied; there are 0.01, 0.001.*bands=\(0.003"):
+    with pytest.raises(DefinitionError, match=r"the run has no settling band 0.003, only 0.01, 0.001.*bands=\(0.003"):
         analysis.settling_time(whole(), 3e-3)
 
 
@@ -314,7 +314,7 @@ def traced(metric: Any) -> Any:
 @pytest.mark.parametrize("metric", [*COUNTING, lambda run: analysis.settling_time(run, 1e-2)])
 def test_a_metric_that_counts_samples_is_refused_by_name(metric):
     name = metric.key if isinstance(metric, Metric) else "settling_time"
-    with pytest.raises(DefinitionError, match=f"`{name}` counts samples, so that it has no derivative"):
+    with pytest.raises(DefinitionError, match=f"`{name}` counts samples, and so has no derivative"):
         traced(metric)
 
 
@@ -324,7 +324,7 @@ def test_a_metric_of_the_user_that_computes_by_numpy_is_refused_by_name():
         """`max |e|`."""
         return np.asarray(run.tally.steady_error)
 
-    with pytest.raises(DefinitionError, match=r"`largest` is computed by NumPy.*`slidax\.analysis\.arrays\(run\)`"):
+    with pytest.raises(DefinitionError, match=r"`largest` uses NumPy.*`slidax\.analysis\.arrays\(run\)`"):
         traced(largest)
     np.testing.assert_array_equal(largest(finished()), analysis.steady_error(finished()))
 

@@ -152,7 +152,7 @@ def test_messages_of_another_publisher_are_left_out(tmp_path):
     mixed = []
     for k, message in enumerate(arm_messages()):
         mixed += [message] + ([joint_state(T[k] + 0.001, ["finger1"], [0.0], (), [0.0])] if k % 4 == 0 else [])
-    assert_read(read_log(bag(tmp_path, mixed), ARM), f"60 of {K + 60} messages are of another publisher")
+    assert_read(read_log(bag(tmp_path, mixed), ARM), f"60 of {K + 60} messages come from another publisher")
 
 
 def test_driver_that_fills_in_torques_of_0_is_refused(tmp_path):

@@ -54,7 +54,9 @@ def test_a_scenario_reads_the_file(motion, tmp_path):
 def test_excitation_is_more_informative_than_a_random_motion_and_follows_the_seed(motion):
     series = FourierSeries(5.0, 10)
     of = excitation.ExcitationSearch(ARM, 0.7, None, None, LOAD, links=False)
-    chance = [of.score(of.fitted(series, series.random(np.random.default_rng(seed), 6), 100)) for seed in range(10)]
+    chance = [
+        of.score(of.scaled_motion(series, series.random(np.random.default_rng(seed), 6), 100)) for seed in range(10)
+    ]
     assert motion.information > max(chance) and "bits" in str(motion) and ARM.joint_names[0] in str(motion)
 
 
@@ -62,12 +64,12 @@ def test_excitation_is_more_informative_than_a_random_motion_and_follows_the_see
     ("changes", "words"),
     [
         ({"harmonics": 2}, "rest at both ends takes two"),
-        ({"share": 1.5}, r"`share` of a motion that excites must be in \(0, 1\]"),
+        ({"share": 1.5}, r"`share` of an excitation motion must be in \(0, 1\]"),
         ({"duration": 0.0}, "`duration`"),
         ({"acceleration": -1.0}, "> 0 and finite"),
         ({"center": np.zeros(3)}, "one position for each of the 6 joints"),
         ({"center": np.full(6, 9.0)}, "within the joints' limits"),
-        ({"payload": Payload(mass=as_array(300.0))}, "no motion was found that joint"),
+        ({"payload": Payload(mass=as_array(300.0))}, "no excitation motion found within the torque limit"),
     ],
 )
 def test_excitation_out_of_range_is_refused(changes, words, monkeypatch):

@@ -86,7 +86,7 @@ def test_an_empty_hand_gets_a_payload_that_a_body_can_have():
         ({"cut_off": 100.0}, "a quarter of the rate"),
         ({"keep": 150}, "at least 200 are needed"),
         ({"keep": 220}, "too short"),
-        ({"dq": 57.3}, "is not the slope of `q`"),
+        ({"dq": 57.3}, "times the slope of `q`"),
         ({"nan": 7}, "is not finite for joint"),
     ],
 )

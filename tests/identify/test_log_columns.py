@@ -254,7 +254,7 @@ def test_units_in_the_other_titles_are_obeyed(tmp_path):
 
 def test_unit_that_is_none_of_the_quantity_is_refused(tmp_path):
     titles = ["time", *PLAIN[1:4], *numbered("tau", "{word}_{k} [A]")]
-    with pytest.raises(DefinitionError, match=r"column `tau_1 \[A\]` is in `A`, which is no known unit of `tau`"):
+    with pytest.raises(DefinitionError, match=r"column `tau_1 \[A\]` is in `A`, an unknown unit of `tau`"):
         read_log(write(tmp_path / "a.csv", titles), ARM)
 
 
@@ -277,7 +277,7 @@ def test_velocities_can_be_left_out(tmp_path):
     path = write(tmp_path / "a.csv", titles, np.column_stack([T, Q, DQ, TAU]))
     np.testing.assert_allclose(read_log(path, ARM).dq, DQ)
     log = read_log(path, ARM, drop=["dq"])
-    assert log.dq is None and log.notes == ("`dq` is left out, as asked",)
+    assert log.dq is None and log.notes == ("`dq` is left out, as `drop` says",)
     assert read_log(path, ARM, drop=["dq_2"]).dq is None
 
 
@@ -287,9 +287,9 @@ def test_velocities_can_be_left_out(tmp_path):
         ({"drop": ["q"]}, "which identification needs"),
         ({"drop": ["elbow"]}, "a joint of the arm"),
         ({"drop": ["gripper"]}, "no column or joint of `a.csv`"),
-        ({"columns": {"ddq": "x"}}, "only `t`, `q`, `dq` and `tau`"),
+        ({"columns": {"ddq": "x"}}, "the quantities are `t`, `q`, `dq` and `tau`"),
         ({"columns": {"q": ["q_1"]}}, "names 1 columns for `q`"),
-        ({"columns": {"tau": "torque"}}, "no columns `torque`"),
+        ({"columns": {"tau": "torque"}}, "no column `torque` for joint"),
         ({"columns": {"t": "when"}}, "no column `when` for `t`"),
         ({"topic": "/x"}, "has no topics"),
     ],

@@ -107,9 +107,9 @@ def test_a_parquet_file_without_pyarrow_says_what_to_install(tmp_path, monkeypat
 @pytest.mark.parametrize(
     ("name", "text", "words"),
     [
-        ("log.doc", "", "a log ends in .csv, .tsv, .txt, .parquet, .json, .jsonl"),
+        ("log.doc", "", "name must end in .csv, .tsv, .txt, .parquet, .json, .jsonl"),
         ("log.csv", "", "is empty"),
-        ("log.csv", "when,q1\n1,2", "no column of times"),
+        ("log.csv", "when,q1\n1,2", "no time column"),
         ("log.csv", "time,q1,q2,q3,q4,q5,q6\n", "no `tau` of joint `shoulder_pan_joint`"),
         ("log.csv", "time,q1,q2,q3,q4,q5,q6,tau1\n", "no `tau` of joint `shoulder_lift_joint`"),
         (
@@ -119,7 +119,7 @@ def test_a_parquet_file_without_pyarrow_says_what_to_install(tmp_path, monkeypat
         ),
         ("log.json", "{", "not JSON"),
         ("log.json", "[]", "has no messages"),
-        ("log.json", '[{"name": ["a"]}]', "there is no joint `shoulder_pan_joint`"),
+        ("log.json", '[{"name": ["a"]}]', "none of the arm's joints, such as `shoulder_pan_joint`"),
         ("log.json", "[3]", "has a list `name`"),
     ],
 )

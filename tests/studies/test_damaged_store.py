@@ -132,7 +132,7 @@ def test_parts_of_another_study_or_place_are_named_and_computed_again(whole, out
     assert [str(item.message).rpartition("/")[2] for item in told] == [
         "000000000064-64.parquet` belongs to another study, or to an older version of slidax: its 64 rows are "
         "computed again",
-        "000000000128-64.parquet` has other rows than its name says: its 64 rows are computed again",
+        "000000000128-64.parquet` has other rows than its name implies: its 64 rows are computed again",
     ]
     assert same(out, whole)
 
@@ -145,7 +145,7 @@ def test_a_part_that_announces_other_rows_is_not_read(whole, out):
     pq.write_table(zeros, path, compression="zstd")
     assert path.stat().st_size < 20_000
     # Read, it would have a wrong checksum.
-    with pytest.warns(DefinitionWarning, match="has other rows than its name says: its 64 rows are computed again"):
+    with pytest.warns(DefinitionWarning, match="has other rows than its name implies: its 64 rows are computed again"):
         assert fill(opened(out)) == 64
     assert same(out, whole)
 
@@ -188,7 +188,7 @@ def test_a_damaged_longer_part_does_not_stand_in_the_way_of_fewer_rows(out):
     damage(out / "parts" / "000000000064-64.parquet", "cut")
     store = opened(out)
     store.write(64, chunk(64, 36))
-    with pytest.warns(DefinitionWarning, match="000000000064-64.parquet` .*: it is passed over"):
+    with pytest.warns(DefinitionWarning, match="000000000064-64.parquet` .*: it is skipped"):
         store.finish(100)
     assert read_rows(out)["row"].tolist() == list(range(100))
 
@@ -213,7 +213,7 @@ def test_a_damaged_identity_is_written_again_if_the_rows_are_of_this_study(whole
     for refused in (lambda: opened(out, resume=False), lambda: scenario_of_row(out, 3)):
         with pytest.raises(DefinitionError, match=r"study\.json` is (damaged|missing).*--resume"):
             refused()
-    with pytest.raises(DefinitionError, match="is of another study: write to another folder"):
+    with pytest.raises(DefinitionError, match="belongs to another study: write to another folder"):
         opened(out, OTHER)
     with pytest.warns(DefinitionWarning, match=r"study\.json` is (damaged|missing).*: it is written again"):
         assert fill(opened(out)) == 0
@@ -232,7 +232,7 @@ def test_a_damaged_table_is_a_clear_line_and_is_written_again(whole, out, how):
 def test_rows_of_another_study_are_no_cases_of_this_one(out, tmp_path):
     fill(opened(tmp_path / "other", OTHER))
     shutil.copy(tmp_path / "other" / "rows.parquet", out)
-    with pytest.raises(DefinitionError, match="rows of another study than"):
+    with pytest.raises(DefinitionError, match="belong to another study than"):
         scenario_of_row(out, 3)
 
 

@@ -47,7 +47,7 @@ def test_page_of_a_sweep_has_the_map_and_its_points(swept):
     assert [picture.name for picture in section.figures] == ["map"]
     assert len(section.rows) == 6 and section.rows[1][-2] == swept.worst[0, 1]
     assert swept.as_json()["map"][2][1] == swept.worst[2, 1]
-    assert swept.lead.startswith("3 x 2 points, 6 runs: no run fails at 6 of 6")
+    assert swept.summary.startswith("3 x 2 points, 6 runs: no run fails at 6 of 6")
 
 
 @pytest.mark.full
@@ -109,7 +109,7 @@ def test_a_metric_can_be_searched():
     worst = result_of("falsify", runs=160, worst="peak_torque")
     assert worst.table["peak_torque"][worst.rows[0]] == worst.table["peak_torque"].max()
     assert worst.as_json()["worst"]["peak_torque"] == worst.table["peak_torque"].max()
-    assert ("peak_torque" in worst.lead and worst.search.stop == "evaluations") or worst.search.stop == "settled"
+    assert ("peak_torque" in worst.summary and worst.search.stop == "evaluations") or worst.search.stop == "settled"
 
 
 def test_a_search_that_was_stopped_goes_on_where_it_was(tmp_path):
@@ -170,7 +170,7 @@ def test_the_margin_at_the_beginning_depends_on_the_start_alone(shares):
     assert shares.runs == 64 * (4 + 2)
     assert shares.names == ("robot.plant.masses", "robot.plant.inertias", "disturbance.scale", "start.q")
     margin = shares.indices["margin"]
-    assert margin.total[3] > 0.8 and margin.total[:3].max() < 0.05 and "`margin` start.q" in shares.lead
+    assert margin.total[3] > 0.8 and margin.total[:3].max() < 0.05 and "`margin` start.q" in shares.summary
 
 
 def test_the_indices_are_those_of_its_rows(shares):
@@ -231,7 +231,7 @@ def test_a_slower_scheme_is_found_to_be_worse_case_by_case(compared):
     assert slower.pairs == 24 and slower.of_mean.lower > 0.0
     ours, theirs = (compared.tables[name]["steady_error"] for name in ("slower", "ours"))
     assert slower.mean == pytest.approx(np.mean(ours - theirs))
-    assert "slower is better in peak_torque and worse in steady_error" in compared.lead
+    assert "slower is better in peak_torque and worse in steady_error" in compared.summary
 
 
 def test_a_scheme_without_an_envelope_is_compared_in_the_rest(compared):
@@ -300,7 +300,7 @@ def test_required_predicates_hold_in_every_case_of_the_front(tuned):
     errors = strict.table["steady_error"][: 80 * 4].reshape(80, 4).max(axis=1)
     assert 0 < strict.front.holding == np.sum(errors < limit) < 80
     nothing = result_of("tune", **HOW, holds=["peak_torque < 1e-3"])
-    assert nothing.best is None and "none of 80 candidates" in nothing.lead
+    assert nothing.best is None and "none of 80 candidates" in nothing.summary
     assert nothing.as_json()["best"] is None and nothing.scenarios() == {} and nothing.sections()
 
 

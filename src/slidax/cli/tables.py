@@ -172,7 +172,7 @@ def _titled(title: str, units: list[str]) -> str:
 def print_study(result: AbstractResult) -> None:
     """Print the `result` of a study with its tables."""
     console = Console(highlight=False)
-    console.print(Text(result.lead), soft_wrap=True)
+    console.print(Text(result.summary), soft_wrap=True)
     for section in result.sections():
         if section.head:
             console.print()

@@ -75,8 +75,8 @@ def log_of_messages(
         known = list(dict.fromkeys(name for key in columns_of for name in key))
         listed = ", ".join(f"`{plain_name(name)}`" for name in known[:12])
         raise DefinitionError(
-            f"{source}: none of the arm's joints (`{joints[0]}`, ...) is in its {total} messages, which have {listed}; "
-            "rename the joints in the log or in the arm's file"
+            f"{source} has none of the arm's joints, such as `{joints[0]}`: its messages have {listed}; rename the "
+            "joints in the log or in the arm's file"
         )
     if lost:
         notes.append(f"{lost} of {total} messages come from another publisher, without the arm's joints: left out")

@@ -1,9 +1,9 @@
-"""Studies: many runs of a scenario whose values are uncertain, or are still to be chosen.
+"""Studies: many runs of a scenario with uncertain values or with gains to choose.
 
 A study is a YAML file (`files.py`) with one of six kinds: `monte_carlo`, `sweep`, `falsify`, `sensitivity`, `tune`,
-`compare`. Each kind has a file of its own. Begin with `study.py`, the base of all kinds, then read `cases.py`
-(from values to rows) and `runner.py` (where and when rows are computed). `search.py`, `pareto.py` and `statistics.py`
-know nothing of robots. `benchmark/` ranks control schemes on common tasks. Results are data, drawn by `slidax.report`.
+`compare`. Each kind has its own file. Begin with `study.py`, the base of all kinds, then read `cases.py` (from values
+to rows) and `runner.py` (where and when rows are computed). `search.py`, `pareto.py` and `statistics.py` are
+independent of robots. `benchmark/` ranks control schemes on common tasks. Results are data, drawn by `slidax.report`.
 """
 
 from .cases import Cases as Cases

@@ -30,14 +30,14 @@ Columns: TypeAlias = dict[str, NDArray[Any]]
 """Columns by name, each with one entry per case."""
 
 OUTCOMES = ("ok", "left_envelope", "not_finite", "recovered")
-"""Meanings of the numbers in the column `outcome`."""
+"""Outcomes; the column `outcome` has their indices."""
 
 COLUMNS = {
     "row": "number of the case",
-    "outcome": f"place in {', '.join(OUTCOMES)}",
-    "t": "when it ended badly or left its envelope [s]",
-    "joint": "which joint did, from 1; that with the least margin in a run that is ok",
-    "margin": "least distance to the nearer bound over the envelope's width; negative if it was outside",
+    "outcome": f"index in {', '.join(OUTCOMES)}",
+    "t": "time of the failure, or of first leaving the envelope [s]",
+    "joint": "joint of this event, from 1; if ok, the joint with the least margin",
+    "margin": "least distance to the nearer bound relative to the envelope's width; negative if outside",
     **{
         metric.key: f"{metric.title}, of the worst joint [{metric.unit.format(position='rad or m', torque='N m or N')}]"
         for metric in (*METRICS, *TOOL_METRICS, *TOLERANCE_METRICS, *MONITOR_METRICS)
@@ -47,17 +47,12 @@ COLUMNS = {
 
 
 def columns_of(run: Run) -> Columns:
-    """Outcome and metrics of each run.
+    """Outcome and metrics of each run, as columns with the meanings in `COLUMNS`; missing values are NaN.
 
-    - column `outcome`: its place in `OUTCOMES`; `t`: when that was [s]; `joint`: which, counted from 1, or that with
-      the least margin in a run that is ok.
-    - column `margin`: least distance to the nearer bound over the envelope's width, in any joint; negative for every
-      run that was outside, the lower the earlier it ended.
-    - all metrics of `slidax.analysis` by their keys, of the worst joint.
+    The margin is the least over all joints. It is negative for every run that was outside, and the lower the earlier
+    the run ended. Metrics are those of the worst joint.
 
-    Missing values are NaN.
-
-    - `run`: many runs, or one.
+    - `run`: a run or a batch.
     """
     single = not np.ndim(run.period)
     tally, fault = run.tally, run.fault
@@ -66,7 +61,7 @@ def columns_of(run: Run) -> Columns:
     outside = np.atleast_1d(np.asarray(tally.violations)) > 0
     outcome = np.where((kind == 0) & outside, OUTCOMES.index("recovered"), kind)
     margins = np.asarray(tally.margin).reshape(rows, -1)
-    # A joint that is not finite has no margin, and one without an envelope an infinite one.
+    # The margin of a nonfinite joint is NaN; without an envelope the margin is infinite.
     least = np.where(np.isnan(margins), -np.inf, margins)
     margin = least.min(axis=1)
     ended = np.atleast_1d(np.asarray(fault.t)) / np.atleast_1d(np.asarray(run.t1))
@@ -102,13 +97,13 @@ def _worst(numbers: NDArray[Any], least_is_best: bool) -> NDArray[Any]:
 
 
 def join_rows(parts: Sequence[tuple[NDArray[Any], Columns]], rows: int) -> Columns:
-    """Columns of groups of rows as one table in the order of the rows.
+    """Merge groups of rows into a table in the order of the rows.
 
-    - `parts`: each with the numbers of its rows.
-    - `rows`: how many there are.
+    - `parts`: indices of the rows and columns of each group.
+    - `rows`: number of rows in the table.
     """
     names = list(dict.fromkeys(name for _, columns in parts for name in columns))
-    whole: Columns = {}
+    table: Columns = {}
     for name in names:
         kinds = [columns[name].dtype for _, columns in parts if name in columns]
         kind = np.result_type(*kinds)
@@ -116,42 +111,42 @@ def join_rows(parts: Sequence[tuple[NDArray[Any], Columns]], rows: int) -> Colum
         for where, columns in parts:
             if name in columns:
                 array[where] = columns[name]
-        whole[name] = array
-    return whole
+        table[name] = array
+    return table
 
 
 def concatenate(parts: Mapping[int, Columns]) -> Columns:
-    """Chunks of rows as one table in the order of the rows.
+    """Concatenate chunks of rows in the order of the rows.
 
-    - `parts`: by the number of their first row.
+    - `parts`: chunks by the number of their first row.
     """
     ordered = [parts[first] for first in sorted(parts)]
     return {name: np.concatenate([columns[name] for columns in ordered]) for name in ordered[0]} if ordered else {}
 
 
 MOST_LOOPS = 64
-"""That are compiled for one study, each for other values of what cannot vary within a compiled loop."""
+"""Largest number of compiled loops in a study; each value that cannot vary within a loop needs its own."""
 
 LEAST_SIZE = 512
-"""Rows that the arrays of a loop are made for at least, so that for few rows they are compiled once."""
+"""Smallest batch size for which arrays are compiled; smaller batches share it."""
 
 Values = Mapping[str, NDArray[Any]]
-"""Values by path, each with the case as its first axis."""
+"""Values by path; the first axis is the case."""
 
 
 @dataclass(eq=False)
 class Cases:
-    """Runs cases of a family through compiled loops, which it keeps.
+    """Runs cases of a family through compiled loops, which are cached.
 
-    Values that become arrays vary within a loop; all others, such as a period, a delay, or a table of waypoints,
-    makes a loop of its own for each of its values. The bits of a case depend on no other case.
+    Values that become arrays vary within a loop. Each value of any other kind, such as a period, a delay, or a table of
+    waypoints, needs a loop of its own. The results of a case do not depend on other cases, bit for bit.
 
-    - `family`: of which they are.
+    - `family`: the family of scenarios.
     - `engine`: as in `simulate`; the scenario's own if None.
-    - `threads`: of the native engine; None: as many as there are cores.
-    - `name`: what to call a scenario.
-    - `around`: from the law of each case to what is run in its place.
-    - `columns`: from runs to their rows.
+    - `threads`: threads of the native engine; None for one per core.
+    - `name`: name of the scenarios.
+    - `around`: maps the law of each case to the controller that runs instead of it.
+    - `columns`: maps runs to their rows.
     """
 
     family: Family
@@ -164,42 +159,42 @@ class Cases:
     _traceable: dict[str, bool] | None = field(default=None, init=False)
 
     def run(self, values: Values) -> Columns:
-        """The outcome and the metrics of cases, one row each.
+        """Run cases and return a row with outcome and metrics for each.
 
-        - `values`: by path, of every path of the family.
+        - `values`: values for every path of the family.
 
-        Raises DefinitionError if a case is invalid, or they need too many loops.
+        Raises DefinitionError if a case is invalid, or the cases need too many loops.
         """
         rows = len(next(iter(values.values()))) if values else 1
         result: list[tuple[NDArray[Any], Columns]] = []
-        for rows_of_one, key in self._groups(values, rows):
-            picked = {path: array[rows_of_one] for path, array in values.items()}
+        for group, key in self._groups(values, rows):
+            picked = {path: array[group] for path, array in values.items()}
             loop = self._loop(key, picked)
             if loop is None:
-                columns = self._each(picked, len(rows_of_one))
+                columns = self._run_singly(picked, len(group))
             else:
                 columns = self.columns(loop.simulated(picked, self.threads, None))
-            result.append((rows_of_one, columns))
+            result.append((group, columns))
         return join_rows(result, rows)
 
     def logged(self, values: Values) -> list[Run]:
-        """The runs of cases with every sample in their logs.
+        """Run cases with every sample in their logs.
 
-        - `values`: by path, of every path of the family; one case if there is none.
+        - `values`: values for every path of the family; a single case if empty.
         """
         rows = len(next(iter(values.values()))) if values else 1
         result: list[Run] = [None] * rows  # type: ignore[list-item]
-        for rows_of_one, key in self._groups(values, rows):
-            picked = {path: array[rows_of_one] for path, array in values.items()}
+        for group, key in self._groups(values, rows):
+            picked = {path: array[group] for path, array in values.items()}
             loop = self._loop(key, picked)
             runs = None if loop is None else loop.simulated(picked, self.threads, 1)
-            for i, row in enumerate(rows_of_one):
+            for i, row in enumerate(group):
                 item = {path: array[i] for path, array in picked.items()}
                 result[row] = self._scenario(item).simulate(log_every=1, progress=False) if runs is None else runs[i]
         return result
 
     def _groups(self, values: Values, rows: int) -> list[tuple[NDArray[Any], tuple[Any, ...]]]:
-        """The rows of each loop."""
+        """The rows of each loop, with the loop's key."""
         if self._traceable is None:
             first = {path: array[0] for path, array in values.items()}
             templates = self._templates(first)
@@ -220,18 +215,18 @@ class Cases:
         return [(np.flatnonzero(which == k), key) for k, key in enumerate(keys)]
 
     def _loop(self, key: tuple[Any, ...], values: Values) -> _Loop | None:
-        """The loop of a group; None if its cases are run one at a time."""
+        """The loop of a group; None if its cases run singly."""
         if key in self._loops:
             return self._loops[key]
         templates = self._templates({path: array[0] for path, array in values.items()})
         if isinstance(templates.built.plant, MujocoPlant):
-            # Each is a scenario of its own, so that there is nothing to keep.
+            # Each case is a scenario of its own: there is nothing to cache.
             return None
         varying = [path for path, varies in (self._traceable or {}).items() if varies]
         self._loops[key] = _Loop.of(self.family, templates, {path: values[path] for path in varying}, self.around)
         return self._loops[key]
 
-    def _each(self, values: Values, rows: int) -> Columns:
+    def _run_singly(self, values: Values, rows: int) -> Columns:
         result = []
         for row in range(rows):
             item = self._scenario({path: array[row] for path, array in values.items()})
@@ -251,12 +246,12 @@ class Cases:
 
 @dataclass(frozen=True, eq=False)
 class _Loop:
-    """One compiled loop, and how its arrays follow from values.
+    """A compiled loop, and the maps from values to its arrays.
 
-    - `scenario`: a case of it.
-    - `arrays`: from values to the arrays that vary.
-    - `define`: from these to the parts of a loop.
-    - `paths`: of the values.
+    - `scenario`: one of its cases.
+    - `arrays`: maps values to the arrays that vary.
+    - `define`: maps these arrays to the parts of a loop.
+    - `paths`: paths of the values.
     """
 
     scenario: Scenario
@@ -274,15 +269,15 @@ class _Loop:
     ) -> _Loop:
         """The loop of a group.
 
-        - `family`: of the cases.
-        - `templates`: one of them.
-        - `values`: some of each path that varies.
-        - `around`: from the law to what is run in its place.
+        - `family`: family of the cases.
+        - `templates`: one of the cases.
+        - `values`: some values of each path that varies.
+        - `around`: as in `Cases`.
         """
         varies: list[bool] = []
 
         def leaves_of(inputs: Any) -> list[Any]:
-            # Arrays that do not depend on the values are known, and checked, during the trace.
+            # Arrays that do not depend on the values are computed, and checked, during the trace.
             with jax.ensure_compile_time_eval():
                 arrays, _ = eqx.partition(family.parts(templates, inputs), eqx.is_array)
             return jax.tree.leaves(arrays)
@@ -310,14 +305,14 @@ class _Loop:
         return cls(built, jax.jit(jax.vmap(varying)), define, tuple(values))
 
     def simulated(self, values: Values, threads: int | None, log_every: int | None) -> Run:
-        """The runs.
+        """Run the cases.
 
-        - `values`: by path.
-        - `threads`: of the native engine.
-        - `log_every`: one in so many samples; None logs none.
+        - `values`: values by path.
+        - `threads`: threads of the native engine.
+        - `log_every`: interval between logged samples; None for no log.
         """
         rows = len(next(iter(values.values()))) if values else 1
-        # A few sizes, so that little is compiled anew.
+        # Few different sizes, to compile rarely.
         size = max(LEAST_SIZE, 1 << max(rows - 1, 0).bit_length())
         inputs = {path: np.resize(values[path], (size, *values[path].shape[1:])) for path in self.paths}
         varied = [np.asarray(leaf)[:rows] for leaf in self.arrays(inputs)] if self.paths else []
@@ -330,23 +325,23 @@ class _Loop:
 
 
 def _repeated(run: Run, rows: int) -> Run:
-    """One run as many that are alike."""
+    """A batch of identical runs."""
     return jax.tree.map(lambda x: np.broadcast_to(np.asarray(x), (rows, *np.shape(x))), run)
 
 
 WORDS = 4
-"""64-bit numbers that one step of the generator's counter gives."""
+"""64-bit numbers per step of the generator's counter."""
 
 
 def points(seed: int, first: int, rows: int, dimensions: int) -> NDArray[np.float64]:
-    """Uniform points [rows, dimensions], independent of how many others are drawn with them.
+    """Uniform random points [rows, dimensions]; the point of a row depends only on its number and the seed.
 
-    They are read off one stream (Philox, Salmon et al. 2011), in which each row has its own place.
+    Each row has a fixed position in the stream of a counter-based generator (Philox, Salmon et al. 2011).
 
-    - `seed`: of the stream.
+    - `seed`: seed of the stream.
     - `first`: number of the first row.
-    - `rows`: how many.
-    - `dimensions`: of the cube.
+    - `rows`: number of rows.
+    - `dimensions`: dimension of the cube.
     """
     steps = -(-max(dimensions, 1) // WORDS)
     stream = np.random.Philox(key=seed)
@@ -386,17 +381,17 @@ class StudyTask:
         return hashlib.sha256(self.text.encode()).hexdigest()[:16]
 
     def cases(self, threads: int | None = None) -> Cases:
-        """Return the cases; the same object for the same text, so that a process compiles once.
+        """Return the cases, cached by text so that a process compiles once.
 
-        - `threads`: of the native engine.
+        - `threads`: threads of the native engine.
         """
         return _cases(self.text, threads)
 
     def run(self, values: Values, threads: int | None = None) -> Columns:
-        """Outcome and metrics of cases, wherever this is called.
+        """Return outcome and metrics of cases, also in another process.
 
-        - `values`: by path, with the case first.
-        - `threads`: of the native engine.
+        - `values`: values by path; the first axis is the case.
+        - `threads`: threads of the native engine.
         """
         jax.config.update("jax_enable_x64", True)
         return self.cases(threads).run(values)
@@ -415,9 +410,9 @@ def _cases(text: str, threads: int | None) -> Cases:
 
 
 def flatten_values(values: Mapping[str, Any]) -> Columns:
-    """Values as columns, one for each number: `robot.plant.coulomb[0]`.
+    """Flatten values into a column for each number, such as `robot.plant.coulomb[0]`.
 
-    - `values`: by path, with the case first.
+    - `values`: values by path; the first axis is the case.
     """
     columns: Columns = {}
     for path, array in values.items():
@@ -425,6 +420,6 @@ def flatten_values(values: Mapping[str, Any]) -> Columns:
         if inputs.ndim == 1:
             columns[path] = inputs
             continue
-        for place in np.ndindex(inputs.shape[1:]):
-            columns[f"{path}[{','.join(map(str, place))}]"] = inputs[(slice(None), *place)]
+        for index in np.ndindex(inputs.shape[1:]):
+            columns[f"{path}[{','.join(map(str, index))}]"] = inputs[(slice(None), *index)]
     return columns

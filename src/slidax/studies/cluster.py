@@ -1,4 +1,4 @@
-"""Chunks on a Dask cluster, whose workers may come and go."""
+"""Computes chunks on a Dask cluster, whose workers may come and go."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from .cases import Columns, StudyTask, Values
 from .runner import AbstractPool
 
 AHEAD = 2
-"""Chunks for each worker that are handed out at once, so that none waits for the next."""
+"""Chunks submitted per worker, so that no worker waits for the next."""
 
 TRIES = 100
-"""A chunk whose worker died is handed out so often again."""
+"""Largest number of retries for a chunk whose worker died."""
 
 PATIENCE = 30.0
-"""For a scheduler to answer [s]."""
+"""Time limit for a scheduler to answer [s]."""
 
 LOOKS = 5.0
-"""Between two looks at whether the workers here are alive [s]."""
+"""Interval between checks that local workers are alive [s]."""
 
 
 class Cluster(AbstractPool):
-    """Workers of Dask: each computes whole chunks, whose bits do not depend on which of them did.
+    """Dask workers, each of which computes whole chunks; the results do not depend on the worker, bit for bit.
 
-    - `where`: `local:2` for two processes here, or the address of a scheduler, such as `tcp://10.0.0.1:8786`, whose
-      workers must have slidax installed, and the files that the scenario names.
+    - `where`: `local:2` for two local processes, or the address of a scheduler, such as `tcp://10.0.0.1:8786`, whose
+      workers must have slidax and the files that the scenario names.
 
     Raises DefinitionError if Dask is not installed, or no scheduler answers.
     """
@@ -49,7 +49,8 @@ class Cluster(AbstractPool):
         if kind == "local":
             if not rest.isdigit() or not 1 <= int(rest) <= 4096:
                 raise DefinitionError(
-                    f"`--cluster` must be `local:` and a number of processes; got `{plain_name(where)}`"
+                    f"`--cluster` must be `local:` and a number of processes from 1 to 4096, such as `local:2`; got "
+                    f"`{plain_name(where)}`"
                 )
             self._local = int(rest)
         elif "://" not in where:
@@ -91,12 +92,12 @@ class Cluster(AbstractPool):
             self._cluster.close()
 
     def _replace_the_dead(self) -> None:
-        """Dask starts a worker anew that dies at work, but not one that dies while it starts."""
+        """Replace workers that died while starting; Dask itself replaces only those that die at work."""
         dead: set[Any] = set()
         while not self._over.wait(LOOKS):
             workers = self._cluster.workers
             points = {name: nanny for name, nanny in list(workers.items()) if not nanny.is_alive()}
-            # Dead at two looks: nobody is about to start it.
+            # Dead at two checks in a row: Dask is not about to restart it.
             for name in dead & points.keys():
                 workers.pop(name, None)
                 self._cluster.sync(points[name].close)
@@ -104,48 +105,48 @@ class Cluster(AbstractPool):
             self._cluster.scale(self._local)
 
     def each(self, task: StudyTask, chunks: Iterator[tuple[int, Values]]) -> Iterator[tuple[int, Values, Columns]]:
-        """The rows of each chunk, as they become ready.
+        """Yield the rows of each chunk as they become ready.
 
-        - `task`: what they are of.
+        - `task`: the task of the rows.
         - `chunks`: number of the first row, and values.
 
-        Raises DefinitionError if a chunk's workers died again and again.
+        Raises DefinitionError if a chunk's workers died too often.
         """
-        flying: dict[Any, tuple[int, Values, int]] = {}
+        pending: dict[Any, tuple[int, Values, int]] = {}
         ready = self._dask.as_completed()
 
-        def hand_out(first: int, values: Values, tries: int) -> None:
+        def submit(first: int, values: Values, tries: int) -> None:
             future = self._client.submit(compute_chunk, task.text, dict(values), pure=False, retries=TRIES)
-            flying[future] = first, values, tries
+            pending[future] = first, values, tries
             ready.add(future)
 
-        def more() -> None:
+        def submit_more() -> None:
             workers = max(len(self._client.scheduler_info(n_workers=-1)["workers"]), 1)
-            while len(flying) < AHEAD * workers and (chunk := next(chunks, None)) is not None:
-                hand_out(*chunk, tries=0)
+            while len(pending) < AHEAD * workers and (chunk := next(chunks, None)) is not None:
+                submit(*chunk, tries=0)
 
-        more()
-        while flying:
+        submit_more()
+        while pending:
             future = next(ready)
-            first, values, tries = flying.pop(future)
+            first, values, tries = pending.pop(future)
             try:
                 columns = future.result()
             except self._dask.KilledWorker:
                 if tries >= TRIES:
                     raise DefinitionError(
-                        f"the workers that computed rows from {first} on died {tries} times: give them more memory"
+                        f"the workers for the rows from {first} on died {tries} times: give them more memory"
                     ) from None
-                hand_out(first, values, tries + 1)
+                submit(first, values, tries + 1)
                 continue
             yield first, values, columns
-            more()
+            submit_more()
 
 
 def compute_chunk(text: str, values: Values) -> Columns:
-    """The rows of a chunk, on a worker with as many threads as it has.
+    """Compute the rows of a chunk on a worker, with all of the worker's threads.
 
-    - `text`: of the task.
-    - `values`: by path, with the row first.
+    - `text`: text of the task.
+    - `values`: values by path; the first axis is the row.
     """
     from distributed import get_worker
 

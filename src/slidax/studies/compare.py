@@ -24,10 +24,10 @@ from .study import AbstractResult, AbstractStudy, Cell, Chart, RunOptions, Secti
 
 @dataclass(frozen=True)
 class CompareResult(AbstractResult):
-    """Schemes on the same cases.
+    """Result of a comparison of schemes on the same cases.
 
-    - `of`, `holds`, `confidence`, `seed`: the request; `family` is that of the first scheme.
-    - `tables`: the rows of each scheme, by its name; the same row is the same case.
+    - `of`, `holds`, `confidence`, `seed`: as in `Compare`; `family` is that of the first scheme.
+    - `tables`: rows of each scheme, by its name; a row number is the same case in all tables.
     """
 
     of: tuple[str, ...]
@@ -48,42 +48,42 @@ class CompareResult(AbstractResult):
 
     @property
     def reference(self) -> str:
-        """The scheme that the others are compared with."""
+        """Name of the scheme that the others are compared with."""
         return next(iter(self.tables))
 
     def difference(self, name: str, of: str) -> PairedDifference:
-        """By how much a metric is above that of the reference, over the cases that both ran to the end.
+        """Difference of a metric from the reference, over the cases in which both reached the end.
 
-        - `name`: of the scheme.
+        - `name`: name of the scheme.
         - `of`: key of the metric.
         """
         item, other = self.tables[name], self.tables[self.reference]
-        complete = _to_the_end(item) & _to_the_end(other)
+        complete = _reached_end(item) & _reached_end(other)
         return paired_difference(np.where(complete, item[of], np.nan), other[of], self.confidence, seed=self.seed)
 
     def shares(self, name: str, holds: str) -> PairedShares | None:
-        """In what share of the cases something holds, less the share in which it does for the reference.
+        """Difference from the reference in the share of cases with a property.
 
-        None where one of them draws no envelope that could hold.
+        None if the property is the envelope and a scheme has none.
 
-        - `name`: of the scheme.
-        - `holds`: what holds.
+        - `name`: name of the scheme.
+        - `holds`: the property.
         """
-        if not all(can_be_asked(holds, self.tables[each]) for each in (name, self.reference)):
+        if not all(is_defined(holds, self.tables[each]) for each in (name, self.reference)):
             return None
         predicate = Predicate(holds)
         item, other = (predicate.holds(self.tables[each]) for each in (name, self.reference))
         return paired_shares(item, other, self.confidence)
 
     def rate(self, name: str, holds: str) -> tuple[int | None, Interval | None]:
-        """In how many cases something fails, and an interval of the probability that it holds.
+        """Number of cases without a property, and an interval for the probability of the property.
 
-        None and None for the envelope of a scheme that draws none.
+        None and None if the property is the envelope and the scheme has none.
 
-        - `name`: of the scheme.
-        - `holds`: what.
+        - `name`: name of the scheme.
+        - `holds`: the property.
         """
-        if not can_be_asked(holds, self.tables[name]):
+        if not is_defined(holds, self.tables[name]):
             return None, None
         failures = int(np.sum(~Predicate(holds).holds(self.tables[name])))
         failing = clopper_pearson(failures, len(self.tables[name]["row"]), self.confidence)
@@ -95,8 +95,8 @@ class CompareResult(AbstractResult):
         return not any(np.any(table["outcome"] > 0) for table in self.tables.values())
 
     @property
-    def lead(self) -> str:
-        """The answer in a sentence."""
+    def summary(self) -> str:
+        """The result in a sentence."""
         text = []
         for name in list(self.tables)[1:]:
             better = [of for of in self.of if _is_below(self.difference(name, of))]
@@ -146,12 +146,12 @@ class CompareResult(AbstractResult):
         return [*result, Section("Differences", note, columns, rows, pictures)]
 
     def _mean(self, name: str, of: str) -> float | None:
-        numbers = self.tables[name][of][_to_the_end(self.tables[name])]
+        numbers = self.tables[name][of][_reached_end(self.tables[name])]
         known = numbers[np.isfinite(numbers)]
         return float(known.mean()) if known.size else None
 
     def as_json(self) -> dict[str, Any]:
-        """The result for a program."""
+        """The result as JSON."""
         failures, holding = self.rate(self.reference, self.holds[0])
         return {
             "kind": "compare",
@@ -166,7 +166,7 @@ class CompareResult(AbstractResult):
 
     def _scheme_as_json(self, name: str) -> dict[str, Any]:
         table = self.tables[name]
-        complete = _to_the_end(table)
+        complete = _reached_end(table)
         result: dict[str, Any] = {
             "ended_early": int(np.sum(~complete)),
             "means": {of: self._mean(name, of) for of in self.of},
@@ -176,7 +176,7 @@ class CompareResult(AbstractResult):
             failures, holding = self.rate(name, holds)
             result["holds"][holds] = {"failures": failures, "probability": interval_of(holding)}
         if name != self.reference:
-            result["differences"] = {of: self._compared(name, of) for of in self.of}
+            result["differences"] = {of: self._difference_as_json(name, of) for of in self.of}
             for holds in self.holds:
                 shares = self.shares(name, holds)
                 if shares is not None:
@@ -187,7 +187,7 @@ class CompareResult(AbstractResult):
                     }
         return result
 
-    def _compared(self, name: str, of: str) -> dict[str, Any]:
+    def _difference_as_json(self, name: str, of: str) -> dict[str, Any]:
         item = self.difference(name, of)
         return {
             "pairs": item.pairs,
@@ -199,8 +199,8 @@ class CompareResult(AbstractResult):
         }
 
 
-def can_be_asked(holds: str, table: Columns) -> bool:
-    """True if runs can have the property: an envelope can only hold where one is drawn.
+def is_defined(holds: str, table: Columns) -> bool:
+    """True if the property is defined for the runs; `envelope` needs a scheme with an envelope.
 
     - `holds`: the property.
     - `table`: the rows.
@@ -208,8 +208,8 @@ def can_be_asked(holds: str, table: Columns) -> bool:
     return holds != ENVELOPE or bool(np.isfinite(table["margin"]).any())
 
 
-def _to_the_end(table: Columns) -> np.ndarray:
-    """Runs that reached their end, inside the envelope or not."""
+def _reached_end(table: Columns) -> np.ndarray:
+    """True for runs that reached their end, inside the envelope or not."""
     return np.asarray((table["outcome"] == 0) | (table["outcome"] == 3))
 
 
@@ -228,18 +228,18 @@ OF = ("steady_error", "max_torque_step", "peak_torque")
 
 
 class Compare(AbstractStudy):
-    """Runs several schemes on the same cases; the first is the one that the others are compared with."""
+    """Runs several schemes on the same cases and compares them with the first."""
 
     in_parts: ClassVar[bool] = True
     study: Literal["compare"]
     schemes: Annotated[dict[str, dict[str, Any]], Field(min_length=2, max_length=50)]
-    """Values of the scenario by path, as `--set` has them, by a name for each; `{}` is the scenario as it is."""
+    """For the name of each scheme, changed values of the scenario by path, as with `--set`; `{}` for no change."""
     runs: int = input_field("cases for each scheme", "", "[1, 1e9]", default=500)
     of: Annotated[tuple[str, ...], Field(min_length=1)] = OF
-    """Metrics that are compared."""
+    """Metrics to compare."""
     holds: Annotated[tuple[str, ...], Field(min_length=1)] = (ENVELOPE,)
-    """Properties whose shares are compared: `envelope`, or a metric, a sign and a number."""
-    confidence: float = input_field("of the intervals", "", "(0, 1)", default=0.95)
+    """Properties whose shares are compared: `envelope`, or a condition such as `steady_error < 1e-3`."""
+    confidence: float = input_field("confidence of the intervals", "", "(0, 1)", default=0.95)
 
     @field_validator("schemes")
     @classmethod
@@ -250,14 +250,10 @@ class Compare(AbstractStudy):
         return value
 
     def run(self, how: RunOptions) -> CompareResult:
-        """The differences.
-
-        - `how`: where, and what is told on the way.
-        """
         holds = [Predicate(text) for text in self.holds]
         families = self._families()
         first = next(iter(families.values()))
-        self.require(bool(first.space.sets), "uncertainty", "is empty, so that all cases would be the same")
+        self.require(bool(first.space.sets), "uncertainty", "is empty: all cases would be the same; give sets")
         cases = first.space.values(points(self.seed, 0, self.runs, first.space.dimensions))
         how.begin(self.runs * len(families))
         tables: dict[str, Columns] = {}
@@ -283,7 +279,7 @@ class Compare(AbstractStudy):
                 )
         for predicate in holds:
             for table in tables.values():
-                if can_be_asked(predicate.text, table):
+                if is_defined(predicate.text, table):
                     predicate.holds(table)
         return CompareResult(
             of=self.of,
@@ -298,7 +294,7 @@ class Compare(AbstractStudy):
         )
 
     def _families(self) -> dict[str, Family]:
-        """One for each scheme, with the same sets: a start inside the envelope is one inside that of the first."""
+        """A family for each scheme, with the same sets: `inside envelope` means inside the first scheme's envelope."""
         base = self.described()
         sets = self.sets(base)
         result: dict[str, Family] = {}
@@ -312,7 +308,7 @@ class Compare(AbstractStudy):
 
 
 def _box(path: str, item: AbstractSet, family: Family) -> tuple[str, AbstractSet]:
-    """The set, in numbers where it depends on the scheme."""
+    """Replace a set that depends on the scheme's envelope by its numerical bounds."""
     if not isinstance(item, InsideEnvelope):
         return path, item
     path = path if path in family.space.leaves else "start.q"

@@ -25,7 +25,7 @@ WORSE = 1e9
 
 
 class Falsify(AbstractStudy):
-    """Searches the uncertainty set for the least margin, or for the worst value of a metric."""
+    """Searches the uncertainty sets for the least margin, or for the worst value of a metric."""
 
     study: Literal["falsify"]
     runs: int = input_field("largest number of runs", "", "[1, 1e9]", default=3000)
@@ -35,11 +35,11 @@ class Falsify(AbstractStudy):
     worst: str = MARGIN
     """Searched quantity: `margin`, or a metric such as `steady_error`."""
     until: Literal["violation"] | None = None
-    """`violation` stops at the first run outside its envelope; else all runs are used to find the worst."""
+    """`violation` stops at the first run outside its envelope; otherwise the search uses all runs."""
     keep: Annotated[int, Field(ge=1, le=100)] = 3
-    """Number of worst cases that are written as scenarios, each different from the others."""
+    """Number of distinct worst cases to write as scenarios."""
     apart: float = input_field(
-        "share of its set by which at least one value of theirs differs", "", "(0, 1]", default=0.25
+        "share of its set by which at least one value must differ between two worst cases", "", "(0, 1]", default=0.25
     )
 
     def run(self, how: RunOptions) -> FalsifyResult:
@@ -78,18 +78,18 @@ class Falsify(AbstractStudy):
 
 
 def rank_badness(columns: Columns, of: str) -> np.ndarray:
-    """Return a number for each row, the lower the worse.
+    """Return a value for each row; lower is worse.
 
     - `of`: `margin`, or the key of a metric.
 
-    Raises DefinitionError if there is no such metric, or no row has it.
+    Raises DefinitionError if there is no such metric, or no row has a value for it.
     """
     if of not in columns:
         raise DefinitionError(f"there is no metric `{plain_name(of)}`; {nearest_word(of, columns)}", where="worst")
     value, bad = np.asarray(columns[of], float), np.asarray(columns["outcome"]) > 0
     if not np.isfinite(value).any() and not bad.any():
-        remedy = "search for `worst: steady_error`" if of == MARGIN else "search for another"
-        raise DefinitionError(f"no run has a number for `{of}`: {remedy}", where="worst")
+        remedy = "search for `worst: steady_error`" if of == MARGIN else "search for another metric"
+        raise DefinitionError(f"no run has a value for `{of}`: {remedy}", where="worst")
     if of == MARGIN:
         return np.where(np.isfinite(value), value, np.where(bad, -2.0, np.inf))
     ended = (columns["outcome"] == OUTCOMES.index("left_envelope")) | (
@@ -116,16 +116,16 @@ class FalsifyResult(AbstractTableResult):
         """The reason why the search ended."""
         return {
             "enough": f"a violation was found in run {self.runs}",
-            "seconds": f"the time was over after {count_noun(self.runs, 'run')}",
+            "seconds": f"the time limit ended the search after {count_noun(self.runs, 'run')}",
         }.get(self.search.stop, all_done(self.runs))
 
     @property
-    def lead(self) -> str:
+    def summary(self) -> str:
         if not self.rows:
-            return f"No run has a number for `{self.study.worst}` ({self.ended})."
+            return f"No run has a value for `{self.study.worst}` ({self.ended})."
         outcome = OUTCOMES[int(self.table["outcome"][self.rows[0]])].replace("_", " ")
         value = float(self.table[self.study.worst][self.rows[0]])
-        number = "without a number" if not np.isfinite(value) else f"{value:.4g}"
+        number = "without a value" if not np.isfinite(value) else f"{value:.4g}"
         failed = "no run failed" if self.good else f"{count_noun(self.failures, 'run')} failed"
         worst = f"the worst {self.study.worst} is {number}, {outcome}"
         return f"{count_noun(self.runs, 'run')}, {failed}: {worst} ({self.ended})."
@@ -133,7 +133,7 @@ class FalsifyResult(AbstractTableResult):
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the files of the worst cases, the worst first."""
-        return tuple("worst" if place == 0 else f"worst-{place + 1}" for place in range(len(self.rows)))
+        return tuple("worst" if index == 0 else f"worst-{index + 1}" for index in range(len(self.rows)))
 
     def scenarios(self) -> dict[str, ScenarioDescription]:
         return {name: self.family.case(case) for name, case in zip(self.names, self.cases, strict=True)}
@@ -152,27 +152,27 @@ class FalsifyResult(AbstractTableResult):
         ]
         sign = 1.0 if self.study.worst == MARGIN else -1.0
         history = self.search.history * np.array([1.0, sign])
-        # A run that ended early has no number of its own.
+        # A run that ended early has no value of its own.
         history = history[np.abs(history[:, 1]) < 0.5 * WORSE]
         label = f"worst {self.study.worst.replace('_', ' ')}"
         bound = 0.0 if self.study.worst == MARGIN else None
-        chart = Chart("search", "The search", "The worst so far.", "search_history", (history, label, bound))
-        note = f"Each differs from the others by {self.study.apart:.0%} of its set in at least one value."
+        chart = Chart("search", "The search", "The worst value so far.", "search_history", (history, label, bound))
+        note = f"Any two differ in at least one value, by {self.study.apart:.0%} of its set or more."
         worst = Section("The worst cases", note, head, rows, [chart])
         if not self.rows:
             return [worst]
         return [worst, *overview(self.family, self.table, self.cases[0], self.rows[0])[1:]]
 
-    def _case_as_json(self, place: int) -> dict[str, Any]:
-        row = self.rows[place]
+    def _case_as_json(self, index: int) -> dict[str, Any]:
+        row = self.rows[index]
         case: dict[str, Any] = {"row": row}
         for key in dict.fromkeys([MARGIN, self.study.worst]):
             value = float(self.table[key][row])
             case[key] = value if np.isfinite(value) else None
-        return {**case, "outcome": OUTCOMES[int(self.table["outcome"][row])], "scenario": f"{self.names[place]}.yaml"}
+        return {**case, "outcome": OUTCOMES[int(self.table["outcome"][row])], "scenario": f"{self.names[index]}.yaml"}
 
     def as_json(self) -> dict[str, Any]:
-        cases = [self._case_as_json(place) for place in range(len(self.rows))]
+        cases = [self._case_as_json(index) for index in range(len(self.rows))]
         return {
             "kind": "falsify",
             "runs": self.runs,

@@ -36,25 +36,25 @@ else:
 
 
 def read_study(path: str | Path, changes: dict[str, Any] | None = None) -> AbstractStudy:
-    """The study in a YAML file.
+    """Read a study from a YAML file.
 
-    - `path`: of the file; scenarios and files that it names are found from its folder.
-    - `changes`: values of its own fields by name, such as `{"runs": 100}`.
+    - `path`: the file; scenarios and files that it names are relative to its folder.
+    - `changes`: new values of the study's fields by name, such as `{"runs": 100}`.
 
-    Raises DefinitionError with the path of the first field that is wrong.
+    Raises DefinitionError with the path of the first invalid field.
     """
     path = Path(path)
     return study_of(read_yaml_file(path, "the study file"), changes, folder=path.parent)
 
 
 def study_of(data: Any, changes: dict[str, Any] | None = None, *, folder: Path = Path()) -> AbstractStudy:
-    """The study that a mapping says.
+    """Build a study from a mapping.
 
     - `data`: mappings, lists and values.
     - `changes`: as in `read_study`.
-    - `folder`: from where files are found.
+    - `folder`: folder to which file names are relative.
 
-    Raises DefinitionError with the path of the first field that is wrong.
+    Raises DefinitionError with the path of the first invalid field.
     """
     if not isinstance(data, dict):
         raise DefinitionError("a study is a mapping with the keys study, scenario, uncertainty, ...")
@@ -71,25 +71,25 @@ def study_of(data: Any, changes: dict[str, Any] | None = None, *, folder: Path =
 
 
 TASK = ("scenario", "uncertain", "varied", "engine")
-"""Keys of `study.json` from which rows are computed."""
+"""Keys of `study.json` that determine the rows."""
 
 
 def scenario_of_row(folder: str | Path, row: int) -> ScenarioDescription:
-    """The scenario of one row, which `slidax run` replays, bit for bit on the same machine.
+    """The scenario of a row; `slidax run` replays it, bit for bit on the same machine.
 
-    - `folder`: with `study.json` and `rows.parquet`, as a study writes them.
-    - `row`: its number.
+    - `folder`: a study's folder with `study.json` and `rows.parquet`.
+    - `row`: number of the row.
 
     Raises DefinitionError if there is no such row.
     """
     rows, identity = read_rows(folder), read_identity(Path(folder))
     if "row" not in rows or any(key not in identity for key in TASK):
         raise DefinitionError(
-            f"the folder `{folder}` is not of a study: `rows.parquet` has no column `row`, or `study.json` no sets"
+            f"the folder `{folder}` is not from a study: `rows.parquet` has no column `row`, or `study.json` no sets"
         )
     if study_of_rows(Path(folder) / ROWS) != digest_of(identity):
         raise DefinitionError(
-            f"`{Path(folder) / ROWS}` has rows of another study than `study.json` says: "
+            f"the rows in `{Path(folder) / ROWS}` belong to another study than `study.json`: "
             f"`slidax study FILE --out {folder} --resume` writes them again"
         )
     if not 0 <= row < len(rows["row"]):
@@ -99,11 +99,11 @@ def scenario_of_row(folder: str | Path, row: int) -> ScenarioDescription:
 
 
 def _value(rows: Columns, path: str, row: int) -> Array:
-    """One number, or those of the columns `path[0]`, `path[1]`, ..."""
+    """A single value, or the array of the columns `path[0]`, `path[1]`, ..."""
     if path in rows:
         return np.asarray(rows[path][row])
-    places = {name: name[len(path) + 1 : -1] for name in rows if name.startswith(f"{path}[")}
-    indices = {name: tuple(int(k) for k in place.split(",")) for name, place in places.items()}
+    texts = {name: name[len(path) + 1 : -1] for name in rows if name.startswith(f"{path}[")}
+    indices = {name: tuple(int(k) for k in text.split(",")) for name, text in texts.items()}
     array = np.zeros(np.max(list(indices.values()), axis=0) + 1)
     for name, index in indices.items():
         array[index] = rows[name][row]
@@ -111,18 +111,18 @@ def _value(rows: Columns, path: str, row: int) -> Array:
 
 
 def frame(rows: str | Path | Columns, kind: Kind = "pandas") -> Any:
-    """A data frame with a row per case: its values by path, outcome and metrics; pandas has units in `attrs`.
+    """Data frame with a row per case: values by path, outcome and metrics; pandas has the units in `attrs`.
 
-    - `rows`: a folder or a file of a study, or its columns by name, such as `result.table`.
+    - `rows`: a folder or file of a study, or its columns by name, such as `result.table`.
     - `kind`: "pandas" or "polars".
 
-    Raises DefinitionError if there is no such file, or the library is another or is not installed.
+    Raises DefinitionError if there is no such file, or the library is unknown or not installed.
     """
     columns = rows if isinstance(rows, dict) else read_rows(rows)
     return data_frame(columns, kind, {name: _unit(COLUMNS.get(name, "")) for name in columns})
 
 
 def _unit(meaning: str) -> str:
-    """The unit in brackets at the end of a meaning."""
+    """The unit in brackets at the end of a column's meaning."""
     result = re.search(r"\[([^\]]*)\]$", meaning)
     return result[1] if result else ""

@@ -21,33 +21,25 @@ from .study import AbstractStudy, AbstractTableResult, RunOptions, Section
 
 
 class MonteCarlo(AbstractStudy):
-    """Runs cases that are drawn by their distribution, and counts how often something holds.
-
-    - `study`: its kind.
-    """
+    """Runs random cases from their distributions, and counts how often properties hold."""
 
     in_parts: ClassVar[bool] = True
     study: Literal["monte_carlo"]
-    runs: int = input_field("how many; at most, with `until`", "", "[1, 1e9]")
+    runs: int = input_field("number of runs; the largest number with `until`", "", "[1, 1e9]")
     holds: tuple[str, ...] = (ENVELOPE,)
-    """Counted properties: `envelope`, or a metric, a sign and a number, such as `steady_error < 1e-3`. The first one is
-    what `until` is about."""
-    confidence: float = input_field("of the intervals", "", "(0, 1)", default=0.99)
+    """Counted properties: `envelope`, or a condition such as `steady_error < 1e-3`. `until` refers to the first."""
+    confidence: float = input_field("confidence of the intervals", "", "(0, 1)", default=0.99)
     until: UntilDescription | None = None
-    """Stops as soon as the first of `holds` is shown, or fails too often, by an interval that holds at any time."""
+    """Stops as soon as the first property is shown or has failed too often, by an anytime-valid interval."""
 
     def run(self, how: RunOptions) -> MonteCarloResult:
-        """The rates with their intervals.
-
-        - `how`: where, and what is told on the way.
-        """
         predicates = [Predicate(text) for text in self.holds]
         self.require(bool(predicates), "holds", "must have an entry, such as `envelope`")
         family = self.family()
         self.require(
             bool(family.space.sets),
             "uncertainty",
-            "is empty, so that all runs would be the same; write what is not known, such as "
+            "is empty: all runs would be the same; give sets of uncertain values, such as "
             "`robot.plant.load.mass: {between: [0, 3]}`",
         )
         runner = self.runner(family, how)
@@ -77,11 +69,11 @@ class MonteCarlo(AbstractStudy):
         return replace(result, why=failure_reason(family, result.case(result.worst))) if every else result
 
     def values(self, family: Family, first: int, rows: int) -> Values:
-        """The values of some rows.
+        """The values of consecutive rows.
 
-        - `family`: of scenarios.
+        - `family`: the family of scenarios.
         - `first`: number of the first row.
-        - `rows`: how many.
+        - `rows`: number of rows.
         """
         return family.space.values(points(self.seed, first, rows, family.space.dimensions))
 
@@ -101,10 +93,10 @@ class MonteCarlo(AbstractStudy):
 class Rate:
     """Failure rate of a property.
 
-    - `holds`: what was asked for.
-    - `runs`, `failures`: how many.
-    - `failing`: interval of the rate of failures.
-    - `anytime`: whether it is a confidence sequence, which holds whenever one stops, or that of Clopper and Pearson.
+    - `holds`: the property.
+    - `runs`, `failures`: number of runs and of failures.
+    - `failing`: interval of the failure rate.
+    - `anytime`: True for a confidence sequence, which is valid whenever one stops; False for Clopper and Pearson's.
     """
 
     holds: str
@@ -115,7 +107,7 @@ class Rate:
 
     @property
     def holding(self) -> Interval:
-        """Interval of the probability that it holds."""
+        """Interval of the property's probability."""
         item = self.failing
         return Interval(1.0 - item.upper, 1.0 - item.lower, item.confidence)
 
@@ -124,9 +116,9 @@ class Rate:
 class MonteCarloResult(AbstractTableResult):
     """Result of a Monte Carlo study.
 
-    - `rates`: of each predicate.
-    - `ended`: the reason why the study ended.
-    - `why`: the likeliest reason in the worst run, if every run failed.
+    - `rates`: rate of each property.
+    - `ended`: reason for the end of the study.
+    - `why`: likeliest cause in the worst run, if every run failed.
     """
 
     study: MonteCarlo
@@ -141,7 +133,7 @@ class MonteCarloResult(AbstractTableResult):
 
     @property
     def worst(self) -> int:
-        """The row with the least margin; that with the largest steady error where there is no envelope."""
+        """The row with the least margin; without an envelope, the row with the largest steady error."""
         margin = self.table["margin"]
         if np.isnan(margin).all():
             return int(np.nanargmax(self.table["steady_error"]))
@@ -149,17 +141,18 @@ class MonteCarloResult(AbstractTableResult):
 
     @property
     def good(self) -> bool:
-        """True if what was asked first held in every run."""
+        """True if the first property held in every run."""
         return not self.rates[0].failures
 
     @property
-    def lead(self) -> str:
-        """The answer in a sentence."""
+    def summary(self) -> str:
+        """The result in a sentence."""
         first, holding = self.rates[0], self.rates[0].holding
-        what = "the envelope holds" if first.holds == ENVELOPE else f"`{first.holds}` holds"
+        property_holds = "the envelope holds" if first.holds == ENVELOPE else f"`{first.holds}` holds"
         failed = "none failed" if not first.failures else f"{first.failures} failed"
         return (
-            f"{count_noun(first.runs, 'run')}, {failed}: with {100 * holding.confidence:g} % confidence {what} with a "
+            f"{count_noun(first.runs, 'run')}, {failed}: with {100 * holding.confidence:g} % confidence "
+            f"{property_holds} with a "
             f"probability between {share(holding.lower)} and {share(holding.upper)} ({self.ended})."
         )
 
@@ -170,17 +163,17 @@ class MonteCarloResult(AbstractTableResult):
     def case(self, row: int) -> dict[str, Any]:
         """The values of a row, by path.
 
-        - `row`: its number.
+        - `row`: number of the row.
         """
         return {path: array[0] for path, array in self.study.values(self.family, row, 1).items()}
 
     def sections(self) -> list[Section]:
-        """Rates, how runs failed, metrics, the worst case."""
+        """Rates, failures, metrics, and the worst case."""
         rates = [
             (item.holds, item.runs, item.failures, share(item.holding.lower), share(item.holding.upper))
             for item in self.rates
         ]
-        interval = "A confidence sequence, which holds whenever one stops" if self.rates[0].anytime else "Exact"
+        interval = "A confidence sequence, valid whenever one stops" if self.rates[0].anytime else "Exact"
         result = [
             Section(
                 "Rates",
@@ -191,17 +184,17 @@ class MonteCarloResult(AbstractTableResult):
         ]
         if self.causes:
             rows = [(kind.replace("_", " "), joint, count) for kind, joint, count in self.causes]
-            note = f"Every run failed, most likely since {self.why}" if self.why else "By outcome and joint."
+            note = f"Every run failed. Most likely cause: {self.why}" if self.why else "By outcome and joint."
             result.append(Section("Failures", note, ("Outcome", "joint", "runs"), rows))
         return [*result, *overview(self.family, self.table, self.case(self.worst), self.worst)]
 
     @property
     def causes(self) -> list[tuple[str, int, int]]:
-        """Failures by outcome and joint with their numbers, the most common first."""
+        """Number of failures by outcome and joint, the most common first."""
         return causes_of(self.table)
 
     def as_json(self) -> dict[str, Any]:
-        """The result for a program."""
+        """The result as JSON."""
         first = self.rates[0]
         margin = float(self.table["margin"][self.worst])
         return {

@@ -1,4 +1,4 @@
-"""Sections that studies of many cases share: metrics, margins, and the worst case."""
+"""Sections common to several kinds of studies: metrics, margins, and the worst case."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from .cases import Columns, flatten_values
 from .study import Chart, Section
 
 SHOWN = ("steady_error", "peak_torque", "max_torque_step", "rms_error")
-"""Metrics whose distribution is drawn in addition to the margin's."""
+"""Metrics whose distribution is plotted in addition to the margin's."""
 
 MOST_PANELS = 9
 
 SECONDS = 20.0
-"""Time for trying remedies if every run failed."""
+"""Time limit for trying remedies if every run failed [s]."""
 
 
 def overview(family: Family, table: Columns, worst: Mapping[str, Any], row: int) -> list[Section]:
     """Return sections on metrics, on the margin over uncertain values, and on the worst case.
 
-    - `worst`, `row`: values of the worst row, by path, and its number.
+    - `worst`, `row`: values of the worst row by path, and its number.
     """
     return [_metrics(table), *_margins(family, table), _worst(family, table, worst, row)]
 
@@ -65,13 +65,13 @@ def _metrics(table: Columns) -> Section:
     picture = Chart(
         "distributions",
         "Distributions",
-        "Numbers of runs over the value of the worst joint.",
+        "Number of runs over the value of the worst joint.",
         "histograms",
         ({name: values for name, values in drawn.items() if np.isfinite(values).any()}, {"envelope margin": 0.0}),
     )
     return Section(
         "Metrics",
-        "Of the worst joint, over all runs; of 100 runs one is beyond the third number.",
+        "Values of the worst joint over all runs; one run in 100 exceeds the third value.",
         ("Metric", "least", "median", "1 of 100", "largest", ""),
         rows,
         [picture],
@@ -94,7 +94,7 @@ def _margins(family: Family, table: Columns) -> list[Section]:
     if not strongest:
         return []
     shown = {_label(family, name): table[name] for name in columns if name in strongest}
-    note = f" The {len(strongest)} that it follows most, of {len(strength)}." if len(strength) > len(strongest) else ""
+    note = f" The {len(strongest)} strongest of {len(strength)}." if len(strength) > len(strongest) else ""
     picture = Chart("margin", "Margin", f"Over the uncertain values.{note}", "margin_over", (margin, shown))
     return [Section("Dependence of the margin", "", figures=[picture])]
 
@@ -105,9 +105,9 @@ def flat_names(family: Family, table: Columns) -> list[str]:
 
 
 def _label(family: Family, name: str) -> str:
-    path, bracket, place = family.label(name).partition("[")
+    path, bracket, index = family.label(name).partition("[")
     unit = family.space.leaves[name.partition("[")[0]].unit
-    short = ".".join(path.split(".")[-2:]) + bracket + place
+    short = ".".join(path.split(".")[-2:]) + bracket + index
     return f"{short}  [{unit}]" if unit else short
 
 

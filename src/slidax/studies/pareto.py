@@ -1,4 +1,4 @@
-"""Searches with several aims under a condition, and their Pareto front."""
+"""Constrained search with several objectives, and its Pareto front."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from .search import Island, population, require_budget, require_cmaes
 
 @dataclass(frozen=True)
 class Front:
-    """Points of which none is at least as good as another in all aims and better in one.
+    """Pareto front: feasible points that no other evaluated point dominates.
 
-    - `points`: in order of the first aim [front dimension].
-    - `aims`: of each, the lower the better [front aims].
-    - `start`: the aims at the point where the search began [aims]; None if its condition does not hold there.
-    - `evaluations`: how many points were judged.
-    - `holding`: at how many of them the condition holds.
+    - `points`: the points, sorted by the first objective [front dimension].
+    - `aims`: objectives of each point, lower is better [front aims].
+    - `start`: objectives at the start of the search [aims]; None if the start is infeasible.
+    - `evaluations`: number of evaluated points.
+    - `holding`: number of feasible points.
     """
 
     points: np.ndarray
@@ -33,26 +33,26 @@ class Front:
 
 
 def non_dominated(aims: np.ndarray) -> np.ndarray:
-    """True for the rows that no other row dominates; of equal rows the first [rows].
+    """True for the rows that no other row dominates; of equal rows, only for the first [rows].
 
-    - `aims`: the lower the better, all finite [rows aims].
+    - `aims`: objectives, lower is better, all finite [rows aims].
     """
     order = np.lexsort(aims.T[::-1])
     kept: list[int] = []
-    for place in order:
-        if not kept or not np.any(np.all(aims[kept] <= aims[place], axis=1)):
-            kept.append(int(place))
+    for row in order:
+        if not kept or not np.any(np.all(aims[kept] <= aims[row], axis=1)):
+            kept.append(int(row))
     chosen = np.zeros(len(aims), bool)
     chosen[kept] = True
     return chosen
 
 
 def thin_front(aims: np.ndarray, most: int, first: int = 0) -> np.ndarray:
-    """Places of so many rows of a front, the best in each aim among them, and the others far from each other.
+    """Indices of selected rows of a front: the best in each objective, and others far from each other.
 
-    - `aims`: of the front [rows aims].
-    - `most`: how many.
-    - `first`: a row that is kept before all others.
+    - `aims`: objectives of the front [rows aims].
+    - `most`: largest number of rows to select.
+    - `first`: index of a row that is always selected.
     """
     if len(aims) <= most:
         return np.arange(len(aims))
@@ -67,21 +67,21 @@ def thin_front(aims: np.ndarray, most: int, first: int = 0) -> np.ndarray:
 
 
 SIZE = 0.2
-"""The first standard deviation of an island."""
+"""Initial standard deviation of an island."""
 
 DIRECTIONS = 6
-"""Least number of weights."""
+"""Least number of weight vectors."""
 
 SLACK = 0.05
-"""Offset below the best known aims, in logarithms, so that every aim weighs something."""
+"""Offset below the best known objectives, in logarithms, so that every objective counts."""
 
 
 @dataclass(frozen=True)
 class FrontEvaluation:
-    """Aims and conditions of points.
+    """Objectives and constraint violations of points.
 
-    - `aims`: positive, the lower the better [points aims].
-    - `broken`: by how much the condition is not held; <= 0 where it holds [points].
+    - `aims`: positive objectives, lower is better [points aims].
+    - `broken`: constraint violation; <= 0 at feasible points [points].
     """
 
     aims: np.ndarray
@@ -89,7 +89,7 @@ class FrontEvaluation:
 
 
 Evaluator = Callable[[np.ndarray], FrontEvaluation]
-"""From points of the unit cube [points dimension] to what they are worth."""
+"""Maps points of the unit cube [points dimension] to their objectives and violations."""
 
 
 def pareto_search(
@@ -102,26 +102,26 @@ def pareto_search(
     seconds: float | None = None,
     most: int = 25,
 ) -> Front:
-    """The points that hold the condition and are not dominated, by one CMA-ES for each of several weights.
+    """Search for the Pareto front with a CMA-ES for each of several weight vectors.
 
-    Each searches for the least of a weighted Chebyshev norm of the aims,
+    Each CMA-ES minimises a weighted Chebyshev norm of the objectives,
 
-        maxᵢ wᵢ (log fᵢ - log fᵢ*) + 0.05 Σᵢ wᵢ (log fᵢ - log fᵢ*),  fᵢ* the best seen that holds the condition
+        maxᵢ wᵢ (log fᵢ - log fᵢ*) + 0.05 Σᵢ wᵢ (log fᵢ - log fᵢ*),  fᵢ* the best feasible value so far
 
-    (V. J. Bowman, 1976; the sum keeps it from points that are only just not dominated). If the start holds the
-    condition, one more searches for the least `maxᵢ (log fᵢ - log fᵢ(start))`: to be better than it in all aims. A
-    point that breaks the condition is worse than any that holds it, the more the more it is broken. The points of all
-    are judged in one batch; one that has settled begins again from the point that is best for its weights.
+    (V. J. Bowman, 1976; the sum avoids weakly dominated points). If the start is feasible, another CMA-ES minimises
+    `maxᵢ (log fᵢ - log fᵢ(start))`, to improve on the start in all objectives. An infeasible point is worse than every
+    feasible point, and the worse the larger its violation. The points of all CMA-ES are evaluated in a single batch. A
+    CMA-ES that has converged restarts at the best point for its weights.
 
-    - `judge`: from points [points dimension] to their aims and whether the condition holds.
-    - `dimension`: of the cube.
-    - `evaluations`: how many points at most.
-    - `start`: where the search begins, such as the gains of today [dimension]; the middle if None.
-    - `seed`: of all that is random.
-    - `seconds`: no batch begins after so many; None: any number.
-    - `most`: how many points of the front are given.
+    - `judge`: evaluates points [points dimension].
+    - `dimension`: dimension of the cube.
+    - `evaluations`: largest number of points.
+    - `start`: start of the search, such as the current gains [dimension]; the middle if None.
+    - `seed`: seed of the random numbers.
+    - `seconds`: time limit after which no batch begins; None for no limit.
+    - `most`: largest number of points of the returned front.
 
-    Raises DefinitionError if there is nothing to search, or `cmaes` is not installed.
+    Raises DefinitionError if the dimension or the budget is less than 1, or `cmaes` is not installed.
     """
     require_budget(dimension, evaluations)
     require_cmaes()
@@ -140,9 +140,9 @@ def pareto_search(
     islands = [Island(begin, SIZE, size, int(next(seeds))) for _ in weights]
     while not archive.over:
         request = [island.ask() for island in islands]
-        places = archive.ask(np.concatenate(request)).reshape(len(islands), size)
+        indices = archive.ask(np.concatenate(request)).reshape(len(islands), size)
         for k, weight in enumerate(weights):
-            islands[k].tell(archive.scalar(weight)[places[k]])
+            islands[k].tell(archive.scalar(weight)[indices[k]])
             if islands[k].settled:
                 again = archive.points[int(np.argmin(archive.scalar(weight)))]
                 islands[k] = Island(again, SIZE / 2.0, size, int(next(seeds)))
@@ -150,7 +150,7 @@ def pareto_search(
 
 
 class _Archive:
-    """All points that were judged."""
+    """All evaluated points."""
 
     def __init__(self, judge: Evaluator, evaluations: int, seconds: float | None) -> None:
         self._judge = judge
@@ -165,11 +165,11 @@ class _Archive:
         return late or len(self.points) >= self._most
 
     def ask(self, points: np.ndarray) -> np.ndarray:
-        """The places of what was judged; a point beyond the budget gets that of the last."""
+        """Evaluate points and return their indices; points beyond the budget get the index of the last."""
         first, wanted = len(self.points), np.clip(points[: self._most - len(self.points)], 0.0, 1.0)
         judged = self._judge(wanted)
         if len(judged.aims) != len(wanted) or len(judged.broken) != len(wanted):
-            raise DefinitionError(f"{len(wanted)} points were asked for; got {len(judged.aims)}")
+            raise DefinitionError(f"`judge` must evaluate all {len(wanted)} points; got {len(judged.aims)} evaluations")
         known = np.isfinite(judged.aims).all(axis=1) & (judged.aims > 0.0).all(axis=1) & ~np.isnan(judged.broken)
         broken = np.where(known, judged.broken, np.inf)
         if first == 0:
@@ -185,7 +185,7 @@ class _Archive:
         return np.asarray(self.broken <= 0.0)
 
     def scalar(self, weight: np.ndarray | None) -> np.ndarray:
-        """One number for each point, for one weight; beside the start for None."""
+        """The scalar objective of each point for a weight vector; relative to the start for None."""
         holds = self.holds
         value = np.where(np.isfinite(self.broken), 1e6 + self.broken, np.inf)
         if holds.any():
@@ -208,7 +208,7 @@ class _Archive:
 
 
 def _weights(aims: int, least: int) -> np.ndarray:
-    """Spread evenly over the simplex (I. Das, J. E. Dennis, SIAM J. Optim. 8, 1998), none of them 0 [weights aims]."""
+    """Evenly spread positive weights of sum 1 (I. Das, J. E. Dennis, SIAM J. Optim. 8, 1998) [weights aims]."""
     if aims == 1:
         return np.ones((1, 1))
     for parts in itertools.count(1):

@@ -1,4 +1,4 @@
-"""Properties of runs, and the rule that stops a study as soon as one is shown."""
+"""Properties of runs, and the rule that stops a study once a property is shown."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .statistics import confidence_sequence
 from .study import all_done
 
 ENVELOPE = "envelope"
-"""The predicate that the envelope holds from the beginning to the end."""
+"""The predicate that a run stays inside its envelope until its end."""
 
 SIGNS: dict[str, Callable[[Any, Any], Any]] = {
     "<": operator.lt,
@@ -45,7 +45,7 @@ class Predicate:
         self._parsed()
 
     def holds(self, columns: Columns) -> NDArray[np.bool_]:
-        """Return True for each row with the property; a run that ended early, or lacks the metric, has no property.
+        """True for each row with the property; False if the run ended early or lacks the metric.
 
         - `columns`: outcome and metrics.
 
@@ -55,7 +55,7 @@ class Predicate:
         parsed = self._parsed()
         if parsed is None:
             if np.isnan(columns["margin"]).all() and not outcome.any():
-                raise DefinitionError("the scheme draws no envelope: ask for a metric, such as `steady_error < 1e-3`")
+                raise DefinitionError("the scheme has no envelope: use a metric, such as `steady_error < 1e-3`")
             return outcome == 0
         name, sign, limit = parsed
         if name not in columns:
@@ -82,18 +82,18 @@ class Predicate:
 
 
 class UntilDescription(AbstractDescription):
-    """When to stop before all runs are done."""
+    """Rule for stopping before all runs are done."""
 
-    probability: float = input_field("that is to be shown: at least so many of all cases hold", "", "(0, 1)")
+    probability: float = input_field("probability of the property to show, as a lower bound", "", "(0, 1)")
     failures: Annotated[int, Field(ge=1)] = 1
-    """Stop at so many failures."""
+    """Number of failures at which to stop."""
 
 
 class SequentialStop:
-    """Looks at the rows in order, and says when there are enough.
+    """Counts failures in the order of the rows, and decides when to stop.
 
-    - `until`: when that is; None: never.
-    - `confidence`: of the sequence.
+    - `until`: the stopping rule; None for no early stop.
+    - `confidence`: confidence of the sequence.
     """
 
     def __init__(self, until: UntilDescription | None, confidence: float) -> None:
@@ -104,10 +104,10 @@ class SequentialStop:
         self._shown = False
 
     def enough(self, parts: dict[int, Columns], predicate: Predicate) -> bool:
-        """Return True to stop; looks at the rows that have none missing before them, one after the other.
+        """Return True to stop; evaluates the rows in order, up to the first missing row.
 
-        - `parts`: the rows that are done, by the number of the first.
-        - `predicate`: what is counted.
+        - `parts`: completed rows, by the number of their first row.
+        - `predicate`: the counted property.
         """
         if self.until is None:
             return False
@@ -126,7 +126,7 @@ class SequentialStop:
     def _is_shown(self) -> bool:
         if self.until is None:
             return False
-        # So few runs cannot show it, whatever they are: the search for the interval is spared.
+        # So few runs can never show it, and the costly interval is not needed.
         if self.runs * (1.0 - self.until.probability) < 1.0:
             return False
         return 1.0 - confidence_sequence(self._failures, self.runs, self.confidence).upper >= self.until.probability
@@ -134,7 +134,7 @@ class SequentialStop:
     def stored(self, parts: dict[int, Columns]) -> int:
         """Number of rows before the first missing row.
 
-        - `parts`: the rows that are done.
+        - `parts`: completed rows.
         """
         count = 0
         while count in parts:
@@ -142,9 +142,9 @@ class SequentialStop:
         return count
 
     def ended(self, runs: int) -> str:
-        """Why it ended.
+        """Reason for the end of the study.
 
-        - `runs`: how many there were to be.
+        - `runs`: planned number of runs.
         """
         if self.until is None:
             return all_done(runs)
@@ -152,4 +152,4 @@ class SequentialStop:
             return f"shown after {count_noun(self.runs, 'run')}"
         if self._failures >= self.until.failures:
             return f"stopped at failure {self._failures}, in run {self.runs}"
-        return f"not decided by all of {count_noun(runs, 'run')}"
+        return f"undecided after {count_noun(runs, 'run')}"

@@ -17,53 +17,48 @@ from .cases import Columns, StudyTask, Values, flatten_values
 from .store import Store
 
 SAMPLES = 4_000_000
-"""Approximate number of samples per chunk: some seconds of computation, so that an interruption loses little."""
+"""Approximate number of samples per chunk: a few seconds of computation, so that an interruption loses little."""
 
 LEAST, MOST = 64, 8192
-"""Rows of a chunk."""
+"""Smallest and largest number of rows in a chunk."""
 
 
-def _unheard(rows: int) -> None:
+def ignore_progress(rows: int) -> None:
     """Ignore the progress."""
 
 
 class AbstractPool(ABC):
-    """Where chunks are computed."""
+    """Computes chunks."""
 
     @abstractmethod
     def each(self, task: StudyTask, chunks: Iterator[tuple[int, Values]]) -> Iterator[tuple[int, Values, Columns]]:
-        """The rows of each chunk, as they become ready.
+        """Yield the rows of each chunk as they become ready.
 
-        - `task`: what they are of.
+        - `task`: the task of the rows.
         - `chunks`: number of the first row, and values.
         """
 
 
 class LocalPool(AbstractPool):
-    """In this process.
+    """Computes chunks in this process, in order.
 
-    - `threads`: of the native engine; None: as many as there are cores.
+    - `threads`: threads of the native engine; None for one per core.
     """
 
     def __init__(self, threads: int | None = None) -> None:
         self.threads = threads
 
     def each(self, task: StudyTask, chunks: Iterator[tuple[int, Values]]) -> Iterator[tuple[int, Values, Columns]]:
-        """The rows of each chunk, in order.
-
-        - `task`: what they are of.
-        - `chunks`: number of the first row, and values.
-        """
         for first, values in chunks:
             yield first, values, task.run(values, self.threads)
 
 
 @dataclass(frozen=True)
 class Part:
-    """A share of a study's chunks, for processes that compute one study together.
+    """A share of a study's chunks, for processes that compute a study together.
 
-    - `number`: from 1.
-    - `of`: how many parts there are.
+    - `number`: number of the part, from 1.
+    - `of`: number of parts.
     """
 
     number: int
@@ -71,11 +66,11 @@ class Part:
 
     @classmethod
     def parsed(cls, text: str) -> Part:
-        """The part in a text such as `2/4`.
+        """Parse a text such as `2/4`.
 
         - `text`: number and count.
 
-        Raises DefinitionError if it has another form.
+        Raises DefinitionError if the text has another form.
         """
         number, _, count = text.partition("/")
         digits = all(word.isascii() and word.isdigit() and len(word) <= 6 for word in (number, count))
@@ -86,16 +81,16 @@ class Part:
     def has(self, chunk: int) -> bool:
         """True if a chunk belongs to this part.
 
-        - `chunk`: its number, from 0.
+        - `chunk`: index of the chunk.
         """
         return chunk % self.of == self.number - 1
 
 
 class PartDone(Exception):
-    """This part of a study is computed, and rows of other parts are missing.
+    """This part of a study is computed, but rows of other parts are missing.
 
-    - `missing`: how many rows.
-    - `total`: how many the study has.
+    - `missing`: number of missing rows.
+    - `total`: number of rows of the study.
     """
 
     def __init__(self, missing: int, total: int) -> None:
@@ -106,40 +101,40 @@ class PartDone(Exception):
 
 @dataclass
 class Runner:
-    """Turns values into rows, each row once.
+    """Computes the rows of values, or reads them from the store.
 
-    - `task`: what the rows are of.
-    - `chunk`: rows that are computed, and kept, together.
-    - `store`: where they are kept; None keeps them in memory alone.
-    - `pool`: where they are computed.
-    - `progress`: called with the number of new rows, after each chunk.
-    - `part`: the chunks that are computed here; None for all.
+    - `task`: the task of the rows.
+    - `chunk`: number of rows that are computed and stored together.
+    - `store`: keeps the rows on disk; None for memory only.
+    - `pool`: computes the rows.
+    - `progress`: called with the number of new rows after each chunk.
+    - `part`: the chunks to compute here; None for all.
     """
 
     task: StudyTask
     chunk: int
     store: Store | None = None
     pool: AbstractPool = field(default_factory=LocalPool)
-    progress: Callable[[int], None] = _unheard
+    progress: Callable[[int], None] = ignore_progress
     part: Part | None = None
     computed: int = 0
     seconds: float = 0.0
 
     @staticmethod
     def rows_of_chunk(samples: int) -> int:
-        """Number of rows of a chunk: a power of two.
+        """Number of rows per chunk, a power of two.
 
-        - `samples`: of one run.
+        - `samples`: number of samples in a run.
         """
         return int(np.clip(2 ** round(np.log2(max(SAMPLES / max(samples, 1), 1.0))), LEAST, MOST))
 
     def rows(self, first: int, values: Values) -> Columns:
-        """The rows of some values: the values as columns, and outcome and metrics.
+        """Return the rows of values: the values as columns, outcome and metrics.
 
         - `first`: number of the first row.
-        - `values`: by path, with the row first.
+        - `values`: values by path; the first axis is the row.
 
-        Raises DefinitionError if rows are stored whose values are others.
+        Raises DefinitionError if the store has these rows with different values.
         """
         total = len(next(iter(values.values())))
         chunks = [
@@ -153,12 +148,12 @@ class Runner:
         return {name: np.concatenate([columns[name] for columns in ordered]) for name in ordered[0]}
 
     def stream(self, chunks: Iterator[tuple[int, Values]]) -> Iterator[tuple[int, Columns]]:
-        """The rows of each chunk, as they become ready; those that are stored come as they are asked for.
+        """Yield the rows of each chunk as they become ready, from the store or computed.
 
         - `chunks`: number of the first row, and values.
 
-        Raises DefinitionError if rows are stored whose values are others, and PartDone if only a part is computed here
-        and rows of the others are missing.
+        Raises DefinitionError if the store has these rows with different values, and PartDone if only a part is
+        computed here and rows of other parts are missing.
         """
         if self.part is None or self.store is None:
             yield from self._stream(chunks)
@@ -198,12 +193,12 @@ class Runner:
                 self.store.write(first, columns)
             self.computed += len(columns["row"])
             self.seconds = time.perf_counter() - started
-            yield from self._told(stored)
+            yield from self._drain(stored)
             self.progress(len(columns["row"]))
             yield first, columns
-        yield from self._told(stored)
+        yield from self._drain(stored)
 
-    def _told(self, stored: list[tuple[int, Columns]]) -> Iterator[tuple[int, Columns]]:
+    def _drain(self, stored: list[tuple[int, Columns]]) -> Iterator[tuple[int, Columns]]:
         while stored:
             first, columns = stored.pop(0)
             self.progress(len(columns["row"]))
@@ -214,19 +209,20 @@ def _require_same(first: int, values: Columns, stored: Columns) -> None:
     for name, array in values.items():
         if name not in stored or not np.array_equal(stored[name], array):
             raise DefinitionError(
-                f"row {first} is stored with another `{name}`: the rows are of another study; write to another folder"
+                f"row {first} is stored with a different `{name}`: the rows belong to another study; write to another "
+                "folder"
             )
 
 
 BELOW_ONE = np.nextafter(1.0, 0.0)
-"""Largest coordinate of a point of the cube, whose upper faces do not belong to it."""
+"""Largest coordinate of a point in the half-open unit cube."""
 
 
 class BatchEvaluator:
     """Evaluates points of the unit cube and keeps their rows, numbered in the order of evaluation.
 
-    - `runner`: turns values into rows.
-    - `family`: of the rows; its space turns points into values.
+    - `runner`: computes the rows of values.
+    - `family`: family of scenarios, whose space maps points to values.
     """
 
     def __init__(self, runner: Runner, family: Family) -> None:
@@ -241,7 +237,7 @@ class BatchEvaluator:
         return self.values(self.family.space.values(np.clip(cube, 0.0, BELOW_ONE)))
 
     def values(self, values: Mapping[str, Any]) -> Columns:
-        """Return the rows of values by path, with the row first."""
+        """Return the rows of values by path; the first axis is the row."""
         columns = self.runner.rows(self.rows, values)
         self.rows += len(columns["row"])
         self._parts.append(columns)
@@ -263,7 +259,7 @@ class BatchEvaluator:
         raise IndexError(row)
 
     def collected(self) -> dict[str, Any]:
-        """Write all rows as one table, if they are kept, and return the fields of `AbstractTableResult`."""
+        """Write all rows to the store's table, if there is a store, and return the fields of `AbstractTableResult`."""
         store = self.runner.store
         return {
             "family": self.family,

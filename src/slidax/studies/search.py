@@ -1,4 +1,4 @@
-"""Searches for the lowest values on the unit cube: spread points, CMA-ES and quasi-Newton steps."""
+"""Search for the lowest values on the unit cube: spread points, CMA-ES and quasi-Newton steps."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Stop = Literal["evaluations", "seconds", "enough", "settled"]
 class SearchResult:
     """The lowest points of a search.
 
-    - `points`: the lowest first, each at a distance from those before it [points dimension].
+    - `points`: the lowest first, each at a distance from all lower ones [points dimension].
     - `values`: their values [points].
     - `evaluations`: number of evaluated points.
     - `history`: number of evaluations, and lowest value so far [batches 2].
@@ -38,22 +38,22 @@ class SearchResult:
 
 
 def distinct_minima(points: np.ndarray, values: np.ndarray, count: int, distance: float) -> np.ndarray:
-    """Indices of the lowest points, each at a distance from all lower ones, so that they are different cases.
+    """Indices of the lowest points, each at a distance from all lower ones.
 
-    - `points`: of the unit cube [points dimension].
+    - `points`: points of the unit cube [points dimension].
     - `values`: their values [points].
     - `count`: largest number of points.
     - `distance`: least difference in one coordinate.
     """
     chosen: list[int] = []
     left = np.ones(len(values), bool)
-    for place in np.argsort(values, kind="stable"):
-        if not left[place]:
+    for index in np.argsort(values, kind="stable"):
+        if not left[index]:
             continue
-        chosen.append(int(place))
+        chosen.append(int(index))
         if len(chosen) == count:
             break
-        left &= np.max(np.abs(points - points[place]), axis=1) >= distance
+        left &= np.max(np.abs(points - points[index]), axis=1) >= distance
     return np.array(chosen, int)
 
 
@@ -65,8 +65,8 @@ class EvaluatedPoints:
     """Evaluates the objective, and records every point and value.
 
     - `evaluations`: largest number of points.
-    - `seconds`: no batch begins after so many; None: any number.
-    - `enough`: value below which the search ends; None: no such value.
+    - `seconds`: time limit after which no batch begins; None for no limit.
+    - `enough`: value below which the search ends; None for no such value.
     """
 
     def __init__(self, objective: Objective, evaluations: int, seconds: float | None, enough: float | None) -> None:
@@ -82,7 +82,7 @@ class EvaluatedPoints:
 
     @property
     def over(self) -> Stop | None:
-        """The reason to end the search now; None to go on."""
+        """Reason to end the search now; None to continue."""
         if self._enough is not None and self.lowest < self._enough:
             return "enough"
         if self.evaluations >= self._most:
@@ -93,20 +93,22 @@ class EvaluatedPoints:
 
     @property
     def left(self) -> int:
-        """Number of evaluations that are left."""
+        """Number of remaining evaluations."""
         return self._most - self.evaluations
 
     def ask(self, points: np.ndarray) -> np.ndarray:
-        """Evaluate points in one batch; +∞ for each beyond the budget.
+        """Evaluate points in a batch; +∞ for points beyond the budget.
 
-        - `points`: of the cube [points dimension]; points outside are moved to the nearest point inside.
+        - `points`: points [points dimension], moved to the nearest point of the cube.
         """
         wanted = np.clip(points[: self.left], 0.0, 1.0)
         values = np.full(len(points), np.inf)
         if len(wanted):
             got = np.asarray(self._objective(wanted), float)
             if got.shape != (len(wanted),):
-                raise DefinitionError(f"an objective gives one number for each point, {len(wanted)}; got {got.shape}")
+                raise DefinitionError(
+                    f"an objective must return a value for each of {len(wanted)} points; got shape {got.shape}"
+                )
             values[: len(wanted)] = np.where(np.isfinite(got), got, np.inf)
             self._points.append(wanted)
             self._values.append(values[: len(wanted)])
@@ -136,23 +138,23 @@ class EvaluatedPoints:
 def require_budget(dimension: int, evaluations: int) -> None:
     """Raise DefinitionError if the cube's dimension or the number of evaluations is less than 1."""
     if dimension < 1:
-        raise DefinitionError(f"a search needs at least one number that is uncertain; got {short_repr(dimension)}")
+        raise DefinitionError(f"a search needs at least one uncertain value; got {short_repr(dimension)}")
     if evaluations < 1:
         raise DefinitionError(f"a search needs at least one evaluation; got {short_repr(evaluations)}")
 
 
 FAR = 10.0
-"""Penalty of a point outside the cube, per squared distance, in spreads of the values."""
+"""Penalty of a point outside the cube, per squared distance, in units of the values' range."""
 
 
 LANES = 8
-"""Runs that are computed side by side."""
+"""Width of the vectors in which runs are computed."""
 
 
 def population(dimension: int) -> int:
-    """Population of each generation: CMA-ES's own number, filled up to whole vectors.
+    """Population size of each generation: that of CMA-ES, rounded up to full vectors.
 
-    - `dimension`: of the cube.
+    - `dimension`: dimension of the cube.
     """
     return -(-(4 + math.floor(3 * math.log(dimension))) // LANES) * LANES
 
@@ -160,13 +162,13 @@ def population(dimension: int) -> int:
 class Island:
     """CMA-ES (N. Hansen, A. Ostermeier, Evol. Comput. 9, 2001) in the unit cube, by the package `cmaes`.
 
-    Points beyond a face are asked for at the nearest point inside, with a penalty that grows with the distance, so that
-    the faces and corners, where the worst cases often are, can be reached.
+    A point outside the cube gets the value of the nearest point inside plus a penalty that grows with the distance. So
+    the search can reach the faces and corners, where worst cases often are.
 
-    - `start`: its first mean [dimension].
-    - `size`: its first standard deviation.
-    - `points`: of each generation.
-    - `seed`: of its random numbers.
+    - `start`: initial mean [dimension].
+    - `size`: initial standard deviation.
+    - `points`: number of points per generation.
+    - `seed`: seed of the random numbers.
 
     Raises DefinitionError if `cmaes` is not installed.
     """
@@ -177,31 +179,31 @@ class Island:
         self._points: list[np.ndarray] = []
 
     def ask(self) -> np.ndarray:
-        """The points of the next generation [points dimension], also such outside of the cube."""
+        """The points of the next generation [points dimension], possibly outside the cube."""
         self._points = [self._search.ask() for _ in range(self._search.population_size)]
         return np.array(self._points)
 
     def tell(self, values: np.ndarray) -> None:
-        """Set the values of the last generation.
+        """Pass the values of the last generation to CMA-ES.
 
-        - `values`: at the nearest points inside [points]; of those that are +∞ each is as bad as the other.
+        - `values`: values at the nearest points inside [points]; +∞ for failed points.
         """
         good = values[np.isfinite(values)]
         spread = float(np.ptp(good)) if good.size else 1.0
         worst = float(good.max()) if good.size else 0.0
         points = np.array(self._points)
         beyond = np.sum((points - np.clip(points, 0.0, 1.0)) ** 2, axis=1)
-        told = np.where(np.isfinite(values), values, worst + (spread or 1.0)) + FAR * (spread or 1e-9) * beyond
-        self._search.tell(list(zip(self._points, map(float, told), strict=True)))
+        penalised = np.where(np.isfinite(values), values, worst + (spread or 1.0)) + FAR * (spread or 1e-9) * beyond
+        self._search.tell(list(zip(self._points, map(float, penalised), strict=True)))
 
     @property
     def settled(self) -> bool:
-        """True if it will not find anything more."""
+        """True if the island has converged."""
         return bool(self._search.should_stop())
 
 
 def require_cmaes() -> None:
-    """Raises DefinitionError if `cmaes` is not installed."""
+    """Raise DefinitionError if `cmaes` is not installed."""
     _cmaes()
 
 
@@ -214,23 +216,23 @@ def _cmaes() -> Any:
 
 
 STEP = 1e-5
-"""Of the differences, in parts of the cube: far above the rounding of a run, far below what bends it."""
+"""Step of the finite differences: far above a run's rounding errors, far below its nonlinearity."""
 
-TURNS = 10
-"""Iterations at most; where the function is not smooth it ends before."""
+ITERATIONS = 10
+"""Largest number of iterations; a nonsmooth function ends them earlier."""
 
 
 def refine(evaluated: EvaluatedPoints, start: np.ndarray) -> None:
-    """Goes down from a point by L-BFGS-B (R. H. Byrd and others, SIAM J. Sci. Comput. 16, 1995) with differences.
+    """Descend from a point by L-BFGS-B (R. H. Byrd and others, SIAM J. Sci. Comput. 16, 1995) with differences.
 
-    The points of one gradient are asked for at once. `evaluated` keeps all points.
+    The points of a gradient are evaluated in a batch.
 
-    - `evaluated`: asks and remembers.
+    - `evaluated`: evaluates and records all points.
     - `start`: a point of the cube [dimension].
     """
 
     def value_and_slope(x: np.ndarray) -> tuple[float, np.ndarray]:
-        # Inwards, so that all points are in the cube.
+        # Steps point inwards, so that all points are in the cube.
         steps = np.where(x < 0.5, STEP, -STEP)
         if evaluated.over or evaluated.left < x.size + 1:
             raise StopIteration
@@ -246,35 +248,35 @@ def refine(evaluated: EvaluatedPoints, start: np.ndarray) -> None:
             jac=True,
             method="L-BFGS-B",
             bounds=[(0.0, 1.0)] * start.size,
-            options={"maxiter": TURNS, "maxls": 8},
+            options={"maxiter": ITERATIONS, "maxls": 8},
         )
     except StopIteration:
         return
 
 
 CORNERS = 4
-"""One in so many of the first points is a corner of the cube, where worst cases like to be."""
+"""One in four of the first points is a corner of the cube, where worst cases often are."""
 
 
 def spread_points(dimension: int, count: int, *, seed: int) -> np.ndarray:
     """Points of the unit cube [count, dimension]: its middle, some corners, and Sobol's sequence, scrambled.
 
-    - `dimension`: of the cube.
-    - `count`: how many points.
-    - `seed`: of the scrambling and of the choice of corners.
+    - `dimension`: dimension of the cube.
+    - `count`: number of points.
+    - `seed`: seed for the scrambling and the choice of corners.
     """
     rng = np.random.default_rng(seed)
     middle = np.full((1, dimension), 0.5)
     chosen = _corners(dimension, count // CORNERS, rng)
     left = max(0, count - 1 - len(chosen))
     with warnings.catch_warnings(action="ignore"):
-        # Its balance wants a power of two; the search does not.
+        # SciPy warns unless the number is a power of two, which only matters for integration.
         between = qmc.Sobol(dimension, rng=rng).random(left)
     return np.concatenate([middle, chosen, between])[:count]
 
 
 def _corners(dimension: int, most: int, rng: np.random.Generator) -> np.ndarray:
-    """All of them if they are so few, else some, each once in all likelihood."""
+    """All corners if there are at most `most`; otherwise random ones."""
     if 2**dimension <= most:
         return (np.arange(2**dimension)[:, None] >> np.arange(dimension) & 1).astype(float)
     return rng.integers(0, 2, (most, dimension)).astype(float)
@@ -287,10 +289,10 @@ LAST = 0.1
 """Share of the budget that is reserved for the quasi-Newton steps."""
 
 SIZE = 0.15
-"""The first standard deviation of an island."""
+"""Initial standard deviation of an island."""
 
 SETTLED = 1e-7
-"""An island has settled if the values of a generation differ by less than this."""
+"""An island has settled if the values of a generation differ by at most this."""
 
 
 def search_lowest(
@@ -305,19 +307,19 @@ def search_lowest(
     keep: int = 5,
     distance: float = 0.2,
 ) -> SearchResult:
-    """The lowest points of a function on the unit cube, by batches.
+    """Search for the lowest points of a function on the unit cube, in batches.
 
-    A third of the budget, at most 2048 points, is spread over the cube. Several CMA-ES islands start at the best of
+    Up to 30 % of the budget, at most 2048 points, is spread over the cube. Several CMA-ES islands start at the best of
     these points that are distant from each other. Each batch contains the points of all islands. An island that has
     settled restarts with twice as many points, at the lowest point that is distant from all settled islands. The rest
     of the budget goes to quasi-Newton steps with finite differences from the lowest points.
 
-    The same seed gives the same points, unless the time ends the search.
+    The same seed gives the same points, unless the time limit ends the search.
 
     - `objective`: function of points [points dimension] to values [points]; nonfinite values count as +∞.
     - `evaluations`: largest number of points.
-    - `seconds`: no batch begins after so many; None: any number.
-    - `enough`: the search ends below this value; None: no such value.
+    - `seconds`: time limit after which no batch begins; None for no limit.
+    - `enough`: value below which the search ends; None for no such value.
     - `islands`: number of CMA-ES islands.
     - `keep`, `distance`: number of returned points, and the least difference in one of their coordinates.
 
@@ -333,47 +335,49 @@ def search_lowest(
         if known.over:
             break
         known.ask(first[begin : begin + max(batch, 256)])
-    stop = known.over or _by_islands(known, dimension, seed, islands, distance, int(LAST * evaluations))
+    stop = known.over or _search_by_islands(known, dimension, seed, islands, distance, int(LAST * evaluations))
     if stop == "settled":
         points, values = known.all
-        for place in distinct_minima(points, values, islands, distance):
+        for index in distinct_minima(points, values, islands, distance):
             stop = known.over or stop
             if stop != "settled":
                 break
-            refine(known, points[place])
+            refine(known, points[index])
         stop = known.over or stop
     return known.result(keep, distance, stop)
 
 
-def _by_islands(known: EvaluatedPoints, dimension: int, seed: int, islands: int, distance: float, reserve: int) -> Stop:
+def _search_by_islands(
+    known: EvaluatedPoints, dimension: int, seed: int, islands: int, distance: float, reserve: int
+) -> Stop:
     """Search by islands; return "settled" when only the reserve is left."""
     seeds = iter(np.random.SeedSequence(seed).generate_state(10_000))
     size = population(dimension)
     points, values = known.all
-    starts = [points[place] for place in distinct_minima(points, values, islands, distance)]
-    at_work = [(Island(start, SIZE, size, int(next(seeds))), start, size) for start in starts]
+    starts = [points[index] for index in distinct_minima(points, values, islands, distance)]
+    active = [(Island(start, SIZE, size, int(next(seeds))), start, size) for start in starts]
     ended: list[np.ndarray] = []
     while known.left > reserve:
         if known.over:
             return known.over
-        request = [island.ask() for island, *_ in at_work]
-        told = np.split(known.ask(np.concatenate(request)), np.cumsum([len(a) for a in request])[:-1])
-        for k, (island, start, points_each) in enumerate(at_work):
-            island.tell(told[k])
-            low = request[k][int(np.argmin(told[k]))]
-            finite = told[k][np.isfinite(told[k])]
+        request = [island.ask() for island, *_ in active]
+        answers = np.split(known.ask(np.concatenate(request)), np.cumsum([len(a) for a in request])[:-1])
+        for k, (island, start, points_each) in enumerate(active):
+            island.tell(answers[k])
+            low = request[k][int(np.argmin(answers[k]))]
+            finite = answers[k][np.isfinite(answers[k])]
             if island.settled or (finite.size > 1 and np.ptp(finite) <= SETTLED):
                 ended += [start, np.clip(low, 0.0, 1.0)]
-                again = _elsewhere(known, ended, distance)
-                at_work[k] = Island(again, SIZE, 2 * points_each, int(next(seeds))), again, 2 * points_each
+                again = _distant_minimum(known, ended, distance)
+                active[k] = Island(again, SIZE, 2 * points_each, int(next(seeds))), again, 2 * points_each
     return known.over or "settled"
 
 
-def _elsewhere(known: EvaluatedPoints, ended: list[np.ndarray], distance: float) -> np.ndarray:
+def _distant_minimum(known: EvaluatedPoints, ended: list[np.ndarray], distance: float) -> np.ndarray:
     """The lowest point that is distant from all settled islands; the lowest of all if there is none."""
     points, values = known.all
     far = np.ones(len(values), bool)
-    for place in ended:
-        far &= np.max(np.abs(points - place), axis=1) >= distance
+    for point in ended:
+        far &= np.max(np.abs(points - point), axis=1) >= distance
     chosen = np.where(far, values, np.inf) if np.isfinite(values[far]).any() else values
     return np.asarray(points[int(np.argmin(chosen))])

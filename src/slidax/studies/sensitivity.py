@@ -18,13 +18,13 @@ from .study import AbstractStudy, AbstractTableResult, Cell, Chart, RunOptions, 
 
 @dataclass(frozen=True)
 class SobolIndices:
-    """Shares of the variance of one result (I. M. Sobol', Math. Comput. Simul. 55, 2001).
+    """Sobol indices of a result (I. M. Sobol', Math. Comput. Simul. 55, 2001).
 
-    - `first`: what each group of numbers does by itself [groups].
-    - `total`: what it does by itself and together with others [groups].
-    - `first_half`, `total_half`: half the widths of their intervals [groups].
-    - `confidence`: of the intervals.
-    - `variance`: of the result; where it is 0 all shares are 0, too.
+    - `first`: first-order index of each group of values, its effect alone [groups].
+    - `total`: total index, the effect including interactions with other groups [groups].
+    - `first_half`, `total_half`: half widths of their intervals [groups].
+    - `confidence`: confidence of the intervals.
+    - `variance`: variance of the result; if it is 0, all indices are 0.
     """
 
     first: np.ndarray
@@ -36,16 +36,16 @@ class SobolIndices:
 
 
 def points_for_indices(groups: Sequence[int], base: int, *, seed: int = 0) -> np.ndarray:
-    """Points at which a result must be known, by Saltelli's rule [base (groups + 2), dimension].
+    """Sample points for Sobol indices, by Saltelli's scheme [base (groups + 2), dimension].
 
-    - `groups`: how many coordinates of the cube belong together, for each thing whose share is asked for.
-    - `base`: a power of two, from some hundreds on.
-    - `seed`: of the scrambling.
+    - `groups`: number of coordinates in each group that gets an index.
+    - `base`: a power of two, at least a few hundred.
+    - `seed`: seed of the scrambling.
 
     Raises DefinitionError if the base is no power of two, or SALib is not installed.
     """
     if base < 2 or base & (base - 1):
-        raise DefinitionError(f"`base` must be a power of two, as 512; got {short_repr(base)}")
+        raise DefinitionError(f"`base` must be a power of two, such as 512; got {short_repr(base)}")
     salib = _salib()
     return salib[0].sample(_problem(groups), base, calc_second_order=False, scramble=True, seed=seed)
 
@@ -53,25 +53,27 @@ def points_for_indices(groups: Sequence[int], base: int, *, seed: int = 0) -> np
 def sobol_indices(
     results: np.ndarray, groups: Sequence[int], *, confidence: float = 0.95, seed: int = 0
 ) -> SobolIndices:
-    """The indices of one result, by SALib, with intervals from 100 resamples.
+    """Sobol indices of a result, by SALib, with intervals from 100 resamples.
 
-    - `results`: at all `points_for_indices`, in their order [base (groups + 2)].
-    - `groups`: as there.
-    - `confidence`: of the intervals.
-    - `seed`: of the resamples.
+    - `results`: the result at all `points_for_indices`, in their order [base (groups + 2)].
+    - `groups`: as in `points_for_indices`.
+    - `confidence`: confidence of the intervals.
+    - `seed`: seed of the resampling.
 
     Raises DefinitionError if a result is missing or not finite, or SALib is not installed.
     """
     results = np.asarray(results, float)
     if results.ndim != 1 or len(results) % (len(groups) + 2):
-        raise DefinitionError(f"`results` must be at all points of the design; got {short_repr(results.shape)}")
+        raise DefinitionError(
+            f"`results` must have a value for each point of `points_for_indices`; got shape {short_repr(results.shape)}"
+        )
     wrong = int(np.sum(~np.isfinite(results)))
     if wrong:
-        raise DefinitionError(f"{wrong} of {len(results)} results are not finite: indices need them all")
+        raise DefinitionError(f"{wrong} of {len(results)} results are not finite: Sobol indices need all results")
     if np.ptp(results) == 0.0:
         nothing = np.zeros(len(groups))
         return SobolIndices(nothing, nothing, nothing, nothing, confidence, 0.0)
-    # SALib takes NumPy's global random numbers where its seed is 0.
+    # With seed 0, SALib uses NumPy's global random numbers.
     result = _salib()[1].analyze(
         _problem(groups), results, calc_second_order=False, conf_level=confidence, seed=seed + 1
     )
@@ -80,7 +82,7 @@ def sobol_indices(
 
 
 def _problem(groups: Sequence[int]) -> dict[str, Any]:
-    """The problem definition of SALib; the coordinates of a group are drawn anew together."""
+    """SALib's problem definition; the coordinates of a group are resampled together."""
     dimension = sum(groups)
     result: dict[str, Any] = {
         "num_vars": dimension,
@@ -107,20 +109,17 @@ OF = ("margin", "steady_error", "max_torque_step")
 
 
 class Sensitivity(AbstractStudy):
-    """Sobol indices: the share of a result's variance that is due to each uncertain value.
-
-    `first` is the effect of a value alone, `total` includes its interactions with others.
-    """
+    """Sobol indices: the share of a result's variance due to each uncertain value, alone and with interactions."""
 
     in_parts: ClassVar[bool] = True
     study: Literal["sensitivity"]
     base: Annotated[int, Field(ge=2, le=2**24)] = 256
-    """A power of two; the study needs this times (number of shares + 2) runs."""
+    """A power of two; the study needs `base` times (number of shares + 2) runs."""
     of: Annotated[tuple[str, ...], Field(min_length=1)] = OF
     """Results: `margin`, or metrics such as `steady_error`."""
     each: Literal["path", "number"] = "path"
-    """`path`: all values of a path, such as the friction of all joints, have one share; `number`: each has its own."""
-    confidence: float = input_field("of the intervals", "", "(0, 1)", default=0.95)
+    """`path`: a share for each path, such as the friction of all joints; `number`: a share for each number."""
+    confidence: float = input_field("confidence of the intervals", "", "(0, 1)", default=0.95)
 
     def run(self, how: RunOptions) -> SensitivityResult:
         family = self.family()
@@ -128,7 +127,7 @@ class Sensitivity(AbstractStudy):
         self.require(
             bool(space.sets),
             "uncertainty",
-            "is empty: there is nothing that could have a share; give sets of uncertain values",
+            "is empty: no value could have a share; give sets of uncertain values",
         )
         self.require(self.base & (self.base - 1) == 0, "base", f"must be a power of two, such as 256; got {self.base}")
         names = list(space.widths) if self.each == "path" else space.coordinates
@@ -153,10 +152,11 @@ class Sensitivity(AbstractStudy):
 
 @dataclass(frozen=True)
 class SensitivityResult(AbstractTableResult):
-    """Shares of variances.
+    """Result of a sensitivity study.
 
-    - `names`: paths or numbers with a share; `indices`: by the key of the result.
-    - `missing`: results without indices, and the number of runs that lack them.
+    - `names`: paths or numbers with a share.
+    - `indices`: Sobol indices by result.
+    - `missing`: for results without indices, the number of runs that lack the result.
     """
 
     study: Sensitivity
@@ -166,7 +166,7 @@ class SensitivityResult(AbstractTableResult):
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """The names for a person."""
+        """Short names of the shares."""
         return tuple(self.family.label(name) for name in self.names)
 
     @property
@@ -179,7 +179,7 @@ class SensitivityResult(AbstractTableResult):
         return "; ".join([all_done(self.runs), *without])
 
     @property
-    def lead(self) -> str:
+    def summary(self) -> str:
         shares = [
             f"of `{of}` {self.labels[int(np.argmax(own.total))]} has {min(max(float(own.total.max()), 0.0), 1.0):.0%}"
             for of, own in self.indices.items()
@@ -195,11 +195,9 @@ class SensitivityResult(AbstractTableResult):
                 for k, name in enumerate(self.labels)
             ]
             values = (self.labels, own.first, own.total, (own.first_half, own.total_half))
-            note = f"Shares of the variance, with half the widths of their {self.study.confidence:.0%} intervals."
-            chart = Chart(
-                f"shares-{of}", f"Shares of {of}", "By itself, and together with others.", "variance_shares", values
-            )
-            head = ("Uncertain", "by itself", "±", "in all", "±")
+            note = f"Shares of the variance, with the half widths of their {self.study.confidence:.0%} intervals."
+            chart = Chart(f"shares-{of}", f"Shares of {of}", "Alone, and with interactions.", "variance_shares", values)
+            head = ("Uncertain", "alone", "±", "with interactions", "±")
             parts.append(Section(f"Dependence of {of}", note, head, rows, [chart]))
         return parts
 

@@ -17,10 +17,10 @@ from slidax.core.errors import DefinitionError, short_repr
 
 @dataclass(frozen=True)
 class Interval:
-    """Holds the truth in at least this share of all studies that are made so.
+    """Confidence interval.
 
     - `lower`, `upper`: the ends.
-    - `confidence`: the share, in (0, 1).
+    - `confidence`: coverage probability, in (0, 1).
     """
 
     lower: float
@@ -32,37 +32,31 @@ class Interval:
 
 
 def require_confidence(confidence: Any) -> None:
-    """Raises DefinitionError unless it is a share between 0 and 1.
-
-    - `confidence`: of an interval.
-    """
+    """Raise DefinitionError unless a confidence is in (0, 1)."""
     if not 0.0 < confidence < 1.0:
-        raise DefinitionError(f"`confidence` must be in (0, 1), as 0.95; got {short_repr(confidence)}")
+        raise DefinitionError(f"`confidence` must be in (0, 1), such as 0.95; got {short_repr(confidence)}")
 
 
 def require_counts(failures: int, runs: int) -> None:
-    """Raises DefinitionError unless so many runs can have failed.
-
-    - `failures`: how many failed.
-    - `runs`: of how many.
-    """
+    """Raise DefinitionError unless `0 <= failures <= runs`."""
     if not 0 <= failures <= runs:
         raise DefinitionError(f"`failures` must be in [0, runs]; got {short_repr(failures)} of {short_repr(runs)} runs")
 
 
 RESAMPLES = 9999
-"""Of the bootstrap."""
+"""Number of bootstrap resamples."""
 
 
 @dataclass(frozen=True)
 class PairedDifference:
-    """The difference of two on the same cases.
+    """Difference of a quantity between two groups on the same cases.
 
-    - `pairs`: in how many cases both have a number.
-    - `mean`, `median`: of the differences; None without pairs.
-    - `of_mean`: an interval by the bootstrap (BCa); None for fewer than two pairs.
-    - `of_median`: an interval that holds for every distribution, from the order of the differences; likewise.
-    - `p_value`: of Wilcoxon's signed-rank test that the differences are symmetric about 0; likewise.
+    - `pairs`: number of cases with a value in both groups.
+    - `mean`, `median`: mean and median difference; None without pairs.
+    - `of_mean`: interval of the mean by the bootstrap (BCa); None for fewer than two pairs.
+    - `of_median`: distribution-free interval of the median from order statistics; None for fewer than two pairs.
+    - `p_value`: of Wilcoxon's signed-rank test that the differences are symmetric about 0; None for fewer than two
+      pairs.
     """
 
     pairs: int
@@ -79,19 +73,19 @@ class PairedDifference:
 
 
 def paired_difference(first: Any, second: Any, confidence: float = 0.95, *, seed: int = 0) -> PairedDifference:
-    """`first - second`, case by case; cases in which one of them has no finite number are left out.
+    """Statistics of `first - second`, case by case; cases without two finite values are left out.
 
-    - `first`, `second`: a number for each case [cases].
-    - `confidence`: of the intervals.
-    - `seed`: of the bootstrap.
+    - `first`, `second`: a value for each case [cases].
+    - `confidence`: confidence of the intervals.
+    - `seed`: seed of the bootstrap.
 
-    Raises DefinitionError if they have not the same cases, or the confidence is no share.
+    Raises DefinitionError if the shapes differ, or the confidence is not in (0, 1).
     """
     require_confidence(confidence)
     first, second = np.asarray(first, float), np.asarray(second, float)
     if first.shape != second.shape or first.ndim != 1:
         raise DefinitionError(
-            f"both need one number for each case; got shapes {short_repr(first.shape)}, {short_repr(second.shape)}"
+            f"both need a value for each case; got shapes {short_repr(first.shape)}, {short_repr(second.shape)}"
         )
     known = np.isfinite(first) & np.isfinite(second)
     d = first[known] - second[known]
@@ -105,7 +99,7 @@ def paired_difference(first: Any, second: Any, confidence: float = 0.95, *, seed
 
 
 def _of_mean(d: np.ndarray, confidence: float, seed: int) -> Interval:
-    """Bias-corrected and accelerated (B. Efron, JASA 82, 1987)."""
+    """Bias-corrected and accelerated bootstrap interval (B. Efron, JASA 82, 1987)."""
     if np.all(d == d[0]):
         return Interval(float(d[0]), float(d[0]), confidence)
     with warnings.catch_warnings(action="ignore"):
@@ -127,13 +121,13 @@ def _of_median(d: np.ndarray, confidence: float) -> Interval | None:
 
 @dataclass(frozen=True)
 class PairedShares:
-    """Two shares of the same cases.
+    """Difference of two shares on the same cases.
 
-    - `pairs`: how many cases.
-    - `only_one`, `only_other`: in how many of them it is true of one and not of the other.
-    - `difference`: the share of one less that of the other.
-    - `interval`: of the difference; None without cases.
-    - `p_value`: of the exact test by McNemar (Psychometrika 12, 1947) that both are the same; 1 if they never differ.
+    - `pairs`: number of cases.
+    - `only_one`, `only_other`: number of cases that are true only for the first, and only for the second.
+    - `difference`: first share minus second share.
+    - `interval`: interval of the difference; None without cases.
+    - `p_value`: of McNemar's exact test (Psychometrika 12, 1947) that both shares are equal; 1 if no case differs.
     """
 
     pairs: int
@@ -145,23 +139,23 @@ class PairedShares:
 
 
 def paired_shares(first: Any, second: Any, confidence: float = 0.95) -> PairedShares:
-    """In what share of the cases something is true of the first, less the share of the second.
+    """Difference between the shares of true cases in the first and in the second group.
 
-    The interval is that of D. G. Bonett and R. M. Price (J. Educ. Behav. Stat. 37, 2012), with b, c the cases in which
-    only one has it:
+    The interval is that of D. G. Bonett and R. M. Price (J. Educ. Behav. Stat. 37, 2012), with b and c the numbers of
+    cases that are true only for the first and only for the second:
 
         p₁ = (b + 1)/(n + 2),  p₂ = (c + 1)/(n + 2),  p₁ - p₂ ± z √((p₁ + p₂ - (p₁ - p₂)²)/(n + 2))
 
     - `first`, `second`: a bool for each case [cases].
-    - `confidence`: of the interval.
+    - `confidence`: confidence of the interval.
 
-    Raises DefinitionError if they have not the same cases, or the confidence is no share.
+    Raises DefinitionError if the shapes differ, or the confidence is not in (0, 1).
     """
     require_confidence(confidence)
     first, second = np.asarray(first, bool), np.asarray(second, bool)
     if first.shape != second.shape or first.ndim != 1:
         raise DefinitionError(
-            f"both need one answer for each case; got shapes {short_repr(first.shape)}, {short_repr(second.shape)}"
+            f"both need a bool for each case; got shapes {short_repr(first.shape)}, {short_repr(second.shape)}"
         )
     n, b, c = first.size, int(np.sum(first & ~second)), int(np.sum(second & ~first))
     if n == 0:
@@ -176,21 +170,19 @@ def paired_shares(first: Any, second: Any, confidence: float = 0.95) -> PairedSh
 def clopper_pearson(
     failures: int, runs: int, confidence: float = 0.95, side: Literal["both", "upper"] = "both"
 ) -> Interval:
-    """The rate p at which runs fail, by an interval that holds for every p as often as it says.
-
-    With k of n failed,
+    """Exact confidence interval of the failure rate p for k failures in n runs.
 
         Pr(X <= k | p = upper) = α/2,   Pr(X >= k | p = lower) = α/2,   α = 1 - confidence
 
-    (C. J. Clopper, E. S. Pearson, Biometrika 26, 1934), where all of α goes to the upper end if that alone is asked
-    for. The number of runs must not depend on how they went; else `confidence_sequence` is the one.
+    (C. J. Clopper, E. S. Pearson, Biometrika 26, 1934). For `side="upper"` the upper end uses all of α. The number of
+    runs must not depend on their results; otherwise use `confidence_sequence`.
 
     - `failures`: k.
-    - `runs`: n; of none nothing is known, [0, 1].
+    - `runs`: n; [0, 1] for n = 0.
     - `confidence`: 1 - α.
-    - `side`: "upper" bounds the rate from above only.
+    - `side`: "upper" bounds the rate only from above.
 
-    Raises DefinitionError if so many cannot have failed, or the confidence is no share.
+    Raises DefinitionError if k is not in [0, n], or the confidence is not in (0, 1).
     """
     require_counts(failures, runs)
     require_confidence(confidence)
@@ -203,32 +195,32 @@ def clopper_pearson(
 
 
 NEVER = 0.5
-"""The weight of "it never fails" in the mixture; the rest is a beta distribution."""
+"""Weight of the rate p = 0 in the mixture; the rest is a beta distribution."""
 
 SHAPE = 0.2
-"""Both parameters of that distribution: below 1/2, so that rare failures and rare successes are near to it."""
+"""Both parameters of the beta distribution: below 1/2, which favours rare failures and rare successes."""
 
 SMALLEST, LARGEST = 1e-300, 1.0 - 2.0**-53
 """Rates that are neither 0 nor 1."""
 
 
 def confidence_sequence(failures: int, runs: int, confidence: float = 0.95) -> Interval:
-    """All rates p for which the runs so far are no wonder; whoever looks after each run may stop when he likes.
+    """Anytime-valid interval of the failure rate p: a study may stop after any run, depending on the results so far.
 
         Lₙ(p) = pᵏ (1 - p)ⁿ⁻ᵏ
         Mₙ(p) = (w 1[k = 0] + (1 - w) B(k + a, n - k + a) / B(a, a)) / Lₙ(p)
 
-    is a martingale with mean 1 if p is the rate, so that by Ville's inequality it ever reaches 1/α with a probability
-    of α at most; the interval is `{p: Mₙ(p) < 1/α}` (the mixture method: H. Robbins, Ann. Math. Statist. 41, 1970).
-    The weight w = 1/2 on p = 0 makes it sharp where nothing fails: its upper end is then that of `clopper_pearson`
-    at the same n and confidence, whose two tails cost the same factor of two. After failures it is the wider one: at
-    99 % and n = 1000 its upper end is 1.5 times as high with one to three of them, 1.26 times with 30, 1.05 with 500.
+    For the true rate p, Mₙ(p) is a martingale with mean 1. By Ville's inequality it ever reaches 1/α with probability
+    at most α. The interval is `{p: Mₙ(p) < 1/α}` (mixture method: H. Robbins, Ann. Math. Statist. 41, 1970). With the
+    weight w = 1/2 on p = 0, the upper end without failures equals that of `clopper_pearson` at the same n and
+    confidence. With failures the interval is wider: at 99 % and n = 1000 the upper end is 1.5 times as high for one to
+    three failures, 1.26 times for 30, and 1.05 times for 500.
 
-    - `failures`: k, up to now.
-    - `runs`: n, up to now; of none nothing is known, [0, 1].
+    - `failures`: k, so far.
+    - `runs`: n, so far; [0, 1] for n = 0.
     - `confidence`: 1 - α, for all n together.
 
-    Raises DefinitionError if so many cannot have failed, or the confidence is no share.
+    Raises DefinitionError if k is not in [0, n], or the confidence is not in (0, 1).
     """
     require_counts(failures, runs)
     require_confidence(confidence)
@@ -246,10 +238,10 @@ def confidence_sequence(failures: int, runs: int, confidence: float = 0.95) -> I
 
 
 def log_evidence(failures: Any, runs: Any, p: Any) -> np.ndarray:
-    """`log Mₙ(p)`: how much the runs speak against the rate p; its exponent ever reaches 1/α with probability <= α.
+    """`log Mₙ(p)`, the evidence against the rate p; Mₙ(p) ever reaches 1/α with probability <= α if p is true.
 
     - `failures`: k, a number or an array.
-    - `runs`: n, likewise.
+    - `runs`: n, a number or an array.
     - `p`: the rate, in (0, 1).
     """
     k, n = np.asarray(failures, float), np.asarray(runs, float)

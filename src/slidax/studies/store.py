@@ -1,4 +1,4 @@
-"""The rows of a study on disk: checked parts, and at the end one table."""
+"""The rows of a study on disk: verified parts, and finally a table."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ from .cases import Columns
 IDENTITY = "study.json"
 
 STUDY, CONTENT = b"study", b"content"
-"""Keys of a part's metadata: which study its rows belong to, and a checksum of their values."""
+"""Keys of a part's metadata: the study of its rows, and a checksum of their values."""
 
 LARGEST_IDENTITY, LARGEST_PART, LARGEST_ROWS = 64_000_000, 1_000_000_000, 8_000_000_000
-"""Sizes up to which files of a store are read [bytes]."""
+"""Largest sizes of a store's files [bytes]."""
 
 MOST_NUMBERS = 10**9
-"""Numbers in a table that is read; a small file may stand for more."""
+"""Largest number of values in a table; a small compressed file may have more."""
 
 
 class DamagedError(Exception):
-    """A file of a store is not whole, or belongs to another study; the text says which of these."""
+    """A file of a store is damaged, or belongs to another study; the text says which."""
 
 
 def read_identity(folder: Path) -> dict[str, Any]:
     """The contents of `study.json`.
 
-    - `folder`: of the study.
+    - `folder`: folder of the study.
 
-    Raises DefinitionError if there is none, or it is damaged.
+    Raises DefinitionError if the file is missing or damaged.
     """
     path = folder / IDENTITY
     try:
@@ -52,9 +52,9 @@ def read_identity(folder: Path) -> dict[str, Any]:
 
 
 def study_of_rows(path: Path) -> str | None:
-    """The digest of the study that a file's rows belong to; None if it does not say so, or cannot be read.
+    """The digest of the study that a file's rows belong to; None if it is missing, or the file cannot be read.
 
-    - `path`: of a part or of `rows.parquet`.
+    - `path`: a part or `rows.parquet`.
     """
     import pyarrow.parquet as pq
 
@@ -67,13 +67,13 @@ def study_of_rows(path: Path) -> str | None:
 
 
 def read_part(path: Path, rows: int | None = None, *, largest: int = LARGEST_PART) -> Any:
-    """A Parquet file as a table.
+    """Read a Parquet file as a table.
 
     - `path`: the file.
-    - `rows`: how many there must be; None for any number.
-    - `largest`: size up to which it is read [bytes].
+    - `rows`: required number of rows; None for any number.
+    - `largest`: largest size of the file [bytes].
 
-    Raises FileNotFoundError if there is none, and DamagedError if it is something else or not whole.
+    Raises FileNotFoundError if the file is missing, and DamagedError if it is damaged or no Parquet file.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -82,7 +82,7 @@ def read_part(path: Path, rows: int | None = None, *, largest: int = LARGEST_PAR
         _require_regular(path, largest)
         with pq.ParquetFile(pa.BufferReader(path.read_bytes())) as file:
             if rows is not None and file.metadata.num_rows != rows:
-                raise DamagedError("has other rows than its name says")
+                raise DamagedError("has other rows than its name implies")
             parquet.require_names(file, "is damaged:")
             parquet.require_numbers(file, "is damaged:", file.schema_arrow.names, {}, most=MOST_NUMBERS)
             return file.read()
@@ -97,7 +97,7 @@ def read_part(path: Path, rows: int | None = None, *, largest: int = LARGEST_PAR
     except DamagedError:
         raise
     except Exception as error:
-        # Also a lack of memory: a damaged file may name any size.
+        # Includes MemoryError: a damaged file may claim any size.
         raise DamagedError(_unreadable(error)) from None
 
 
@@ -115,24 +115,21 @@ def _require_regular(path: Path, largest: int | None) -> None:
 
 
 def columns_in(table: Any) -> Columns:
-    """The columns of a table as arrays.
-
-    - `table`: of pyarrow.
-    """
+    """The columns of a pyarrow table as arrays."""
     columns: Columns = {}
     for name in table.column_names:
         column = table.column(name)
         values = column.to_numpy()
-        # A missing number is null in the file, and NaN here.
+        # Missing values are null in the file, and NaN here.
         columns[name] = values.astype(float) if column.null_count else values
     return columns
 
 
 def as_table(columns: Columns, notes: Mapping[str, str]) -> Any:
-    """Columns as a table of pyarrow.
+    """Columns as a pyarrow table.
 
-    - `columns`: by name.
-    - `notes`: what the table says of its columns, by name.
+    - `columns`: columns by name.
+    - `notes`: meanings of the columns, by name.
     """
     import pyarrow as pa
 
@@ -146,16 +143,13 @@ def as_table(columns: Columns, notes: Mapping[str, str]) -> Any:
 
 
 def checksum(columns: Columns) -> str:
-    """A checksum of names, types and values.
-
-    - `columns`: by name.
-    """
+    """Checksum of the columns' names, types and values."""
     total = hashlib.sha256()
     for name, values in columns.items():
         kind = values.dtype.kind
         total.update(f"{name}\0{kind}\0{len(values)}\0".encode("utf-8", "surrogatepass"))
         if kind == "f":
-            # Every NaN is the same null in a file.
+            # Every NaN becomes the same null in a file.
             total.update(np.where(np.isnan(values), np.nan, values).astype("<f8").tobytes())
         else:
             total.update(str(values.tolist()).encode("utf-8", "surrogatepass"))
@@ -163,20 +157,20 @@ def checksum(columns: Columns) -> str:
 
 
 def digest_of(identity: Mapping[str, Any]) -> str:
-    """A short name of a study, from all that its rows depend on.
+    """Digest of a study, from everything that determines its rows.
 
-    - `identity`: the contents of `study.json`; who made it is left out.
+    - `identity`: the contents of `study.json`; `made_by` is ignored.
     """
     content = {key: value for key, value in identity.items() if key != "made_by"}
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]
 
 
 def identity_in(path: Path) -> dict[str, Any]:
-    """The contents of a `study.json`.
+    """Read a `study.json`.
 
     - `path`: the file.
 
-    Raises DamagedError if it is missing or cannot be read.
+    Raises DamagedError if it is missing or damaged.
     """
     try:
         _require_regular(path, LARGEST_IDENTITY)
@@ -199,19 +193,19 @@ _PART = re.compile(r"(\d{12,18})-(\d{1,10})\.parquet")
 
 
 class Store:
-    """A folder with the rows of one study, which several processes may write at once.
+    """A folder with the rows of a study, which several processes may write at the same time.
 
-    `study.json` says which study it is; `parts/` has the rows that are done, a Parquet file for each chunk of them;
-    `rows.parquet` has all of them in order, once they are. Each file is replaced as a whole (`slidax.core.writing`), so
-    that processes that compute the same rows write the same file, one after the other. Each part carries a checksum
-    and the study that it belongs to: one that is damaged or foreign is computed again.
+    `study.json` identifies the study; `parts/` has a Parquet file for each completed chunk of rows; `rows.parquet`
+    finally has all rows in order. Files are replaced atomically (`slidax.core.writing`): processes that compute the
+    same rows write the same file, one after the other. Each part has a checksum and the digest of its study. A damaged
+    part, or one of another study, is computed again.
 
-    - `folder`: made if missing.
-    - `identity`: what the rows depend on, such as scenario, sets and seed.
-    - `resume`: whether rows that are there already are kept.
-    - `notes`: what the table says of its columns, by name.
+    - `folder`: the folder; it is created if missing.
+    - `identity`: everything that determines the rows, such as scenario, sets and seed.
+    - `resume`: True to keep existing rows.
+    - `notes`: meanings of the columns, by name.
 
-    Raises DefinitionError if the folder holds another study, or this one while it is not to be resumed.
+    Raises DefinitionError if the folder has another study, or if it has this study and `resume` is False.
     """
 
     def __init__(self, folder: Path, identity: Mapping[str, Any], *, resume: bool, notes: Mapping[str, str]) -> None:
@@ -227,49 +221,47 @@ class Store:
             return
         self._join(text, resume)
         self._parts.mkdir(exist_ok=True)
-        for place in (folder, self._parts):
-            remove_leftovers(place)
+        for directory in (folder, self._parts):
+            remove_leftovers(directory)
 
     def _join(self, text: str, resume: bool) -> None:
-        """Check that a folder with something in it holds this study."""
+        """Check that a folder with files belongs to this study."""
         path = self.folder / IDENTITY
         if not path.exists() and not self._parts.is_dir():
-            raise DefinitionError(
-                f"the folder `{self.folder}` is not empty, and holds no study: write to another folder"
-            )
+            raise DefinitionError(f"the folder `{self.folder}` is not empty, and has no study: write to another folder")
         try:
             digest = digest_of(identity_in(path))
         except DamagedError as error:
             if not resume:
                 raise DefinitionError(
-                    f"`{path}` {error}: go on with --resume, which keeps the rows of this study, or write to another "
-                    "folder"
+                    f"`{path}` {error}: continue with --resume, which keeps the rows of this study, or write to "
+                    "another folder"
                 ) from None
             self._require_no_foreign_rows(path)
             _warn(f"`{path}` {error}: it is written again")
             write_text(path, text, follow=False)
             return
         if digest != self.digest:
-            raise DefinitionError(f"the folder `{self.folder}` holds rows of another study: write to another folder")
+            raise DefinitionError(f"the folder `{self.folder}` has rows of another study: write to another folder")
         if not resume:
             raise DefinitionError(
-                f"the folder `{self.folder}` has rows of this study: go on with --resume, or write to another folder"
+                f"the folder `{self.folder}` has rows of this study: continue with --resume, or write to another folder"
             )
 
     def _require_no_foreign_rows(self, path: Path) -> None:
-        """Without a readable `study.json` the rows themselves say which study they are of."""
+        """Without a readable `study.json`, use the digests in the files of rows."""
         for rows in (self.folder / ROWS, *(part for _, _, part in _parts_in(self._parts))):
             digest = study_of_rows(rows)
             if digest is not None and digest != self.digest:
                 raise DefinitionError(
-                    f"`{path}` is missing or damaged, and `{rows}` is of another study: write to another folder"
+                    f"`{path}` is missing or damaged, and `{rows}` belongs to another study: write to another folder"
                 )
 
     def read(self, first: int, rows: int) -> Columns | None:
-        """The rows of one chunk, if they are done. A part that is damaged or foreign is not; a warning names it.
+        """Read the rows of a chunk; None, with a warning, if its part is damaged or belongs to another study.
 
-        - `first`: number of the first one.
-        - `rows`: how many.
+        - `first`: number of the first row.
+        - `rows`: number of rows.
         """
         path = self._path(first, rows)
         if not path.exists():
@@ -283,29 +275,29 @@ class Store:
             return None
 
     def write(self, first: int, columns: Columns) -> None:
-        """Keeps the rows of one chunk.
+        """Write the rows of a chunk.
 
-        - `first`: number of the first one.
-        - `columns`: of them.
+        - `first`: number of the first row.
+        - `columns`: the rows.
 
-        Raises OSError if they cannot be written, such as on a full disk.
+        Raises OSError if the file cannot be written, such as on a full disk.
         """
         import pyarrow as pa
         import pyarrow.parquet as pq
 
         path = self._path(first, len(next(iter(columns.values()))))
         marks = {STUDY: self.digest, CONTENT: checksum(columns)}
-        # In memory first: an error of the disk is then one of Python's own.
+        # Encode in memory first: an error of the disk is then a plain OSError.
         buffer = pa.BufferOutputStream()
         pq.write_table(as_table(columns, self.notes).replace_schema_metadata(marks), buffer, compression="zstd")
         write_bytes(path, buffer.getvalue().to_pybytes(), follow=False)
 
     def finish(self, rows: int) -> Path:
-        """Writes all rows as one table, part by part, and returns its path.
+        """Write all rows to a table, part by part, and return its path.
 
-        - `rows`: how many there must be.
+        - `rows`: required number of rows.
 
-        Raises DefinitionError if some are missing, and OSError if they cannot be written.
+        Raises DefinitionError if rows are missing, and OSError if the table cannot be written.
         """
         import pyarrow.parquet as pq
 
@@ -321,41 +313,43 @@ class Store:
                 if writer is not None:
                     writer.close()
             if expected != rows:
-                raise DefinitionError(f"the folder `{self.folder}` has {expected} of {rows} rows: go on with --resume")
+                raise DefinitionError(
+                    f"the folder `{self.folder}` has {expected} of {rows} rows: continue with --resume"
+                )
         return path
 
     def _tables(self, rows: int) -> Iterator[Any]:
         """The tables of the parts in order, up to the first missing row."""
-        # The last chunk of a study that was given more runs later is there twice: the longer one counts.
+        # If a study was extended, its former last chunk exists in two lengths: use the longer one.
         parts = sorted(_parts_in(self._parts), key=lambda part: (part[0], -part[1]))
         expected = 0
         for first, number, path in parts:
-            # More may be there than is asked for, of a study that had more runs before, or that stopped since.
+            # There may be more rows than needed, from a longer study or an earlier stop.
             if first != expected or expected >= rows:
                 continue
             try:
                 table = self._table(path, first, number).slice(0, rows - expected)
             except DamagedError as error:
-                _warn(f"`{path}` {error}: it is passed over")
+                _warn(f"`{path}` {error}: it is skipped")
                 continue
             yield table.replace_schema_metadata({STUDY: self.digest})
             expected += table.num_rows
 
     def _table(self, path: Path, first: int, rows: int) -> Any:
-        """A part that is whole and has these rows of this study. Raises DamagedError otherwise."""
+        """Read a part; raise DamagedError unless it is intact and has these rows of this study."""
         table = read_part(path, rows)
         marks = table.schema.metadata or {}
         if marks.get(STUDY) != self.digest.encode():
             raise DamagedError("belongs to another study, or to an older version of slidax")
         try:
             columns = columns_in(table)
-            whole = checksum(columns).encode() == marks.get(CONTENT)
+            intact = checksum(columns).encode() == marks.get(CONTENT)
         except Exception:
-            whole = False
-        if not whole:
+            intact = False
+        if not intact:
             raise DamagedError("is damaged: its checksum is wrong")
         if not np.array_equal(columns.get("row", np.zeros(0)), np.arange(first, first + rows)):
-            raise DamagedError("has other rows than its name says")
+            raise DamagedError("has other rows than its name implies")
         return table
 
     def _path(self, first: int, rows: int) -> Path:
@@ -363,25 +357,25 @@ class Store:
 
 
 def count_rows(folder: Path) -> int:
-    """Number of rows in the parts of a study, also in those of its schemes.
+    """Number of rows in the parts of a study, including those of its schemes.
 
-    - `folder`: of the study; it may be missing.
+    - `folder`: folder of the study; it may be missing.
     """
     count = 0
-    for place in sorted({folder / PARTS, *folder.glob(f"*/{PARTS}")}):
+    for parts in sorted({folder / PARTS, *folder.glob(f"*/{PARTS}")}):
         longest: dict[int, int] = {}
-        for first, rows, _ in _parts_in(place):
+        for first, rows, _ in _parts_in(parts):
             longest[first] = max(longest.get(first, 0), rows)
         count += sum(longest.values())
     return count
 
 
 def read_rows(path: str | Path) -> Columns:
-    """The columns of a table of rows.
+    """Read a study's table of rows.
 
-    - `path`: of `rows.parquet`, or of the folder that it is in.
+    - `path`: `rows.parquet`, or its folder.
 
-    Raises DefinitionError if there is none, or it is damaged.
+    Raises DefinitionError if the file is missing or damaged.
     """
     parquet.require_pyarrow("keeping the rows of a study")
     path = Path(path) if Path(path).suffix == ".parquet" and not Path(path).is_dir() else Path(path) / ROWS
@@ -397,12 +391,12 @@ def read_rows(path: str | Path) -> Columns:
 
 
 def _is_free(folder: Path) -> bool:
-    """True if a folder has nothing in it but what another process is about to write."""
+    """True if a folder is empty except for temporary files of other processes."""
     return all(is_temporary(entry.name) for entry in folder.iterdir())
 
 
 def _parts_in(folder: Path) -> Iterator[tuple[int, int, Path]]:
-    """First row, number of rows, and file of each part in a folder; other files are passed over."""
+    """First row, number of rows, and path of each part in a folder; other files are skipped."""
     for path in folder.glob("*.parquet"):
         match = _PART.fullmatch(path.name)
         if match is not None:

@@ -19,7 +19,7 @@ from slidax.scenarios.scenario import ScenarioDescription
 from slidax.scenarios.uncertainty import AbstractSet, Uncertainty
 
 from .cases import COLUMNS, Columns, StudyTask
-from .runner import AbstractPool, LocalPool, Part, Runner
+from .runner import AbstractPool, LocalPool, Part, Runner, ignore_progress
 from .statistics import Interval
 from .store import Store
 
@@ -45,7 +45,7 @@ ChartKind = Literal[
 class Chart:
     """A figure as data, for `slidax.report` to draw.
 
-    - `name`: of its file, without ending.
+    - `name`: name of its file, without suffix.
     - `title`, `caption`: texts next to it.
     - `kind`: the function of `slidax.report.figures` that draws it; `values`: its arguments.
     """
@@ -61,9 +61,9 @@ class Chart:
 class Section:
     """A part of a study's page, and of its output in a terminal, which leaves out the figures.
 
-    - `title`, `note`: a few words, and a sentence or two.
-    - `head`, `rows`: of the table; no head for no table.
-    - `figures`: below the table.
+    - `title`, `note`: the title, and a sentence or two below it.
+    - `head`, `rows`: titles and rows of the table; an empty head for no table.
+    - `figures`: charts below the table.
     """
 
     title: str
@@ -78,8 +78,8 @@ class AbstractResult(ABC):
     """Result of a study.
 
     - `family`: the scenarios of its runs.
-    - `path`: of the rows' file or folder; None if they were not kept.
-    - `computed`, `seconds`: number of rows that were not stored before, and the time that they took.
+    - `path`: file or folder of the rows; None if they were not stored.
+    - `computed`, `seconds`: number of newly computed rows, and their computing time.
     """
 
     family: Family
@@ -89,8 +89,8 @@ class AbstractResult(ABC):
 
     @property
     @abstractmethod
-    def lead(self) -> str:
-        """The answer in a sentence."""
+    def summary(self) -> str:
+        """The result in a sentence."""
 
     @property
     @abstractmethod
@@ -99,22 +99,22 @@ class AbstractResult(ABC):
 
     @abstractmethod
     def sections(self) -> list[Section]:
-        """Return the parts of its page."""
+        """Return the sections of the result's page."""
 
     @abstractmethod
     def as_json(self) -> dict[str, Any]:
-        """Return the result for a program."""
+        """Return the result as JSON."""
 
     def scenarios(self) -> dict[str, ScenarioDescription]:
-        """Return scenarios that `slidax run` replays, by the names of their files without ending."""
+        """Return scenarios that `slidax run` replays, by the names of their files without suffix."""
         return {}
 
 
 @dataclass(frozen=True, kw_only=True)
 class AbstractTableResult(AbstractResult):
-    """Result of a study with one table of rows.
+    """Result of a study with a single table of rows.
 
-    - `study`: the request.
+    - `study`: the study.
     - `table`: the rows.
     """
 
@@ -128,7 +128,7 @@ class AbstractTableResult(AbstractResult):
 
     @property
     def failures(self) -> int:
-        """Number of runs that failed; no estimate of a probability where a search chose the runs."""
+        """Number of failed runs; it estimates no probability if a search chose the runs."""
         return int(np.sum(self.table["outcome"] > 0))
 
     @property
@@ -138,12 +138,12 @@ class AbstractTableResult(AbstractResult):
 
 
 def all_done(runs: int) -> str:
-    """Return the sentence that no run is missing."""
+    """Return the sentence for a complete study."""
     return "the run is done" if runs == 1 else f"all {runs} runs are done"
 
 
 def worst_row(table: Columns) -> dict[str, Any]:
-    """Return the row with the least margin, for a program."""
+    """Return the row with the least margin, as JSON."""
     margin = table["margin"]
     if not np.isfinite(margin).any():
         return NO_WORST_CASE
@@ -152,7 +152,7 @@ def worst_row(table: Columns) -> dict[str, Any]:
 
 
 def interval_of(interval: Interval | None) -> dict[str, float] | None:
-    """Return an interval for a program."""
+    """Return an interval as JSON."""
     if interval is None:
         return None
     return {"lower": interval.lower, "upper": interval.upper, "confidence": interval.confidence}
@@ -161,28 +161,24 @@ def interval_of(interval: Interval | None) -> dict[str, float] | None:
 Progress = Callable[[int], None]
 
 
-def _unheard(rows: int) -> None:
-    """Ignore the progress."""
-
-
 @dataclass
 class RunOptions:
     """Options for running a study.
 
-    - `out`: folder of its rows; None keeps them in memory.
+    - `out`: folder for the rows; None keeps them in memory.
     - `resume`: True to continue with the rows in `out`.
-    - `pool`: where rows are computed.
+    - `pool`: computes the rows.
     - `begin`: called with the largest number of rows.
     - `progress`: called with the number of new rows.
-    - `made_by`: software and machine, for the folder.
-    - `part`: the chunks that are computed here, into a folder that several processes share; None for all.
+    - `made_by`: software and machine, recorded in the folder.
+    - `part`: the chunks to compute here, in a folder shared with other processes; None for all.
     """
 
     out: Path | None = None
     resume: bool = False
     pool: AbstractPool = field(default_factory=LocalPool)
-    begin: Progress = _unheard
-    progress: Progress = _unheard
+    begin: Progress = ignore_progress
+    progress: Progress = ignore_progress
     made_by: dict[str, Any] = field(default_factory=dict)
     part: Part | None = None
 
@@ -191,20 +187,20 @@ class AbstractStudy(AbstractDescription):
     """Base of all studies."""
 
     of_rows: ClassVar[tuple[str, ...]] = ("seed",)
-    """Fields that the values of rows depend on, in addition to the scenario and its sets."""
+    """Fields that determine the rows' values, in addition to the scenario and its sets."""
     in_parts: ClassVar[bool] = False
-    """True if all rows are known beforehand, so that several processes can share them."""
+    """True if the values of all rows are known in advance, so that processes can share them."""
     study: Any
     title: str = ""
-    """One line for a person."""
+    """Title in one line."""
     scenario: str
-    """Name of a built-in scenario, or path of a file, from the folder of the study."""
+    """Name of a built-in scenario, or path of a file, relative to the study's folder."""
     changes: dict[str, Any] = Field(default={})
-    """Values of the scenario by path, as `--set` has them."""
+    """Values of the scenario by path, as with `--set`."""
     uncertainty: Uncertainty = Field(default={})
-    """Sets by path, on top of those of the scenario."""
+    """Sets by path, in addition to those of the scenario."""
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
-    """Another seed draws other cases."""
+    """Seed of the random cases."""
     engine: Literal["auto", "native", "xla", "cuda"] | None = None
     """Engine; by default the scenario's own."""
 
@@ -225,26 +221,26 @@ class AbstractStudy(AbstractDescription):
             return alter_description(base, self.changes)
 
     def sets(self, base: ScenarioDescription) -> dict[str, AbstractSet]:
-        """All that is uncertain.
+        """All sets of uncertain values.
 
         - `base`: the scenario.
         """
         return {**base.uncertainty, **self.uncertainty}
 
     def family(self, varied: dict[str, AbstractSet] | None = None) -> Family:
-        """The scenarios that it is about.
+        """The family of scenarios that the study runs.
 
-        - `varied`: sets of what the law is told, too.
+        - `varied`: sets of values that the law also knows.
 
-        Raises DefinitionError, with the path, if a set is empty, or a value out of its range.
+        Raises DefinitionError, with the path, if a set is empty or a value is out of range.
         """
         base = self.described()
         return Family.of(base, self.sets(base), varied or {})
 
     def runner(self, family: Family, how: RunOptions) -> Runner:
-        """Return the runner of the rows.
+        """Return the runner for the rows.
 
-        - `family`: of scenarios.
+        - `family`: the family of scenarios.
         - `how`: as in `run`.
         """
         self.require_parts(how)
@@ -255,12 +251,12 @@ class AbstractStudy(AbstractDescription):
         if how.out is not None:
             text = self.model_dump(mode="json", include={"study", *self.of_rows})
             identity = {**text, **task.content, "chunk": chunk, "made_by": how.made_by}
-            # Who computes a part joins the others.
+            # A process that computes a part continues the folder of the others.
             store = Store(how.out, identity, resume=how.resume or how.part is not None, notes=COLUMNS)
         return Runner(task, chunk, store, how.pool, how.progress, how.part)
 
     def require_parts(self, how: RunOptions) -> None:
-        """Raise DefinitionError if a part is to be computed of a study that cannot be shared, or without a folder.
+        """Raise DefinitionError if `part` is set for a study that cannot be shared, or without a folder.
 
         - `how`: as in `run`.
         """
@@ -271,16 +267,16 @@ class AbstractStudy(AbstractDescription):
         if not self.in_parts or getattr(self, "until", None) is not None:
             kind = self.study if not self.in_parts else f"{self.study} with `until`"
             raise DefinitionError(
-                f"`--part` is for studies whose rows are all known beforehand; {kind} chooses each row by the ones "
-                "before: leave `--part` out, or use --cluster"
+                f"`--part` is for studies whose rows are known in advance; {kind} chooses each row from earlier "
+                "results: leave `--part` out, or use --cluster"
             )
 
     def require(self, holds: bool, where: str, message: str) -> None:
-        """Raises DefinitionError at a field unless something holds.
+        """Raise DefinitionError at a field unless a condition holds.
 
-        - `holds`: whether it does.
+        - `holds`: the condition.
         - `where`: the field.
-        - `message`: what must hold, and what is given.
+        - `message`: the rule and the value.
         """
         if not holds:
             raise DefinitionError(message, where=where)

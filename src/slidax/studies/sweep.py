@@ -31,13 +31,13 @@ class Sweep(AbstractStudy):
     over: Annotated[Uncertainty, Field(min_length=1, max_length=MOST_AXES)]
     """Sets by path of one or two parameters, such as `simulation.period: {choice: [5.0e-4, 1.0e-3]}`."""
     law: Literal["told", "not told"] = "told"
-    """`told`: the law knows the values of arm, drives and sensors, as with `--set`."""
+    """`told`: the law knows the swept values of arm, drives and sensors, as with `--set`."""
     points: Annotated[int, Field(ge=2, le=1000)] = 21
-    """Number of values of each parameter, from one end of its set to the other; a `choice` has its own."""
+    """Number of values of each parameter, from end to end of its set; a `choice` has its own."""
     of: str = "margin"
     """Mapped quantity: `margin`, or a metric such as `steady_error`; the worst of all cases."""
     cases: Annotated[int, Field(ge=1, le=1_000_000)] = 1
-    """Random cases, the same at each point; 1: the scenario's own values, and nothing is uncertain."""
+    """Number of random cases, the same at each point; 1 for the scenario's own values without uncertainty."""
 
     def run(self, how: RunOptions) -> SweepResult:
         family = self._family()
@@ -53,8 +53,8 @@ class Sweep(AbstractStudy):
         shape = grid[0].shape
         drawn = family.space.values(points(self.seed, 0, self.cases, family.space.dimensions)) if others else {}
         values = {
-            path: np.repeat(axis[places.ravel()], self.cases, axis=0)
-            for (path, axis), places in zip(over.items(), grid, strict=True)
+            path: np.repeat(axis[indices.ravel()], self.cases, axis=0)
+            for (path, axis), indices in zip(over.items(), grid, strict=True)
         }
         values |= {path: np.concatenate([drawn[path]] * grid[0].size) for path in others}
         evaluated = BatchEvaluator(self.runner(family, how), family)
@@ -67,40 +67,41 @@ class Sweep(AbstractStudy):
         return SweepResult(study=self, **evaluated.collected(), axes=over, shape=shape)
 
     def _family(self) -> Family:
-        """The family of scenarios, in which the law knows the swept values, or not."""
+        """The family of scenarios, with swept values that the law knows or not, by `law`."""
         base = self.described()
         own = self.sets(base) if self.cases > 1 else {}
         hidden = {path: own for path, own in self.over.items() if self._is_hidden(path)}
-        told = {path: axis for path, axis in self.over.items() if path not in hidden}
-        return Family.of(base, {**{path: leaf for path, leaf in own.items() if path not in told}, **hidden}, told)
+        known = {path: axis for path, axis in self.over.items() if path not in hidden}
+        return Family.of(base, {**{path: leaf for path, leaf in own.items() if path not in known}, **hidden}, known)
 
     def _is_hidden(self, path: str) -> bool:
         return self.law == "not told" and path.split(".")[0] not in OF_THE_LAW and not path.startswith("robot.nominal")
 
 
 def _axis(family: Family, path: str, values: AbstractSet, count: int) -> np.ndarray:
-    """Values of one parameter: those of a choice, or from one end to the other by its distribution."""
+    """Values of a parameter: those of a choice, or from end to end by its distribution."""
     space = family.space
-    # The path as the family has it: the file may have a shorter one.
+    # The full path of the family; the file may abbreviate it.
     full = next((known for known in space.sets if space.sets[known] is values), path)
     if space.widths[full] != 1:
         raise DefinitionError(
-            "takes several numbers: sweep a single value for all joints, without `each`", where=f"over.{path}"
+            "has several numbers: sweep a single value for all joints, without `each`", where=f"over.{path}"
         )
-    places = list(space.widths)
+    paths = list(space.widths)
     count = len(values.choice) if isinstance(values, Discrete) and values.choice != "any" else count
     shares = (np.arange(count) + 0.5) / count if isinstance(values, Discrete) else np.linspace(0.0, BELOW_ONE, count)
     cube = np.full((count, space.dimensions), 0.5)
-    first = sum(space.widths[name] for name in places[: places.index(full)])
+    first = sum(space.widths[name] for name in paths[: paths.index(full)])
     cube[:, first] = shares
     return space.values(cube)[full]
 
 
 @dataclass(frozen=True)
 class SweepResult(AbstractTableResult):
-    """A map; its rows vary the case fastest, then the last parameter.
+    """Result of a sweep; in its rows the case varies fastest, then the last parameter.
 
-    - `axes`: the values of each parameter, by its path; `shape`: their numbers.
+    - `axes`: values of each parameter, by path.
+    - `shape`: number of values of each parameter.
     """
 
     study: Sweep
@@ -128,7 +129,7 @@ class SweepResult(AbstractTableResult):
         return np.asarray((self.table["outcome"] > 0).reshape(*self.shape, -1).mean(axis=-1))
 
     @property
-    def lead(self) -> str:
+    def summary(self) -> str:
         size = " x ".join(map(str, self.shape))
         held = int(np.sum(self.failing == 0))
         known = self.worst[np.isfinite(self.worst)]
@@ -139,18 +140,18 @@ class SweepResult(AbstractTableResult):
     def sections(self) -> list[Section]:
         axes = {self._label(path): one_number(axis) for path, axis in self.axes.items()}
         is_margin = self.study.of == "margin"
-        which = "Of the worst of all cases." if self.study.cases > 1 else "Of one case."
+        caption = "The worst of all cases." if self.study.cases > 1 else "A single case."
         label = ("least " if is_margin else "largest ") + self.study.of.replace("_", " ")
-        maps = [Chart("map", label, which, "parameter_map", (axes, self.worst, label, 0.0 if is_margin else None))]
+        maps = [Chart("map", label, caption, "parameter_map", (axes, self.worst, label, 0.0 if is_margin else None))]
         if self.study.cases > 1:
             share = "share of cases that fail"
             maps.append(
-                Chart("failing", share, f"Of {self.study.cases}.", "parameter_map", (axes, self.failing, share))
+                Chart("failing", share, f"Of {self.study.cases} cases.", "parameter_map", (axes, self.failing, share))
             )
-        places = np.stack([axis.ravel() for axis in np.meshgrid(*axes.values(), indexing="ij")], axis=1)
+        grid = np.stack([axis.ravel() for axis in np.meshgrid(*axes.values(), indexing="ij")], axis=1)
         rows = [
-            [*map(float, place), float(worst), float(failing)]
-            for place, worst, failing in zip(places, self.worst.ravel(), self.failing.ravel(), strict=True)
+            [*map(float, point), float(worst), float(failing)]
+            for point, worst, failing in zip(grid, self.worst.ravel(), self.failing.ravel(), strict=True)
         ]
         head = (*axes, label, "failing")
         if len(rows) <= MOST_ROWS:
@@ -181,12 +182,12 @@ class SweepResult(AbstractTableResult):
 
 
 def one_number(axis: np.ndarray) -> np.ndarray:
-    """Return the values of a parameter as single numbers: the first joint's where there are several."""
+    """Return a number for each value of a parameter: that of the first joint if there are several."""
     return np.asarray(axis, float).reshape(len(axis), -1)[:, 0]
 
 
 def _known(numbers: np.ndarray) -> Any:
-    """Lists of numbers, with None for values that are not finite."""
+    """Nested lists of the values, with None for nonfinite ones."""
     plain = numbers.astype(object)
     plain[~np.isfinite(numbers)] = None
     return plain.tolist()

@@ -1,4 +1,4 @@
-"""Tuning: gains for several aims, searched on some cases and judged on others."""
+"""Tuning: gains for several objectives, searched on training cases and scored on held-out cases."""
 
 from __future__ import annotations
 
@@ -27,26 +27,26 @@ from .study import NO_WORST_CASE, AbstractResult, AbstractStudy, Cell, Chart, Ru
 
 
 class CaseEvaluator:
-    """Evaluates points of the gains' cube on the same cases.
+    """Evaluates candidate gains, as points of the unit cube, on the same cases.
 
-    - `request`: runs rows.
-    - `gains`: turns points into gains.
+    - `evaluator`: runs the rows.
+    - `gains`: maps points to gains.
     - `cases`: values by path of each case.
-    - `aims`: keys of metrics, the lower the better; of a candidate their mean over the cases counts.
-    - `holds`: what must hold in every case.
-    - `margin`: the least margin that every case must have.
+    - `aims`: keys of the metrics to minimise, as means over the cases.
+    - `holds`: properties that must hold in every case.
+    - `margin`: least margin required in every case.
     """
 
     def __init__(
         self,
-        request: BatchEvaluator,
+        evaluator: BatchEvaluator,
         gains: Space,
         cases: Values,
         aims: Sequence[str],
         holds: Sequence[Predicate],
         margin: float,
     ) -> None:
-        self.evaluator = request
+        self.evaluator = evaluator
         self.gains = gains
         self.cases = cases
         self.aims = tuple(aims)
@@ -59,14 +59,14 @@ class CaseEvaluator:
         return len(next(iter(self.cases.values()))) if self.cases else 1
 
     def judge(self, cube: np.ndarray) -> FrontEvaluation:
-        """The aims, and by how much the worst case misses what must hold.
+        """The objectives and constraint violations of candidates.
 
         - `cube`: candidates [candidates gains], in [0, 1].
         """
         return evaluate_aims(self.rows(cube, self.cases), self.each, self.aims, self.holds, self.margin)
 
     def rows(self, cube: np.ndarray, cases: Values) -> Columns:
-        """The rows of each candidate on each case, the candidates one after the other.
+        """The rows of each candidate on each case, candidate by candidate.
 
         - `cube`: candidates [candidates gains], in [0, 1].
         - `cases`: values by path of each case.
@@ -81,11 +81,11 @@ class CaseEvaluator:
 def evaluate_aims(
     columns: Columns, each: int, aims: Sequence[str], holds: Sequence[Predicate], margin: float
 ) -> FrontEvaluation:
-    """Return the aims of candidates, and the violation of their conditions, from their rows.
+    """Return the objectives and constraint violations of candidates from their rows.
 
-    - `columns`: of all candidates, one after the other.
-    - `each`: how many rows each has.
-    - `aims`, `holds`, `margin`: as in `OnCases`.
+    - `columns`: rows of all candidates, candidate by candidate.
+    - `each`: number of rows per candidate.
+    - `aims`, `holds`, `margin`: as in `CaseEvaluator`.
 
     Raises DefinitionError if there is no such metric.
     """
@@ -96,16 +96,18 @@ def evaluate_aims(
     failing = np.zeros(len(columns["outcome"]))
     for item in holds:
         failing += ~item.holds(columns)
-    # So many that fail, and by how much: both lead the search to where none does.
-    short = np.where(np.isfinite(columns["margin"]), margin - columns["margin"], -np.inf)
+    # The number of failures and the missing margin both guide the search to feasible gains.
+    shortfall = np.where(np.isfinite(columns["margin"]), margin - columns["margin"], -np.inf)
     count = failing.reshape(-1, each).sum(axis=1)
-    return FrontEvaluation(means, np.where(count > 0, count + np.maximum(0.0, _most(short, each)), _most(short, each)))
+    return FrontEvaluation(
+        means, np.where(count > 0, count + np.maximum(0.0, _most(shortfall, each)), _most(shortfall, each))
+    )
 
 
-def point_of_own(space: Space) -> np.ndarray:
-    """The point of the cube that is the scenario's own values, or nearest to them; the middle where it has none.
+def point_of_own_values(space: Space) -> np.ndarray:
+    """The point of the cube with the scenario's own values, or the nearest; 0.5 for a gain without an own value.
 
-    - `space`: of numbers, whose values rise with their coordinates.
+    - `space`: a space whose values increase with their coordinates.
     """
     low, high = np.zeros(space.dimensions), np.ones(space.dimensions)
     for _ in range(50):
@@ -132,17 +134,12 @@ def _below_own(space: Space, point: np.ndarray) -> np.ndarray:
 
 def _most(numbers: np.ndarray, each: int) -> np.ndarray:
     most: np.ndarray = numbers.reshape(-1, each).max(axis=1)
-    # Without an envelope there is no margin that could be missed.
+    # Without an envelope there is no margin to violate.
     return np.where(np.isfinite(most), most, -1.0)
 
 
 def rows_of(columns: Columns, first: int, last: int | None) -> Columns:
-    """Some rows of a table.
-
-    - `columns`: the table.
-    - `first`: number of the first one.
-    - `last`: number of the one after the last; None: all that follow.
-    """
+    """The rows `first` to `last`, exclusive, of a table; all from `first` on if `last` is None."""
     return {name: array[first:last] for name, array in columns.items()}
 
 
@@ -150,9 +147,9 @@ def rows_of(columns: Columns, first: int, last: int | None) -> Columns:
 class Candidate:
     """Score of gains on held-out cases.
 
-    - `aims`: the mean of each metric, by its key.
-    - `failures`, `runs`: in how many of the cases something did not hold.
-    - `holding`: interval of the probability that all holds.
+    - `aims`: mean of each metric, by its key.
+    - `failures`, `runs`: number of cases in which a property failed, and of all cases.
+    - `holding`: interval of the probability that all properties hold.
     """
 
     aims: dict[str, float]
@@ -165,13 +162,13 @@ class Candidate:
 class TuneResult(AbstractResult):
     """Result of a search for gains.
 
-    - `aims`, `holds`, `confidence`, `seed`, `base`: the request.
-    - `front`: the candidates that no other beats, with their aims on the cases of the search.
-    - `gains`: of each of them, by path.
-    - `before`: the aims of today's gains on the cases of the search.
-    - `today`: the rows of today's gains on the held-out cases.
-    - `held_out`: those of the front, one candidate after the other; None if there is none.
-    - `table`: all rows but today's.
+    - `aims`, `holds`, `confidence`, `seed`, `base`: as in `Tune`; `base` is the scenario.
+    - `front`: the Pareto front, with objectives on the training cases.
+    - `gains`: gains of each candidate on the front, by path.
+    - `before`: objectives of the current gains on the training cases.
+    - `today`: rows of the current gains on the held-out cases.
+    - `held_out`: rows of the front on the held-out cases, candidate by candidate; None if the front is empty.
+    - `table`: all rows except those of the current gains.
     """
 
     aims: tuple[str, ...]
@@ -193,7 +190,7 @@ class TuneResult(AbstractResult):
 
     @property
     def best(self) -> int | None:
-        """The candidate whose worst aim, on the cases of the search, is best in proportion to today's."""
+        """Index of the candidate whose worst objective, relative to the current gains, is smallest in training."""
         if not len(self.gains):
             return None
         reference = np.where(np.isfinite(self.before), self.before, self.front.aims.min(axis=0))
@@ -206,22 +203,22 @@ class TuneResult(AbstractResult):
             return f"none of {self.front.evaluations} candidates holds in all cases"
         return f"{self.front.holding} of {self.front.evaluations} candidates hold in all cases"
 
-    def rows(self, place: int | None) -> Columns:
+    def rows(self, index: int | None) -> Columns:
         """The rows on the held-out cases.
 
-        - `place`: of a candidate on the front; None for today's gains.
+        - `index`: index of a candidate on the front; None for the current gains.
         """
-        if place is None or self.held_out is None:
+        if index is None or self.held_out is None:
             return self.today
         each = len(self.today["row"])
-        return rows_of(self.held_out, place * each, (place + 1) * each)
+        return rows_of(self.held_out, index * each, (index + 1) * each)
 
-    def judged(self, place: int | None) -> Candidate:
+    def judged(self, index: int | None) -> Candidate:
         """Return the score of gains on the held-out cases.
 
-        - `place`: of a candidate on the front; None for today's gains.
+        - `index`: index of a candidate on the front; None for the current gains.
         """
-        rows = self.rows(place)
+        rows = self.rows(index)
         held = np.ones(len(rows["row"]), bool)
         for text in self.holds:
             held &= Predicate(text).holds(rows)
@@ -234,13 +231,13 @@ class TuneResult(AbstractResult):
             Interval(1.0 - failing.upper, 1.0 - failing.lower, failing.confidence),
         )
 
-    def difference(self, place: int, aim: str) -> PairedDifference:
-        """By how much an aim of a candidate is above that of today's gains, case by case.
+    def difference(self, index: int, aim: str) -> PairedDifference:
+        """Difference of an objective from the current gains, case by case.
 
-        - `place`: of the candidate on the front.
+        - `index`: index of the candidate on the front.
         - `aim`: key of a metric.
         """
-        return paired_difference(self.rows(place)[aim], self.today[aim], self.confidence, seed=self.seed)
+        return paired_difference(self.rows(index)[aim], self.today[aim], self.confidence, seed=self.seed)
 
     @property
     def good(self) -> bool:
@@ -248,8 +245,8 @@ class TuneResult(AbstractResult):
         return self.best is not None and not self.judged(self.best).failures
 
     @property
-    def lead(self) -> str:
-        """The answer in a sentence."""
+    def summary(self) -> str:
+        """The result in a sentence."""
         if self.best is None:
             return f"No gains were found: {self.ended}."
         now, then = self.judged(self.best), self.judged(None)
@@ -259,7 +256,7 @@ class TuneResult(AbstractResult):
 
     @property
     def _names(self) -> list[str]:
-        return [f"front-{place + 1}" for place in range(len(self.gains))]
+        return [f"front-{index + 1}" for index in range(len(self.gains))]
 
     def scenarios(self) -> dict[str, ScenarioDescription]:
         """The scenario with the best gains, and with those of the front."""
@@ -268,24 +265,24 @@ class TuneResult(AbstractResult):
         return {**best, **dict(zip(self._names, built, strict=True))}
 
     def sections(self) -> list[Section]:
-        """The front on held-out cases, its gains, and by how much the best differ from today's."""
-        places: list[int | None] = [None, *range(len(self.gains))]
-        judged = {place: self.judged(place) for place in places}
-        names = {place: "today" if place is None else self._names[place] for place in places}
+        """The front on held-out cases, its gains, and the difference between the best and the current gains."""
+        indices: list[int | None] = [None, *range(len(self.gains))]
+        judged = {index: self.judged(index) for index in indices}
+        names = {index: "today" if index is None else self._names[index] for index in indices}
         rows: list[list[Cell]] = [
             [
-                names[place] + (", best" if place is not None and place == self.best else ""),
+                names[index] + (", best" if index is not None and index == self.best else ""),
                 *item.aims.values(),
                 item.failures,
                 share(item.holding.lower),
             ]
-            for place, item in judged.items()
+            for index, item in judged.items()
         ]
-        note = f"Means over {count_noun(judged[None].runs, 'case')} that the search has not seen; {self.ended}."
+        note = f"Means over {count_noun(judged[None].runs, 'held-out case')}; {self.ended}."
         head = ("Gains", *self.aims, "failed", "holds at least")
         figures = []
         if self.gains:
-            front = np.array([list(judged[place].aims.values()) for place in range(len(self.gains))])
+            front = np.array([list(judged[index].aims.values()) for index in range(len(self.gains))])
             today = np.array(list(judged[None].aims.values()))
             drawing = ([_label(aim) for aim in self.aims], front, today, self.best)
             figures = [Chart("front", "The front", "Means over held-out cases.", "aims_front", drawing)]
@@ -294,7 +291,7 @@ class TuneResult(AbstractResult):
             return result
         paths = list(self.gains[0])
         values = [
-            [names[place], *(_short(self.gains[place][path]) for path in paths)] for place in range(len(self.gains))
+            [names[index], *(_short(self.gains[index][path]) for path in paths)] for index in range(len(self.gains))
         ]
         result.append(Section("Its gains", "", ("Gains", *paths), values))
         differences = []
@@ -307,8 +304,8 @@ class TuneResult(AbstractResult):
         return [*result, Section("The best compared with today", note, head, differences)]
 
     def as_json(self) -> dict[str, Any]:
-        """The result for a program."""
-        front = [self._place_as_json(place) for place in range(len(self.gains))]
+        """The result as JSON."""
+        front = [self._candidate_as_json(index) for index in range(len(self.gains))]
         best = self.best
         shown = self.judged(best) if best is not None else None
         differences = {aim: self.difference(best, aim) for aim in self.aims} if best is not None else {}
@@ -319,7 +316,7 @@ class TuneResult(AbstractResult):
             "probability": None if shown is None else interval_of(shown.holding),
             "ended": self.ended,
             "worst": NO_WORST_CASE,
-            "today": self._place_as_json(None),
+            "today": self._candidate_as_json(None),
             "front": front,
             "best": best,
             "difference": {
@@ -328,15 +325,15 @@ class TuneResult(AbstractResult):
             },
         }
 
-    def _place_as_json(self, place: int | None) -> dict[str, Any]:
-        judged = self.judged(place)
-        points = self.before if place is None else self.front.aims[place]
+    def _candidate_as_json(self, index: int | None) -> dict[str, Any]:
+        judged = self.judged(index)
+        points = self.before if index is None else self.front.aims[index]
         return {
-            "gains": None if place is None else self.gains[place],
+            "gains": None if index is None else self.gains[index],
             "search": {aim: float(value) for aim, value in zip(self.aims, points, strict=True)},
             "held_out": {**judged.aims, "failures": judged.failures, "runs": judged.runs},
             "holding": interval_of(judged.holding),
-            "scenario": None if place is None else f"{self._names[place]}.yaml",
+            "scenario": None if index is None else f"{self._names[index]}.yaml",
         }
 
 
@@ -356,41 +353,36 @@ AIMS = ("steady_error", "steady_torque_step", "peak_torque")
 
 
 class Tune(AbstractStudy):
-    """Searches for gains on some cases of what is uncertain, and judges the best of them on others.
+    """Searches for gains on random training cases, and scores the best gains on held-out cases.
 
-    Every candidate is run on the same cases. Those for which something does not hold in one of them are out; of the
-    others the front is kept: candidates that no other beats in all aims. The aims of today's gains, and of the front,
-    are then measured on cases that the search has not seen.
+    Every candidate runs on the same training cases. Candidates that violate a property in a case are discarded. The
+    others form a Pareto front. The current gains and the front are then scored on held-out cases.
     """
 
     study: Literal["tune"]
     gains: Annotated[Uncertainty, Field(min_length=1)]
-    """Sets by path of what may be chosen, such as `scheme.surface.k1: {between: [0.1, 2]}`."""
+    """Sets of tuned values by path, such as `scheme.surface.k1: {between: [0.1, 2]}`."""
     aims: Annotated[tuple[str, ...], Field(min_length=1)] = AIMS
-    """Metrics that are to be small, in the mean over the cases."""
+    """Metrics to minimise, as means over the cases."""
     holds: tuple[str, ...] = (ENVELOPE,)
-    """Properties that must hold in every case: `envelope`, or a metric, a sign and a number."""
+    """Properties that must hold in every case: `envelope`, or a condition such as `steady_error < 1e-3`."""
     margin: float = input_field(
-        "the least margin that every case must have, so that others hold, too", "", "[0, 1)", default=0.0
+        "least margin in every training case, as a reserve for other cases", "", "[0, 1)", default=0.0
     )
     cases: Annotated[int, Field(ge=1, le=100_000)] = 16
-    """On how many each candidate is judged; one if nothing is uncertain."""
+    """Number of training cases; one without uncertainty."""
     candidates: Annotated[int, Field(ge=1, le=10_000_000)] = 600
     """Largest number of candidates."""
     seconds: float | None = input_field(
-        "after so many no batch begins; the rows then depend on the machine", "s", "> 0", default=None
+        "time after which no batch begins; the rows then depend on the machine", "s", "> 0", default=None
     )
     held_out: Annotated[int, Field(ge=1, le=10_000_000)] = 200
-    """Cases that the front is judged on afterwards."""
+    """Number of held-out cases."""
     keep: Annotated[int, Field(ge=1, le=1000)] = 12
-    """Number of candidates of the front that are kept, spread along it."""
-    confidence: float = input_field("of the intervals", "", "(0, 1)", default=0.95)
+    """Number of candidates to keep, spread along the front."""
+    confidence: float = input_field("confidence of the intervals", "", "(0, 1)", default=0.95)
 
     def run(self, how: RunOptions) -> TuneResult:
-        """The front.
-
-        - `how`: where, and what is told on the way.
-        """
         holds = [Predicate(text) for text in self.holds]
         family = self.family(self.gains)
         known, unseen = self._cases(family)
@@ -404,7 +396,7 @@ class Tune(AbstractStudy):
             on.judge,
             family.varied.dimensions,
             evaluations=self.candidates,
-            start=point_of_own(family.varied),
+            start=point_of_own_values(family.varied),
             seed=self.seed,
             seconds=self.seconds,
             most=self.keep,
@@ -425,7 +417,7 @@ class Tune(AbstractStudy):
         )
 
     def _cases(self, family: Family) -> tuple[Values, Values]:
-        """Those that candidates are judged on, and others."""
+        """Training cases and held-out cases."""
         space = family.uncertain
         if not space.sets:
             return {}, {}
@@ -440,11 +432,11 @@ class Tune(AbstractStudy):
         return len(next(iter(cases.values()))) if cases else 1
 
     def _today(self, how: RunOptions, known: Values, unseen: Values) -> Columns:
-        """The scenario as it is, on all cases."""
+        """Rows of the current gains on all cases."""
         family = self.family()
         runner = self.runner(family, replace(how, out=None if how.out is None else how.out / "today"))
         both = {path: np.concatenate([known[path], unseen[path]]) for path in known}
-        # Without anything uncertain one run is both.
+        # Without uncertainty a single run serves as training and held-out case.
         columns = runner.rows(0, both) if both else runner.rows(0, {})
         if runner.store is not None:
             runner.store.finish(len(columns["row"]))

@@ -1,4 +1,4 @@
-"""Benchmark of schemes: common tasks, one tuner for all, and scores on cases that no tuner has seen.
+"""Benchmark of schemes: common tasks, a common tuner, and scores on held-out cases.
 
 Begin with `entries.py`: a task is a file in `tasks/`, an entry is a scheme in one form, and `gains.yaml` lists the
 tuned gains. `rounds.py` tunes and scores all entries, `ranking.py` compares them. `slidax.report` writes the page.

@@ -1,4 +1,4 @@
-"""Tasks of the benchmark, its entries, and the gains that are tuned."""
+"""Tasks and entries of the benchmark, and the gains to tune."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ class CasesDescription(AbstractDescription):
 
     cases: int = input_field("number of cases", "", "[1, 1e6]")
     seed: Annotated[int, Field(ge=0, lt=2**63)]
-    """Another seed draws other cases."""
+    """Seed of the random cases."""
 
 
 class BenchmarkTask(AbstractDescription):
     """A task, the same for all schemes."""
 
     title: str
-    """One line for a person."""
+    """Title in one line."""
     about: list[str]
     """The difficulties of the task."""
     source: str
@@ -53,9 +53,9 @@ class BenchmarkTask(AbstractDescription):
     sampled_data: dict[str, Any] = Field(default={})
     """The block `sampled_data` of every scheme in that form."""
     tolerance: dict[str, Any]
-    """Judges the errors, as the block `tolerance` of a scenario; also the envelope of every scheme that has one."""
+    """Tolerance band for the errors, as in a scenario; also the envelope of every scheme that has one."""
     uncertainty: Uncertainty
-    """Unknown to every law, as in a scenario."""
+    """Sets of values unknown to every law, as in a scenario."""
     training: CasesDescription
     """Cases for the tuner."""
     held_out: CasesDescription
@@ -146,7 +146,10 @@ def gains_of(scheme: str, preset: Preset, form: str) -> Gains:
         return Gains(tuned, {**own.fixed, **(own.fixed_sampled_data if sampled else {})})
     tuned = dict(_by_declarations(preset))
     if not tuned:
-        raise DefinitionError(f"`{scheme}` declares no parameter > 0 with a default, so that nothing can be tuned")
+        raise DefinitionError(
+            f"`{scheme}` has nothing to tune: it declares no parameter > 0 with a default; declare one, as "
+            "docs/extending.md shows"
+        )
     return Gains(tuned, {})
 
 
@@ -165,20 +168,20 @@ def _by_declarations(preset: Preset) -> list[tuple[str, GainDescription]]:
     return gains
 
 
-def _gain(declared: Parameter, value: Any, place: str) -> list[tuple[str, GainDescription]]:
+def _gain(declared: Parameter, value: Any, prefix: str) -> list[tuple[str, GainDescription]]:
     value = declared.default if value is None and not declared.required else value
     if declared.shape not in TUNABLE or not isinstance(value, int | float) or not 0.0 < value < math.inf:
         return []
     ends = [end.number for end in declared.range.ends]
     low, high = value / FACTOR, value * FACTOR
     if any(end is None for end in ends):
-        # The end is another gain: values near the scheme's own most likely respect it.
+        # An end is another gain: values near the scheme's own are likely to respect it.
         low, high = value / 1.2, value * 1.2
     else:
         low = max(low, ends[0] + 0.02 * (value - ends[0])) if ends[0] is not None and ends[0] > -math.inf else low
         high = min(high, value + 0.98 * (ends[1] - value)) if ends[1] is not None and ends[1] < math.inf else high
     times: Literal["nothing", "inertia"] = "inertia" if declared.unit.startswith("N m") else "nothing"
-    return [(f"{place}{declared.name}", GainDescription(between=(low, high), times=times))]
+    return [(f"{prefix}{declared.name}", GainDescription(between=(low, high), times=times))]
 
 
 def _set(gain: GainDescription, base: ScenarioDescription) -> AbstractSet:
@@ -218,12 +221,12 @@ class BenchmarkEntry:
 
     @property
     def name(self) -> str:
-        """The name in tables."""
+        """Name in tables."""
         return COMMON_NAMES.get((self.scheme, self.form), self.scheme.rpartition(":")[2])
 
     @property
     def file(self) -> str:
-        """The stem of its files."""
+        """Stem of the entry's file names."""
         return f"{self.scheme.replace(':', '.')}--{self.form}"
 
     @cached_property
@@ -287,9 +290,9 @@ def entries(
 ) -> list[BenchmarkEntry]:
     """Return the entries of a round.
 
-    - `schemes`: names; None: all complete presets of the package.
-    - `more`: further schemes, as `package.module:Name`.
-    - `forms`: of each scheme.
+    - `schemes`: names; None for all complete presets of the package.
+    - `more`: additional schemes, as `package.module:Name`.
+    - `forms`: forms of each scheme.
 
     Raises DefinitionError if a scheme does not exist or has nothing to tune.
     """

@@ -85,9 +85,9 @@ def holm(p_values: Sequence[float]) -> list[float]:
     """Adjust p-values of several tests to bound the family-wise error rate (S. Holm, 1979)."""
     order = np.argsort(p_values, kind="stable")
     adjusted, highest = np.ones(len(p_values)), 0.0
-    for place, which in enumerate(order):
-        highest = max(highest, min(1.0, (len(p_values) - place) * p_values[which]))
-        adjusted[which] = highest
+    for rank, test in enumerate(order):
+        highest = max(highest, min(1.0, (len(p_values) - rank) * p_values[test]))
+        adjusted[test] = highest
     return [float(value) for value in adjusted]
 
 
@@ -113,11 +113,11 @@ def _sortable(value: float | None) -> float:
 class Overall:
     """A scheme over all tasks.
 
-    - `tasks`: number of tasks on which it was run.
-    - `best`, `leads`: numbers of tasks on which it is the first, and on which it leads.
-    - `inside`, `failed`: shares of the cases, mean over the tasks.
-    - `error`: geometric mean over the tasks of its median steady error divided by the task's least; None without any.
-    - `step`: the same of its steady torque step.
+    - `tasks`: number of its tasks.
+    - `best`, `leads`: number of tasks on which it is first, and on which it leads.
+    - `inside`, `failed`: shares of cases, averaged over the tasks.
+    - `error`: its median steady error relative to the best on each task, geometric mean; None without results.
+    - `step`: its median steady torque step relative to the best on each task, geometric mean; None without results.
     """
 
     entry: BenchmarkEntry

@@ -1,4 +1,4 @@
-"""Rounds of the benchmark: each scheme tuned and scored on each task, in processes, with results that are kept."""
+"""Rounds of the benchmark: each scheme tuned and scored on each task, in parallel processes, with stored results."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ from .entries import VERSION, BenchmarkEntry, BenchmarkTask, CasesDescription, F
 ENDED = [OUTCOMES.index("left_envelope"), OUTCOMES.index("not_finite")]
 
 KEPT = ("steady_error", "peak_torque", "max_torque_step", "steady_torque_step", "torque_energy", "tolerance_margin")
-"""Metrics that are kept of each held-out case, each of its worst joint."""
+"""Metrics stored for each held-out case, of its worst joint."""
 
 Tuner = Callable[[Callable[[NDArray[Any]], NDArray[Any]], int, int], NDArray[Any]]
-"""From an objective on points of the unit cube, its dimension and a budget of points, to the best point."""
+"""Maps an objective on the unit cube, its dimension and a budget of points to the best point."""
 
 
 @dataclass(frozen=True)
 class TaskResult:
     """Result of a scheme on a task.
 
-    - `gains`: the tuned ones, by path.
+    - `gains`: tuned gains, by path.
     - `cost`: mean of `costs` over the training cases.
     - `inside`: True if the held-out case never left the tolerance band [cases].
     - `failed`: True if the case was lost: not finite, or steady errors above the band's initial radius [cases].
@@ -60,7 +60,7 @@ def run_task(
     """Tune a scheme on a task's training cases, and score it on the held-out cases.
 
     - `budget`: largest number of points for the tuner.
-    - `threads`: of the native engine.
+    - `threads`: threads of the native engine.
 
     Raises DefinitionError if the scheme does not fit the task.
     """
@@ -100,10 +100,10 @@ def draw_cases(family: Family, cases: CasesDescription) -> Values:
 
 @dataclass(frozen=True)
 class Scale:
-    """Scales of a task's errors and torques, each the largest of all joints.
+    """Scales of a task's errors and torques, each the largest over the joints.
 
     - `initial`, `final`: radii of the tolerance band [rad or m].
-    - `torque`: limit of the drives [N m or N]; infinite without limits.
+    - `torque`: torque limit [N m or N]; infinite without limits.
     """
 
     initial: float
@@ -137,9 +137,10 @@ def mark_failures(columns: Columns, scale: Scale) -> NDArray[np.bool_]:
 def costs(columns: Columns, scale: Scale) -> NDArray[Any]:
     """Return the tuner's cost of each case.
 
-    Inside the tolerance band `½ √(e/ρ∞) + ½ √(Δτ/τ_max)`, below 1, with the worst joint's steady error and steady
-    torque step. Outside `1 + min(8, -m) + n/(n + 100)`, with the margin m and n samples outside: below 10. For a run
-    that ended at t `20 - t/(1 s + t)`.
+    - Inside the tolerance band: `½ √(e/ρ∞) + ½ √(Δτ/τ_max)`, below 1, with the worst joint's steady error e and steady
+      torque step Δτ.
+    - Outside: `1 + min(8, -m) + n/(n + 100)`, below 10, with the margin m and n samples outside.
+    - For a run that ended at t: `20 - t/(1 s + t)`.
     """
     error = np.sqrt(np.minimum(columns["steady_error"] / scale.final, 1.0))
     step = np.sqrt(np.minimum(columns["steady_torque_step"] / scale.torque, 1.0))
@@ -158,7 +159,7 @@ SEED = 7
 def tune_gains(objective: Callable[[NDArray[Any]], NDArray[Any]], dimension: int, budget: int) -> NDArray[Any]:
     """Return the best gains of spread points and CMA-ES (`search_lowest`), as a point of the unit cube.
 
-    - `objective`: from points [points, dimension] to costs [points].
+    - `objective`: maps points [points, dimension] to costs [points].
     - `budget`: largest number of points.
     """
     search = search_lowest(objective, dimension, evaluations=budget, seed=SEED, islands=2, keep=1)
@@ -166,7 +167,7 @@ def tune_gains(objective: Callable[[NDArray[Any]], NDArray[Any]], dimension: int
 
 
 BUDGET = 48
-"""Largest number of gain sets that the tuner tries for each scheme, form and task."""
+"""Number of gain sets that the tuner may try for each scheme, form and task."""
 
 Key = tuple[str, BenchmarkEntry]
 """A task's name and an entry."""
@@ -182,7 +183,7 @@ class BenchmarkRound:
     budget: int = BUDGET
 
     def small(self) -> BenchmarkRound:
-        """Return a trial round: few cases, short runs and hardly any tuning, so that its numbers mean nothing."""
+        """Return a trial round with few cases, short runs and little tuning; its results are meaningless."""
 
         def short(task: BenchmarkTask) -> BenchmarkTask:
             simulation = dict(task.scenario["simulation"], t1=0.2, substeps=1)
@@ -199,11 +200,11 @@ class BenchmarkRound:
     def run(
         self, out: Path | None, processes: int | None = None, on_result: OnResult = lambda *_: None
     ) -> RoundResults:
-        """Run every entry on every task; results that the folder already has are read.
+        """Run every entry on every task; results that are already in the folder are read.
 
-        - `out`: folder that keeps each result; None keeps nothing.
-        - `processes`: number of parallel processes; None: one for each core; 0: this process.
-        - `on_result`: called after each new result, with its seconds.
+        - `out`: folder for the results; None stores nothing.
+        - `processes`: number of parallel processes; None for one per core; 0 for this process.
+        - `on_result`: called after each new result, with its computing time.
         """
         results: dict[Key, TaskResult | str] = {}
         left: list[Key] = []
@@ -229,7 +230,7 @@ class BenchmarkRound:
         return RoundResults(self, results)
 
     def _in_processes(self, left: list[Key], count: int, done: Callable[[Key, TaskResult | str], None]) -> None:
-        # One task after another: compiled code of an arm serves the next entry on it, and takes memory.
+        # Task by task: entries of a task share compiled code of its arm, which takes memory.
         for task in self.tasks:
             pool = ProcessPoolExecutor(count, mp_context=get_context("spawn"))
             jobs = {
@@ -265,14 +266,14 @@ class BenchmarkRound:
 class RoundResults:
     """Results of a `round`.
 
-    - `by_key`: by task and entry; a message where a scheme cannot be run.
+    - `by_key`: result by task and entry; a message if the scheme cannot run.
     """
 
     round: BenchmarkRound
     by_key: Mapping[Key, TaskResult | str]
 
     def on(self, task: str) -> dict[BenchmarkEntry, TaskResult]:
-        """Return the results on a `task`, without schemes that cannot be run."""
+        """Return the results on a `task`, without schemes that cannot run."""
         results = {entry: self.by_key.get((task, entry)) for entry in self.round.entries}
         return {entry: result for entry, result in results.items() if isinstance(result, TaskResult)}
 
@@ -310,7 +311,7 @@ def _write(path: Path, identity: dict[str, Any], result: TaskResult | str) -> No
 
 
 def _read(path: Path, identity: dict[str, Any]) -> TaskResult | str | None:
-    """Return a kept result; None without one, or if it is of another request."""
+    """Return a stored result; None if it is missing or belongs to another request."""
     try:
         values = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
