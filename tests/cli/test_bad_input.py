@@ -189,7 +189,7 @@ def test_invalid_request_is_one_line_and_writes_nothing(arguments, words, tmp_pa
 
 @pytest.mark.parametrize("name", ["", ".", "..", "a.b.c", "ü\n", "x" * 10000, "\x1b[31m", "schemes."])
 def test_odd_names_of_parts_are_one_line(name):
-    assert_one_line(["there is nothing called"], "list", name)
+    assert_one_line(["there is no part"], "list", name)
 
 
 LAUGHS = "a: &a0 [1, 1]\n" + "".join(f"b{k}: &a{k + 1} [{', '.join([f'*a{k}'] * 10)}]\n" for k in range(12))
@@ -199,7 +199,7 @@ TEXTS = {
     "binary": (b"\x00\x01\xff\xfe", "not UTF-8"),
     "zeros": (b"\x00" * 100, "not valid YAML"),
     "list": (b"[1, 2]", "a scenario is a mapping"),
-    "laughs": (LAUGHS.encode(), "aliases written out"),
+    "laughs": (LAUGHS.encode(), "with expanded aliases"),
     "itself": (b"&a {title: *a}", "part of"),
     "deep": (b"title: " + b"[" * 60 + b"]" * 60, "levels"),
     "bottomless": (b"title: " + b"[" * 3000, "levels"),

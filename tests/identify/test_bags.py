@@ -143,7 +143,7 @@ def test_topic_that_is_not_there_is_refused_with_those_that_are(tmp_path):
     with pytest.raises(DefinitionError, match="did you mean `/joint_states`"):
         read_log(path, ARM, topic="/joint_state")
     path = write_mcap(tmp_path / "b.mcap", {"/camera": [b"\0\1\0\0"]}, "sensor_msgs/msg/Image")
-    with pytest.raises(DefinitionError, match="no messages of ROS 2 with joint states; its topics are `/camera`"):
+    with pytest.raises(DefinitionError, match="no ROS 2 messages with joint states; its topics are `/camera`"):
         read_log(path, ARM)
 
 
@@ -235,13 +235,13 @@ def test_messages_that_are_packed_one_by_one_are_read(tmp_path):
 
 
 def test_folder_that_is_no_bag_is_refused(tmp_path):
-    with pytest.raises(DefinitionError, match=r"is no folder of ros2 bag"):
+    with pytest.raises(DefinitionError, match=r"is no ros2 bag folder"):
         read_log(tmp_path, ARM)
     metadata(tmp_path, ["gone.mcap"], "mcap")
-    with pytest.raises(DefinitionError, match=r"misses the file `gone.mcap`"):
+    with pytest.raises(DefinitionError, match=r"lacks the file `gone.mcap`"):
         read_log(tmp_path, ARM)
     metadata(tmp_path, ["../../outside.mcap"], "mcap")
-    with pytest.raises(DefinitionError, match=r"misses the file `outside.mcap`"):
+    with pytest.raises(DefinitionError, match=r"lacks the file `outside.mcap`"):
         read_log(tmp_path, ARM)
     shutil.rmtree(tmp_path)
 
@@ -251,5 +251,5 @@ def test_database_of_something_else_is_refused(tmp_path):
     base = sqlite3.connect(tmp_path / "a.db3")
     base.execute("CREATE TABLE messages(x)")
     base.close()
-    with pytest.raises(DefinitionError, match="no database of ros2 bag, or damaged"):
+    with pytest.raises(DefinitionError, match="is damaged or no ros2 bag database"):
         read_log(tmp_path / "a.db3", ARM)

@@ -134,11 +134,11 @@ REFUSED = [
     ({"kind": "panda", "nominal": {"gravity": [0, -9.81]}}, "robot.nominal.gravity: .*3"),
     (
         {"kind": "panda", "nominal": {"load": {"mass": 1, "attached": 1.0}}},
-        "robot.nominal.load: a load that comes and goes cannot be known; write it under `plant`",
+        "robot.nominal.load: the law cannot know a load with `attached` or `released`; write the load under `plant`",
     ),
     (
         {"kind": "panda", "nominal": {"load": {"mass": 1, "released": 1.0}}},
-        "robot.nominal.load: a load that comes and goes cannot be known; write it under `plant`",
+        "robot.nominal.load: the law cannot know a load with `attached` or `released`; write the load under `plant`",
     ),
     (
         {"kind": "panda", "plant": {"load": {"mass": 1, "attached": 2.0, "released": 1.0}}},
@@ -193,7 +193,7 @@ MISFITS = [
     (
         PAYLOAD,
         {"surroundings": {"table": {"height": 0.0}}},
-        "surroundings: only a plant that MuJoCo moves meets anything: set `simulation.plant` to `mujoco`",
+        "surroundings: only MuJoCo simulates contact with surroundings: set `simulation.plant` to `mujoco`",
     ),
     (PAYLOAD, {"simulation.plant": "mujuco"}, r"simulation.plant: unknown `mujuco`; did you mean `mujoco`\?"),
     (

@@ -249,5 +249,5 @@ def test_the_same_batch_is_compiled_once():
 
 
 def test_all_runs_of_a_batch_pass_through_the_same_time():
-    with pytest.raises(DefinitionError, match="all runs of a batch have one `t1` and one stepping"):
+    with pytest.raises(DefinitionError, match="all runs of a batch must have the same `t1` and stepping"):
         BASE.simulate_batch(lambda scenario, k1: with_gain(scenario, k1).replace(t1=0.1), GAINS)

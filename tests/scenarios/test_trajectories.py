@@ -101,7 +101,7 @@ def test_the_word_robot_stands_for_the_limits_of_the_robot():
 
 def test_a_robot_without_limits_has_none_to_take():
     quintic = described({"kind": "quintic", "waypoints": PATH, "velocity": "robot", "acceleration": 30.0})
-    with pytest.raises(DefinitionError, match="velocity: says `robot`, but this robot has no limits of its own"):
+    with pytest.raises(DefinitionError, match="velocity: is `robot`, but this robot has no limits"):
         quintic.build()
 
 
@@ -122,7 +122,7 @@ def test_a_robot_without_limits_has_none_to_take():
         ),
         (
             {"kind": "csv", "text": "time,joint 1,joint 2\n0,0,0\n1,0,0", "joints": ["joint 2", "joint 1"]},
-            r"trajectory\.joints: `joint 1` stands in the place of the robot's joint `joint 2`",
+            r"trajectory\.joints: `joint 1` is at the position of the robot's joint `joint 2`",
         ),
         (
             {"kind": "quintic", "waypoints": PATH, "velocity": "fast", "acceleration": 1.0},

@@ -16,7 +16,7 @@ from slidax.studies.cases import columns_of
 from slidax.studies.predicates import Predicate
 from slidax.studies.sensitivity import sobol_indices
 from slidax.studies.sweep import one_number
-from slidax.studies.tune import evaluate_aims, point_of_own
+from slidax.studies.tune import evaluate_aims, point_of_own_values
 from tests.studies.files import SHORT, SMALL_SETS, result_of, study_of_kind, weak
 
 pytest.importorskip("llvmlite")
@@ -282,7 +282,7 @@ def test_all_candidates_and_today_s_gains_have_the_same_cases(tuned):
 
 def test_the_search_begins_at_today_s_gains(tuned):
     np.testing.assert_allclose(tuned.front.start, tuned.before, rtol=1e-9)
-    own = tuned.family.varied.values(point_of_own(tuned.family.varied)[None])
+    own = tuned.family.varied.values(point_of_own_values(tuned.family.varied)[None])
     np.testing.assert_allclose([own[path][0] for path in GAINS], [0.2, 0.6], rtol=1e-9)
 
 

@@ -40,7 +40,7 @@ class ProcessContext:
         return self._memory[offset:]
 
     def ready(self) -> None:
-        """Request real-time scheduling, and report that the work may begin."""
+        """Request real-time scheduling, and report that this process is ready to start."""
         self._granted = request_real_time(self._job.priority)
         sys.stdout.buffer.write(READY)
         sys.stdout.buffer.flush()
@@ -57,13 +57,13 @@ class ProcessContext:
         return bool(self._begins[1])
 
     def report(self, reason: str, counts: dict[str, int]) -> SideReport:
-        """Return the report with the real-time properties that were granted."""
+        """Return the report, with the granted real-time properties."""
         granted = self._granted
         return SideReport(reason, granted.priority, granted.locked, granted.absolute, counts)
 
 
 def run_process(sides: Mapping[str, Callable[[LoopJob, ProcessContext], SideReport]]) -> None:
-    """Run one side: the arguments name it and the shared memory, its job comes by stdin, its report goes to stdout."""
+    """Run the side that the arguments name; its job comes from stdin, and its report goes to stdout."""
     job: LoopJob = pickle.load(sys.stdin.buffer)
     report = sides[sys.argv[1]](job, ProcessContext(map_shared_memory(int(sys.argv[2])), job))
     sys.stdout.buffer.write(pickle.dumps(report))
@@ -74,19 +74,19 @@ BRAKES_FOR = 2.0
 """Longest braking [s]; a real arm's mechanical brakes would hold it by then."""
 
 
-def run_arm(job: LoopJob, stage: ProcessContext) -> SideReport:
-    """Run the loop: at each tick take its command, measure, publish, and move on.
+def run_arm(job: LoopJob, context: ProcessContext) -> SideReport:
+    """Run the arm's loop: at each tick apply the command, measure, publish, and simulate the next tick.
 
-    A command that arrives after its tick is not applied: the previous torque stands for one more tick. Time does not
-    wait: if this process is delayed, it simulates the ticks that passed, as a real arm would have moved on; commands
-    that were sent after those ticks count as delayed too. The arm brakes after `patience` ticks without a command, or
-    as soon as the law requests a stop, however delayed that command is.
+    A command that arrives after its tick is not applied: the arm holds the previous torque for another tick. If this
+    process is delayed, it simulates the ticks that have passed, since a real arm would have moved on; commands sent
+    after those ticks count as late. The arm brakes after `patience` ticks without a command, or as soon as the law
+    requests a stop, however late that command is.
     """
     arm = ArmSide(job.plan, job.world, job.substeps)
     measurement, command, _, row = job.lengths
-    measurements = Mailbox(stage.at(job.places.measurements), measurement)
-    commands = Mailbox(stage.at(job.places.commands), command)
-    ring = Ring(stage.at(job.places.arm_rows), row, KEPT_ROWS)
+    measurements = Mailbox(context.at(job.places.measurements), measurement)
+    commands = Mailbox(context.at(job.places.commands), command)
+    ring = Ring(context.at(job.places.arm_rows), row, KEPT_ROWS)
     header = measurements.message[:24].view("i8")
     body, torque = measurements.message[24:], commands.message[8:].view("f8")
     sent = commands.message[:8].view("i8")
@@ -97,8 +97,8 @@ def run_arm(job: LoopJob, stage: ProcessContext) -> SideReport:
     commands.clear()
     body[:] = arm.measured
     header[:] = -1, now(), 0
-    stage.ready()
-    start = stage.started()
+    context.ready()
+    start = context.started()
     header[1:] = start - period, start - period
     measurements.put(-1)
     applied, without, braked = -1, 0, 0
@@ -124,7 +124,7 @@ def run_arm(job: LoopJob, stage: ProcessContext) -> SideReport:
         arm.set(k, arrived)
         measured = arm.measure(k)
         if arm.braking:
-            pass  # a braking robot has ended the motion and sends no more measurements
+            pass  # A braking robot sends no more measurements.
         elif measured:
             body[:] = arm.measured
             header[:] = applied, now(), due
@@ -143,23 +143,23 @@ def run_arm(job: LoopJob, stage: ProcessContext) -> SideReport:
             reason = cause
             if arm.rests or braked * job.period > BRAKES_FOR:
                 break
-        elif stage.stops:
+        elif context.stops:
             reason = "stopped"
             break
-    return stage.report(reason, counts)
+    return context.report(reason, counts)
 
 
 NAP = 20_000
-"""Pause between two looks for an overdue measurement [ns]."""
+"""Polling interval for an overdue measurement [ns]."""
 
 
-def run_law(job: LoopJob, stage: ProcessContext) -> SideReport:
-    """Run the loop: wake up, take the newest measurement, answer it, log, sleep."""
+def run_law(job: LoopJob, context: ProcessContext) -> SideReport:
+    """Run the law's loop: wake up, take the newest measurement, answer it, log, sleep."""
     law = LawSide(job.plan, job.period)
     measurement, command, row, _ = job.lengths
-    measurements = Mailbox(stage.at(job.places.measurements), measurement)
-    commands = Mailbox(stage.at(job.places.commands), command)
-    ring = Ring(stage.at(job.places.law_rows), row, KEPT_ROWS)
+    measurements = Mailbox(context.at(job.places.measurements), measurement)
+    commands = Mailbox(context.at(job.places.commands), command)
+    ring = Ring(context.at(job.places.law_rows), row, KEPT_ROWS)
     sent = measurements.message[:24].view("i8")
     body = measurements.message[24:]
     stamp, torque = commands.message[:8].view("i8"), commands.message[8:]
@@ -168,8 +168,8 @@ def run_law(job: LoopJob, stage: ProcessContext) -> SideReport:
     sleeper, period = Sleeper(), round(job.period * SECOND)
     counts = {"answered": 0, "skipped": 0, "rolled_back": 0, "astray": 0}
     expected, last = -1, 0
-    stage.ready()
-    start = stage.started()
+    context.ready()
+    start = context.started()
     reason = "done"
     while True:
         due = start + expected * period + job.phase
@@ -181,7 +181,7 @@ def run_law(job: LoopJob, stage: ProcessContext) -> SideReport:
             if looked - due > job.patience * period:
                 reason = "no measurement"
                 break
-            if stage.stops:
+            if context.stops:
                 reason = "stopped"
                 break
             sleeper.until(looked + NAP)
@@ -209,7 +209,7 @@ def run_law(job: LoopJob, stage: ProcessContext) -> SideReport:
         if k >= job.ticks:
             break
         law.look_ahead(k + 1)
-    return stage.report(reason, counts)
+    return context.report(reason, counts)
 
 
 if __name__ == "__main__":

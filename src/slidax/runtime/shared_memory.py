@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 
 NEWEST = 8
-"""Messages kept, so that the newest can be read while the next is written."""
+"""Number of stored messages, so that the newest can be read while the next is written."""
 
 
 def create_shared_memory(size: int) -> int:
-    """Return the descriptor of shared memory that vanishes with the last process that holds it; `size` in bytes."""
+    """Return the descriptor of shared memory that disappears with the last process that uses it; `size` in bytes."""
     if sys.platform == "linux":
         descriptor = os.memfd_create("slidax")
     else:
@@ -32,23 +32,21 @@ def create_shared_memory(size: int) -> int:
 
 
 def map_shared_memory(descriptor: int) -> np.ndarray:
-    """Return the shared memory of a descriptor from `anonymous`, as bytes."""
+    """Return the shared memory of a descriptor from `create_shared_memory`, as bytes."""
     return np.frombuffer(mmap.mmap(descriptor, 0), np.uint8)
 
 
 FRESH = 16
-"""Rows: a processor may show the count of rows before the newest rows themselves, but never this many periods
-before.
-"""
+"""Number of newest rows that a reader leaves alone: another processor may see the row count before the rows."""
 
 
 class Mailbox:
-    """The newest message of one process for another: bytes of one size, with a number and a checksum.
+    """The newest message from a process to another: bytes of fixed size, with a number and a checksum.
 
-    The checksum detects an incomplete message, in whatever order a processor shows its writes to others.
+    The checksum detects an incomplete message, in whatever order writes become visible to other processors.
 
-    - `memory`: shared, `Mailbox.size(length)` bytes.
-    - `length`: of a message [bytes], a multiple of 8.
+    - `memory`: shared memory of `Mailbox.size(length)` bytes.
+    - `length`: length of a message [bytes], a multiple of 8.
     """
 
     def __init__(self, memory: np.ndarray, length: int) -> None:
@@ -70,31 +68,31 @@ class Mailbox:
 
     def put(self, number: int) -> None:
         """Publish `message` as the newest; its `number` must be larger than that of the previous one."""
-        at = number % NEWEST
-        self._numbers[at][0] = number
-        self._bodies[at][:] = self.message
-        self._sums[at][0] = zlib.crc32(self.message, number & 0xFFFFFFFF)
+        slot = number % NEWEST
+        self._numbers[slot][0] = number
+        self._bodies[slot][:] = self.message
+        self._sums[slot][0] = zlib.crc32(self.message, number & 0xFFFFFFFF)
         self._newest[0] = number
 
     def get(self) -> int:
         """Copy the newest complete message into `message`; return its number.
 
-        Returns -2 if there is none; `message` may then hold anything.
+        Returns -2 if there is none; the content of `message` is then undefined.
         """
         number = int(self._newest[0])
         if number == -2:
             return -2
-        at = number % NEWEST
-        self.message[:] = self._bodies[at]
-        whole = int(self._sums[at][0]) == zlib.crc32(self.message, number & 0xFFFFFFFF)
-        return number if whole and int(self._numbers[at][0]) == number else -2
+        slot = number % NEWEST
+        self.message[:] = self._bodies[slot]
+        intact = int(self._sums[slot][0]) == zlib.crc32(self.message, number & 0xFFFFFFFF)
+        return number if intact and int(self._numbers[slot][0]) == number else -2
 
 
 class Ring:
-    """Rows from one process for another that reads them later: the writer never waits, and unread rows are overwritten.
+    """Ring buffer of rows from a process to another; the writer never waits, and overwrites unread rows.
 
-    - `memory`: shared, `Ring.size(length, rows)` bytes.
-    - `length`: of a row [bytes], a multiple of 8.
+    - `memory`: shared memory of `Ring.size(length, rows)` bytes.
+    - `length`: length of a row [bytes], a multiple of 8.
     - `rows`: capacity.
     """
 
@@ -118,29 +116,26 @@ class Ring:
         self._written[0] = self._put
 
     def take(self, *, last: bool = False) -> np.ndarray:
-        """Return the new rows, [m length].
-
-        The newest few wait for the next call, unless the writer has ended (`last`).
-        """
+        """Return the new rows, [m length], without the `FRESH` newest ones unless the writer has ended (`last`)."""
         written = int(self._written[0])
         upto = written if last else written - FRESH
-        # Margin to the row that is being written.
+        # Keep a distance from the row that is being written.
         oldest = written - self._count + 4 * FRESH
         if self._taken < oldest:
             self.lost += oldest - self._taken
             self._taken = oldest
-        which = np.arange(self._taken, max(upto, self._taken)) % self._count
+        indices = np.arange(self._taken, max(upto, self._taken)) % self._count
         self._taken = max(upto, self._taken)
-        return self._rows[which]
+        return self._rows[indices]
 
 
 ALIGNED = 64
-"""Bytes: a cache line, and the strictest alignment of a vector load."""
+"""Alignment of the block [bytes]: a cache line, which is enough for every vector load."""
 
 
 @dataclass(frozen=True)
 class Slot:
-    """Place of an array in the block; `offset` in bytes."""
+    """Position of an array in the block; `offset` in bytes."""
 
     offset: int
     shape: tuple[int, ...]
@@ -154,11 +149,11 @@ class Slot:
 
 @dataclass(frozen=True)
 class MachineCode:
-    """Machine code with the places that it reads and writes.
+    """Machine code, with the positions of its inputs and outputs.
 
     - `object`: an object file for this machine.
-    - `entry`: the name of its function.
-    - `offsets`: of all inputs and then of all outputs in the block [bytes]; no output is an input.
+    - `entry`: name of its function.
+    - `offsets`: offsets of all inputs and then all outputs in the block [bytes]; no output is an input.
     """
 
     object: bytes
@@ -168,9 +163,9 @@ class MachineCode:
 
 @dataclass(frozen=True)
 class CodePlan:
-    """Description of an arena, which one process sends to another.
+    """Description of an arena, to be sent to another process.
 
-    - `initial`: the block before the first call.
+    - `initial`: content of the block before the first call.
     - `routines`, `views`: machine code and arrays, by name.
     - `regions`: start and end of parts of the block [bytes], by name.
     """
@@ -182,19 +177,19 @@ class CodePlan:
 
 
 class Arena:
-    """The block in this process, with its code ready to be called; a call costs less than 1 µs in addition to its work.
+    """The block in this process, with its code ready to call; the overhead of a call is less than 1 µs.
 
     Raises ImportError if llvmlite is missing.
     """
 
     def __init__(self, plan: CodePlan) -> None:
         self.plan = plan
-        whole = np.zeros(len(plan.initial) + ALIGNED, np.uint8)
-        start = -whole.ctypes.data % ALIGNED
-        self.block = whole[start : start + len(plan.initial)]
+        memory = np.zeros(len(plan.initial) + ALIGNED, np.uint8)
+        start = -memory.ctypes.data % ALIGNED
+        self.block = memory[start : start + len(plan.initial)]
         self.reset()
         self._address = self.block.ctypes.data
-        self._linked = _linked(plan)
+        self._linked = _link(plan)
         self._tables = {
             name: np.array([self._address + offset for offset in code.offsets], np.uintp)
             for name, code in plan.routines.items()
@@ -215,13 +210,13 @@ class Arena:
         return self.block[start:end]
 
     def routine(self, name: str) -> Callable[[], None]:
-        """Return machine code that is called without arguments."""
+        """Return a routine as a function without arguments."""
         code = self.plan.routines[name]
         return partial(self._linked[code.entry], self._tables[name].ctypes.data, 1, 0)
 
 
-def _linked(plan: CodePlan) -> dict[str, Any]:
-    """Link each function once; by the name of its entry."""
+def _link(plan: CodePlan) -> dict[str, Any]:
+    """Link each function once; return them by name."""
     import llvmlite.binding as llvm
 
     llvm.initialize_native_target()
@@ -236,7 +231,7 @@ def _linked(plan: CodePlan) -> dict[str, Any]:
         builder = llvm.JITLibraryBuilder().add_object_img(code.object).add_current_process()
         library = builder.export_symbol(code.entry).link(jit, f"of_{code.entry}")
         function: Any = signature(library[code.entry])
-        # The code lives as long as its holder.
+        # These references keep the code alive.
         function.held = (jit, library)
         functions[code.entry] = function
     return functions

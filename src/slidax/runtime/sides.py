@@ -15,12 +15,12 @@ import numpy as np
 from .shared_memory import Arena, CodePlan
 
 SECOND = 1_000_000_000
-"""In ns."""
+"""A second in ns."""
 
 _ABSOLUTE, _MONOTONIC = 1, 1
 _TIMER_SLACK, _DEATH_SIGNAL, _KILL = 29, 1, 9
 _ALL_MEMORY = 3
-"""MCL_CURRENT and MCL_FUTURE, as Linux has them."""
+"""MCL_CURRENT | MCL_FUTURE on Linux."""
 
 
 class _Timespec(ctypes.Structure):
@@ -28,14 +28,14 @@ class _Timespec(ctypes.Structure):
 
 
 def now() -> int:
-    """Time of the monotonic clock [ns], which all processes of a machine share."""
+    """Time of the monotonic clock [ns], common to all processes of a machine."""
     if sys.platform == "win32":
         return time.monotonic_ns()
     return time.clock_gettime_ns(time.CLOCK_MONOTONIC)
 
 
 class Sleeper:
-    """Sleeps until an absolute time, so that one delay does not shift all later wake-ups."""
+    """Sleeps until an absolute time, so that a delay does not shift later wake-ups."""
 
     def __init__(self) -> None:
         self._time = _Timespec()
@@ -45,7 +45,7 @@ class Sleeper:
             self._sleep = ctypes.CDLL(None).clock_nanosleep
 
     def until(self, when: int) -> None:
-        """Return at time `when` [ns, by `now`], or at once if it has passed."""
+        """Return at time `when` [ns, as from `now`], or at once if it has passed."""
         if self._sleep is None:
             left = when - now()
             if left > 0:
@@ -53,7 +53,7 @@ class Sleeper:
             return
         self._time.seconds, self._time.nanoseconds = divmod(when, SECOND)
         while self._sleep(_MONOTONIC, _ABSOLUTE, self._reference, None):
-            pass  # a signal woke it
+            pass  # Interrupted by a signal.
 
 
 @dataclass(frozen=True)
@@ -71,9 +71,9 @@ class RealTimeGrant:
 
 
 def request_real_time(priority: int) -> RealTimeGrant:
-    """Request real-time priority (1 to 99) and locked memory, stop garbage collection, and return what was granted.
+    """Request real-time priority (1 to 99) and locked memory, and stop garbage collection.
 
-    The process ends when its parent does.
+    From then on, the process ends with its parent. Returns the granted properties.
     """
     gc.collect()
     gc.freeze()
@@ -93,20 +93,21 @@ def request_real_time(priority: int) -> RealTimeGrant:
 
 
 KEPT_ROWS = 8192
-"""Rows of a ring: eight seconds at 1 kHz, for a recorder that is held up."""
+"""Rows of a ring: eight seconds at 1 kHz, for a recorder that is delayed."""
 
 STOP = -1
-"""In a command, instead of the time at which it was sent: the law asks the arm to brake."""
+"""Value of a command's time stamp by which the law asks the arm to brake."""
 
 
 @dataclass(frozen=True)
 class MemoryLayout:
-    """Layout of the shared memory: the start of each part [bytes].
+    """Layout of the shared memory: the offset of each part [bytes].
 
     - `measurements`, `commands`: the mailboxes.
     - `law_rows`, `arm_rows`: the rings.
-    - `start`: time of tick 0 by the monotonic clock [ns], 0 until it is set; then a flag that ends both processes.
-    - `size`: of all.
+    - `start`: time of tick 0 by the monotonic clock [ns], 0 until it is set; followed by a flag that ends both
+      processes.
+    - `size`: total size.
     """
 
     measurements: int
@@ -119,17 +120,19 @@ class MemoryLayout:
 
 @dataclass(frozen=True)
 class LoopJob:
-    """One side of the loop.
+    """The job of a side of the loop.
 
-    - `lengths`: bytes of a measurement, a command, a row of the law and a row of the arm.
-    - `period`: between two ticks [s].
-    - `ticks`: length of the loop.
-    - `patience`: ticks without a command, or without a measurement, that end the loop.
-    - `phase`: wake-up of the law after a tick [ns].
+    - `plan`: its code.
+    - `places`: layout of the shared memory.
+    - `lengths`: lengths of a measurement, a command, a row of the law and a row of the arm [bytes].
+    - `period`: time between two ticks [s].
+    - `ticks`: number of ticks.
+    - `patience`: number of ticks without a command, or without a measurement, that ends the loop.
+    - `phase`: time from a tick to the law's wake-up [ns].
     - `priority`: real-time priority to request.
     - `world`: for the arm: MuJoCo's model with the joints' indices, or None.
-    - `substeps`: MuJoCo's steps in a tick.
-    - `stop_bit`: status bit of the law with which the arm must brake; 0 for none.
+    - `substeps`: MuJoCo steps per tick.
+    - `stop_bit`: status bit of the law that makes the arm brake; 0 for none.
     """
 
     plan: CodePlan
@@ -150,7 +153,7 @@ class SideReport:
     """A side's report at its end.
 
     - `reason`: "done", "stopped", "no command", "stop requested", "no measurement" or "not finite".
-    - `priority`, `locked`, `absolute`: as in `Granted`.
+    - `priority`, `locked`, `absolute`: as in `RealTimeGrant`.
     - `counts`: event counters, by name.
     """
 
@@ -165,11 +168,12 @@ class LawSide:
     """A law that answers measurements one by one.
 
     A command takes effect at a tick. If it arrives too late, the arm holds its previous torque, and the law's memory of
-    its own command is wrong. Therefore each measurement carries the number of the last command applied, and the law
+    its own command is wrong. Therefore each measurement carries the number of the last applied command, and the law
     continues from its memory after that command. The law treats such a tick as a lost sample.
 
-    - `plan`: its code: `motion` from `t` to the reference; `step_0`, `step_1` from one of two memories to the other.
-    - `period`: between two ticks [s].
+    - `plan`: its code: `motion` computes the reference at `t`; `step_0`, `step_1` step from one of two memories to the
+      other.
+    - `period`: time between two ticks [s].
     """
 
     def __init__(self, plan: CodePlan, period: float) -> None:
@@ -220,7 +224,7 @@ class LawSide:
         """Answer a logged sample again; return False if the memory to continue from is not available.
 
         - `sample`: time, measurement and reference, as bytes.
-        - `k`, `basis`: of the logged row.
+        - `k`, `basis`: tick and basis in the logged row.
         """
         self._k[()] = k
         self._sample[:] = sample
@@ -232,11 +236,11 @@ World = tuple[Any, np.ndarray, np.ndarray]
 
 
 class ArmSide:
-    """A simulated arm that is moved tick by tick.
+    """An arm that is simulated tick by tick.
 
-    - `plan`: its code: `set` takes a torque, `measure` measures, `move` moves the arm or computes MuJoCo's force.
-    - `world`: MuJoCo's model; None for slidax's own arm.
-    - `substeps`: MuJoCo's steps in a tick.
+    - `plan`: its code: `set` applies a torque, `measure` measures, `move` moves the arm or computes MuJoCo's force.
+    - `world`: MuJoCo's model; None for slidax's own simulator.
+    - `substeps`: MuJoCo steps per tick.
     """
 
     def __init__(self, plan: CodePlan, world: World | None, substeps: int) -> None:
@@ -264,7 +268,7 @@ class ArmSide:
             self._data.qpos[world[1]], self._data.qvel[world[2]] = self.q, self.dq
 
     def set(self, k: int, arrived: bool) -> None:
-        """Apply the torque in `tau` at tick `k` if its command arrived in time; else the previous torque stands."""
+        """Apply the torque in `tau` at tick `k` if its command arrived in time; otherwise hold the previous torque."""
         self._k[()] = self._tick[()] = k
         self._brakes[()] = self._braking[()] = self.braking
         if arrived:
@@ -282,19 +286,19 @@ class ArmSide:
         return bool(self.fresh)
 
     def move(self) -> bool:
-        """Move on to the next tick; return True if the state is finite."""
+        """Simulate to the next tick; return True if the state is finite."""
         if self._world is None:
             self._move()
             before, after = self._pairs["state"]
             before[:] = after
         else:
-            model, places, dofs = self._world
+            model, indices, dofs = self._world
             for i in range(self._substeps):
                 self._i[()] = i
                 self._move()
                 self._data.qfrc_applied[dofs] = self._force
                 self._simulator.mj_step(model, self._data)
-                self._data.qpos.take(places, out=self.q, mode="clip")
+                self._data.qpos.take(indices, out=self.q, mode="clip")
                 self._data.qvel.take(dofs, out=self.dq, mode="clip")
         return bool(np.isfinite(self.q).all())
 

@@ -64,8 +64,8 @@ def members(kind: str) -> dict[str, type[AbstractDescription]]:
 def explain_parameters(name: str) -> dict[str, Any]:
     """Return a part's parameters: path, unit, range with its equation, default, the default's source, and meaning.
 
-    - `name`: of a part in `catalogue`, or `kind.name` for a name of several kinds; or of a block of a scenario, such as
-      `sensor`.
+    - `name`: name of a part in `catalogue`, `kind.name` if several kinds have this name, or a block of a scenario, such
+      as `sensor`.
 
     Raises DefinitionError if the name is unknown or ambiguous.
     """
@@ -78,9 +78,9 @@ def explain_parameters(name: str) -> dict[str, Any]:
     } | {label: model for label, model in BLOCKS.items() if label == name}
     if not matches:
         known = [*KINDS, "scenarios", *BLOCKS, *(label for kind in KINDS for label in members(kind))]
-        raise DefinitionError(f"there is nothing called `{plain_name(name)}`; {nearest_word(name, known)}")
+        raise DefinitionError(f"there is no part `{plain_name(name)}`; {nearest_word(name, known)}")
     if len(matches) > 1:
-        raise DefinitionError(f"`{name}` is the name of several: say {' or '.join(f'`{match}`' for match in matches)}")
+        raise DefinitionError(f"ambiguous name `{name}`: use {' or '.join(f'`{match}`' for match in matches)}")
     (model,) = matches.values()
     return {"name": name, "title": _first_line(model), "parameters": _rows(model, "")}
 
@@ -121,7 +121,7 @@ def _row(path: str, field: FieldInfo) -> dict[str, Any]:
 
 
 def _described(field: FieldInfo) -> type[AbstractDescription] | None:
-    """The only description of a field: a block, or the part of a preset; None if there are several."""
+    """The default description of a field: its block, or the preset's part; None without a default."""
     if isinstance(field.annotation, type) and issubclass(field.annotation, AbstractDescription):
         return field.annotation
     preset = [model for model in _models(field) if not model.model_fields["kind"].is_required()]

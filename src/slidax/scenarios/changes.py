@@ -13,34 +13,34 @@ from pydantic import TypeAdapter, ValidationError
 from slidax.core.errors import DefinitionError, locate_errors, nearest_word, plain_name
 from slidax.core.joint_names import match_names
 
-from .schemes import PRESETS, owner_of, place_parameters, present_path, switch_scheme, with_kinds
+from .schemes import PRESETS, current_path, owner_of, place_parameters, switch_scheme, with_kinds
 from .yaml_text import validation_error
 
 BRACKETS = re.compile(r"\[([^\[\]]*)\]")
 
 
 def without_brackets(path: str, joints: Sequence[str] = ()) -> str:
-    """Return a path with its indices after dots: `start.q[2]` is `start.q.2`, `cost[0,1]` is `cost.0.1`.
+    """Return a path with dots instead of brackets: `start.q[2]` becomes `start.q.2`, `cost[0,1]` becomes `cost.0.1`.
 
-    - `joints`: names of the robot's joints, which may be indices.
+    - `joints`: names of the robot's joints, which may be used as indices.
 
-    Raises DefinitionError if an index is no joint's name.
+    Raises DefinitionError if an index is neither a number nor a joint's name.
     """
-    whole = BRACKETS.sub("", path)
-    if "[" in whole or "]" in whole or path.startswith("["):
-        raise DefinitionError(f"`{plain_name(path)}` is no path: a place in a list has the form NAME[0] or NAME[JOINT]")
+    rest = BRACKETS.sub("", path)
+    if "[" in rest or "]" in rest or path.startswith("["):
+        raise DefinitionError(f"`{plain_name(path)}` is no path: write an entry of a list as NAME[0] or NAME[JOINT]")
 
     def dotted(match: re.Match[str]) -> str:
         words = match[1].strip()
         if re.fullmatch(r"\d+(\s*,\s*\d+)*", words):
-            return "".join(f".{place.strip()}" for place in words.split(","))
-        place = match_names(joints, [words]).get(words)
-        if place is None:
+            return "".join(f".{index.strip()}" for index in words.split(","))
+        index = match_names(joints, [words]).get(words)
+        if index is None:
             raise DefinitionError(
                 f"`{plain_name(path)}`: `{plain_name(words)}` is no joint of the robot, and no number from 0 "
                 f"to {len(joints) - 1}; {nearest_word(words, joints)}"
             )
-        return f".{place}"
+        return f".{index}"
 
     return BRACKETS.sub(dotted, path)
 
@@ -70,11 +70,11 @@ def _robots() -> TypeAdapter[Any]:
 
 
 def with_changes(data: dict[str, Any], changes: dict[str, Any], folder: Path = Path()) -> dict[str, Any]:
-    """Return a scenario with other values, each parameter of its scheme under the part that has it.
+    """Return a scenario with changed values, and with each parameter of its scheme under the part that has it.
 
-    - `data`: mapping of the file, which does not change.
-    - `changes`: values by dotted path. Names and kinds are set first, entries of lists, such as `start.q[0]`, last:
-      other values belong to them. A new `kind` drops the parameters of the file's own kind.
+    - `data`: mapping of the file; it is not modified.
+    - `changes`: new values by dotted path. Names and kinds are set first, since other values depend on them; entries of
+      lists, such as `start.q[0]`, last. A new `kind` drops the parameters of the old kind.
     - `folder`: folder of the files that the scenario names.
 
     Raises DefinitionError if a path does not exist.
@@ -95,23 +95,23 @@ def with_changes(data: dict[str, Any], changes: dict[str, Any], folder: Path = P
 
 
 def _with_lists(value: Any) -> Any:
-    """The data with lists in place of tuples, whose entries could not be set."""
+    """The data with lists instead of tuples, so that entries can be set."""
     if isinstance(value, dict):
         return {key: _with_lists(part) for key, part in value.items()}
     return [_with_lists(part) for part in value] if isinstance(value, list | tuple) else value
 
 
 def _from_here(path: str, value: Any) -> Any:
-    """A file of a change as an absolute path, since it is relative to the current folder, not the scenario's."""
+    """Make a file name in a change absolute: it is relative to the current folder, not to the scenario's."""
     return str(Path.cwd() / value) if path.endswith(".file") and isinstance(value, str) else value
 
 
 def path_in(data: dict[str, Any], path: str, joints: Sequence[str] = ()) -> str:
-    """Return a path with indices as numbers; a parameter of the scheme gets the part that has it.
+    """Return a path with numeric indices, and with the part that has a parameter of the scheme.
 
     - `data`: mapping of the file.
-    - `path`: as of `--set`.
-    - `joints`: names of the robot's joints, which may be indices.
+    - `path`: path as in `--set`.
+    - `joints`: names of the robot's joints, which may be used as indices.
 
     Raises DefinitionError if an index does not exist.
     """
@@ -123,42 +123,44 @@ def path_in(data: dict[str, Any], path: str, joints: Sequence[str] = ()) -> str:
     name = scheme.get("name")
     preset = PRESETS.get(name) if isinstance(name, str) else None
     owner = owner_of(preset, parts[1]) if preset is not None else None
-    return ".".join(present_path(["scheme", *([owner] if owner else []), *parts[1:]]))
+    return ".".join(current_path(["scheme", *([owner] if owner else []), *parts[1:]]))
 
 
 def _set(data: dict[str, Any], path: str, value: Any, joints: int) -> None:
     parts = path.split(".")
     if not all(parts):
-        raise DefinitionError(f"`{plain_name(path)}` is no path: it needs a name between any two dots, and at its ends")
-    place: Any = data
+        raise DefinitionError(
+            f"`{plain_name(path)}` is no path: it needs a name between two dots, at its start and at its end"
+        )
+    node: Any = data
     for depth, part in enumerate(parts):
         here = ".".join(parts[:depth]) or "the scenario"
-        if isinstance(place, list):
-            if not (part.isascii() and part.isdigit() and len(part) < 10) or int(part) >= len(place):
+        if isinstance(node, list):
+            if not (part.isascii() and part.isdigit() and len(part) < 10) or int(part) >= len(node):
                 raise DefinitionError(
-                    f"`{here}` is a list of {len(place)}; `{plain_name(part)}` is not one of its numbers from 0. Write "
-                    f"`{here}[0]`, or `{here}[JOINT]` where each entry belongs to a joint"
+                    f"`{here}` is a list of {len(node)}, and `{plain_name(part)}` is no index from 0 to "
+                    f"{len(node) - 1}. Write `{here}[0]`, or `{here}[JOINT]` if each entry belongs to a joint"
                 )
             key: Any = int(part)
-        elif isinstance(place, dict):
+        elif isinstance(node, dict):
             key = part
         else:
             raise DefinitionError(f"`{plain_name(here)}` is a single value, so `{plain_name(path)}` cannot be set")
-        if depth < len(parts) - 1 and parts[depth + 1].isdigit() and isinstance(place, dict):
-            place[key] = _one_per_joint(place.get(key), ".".join(parts[: depth + 1]), joints)
+        if depth < len(parts) - 1 and parts[depth + 1].isdigit() and isinstance(node, dict):
+            node[key] = _one_per_joint(node.get(key), ".".join(parts[: depth + 1]), joints)
         if depth == len(parts) - 1:
-            if key == "kind" and isinstance(place, dict) and place.get("kind", value) != value:
-                place.clear()
-            place[key] = value
+            if key == "kind" and isinstance(node, dict) and node.get("kind", value) != value:
+                node.clear()
+            node[key] = value
         else:
-            place = place.setdefault(key, {}) if isinstance(place, dict) else place[key]
+            node = node.setdefault(key, {}) if isinstance(node, dict) else node[key]
 
 
 def _one_per_joint(value: Any, path: str, joints: int) -> Any:
-    """The value with one number for each joint, so that one of them can be set."""
+    """Expand a number to a list with an entry for each joint, so that an entry can be set."""
     if value is None:
         raise DefinitionError(
-            f"`{plain_name(path)}` is not in the file, so that one of its numbers cannot be set: set all"
+            f"`{plain_name(path)}` is not in the file, so a single entry of it cannot be set: set all entries"
         )
     spread = joints and isinstance(value, int | float) and not isinstance(value, bool)
     return [value] * joints if spread else value

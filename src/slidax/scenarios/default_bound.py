@@ -23,20 +23,20 @@ from slidax.simulation.states import Numbers, spread_in_box, states_of
 POSTURES = 256
 
 LEAST, MOST = 0.2, 0.5
-"""Limits of γ in the printed law: no model is known better, and u grows as 1/(1 - γ)."""
+"""Range of γ in the printed law: no model is assumed to be more exact, and u grows as 1/(1 - γ)."""
 
 MARGIN = 0.2
-"""k over the norm of the torque limits, or of the weight without limits."""
+"""k as a share of the norm of the torque limits, or of the weight without limits."""
 
 CEILING = 0.25
-"""Largest compensated disturbance of a sampled-data law over the norm of the torque limits: a larger estimate diverges
-while the drives are at their limits. The Panda with 2 kg is stable with 0.23, and not with 0.46."""
+"""Largest `k + b0` of a sampled-data law as a share of the norm of the torque limits: a larger estimate diverges while
+the drives are at their limits. The Panda with 2 kg is stable with 0.23, but not with 0.46."""
 
 FAR_BELOW = 0.1
 """Share of the norm of the torque limits above which a bound is plausible."""
 
 RANGE = {"rad": np.pi, "m": 0.5}
-"""rad or m to both sides: range of a joint without limits."""
+"""rad or m to both sides: assumed range of a joint without limits."""
 
 
 def default_bound(
@@ -44,14 +44,14 @@ def default_bound(
 ) -> dict[str, float]:
     """Return the parameters of an `UncertaintyBound`, eqs. (19), (45)-(47), from 256 postures over the joints' ranges.
 
-    With the true M and `b = C q̇ + G`, the nominal M0 and b0, the lumped uncertainty is
-    `(M0 M⁻¹ - I)(τ - b) - (b - b0)`. Let `B = max‖b - b0‖` at rest, with friction at 1 rad/s, or 20 % of the weight if
-    that is more. `b1 = 0`, since weight does not grow with ‖q‖, and k is 20 % of the norm of the torque limits.
+    With the true M and `b = C q̇ + G`, and the nominal M0 and b0, the lumped uncertainty is
+    `(M0 M⁻¹ - I)(τ - b) - (b - b0)`. Let `B = max‖b - b0‖` at rest, with friction at 1 rad/s, but at least 20 % of the
+    weight. `b1 = 0`, since weight does not grow with ‖q‖, and k is 20 % of the norm of the torque limits.
 
     - Printed form: γ bounds `|κ - 1|` of the eigenvalues κ of `M⁻¹M0`, between 0.2 and 0.5; `m1, m2 = (1 ∓ γ) m` with
       `m = mean ‖M0⁻¹‖` have this γ by (46); `b0 = γ max‖G0‖ + (1 + γ) B`, and b2 is the same share of `C q̇` over ‖q̇‖².
-    - Sampled-data form: the estimator follows the inertia mismatch, so that `γ = 0` and `b2 = 0`; `b0 = B`, but `k +
-      b0` is at most a quarter of the norm of the torque limits.
+    - Sampled-data form: the estimator compensates the inertia mismatch, so `γ = 0` and `b2 = 0`. `b0 = B`, but `k + b0`
+      is at most a quarter of the norm of the torque limits.
 
     - `load`: payload of the true arm.
     - `sampled`: True for a law in sampled-data form.
@@ -87,7 +87,7 @@ def default_bound(
     return {name: float(f"{value:.4g}") for name, value in bound.items()}
 
 
-def warn_of_another_arms(
+def warn_of_implausible_bound(
     bound: dict[str, Any], state: State, drives: TorqueLimits, find: Callable[[], dict[str, float]]
 ) -> None:
     """Warn, with a DefinitionWarning, if u at rest at the start is implausible for this arm.
@@ -110,14 +110,14 @@ def warn_of_another_arms(
     gamma = (most - least) / (most + least)
     u = (bound["margin"] + bound["b0"] + bound["b1"] * float(np.linalg.norm(np.asarray(state.q)))) / (1.0 - gamma)
     strength = float(np.linalg.norm(torque))
-    remedy = "leave `scheme.bound` out, and it is found for this arm"
+    remedy = "leave `scheme.bound` out to compute it for this arm"
     if u > strength:
-        value = f"u = {u:.3g} N m at the start, more than all drives together can give (norm {strength:.3g} N m)"
+        value = f"u = {u:.3g} N m at the start, more than all drives together (norm {strength:.3g} N m)"
     elif u < FAR_BELOW * strength and (needed := sum(find()[name] for name in ("margin", "b0"))) > 3.0 * u:
-        value = f"u = {u:.3g} N m at the start, where this arm and its stated mismatch ask for {needed:.3g} N m"
+        value = f"u = {u:.3g} N m at the start, but this arm and its stated mismatch need {needed:.3g} N m"
     else:
         return
-    warnings.warn(f"scheme.bound gives {value}; is it another arm's? {remedy}", DefinitionWarning, stacklevel=2)
+    warnings.warn(f"scheme.bound gives {value}; is it for another arm? {remedy}", DefinitionWarning, stacklevel=2)
 
 
 def _carrying(true: AbstractRobot, load: TimedPayload | None) -> AbstractRobot:

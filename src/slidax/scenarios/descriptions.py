@@ -78,7 +78,7 @@ def described_field(parameter: Parameter, *, checked: bool = False, **changes: A
     if checked:
         options |= {CONSTRAINTS[end]: value for end, value in bounds.items()}
 
-    # A symbol at the beginning keeps its case.
+    # Capitalise a word at the beginning, but not a symbol such as H.
     meaning = parameter.meaning
     if meaning[:2].isascii() and meaning[:2].isalpha():
         meaning = meaning[:1].upper() + meaning[1:]
@@ -89,13 +89,13 @@ def described_field(parameter: Parameter, *, checked: bool = False, **changes: A
 
 
 def same_field(part: type, name: str, **changes: Any) -> Any:
-    """Return the field of a description for a parameter of a part's class, with changes as in `described`."""
+    """Return the field of a description for a parameter of a part's class, with changes as in `described_field`."""
     (parameter,) = (parameter for parameter in parameters_of(part) if parameter.name == name)
     return described_field(parameter, **changes)
 
 
 def input_field(meaning: str, unit: str = "", range: str = "", *, default: Any = REQUIRED, source: str = "") -> Any:
-    """Declare the field of a description that is no parameter of a part; arguments as of `slidax.core.parameter`.
+    """Declare a field of a description that is no parameter of a part; arguments as in `slidax.core.parameter`.
 
     The range is checked when the file is read.
     """
@@ -112,7 +112,9 @@ class PartDescription(AbstractDescription):
     part: ClassVar[type]
 
     def build(self, **more: Any) -> Any:
-        """Build the part, with more arguments that are not in the file.
+        """Build the part.
+
+        - `more`: arguments that the file does not have.
 
         Raises DefinitionError, with the path of the field, if it is invalid.
         """
@@ -141,7 +143,7 @@ def build_parts(where: str, value: Any) -> Any:
 def description_of(part: type) -> type[PartDescription]:
     """Return the description of a part's class, with a required `kind`."""
     kind = kind_of(part)
-    return _model(part, part.__name__, {"kind": (Literal[kind], Field(description="Which part it is."))})
+    return _model(part, part.__name__, {"kind": (Literal[kind], Field(description="Kind of the part."))})
 
 
 def preset_of(
@@ -151,10 +153,10 @@ def preset_of(
 
     - `owner`: name of the preset.
     - `values`, `source`: the preset's values, and their source.
-    - `computed`: parameters that the scenario computes if the file lacks them, each with the source.
+    - `computed`: parameters that the scenario computes if the file lacks them, each with its source.
     """
     kind = kind_of(part)
-    fields = {"kind": (Literal[kind], Field(default=kind, description="Which part it is."))}
+    fields = {"kind": (Literal[kind], Field(default=kind, description="Kind of the part."))}
     return _model(part, f"{owner}.{part.__name__}", fields, values, source, computed=computed)
 
 
@@ -183,7 +185,7 @@ def union_of(family: type, *instead: type[AbstractDescription], default: type[Pa
 
 
 def is_nameable(part: type, family: type) -> bool:
-    """True if a file can describe a part of this family: by numbers, choices, and parts of other families."""
+    """True if a file can describe a part: all required parameters are numbers, choices, or parts of other families."""
     hints = hints_of(part)
     return all(type_of(p, hints[p.name], family) is not None for p in parameters_of(part) if p.required)
 
@@ -212,7 +214,7 @@ def _model(
         if not changes and key in computed:
             changes = {"default": None, "source": computed[key]}
         if changes.get("default", parameter.default) in (None, math.inf):
-            # JSON has no infinity: null stands for it.
+            # JSON has no infinity: use null instead.
             annotation, changes = annotation | None, {**changes, "default": None}
         fields[key] = (annotation, described_field(parameter, **changes))
     model: type[PartDescription] = create_model(name, __base__=PartDescription, __doc__=doc or title_of(part), **fields)
@@ -229,8 +231,8 @@ def hints_of(part: type) -> dict[str, Any]:
 def type_of(parameter: Parameter, hint: Any, family: type) -> Any:
     """Return the type of a parameter's field in a description; None if a file cannot describe it.
 
-    - `hint`: its type in the part.
-    - `family`: the part, or its family, which it must not contain.
+    - `hint`: type of the parameter in the part.
+    - `family`: the part, or its family, which the parameter must not contain.
     """
     shape = parameter.shape
     if shape == "one number":

@@ -1,4 +1,4 @@
-"""First scenario for an arm, written with a reason for each choice (`slidax new`)."""
+"""Draft of a scenario for an arm, with a reason for each choice (`slidax new`)."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ from .draft_choices import Motion, Ratings, home_of, motion_about, ratings_of
 from .yaml_text import dump_commented
 
 RADIUS = 5.0
-"""rad/s: final radius of the envelope over the period, 0.005 rad at 1 kHz, 0.02 rad at 250 Hz."""
+"""rad/s: final radius of the envelope divided by the period; 0.005 rad at 1 kHz, 0.02 rad at 250 Hz."""
 
 WIDTH = {"rad": 1.0, "m": 0.2}
-"""rad or m: initial radius; the final radius of a prismatic joint is smaller by the same factor."""
+"""rad or m: initial radius; it also scales the final radius of a prismatic joint."""
 
 HORIZON, PERIODS = 25e-3, 12
 """s and periods: lower bounds of the horizon H."""
 
 RATE = 20.0
-"""1/s: torque rate over torque limit; a drive reaches its largest torque in 1/20 s."""
+"""1/s: torque rate limit over torque limit; a drive reaches its largest torque in 1/20 s."""
 
 RESOLUTION = 1e-5
 """rad or m: encoder resolution, 19 bits per turn."""
 
 DRIFT = 0.008
-"""1/√s: √(torque density) over the torque limit, the drift of the disturbance in one second."""
+"""1/√s: √(torque density) over the torque limit, the relative drift of the disturbance in a second."""
 
 SURFACE = {"k1": 0.5, "k2": 1.0, "p": 0.5, "q": 1.2, "delta": 0.01}
 REACHING = {"gain": 0.1, "exponent": 1.2, "layer": 0.0}
@@ -70,7 +70,7 @@ class Choices:
 
 
 ROTORS = 0.002
-"""kg m² for each N m of rated torque: rotor inertia of the simulated arm, since every drive has a rotor."""
+"""kg m² per N m of rated torque: rotor inertia of the simulated arm, since every drive has a rotor."""
 
 
 def draft_text(chosen: Choices) -> str:
@@ -132,36 +132,36 @@ def _comments(chosen: Choices) -> Iterator[tuple[str, str]]:
         yield "robot", "\n".join(["Assumptions:", *(f"- {note}" for note in chosen.notes)])
     yield (
         "robot.plant",
-        f"Differences of the true arm, which the law does not know: its rotors, {ROTORS:g} kg m² for each N m unless "
-        "the robot's file has them. For example also mass_factor: 0.85, coulomb: 0.5, load: {mass: 1.0, center: [0.0, "
-        "0.0, 0.05]}. The law learns the rotors, unless nominal: {armature: ...} gives them (kg m², seen from the "
-        "joint).",
+        f"Differences of the true arm that the law does not know: rotor inertias of {ROTORS:g} kg m² per N m, unless "
+        "the robot's file has them. More examples: mass_factor: 0.85, coulomb: 0.5, load: {mass: 1.0, center: [0.0, "
+        "0.0, 0.05]}. The law learns the rotor inertias, unless nominal: {armature: ...} has them (kg m², on the "
+        "joint's side).",
     )
     yield (
         "trajectory",
-        f"Joints {', '.join(chosen.arm.joint_names)}: around a posture inside their ranges, away from singular ones, "
-        f"with up to {int(100 * max(chosen.motion.burden))} % of the torques below if 20 % of the arm's mass is at the "
-        "tip.",
+        f"Joints {', '.join(chosen.arm.joint_names)}: around a posture inside their ranges, away from singularities, "
+        f"with up to {int(100 * max(chosen.motion.burden))} % of the torque limits below for a payload of 20 % of the "
+        "arm's mass.",
     )
-    yield "sensor", "Positions only, rounded, one period old when they arrive."
+    yield "sensor", "Rounded positions without velocities, delayed by one period."
     yield (
         "actuator",
-        f"Torque limits and rate limits. The robot's file has no rates: from 0 to the limit in {1e3 / RATE:g} ms.",
+        f"Torque and rate limits. The robot's file has no rate limits: assumed is full torque in {1e3 / RATE:g} ms.",
     )
-    yield "start", "At rest, off the motion."
+    yield "start", "At rest, away from the motion."
     yield (
         "scheme.performance",
         "The error is within `final` from the deadline on; a shorter period allows a smaller one (docs/loop-rate.md).",
     )
-    yield "scheme.sampled_data", "`bound` is missing: it follows from the arm, its torques and the mismatch above."
+    yield "scheme.sampled_data", "`bound` is computed from the arm, its torque limits and the mismatch above."
     yield (
         "scheme.sampled_data.horizon",
-        "Long: with a load, light wrists are several times as heavy as in the law's model (docs/loop-rate.md).",
+        "Long: with a payload, light wrists have several times the inertia of the law's model (docs/loop-rate.md).",
     )
     yield (
         "scheme.sampled_data.estimator",
-        "Density of the white noise that drives the disturbance: a larger one follows it faster, and passes on more of "
-        "the encoders' noise.",
+        "Density of the white noise that drives the disturbance: a larger one makes the estimate faster, but also "
+        "noisier.",
     )
 
 
@@ -197,14 +197,14 @@ class Draft:
 
 
 def draft(robot: str | Path, rate: float = 1000.0, *, tip: str | None = None, folder: Path = Path()) -> Draft:
-    """Return a scenario for an arm that runs, with comments for a person who will edit it.
+    """Return a scenario for an arm that runs as it is, with comments for editing.
 
-    - `robot`: a built-in arm by name, the path of a URDF or MJCF file, or a module of robot_descriptions.
+    - `robot`: name of a built-in arm, path of a URDF or MJCF file, or a module of robot_descriptions.
     - `rate`: loop rate, Hz.
-    - `tip`: link, body or site at the end of the arm; None to search it.
-    - `folder`: folder of the scenario file, from which it names the robot file.
+    - `tip`: link, body or site at the end of the arm; None to search for it.
+    - `folder`: folder of the scenario file, to which the robot file's path is relative.
 
-    Raises DefinitionError if the robot does not exist, the file is not one arm, or the rate is out of its range.
+    Raises DefinitionError if the robot does not exist, the file has no single arm, or the rate is out of range.
     """
     if not (math.isfinite(rate) and SLOWEST <= rate <= FASTEST):
         raise DefinitionError(f"the rate must be {SLOWEST:g} to {FASTEST:g} Hz; got {rate:g}")
@@ -254,7 +254,7 @@ def _arm(robot: str, tip: str | None, folder: Path) -> tuple[Articulated, dict[s
 
 
 def _with_followers(arm: Coupled, kind: str, path: Path, tip: str) -> str:
-    """The message for an arm whose joints follow others, with the remedy."""
+    """Error message, with a remedy, for an arm with joints that follow others."""
     follower = arm.followers[0]
     carrier = arm.arm.parents[arm.arm.joint_names.index(follower)]
     link = arm.arm.link_names[carrier]
@@ -266,5 +266,7 @@ def _with_followers(arm: Coupled, kind: str, path: Path, tip: str) -> str:
 
 
 def _held(chain: ArmInFile) -> str:
-    where = "held where each is" if len(chain.locked) > 1 else "held where it is"
-    return f"{', '.join(chain.locked)}: not of the arm, whose tip is `{chain.tip}`; {where} nearest to 0"
+    return (
+        f"{', '.join(chain.locked)}: not part of the arm with tip `{chain.tip}`; held at the position in its range "
+        "nearest to 0"
+    )

@@ -1,4 +1,4 @@
-"""Choices of a first scenario: drive ratings, home posture, motion."""
+"""Choices for a drafted scenario: drive ratings, home posture, motion."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from slidax.simulation.states import Numbers, States, spread_in_box, states_of
 
 
 def with_tip_mass(arm: Articulated, share: float) -> Articulated:
-    """Return the arm with a share of its moving mass at the tip, in addition to its payload."""
+    """Return the arm with a share of its moving mass added to its payload."""
     mass = float(arm.payload.mass) + share * float(np.sum(np.asarray(arm.masses)))
     return eqx.tree_at(lambda arm: arm.payload.mass, arm, as_array(mass))
 
@@ -26,22 +26,22 @@ SIZING_TIP_SHARE = 0.3
 """Share of the moving mass at the tip for which the drives are sized."""
 
 ACCELERATION = 5.0
-"""rad/s² or m/s²: acceleration of each joint alone for which its drive is sized."""
+"""rad/s² or m/s²: acceleration of a single joint for which its drive is sized."""
 
-ROOM = 1.25
-"""Torque of a drive over its requirement."""
+RESERVE = 1.25
+"""Factor from the required torque to the torque of a drive."""
 
 SMALLEST = 0.15
-"""Least torque of a drive over the largest of the same arm, as in real wrists."""
+"""Smallest drive torque relative to the arm's largest, as in real wrists."""
 
 EQUAL, FAR = 5.0, 30.0
-"""Ratio of limit to requirement above which a limit is a placeholder: one limit for all joints, or any limit."""
+"""Ratio of limit to requirement above which a limit is a placeholder, for equal limits and for any limits."""
 
 SPEED = {"rad": 2.0, "m": 0.5}
-"""rad/s or m/s: velocity limit if the file has none."""
+"""rad/s or m/s: assumed velocity limit if the file has none."""
 
 RANGE = {"rad": np.pi, "m": 0.5}
-"""rad or m to both sides: range if the file has none."""
+"""rad or m to both sides: assumed range if the file has none."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Ratings:
     """Ratings of the joints.
 
     - `torque`, `velocity`: [n], N m or N, rad/s or m/s.
-    - `lower`, `upper`: ends of its range [n], rad or m.
+    - `lower`, `upper`: ends of the ranges [n], rad or m.
     - `notes`: assumptions with their reasons, each a sentence.
     """
 
@@ -76,20 +76,22 @@ def ratings_of(arm: Articulated) -> Ratings:
     reach = np.array([RANGE[unit] for unit in units])
     lower, upper = _ends(lower, upper, reach)
     if endless.any():
-        notes.append(f"{_named(arm, endless)}: no ends in the file; the motion stays within those below")
+        notes.append(
+            f"{_named(arm, endless)}: no position limits in the file; the motion stays within an assumed range"
+        )
     velocity = np.array(limits.velocity)
     unknown = ~np.isfinite(velocity)
     velocity = np.where(unknown, [SPEED[unit] for unit in units], velocity)
     if unknown.any():
         notes.append(
-            f"{_named(arm, unknown)}: no velocity in the file, or 0; {SPEED['rad']:g} rad/s or {SPEED['m']:g} m/s is "
-            f"assumed"
+            f"{_named(arm, unknown)}: no velocity limit in the file, or 0; {SPEED['rad']:g} rad/s or "
+            f"{SPEED['m']:g} m/s is assumed"
         )
     elif len(velocity) > 2 and np.ptp(velocity) < 1e-9:
         either = " or ".join(f"{unit}/s" for unit in dict.fromkeys(units))
         notes.append(
-            f"all joints: {velocity[0]:g} {either} on every joint, which may be a placeholder; the motion takes "
-            f"40 % of it at most"
+            f"all joints have the velocity limit {velocity[0]:g} {either}, which may be a placeholder; the motion uses "
+            f"at most 40 % of it"
         )
     torque, torque_notes = _torques(arm, lower, upper)
     return Ratings(torque, velocity, lower, upper, (*notes, *torque_notes))
@@ -115,24 +117,25 @@ def _torques(arm: Articulated, lower: Numbers, upper: Numbers) -> tuple[Numbers,
     rounded = np.array([float(f"{value:.2g}") for value in needed])
     notes = []
     for which, why in (
-        (missing, "no effort in the file, or 0"),
+        (missing, "no effort limit in the file, or 0"),
         (far & ~weak, _placeholder(limits, ratio, one_for_all)),
         (
             weak,
-            f"{_list(limits[weak])} N m, which does not hold half of the arm's own weight, {_list(weight[weak])} N m",
+            f"a limit of {_list(limits[weak])} N m, too small for half of the arm's own weight, "
+            f"{_list(weight[weak])} N m",
         ),
     ):
         if which.any():
-            notes.append(f"{_named(arm, which)}: {why}; by the arm's weight {_list(rounded[which])} N m is assumed")
+            notes.append(f"{_named(arm, which)}: {why}; {_list(rounded[which])} N m is assumed from the arm's weight")
     return np.where(missing | far | weak, np.where(far & ~weak, np.minimum(limits, rounded), rounded), limits), notes
 
 
 def _placeholder(limits: Numbers, ratio: Numbers, one_for_all: bool) -> str:
     if one_for_all:
-        return f"{limits[0]:g} N m on every joint, up to {ratio.max():.0f} times what this arm needs: a placeholder"
+        return f"{limits[0]:g} N m for every joint, up to {ratio.max():.0f} times the required torque: a placeholder"
     far = ratio > FAR
     return (
-        f"{_list(limits[far])} N m, up to {ratio.max():.0f} times what this arm needs: a placeholder"
+        f"{_list(limits[far])} N m, up to {ratio.max():.0f} times the required torque: a placeholder"
         if far.any()
         else ""
     )
@@ -140,10 +143,10 @@ def _placeholder(limits: Numbers, ratio: Numbers, one_for_all: bool) -> str:
 
 def _needed(arm: Articulated, lower: Numbers, upper: Numbers) -> tuple[Numbers, Numbers]:
     """Required torque of each drive, and the arm's own weight in the worst posture, [n] and [n], N m or N."""
-    places = spread_in_box(lower, upper, POSTURES)
-    own, carrying = states_of(arm, places), states_of(with_tip_mass(arm, SIZING_TIP_SHARE), places)
+    postures = spread_in_box(lower, upper, POSTURES)
+    own, carrying = states_of(arm, postures), states_of(with_tip_mass(arm, SIZING_TIP_SHARE), postures)
     weight, with_load = np.abs(own.bias).max(axis=0), np.abs(carrying.bias).max(axis=0)
-    needed = ROOM * (with_load + ACCELERATION * np.diagonal(carrying.mass, axis1=1, axis2=2).max(axis=0))
+    needed = RESERVE * (with_load + ACCELERATION * np.diagonal(carrying.mass, axis1=1, axis2=2).max(axis=0))
     for unit in ("rad", "m"):
         same = np.array(arm.joint_units) == unit
         if same.any():
@@ -169,25 +172,25 @@ TIP_SHARE = 0.2
 """Share of the moving mass at the tip."""
 
 HELD = 0.5
-"""Share of the torque limit for holding the posture above which it has a high cost."""
+"""Share of the torque limit for holding a posture above which the posture has a high cost."""
 
 
 def home_of(arm: Articulated, ratings: Ratings) -> Numbers:
     """Return a home posture [n], rad or m.
 
-    The best of 2000 postures spread over the inner half of the ranges, the middle and 0. The cost has the share of the
-    torque limits that holds the arm with 20 % of its mass at the tip, the nearness to a singularity, the distance from
-    0, and the depth of links below the base.
+    It is the best of 2000 postures spread over the inner half of the ranges, the middle and 0. The cost counts the
+    share of the torque limits that holds the arm with 20 % of its mass at the tip, the nearness to a singularity, the
+    distance from 0, and the depth of links below the base.
     """
     middle, half = 0.5 * (ratings.lower + ratings.upper), 0.5 * (ratings.upper - ratings.lower)
     wide = np.where(np.array(arm.joint_units) == "rad", np.minimum(half, 2.0), half)
     room = np.minimum(0.25 * half, 0.5)
     zero = np.clip(0.0, ratings.lower + room, ratings.upper - room)
-    # The first joint of an arm on a table turns about the vertical and should stay near 0.
+    # The first joint of an arm on a table rotates about the vertical and should stay near 0.
     near = np.where(np.abs(middle) < half, zero, middle)
-    places = np.concatenate([[middle, zero], near + spread_in_box(-0.75 * wide, 0.75 * wide, COUNT)])
-    places = np.clip(places, ratings.lower + room, ratings.upper - room)
-    states = states_of(with_tip_mass(arm, TIP_SHARE), places)
+    postures = np.concatenate([[middle, zero], near + spread_in_box(-0.75 * wide, 0.75 * wide, COUNT)])
+    postures = np.clip(postures, ratings.lower + room, ratings.upper - room)
+    states = states_of(with_tip_mass(arm, TIP_SHARE), postures)
     assert states.positions is not None
     weight, points, tips = states.bias, states.positions, states.tip
     burden = (np.abs(weight) / ratings.torque).max(axis=1)
@@ -196,7 +199,7 @@ def home_of(arm: Articulated, ratings: Ratings) -> Numbers:
     # The tip of a single joint may be on its axis.
     reach = max(np.abs(tips - points[:, 0]).max(), 1e-9)
     below = np.maximum(0.0, -np.minimum((points @ up).min(axis=1), tips @ up))
-    away = (np.abs(places - zero) / wide).mean(axis=1)
+    away = (np.abs(postures - zero) / wide).mean(axis=1)
     score = (
         np.maximum(burden - HELD, 0.0) * 10.0
         + burden
@@ -204,7 +207,7 @@ def home_of(arm: Articulated, ratings: Ratings) -> Numbers:
         + 3.0 * np.minimum(below / reach, 1.0)
         + 0.5 * away
     )
-    return np.round(places[int(np.argmin(score))], 2)
+    return np.round(postures[int(np.argmin(score))], 2)
 
 
 def _dexterity(arm: Articulated, states: States) -> Numbers:
@@ -226,14 +229,14 @@ def _dexterity(arm: Articulated, states: States) -> Numbers:
 
 
 def _carries(arm: Articulated, joint: int) -> bool:
-    at = arm.tip_joint
-    while at > joint:
-        at = arm.parents[at]
-    return at == joint
+    carrier = arm.tip_joint
+    while carrier > joint:
+        carrier = arm.parents[carrier]
+    return carrier == joint
 
 
 AMPLITUDE = {"rad": 0.4, "m": 0.08}
-"""rad or m, reduced if the range is too small."""
+"""rad or m: amplitude of the motion, reduced if the range is too small."""
 
 FREQUENCY = (2.0, 2.4)
 """rad/s of the slowest and the fastest joint; no two are equal, so that all combinations of joint positions occur."""
@@ -242,7 +245,7 @@ RANGE_SHARE, VELOCITY_SHARE, TORQUE_SHARE = 0.5, 0.4, 0.65
 """Largest shares of the range around the home posture, and of the limits, that the motion uses."""
 
 START = 0.2
-"""rad: initial distance from the motion; a fifth of it in m."""
+"""rad: initial distance from the motion; a fifth of this number in m for a prismatic joint."""
 
 
 @dataclass(frozen=True)
@@ -251,7 +254,7 @@ class Motion:
 
     - `amplitude`, `frequency`: [n], rad or m, rad/s.
     - `start`: positions at t = 0 [n].
-    - `burden`: largest share of each torque limit that it needs, with 20 % of the arm's mass at the tip [n].
+    - `burden`: largest share of each torque limit in use, with 20 % of the arm's mass at the tip [n].
     """
 
     amplitude: Numbers
@@ -266,7 +269,7 @@ def motion_about(arm: Articulated, ratings: Ratings, home: Numbers) -> Motion:
     left = np.minimum(home - ratings.lower, ratings.upper - home)
     amplitude = np.minimum([AMPLITUDE[unit] for unit in units], RANGE_SHARE * left)
     frequency = np.linspace(*FREQUENCY, arm.joints) if arm.joints > 1 else np.array(FREQUENCY[:1])
-    # Neighbours in the chain differ by more than a step.
+    # Interleave, so that neighbouring joints have clearly different frequencies.
     frequency = np.concatenate([frequency[::2], frequency[1::2]])
     slower = np.minimum(1.0, VELOCITY_SHARE * ratings.velocity / (amplitude * frequency))
     frequency = frequency * slower

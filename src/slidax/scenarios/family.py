@@ -1,4 +1,4 @@
-"""Families of scenarios: all that a file and its uncertainty sets allow."""
+"""Families of scenarios: all scenarios that a file and its uncertainty sets allow."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from .uncertainty import AbstractSet, InertialBand, InsideEnvelope
 
 @dataclass(frozen=True)
 class Space:
-    """Sets of values by path; each takes some coordinates of the unit cube, in the order of the paths.
+    """Sets of values by path, each the image of some coordinates of the unit cube, in the order of the paths.
 
-    - `leaves`: the uncertain numbers by path.
-    - `sets`: their sets by path.
+    - `leaves`: the uncertain values of the scenario, by path.
+    - `sets`: their sets, by path.
     """
 
     leaves: Mapping[str, Leaf]
@@ -41,7 +41,7 @@ class Space:
 
     @property
     def dimensions(self) -> int:
-        """Dimensions of the unit cube."""
+        """Dimension of the unit cube."""
         return sum(self.widths.values())
 
     @property
@@ -50,11 +50,11 @@ class Space:
         return [path if width == 1 else f"{path}[{k}]" for path, width in self.widths.items() for k in range(width)]
 
     def values(self, cube: Array) -> dict[str, Array]:
-        """Return the values at points of the unit cube, by path, with the point as their first axis.
+        """Return the values at points of the unit cube, by path; the first axis is the point.
 
-        - `cube`: [rows, dimensions], in [0, 1).
+        - `cube`: points [rows, dimensions], in [0, 1).
 
-        Raises DefinitionError, with the path, if a set does not fit its number, or is empty.
+        Raises DefinitionError, with the path, if a set does not fit its value, or is empty.
         """
         if cube.shape[1:] != (self.dimensions,):
             raise DefinitionError(f"points of the cube have {self.dimensions} coordinates; got {list(cube.shape)}")
@@ -67,21 +67,21 @@ class Space:
         return values
 
     def ends(self) -> list[dict[str, Any]]:
-        """Return values at ends of the sets, to check them: all lowest, all highest, and alternating."""
+        """Return values at ends of the sets, for checks: all lowest, all highest, and alternating."""
         low, high = 0.0, np.nextafter(1.0, 0.0)
-        turns = np.repeat(np.arange(len(self.widths)) % 2 == 0, list(self.widths.values()))
-        points = np.array([np.full(len(turns), low), np.full(len(turns), high), *np.where([turns, ~turns], low, high)])
+        even = np.repeat(np.arange(len(self.widths)) % 2 == 0, list(self.widths.values()))
+        points = np.array([np.full(len(even), low), np.full(len(even), high), *np.where([even, ~even], low, high)])
         drawn = self.values(points)
         return [{path: values[k] for path, values in drawn.items()} for k in range(len(points))]
 
 
 def as_changes(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return one case's arrays by path as plain values of a scenario file."""
+    """Return the arrays of a case, by path, as plain values of a scenario file."""
     return {path: np.asarray(value).tolist() for path, value in values.items()}
 
 
 UNTRACEABLE = (TypeError, ValueError, AttributeError, DefinitionError)
-"""Errors from the use of a traced array."""
+"""Errors that the use of a traced array may raise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +90,7 @@ class Family:
 
     - `base`: the file's own scenario.
     - `uncertain`: values that the law does not know.
-    - `varied`: values that the law knows, as of `--set`.
+    - `varied`: values that the law knows, as with `--set`.
     """
 
     base: ScenarioDescription
@@ -121,7 +121,7 @@ class Family:
                 spaces[where] = _space(resolved, sets, law=where == "varied")
         both = [path for path in spaces["uncertainty"].sets if path in spaces["varied"].sets]
         if both:
-            raise DefinitionError("is uncertain and varied at once; leave one out", where=f"uncertainty.{both[0]}")
+            raise DefinitionError("is both uncertain and varied; leave one out", where=f"uncertainty.{both[0]}")
         family = cls(resolved, spaces["uncertainty"], spaces["varied"])
         family.require_valid()
         return family
@@ -137,17 +137,17 @@ class Family:
         return _joints(self.base)
 
     def label(self, column: str) -> str:
-        """Return the label of a study's column, such as `start.q[3]` or `start.q.3`, with joints by name.
+        """Return the label of a study's column with joint names: `start.q[3]` or `start.q.3` becomes `start.q[elbow]`.
 
         `--set` accepts these labels.
         """
-        path, _, places = column.partition("[")
+        path, _, indices = column.partition("[")
         leaf = self.space.leaves[path]
-        if not places and path.rpartition(".")[2].isdigit():
-            path, _, place = path.rpartition(".")
-            return f"{path}[{self.joint_names[int(place)]}]" if leaf.one_of_joints else f"{path}[{place}]"
-        if leaf.each_joint and places[:-1].isdigit():
-            return f"{path}[{self.joint_names[int(places[:-1])]}]"
+        if not indices and path.rpartition(".")[2].isdigit():
+            path, _, index = path.rpartition(".")
+            return f"{path}[{self.joint_names[int(index)]}]" if leaf.one_of_joints else f"{path}[{index}]"
+        if leaf.each_joint and indices[:-1].isdigit():
+            return f"{path}[{self.joint_names[int(indices[:-1])]}]"
         return column
 
     def require_valid(self) -> None:
@@ -171,18 +171,18 @@ class Family:
     def _with_path(
         self, where: str, space: Space, values: Mapping[str, Any], error: DefinitionError
     ) -> DefinitionError:
-        """The error with the path of the set that causes it alone, if there is one."""
+        """The error with the path of a set that alone causes it, if there is one."""
         for path, value in values.items():
             try:
                 self._require_buildable({path: value}, space)
             except DefinitionError as single:
                 return DefinitionError(single.message, where=f"{where}.{path}")
-        return DefinitionError(f"some of its values do not go together: {error}", where=where)
+        return DefinitionError(f"some of its values do not fit together: {error}", where=where)
 
     def case(self, values: Mapping[str, Any]) -> ScenarioDescription:
-        """Return the scenario with other values by path, as a file can describe it.
+        """Return the scenario with new values by path, as a description.
 
-        Raises DefinitionError if one is invalid.
+        Raises DefinitionError if a value is invalid.
         """
         changes = as_changes(values)
         known = {path: value for path, value in changes.items() if path in self.varied.sets}
@@ -196,9 +196,9 @@ class Family:
         return self.case(values).build(name)
 
     def parts(self, template: Templates, values: Mapping[str, Any]) -> Parts:
-        """Return the parts of the loop with other values by path, which may be traced and are not checked.
+        """Return the parts of the loop with new values by path, which may be traced and are not checked.
 
-        - `template`: has all other values.
+        - `template`: supplies all other values.
         """
         known = {path: value for path, value in values.items() if path in self.varied.sets}
         controller = template.controller
@@ -207,15 +207,15 @@ class Family:
             controller = nominal.law(nominal.moving())
         actual: OpenLoop = with_values(template.actual, values).moving()
         if isinstance(actual.plant, MujocoPlant):
-            raise DefinitionError("MuJoCo moves one arm at a time")
+            raise DefinitionError("MuJoCo simulates one arm at a time, not a batch: set `simulation.plant` to `own`")
         parts = actual.plant, controller, actual.trajectory, actual.state0
         tolerance = template.built.tolerance
         return parts if tolerance is None else (*parts, tolerance)
 
     def traceable(self, template: Templates, values: Mapping[str, Array]) -> dict[str, bool]:
-        """Return True for each path to an array of the loop, so that one compiled loop runs all its values.
+        """For each path, return True if a single compiled loop can run all its values.
 
-        - `values`: some values for each path, with the row first.
+        - `values`: some values for each path; the first axis is the row.
         """
         known: Any = jax.tree.structure((self.parts(template, {}),))
         traceable = {}
@@ -234,7 +234,7 @@ class Family:
         return traceable
 
     def templates(self, values: Mapping[str, Any]) -> Templates:
-        """Return a case in which every path exists, from one value for each path."""
+        """Return a case in which every path exists, from a value for each path."""
         case = self.case(values)
         built = case.build("template")
         return Templates(case, case.as_it_is(), built)
@@ -242,7 +242,7 @@ class Family:
 
 @dataclass(frozen=True, eq=False)
 class Templates:
-    """One case of a family.
+    """A case of a family.
 
     - `believed`: the description that the law knows.
     - `actual`: the true description.
@@ -276,10 +276,11 @@ def _space(base: ScenarioDescription, sets: Mapping[str, AbstractSet], *, law: b
             raise DefinitionError("`inside` is for `start`", where=path)
         if not law and full.split(".")[0] in OF_THE_LAW:
             raise DefinitionError(
-                f"is what the law is told, or how time passes, not what is true: {KNOWN_TO_LAW_REMEDY}", where=path
+                f"belongs to the law or the simulation, which has no unknown true value: {KNOWN_TO_LAW_REMEDY}",
+                where=path,
             )
         if full in placed:
-            raise DefinitionError("is given twice", where=path)
+            raise DefinitionError("occurs twice; leave one out", where=path)
         placed[full] = values
     leaves: dict[str, Leaf] = {}
     for path, values in placed.items():
@@ -289,7 +290,7 @@ def _space(base: ScenarioDescription, sets: Mapping[str, AbstractSet], *, law: b
 
 
 def _leaf(own: ScenarioDescription, path: str, values: AbstractSet, joints: int) -> Leaf:
-    """The number at a path; its form comes from the set if the file does not have it."""
+    """The value at a path; its shape comes from the set if the file does not have it."""
     example = values.example
     try:
         leaf = leaf_of(own, path, joints)
@@ -303,7 +304,7 @@ def _leaf(own: ScenarioDescription, path: str, values: AbstractSet, joints: int)
     if leaf.own is None and example is not None:
         leaf = _written(own, path, example, joints) or leaf
     if leaf.per_joint and leaf.shape == () and np.ndim(example):
-        # The file has one number, the set one for each joint.
+        # The file has a single number, the set one for each joint.
         leaf = replace(leaf, own=np.asarray(example, float))
     if isinstance(values, InertialBand):
         return replace(leaf, arm=lambda: own.robot.build().nominal)
@@ -311,7 +312,7 @@ def _leaf(own: ScenarioDescription, path: str, values: AbstractSet, joints: int)
 
 
 def _written(own: ScenarioDescription, path: str, example: Any, joints: int) -> Leaf | None:
-    """The number at a path after the example is set there; None if this is invalid."""
+    """The value at a path with the example set there; None if this is invalid."""
     data = own.model_dump(exclude_unset=True, exclude={"truth", "uncertainty"})
     try:
         there = leaf_of(validate_text(data, {path: example}, form=type(own)), path, joints)
@@ -338,6 +339,6 @@ def _start_of(own: ScenarioDescription) -> tuple[Array, Array]:
     else:
         envelope = scenario.controller.envelope(t, scenario.controller.init(t, state, reference))
     if envelope is None:
-        raise DefinitionError("the scheme draws no envelope: write `start.q: {around: 0.1}`")
+        raise DefinitionError("the scheme has no envelope: write `start.q: {around: 0.1}`")
     q = np.asarray(reference.q)
     return q + np.asarray(envelope.lower), q + np.asarray(envelope.upper)

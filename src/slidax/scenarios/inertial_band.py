@@ -37,7 +37,7 @@ def changes_of_bodies(shares: Array, arm: Articulated, p: float) -> Array:
 
 
 def changes_in_ellipsoid(xi: Array, deviations: Array, arm: Articulated, p: float) -> Array:
-    """Return the changes ξ D of an identified arm, made smaller where the mass matrix would change by more than p.
+    """Return the changes ξ D of an identified arm, scaled down where the mass matrix would change by more than p.
 
     The result is [rows 11 n].
 

@@ -25,14 +25,14 @@ else:
     InstrumentDescription = union_of(AbstractSensor)
 
 OF_ENCODERS = ("resolution", "position_noise", "velocity", "velocity_noise", "cutoff")
-"""Fields of the encoders, which exclude another instrument."""
+"""Fields of the encoders, which exclude `instrument`."""
 
 
 class OutageDescription(AbstractDescription):
     """Consecutive lost samples."""
 
-    start: float = input_field("time of the first", "s", ">= 0")
-    samples: int = input_field("how many", "", "[0, 1e9]")
+    start: float = input_field("time of the first lost sample", "s", ">= 0")
+    samples: int = input_field("number of lost samples", "", "[0, 1e9]")
 
 
 class LossDescription(AbstractDescription):
@@ -49,24 +49,24 @@ class SensorDescription(AbstractDescription):
     resolution: Numbers = same_field(Encoders, "resolution", default=0.0)
     position_noise: Numbers = same_field(Encoders, "position_noise")
     velocity: Literal["measured", "differenced"] = "measured"
-    """`measured` by a sensor of its own, or `differenced` from the encoders."""
+    """`measured` by a velocity sensor, or `differenced` from the encoders."""
     velocity_noise: Numbers = same_field(Encoders, "velocity_noise")
     cutoff: Numbers = same_field(DifferencedEncoders, "cutoff", default=600.0)
     instrument: InstrumentDescription | None = None
-    """Another sensor by its kind, in place of the encoders that the fields above describe."""
-    delay: float = input_field("age of a measurement when it arrives, whole or not", "periods", "[0, 100]", default=0.0)
-    jitter: float = input_field("width of the spread of that age", "periods", "[0, 100]", default=0.0)
+    """Another sensor by its kind, instead of the encoders of the fields above."""
+    delay: float = input_field("delay of a measurement, may be fractional", "periods", "[0, 100]", default=0.0)
+    jitter: float = input_field("width of the delay's random variation", "periods", "[0, 100]", default=0.0)
     loss: LossDescription = LossDescription()
     """Lost samples."""
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
     """Seed of the noise."""
 
     def build(self, period: float, joints: int) -> AbstractSensor | None:
-        """Build the sensor; None if it is perfect.
+        """Build the sensor; None if it is ideal.
 
         - `period`: time between samples [s].
 
-        Raises DefinitionError if a list has another length, or a number is out of its range.
+        Raises DefinitionError if a list has the wrong length, or a number is out of range.
         """
         self.require_joints(joints)
         resolution, position_noise = as_array(self.resolution), as_array(self.position_noise)
@@ -85,7 +85,7 @@ class SensorDescription(AbstractDescription):
                 sensor = self.instrument.build()
         elif self.velocity == "differenced":
             if static_value(velocity_noise).any():
-                message = "is that of a velocity sensor, which `velocity: differenced` has not; leave it out"
+                message = "belongs to a velocity sensor, which `velocity: differenced` does not have; leave it out"
                 raise DefinitionError(f"{message}; got {self.velocity_noise}", where="velocity_noise")
             sensor = DifferencedEncoders(resolution, position_noise, as_array(self.cutoff), seed)
         elif any(is_traced(x) or static_value(x).any() for x in (resolution, position_noise, velocity_noise)):
@@ -103,12 +103,12 @@ class SensorDescription(AbstractDescription):
 
     @property
     def has_velocity(self) -> bool:
-        """True if velocities are measured, and not computed from positions."""
+        """True if velocities are measured and not computed from positions."""
         other = self.instrument
         return self.velocity == "measured" if other is None else not issubclass(other.part, DifferencedEncoders)
 
     def variance(self) -> Array:
-        """Return the variance of a measured position, one number or [n], rad² or m²."""
+        """Return the variance of a measured position, a number or [n], rad² or m²."""
         sensor = self if self.instrument is None else self.instrument
         rounding, noise = (as_array(getattr(sensor, name, 0.0)) for name in ("resolution", "position_noise"))
         return _variance(rounding, noise)
@@ -118,16 +118,18 @@ class ActuatorDescription(AbstractDescription):
     """Drives, which deliver a commanded torque."""
 
     torque: Numbers | Literal["robot"] | None = input_field(
-        "largest torque; `robot`: as its data sheet says", "N m or N", default=None, source="no limit"
+        "torque limit; `robot`: from the arm's data sheet", "N m or N", default=None, source="no limit"
     )
     rate: Numbers | Literal["robot"] | None = input_field(
-        "fastest change of torque; `robot`: as its data sheet says", "N m/s or N/s", default=None, source="no limit"
+        "torque rate limit; `robot`: from the arm's data sheet", "N m/s or N/s", default=None, source="no limit"
     )
     time_constant: Numbers = same_field(Actuator, "time_constant")
-    dead_time: float = input_field("between a command and its torque, whole or not", "periods", "[0, 100]", default=0.0)
+    dead_time: float = input_field(
+        "dead time between a command and its torque, may be fractional", "periods", "[0, 100]", default=0.0
+    )
 
     def of_robot(self, limits: JointLimits | None) -> ActuatorDescription:
-        """Return the description with the robot's numbers in place of `robot`.
+        """Return the description with the robot's limits in place of `robot`.
 
         Raises DefinitionError if the robot has no such limits.
         """
@@ -151,9 +153,9 @@ class ActuatorDescription(AbstractDescription):
         return TorqueLimits(**{name: as_array(value) for name, value in limits.items() if value is not None})
 
     def build(self, joints: int) -> Actuator | None:
-        """Build the actuator; None if it is perfect.
+        """Build the actuator; None if it is ideal.
 
-        Raises DefinitionError if a list has another length, or a number is out of its range.
+        Raises DefinitionError if a list has the wrong length, or a number is out of range.
         """
         self.require_joints(joints)
         perfect = self.torque is None and self.rate is None and not self.dead_time
@@ -164,7 +166,7 @@ class ActuatorDescription(AbstractDescription):
 
 @jax.jit
 def _variance(rounding: Array, noise: Array) -> Array:
-    # A filter needs some noise to weigh the model against.
+    # A Kalman filter needs a positive variance.
     return jnp.maximum(rounding * rounding / 12.0 + noise * noise, 1e-18)
 
 
@@ -175,7 +177,7 @@ else:
 
 
 class DisturbanceDescription(AbstractDescription):
-    """The disturbance from outside: the sum of the terms, times the scale."""
+    """External disturbance: the sum of the terms, times the scale."""
 
     scale: float = input_field("factor on all terms; 0 switches the disturbance off", default=1.0)
     terms: tuple[Term, ...] = ()
@@ -194,7 +196,7 @@ if TYPE_CHECKING:
     ToleranceDescription = PartDescription
 else:
     ToleranceDescription = plain_of(
-        PrescribedPerformance, "ToleranceDescription", doc="Bounds of the error, drawn as an envelope is."
+        PrescribedPerformance, "ToleranceDescription", doc="Bounds of the error, with the parameters of an envelope."
     )
 
 

@@ -11,12 +11,12 @@ from typing import Any
 from pydantic import ValidationError
 
 from slidax.core.errors import DefinitionError, nearest_word, plain_name
-from slidax.core.files import read_bytes
+from slidax.core.files import read_bytes, read_text
 
 from .changes import with_changes
 from .robots import IdentifiedDescription
 from .scenario import Scenario, ScenarioDescription
-from .yaml_text import as_yaml, read_yaml, require_readable, text_of, validation_error
+from .yaml_text import as_yaml, read_yaml, require_readable, validation_error
 
 BUILT_IN = resources.files("slidax.scenarios") / "built_in"
 
@@ -30,10 +30,9 @@ def load(scenario: str | Path, changes: dict[str, Any] | None = None) -> Scenari
     """Read and build a scenario.
 
     - `scenario`: name of a built-in scenario, or path of a YAML file.
-    - `changes`: values by dotted path, such as `{"disturbance.scale": 0.0}` or `{"start.q[elbow]": 0.3}`, set before
-      validation; an index is a joint's name or a number from 0. `scheme.name` comes first and selects another scheme,
-      which keeps the envelope, the bound and `sampled_data` of the file. File paths in changes are relative to the
-      current folder.
+    - `changes`: new values by dotted path, such as `{"disturbance.scale": 0.0}` or `{"start.q[elbow]": 0.3}`, set
+      before validation; an index is a joint's name or a number from 0. `scheme.name` is set first; the new scheme keeps
+      the envelope, the bound and `sampled_data` of the file. File paths in changes are relative to the current folder.
 
     Raises DefinitionError if the scenario does not exist or is invalid.
     """
@@ -42,7 +41,7 @@ def load(scenario: str | Path, changes: dict[str, Any] | None = None) -> Scenari
 
 
 def alter(scenario: Scenario, changes: dict[str, Any]) -> Scenario:
-    """Return a loaded scenario with other values by dotted path, as `load` would have built it.
+    """Return a loaded scenario with new values by dotted path, as if loaded with these changes.
 
     Changes by `replace` are lost.
 
@@ -52,7 +51,7 @@ def alter(scenario: Scenario, changes: dict[str, Any]) -> Scenario:
 
 
 def alter_description(description: ScenarioDescription, changes: dict[str, Any]) -> ScenarioDescription:
-    """Return a description with other values by dotted path, as in `load`.
+    """Return a description with new values by dotted path, as in `load`.
 
     Raises DefinitionError if a value is invalid.
     """
@@ -72,8 +71,8 @@ def read_description(scenario: str | Path) -> ScenarioDescription:
 def parse(text: str, changes: dict[str, Any] | None = None, *, folder: Path = Path()) -> ScenarioDescription:
     """Return the validated description in a YAML text.
 
-    - `changes`: values by dotted path, set before validation, as in `load`.
-    - `folder`: folder of the files that it names.
+    - `changes`: new values by dotted path, set before validation, as in `load`.
+    - `folder`: folder of the files that the text names.
 
     Raises DefinitionError with the path of the first invalid field.
     """
@@ -113,11 +112,11 @@ def _folder(scenario: str | Path) -> Path:
 def _read(scenario: str | Path) -> tuple[str, str]:
     path = Path(scenario)
     if path.suffix in (".yaml", ".yml"):
-        return path.stem, text_of(path, "the scenario file")
+        return path.stem, read_text(path, "the scenario file")
     if str(scenario) not in names():
         raise DefinitionError(
             f"unknown scenario `{plain_name(scenario)}`; {nearest_word(str(scenario), names())} "
-            "(a file needs the ending .yaml)"
+            "(a file's name must end in .yaml)"
         )
     return str(scenario), (BUILT_IN / f"{scenario}.yaml").read_text(encoding="utf-8")
 
@@ -127,7 +126,7 @@ PARTS = ("robot", "trajectory")
 
 
 def portable_text(description: ScenarioDescription) -> tuple[str, dict[str, bytes]]:
-    """Return a validated scenario as YAML with file names without folders, and the contents of these files.
+    """Return a validated scenario as YAML, with file names without folders, and the contents of these files.
 
     Meshes and included files of a URDF or MJCF file are left out; no run needs meshes.
 
@@ -148,15 +147,15 @@ def portable_text(description: ScenarioDescription) -> tuple[str, dict[str, byte
 
 
 def restore(text: str, files: Mapping[str, bytes], name: str) -> Scenario:
-    """Build a scenario that `portable_text` wrote, such as that of a log.
+    """Build a scenario from the result of `portable_text`, such as the one in a log.
 
-    - `text`, `files`: of `portable_text`.
-    - `name`: of the scenario.
+    - `text`, `files`: as returned by `portable_text`.
+    - `name`: name of the scenario.
 
     Raises DefinitionError if the scenario is invalid.
     """
     with tempfile.TemporaryDirectory() as folder:
         for file, content in files.items():
-            # The name alone, so that a hostile log writes nowhere else.
+            # Use only the file's name, so that a hostile log cannot write elsewhere.
             (Path(folder) / Path(file).name).write_bytes(content)
         return parse(text, folder=Path(folder)).build(name)

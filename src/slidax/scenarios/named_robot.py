@@ -1,4 +1,4 @@
-"""A robot from one word: the name of a ready arm, or a file."""
+"""A robot from the name of a built-in arm or of a file."""
 
 from __future__ import annotations
 
@@ -59,10 +59,10 @@ def named_robot(
             f"{', '.join(FILES)})"
         )
     if tip is not None and kind not in ("urdf", "mjcf"):
-        raise DefinitionError("a tip is chosen for URDF and MJCF files alone; write it into the description otherwise")
+        raise DefinitionError("`tip` is only for URDF and MJCF files; otherwise write it into the arm's description")
     description: dict[str, Any]
     if kind == "identified":
-        # Written out, so that estimates can replace its values.
+        # Use the mapping itself, so that estimates can replace its values.
         written, folder = read_robot(word)
         description = {key: value for key, value in written.items() if key != "plant"}
         if "file" in description:
@@ -74,7 +74,7 @@ def named_robot(
         if value:
             if description["kind"] not in ("urdf", "mjcf"):
                 raise DefinitionError(
-                    f"`--{field}` is for URDF and MJCF files alone; `{plain_name(word)}` is no such file"
+                    f"`--{field}` is only for URDF and MJCF files; `{plain_name(word)}` is no such file: leave it out"
                 )
             description[field] = value
     if gravity is not None:
@@ -84,7 +84,7 @@ def named_robot(
             warnings.simplefilter("always")
             robot = _built(word, description)
     except DefinitionError as error:
-        # The readers' messages name remedies for Python and for scenarios; here they are options of the command.
+        # The readers' messages name remedies in Python or YAML; here, name the command's options instead.
         option = error.setting and f"`{error.setting.as_option}`"
         reworded = error.reworded(option) if option else error
         raise DefinitionError(_with_options(reworded.message), where=error.where) from None
@@ -115,11 +115,11 @@ def _built(word: str, description: Mapping[str, Any]) -> Articulated:
     robot = validated.build().nominal
     if isinstance(robot, Coupled):
         lower, upper = np.asarray(robot.arm.limits.lower), np.asarray(robot.arm.limits.upper)
-        at = dict(zip(robot.arm.joint_names, np.clip(0.0, lower, upper).tolist(), strict=True))
-        held = ", ".join(f"'{name}': {at[name]:g}" for name in robot.followers)
+        nearest = dict(zip(robot.arm.joint_names, np.clip(0.0, lower, upper).tolist(), strict=True))
+        held = ", ".join(f"'{name}': {nearest[name]:g}" for name in robot.followers)
         raise DefinitionError(
-            f"`{plain_name(word)}` has joints that follow others, and no log of such an arm is identified; "
-            f"locked={{{held}}} holds them, if they stand there in the log"
+            f"`{plain_name(word)}` has joints that follow others, which identification does not support; "
+            f"locked={{{held}}} holds them, if they have these positions in the log"
         )
     assert isinstance(robot, Articulated)
     return robot

@@ -1,4 +1,4 @@
-"""Robots in a scenario file: the true arm, and the nominal arm that its law knows."""
+"""Robots in a scenario file: the true arm, and the nominal arm that the law knows."""
 
 from __future__ import annotations
 
@@ -50,13 +50,15 @@ def inertia_of(entries: list[float]) -> np.ndarray:
     Raises DefinitionError for another number of entries.
     """
     if len(entries) not in (3, 6):
-        raise DefinitionError(f"must be 3 moments, or 6 entries; got {len(entries)}", where="inertia")
+        raise DefinitionError(
+            f"must have 3 entries (xx, yy, zz) or 6 (and xy, xz, yz); got {len(entries)}", where="inertia"
+        )
     xx, yy, zz, xy, xz, yz = [*entries, 0.0, 0.0, 0.0][:6]
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 class LinksDescription(AbstractDescription):
-    """Inertial parameters of all links, one entry for each joint, in its frame."""
+    """Inertial parameters of all links, an entry for each joint, in the joint's frame."""
 
     mass: list[float] = input_field("masses", "kg")
     center: list[Three] = input_field("centres of mass", "m")
@@ -81,7 +83,7 @@ class LinksDescription(AbstractDescription):
 
 
 RENAMED = {"mass": "mass_factor", "inertia": "inertia_factor"}
-"""Former names of differences of the true arm, which old files have."""
+"""Former names of fields in old files."""
 
 
 class Arms(NamedTuple):
@@ -111,7 +113,7 @@ class AbstractRobotDescription(AbstractDescription):
         """Build the true robot, the nominal one, and the payload of the true one."""
 
     def resolved(self) -> AbstractRobotDescription:
-        """Return the description with the content of its file, so that each number has a path."""
+        """Return the description with the content of its file, so that each value has a path."""
         return self
 
 
@@ -121,9 +123,9 @@ class LoadDescription(AbstractDescription):
     mass: float = same_field(Payload, "mass", required=True)
     center: Annotated[list[float], Field(min_length=3, max_length=3)] = same_field(Payload, "center")
     inertia: float | Annotated[list[float], Field(min_length=3, max_length=6)] = 0.0
-    """About the centre of mass [kg m²]: one number for a ball, the moments xx, yy, zz, or these with xy, xz, yz."""
+    """Inertia about the centre of mass [kg m²]: a number for a ball, or xx, yy, zz, optionally with xy, xz, yz."""
     attached: float = same_field(TimedPayload, "attached")
-    released: float | None = same_field(TimedPayload, "released", default=None, source="never let go")
+    released: float | None = same_field(TimedPayload, "released", default=None, source="never released")
 
     def build(self) -> TimedPayload:
         """Build the payload."""
@@ -138,7 +140,7 @@ class TrueArm(plain_of(Mismatch, "Mismatch")):  # type: ignore[misc]  # made of 
     """Differences of the true arm from the nominal one."""
 
     load: LoadDescription | None = None
-    """Payload at the tip, and its times."""
+    """Payload at the tip, with its attachment and release times."""
 
     @model_validator(mode="before")
     @classmethod
@@ -153,14 +155,14 @@ class TrueArm(plain_of(Mismatch, "Mismatch")):  # type: ignore[misc]  # made of 
 
 
 class NominalArm(AbstractDescription):
-    """Knowledge of the law in addition to the arm's own description."""
+    """Values that the law knows in addition to the arm's description, or instead of it."""
 
     armature: Numbers | None = same_field(Articulated, "armature", default=None, source="the arm's description")
     viscous: Numbers | None = same_field(Articulated, "viscous", default=None, source="the arm's description")
     load: LoadDescription | None = None
     """Payload that the law knows, at the tip for the whole run, such as a gripper."""
     links: LinksDescription | None = None
-    """Inertial parameters of the links, in place of the arm's description, as from an identification."""
+    """Inertial parameters of the links instead of those in the arm's description, as from an identification."""
     gravity: Annotated[list[float], Field(min_length=3, max_length=3)] | None = same_field(
         Articulated, "gravity_vector", default=None, source="the arm's description"
     )
@@ -168,9 +170,9 @@ class NominalArm(AbstractDescription):
     def applied(self, robot: Articulated | Coupled) -> Articulated | Coupled:
         """Return the nominal arm for a described arm.
 
-        With followers, each joint of the arm has its own numbers.
+        In an arm with followers, each joint, following or not, has its own values.
 
-        Raises DefinitionError if a list does not have one entry per joint.
+        Raises DefinitionError if a list does not have an entry for each joint.
         """
         if isinstance(robot, Coupled):
             return eqx.tree_at(lambda coupled: coupled.arm, robot, self._known(robot.arm))
@@ -190,7 +192,9 @@ class NominalArm(AbstractDescription):
             with locate_errors("load"):
                 load = self.load.build()
                 if self.load.attached or self.load.released is not None:
-                    raise DefinitionError("a load that comes and goes cannot be known; write it under `plant`")
+                    raise DefinitionError(
+                        "the law cannot know a load with `attached` or `released`; write the load under `plant`"
+                    )
             robot = eqx.tree_at(lambda arm: arm.payload, robot, load.payload)
         return robot
 
@@ -210,7 +214,7 @@ class AbstractArticulated(AbstractRobotDescription):
     plant: TrueArm = TrueArm()
     """Differences of the true arm from the nominal one."""
     nominal: NominalArm = NominalArm()
-    """Knowledge of the law in addition to the arm's own description."""
+    """Values that the law knows in addition to the arm's description, or instead of it."""
 
     @abstractmethod
     def described(self) -> Articulated | Coupled:
@@ -226,13 +230,13 @@ class AbstractArticulated(AbstractRobotDescription):
 
 
 ARGUMENT = re.compile(r"\b(tip|locked|limits|meshes|inertias|mimics)=(\"\w+\"|\{[^{}]*\}|\w+)")
-"""Arguments of the readers of robot files that messages name as remedies."""
+"""Arguments of the robot file readers that messages name as remedies."""
 
 
 def read_robot(path: str | Path) -> tuple[dict[str, Any], Path]:
-    """Return the mapping `robot` in a YAML file, and the folder of the files that it names.
+    """Return the mapping `robot` in a YAML file, and the folder to which its file names are relative.
 
-    Raises DefinitionError if it cannot be read or has no such mapping.
+    Raises DefinitionError if the file cannot be read or has no such mapping.
     """
     path = Path(path)
     data = read_yaml_file(path)
@@ -240,7 +244,9 @@ def read_robot(path: str | Path) -> tuple[dict[str, Any], Path]:
     if not isinstance(robot, dict) or not isinstance(robot.get("kind"), str):
         raise DefinitionError(f"the file `{path}` has no mapping `robot` with a `kind`")
     if robot["kind"] == "identified":
-        raise DefinitionError(f"the robot of the file `{path}` must be described there, and not in one more file")
+        raise DefinitionError(
+            f"the robot in the file `{path}` is `identified`, a reference to another file: use that file directly"
+        )
     return robot, path.parent
 
 
@@ -268,7 +274,7 @@ def _as_keys(text: str) -> str:
 
 
 class NumbersDescription(AbstractRobotDescription):
-    """A robot from a few parameters, as those of the paper."""
+    """A robot from a few parameters, such as those of the paper."""
 
     part: ClassVar[type[AbstractRobot]]
     plant: PartDescription
@@ -282,7 +288,7 @@ class NumbersDescription(AbstractRobotDescription):
             return Arms(true, self.part(**self.plant.parameters() | self.nominal.parameters()))
 
 
-class ReadyDescription(AbstractArticulated):
+class BuiltInDescription(AbstractArticulated):
     """A built-in arm."""
 
     def described(self) -> Articulated:
@@ -294,15 +300,16 @@ class AbstractFile(AbstractArticulated):
     """Base class of descriptions of an arm from a file."""
 
     file: FileName
-    """Its path, from the folder of the scenario file."""
+    """Path of the file, relative to the folder of the scenario file."""
     tip: str | None = None
-    """The link, body or site whose frame is the tip; may be left out where there is only one end."""
+    """Link, body or site whose frame is the tip; optional if the arm has only one end."""
     locked: dict[str, float] = Field(default={})
     """Joints that do not move, with their positions [rad or m]."""
     meshes: bool = False
     """True to require every mesh of the file; no run needs one."""
     inertias: Literal["given", "nearest", "strict"] = "given"
-    """Inertias that no rigid body can have: replaced by the nearest if the change is at most 1 %, always, or never."""
+    """Replacement of inertias that no rigid body can have by the nearest valid one: `given` if the change is at most
+    1 %, `nearest` always, `strict` never."""
 
     def described(self) -> Articulated | Coupled:
         """Read the arm from the file."""
@@ -319,11 +326,11 @@ class UrdfDescription(AbstractFile):
 
     kind: Literal["urdf"]
     packages: list[FileName] = Field(default=[])
-    """Folders of the packages that it names."""
+    """Folders of the packages that the file names."""
     limits: bool = True
-    """True to read its limits of position, velocity and effort; otherwise all limits are infinite."""
+    """True to read the limits of position, velocity and effort; otherwise all limits are infinite."""
     mimics: Literal["held", "followed"] = "held"
-    """A joint that follows another and is not between base and tip: held, or moved with its leader."""
+    """Joints that follow another and are not between base and tip: held, or moved with their leader."""
 
     arguments: dict[str, str] = Field(default={})
     """Arguments of a xacro file, by name."""
@@ -347,9 +354,9 @@ class IdentifiedDescription(AbstractRobotDescription):
 
     kind: Literal["identified"]
     file: FileName
-    """Its path, from the folder of the scenario file."""
+    """Path of the file, relative to the folder of the scenario file."""
     plant: TrueArm = TrueArm()
-    """Differences of the true arm from that of the file, which replace the file's own ones."""
+    """Differences of the true arm from the arm of the file; they replace those in the file."""
 
     def build(self) -> Arms:
         """Build the true robot, the nominal one, and the payload of the true one."""
@@ -357,7 +364,7 @@ class IdentifiedDescription(AbstractRobotDescription):
             return self.resolved().build()
 
     def resolved(self) -> AbstractRobotDescription:
-        """Return the file's description, with the true arm's differences of this one.
+        """Return the file's description, with this description's differences of the true arm.
 
         Raises DefinitionError if the file describes no arm of rigid links.
         """
@@ -366,7 +373,7 @@ class IdentifiedDescription(AbstractRobotDescription):
             description = TypeAdapter(RobotDescription).validate_python(data, context={"folder": folder})
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
-            # Without the kind, which pydantic puts before the keys.
+            # Skip the kind, which pydantic puts before the keys.
             where = ".".join(["robot", *map(str, first["loc"][1:])])
             raise DefinitionError(f"`{where}` of the file `{self.file}`: {first['msg']}") from None
         if not isinstance(description, AbstractArticulated):
@@ -377,7 +384,7 @@ class IdentifiedDescription(AbstractRobotDescription):
         return description.model_copy(update={"plant": description.plant.model_copy(update=differences)})
 
 
-def _of_numbers(kind: str, part: type[AbstractRobot]) -> type[NumbersDescription]:
+def _description_of_numbers(kind: str, part: type[AbstractRobot]) -> type[NumbersDescription]:
     true = plain_of(part, f"{part.__name__}.plant", doc="The true arm.")
     nominal = plain_of(part, f"{part.__name__}.nominal", optional=True, doc="The nominal arm, which the law knows.")
     called: Any = Literal[kind]
@@ -396,19 +403,21 @@ def _of_numbers(kind: str, part: type[AbstractRobot]) -> type[NumbersDescription
     return model
 
 
-def _ready(name: str) -> type[ReadyDescription]:
+def _built_in_description(name: str) -> type[BuiltInDescription]:
     kind: Any = (Literal[name], Field())
-    return create_model(f"robot.{name}", __base__=ReadyDescription, __doc__=f"{built_in_title(name)}.", kind=kind)
+    return create_model(f"robot.{name}", __base__=BuiltInDescription, __doc__=f"{built_in_title(name)}.", kind=kind)
 
 
-MADE_OF_NUMBERS = {kind: part for kind, part in members_of(AbstractRobot).items() if part not in (Articulated, Coupled)}
+ROBOTS_OF_NUMBERS = {
+    kind: part for kind, part in members_of(AbstractRobot).items() if part not in (Articulated, Coupled)
+}
 if TYPE_CHECKING:
     RobotDescription = AbstractRobotDescription
 else:
     RobotDescription = Annotated[
         Union[  # noqa: UP007
-            tuple(_of_numbers(kind, part) for kind, part in MADE_OF_NUMBERS.items())
-            + tuple(_ready(name) for name in built_in_names())
+            tuple(_description_of_numbers(kind, part) for kind, part in ROBOTS_OF_NUMBERS.items())
+            + tuple(_built_in_description(name) for name in built_in_names())
             + (UrdfDescription, MjcfDescription, IdentifiedDescription)
         ],
         Field(discriminator="kind"),

@@ -35,16 +35,16 @@ class Sampling:
     """Sampling of an arm, for its law.
 
     - `period`: time between samples [s].
-    - `delay`: age of a measurement when its torque sets in [periods].
+    - `delay`: delay from a measurement to the torque based on it [periods].
     - `dead_time`: part of the delay after the command [periods].
-    - `limits`: of torque and torque rate.
-    - `variance`: of a measured position, one number or [n], rad² or m².
-    - `has_velocity`: True if velocities are measured, too.
+    - `limits`: limits of torque and torque rate.
+    - `variance`: variance of a measured position, a number or [n], rad² or m².
+    - `has_velocity`: True if velocities are measured.
     - `mass`: inertia matrix of the nominal arm at the start [n n].
-    - `rotors`: its rotor inertia [n], kg m² or kg; None for an arm whose model has no rotors.
-    - `rated`: rated torque of its joints [n], N m or N; infinite if it is not known.
-    - `limited`: False if the arm may move beyond its limits.
-    - `jitter`: width of the spread of a measurement's age [periods].
+    - `rotors`: rotor inertias of the nominal arm [n], kg m² or kg; None if its model has no rotors.
+    - `rated`: rated torques of the joints [n], N m or N; infinite if unknown.
+    - `limited`: False if the arm may move beyond its position limits.
+    - `jitter`: width of the delay's random variation [periods].
     """
 
     period: float
@@ -61,11 +61,11 @@ class Sampling:
 
 
 class MeasuredDescription(AbstractDescription):
-    """Trusts positions and velocities as measured, and learns the disturbance from the velocities."""
+    """Uses positions and velocities as measured, and estimates the disturbance from the velocities."""
 
     kind: Literal["measured"]
     gain: Numbers | None = same_field(
-        Measured, "gain", default=None, source="1/6, or .3 with a delay of more than one period"
+        Measured, "gain", default=None, source="1/6, or 0.3 with a delay of more than one period"
     )
     trend: Numbers | None = same_field(
         Measured, "trend", default=None, source="critically damped, or 0 with a delay of more than one period"
@@ -81,24 +81,24 @@ class MeasuredDescription(AbstractDescription):
 
 
 class KalmanDescription(AbstractDescription):
-    """Velocities and disturbance from positions alone, by a steady Kalman filter."""
+    """Estimates velocities and disturbance from positions, by a steady-state Kalman filter."""
 
     kind: Literal["kalman"]
     torque_density: Numbers = input_field(
-        "of the white noise that drives the disturbance",
+        "density of the white noise that drives the disturbance torque",
         "(N m/s)² s",
         default=TORQUE_DENSITY,
         source="docs/loop-rate.md",
     )
     acceleration_density: float | None = input_field(
-        "of the white noise that drives the disturbance as an acceleration, in place of `torque_density`: the same "
-        "gains for all joints",
+        "density of the white noise that drives the disturbance acceleration, instead of `torque_density`: equal gains "
+        "for all joints",
         "(rad/s³)² s or (m/s³)² s",
         "> 0",
         default=None,
     )
     variance: Numbers | None = input_field(
-        "of a measured position", "rad² or m²", default=None, source="the sensor's resolution and noise"
+        "variance of a measured position", "rad² or m²", default=None, source="the sensor's resolution and noise"
     )
 
     def build(self, sampling: Sampling) -> AbstractEstimator:
@@ -106,9 +106,7 @@ class KalmanDescription(AbstractDescription):
         variance = sampling.variance if self.variance is None else as_array(self.variance)
         if self.acceleration_density is not None:
             if "torque_density" in self.model_fields_set:
-                raise DefinitionError(
-                    "`acceleration_density` and `torque_density` both set the gains: leave one of them out"
-                )
+                raise DefinitionError("`acceleration_density` and `torque_density` both set the gains: leave one out")
             return Kalman.steady(density=self.acceleration_density, variance=variance, period=sampling.period)
         return Kalman.of_arm(
             sampling.mass,
@@ -144,24 +142,24 @@ class GateDescription(AbstractDescription):
 
 
 class JointLearningDescription(AbstractDescription):
-    """Learns each joint's rotor inertia and Coulomb friction while the arm moves."""
+    """Learns the rotor inertia and Coulomb friction of each joint while the arm moves."""
 
     kind: Literal["joint_learning"] = "joint_learning"
     rotor: Numbers | None = same_field(
-        JointLearning, "rotor", default=None, source="the nominal arm's, or .002 kg m² per N m of rated torque"
+        JointLearning, "rotor", default=None, source="the nominal arm's, or 0.002 kg m² per N m of rated torque"
     )
-    rotor_min: Numbers | None = same_field(JointLearning, "rotor_min", default=None, source=".0005 kg m² per N m")
-    rotor_max: Numbers | None = same_field(JointLearning, "rotor_max", default=None, source=".1 kg m² per N m")
+    rotor_min: Numbers | None = same_field(JointLearning, "rotor_min", default=None, source="0.0005 kg m² per N m")
+    rotor_max: Numbers | None = same_field(JointLearning, "rotor_max", default=None, source="0.1 kg m² per N m")
     coulomb: Numbers = same_field(JointLearning, "coulomb")
     coulomb_max: Numbers | None = same_field(
-        JointLearning, "coulomb_max", default=None, source=".1 of the rated torque"
+        JointLearning, "coulomb_max", default=None, source="0.1 times the rated torque"
     )
     low: float = same_field(JointLearning, "low")
     high: float | None = same_field(
-        JointLearning, "high", default=None, source="200, or as low as 120 with coarse encoders"
+        JointLearning, "high", default=None, source="200, or down to 120 with coarse encoders"
     )
     gate: Numbers | None = same_field(
-        JointLearning, "gate", default=None, source=".2, or three times the encoders' noise"
+        JointLearning, "gate", default=None, source="0.2, or three times the encoders' noise"
     )
     coherence: float = same_field(JointLearning, "coherence")
     recent: float = same_field(JointLearning, "recent")
@@ -198,11 +196,11 @@ class SampledDataDescription(AbstractDescription):
     """The sampled-data form of a scheme; its defaults fit the sensor and the actuator."""
 
     horizon: float | None = input_field(
-        "H, how far a step plans, at least a period",
+        "H, planning horizon of a step, at least a period",
         "s",
         "> 0",
         default=None,
-        source="12 ms, or two periods or 1.5 (delay + 1) periods, if that is more",
+        source="12 ms, two periods or 1.5 (delay + 1) periods, whichever is longest",
     )
     estimator: EstimatorDescription | None = None
     """Estimator of the state and the disturbance; by default `measured`, with gains from the horizon, or `kalman` for
@@ -210,20 +208,20 @@ class SampledDataDescription(AbstractDescription):
     adaptation: AdaptationDescription | None = JointLearningDescription()
     """Adaptation of the arm's parameters during the motion; null for none."""
     delay: float | None = input_field(
-        "age of a measurement when its torque sets in, as the law believes it",
+        "delay from a measurement to the torque based on it, as assumed by the law",
         "periods",
         "[0, 100]",
         default=None,
-        source="as the sensor and the actuator say",
+        source="the sensor's delay plus the actuator's dead time",
     )
     recovery: RecoveryDescription | None = RecoveryDescription()
-    """Recovery outside the envelope; null: pull back to the prescribed envelope."""
+    """Recovery outside the envelope; null: return to the prescribed envelope."""
     monitor: MonitorDescription | None = None
-    """Guarantee monitor, which checks at every sample if the guarantee still holds; null for none."""
+    """Guarantee monitor, which checks at every sample that the guarantee still holds; null for none."""
     gate: GateDescription = GateDescription()
     """Measurement gate, which rejects measurements that the arm cannot have produced."""
     slopes: bool = True
-    """True if the robust torque counts the slope part of tau1, as printed in (45)."""
+    """True if the robust torque includes the slope part of tau1, as printed in (45)."""
     midpoint: bool = False
     """True to evaluate the arm's model in the middle of the torque's period, and to predict by the planned
     accelerations."""
@@ -249,7 +247,7 @@ class SampledDataDescription(AbstractDescription):
                     adaptation = self.adaptation.build(sampling)
                 else:
                     adaptation = self.adaptation.build()
-                # The estimator starts with the estimated inertia, and is slow enough to tolerate its errors.
+                # The estimator starts with the learnt inertia, and is slow enough to tolerate its errors.
                 variance = jnp.maximum(sampling.variance, FINEST**2 / 12.0)
                 sampling = replace(sampling, mass=adaptation.mass_at_start(sampling.mass), variance=variance)
         if self.delay is not None:

@@ -38,7 +38,7 @@ from slidax.simulation.simulate import Parts, simulate, simulate_batch
 from slidax.simulation.stepping import Stepping
 
 from .changes import with_changes
-from .default_bound import default_bound, warn_of_another_arms
+from .default_bound import default_bound, warn_of_implausible_bound
 from .descriptions import AbstractDescription, input_field, same_field
 from .instruments import (
     ActuatorDescription,
@@ -58,7 +58,7 @@ if TYPE_CHECKING:
     pass
 
 
-# Equal only to itself: arrays have no single equality, and it is the key of compiled batches.
+# Compared by identity: arrays have no single truth value, and scenarios are keys of compiled batches.
 @dataclass(frozen=True, eq=False)
 class Scenario:
     """The parts of a closed loop, with the duration and the time steps of its simulation.
@@ -67,7 +67,7 @@ class Scenario:
     - `description`: the validated file.
     - `t1`, `stepping`, `log_every`: as in `simulate`.
     - `tolerance`: tolerance band of a run, independent of the scheme's envelope; None for none.
-    - `changed`: fields that `replace` changed, so that they differ from `description`.
+    - `changed`: fields that `replace` changed; they may differ from `description`.
     """
 
     name: str
@@ -139,15 +139,15 @@ class Scenario:
         log_every: int | None = None,
         threads: int | None = None,
     ) -> Run:
-        """Simulate many runs of the scenario with other parts, as one `Run`.
+        """Simulate a batch of variants of the scenario, as one `Run`.
 
             scenario.simulate_batch(lambda scenario, q: scenario.replace(state0=State(q)), starts)
 
-        - `define`: from this scenario and the varied values of one run to the scenario of that run, by `replace`.
-        - `varied`: a pytree of arrays with the run as their first axis.
+        - `define`: maps this scenario and the varied values of a run to the scenario of that run, by `replace`.
+        - `varied`: a pytree of arrays; their first axis is the run.
         - `log_every`, `threads`: as in `simulate_batch`.
 
-        Raises DefinitionError if the parts do not fit each other, or a run has another end or stepping than this.
+        Raises DefinitionError if the parts do not fit each other, or a run has another `t1` or stepping.
         """
         parts = _PartsOfRun(self, define)
         return simulate_batch(parts, varied, t1=self.t1, stepping=self.stepping, log_every=log_every, threads=threads)
@@ -155,7 +155,7 @@ class Scenario:
 
 @dataclass(frozen=True)
 class _PartsOfRun:
-    """From the varied values to the parts of one run; equal instances share compiled code."""
+    """Maps the varied values to the parts of a run; equal instances share compiled code."""
 
     scenario: Scenario
     define: Callable[[Scenario, Any], Scenario]
@@ -163,7 +163,9 @@ class _PartsOfRun:
     def __call__(self, varied: Any) -> Parts:
         scenario = self.define(self.scenario, varied)
         if (scenario.t1, scenario.stepping) != (self.scenario.t1, self.scenario.stepping):
-            raise DefinitionError("all runs of a batch have one `t1` and one stepping: replace them before")
+            raise DefinitionError(
+                "all runs of a batch must have the same `t1` and stepping: change them before `simulate_batch`"
+            )
         return scenario.parts
 
 
@@ -182,7 +184,10 @@ class StartDescription(AbstractDescription):
     dq: list[float] | None = input_field("velocities, one per joint", "rad/s or m/s", default=None, source="at rest")
 
     def build(self, joints: int) -> State:
-        """Build the state; raise DefinitionError unless there is one entry for each joint."""
+        """Build the state.
+
+        Raises DefinitionError unless there is an entry for each joint.
+        """
         dq = [0.0] * joints if self.dq is None else self.dq
         for field, values in (("q", self.q), ("dq", dq)):
             if len(values) != joints:
@@ -197,35 +202,33 @@ class SimulationDescription(AbstractDescription):
     mode: Literal["continuous", "held"] = "held"
     """`held`: torque held over a period; `continuous`: the law at every stage of the integrator."""
     integrator: Literal["rk4", "semi_implicit_euler"] = "rk4"
-    """One step of the plant."""
+    """Integrator of the plant."""
     period: float = input_field("time between two samples; in continuous mode the integrator's step", "s", "> 0")
     substeps: int = input_field("integrator steps per period in held mode", "", "[1, 10000]", default=1)
     t1: float = input_field("end, a whole number of periods", "s", "> 0")
-    log_every: int = input_field(
-        "one in how many samples is written to the log; metrics count all", "", "[1, 1e9]", default=10
-    )
+    log_every: int = input_field("number of samples per log entry; metrics use all samples", "", "[1, 1e9]", default=10)
     outside: Literal["raise", "recover"] = "raise"
-    """At a sample outside the envelope, `raise` ends the run, and `recover` counts the sample and goes on."""
+    """At a sample outside the envelope, `raise` ends the run; `recover` counts the sample and continues."""
     limits: Literal["check", "ignore"] = "check"
-    """`check` refuses a start or a motion beyond the joints' limits, `ignore` runs it."""
+    """`check` refuses a start or a motion beyond the joint limits; `ignore` runs it."""
     plant: Literal["own", "mujoco"] = "own"
-    """The arm's simulator: our own equations, or MuJoCo, in held mode."""
+    """The arm's simulator: slidax's own equations, or MuJoCo, in held mode."""
     friction: Literal["smooth", "dry"] = "smooth"
-    """Friction of MuJoCo's plant: `smooth` as in ours, or `dry`, with which a joint can stick."""
+    """Friction in MuJoCo: `smooth` as in the own simulator, or `dry`, with which a joint can stick."""
     engine: Literal["auto", "native", "xla", "cuda"] = "auto"
-    """Execution: `native` is our own machine code, `xla` JAX's compiler; `auto` takes the fastest one on the processor;
-    `cuda` is the native code on an NVIDIA card, for batches."""
+    """Engine: `native` is slidax's machine code, `xla` JAX's compiler; `auto` selects the faster one on the processor;
+    `cuda` is the native code on an NVIDIA GPU, for batches."""
 
 
 class TableDescription(AbstractDescription):
-    """A horizontal, rigid and infinite surface, which the tip and its payload can touch."""
+    """A horizontal, rigid and infinite surface that the tip and its payload can touch."""
 
     height: float = same_field(Table, "height")
     friction: float = same_field(Table, "friction")
 
 
 class SurroundingsDescription(AbstractDescription):
-    """Surroundings of the arm, for MuJoCo's plant."""
+    """Surroundings of the arm, for MuJoCo."""
 
     table: TableDescription | None = None
     """A table."""
@@ -236,7 +239,7 @@ class SurroundingsDescription(AbstractDescription):
 
 
 def _rated(torque: Array, limits: JointLimits | None, joints: int) -> Array:
-    """Rated torques of the joints: from the scenario's drives, else from the arm's data sheet."""
+    """Rated torques of the joints: from the scenario's drives if finite, otherwise from the arm's data sheet."""
     rated = jnp.broadcast_to(torque, (joints,))
     return rated if limits is None else jnp.where(jnp.isfinite(rated), rated, limits.torque)
 
@@ -257,7 +260,7 @@ class OpenLoop(NamedTuple):
 
 
 class ScenarioDescription(AbstractDescription):
-    """One closed loop: the arm, its motion, its disturbance, its controller, and how it is simulated."""
+    """A closed loop: the arm, its motion, its disturbance, its controller, and its simulation."""
 
     title: str
     """Title of the scenario, in one line."""
@@ -285,9 +288,9 @@ class ScenarioDescription(AbstractDescription):
     """Tolerance band of a run, independent of the scheme's envelope; by default none."""
 
     truth: dict[str, Any] = Field(default={})
-    """True values by path that differ from the file and are unknown to the law, as in one case of a study."""
+    """True values by path that differ from the file and are unknown to the law, as in a case of a study."""
     uncertainty: Uncertainty = Field(default={})
-    """Uncertainty: a set of values by path. Studies draw from it; one run takes the file's own numbers."""
+    """Sets of uncertain values by path. Studies draw from them; a single run uses the file's own values."""
 
     def build(self, name: str) -> Scenario:
         """Build the scenario with all its parts; its law does not know `truth`.
@@ -326,7 +329,7 @@ class ScenarioDescription(AbstractDescription):
     def as_it_is(self) -> ScenarioDescription:
         """Return the description with the values of `truth`.
 
-        Raises DefinitionError if one of them is invalid.
+        Raises DefinitionError if a value is invalid.
         """
         if not self.truth:
             return self
@@ -336,7 +339,9 @@ class ScenarioDescription(AbstractDescription):
         with locate_errors("truth"):
             unseen = [path for path in self.truth if path.split(".")[0] in OF_THE_LAW]
             if unseen:
-                message = f"is what the law is told, or how time passes, not what is true: {KNOWN_TO_LAW_REMEDY}"
+                message = (
+                    f"belongs to the law or the simulation, which has no unknown true value: {KNOWN_TO_LAW_REMEDY}"
+                )
                 raise DefinitionError(message, where=unseen[0])
             data = with_changes(data, dict(self.truth))
             try:
@@ -389,7 +394,7 @@ class ScenarioDescription(AbstractDescription):
             scheme = self.scheme.with_bound(find).with_limit(drive.limits().torque)
             bound = getattr(self.scheme, "bound", None)
             if bound is not None and all(value is not None for _, value in bound):
-                warn_of_another_arms(dict(bound), state0, drive.limits(), find)
+                warn_of_implausible_bound(dict(bound), state0, drive.limits(), find)
             controller: AbstractController = scheme.build(nominal=nominal)
             if self.scheme.sampled_data is not None:
                 sampling = Sampling(
@@ -415,9 +420,11 @@ class ScenarioDescription(AbstractDescription):
         if self.simulation.plant == "own":
             remedy = "set `simulation.plant` to `mujoco`"
             if table is not None:
-                raise DefinitionError(f"only a plant that MuJoCo moves meets anything: {remedy}", where="surroundings")
+                raise DefinitionError(
+                    f"only MuJoCo simulates contact with surroundings: {remedy}", where="surroundings"
+                )
             if self.simulation.friction == "dry":
-                message = f"only a plant that MuJoCo moves really sticks: {remedy}"
+                message = f"only MuJoCo simulates dry friction: {remedy}"
                 raise DefinitionError(message, where="simulation.friction")
             return own
         with locate_errors("simulation.plant"):
@@ -425,9 +432,9 @@ class ScenarioDescription(AbstractDescription):
 
 
 def with_scheme(name: str, scheme: Preset | type[AbstractController]) -> type[ScenarioDescription]:
-    """Return the description of scenarios with one external scheme.
+    """Return the description of scenarios with an external scheme.
 
-    - `name`: its name, `scheme.name` in the scenario.
+    - `name`: name of the scheme, `scheme.name` in the scenario.
     - `scheme`: a preset, or the class of a law with a nominal arm and numeric parameters.
     """
     preset = scheme if isinstance(scheme, Preset) else Preset(scheme, (scheme.__doc__ or name).strip())

@@ -67,14 +67,14 @@ PRESETS: dict[str, Preset] = {
 """Schemes that a file can name."""
 
 ENVELOPE = tuple(parameter.name for parameter in parameters_of(PrescribedPerformance))
-"""Parameters of an envelope, such as `performance` and `overshoot`, which may stand in the scheme itself."""
+"""Parameters of an envelope, such as `performance` and `overshoot`, which a file may write in the scheme itself."""
 
 RENAMED = {
     "inertia_min": "inverse_inertia_min",
     "inertia_max": "inverse_inertia_max",
     **{"constant": "b0", "position": "b1", "velocity": "b2"},
 }
-"""Former names of a bound's parameters, which old files have."""
+"""Former names of a bound's parameters in old files."""
 
 
 COMPUTED: dict[type[eqx.Module], dict[str, str]] = {
@@ -99,7 +99,7 @@ def _for_editors(schema: dict[str, Any], model: type[SchemeDescription]) -> None
 
 
 class SchemeDescription(PartDescription):
-    """The control scheme, with the changes to its preset."""
+    """The control scheme: its preset and the file's changes."""
 
     model_config = ConfigDict(json_schema_extra=_for_editors)
 
@@ -143,9 +143,9 @@ class SchemeDescription(PartDescription):
         return self.model_copy(update={"bound": bound.model_copy(update=update)})
 
     def with_limit(self, torque: Array) -> SchemeDescription:
-        """Return the scheme with a torque at which its integral stops.
+        """Return the scheme with a limit for its integral, if it needs one.
 
-        - `torque`: default from the drives' limits, one number or [n], N m or N.
+        - `torque`: torque limits of the drives, a number or [n], N m or N.
         """
         limited = issubclass(self.part, JointPID) and getattr(self, "limit", None) is None
         if not limited or not np.isfinite(torque).all():
@@ -173,13 +173,13 @@ def _preset_of(scheme: Mapping[str, Any]) -> Preset | None:
 
 
 def with_preset_values(part: PresetPart, value: dict[str, Any]) -> dict[str, Any]:
-    """Return a file's part of a scheme with the kind and the parameters of the preset's part, if the kinds agree."""
+    """Return a part in a file with the kind and the parameters of the preset's part as defaults, if the kinds agree."""
     kind = kind_of(part.part)
     return {"kind": kind, **part.values, **value} if value.get("kind", kind) == kind else value
 
 
 def place_parameters(scheme: dict[str, Any]) -> dict[str, Any]:
-    """Return a file's scheme with each parameter under the part that has it, by its present name."""
+    """Return a scheme in a file with each parameter under the part that has it, by its current name."""
     preset = _preset_of(scheme)
     if preset is None:
         return scheme
@@ -207,8 +207,8 @@ def with_kinds(scheme: dict[str, Any]) -> dict[str, Any]:
     return {**scheme, **{name: {"kind": kind_of(part.part), **scheme[name]} for name, part in parts.items()}}
 
 
-def present_path(path: list[str]) -> list[str]:
-    """Return a path, as its parts, with the present names of a bound's parameters."""
+def current_path(path: list[str]) -> list[str]:
+    """Return a path, as a list of keys, with the current names of a bound's parameters."""
     return [*path[:-1], RENAMED.get(path[-1], path[-1])] if path[:2] == ["scheme", "bound"] else path
 
 
@@ -224,18 +224,18 @@ def owner_of(preset: Preset, name: str) -> str | None:
 
 
 OF_PLANS = ("horizon", "slopes", "recovery")
-"""Keys of `sampled_data` that only laws with a plan over a horizon have."""
+"""Keys of `sampled_data` only for laws that plan over a horizon."""
 
 
 def switch_scheme(scheme: Any, name: Any) -> Any:
     """Return the scheme of a scenario file with another name.
 
-    The envelope stays, and the bound's parameters for which the new scheme has no value of its own. Of `sampled_data`
-    the estimator stays, and the other keys if the new scheme plans over a horizon. All other parameters take the values
-    of the new scheme. The file's own name changes nothing.
+    It keeps the envelope, and the bound's parameters without a value in the new scheme. It keeps `sampled_data`, but
+    drops `horizon`, `slopes` and `recovery` if the new scheme does not plan over a horizon. All other parameters take
+    the values of the new scheme. With the file's own name, nothing changes.
 
     - `scheme`: mapping of the file.
-    - `name`: new name; the validation refuses an unknown one.
+    - `name`: new name; the validation refuses an unknown name.
     """
     if not isinstance(scheme, dict):
         return {"name": name}
@@ -262,7 +262,7 @@ def switch_scheme(scheme: Any, name: Any) -> Any:
 
 def described_scheme(name: str, preset: Preset) -> type[SchemeDescription]:
     """Return the description of a preset under its name in files."""
-    fields: dict[str, Any] = {"name": (Literal[name], Field(description="Which scheme it is."))}
+    fields: dict[str, Any] = {"name": (Literal[name], Field(description="Name of the scheme."))}
     for parameter in parameters_of(preset.law):
         if parameter.name == "nominal":
             continue

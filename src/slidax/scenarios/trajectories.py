@@ -14,6 +14,7 @@ from pydantic import Field
 from slidax.arms.arm import AbstractRobot, JointLimits
 from slidax.arms.chain import Pose
 from slidax.core.errors import DefinitionError, DefinitionWarning, count_noun, each_of, locate_errors
+from slidax.core.files import read_text
 from slidax.core.joint_names import match_names, quote_names
 from slidax.motions.follow import follow
 from slidax.motions.moves import AbstractMove, Circle, Line, Pause, Screw, Through
@@ -23,7 +24,7 @@ from slidax.motions.trajectory import AbstractMotion, AbstractPiecewisePolynomia
 from slidax.motions.waypoints import MinimumJerk, Trapezoidal
 
 from .descriptions import AbstractDescription, FileName, Numbers, input_field, union_of
-from .yaml_text import read_yaml, text_of
+from .yaml_text import read_yaml
 
 Limit = Annotated[float | list[float] | Literal["robot"], Field(union_mode="left_to_right")]
 """One number for all joints, one per joint, or `robot` for the robot's own limits."""
@@ -35,7 +36,7 @@ class TrajectoryPart(AbstractDescription):
     def build(self, limits: JointLimits | None = None) -> AbstractMotion:
         """Build the trajectory.
 
-        - `limits`: limits of the robot for fields with the value `robot`; None if it has none.
+        - `limits`: limits of the robot, for fields with the value `robot`; None if it has none.
 
         Raises DefinitionError if the description is invalid.
         """
@@ -43,7 +44,7 @@ class TrajectoryPart(AbstractDescription):
 
 
 def robot_limits(described: TrajectoryPart, limits: JointLimits | None, *fields: str) -> dict[str, Any]:
-    """Return the robot's numbers for each of the fields with the value `robot`.
+    """Return the robot's limits for the fields with the value `robot`.
 
     Raises DefinitionError if the robot has no limits.
     """
@@ -52,7 +53,7 @@ def robot_limits(described: TrajectoryPart, limits: JointLimits | None, *fields:
         if getattr(described, field) == "robot":
             with locate_errors(field):
                 if limits is None:
-                    raise DefinitionError("says `robot`, but this robot has no limits of its own: give numbers")
+                    raise DefinitionError("is `robot`, but this robot has no limits: write numbers")
                 numbers[field] = np.asarray(getattr(limits, field))
     return numbers
 
@@ -63,11 +64,11 @@ Seven = Annotated[list[float], Field(min_length=7, max_length=7)]
 
 
 class MoveDescription(AbstractDescription):
-    """A move of the tool from rest to rest, starting at the end of the move before it."""
+    """A move of the tool from rest to rest, starting at the end of the previous move."""
 
     move: ClassVar[type[AbstractMove]]
     duration: float | None = input_field(
-        "how long it takes", "s", "> 0", default=None, source="`speed`, or the shortest that the joints allow"
+        "duration of the move", "s", "> 0", default=None, source="`speed`, or the shortest that the joints allow"
     )
     speed: float | None = input_field("largest speed of the tip", "m/s", "> 0", default=None, source="no limit")
     acceleration: float | None = input_field(
@@ -80,14 +81,14 @@ class MoveDescription(AbstractDescription):
 
 
 class LineDescription(MoveDescription):
-    """A straight line of the tip, while the tool turns evenly about one axis."""
+    """A straight line of the tip, with a rotation of the tool about a fixed axis."""
 
     move = Line
     kind: Literal["line"]
-    to: Three | None = input_field("where the tip goes, in the base frame", "m", default=None, source="`by`")
-    by: Three | None = input_field("how far it goes, in the base frame", "m", default=None, source="`to`")
+    to: Three | None = input_field("end position of the tip, in the base frame", "m", default=None, source="`by`")
+    by: Three | None = input_field("displacement of the tip, in the base frame", "m", default=None, source="`to`")
     quaternion: Four | None = input_field(
-        "how the tool is turned at the end, w, x, y, z", "", default=None, source="as at the start"
+        "orientation of the tool at the end, w, x, y, z", "", default=None, source="as at the start"
     )
 
 
@@ -96,22 +97,22 @@ class CircleDescription(MoveDescription):
 
     move = Circle
     kind: Literal["circle"]
-    center: Three = input_field("a point of the axis, in the base frame", "m")
+    center: Three = input_field("a point on the axis, in the base frame", "m")
     axis: Three = input_field("direction of the axis, of any length")
-    angle: float = input_field("how far it goes about the axis", "rad", default=2 * np.pi)
+    angle: float = input_field("angle of the arc", "rad", default=2 * np.pi)
     tool: Literal["fixed", "turns"] = "fixed"
-    """`fixed` keeps the orientation of the tool, `turns` turns it with the arc."""
+    """`fixed` keeps the orientation of the tool; `turns` rotates it with the arc."""
 
 
 class ScrewDescription(MoveDescription):
-    """A turn of the tool about an axis while it moves along it."""
+    """A screw motion: the tool rotates about an axis and moves along it."""
 
     move = Screw
     kind: Literal["screw"]
     axis: Three = input_field("direction of the axis, of any length")
-    angle: float = input_field("how far the tool turns", "rad")
-    pitch: float = input_field("how far a whole turn goes along the axis", "m", default=0.0)
-    center: Three | None = input_field("a point of the axis, in the base frame", "m", default=None, source="the tip")
+    angle: float = input_field("rotation angle of the tool", "rad")
+    pitch: float = input_field("displacement along the axis per revolution", "m", default=0.0)
+    center: Three | None = input_field("a point on the axis, in the base frame", "m", default=None, source="the tip")
 
 
 class ThroughDescription(MoveDescription):
@@ -121,7 +122,10 @@ class ThroughDescription(MoveDescription):
     kind: Literal["through"]
     poses: list[list[float]] = input_field("rows of x, y, z, or of x, y, z, qw, qx, qy, qz", "m")
     times: list[float] | None = input_field(
-        "of each pose; the first is when the move begins", "s", default=None, source="`duration`, or the joints' limits"
+        "time of each pose; the first is the beginning of the move",
+        "s",
+        default=None,
+        source="`duration`, or the joint limits",
     )
 
 
@@ -139,39 +143,40 @@ AnyMove = Annotated[
 
 
 class ToolPathTrajectory(TrajectoryPart):
-    """A path of the tool, by inverse kinematics of the arm that the law knows."""
+    """A path of the tool, by inverse kinematics of the nominal arm."""
 
     kind: Literal["tool_path"]
-    start: list[float] = input_field("a posture from which the tool starts, one position per joint", "rad or m")
+    start: list[float] = input_field("posture in which the tool starts, one position per joint", "rad or m")
     pose: Seven | None = input_field(
-        "where the path begins, x, y, z, qw, qx, qy, qz; searched from `start`",
+        "pose at the beginning of the path, x, y, z, qw, qx, qy, qz; the inverse kinematics starts from `start`",
         "m",
         default=None,
-        source="where the tool is at `start`",
+        source="pose of the tool at `start`",
     )
     moves: list[AnyMove] = Field(default=[])
-    """Moves of the tool, each from the end of the move before it."""
+    """Moves of the tool, each from the end of the previous one."""
     file: FileName | None = None
-    """A CSV file with columns time, x, y, z and optionally qw, qx, qy, qz, relative to the folder of the scenario; in
-    place of `moves`."""
+    """A CSV file with columns time, x, y, z and optionally qw, qx, qy, qz, instead of `moves`; its path is relative to
+    the folder of the scenario file."""
     text: str | None = None
-    """Content of such a file, in place of `file`."""
+    """Content of such a file, instead of `file`."""
     hold: Literal["place", "axis", "pose"] = "pose"
-    """Requirement on the tool: the `place` of its tip, also its `axis` z, or the whole `pose`."""
+    """Requirement on the tool: `place` for the position of its tip, `axis` also for its z axis, `pose` for all."""
     posture: list[float] | None = input_field(
-        "what is liked of an arm that has more joints than it needs", "rad or m", default=None, source="as it starts"
+        "preferred posture of a redundant arm", "rad or m", default=None, source="its posture at the start"
     )
     velocity: Limit | None = input_field(
-        "largest speed of the joints, or `robot`", "rad/s or m/s", default=None, source="none"
+        "velocity limit of the joints, or `robot`", "rad/s or m/s", default=None, source="no limit"
     )
-    acceleration: Numbers | None = input_field(
-        "largest acceleration", "rad/s² or m/s²", default=None, source="no limit"
-    )
+    acceleration: Numbers | None = input_field("acceleration limit", "rad/s² or m/s²", default=None, source="no limit")
     damping: float = input_field(
-        "how much of the pose is given up near a singularity, per unit of force", "m or rad", "[0, 1]", default=0.0
+        "damping of the inverse kinematics: allowed deviation from the pose near a singularity",
+        "m or rad",
+        "[0, 1]",
+        default=0.0,
     )
     tolerance: float = input_field("largest error of the tool between knots", "m and rad", "[1e-9, 1e-2]", default=1e-6)
-    begin: float = input_field("when it begins", "s", ">= 0", default=0.0)
+    begin: float = input_field("time at which the path begins", "s", ">= 0", default=0.0)
 
     def build(self, limits: JointLimits | None = None, robot: AbstractRobot | None = None) -> AbstractMotion:
         """Build the joint trajectory of the nominal `robot`."""
@@ -196,7 +201,7 @@ class ToolPathTrajectory(TrajectoryPart):
 
 
 LONGER = 100.0
-"""Duration of a motion over that of the run above which its unit of time is probably wrong."""
+"""Ratio of a motion's duration to the run's above which the unit of its times is probably wrong."""
 
 
 class WaypointTrajectory(TrajectoryPart):
@@ -213,10 +218,10 @@ class WaypointTrajectory(TrajectoryPart):
 
 
 class MinimumJerkTrajectory(WaypointTrajectory):
-    """The smoothest motion through waypoints, at rest at both ends."""
+    """The minimum-jerk motion through waypoints, at rest at both ends."""
 
     kind: Literal["minimum_jerk"]
-    times: list[float] = input_field("when each waypoint is passed, increasing", "s")
+    times: list[float] = input_field("time of each waypoint, increasing", "s")
     waypoints: list[list[float]] = input_field("one row of joint positions per time", "rad or m")
 
     def build(self, limits: JointLimits | None = None) -> AbstractMotion:
@@ -227,18 +232,18 @@ class MinimumJerkTrajectory(WaypointTrajectory):
 class LimitedTrajectory(WaypointTrajectory):
     """A motion through waypoints, as fast as limits allow."""
 
-    waypoints: list[list[float]] = input_field("rows of joint positions, no two in a row the same", "rad or m")
-    velocity: Limit = input_field("largest speed, or `robot`", "rad/s or m/s")
-    acceleration: Numbers = input_field("largest acceleration", "rad/s² or m/s²")
-    jerk: Numbers | None = input_field("largest jerk", "rad/s³ or m/s³", default=None, source="no limit")
-    start: float = input_field("when it begins", "s", default=0.0)
+    waypoints: list[list[float]] = input_field("rows of joint positions; consecutive rows must differ", "rad or m")
+    velocity: Limit = input_field("velocity limit, or `robot`", "rad/s or m/s")
+    acceleration: Numbers = input_field("acceleration limit", "rad/s² or m/s²")
+    jerk: Numbers | None = input_field("jerk limit", "rad/s³ or m/s³", default=None, source="no limit")
+    start: float = input_field("time at which the motion begins", "s", default=0.0)
 
     def _arguments(self, limits: JointLimits | None) -> dict[str, Any]:
         return self.parameters() | robot_limits(self, limits, "velocity")
 
 
 class QuinticTrajectory(LimitedTrajectory):
-    """The smoothest motion through waypoints, without stopping, as fast as limits allow."""
+    """The minimum-jerk motion through waypoints, without stops, as fast as limits allow."""
 
     kind: Literal["quintic"]
 
@@ -247,7 +252,7 @@ class QuinticTrajectory(LimitedTrajectory):
 
 
 class TrapezoidalTrajectory(LimitedTrajectory):
-    """As fast as limits allow from waypoint to waypoint, at rest at each; an S-curve with a limit of jerk."""
+    """The fastest motion from waypoint to waypoint, with a stop at each; an S-curve with a jerk limit."""
 
     kind: Literal["trapezoidal"]
 
@@ -259,21 +264,25 @@ class TableTrajectory(TrajectoryPart):
     """A motion from a file."""
 
     file: FileName | None = None
-    """Its path, relative to the folder of the scenario file."""
+    """Path of the file, relative to the folder of the scenario file."""
     text: str | None = None
-    """Content of such a file, in place of `file`."""
+    """Content of such a file, instead of `file`."""
     joints: list[str] | None = None
-    """The file's names of the robot's joints, in the robot's order; by default the robot's own names."""
+    """Names of the robot's joints in the file, in the robot's order; by default the robot's own names."""
     time_unit: TimeUnit | None = None
-    """Unit of the times: s, ms, us or ns; by default the file's own, or s."""
-    start: float | None = input_field("when the first row is to be", "s", default=None, source="the file")
-    lower: Limit | None = input_field("least positions, or `robot`", "rad or m", default=None, source="not checked")
-    upper: Limit | None = input_field("largest positions, or `robot`", "rad or m", default=None, source="not checked")
+    """Unit of the times: s, ms, us or ns; by default the unit in the file, or s."""
+    start: float | None = input_field("time of the first row", "s", default=None, source="the file")
+    lower: Limit | None = input_field(
+        "lower position limits, or `robot`", "rad or m", default=None, source="not checked"
+    )
+    upper: Limit | None = input_field(
+        "upper position limits, or `robot`", "rad or m", default=None, source="not checked"
+    )
     velocity: Limit | None = input_field(
-        "largest speed, or `robot`", "rad/s or m/s", default=None, source="not checked"
+        "velocity limits, or `robot`", "rad/s or m/s", default=None, source="not checked"
     )
     acceleration: Numbers | None = input_field(
-        "largest acceleration", "rad/s² or m/s²", default=None, source="docs/trajectories.md"
+        "acceleration limits", "rad/s² or m/s²", default=None, source="docs/trajectories.md"
     )
 
     def _arguments(self, limits: JointLimits | None, robot: AbstractRobot | None) -> dict[str, Any]:
@@ -283,7 +292,7 @@ class TableTrajectory(TrajectoryPart):
         return {name: value for name, value in arguments.items() if name not in ("file", "text")}
 
     def _names(self, own: Sequence[str]) -> Sequence[str]:
-        """The file's names of the robot's joints, in the robot's order."""
+        """Names of the robot's joints in the file, in the robot's order."""
         if self.joints is None:
             return own
         with locate_errors("joints"):
@@ -292,16 +301,16 @@ class TableTrajectory(TrajectoryPart):
                     f"must have one name for each of the robot's {count_noun(len(own), 'joint')}, {quote_names(own)}; "
                     f"got {len(self.joints)}"
                 )
-            for name, place in match_names(self.joints, own).items():
-                if own[place] != name:
+            for name, index in match_names(self.joints, own).items():
+                if own[index] != name:
                     raise DefinitionError(
-                        f"`{name}` stands in the place of the robot's joint `{own[place]}`; the robot's order is "
-                        f"{quote_names(own)}. Leave `joints` out, and each column is found by its name"
+                        f"`{name}` is at the position of the robot's joint `{own[index]}`; the robot's order is "
+                        f"{quote_names(own)}. Leave `joints` out to match columns by name"
                     )
         return self.joints
 
     def _source(self) -> str:
-        """The path, or the text with a line break, by which the reader recognizes a text."""
+        """The path, or the text with a line break, by which the reader tells a text from a path."""
         if self.text is None and self.file is not None:
             return self.file
         if self.file is None and self.text is not None:
@@ -310,7 +319,7 @@ class TableTrajectory(TrajectoryPart):
 
 
 class CsvTrajectory(TableTrajectory):
-    """A motion from a CSV file: a column `time`, and one per joint."""
+    """A motion from a CSV file with a column `time` and a column per joint."""
 
     kind: Literal["csv"]
 
@@ -335,7 +344,7 @@ class JointTrajectory(TableTrajectory):
 def _yaml_message(path: Path) -> dict[str, Any]:
     """The message in a file from `ros2 topic echo`, which ends each message with a line of `---`."""
     name = f"`{path.name}`"
-    text = text_of(path, "the file").removeprefix("\ufeff")
+    text = read_text(path, "the file").removeprefix("\ufeff")
     parts = [part for part in re.split(r"^---\s*$", text, flags=re.M) if part.strip()]
     if len(parts) != 1:
         raise DefinitionError(f"{name} must have one message; got {len(parts)}")
@@ -365,7 +374,7 @@ else:
 def trajectory_of(described: Any, limits: JointLimits | None, robot: AbstractRobot) -> AbstractMotion:
     """Build the trajectory of a `TrajectoryDescription`.
 
-    - `limits`: limits of the robot for fields with the value `robot`; None if it has none.
+    - `limits`: limits of the robot, for fields with the value `robot`; None if it has none.
     - `robot`: the nominal arm.
 
     Raises DefinitionError if the description is invalid.
@@ -378,12 +387,12 @@ def trajectory_of(described: Any, limits: JointLimits | None, robot: AbstractRob
 
 
 def motion_of_file(path: str | Path, robot: AbstractRobot, start: Sequence[float]) -> AbstractMotion:
-    """Read a motion: a CSV file of joints or of the tool's poses, or a JointTrajectory as JSON or YAML.
+    """Read a motion from a CSV file of joint positions or tool poses, or from a JointTrajectory as JSON or YAML.
 
     - `robot`: the nominal arm.
-    - `start`: posture from which a tool path starts [n], rad or m.
+    - `start`: posture in which a tool path starts [n], rad or m.
 
-    Raises DefinitionError, with the file and where in it, if it cannot be read or followed.
+    Raises DefinitionError, with the file and the line, if the file cannot be read or the motion not followed.
     """
     name = str(path)
     if name.endswith((".json", ".yaml", ".yml")):
@@ -398,7 +407,7 @@ def motion_of_file(path: str | Path, robot: AbstractRobot, start: Sequence[float
 def warn_of_units(described: Any, trajectory: AbstractMotion, t1: float) -> None:
     """Warn if a motion from a file is so much longer than the run that its times may not be in seconds.
 
-    - `described`: a `TrajectoryDescription`; with a unit of time there is no warning.
+    - `described`: a `TrajectoryDescription`; a unit of time in it suppresses the warning.
     - `t1`: end of the run [s].
     """
     is_tool = isinstance(described, ToolPathTrajectory)

@@ -24,13 +24,16 @@ ENDS = (("minimum", -np.inf), ("exclusiveMinimum", -np.inf)), (("maximum", np.in
 
 @dataclasses.dataclass(frozen=True)
 class Leaf:
-    """A number of a scenario, or a list of numbers.
+    """A number or a list of numbers in a scenario.
 
-    - `own`: its value; None without a value.
+    - `path`: its dotted path.
+    - `own`: its value in the scenario; None without a value.
     - `joints`: number of joints of the arm.
-    - `per_joint`: True if it may be one number for all joints, or one for each.
-    - `one_of_joints`: True for one joint's number in a list with one for each.
+    - `per_joint`: True if it may be a single number for all joints, or a list with one for each.
+    - `one_of_joints`: True for a joint's entry in a list with an entry for each joint.
     - `open_list`: True for a list of any length.
+    - `integer`: True for integers.
+    - `unit`: its unit.
     - `ends`: numeric ends of its range.
     - `envelope`: returns lower and upper positions [n] at the start; None if not needed.
     - `arm`: returns the nominal arm; None if not needed.
@@ -50,35 +53,35 @@ class Leaf:
 
     @property
     def each_joint(self) -> bool:
-        """True if each of its numbers belongs to a joint."""
+        """True if it has a number for each joint."""
         return self.per_joint or (self.open_list and self.shape == (self.joints,))
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Shape of its own value; of one number without a value."""
+        """Shape of its own value; () without a value."""
         return () if self.own is None else self.own.shape
 
     @property
     def shape_of_each(self) -> tuple[int, ...]:
-        """Shape of its numbers if each has its own draw."""
+        """Shape with a separate draw for each number."""
         return (self.joints,) if self.per_joint and self.shape == () else self.shape
 
     @property
     def size(self) -> int:
-        """Count of its numbers if each has its own draw."""
+        """Number of separate draws."""
         return int(np.prod(self.shape_of_each, dtype=int))
 
-    def own_value(self, what: str) -> Array:
-        """Return its own value, which the key `what` needs.
+    def own_value(self, key: str) -> Array:
+        """Return its own value, which the `key` of a set needs.
 
         Raises DefinitionError if it has none.
         """
         if self.own is None:
-            raise DefinitionError(f"has no value of its own in the scenario, so that `{what}` means nothing: write one")
+            raise DefinitionError(f"has no value in the scenario, which `{key}` needs: write a value")
         return self.own
 
-    def fitting(self, value: Any, what: str) -> Array:
-        """Return the value of the key `what` as an array of its own shape.
+    def fitting(self, value: Any, key: str) -> Array:
+        """Return the value of a set's `key` as an array of its own shape.
 
         Raises DefinitionError if the value has another shape, or is not finite.
         """
@@ -86,60 +89,60 @@ class Leaf:
         allowed = {(), self.shape, self.shape_of_each}
         if array.shape not in allowed and self.own is not None:
             wanted = " or ".join("one number" if not shape else f"{list(shape)} numbers" for shape in sorted(allowed))
-            raise DefinitionError(f"`{what}` needs {wanted}; got {short_repr(value)}")
+            raise DefinitionError(f"`{key}` needs {wanted}; got {short_repr(value)}")
         if not np.isfinite(array).all():
-            raise DefinitionError(f"`{what}` must be finite; got {short_repr(value)}")
+            raise DefinitionError(f"`{key}` must be finite; got {short_repr(value)}")
         return self.spread_out(array, False)
 
     def spread_out(self, value: Array, each: bool) -> Array:
-        """Return a value in its own shape, or, with `each`, in the shape of separate draws."""
+        """Broadcast a value to its own shape or, with `each`, to the shape of separate draws."""
         return np.broadcast_to(value, np.broadcast_shapes(value.shape, self.shape_of_each if each else self.shape))
 
 
 def leaf_of(description: BaseModel, path: str, joints: int) -> Leaf:
-    """Return the number at a path of a scenario's description.
+    """Return the value at a path of a scenario's description.
 
-    - `path`: dotted, as of `--set`.
+    - `path`: dotted path, as with `--set`.
     - `joints`: number of joints of the arm.
 
-    Raises DefinitionError if there is none.
+    Raises DefinitionError if there is no number at this path.
     """
-    place: Any = description
+    node: Any = description
     kind: Any = None
     schema: Mapping[str, Any] = {}
     open_list = one_of_joints = False
     for name in path.split("."):
-        if isinstance(place, BaseModel):
-            fields = type(place).model_fields
+        if isinstance(node, BaseModel):
+            fields = type(node).model_fields
             if name not in fields:
                 raise DefinitionError(f"there is no `{plain_name(name)}` here; {nearest_word(name, fields)}")
             kind, extra = fields[name].annotation, fields[name].json_schema_extra
             schema = extra if isinstance(extra, dict) else {}
-            place = getattr(place, name)
-            open_list = list[float] in _words(kind) and not _has_length(fields[name])
-        elif isinstance(place, tuple | list) and name.isdigit() and int(name) < len(place):
-            one_of_joints = open_list and len(place) == joints
-            place, kind = place[int(name)], float
-        elif name.isdigit() and isinstance(place, int | float):
-            raise DefinitionError(f"{place} is one number for all joints: write one for each into the scenario")
+            node = getattr(node, name)
+            open_list = list[float] in _types(kind) and not _has_length(fields[name])
+        elif isinstance(node, tuple | list) and name.isdigit() and int(name) < len(node):
+            one_of_joints = open_list and len(node) == joints
+            node, kind = node[int(name)], float
+        elif name.isdigit() and isinstance(node, int | float):
+            raise DefinitionError(f"{node} is a single number for all joints: write a list with one for each joint")
         else:
-            raise DefinitionError(f"`{plain_name(name)}` leads nowhere in {short_repr(place)}")
-    words = _words(kind)
-    if not words & NUMERIC or isinstance(place, BaseModel | str | bool):
-        raise DefinitionError(f"is not a number of the scenario; got {short_repr(place)}")
+            raise DefinitionError(f"`{plain_name(name)}` does not exist in {short_repr(node)}")
+    types = _types(kind)
+    if not types & NUMERIC or isinstance(node, BaseModel | str | bool):
+        raise DefinitionError(f"is not a number of the scenario; got {short_repr(node)}")
     try:
-        array = None if place is None else np.asarray(place, int if words == {int} else float)
+        array = None if node is None else np.asarray(node, int if types == {int} else float)
     except (TypeError, ValueError):
-        raise DefinitionError(f"is not a number of the scenario; got {short_repr(place)}") from None
+        raise DefinitionError(f"is not a number of the scenario; got {short_repr(node)}") from None
     lower, upper = (next((schema[key] for key, _ in end if key in schema), end[0][1]) for end in ENDS)
     return Leaf(
         path,
         array,
         joints,
-        per_joint=float in words and list[float] in words,
+        per_joint=float in types and list[float] in types,
         one_of_joints=one_of_joints,
         open_list=open_list,
-        integer=int in words and float not in words,
+        integer=int in types and float not in types,
         unit=str(schema.get("unit", "")),
         ends=(float(lower), float(upper)),
     )
@@ -150,27 +153,27 @@ def _has_length(field: FieldInfo) -> bool:
     return "MinLen" in str(field.metadata) or "min_length" in str(field.annotation)
 
 
-def _words(kind: Any) -> set[Any]:
-    """The types of a union, without None and without annotations for pydantic."""
+def _types(kind: Any) -> set[Any]:
+    """The types of a union, without None and without pydantic's annotations."""
     if typing.get_origin(kind) is typing.Annotated:
-        return _words(typing.get_args(kind)[0])
+        return _types(typing.get_args(kind)[0])
     if typing.get_origin(kind) in (None, list, tuple, typing.Literal):
         return {kind} - {type(None)}
-    return set().union(*(_words(member) for member in typing.get_args(kind)))
+    return set().union(*(_types(member) for member in typing.get_args(kind)))
 
 
 def with_values(description: Any, values: Mapping[str, Any]) -> Any:
-    """Return a description with other values by path, which may be traced and are not validated."""
+    """Return a description with new values by path, which may be traced and are not validated."""
     for path, value in values.items():
         description = _with(description, path.split("."), value)
     return description
 
 
-def _with(place: Any, names: list[str], value: Any) -> Any:
+def _with(node: Any, names: list[str], value: Any) -> Any:
     if not names:
         return value
     name, *rest = names
-    if isinstance(place, BaseModel):
-        return place.model_copy(update={name: _with(getattr(place, name), rest, value)})
-    changed = [_with(entry, rest, value) if k == int(name) else entry for k, entry in enumerate(place)]
-    return tuple(changed) if isinstance(place, tuple) else changed
+    if isinstance(node, BaseModel):
+        return node.model_copy(update={name: _with(getattr(node, name), rest, value)})
+    changed = [_with(entry, rest, value) if k == int(name) else entry for k, entry in enumerate(node)]
+    return tuple(changed) if isinstance(node, tuple) else changed

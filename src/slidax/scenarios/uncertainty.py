@@ -19,21 +19,21 @@ from .uncertain_values import Array, Leaf
 from .yaml_text import read_yaml_file
 
 Distribution = Literal["uniform", "log_uniform", "triangular", "normal"]
-"""`log_uniform`: uniform logarithm; `triangular`: peak in the middle; `normal`: cut at both ends."""
+"""`log_uniform`: uniform logarithm; `triangular`: peak in the middle; `normal`: truncated at both ends."""
 
 TAIL = 1e-16
-"""Distance from the faces of the cube, at which a normal distribution is infinite."""
+"""Least distance from the cube's faces, where a normal distribution would be infinite."""
 
 
 class Cut(NamedTuple):
-    """Mean and deviation of a truncated normal distribution; None: the middle, and a sixth of the width."""
+    """Mean and standard deviation of a truncated normal distribution; by default the middle and 1/6 of the width."""
 
     mean: float | None = None
     deviation: float | None = None
 
 
 def shares(u: Array, lower: Array, upper: Array, distribution: Distribution, cut: Cut) -> Array:
-    """Return the values between two ends at cumulative probabilities u in [0, 1).
+    """Return the quantiles of a distribution between two ends, at probabilities u in [0, 1).
 
     Raises DefinitionError if the distribution does not exist between these ends.
     """
@@ -55,12 +55,12 @@ def shares(u: Array, lower: Array, upper: Array, distribution: Distribution, cut
         values = mean + width * ndtri(np.clip(low + u * (high - low), TAIL, 1.0 - TAIL))
     else:
         values = lower + (upper - lower) * u
-    # Rounding must not lead out of the set.
+    # Rounding must not leave the set.
     return np.clip(values, lower, upper)
 
 
-def cut_normal(u: Array, sigmas: float = 8.0) -> Array:
-    """Return standard normal numbers, cut at `sigmas` on both sides, at cumulative probabilities u in [0, 1)."""
+def truncated_normal(u: Array, sigmas: float = 8.0) -> Array:
+    """Return quantiles of the standard normal distribution, truncated at ±`sigmas`, at probabilities u in [0, 1)."""
     from scipy.special import ndtr, ndtri
 
     low = ndtr(-sigmas)
@@ -69,34 +69,34 @@ def cut_normal(u: Array, sigmas: float = 8.0) -> Array:
 
 MOST_SEEDS = 2**32
 
-EACH = "`joint` (or `entry`): a separate draw for each of its numbers; by default one draw for all of them"
+EACH = "`joint` (or `entry`): a separate draw for each number; by default a single draw for all numbers"
 
 
 class AbstractSet(AbstractDescription):
-    """Base class of sets, which are images of the unit cube."""
+    """Base class of sets of values; each set is the image of a unit cube."""
 
     each: Literal["joint", "entry"] | None = Field(default=None, description=EACH)
 
     def coordinates(self, leaf: Leaf) -> int:
-        """Return the number of coordinates of the unit cube that the set takes for a leaf."""
+        """Return the dimension of the set's unit cube for a leaf."""
         return leaf.size if self.each else 1
 
     @property
     def example(self) -> Any:
-        """A value of the set that does not depend on a leaf; None if there is none."""
+        """A value of the set for every leaf; None if there is none."""
         return None
 
     @abstractmethod
     def values(self, cube: Array, leaf: Leaf) -> Array:
         """Return the values of a leaf at points of the unit cube, [rows, ...].
 
-        - `cube`: [rows, coordinates], in [0, 1).
+        - `cube`: points [rows, coordinates], in [0, 1).
 
         Raises DefinitionError if the set does not fit the leaf, or is empty.
         """
 
     def _spread(self, cube: Array, leaf: Leaf) -> Array:
-        """The coordinates in the shape of the leaf, one for each number with a separate draw."""
+        """Reshape the coordinates to the shape of the leaf's draws."""
         if self.each:
             return cube.reshape(len(cube), *leaf.shape_of_each)
         return cube.reshape(len(cube), *[1] * len(leaf.shape))
@@ -106,11 +106,13 @@ class Between(AbstractSet):
     """All values between two ends."""
 
     between: Annotated[list[Numbers], Field(min_length=2, max_length=2)]
-    """Lower and upper end, each one number or one per joint."""
+    """Lower and upper end, each a number or one number per joint."""
     distribution: Distribution = "uniform"
     """Distribution of the values."""
-    mean: float | None = input_field("of `normal`", default=None, source="the middle")
-    deviation: float | None = input_field("of `normal`", "", "> 0", default=None, source="a sixth of the width")
+    mean: float | None = input_field("mean of the `normal` distribution", default=None, source="the middle")
+    deviation: float | None = input_field(
+        "standard deviation of the `normal` distribution", "", "> 0", default=None, source="a sixth of the width"
+    )
 
     @property
     def example(self) -> Any:
@@ -120,12 +122,14 @@ class Between(AbstractSet):
         lower, upper = (leaf.fitting(end, "between") for end in self.between)
         _require_order(lower, upper)
         if self.distribution != "normal" and (self.mean, self.deviation) != (None, None):
-            raise DefinitionError(f"`mean` and `deviation` belong to `normal`, not to `{self.distribution}`")
+            raise DefinitionError(
+                f"`mean` and `deviation` are only for `normal`; leave them out for `{self.distribution}`"
+            )
         return shares(self._spread(cube, leaf), lower, upper, self.distribution, Cut(self.mean, self.deviation))
 
 
 class Around(AbstractSet):
-    """All values within a distance from the scenario's own."""
+    """All values within a distance from the scenario's own value."""
 
     around: float | str
     """The distance: a number in the parameter's unit, or a share of its own value, such as `20 %`."""
@@ -146,26 +150,26 @@ class Around(AbstractSet):
     def values(self, cube: Array, leaf: Leaf) -> Array:
         own = leaf.own_value("around")
         reach = np.abs(own) * _share(self.around) if isinstance(self.around, str) else self.around
-        # One number for all joints may differ between the joints here.
+        # With `each`, a single number for all joints becomes a number per joint.
         lower, upper = (leaf.spread_out(np.asarray(own + sign * reach), bool(self.each)) for sign in (-1.0, 1.0))
         return shares(self._spread(cube, leaf), lower, upper, self.distribution, Cut())
 
 
 class Ball(AbstractSet):
-    """All vectors within a distance from the scenario's own, such as a centre of mass."""
+    """All vectors within a distance from the scenario's own value, such as a centre of mass."""
 
-    ball: float = input_field("its radius, in the parameter's unit", "", ">= 0")
+    ball: float = input_field("radius of the ball, in the parameter's unit", "", ">= 0")
     distribution: Literal["uniform", "surface"] = "uniform"
     """`uniform` in the ball, or on its `surface`."""
 
     def coordinates(self, leaf: Leaf) -> int:
-        """One for each number, and one for the distance."""
+        """A coordinate for each number, and one for the distance."""
         return leaf.size + 1
 
     def values(self, cube: Array, leaf: Leaf) -> Array:
         own = leaf.own_value("ball").reshape(-1)
-        direction = cut_normal(cube[:, :-1])
-        # The middle of the cube has no direction; it is the middle of the ball.
+        direction = truncated_normal(cube[:, :-1])
+        # The cube's centre has no direction; it maps to the ball's centre.
         direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-12)
         far = np.ones(len(cube)) if self.distribution == "surface" else cube[:, -1] ** (1.0 / leaf.size)
         return (own + self.ball * far[:, None] * direction).reshape(len(cube), *leaf.shape)
@@ -187,7 +191,7 @@ class Discrete(AbstractSet):
         u = self._spread(cube, leaf)
         if self.choice == "any":
             if not leaf.integer:
-                raise DefinitionError("`choice: any` is for seeds; write the values, or `between`")
+                raise DefinitionError("`choice: any` is only for seeds; write the values, or use `between`")
             return np.floor(u * MOST_SEEDS).astype(int).reshape(len(cube), *leaf.shape)
         weights = self._weights(len(self.choice))
         edges = np.cumsum(weights)[:-1] / np.sum(weights)
@@ -208,18 +212,18 @@ class Discrete(AbstractSet):
 
 
 class StandardError(AbstractSet):
-    """Estimated values with a standard error, as from `slidax identify`: normal, cut at both sides."""
+    """Estimates with standard errors, as from `slidax identify`: a truncated normal distribution."""
 
     standard_error: float | list[float] | list[list[float]]
-    """One standard deviation of each number."""
+    """Standard error of each number."""
     unit: str = ""
-    """Unit of the number; not used."""
+    """Unit of the number, for readers of the file."""
     identifiable: bool = True
-    """True if the log excited the parameter; not used."""
-    sigmas: float = input_field("where the normal distribution is cut, in standard errors", "", "(0, 8]", default=3.0)
+    """True if the log determined the parameter, for readers of the file."""
+    sigmas: float = input_field("truncation of the normal distribution, in standard errors", "", "(0, 8]", default=3.0)
 
     def coordinates(self, leaf: Leaf) -> int:
-        """One for each number, as their errors are independent."""
+        """A coordinate for each number; their errors are independent."""
         return int(np.prod(leaf.shape, dtype=int))
 
     def values(self, cube: Array, leaf: Leaf) -> Array:
@@ -227,16 +231,16 @@ class StandardError(AbstractSet):
         error = np.broadcast_to(leaf.fitting(self.standard_error, "standard_error"), own.shape)
         if not (np.isfinite(error) & (error >= 0)).all():
             raise DefinitionError(f"`standard_error` must be >= 0 and finite; got {short_repr(self.standard_error)}")
-        reach = cut_normal(cube.reshape(len(cube), *own.shape), self.sigmas)
+        reach = truncated_normal(cube.reshape(len(cube), *own.shape), self.sigmas)
         return np.clip(own + error * reach, *leaf.ends)
 
 
 class InsideEnvelope(AbstractSet):
-    """Starts inside the envelope at t = 0, with the velocities of the scenario."""
+    """Start positions inside the envelope at t = 0; the velocities are those of the scenario."""
 
     inside: Literal["envelope"]
-    """The envelope around the starts."""
-    share: float = input_field("of the distance from its middle to its bounds", "", "(0, 1)", default=0.9)
+    """The envelope that contains the starts."""
+    share: float = input_field("share of the envelope's half width to use", "", "(0, 1)", default=0.9)
     each: Literal["joint", "entry"] | None = Field(default="joint", description="A separate draw for each joint.")
 
     def values(self, cube: Array, leaf: Leaf) -> Array:
@@ -250,20 +254,20 @@ class InsideEnvelope(AbstractSet):
 class InertialBand(AbstractSet):
     """All arms in a band of inertial parameters around the nominal arm; its only path is `robot.plant.inertial`.
 
-    With the number p alone: `(1 - p) J0 <= J <= (1 + p) J0` for the pseudo-inertia J of each body, the permanent
-    payload joined to the one that carries it, and the rotors within a share p. With `deviations`, as `slidax identify`
-    writes them: all `φ0 + ξ D` with `|ξ| <= 1` whose mass matrix is within `(1 ± p) M0(q)` for every q.
+    Without `deviations`: `(1 - p) J0 <= J <= (1 + p) J0` for the pseudo-inertia J of each body, which includes a
+    permanent payload, and rotor inertias within a share p. With `deviations`, as `slidax identify` writes them: all
+    `φ0 + ξ D` with `|ξ| <= 1` whose mass matrix is within `(1 ± p) M0(q)` for every q.
     """
 
-    band: float = input_field("p, the half-width of the band, as a share", "", "[0, 1)")
+    band: float = input_field("p, the relative half width of the band", "", "[0, 1)")
     confidence: float | None = input_field(
-        "with which the true arm is in the set, for an identified arm", "", "(0, 1)", default=None
+        "confidence that the set contains the true arm, for an identified arm", "", "(0, 1)", default=None
     )
     deviations: list[list[float]] | None = None
-    """D, rows of the ellipsoid of an identified arm: ten numbers of each body, then the rotors."""
+    """D, the ellipsoid of an identified arm; a row has ten numbers for each body, then one for each rotor."""
 
     def coordinates(self, leaf: Leaf) -> int:
-        """One for each number of the bodies and rotors; of an identified arm one for each row, and the distance."""
+        """A coordinate for each parameter; for an identified arm, one for each row of D and one for the distance."""
         return INERTIAL * leaf.joints if self.deviations is None else len(self.deviations) + 1
 
     def values(self, cube: Array, leaf: Leaf) -> Array:
@@ -272,10 +276,10 @@ class InertialBand(AbstractSet):
 
         arm = None if leaf.arm is None else leaf.arm()
         if leaf.path != INERTIAL_PATH or not isinstance(arm, Articulated):
-            raise DefinitionError(f"`band` is a set of `{INERTIAL_PATH}`, of an arm of rigid links")
+            raise DefinitionError(f"`band` is only for `{INERTIAL_PATH}` of an arm with rigid links")
         if self.deviations is None:
             return changes_of_bodies(2.0 * cube - 1.0, arm, self.band)
-        xi = cut_normal(cube[:, :-1])
+        xi = truncated_normal(cube[:, :-1])
         xi *= cube[:, -1:] ** (1.0 / xi.shape[1]) / np.maximum(np.linalg.norm(xi, axis=1, keepdims=True), 1e-12)
         return changes_in_ellipsoid(xi, np.asarray(self.deviations, float), arm, self.band)
 
@@ -333,7 +337,7 @@ def _require_order(lower: Array, upper: Array) -> None:
 
 
 FILE = "file"
-"""Key for a file with a mapping `uncertainty`, as from `slidax identify`."""
+"""Key for the name of a file with a mapping `uncertainty`, as from `slidax identify`."""
 
 
 def _with_file(data: Any, info: Any) -> Any:
@@ -358,4 +362,4 @@ if TYPE_CHECKING:
     Uncertainty = dict[str, AbstractSet]
 else:
     Uncertainty = Annotated[dict[str, AnySet], BeforeValidator(_with_file)]
-"""Sets by path; `file` names a file with more sets."""
+"""Sets by path; the key `file` names a file with more sets."""

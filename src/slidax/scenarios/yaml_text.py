@@ -1,4 +1,4 @@
-"""YAML text to values and back, and validation errors in plain English."""
+"""Reading and writing of YAML, and validation errors in plain English."""
 
 from __future__ import annotations
 
@@ -19,23 +19,15 @@ from slidax.core.files import read_text
 from .descriptions import AbstractDescription
 
 MOST_CHARACTERS = 250_000
-"""Longest text: the reader takes ten seconds for the densest YAML of this length."""
+"""Longest text: the parser takes ten seconds for the densest YAML of this length."""
 
 MOST_VALUES = 250_000
-"""Largest number of values with all aliases expanded; a few lines could otherwise exceed any memory."""
+"""Largest number of values with all aliases expanded; without a limit, a few lines could exhaust the memory."""
 
 DEEPEST = 50
 """Largest depth of nested lists and mappings."""
 
-LONG = "long motions belong in a file of their own, such as `trajectory: {kind: csv, file: motion.csv}`"
-
-
-def text_of(path: Path, what: str = "the file") -> str:
-    """Read the text in a file; `what` is its name in messages.
-
-    Raises DefinitionError if it cannot be read.
-    """
-    return read_text(path, what)
+LONG = "put a long motion into a file of its own, such as `trajectory: {kind: csv, file: motion.csv}`"
 
 
 def read_yaml_file(path: Path, what: str = "the file") -> Any:
@@ -43,7 +35,7 @@ def read_yaml_file(path: Path, what: str = "the file") -> Any:
 
     Raises DefinitionError, with the file and the line, if it cannot be read, is not YAML, or is too large.
     """
-    text = text_of(path, what)
+    text = read_text(path, what)
     try:
         return read_yaml(text)
     except DefinitionError as error:
@@ -56,7 +48,7 @@ def read_yaml(text: str) -> Any:
     Raises DefinitionError, with the line if known, if it is not YAML, or is too large.
     """
     if len(text) > MOST_CHARACTERS:
-        raise DefinitionError(f"the YAML has {len(text)} characters, at most {MOST_CHARACTERS} are read; {LONG}")
+        raise DefinitionError(f"the YAML has {len(text)} characters; at most {MOST_CHARACTERS} are allowed; {LONG}")
     try:
         value = YAML(typ="safe", pure=True).load(text)
     except YAMLError as error:
@@ -65,26 +57,26 @@ def read_yaml(text: str) -> Any:
         raise DefinitionError(f"not valid YAML{line}: {getattr(error, 'problem', None) or error}") from None
     except RecursionError:
         raise _too_deep() from None
-    # The reader raises Python's own errors for a value that does not fit its tag, as in `!!float ""` or a 13th month.
+    # The parser raises Python's own errors for a value that does not fit its tag, as in `!!float ""` or a 13th month.
     except (ValueError, LookupError, TypeError, AttributeError, AssertionError) as error:
-        raise DefinitionError(f"not valid YAML: a value is not what its tag or form says: {error}") from None
+        raise DefinitionError(f"not valid YAML: a value does not fit its tag or form: {error}") from None
     require_readable(value)
     return value
 
 
 def require_readable(value: Any) -> None:
-    """Raise DefinitionError if a value contains itself, is too large or too deep, or has a key that is no text."""
+    """Raise DefinitionError if a value contains itself, is too large or too deep, or has a key that is not text."""
     _size(value, {}, set(), DEEPEST)
 
 
 def _size(value: Any, known: dict[int, int], inside: set[int], left: int) -> int:
-    """Number of values in a value, itself included, with all aliases expanded."""
+    """Number of nested values, including the value itself, with all aliases expanded."""
     if not isinstance(value, (dict, list)):
         return 1
     if id(value) in known:
         return known[id(value)]
     if id(value) in inside:
-        raise DefinitionError("an alias in the YAML stands for a value that it is part of")
+        raise DefinitionError("an alias in the YAML refers to a value that contains it: remove the alias")
     if not left:
         raise _too_deep()
     for key in value if isinstance(value, dict) else ():
@@ -95,7 +87,7 @@ def _size(value: Any, known: dict[int, int], inside: set[int], left: int) -> int
     size = 1 + sum(_size(part, known, inside, left - 1) for part in parts)
     inside.remove(id(value))
     if size > MOST_VALUES:
-        raise DefinitionError(f"the YAML has more than {MOST_VALUES} values with its aliases written out; {LONG}")
+        raise DefinitionError(f"the YAML has more than {MOST_VALUES} values with expanded aliases; {LONG}")
     known[id(value)] = size
     return size
 
@@ -105,7 +97,7 @@ def _too_deep() -> DefinitionError:
 
 
 def as_yaml(description: AbstractDescription) -> str:
-    """Return a scenario or a study with all its values as YAML that can be run again."""
+    """Return a scenario or a study with all its values as YAML that can be read again."""
     return dump_yaml(_shown(description))
 
 
@@ -122,16 +114,16 @@ def dump_yaml(values: Any, width: int = 100) -> str:
 def dump_commented(values: Any, comments: Iterable[tuple[str, str]]) -> str:
     """Return a mapping as YAML with comments, and an empty line before each of its keys.
 
-    - `comments`: the path of a key, such as `scheme.bound`, and the comment before it; skipped if the key is missing.
-      Lines that start with `- ` are items of a list.
+    - `comments`: pairs of a key's path, such as `scheme.bound`, and the comment before the key. A missing key is
+      skipped. Lines that start with `- ` are items of a list.
     """
     document = _commentable(values)
     for name in list(document)[1:]:
         document.yaml_set_comment_before_after_key(name, before="\n")
     for path, text in comments:
-        *place, name = path.split(".")
-        block, indent = document, 2 * len(place)
-        for key in place:
+        *parents, name = path.split(".")
+        block, indent = document, 2 * len(parents)
+        for key in parents:
             block = block.get(key, {})
         if name in block:
             block.yaml_set_comment_before_after_key(name, before=_filled(text, 116 - indent), indent=indent)
@@ -168,11 +160,11 @@ LIMITS = {
     "less_than": ("<", "lt"),
     "less_than_equal": ("<=", "le"),
 }
-"""Pydantic's errors about a range: sign, and key of the limit."""
+"""Sign and context key of the limit for pydantic's range errors."""
 
 
 def validation_error(error: ValidationError, data: Any) -> DefinitionError:
-    """Return the first of pydantic's errors about the data as one plain sentence."""
+    """Return the first of pydantic's errors about the data as a plain sentence."""
     mistakes = error.errors(include_url=False)
     first = mistakes[0]
     where = _path(first, data)
@@ -183,7 +175,7 @@ def validation_error(error: ValidationError, data: Any) -> DefinitionError:
     if first["type"] == "missing":
         message = "is missing"
     elif first["type"] == "union_tag_not_found":
-        message = f"needs a {context['discriminator']}, one of the known kinds"
+        message = f"needs a {context['discriminator']}; `slidax list` shows the known ones"
     elif first["type"] == "union_tag_invalid":
         known = [word.strip().strip("'") for word in context["expected_tags"].split(",")]
         where = f"{where}.{context['discriminator'].strip(chr(39))}"
@@ -211,16 +203,16 @@ def validation_error(error: ValidationError, data: Any) -> DefinitionError:
 
 
 def _path(mistake: Any, data: Any) -> str:
-    """The path of the file's keys, without the names of union members that pydantic adds."""
+    """Path of an error in the file, without the names of union members that pydantic adds."""
     loc: tuple[int | str, ...] = mistake["loc"]
     absent = len(loc) - 1 if mistake["type"] == "missing" else -1
     parts: list[str] = []
-    place = data
+    node = data
     for depth, part in enumerate(loc):
-        if isinstance(place, dict) and (part in place or depth == absent):
-            place = place.get(part)
+        if isinstance(node, dict) and (part in node or depth == absent):
+            node = node.get(part)
             parts.append(str(part))
-        elif isinstance(place, list) and isinstance(part, int) and part < len(place):
-            place = place[part]
+        elif isinstance(node, list) and isinstance(part, int) and part < len(node):
+            node = node[part]
             parts.append(str(part))
     return ".".join(parts)

@@ -155,7 +155,7 @@ def test_a_log_of_others_is_not_taken_for_ours(tmp_path):
         numbers = {name: np.array([[0.5]]) for name in ("q", "dq", "tau")}
         channel.log(message.packed(np.array([0]), numbers)[0], log_time=0)
     assert next(read_joint_states(tmp_path / "other.mcap").messages)["position"] == [0.5]
-    with pytest.raises(DefinitionError, match="no messages of ROS 2 on the topic `/x`"):
+    with pytest.raises(DefinitionError, match="no ROS 2 joint states on the topic `/x`"):
         read_joint_states(tmp_path / "other.mcap", "/x")
     with pytest.raises(DefinitionError, match="is not a slidax log"):
         read_mcap(tmp_path / "other.mcap")

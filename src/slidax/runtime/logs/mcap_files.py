@@ -28,8 +28,6 @@ def require_writer() -> Any:
     try:
         import foxglove
     except ImportError:
-        from slidax.core.errors import DefinitionError
-
         raise DefinitionError(f"writing MCAP needs foxglove-sdk, which is not installed: {REMEDY}") from None
     return foxglove
 
@@ -37,38 +35,32 @@ def require_writer() -> Any:
 def require_reader() -> None:
     """Raise DefinitionError with the remedy if the package that reads MCAP files is not installed."""
     try:
-        import mcap.stream_reader  # noqa: F401  (only whether it is there)
+        import mcap.stream_reader  # noqa: F401  (checks that it is installed)
     except ImportError:
-        from slidax.core.errors import DefinitionError
-
         raise DefinitionError(f"reading MCAP needs mcap, which is not installed: {REMEDY}") from None
 
 
 def require_rosbags() -> Any:
-    """Return the reader of ros2 bag's databases.
+    """Return the reader of ros2 bag databases.
 
     Raises DefinitionError with the remedy if its package is not installed.
     """
     try:
         from rosbags.rosbag2 import Reader
     except ImportError:
-        from slidax.core.errors import DefinitionError
-
-        raise DefinitionError(
-            f"reading databases of ros2 bag needs rosbags, which is not installed: {REMEDY}"
-        ) from None
+        raise DefinitionError(f"reading ros2 bag databases needs rosbags, which is not installed: {REMEDY}") from None
     return Reader
 
 
 MOST_BYTES = 8000 * MEGABYTE
-"""Largest file."""
+"""Largest file [bytes]."""
 
 MOST_OF_A_CHUNK = 256 * MEGABYTE
-"""Bytes that a chunk may unpack to; writers end a chunk at some MB."""
+"""Largest unpacked chunk [bytes]; writers end a chunk after a few MB."""
 
 UNPACKED, RATIO = 64 * MEGABYTE, 30
-"""Bytes that all chunks may unpack to: the first number, plus the second times the size of the file. Numbers of a robot
-compress to a tenth at best, zeros to a thousandth.
+"""Largest unpacked size of all chunks [bytes]: `UNPACKED + RATIO` times the file's size. A robot's data compress by a
+factor of at most 10, zeros by 1000.
 """
 
 _SCHEMA, _CHANNEL, _MESSAGE, _PRIVATE = 3, 4, 5, 0x80
@@ -76,12 +68,12 @@ _SCHEMA, _CHANNEL, _MESSAGE, _PRIVATE = 3, 4, 5, 0x80
 
 @dataclass
 class Contents:
-    """Records of a file, up to its end or to the first damage.
+    """Records of a file, up to its end or to the first damaged record.
 
     - `bodies`: undecoded messages by topic.
     - `topics`: all topics.
     - `others`: metadata and attachments, as objects of `mcap`.
-    - `complete`: True if the file has an end.
+    - `complete`: True if the file has an end record.
     """
 
     bodies: dict[str, list[bytes]] = field(default_factory=dict)
@@ -129,7 +121,7 @@ def read_contents(path: Path, types: Sequence[str] = ()) -> Contents:
 
 
 def _records(path: Path) -> Iterator[Any]:
-    """Yield all records up to the end or the first damage."""
+    """Yield all records up to the end or the first damaged one."""
     require_reader()
     from mcap.stream_reader import StreamReader
 
@@ -147,9 +139,9 @@ def _records(path: Path) -> Iterator[Any]:
                         raise DefinitionError(
                             f"`{path}`, {size / MEGABYTE:.3g} MB, unpacks to more than "
                             f"{min(MOST_OF_A_CHUNK, UNPACKED + RATIO * size) / MEGABYTE:.3g} MB, more than any robot "
-                            "log: if it is one, write it again without compression"
+                            "log: if it is a robot log, write it again without compression"
                         )
-                    yield from _of_chunk(record)
+                    yield from _records_in_chunk(record)
                 elif kind == "Message":
                     yield _Message(record.channel_id, record.data)
                 else:
@@ -163,33 +155,33 @@ def _records(path: Path) -> Iterator[Any]:
                 raise DefinitionError(f"`{path}` is no MCAP file: {reason}") from None
 
 
-def _of_chunk(chunk: Any) -> Iterator[Any]:
+def _records_in_chunk(chunk: Any) -> Iterator[Any]:
     from mcap.data_stream import ReadDataStream
     from mcap.records import Channel, Schema
 
     content = _unpacked(chunk)
     if chunk.uncompressed_crc not in (0, zlib.crc32(content)):
         raise _DamagedError("a checksum is wrong")
-    at, end = 0, len(content)
-    while at < end:
-        kind, length = struct.unpack_from("<BQ", content, at)
-        at += 9
-        if length > end - at:
+    start, end = 0, len(content)
+    while start < end:
+        kind, length = struct.unpack_from("<BQ", content, start)
+        start += 9
+        if length > end - start:
             raise _DamagedError("a record is longer than its chunk")
         if kind == _MESSAGE:
             if length < 22:
                 raise _DamagedError("a message is too short")
-            yield _Message(struct.unpack_from("<H", content, at)[0], content[at + 22 : at + length])
+            yield _Message(struct.unpack_from("<H", content, start)[0], content[start + 22 : start + length])
         elif kind in (_SCHEMA, _CHANNEL):
             reader = Schema if kind == _SCHEMA else Channel
-            yield reader.read(ReadDataStream(io.BytesIO(content[at : at + length])))
+            yield reader.read(ReadDataStream(io.BytesIO(content[start : start + length])))
         elif kind < _PRIVATE:
             raise _DamagedError("a chunk contains a record that must be outside")
-        at += length
+        start += length
 
 
 def _unpacked(chunk: Any) -> bytes:
-    """Decompress a chunk, to not a byte more than it announces."""
+    """Decompress a chunk, up to the size in its header."""
     most = chunk.uncompressed_size
     if chunk.compression == "":
         content: bytes = chunk.data
@@ -210,7 +202,7 @@ def _unpacked(chunk: Any) -> bytes:
             "write the log again with one of them"
         )
     if len(content) != most:
-        raise _DamagedError("a chunk's size differs from the announced size")
+        raise _DamagedError("a chunk's size differs from the size in its header")
     return content
 
 
@@ -266,15 +258,16 @@ class _Sink:
 
 
 class LogWriter:
-    """Writes messages in chunks that are complete once flushed, so that a file without an end can be read.
+    """Writes messages in chunks that are complete once flushed, so that a truncated file can be read.
 
-    - `path`: of the file; None for live data alone.
-    - `metadata`: of the run, as texts.
-    - `attachments`: files by name, `scenario.yaml` among them.
+    - `path`: the file; None for live data only.
+    - `metadata`: metadata of the run, as texts.
+    - `attachments`: files by name, including `scenario.yaml`.
     - `start`: wall-clock time of t = 0 [ns].
-    - `port`: of a live-data server on this machine; None for none.
+    - `port`: port of a live-data server on this machine; None for no server.
 
-    Raises DefinitionError if foxglove-sdk is not installed or the port is taken, OSError if the file cannot be written.
+    Raises DefinitionError if foxglove-sdk is not installed or the port is in use, OSError if the file cannot be
+    written.
     """
 
     def __init__(
@@ -291,20 +284,18 @@ class LogWriter:
         from foxglove.mcap import MCAPCompression, MCAPWriteOptions
 
         self._start = start
-        # A context of its own, so that nothing else from this process is logged here. Kept alive by this reference.
+        # A separate context, so that nothing else from this process is logged here. This reference keeps it alive.
         self._context = context = foxglove.Context()
         self._server: Any = None
         if port is not None:
             try:
                 self._server = foxglove.start_server(name="slidax", host="127.0.0.1", port=port, context=context)
             except Exception as error:
-                from slidax.core.errors import DefinitionError
-
                 raise DefinitionError(f"cannot start a server at 127.0.0.1:{port}: {error}") from None
         self._file: Any = None
         self._sink: _Sink | None = None
         if path is not None:
-            # Chunks end at a flush and are written at once, so that none is left incomplete.
+            # Chunks end only at a flush and are written at once, so that none is incomplete.
             options = MCAPWriteOptions(
                 compression=MCAPCompression.Lz4,
                 profile="ros2",
@@ -318,15 +309,15 @@ class LogWriter:
             for name, content in attachments.items():
                 media = "application/yaml" if name.endswith(".yaml") else "application/octet-stream"
                 self._file.attach(log_time=start, create_time=start, name=name, media_type=media, data=content)
-        self._law = [(message, _opened(foxglove, message, context)) for message in channels.law()]
-        self._arm = [(message, _opened(foxglove, message, context)) for message in channels.arm()]
+        self._law = [(message, _open_channel(foxglove, message, context)) for message in channels.law()]
+        self._arm = [(message, _open_channel(foxglove, message, context)) for message in channels.arm()]
 
     def law(self, columns: Columns) -> None:
-        """Write answers of the law: columns by name, with the answer as first axis."""
+        """Write answers of the law: columns by name; the first axis is the answer."""
         self._write(self._law, columns, columns["t"])
 
     def arm(self, columns: Columns) -> None:
-        """Write ticks of a simulated arm: columns by name, with the tick as first axis."""
+        """Write ticks of a simulated arm: columns by name; the first axis is the tick."""
         self._write(self._arm, columns, columns["true_t"])
 
     def flush(self) -> None:
@@ -360,7 +351,7 @@ class LogWriter:
             return
         stamps = self._start + np.round(t * SECOND).astype(np.int64)
         times = stamps.tolist()
-        # Bypasses the wrapper, which takes as long as the writing.
+        # Bypass the wrapper, which takes as long as the writing.
         packed = [(channel.base.log, message.packed(stamps, columns)) for message, channel in channels]
         # In time order, as readers expect.
         for k, time in enumerate(times):
@@ -368,7 +359,7 @@ class LogWriter:
                 log(messages[k], time)
 
 
-def _opened(foxglove: Any, message: Message, context: Any) -> Any:
+def _open_channel(foxglove: Any, message: Message, context: Any) -> Any:
     schema = foxglove.Schema(name=message.type, encoding="ros2msg", data=message.definition.encode())
     return foxglove.Channel(message.topic, schema=schema, message_encoding="cdr", context=context)
 
@@ -377,11 +368,11 @@ def _opened(foxglove: Any, message: Message, context: Any) -> Any:
 class SavedLog:
     """Content of an MCAP file written by slidax.
 
-    - `metadata`: of the run, as texts.
+    - `metadata`: metadata of the run, as texts.
     - `attachments`: files by name.
     - `law`: columns with one row per answer of the law; signals as `signal:NAME`.
     - `arm`: columns with one row per tick of a simulated arm; no rows for a real one.
-    - `complete`: False if the writer was killed and the file has no end.
+    - `complete`: False if the file has no end record, as after a crash of the writer.
     """
 
     path: Path
@@ -394,7 +385,7 @@ class SavedLog:
 
     @property
     def name(self) -> str:
-        """Name of the scenario; `log` if the metadata have none."""
+        """Name of the scenario; `log` if the metadata has none."""
         return self.metadata.get("scenario", "log")
 
     @property
@@ -417,9 +408,9 @@ class SavedLog:
 
 
 def read_mcap(path: Path) -> SavedLog:
-    """Read a log of slidax.
+    """Read a log written by slidax.
 
-    Raises DefinitionError if it cannot be read, is damaged, has another writer, or mcap is not installed.
+    Raises DefinitionError if it cannot be read, is damaged, is from another writer, or mcap is not installed.
     """
     contents = read_contents(path)
     metadata: dict[str, str] | None = None

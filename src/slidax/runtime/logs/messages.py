@@ -20,12 +20,12 @@ _FRAME = f"{_HEADER}\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstrin
 
 @dataclass(frozen=True)
 class MessageField:
-    """A number of a message, or an array of numbers.
+    """A field of a message: a number or an array of numbers.
 
     - `kind`: one of `DTYPES`.
     - `count`: array length; None for a scalar.
-    - `sequence`: True if the length precedes the array, as in ROS messages of variable length.
-    - `column`: its name in a log; "" if it is `name`.
+    - `sequence`: True if the length precedes the array, as for ROS arrays of variable length.
+    - `column`: name of its column in a log; "" if it equals `name`.
     """
 
     name: str
@@ -36,17 +36,17 @@ class MessageField:
 
     @property
     def key(self) -> str:
-        """Its column."""
+        """Name of the field's column."""
         return self.column or self.name
 
 
 @dataclass(frozen=True)
 class Message:
-    """A message type on a channel of its own.
+    """A message type with a topic of its own.
 
     - `type`: such as `sensor_msgs/msg/JointState`.
-    - `fields`: after the header and the names.
-    - `names`: joint names in a field `name`; no such field if empty.
+    - `fields`: fields after the header and the names.
+    - `names`: joint names for the field `name`; no such field if empty.
     """
 
     topic: str
@@ -83,7 +83,7 @@ class Message:
             body.extend(struct.pack("<I", len(self.names)))
             for name in self.names:
                 text(name)
-        places = {}
+        positions = {}
         for field in self.fields:
             size = np.dtype(DTYPES[field.kind]).itemsize
             count = 1 if field.count is None else field.count
@@ -91,40 +91,40 @@ class Message:
                 aligned(4)
                 body.extend(struct.pack("<I", count))
             aligned(size)
-            places[field.name] = (4 + len(body), size * count)
+            positions[field.name] = (4 + len(body), size * count)
             body.extend(bytes(size * count))
         # Encapsulation header: little-endian CDR.
-        return b"\0\1\0\0" + bytes(body), places
+        return b"\0\1\0\0" + bytes(body), positions
 
     def packed(self, stamps: np.ndarray, columns: Mapping[str, np.ndarray]) -> list[bytes]:
         """Encode messages.
 
-        - `stamps`: their times [ns], [m].
-        - `columns`: values of each field by column, with the message as first axis.
+        - `stamps`: times of the messages [ns], [m].
+        - `columns`: values of each field by column; the first axis is the message.
         """
-        blank, places = self._layout
+        blank, positions = self._layout
         rows = np.tile(np.frombuffer(blank, np.uint8), (len(stamps), 1))
         rows[:, 4:8] = _bytes(stamps // 1_000_000_000, "<i4")
         rows[:, 8:12] = _bytes(stamps % 1_000_000_000, "<u4")
         for field in self.fields:
-            offset, length = places[field.name]
+            offset, length = positions[field.name]
             rows[:, offset : offset + length] = _bytes(columns[field.key], DTYPES[field.kind])
-        whole, size = rows.tobytes(), len(blank)
-        return [whole[k : k + size] for k in range(0, len(whole), size)]
+        encoded, size = rows.tobytes(), len(blank)
+        return [encoded[k : k + size] for k in range(0, len(encoded), size)]
 
     def unpacked(self, messages: Sequence[bytes]) -> dict[str, np.ndarray]:
         """Decode messages from `packed`, by column.
 
-        Raises ValueError if one has another size.
+        Raises ValueError if a message has another size.
         """
-        blank, places = self._layout
+        blank, positions = self._layout
         for number, message in enumerate(messages, 1):
             if len(message) != len(blank):
                 raise ValueError(f"message {number} on `{self.topic}` has {len(message)} bytes instead of {len(blank)}")
         rows = np.frombuffer(b"".join(messages), np.uint8).reshape(len(messages), len(blank))
         values = {}
         for field in self.fields:
-            offset, length = places[field.name]
+            offset, length = positions[field.name]
             numbers = np.ascontiguousarray(rows[:, offset : offset + length]).view(DTYPES[field.kind])
             values[field.key] = numbers[:, 0] if field.count is None else numbers
         return values
@@ -145,7 +145,7 @@ def joint_state(topic: str, names: Sequence[str], columns: Sequence[str]) -> Mes
 
 
 REFERENCE = ("q_d", "dq_d", "ddq_d", "q_d_next", "dq_d_next", "ddq_d_next")
-"""Now, and one period later."""
+"""Columns of the reference, now and a period later."""
 
 _READABLE = {
     "q_d": "position",
@@ -155,12 +155,12 @@ _READABLE = {
     "dq_d_next": "next_velocity",
     "ddq_d_next": "next_acceleration",
 }
-OF_ENVELOPE = ("s", "eps", "eps1", "rho", "u", "margin", "assumption_violated")
+ENVELOPE_SIGNALS = ("s", "eps", "eps1", "rho", "u", "margin", "assumption_violated")
 """Signals shown together with the error and its bounds."""
 
 TIMES = ("wake", "took", "response", "logged")
-"""Times of a real-time loop [s]: delay of the law's wake-up, duration of a step, measurement to command, logging of a
-row.
+"""Times of a real-time loop [s]: delay of the law's wake-up, duration of a step, time from measurement to command, and
+time for logging a row.
 """
 
 MOST = 10_000
@@ -192,7 +192,7 @@ class Channels:
             MessageField("delivered", "float64", n, column="effort"),
         )
         bounds = ("lower", "upper", "margin") if self.bounded else ()
-        with_error = [name for name in OF_ENVELOPE if name in self.signals]
+        with_error = [name for name in ENVELOPE_SIGNALS if name in self.signals]
         return [
             joint_state("/joint_states", self.joints, ("q", "dq", "effort")),
             Message("/reference", "slidax_msgs/msg/Reference", reference, self.joints),
@@ -201,7 +201,7 @@ class Channels:
                 "/envelope",
                 "slidax_msgs/msg/Envelope",
                 (
-                    *(MessageField(name, "float64", n, column=_apart(name)) for name in ("e", *bounds)),
+                    *(MessageField(name, "float64", n, column=_margin_column(name)) for name in ("e", *bounds)),
                     *(self._signal(name) for name in with_error if name != "margin"),
                 ),
             ),
@@ -282,11 +282,11 @@ class Channels:
         return MessageField(name, "float64", self.signals[name], column=f"signal:{name}")
 
 
-def _apart(name: str) -> str:
-    """Column of the envelope's margin; a law's monitor may have a signal of that name."""
+def _margin_column(name: str) -> str:
+    """Rename the column of the envelope's margin, since a law's monitor may have a signal `margin`."""
     return "envelope_margin" if name == "margin" else name
 
 
 def names_of_bits(bits: Sequence[str], status: int) -> list[str]:
     """Names of the bits that are set in `status`; `bits` has all names, lowest first."""
-    return [name for place, name in enumerate(bits) if status >> place & 1]
+    return [name for bit, name in enumerate(bits) if status >> bit & 1]

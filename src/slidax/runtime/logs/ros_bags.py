@@ -19,17 +19,17 @@ from .messages import joint_state
 
 TYPES = ("sensor_msgs/msg/JointState", "sensor_msgs/JointState")
 TOPIC = "/joint_states"
-"""The usual topic."""
+"""The usual topic of joint states."""
 
 OWN = "/truth"
-"""Topic of simulated arms in slidax's logs, meant for display."""
+"""Topic of the simulated arm in slidax's logs, for display."""
 
 
 @dataclass(frozen=True)
 class JointStates:
-    """Messages of one topic.
+    """Joint states of a topic.
 
-    - `messages`: as mappings, decoded one by one.
+    - `messages`: messages as mappings, decoded one by one.
     - `notes`: sentences about skipped content.
     """
 
@@ -41,10 +41,10 @@ class JointStates:
 def read_joint_states(path: Path, topic: str | None = None, joints: Sequence[str] = ()) -> JointStates:
     """Return the joint states in an MCAP file from any writer.
 
-    - `topic`: by default the only one whose first messages have the joints, or `/joint_states`.
+    - `topic`: the topic; by default `/joint_states`, or the only topic whose first messages have the joints.
     - `joints`: names that the messages must have.
 
-    Raises DefinitionError if it cannot be read, has no such messages or several topics with them, or a package is
+    Raises DefinitionError if the file cannot be read, has no such messages or several topics with them, or a package is
     missing.
     """
     require_reader()
@@ -65,23 +65,23 @@ def choose_topic(
 ) -> JointStates:
     """Return the joint states of the requested topic, or of the only one that has the joints.
 
-    - `source`: the log's name in messages.
+    - `source`: name of the log, for errors.
     - `bodies`: undecoded messages by topic.
     - `topics`: all topics of the log.
-    - `decode`: from an undecoded message to an object.
+    - `decode`: decodes a message to an object.
 
-    Raises DefinitionError if there is none, or there are several.
+    Raises DefinitionError if no topic or several topics qualify.
     """
     if topic is not None:
         if topic not in bodies:
             kind = "has the topic, but no joint states on it" if topic in topics else "has no such topic"
             raise DefinitionError(
-                f"{source} has no messages of ROS 2 on the topic `{plain_name(topic)}`: it {kind}; "
+                f"{source} has no ROS 2 joint states on the topic `{plain_name(topic)}`: it {kind}; "
                 f"{nearest_word(topic, bodies) if bodies else _no_joint_states(topics)}"
             )
         return JointStates(topic, _decoded(source, bodies[topic], decode), tuple(notes))
     if not bodies:
-        raise DefinitionError(f"{source} has no messages of ROS 2 with joint states; {_no_joint_states(topics)}")
+        raise DefinitionError(f"{source} has no ROS 2 messages with joint states; {_no_joint_states(topics)}")
     with_joints = [name for name, messages in bodies.items() if _has_joints(source, messages, joints, decode)]
     chosen = TOPIC if TOPIC in with_joints or (not with_joints and TOPIC in bodies) else None
     others = [name for name in with_joints or list(bodies) if name != chosen and name != OWN]
@@ -105,7 +105,7 @@ def choose_topic(
 
 def _no_joint_states(topics: set[str]) -> str:
     names = ", ".join(f"`{plain_name(name)}`" for name in sorted(topics)[:12])
-    return f"its topics are {names}" if names else "there are none"
+    return f"its topics are {names}" if names else "it has no topics"
 
 
 def _has_joints(source: str, messages: Sequence[bytes], joints: Sequence[str], decode: Any) -> bool:
@@ -130,7 +130,7 @@ def _decoded(source: str, messages: Sequence[bytes], decode: Any) -> Iterator[di
 
 
 def decoder() -> Any:
-    """Return a decoder of joint states by slidax's own definition, as a file's definition may be anything.
+    """Return a decoder of joint states by slidax's own definition, since the definition in a file may be wrong.
 
     Raises DefinitionError if its package is missing.
     """
@@ -138,7 +138,7 @@ def decoder() -> Any:
         from mcap_ros2.decoder import DecoderFactory
     except ImportError:
         raise DefinitionError(
-            "reading messages of ROS 2 needs mcap-ros2-support, which is not installed: pip install 'slidax[log]'"
+            "reading ROS 2 messages needs mcap-ros2-support, which is not installed: pip install 'slidax[log]'"
         ) from None
     message = joint_state(TOPIC, ("a",), ("q", "dq", "effort"))
     schema: Any = SimpleNamespace(id=1, name=message.type, encoding="ros2msg", data=message.definition.encode())
@@ -149,21 +149,21 @@ METADATA = "metadata.yaml"
 ENDINGS = (".mcap", ".db3")
 MOST_BYTES = 8000 * MEGABYTE
 MOST_UNPACKED, RATIO = 4000 * MEGABYTE, 30
-"""Bytes that a compressed file may unpack to: at most the first number, and the second times its size."""
+"""Largest unpacked size of a file [bytes], and largest ratio of unpacked to packed size."""
 
 LONGEST_MESSAGE = MEGABYTE
-"""Bytes of a joint-state message."""
+"""Largest size of a joint-state message [bytes]."""
 
 
 def read_bag(path: Path, topic: str | None = None, joints: Sequence[str] = ()) -> JointStates:
-    """Return the joint states in a folder of `ros2 bag`, or in one of its `.db3` databases.
+    """Return the joint states in a `ros2 bag` folder, or in one of its `.db3` databases.
 
-    Reads MCAP and SQLite storage, also compressed by zstd. Without a readable `metadata.yaml`, which ros2 bag writes at
-    the end of a recording, the folder's files are read in the order of their numbers.
+    Reads MCAP and SQLite storage, also compressed with zstd. Without a readable `metadata.yaml`, which ros2 bag writes
+    at the end of a recording, the folder's files are read in the order of their numbers.
 
     - `topic`, `joints`: as in `read_joint_states`.
 
-    Raises DefinitionError if it cannot be read, has no such messages, or a package is missing.
+    Raises DefinitionError if the bag cannot be read, has no such messages, or a package is missing.
     """
     decode = decoder()
     source = f"`{path.name}`"
@@ -197,11 +197,10 @@ def _files(path: Path, notes: list[str]) -> list[Path]:
         listed = sorted(files, key=lambda file: (_number(file), file.name))
     missing = [file.name for file in listed if len(file.name) > 255 or not file.is_file()]
     if missing:
-        raise DefinitionError(f"`{path.name}` misses the file `{plain_name(missing[0])}`, which its `{METADATA}` names")
+        raise DefinitionError(f"`{path.name}` lacks the file `{plain_name(missing[0])}`, which its `{METADATA}` names")
     if not listed:
         raise DefinitionError(
-            f"`{path}` is no folder of ros2 bag: it has neither `{METADATA}` nor a file that ends in "
-            f"{' or '.join(ENDINGS)}"
+            f"`{path}` is no ros2 bag folder: it has neither `{METADATA}` nor a {' or '.join(ENDINGS)} file"
         )
     return listed
 
@@ -212,14 +211,14 @@ def _number(file: Path) -> int:
 
 
 def _listed(path: Path) -> list[Path] | None:
-    """Files named by the metadata; None without a readable list."""
+    """Files that the metadata lists; None without a readable list."""
     from ruamel.yaml import YAML
 
     try:
         text = read_text(path / METADATA, most=MEGABYTE // 4)
         data = YAML(typ="safe", pure=True).load(text)
         names = data["rosbag2_bagfile_information"]["relative_file_paths"]
-        # The name alone: a bag must not make us read outside its folder.
+        # Use only the file's name: a bag must not lead to files outside its folder.
         files = [path / Path(name).name for name in names]
     # YAML readers raise all kinds of errors, and a bag can be read without its metadata.
     except Exception:
@@ -239,7 +238,7 @@ def _unpacked(file: Path, folder: str) -> Path:
                 while part := stream.read(MEGABYTE):
                     if out.tell() > most:
                         raise DefinitionError(
-                            f"`{file.name}` unpacks to more than {most / MEGABYTE:.3g} MB: unpack it by `zstd -d` first"
+                            f"`{file.name}` unpacks to more than {most / MEGABYTE:.3g} MB: use `zstd -d` first"
                         )
                     out.write(part)
         except zstandard.ZstdError as error:
@@ -267,7 +266,7 @@ def _states_in_database(file: Path) -> tuple[dict[str, list[bytes]], set[str]]:
     # The database packages raise any kind of error on damaged bytes.
     except Exception as error:
         reason = str(error).partition("\n")[0] or type(error).__name__
-        raise DefinitionError(f"`{file.name}` is no database of ros2 bag, or damaged: {reason}") from None
+        raise DefinitionError(f"`{file.name}` is damaged or no ros2 bag database: {reason}") from None
     return bodies, topics
 
 
@@ -278,7 +277,7 @@ def _messages(bag: Any, wanted: Sequence[Any]) -> Iterator[tuple[Any, bytes]]:
         return
     for connection, _, data in bag.messages(connections=wanted):
         if data[:4] == b"\x28\xb5\x2f\xfd":
-            # Each message is compressed on its own.
+            # Each message is compressed separately.
             with zstandard.ZstdDecompressor(max_window_size=1 << 23).stream_reader(data) as stream:
                 data = stream.read(LONGEST_MESSAGE)
         yield connection, data
