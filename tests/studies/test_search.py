@@ -97,7 +97,7 @@ def test_the_quasi_newton_steps_help_where_the_function_is_smooth(monkeypatch):
 
 
 def test_impossible_search_is_refused(monkeypatch):
-    with pytest.raises(DefinitionError, match="at least one number"):
+    with pytest.raises(DefinitionError, match="at least one uncertain value"):
         search_lowest(bowl, 0, evaluations=10)
     with pytest.raises(DefinitionError, match="at least one evaluation"):
         search_lowest(bowl, 2, evaluations=0)
@@ -274,5 +274,5 @@ def test_impossible_sobol_points_are_refused():
         points_for_indices([1, 1], 100)
     with pytest.raises(DefinitionError, match="1 of 40 results are not finite"):
         sobol_indices(np.where(np.arange(40) == 3, np.inf, 1.0), [1, 1])
-    with pytest.raises(DefinitionError, match="all points"):
+    with pytest.raises(DefinitionError, match="a value for each point"):
         sobol_indices(np.ones(41), [1, 1])

@@ -219,9 +219,9 @@ def test_a_part_that_is_none_is_refused(text):
 
 
 def test_a_part_is_refused_where_rows_depend_on_the_ones_before(tmp_path):
-    with pytest.raises(DefinitionError, match="monte_carlo with `until` chooses each row by the ones before"):
+    with pytest.raises(DefinitionError, match="monte_carlo with `until` chooses each row from earlier results"):
         study(until={"probability": 0.9}).run(RunOptions(tmp_path / "out", part=Part(1, 2)))
-    with pytest.raises(DefinitionError, match="falsify chooses each row by the ones before"):
+    with pytest.raises(DefinitionError, match="falsify chooses each row from earlier results"):
         study(study="falsify", runs=64).run(RunOptions(tmp_path / "out", part=Part(1, 2)))
     with pytest.raises(DefinitionError, match="--out"):
         study().run(RunOptions(part=Part(1, 2)))

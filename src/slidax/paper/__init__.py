@@ -1,7 +1,7 @@
 """Reproduction of the paper on fixed-time terminal sliding mode control with prescribed performance.
 
-Source: Nonlinear Dynamics (2022), doi 10.1007/s11071-022-07650-w. `slidax reproduce` does it all (`reproduce.py`).
-Begin with `examples.py`, the schemes and runs, and `printed.py`, the printed values and the rule for verdicts.
+Source: Nonlinear Dynamics (2022), doi 10.1007/s11071-022-07650-w. `slidax reproduce` runs `reproduce.py`. Begin with
+`examples.py`, which has the schemes and runs, and `printed.py`, which has the printed values and the rule for verdicts.
 `numbers.py` and `claims.py` compare, `figures.py` draws.
 """
 

@@ -1,4 +1,4 @@
-"""The paper's statements with verdicts, and the numbers behind the report's sentences."""
+"""The paper's statements with verdicts, and the values in the report's sentences."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ CONTINUOUS = "the torque is continuous and free of chattering"
 
 @dataclass(frozen=True)
 class Claim:
-    """A printed statement.
+    """A statement in the paper.
 
-    - `place`, `says`: where it is printed, and what it says.
-    - `evidence`, `verdicts`: by reading of the disturbance, or by another choice that the paper leaves open.
+    - `place`, `says`: its place in the paper, and its content.
+    - `evidence`, `verdicts`: by reading of the disturbance, or by another interpretation that the paper leaves open.
     """
 
     place: str
@@ -54,9 +54,9 @@ def claims(runs: Runs) -> list[Claim]:
 
 
 def parameter_claims(runs: Runs) -> list[Claim]:
-    """Return the claims about the parameters, for any disturbance.
+    """Return the claims about the parameters, which hold for any disturbance.
 
-    - `runs`: for their scenarios.
+    - `runs`: all runs, for their scenarios.
     """
     result = []
     for example, table in zip(EXAMPLES, ("Table 1", "Table 2"), strict=True):
@@ -96,7 +96,7 @@ def _inside(runs: Runs, example: str) -> Claim:
         outside, margin = analysis.envelope_violations(run), analysis.envelope_margin(run)
         margin = np.zeros(1) if margin is None else margin
         evidence[reading] = (
-            f"{outside} samples outside; nearest to a bound: {significant(100 * float(margin.min()), 3)} % of the width"
+            f"{outside} samples outside; least margin: {significant(100 * float(margin.min()), 3)} % of the width"
         )
         verdicts[reading] = claim(run.outcome.ok and outside == 0)
     return Claim(f"{figure}, Example\u00a0{example}", "the errors stay inside the envelope", evidence, verdicts)
@@ -126,15 +126,15 @@ def _continuous(runs: Runs, example: str) -> Claim:
     verdicts: dict[str, PrintedComparison] = {}
     for reading in runs.readings:
         case = Case(example, reading)
-        steps, ways = torque_step_ratio(runs[case], runs[case.halved])
+        steps, totals = torque_step_ratio(runs[case], runs[case.halved])
         largest = analysis.max_torque_step(runs[case])
         unit = runs.scenarios[case].plant.robot.torque_units[int(np.argmax(largest))]
         evidence[reading] = (
             f"largest step between samples {significant(float(largest.max()), 2)} {unit}, at half the period at most "
             f"{significant(max(steps), 3)} times as large; AICE then within "
-            f"{significant(100 * max(abs(way - 1) for way in ways), 2)} %"
+            f"{significant(100 * max(abs(total - 1) for total in totals), 2)} %"
         )
-        smooth = runs[case].outcome.ok and max(steps) < 0.6 and all(abs(way - 1) <= REPRODUCED for way in ways)
+        smooth = runs[case].outcome.ok and max(steps) < 0.6 and all(abs(total - 1) <= REPRODUCED for total in totals)
         verdicts[reading] = claim(smooth)
     return Claim(f"{figure}, Example\u00a0{example}", CONTINUOUS, evidence, verdicts)
 
@@ -145,13 +145,13 @@ def _range(values: list[float]) -> str:
 
 
 PRINTED_ALPHA = 0.2
-"""ANFTSMC's α in Table 2."""
+"""α of ANFTSMC in Table 2."""
 
 QUANTITIES = ("settling_time", "steady_error", "peak_torque")
 
 
 def compare_schemes(runs: Runs) -> list[dict[str, Any]]:
-    """Every scheme's metrics, with the boundary layer as listed and with the other one.
+    """Metrics of every scheme, with the listed and with the alternative boundary layer.
 
     - `runs`: all runs.
     """
@@ -175,7 +175,7 @@ def compare_schemes(runs: Runs) -> list[dict[str, Any]]:
 
 
 def bands(runs: Runs) -> list[dict[str, Any]]:
-    """For each row of Table 3, the settling times at every band in every reading, and which of them come nearest.
+    """For each row of Table 3, the settling times at every band in every reading, and the nearest of them.
 
     - `runs`: all runs.
     """
@@ -202,7 +202,7 @@ def bands(runs: Runs) -> list[dict[str, Any]]:
                             "worst": worst,
                         }
                     )
-        # A run does not settle to a band that is narrower than the error it ends with.
+        # A band below the printed steady error is impossible.
         error = max(items[1].values)
         settled = [line for line in lines if line["worst"] is not None]
         possible = [line for line in settled if line["band"] > error]
@@ -221,7 +221,7 @@ def bands(runs: Runs) -> list[dict[str, Any]]:
 
 
 def sensitivity(runs: Runs) -> list[dict[str, Any]]:
-    """Changes of each scheme's numbers at half the step, with a held torque, and with another boundary layer.
+    """Values of each scheme at the step, at half of it, with a held torque, and with the alternative boundary layer.
 
     - `runs`: all runs.
     """
@@ -229,7 +229,7 @@ def sensitivity(runs: Runs) -> list[dict[str, Any]]:
     for example in EXAMPLES:
         for scheme in COMPARED[example]:
             case, band = runs.nearest(example, scheme), SCHEMES[scheme].band if example == "4.2" else 1e-3
-            ways = {"step": case, "half": case.halved, "held": case.held, "layer": case.relayered}
+            variants = {"step": case, "half": case.halved, "held": case.held, "layer": case.relayered}
             for quantity in QUANTITIES:
                 lines.append(
                     {
@@ -240,14 +240,14 @@ def sensitivity(runs: Runs) -> list[dict[str, Any]]:
                         "other_layer": SCHEMES[scheme].other,
                         "quantity": quantity,
                         "band": band,
-                        "values": {way: table_3(runs[item], quantity, band) for way, item in ways.items()},
+                        "values": {name: table_3(runs[item], quantity, band) for name, item in variants.items()},
                     }
                 )
     return lines
 
 
 def settling_bounds(runs: Runs) -> list[dict[str, Any]]:
-    """(48)-(50) for every fixed-time scheme, beside its deadlines and the time that its run takes.
+    """(48)-(50) for every fixed-time scheme, with its deadlines and the settling time of its run.
 
     - `runs`: all runs.
     """
@@ -264,11 +264,11 @@ def settling_bounds(runs: Runs) -> list[dict[str, Any]]:
 
 
 def jumps(runs: Runs) -> list[dict[str, Any]] | None:
-    """When |e| of FTSMC with a boundary layer enters the core of (78), whose slope jumps, and how the torque jumps.
+    """Torque jumps of FTSMC with a boundary layer when |e| enters the core of (78), whose slope is discontinuous.
 
     - `runs`: all runs.
 
-    None if a joint never enters it.
+    None if a joint never enters the core.
     """
     case = Case("4.1", runs.readings[0], scheme="ftsmc").relayered
     run, delta = runs[case], 1e-2
@@ -286,21 +286,21 @@ def jumps(runs: Runs) -> list[dict[str, Any]] | None:
 
 
 def layers(runs: Runs, scheme: str) -> dict[str, Any]:
-    """A scheme of Example 4.1 with its boundary layer as listed and with the other one.
+    """A scheme of Example 4.1 with the listed and with the alternative boundary layer.
 
     - `runs`: all runs.
-    - `scheme`: which.
+    - `scheme`: key of the scheme.
     """
     case = Case("4.1", runs.readings[0], scheme=scheme)
-    ways = {
+    variants = {
         name: {"aice": indices.aice(runs[item]).tolist(), "steady_error": _listed(analysis.steady_error(runs[item]))}
         for name, item in (("listed", case), ("other", case.relayered))
     }
-    return {"layer": SCHEMES[scheme].other, **ways}
+    return {"layer": SCHEMES[scheme].other, **variants}
 
 
 def run_with_printed_alpha(runs: Runs) -> dict[str, Any]:
-    """Run of ANFTSMC with the printed α, which the class refuses and which is set without its check.
+    """Run ANFTSMC with the printed α, which its class refuses; the check is bypassed.
 
     - `runs`: all runs.
     """
@@ -323,7 +323,7 @@ def run_with_printed_alpha(runs: Runs) -> dict[str, Any]:
 
 
 def energy(runs: Runs) -> dict[str, Any]:
-    """The share of energy by reading, NFTSMC as listed and with a boundary layer.
+    """Energy share by reading, for NFTSMC as listed and with a boundary layer.
 
     - `runs`: all runs.
     """
@@ -352,7 +352,7 @@ BAND = SCHEMES[PROPOSED].band
 
 
 def findings(runs: Runs) -> dict[str, Any]:
-    """Every number that a sentence of the report names, ready for JSON.
+    """All values in the sentences of the report, ready for JSON.
 
     - `runs`: all runs.
     """
@@ -401,18 +401,18 @@ def _expected(runs: Runs) -> list[float] | None:
 
 
 def _truncation(runs: Runs) -> dict[str, list[float]] | None:
-    """The steady error without disturbance at the step and at half of it, and how many times it falls."""
+    """Steady error without disturbance at the step and at half the step, and the ratio of both."""
     if "off" not in runs.readings:
         return None
     case = Case("4.2", "off")
-    whole, half = printed_steady_error(runs[case]), printed_steady_error(runs[case.halved])
-    if whole is None or half is None:
+    full, half = printed_steady_error(runs[case]), printed_steady_error(runs[case.halved])
+    if full is None or half is None:
         return None
-    return {"step": whole, "half": half, "factor": (np.asarray(whole) / np.asarray(half)).tolist()}
+    return {"step": full, "half": half, "factor": (np.asarray(full) / np.asarray(half)).tolist()}
 
 
 def _sampled(runs: Runs, case: Case) -> dict[str, Any]:
-    """Comparison of a run at a longer period, or with a held torque, with the example itself."""
+    """Comparison of a run at a longer period or with a held torque with the example's own run."""
     run = runs[case]
     reference = runs[Case(case.example, case.reading)]
     return {

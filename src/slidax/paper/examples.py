@@ -16,14 +16,13 @@ Reading = Literal["stated", "off"]
 
 @dataclass(frozen=True)
 class Scheme:
-    """A scheme as the paper's examples use it.
+    """A scheme in the paper's examples.
 
-    - `key`, `name`: in scenario files, and in the paper.
-    - `listed`, `other`: half-width of the boundary layer as its table lists it (0 where it lists none), and another one
-      to try.
-    - `path`: where scenario files keep it.
-    - `band`: settling band at which the printed times are compared, rad or m; the paper prints none.
-    - `nearest`: the reading of the disturbance that comes nearer to the printed row.
+    - `key`, `name`: its name in scenario files, and in the paper.
+    - `listed`, `other`: half width of the boundary layer in the paper's table (0 if it lists none), and an alternative.
+    - `path`: path of the boundary layer in scenario files.
+    - `band`: settling band for the comparison of settling times, rad or m; the paper prints none.
+    - `nearest`: the reading of the disturbance whose results are nearer to the printed row.
     """
 
     key: str
@@ -35,9 +34,9 @@ class Scheme:
     nearest: Reading = "stated"
 
     def called(self, layer: float | None) -> str:
-        """The name with the boundary layer, where it is not the listed one.
+        """The name, with the boundary layer if it is not the listed one.
 
-        - `layer`: half-width; None for the listed one.
+        - `layer`: half width; None for the listed one.
         """
         if layer is None or layer == self.listed:
             return self.name
@@ -60,23 +59,20 @@ COMPARED: dict[str, tuple[str, ...]] = {
     "4.1": (PROPOSED, "ftsmppc", "ftsmc"),
     "4.2": (PROPOSED, "nftsmc", "anftsmc", "sfsmc"),
 }
-"""Which schemes each example compares, the proposed one first."""
+"""Schemes that each example compares, the proposed scheme first."""
 
 
 READINGS: dict[Reading, str] = {"stated": "disturbance as stated", "off": "disturbance off"}
 EXAMPLES = ("4.1", "4.2")
 PERIOD = 1e-4
 SAMPLED = (("continuous", 1e-3), ("held", 1e-3), ("held", 1e-4))
-"""Modes and periods in which the sampling limit is looked for."""
+"""Modes and periods of the runs that search for the sampling limit."""
 
 Progress = Callable[[str, float], None]
 
 
 class Case(NamedTuple):
-    """One run: which example, with which disturbance, in which mode, with which period [s], scheme and boundary layer.
-
-    The layer is the listed one if None.
-    """
+    """A run: example, reading of the disturbance, mode, period [s], scheme, and boundary layer (None: as listed)."""
 
     example: str
     reading: Reading
@@ -87,22 +83,22 @@ class Case(NamedTuple):
 
     @property
     def halved(self) -> Case:
-        """The same at half the period."""
+        """The case at half the period."""
         return self._replace(period=self.period / 2)
 
     @property
     def held(self) -> Case:
-        """The same with the torque held between two samples."""
+        """The case with the torque held between two samples."""
         return self._replace(mode="held")
 
     @property
     def relayered(self) -> Case:
-        """The same with the other boundary layer."""
+        """The case with the alternative boundary layer."""
         return self._replace(layer=SCHEMES[self.scheme].other)
 
     @property
     def name(self) -> str:
-        """The scheme's name, with its boundary layer where that is not the listed one."""
+        """The scheme's name, with its boundary layer if it is not the listed one."""
         return SCHEMES[self.scheme].called(self.layer)
 
 
@@ -110,9 +106,9 @@ class Case(NamedTuple):
 class Runs:
     """All runs by case.
 
-    - `scenarios`: what was simulated.
+    - `scenarios`: the simulated scenarios.
     - `runs`: their runs.
-    - `readings`: how the disturbance was read, in this order.
+    - `readings`: the readings of the disturbance, in this order.
     """
 
     scenarios: dict[Case, Scenario]
@@ -124,21 +120,21 @@ class Runs:
 
     @property
     def sampled(self) -> list[Case]:
-        """The cases that look for the sampling limit."""
+        """The cases that search for the sampling limit."""
         return [Case(example, self.readings[0], *how) for example in EXAMPLES for how in SAMPLED]
 
     def nearest(self, example: str, scheme: str) -> Case:
-        """The scheme as printed, in the reading that comes nearer to what is printed, if that was simulated.
+        """The case of a scheme as printed, in its nearest reading if simulated, otherwise in the first reading.
 
-        - `example`, `scheme`: which.
+        - `example`, `scheme`: names of example and scheme.
         """
         return _nearest(example, scheme, self.readings)
 
     def compared(self, example: str, reading: Reading, layers: Sequence[str] = ()) -> dict[str, Case]:
-        """The cases of an example's schemes by name, the proposed one first.
+        """The cases of an example's schemes by name, the proposed scheme first.
 
-        - `example`, `reading`: which.
-        - `layers`: schemes to take with the other boundary layer.
+        - `example`, `reading`: the example and the reading.
+        - `layers`: schemes with the alternative boundary layer.
         """
         plain = [Case(example, reading, scheme=scheme) for scheme in COMPARED[example]]
         chosen = [case.relayered if case.scheme in layers else case for case in plain]
@@ -146,11 +142,11 @@ class Runs:
 
 
 def cases(readings: Sequence[Reading]) -> list[Case]:
-    """All cases, the same for every scheme and then more of the proposed one, which look for the sampling limit.
+    """All cases: for each scheme the paper's step, half the step, the alternative boundary layer, and a held torque.
 
-    Each scheme: at the paper's step and at half of it, with another boundary layer, and with the torque held.
+    For the proposed scheme, more cases search for the sampling limit.
 
-    - `readings`: how to read the disturbance.
+    - `readings`: readings of the disturbance.
     """
     listed: dict[Case, None] = {}
     for example in EXAMPLES:
@@ -164,16 +160,16 @@ def cases(readings: Sequence[Reading]) -> list[Case]:
 
 
 def simulate_all(readings: Sequence[Reading], changes: dict[str, Any], progress: Progress) -> Runs:
-    """Runs all cases, each once, two at a time.
+    """Run all cases, each once, two at a time.
 
-    - `readings`: how to read the disturbance.
-    - `changes`: values by dotted path that all scenarios share.
-    - `progress`: told what was done and which fraction of the runs is done.
+    - `readings`: readings of the disturbance.
+    - `changes`: new values by dotted path for all scenarios.
+    - `progress`: called with the last step and the completed fraction of the runs.
     """
     built: dict[Case, Scenario] = {}
     runs: dict[Case, Run] = {}
     listed = cases(readings)
-    # Cases that differ in numbers only share one compiled loop, so that they go one after another.
+    # Cases that differ only in numbers share a compiled loop: run them one after another.
     groups: dict[tuple[str, str, str], list[Case]] = {}
     for case in listed:
         built[case] = scenario_of(case, changes)
@@ -192,8 +188,8 @@ def simulate_all(readings: Sequence[Reading], changes: dict[str, Any], progress:
 def scenario_of(case: Case, changes: dict[str, Any]) -> Scenario:
     """Return the scenario of a case.
 
-    - `case`: which.
-    - `changes`: values by dotted path, set last.
+    - `case`: the case.
+    - `changes`: new values by dotted path, set last.
     """
     values: dict[str, Any] = {"simulation.mode": case.mode, "simulation.period": case.period}
     if case.scheme != PROPOSED:
@@ -206,7 +202,7 @@ def scenario_of(case: Case, changes: dict[str, Any]) -> Scenario:
 
 
 def _simulate(group: dict[Case, Scenario]) -> dict[Case, Run]:
-    # A held torque moves the arm between any two samples, so that the log of the proposed scheme leaves none out.
+    # With a held torque, the arm moves between samples: log every sample of the proposed scheme.
     return {
         case: scenario.simulate(progress=False, log_every=1 if case.mode == "held" and case.scheme == PROPOSED else 0)
         for case, scenario in group.items()

@@ -53,7 +53,7 @@ def draw_two_links(runs: Runs) -> Drawn:
             "fig-4-sign",
             "Fig. 4, as Table 1 lists FTSMC",
             figures.compared_torques(_runs(runs, listed)),
-            f"{start} torques, FTSMC with the sign. Bands: the range of a torque that chatters.",
+            f"{start} torques, FTSMC with the sign. Bands: the range of a chattering torque.",
         ),
         (
             "fig-5-all",
@@ -92,14 +92,14 @@ def draw_three_joints(runs: Runs) -> Drawn:
             "fig-10",
             "Fig. 10",
             figures.compared_torques(_runs(runs, layered)),
-            f"{start} torques, NFTSMC with a boundary layer, which Table 2 does not list. Bands: the range of a torque "
-            "that chatters.",
+            f"{start} torques, NFTSMC with a boundary layer, which Table 2 does not list. Bands: the range of a "
+            "chattering torque.",
         ),
         (
             "fig-10-sign",
             "Fig. 10, as Table 2 lists NFTSMC",
             figures.compared_torques(_runs(runs, listed)),
-            f"{start} torques, NFTSMC with the sign. Bands: the range of a torque that chatters; it leaves the axes.",
+            f"{start} torques, NFTSMC with the sign. Bands: the range of a chattering torque, which exceeds the axes.",
         ),
         ("fig-11", "Fig. 11", _tips(runs, listed), f"{start} path of the tip; the rings mark the start."),
     ]
@@ -129,10 +129,10 @@ IN_ENVELOPES = "in their envelopes, and their sizes. Dashed: the envelope's narr
 
 
 def draw(runs: Runs, folder: Path) -> dict[str, Picture]:
-    """All figures of the report by name, written into the folder as SVG.
+    """Write all figures of the report as SVG, and return them by name.
 
     - `runs`: all runs.
-    - `folder`: where to.
+    - `folder`: folder for the files.
     """
     reading = runs.readings[0]
     how = READINGS[reading]
@@ -143,8 +143,8 @@ def draw(runs: Runs, folder: Path) -> dict[str, Picture]:
             "families",
             "Next to Fig. 1",
             _families(),
-            "Fixed-time functions settle at T = 5 s from wherever they start; finite-time ones the later, the farther "
-            "away they start; exponential ones in the limit only.",
+            "Fixed-time functions settle at T = 5 s from any initial radius, finite-time functions later from a larger "
+            "one, and exponential functions only in the limit.",
         ),
         (
             "fig-3",
@@ -173,7 +173,7 @@ def _fixed_time(initial: float, deadline: float) -> FixedTime:
 
 
 def _finite_time(initial: float) -> FiniteTime:
-    """From 0.5 it settles after 5 s too."""
+    """A finite-time function; from the initial radius 0.5 it also settles after 5 s."""
     return FiniteTime(as_array(initial), FINAL, as_array(0.49**0.2), as_array(0.8))
 
 
@@ -219,4 +219,4 @@ def _sizes(runs: Runs) -> Figure:
 def _sizes_caption(runs: Runs) -> str:
     half = ", and with it off at half the step" if "off" in runs.readings else ""
     hows = " and ".join(READINGS[reading] for reading in runs.readings)
-    return f"Example 4.2, sizes of the tracking errors, {hows}{half}, beside the steady-state errors of Table 3."
+    return f"Example 4.2, sizes of the tracking errors, {hows}{half}, with the steady-state errors of Table 3."

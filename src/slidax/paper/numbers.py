@@ -1,4 +1,4 @@
-"""Computed values next to the printed ones, with verdicts, and the values of the paper's inequalities."""
+"""Comparison of computed and printed values, and values of the paper's inequalities."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from .printed import (
 
 
 class Parts(NamedTuple):
-    """The parts of CFTSMPPC, each of its own class."""
+    """The parts of CFTSMPPC with their types."""
 
     law: SlidingMode
     transformation: PrescribedPerformance
@@ -78,15 +78,15 @@ def parts_of(scenario: Scenario) -> Parts:
 def inverse_inertia(scenario: Scenario) -> dict[str, Any]:
     """Ranges over q2 of `‖M⁻¹(q)‖`, spectral and Frobenius, and of the eigenvalues of `M⁻¹`; also `max ‖M⁻¹M0 - I‖`.
 
-    - `scenario`: its true robot, its nominal robot, and m1, m2, γ of (46), (47).
+    The inertia of both arms depends only on q2.
 
-    The inertia of both arms depends on q2 alone.
+    - `scenario`: an example, with its true and nominal arm, and m1, m2, γ of (46), (47).
     """
     parts = parts_of(scenario)
     law, bound = parts.law, parts.bound
     robot, n = scenario.plant.robot, law.joints
-    turned = jnp.zeros((721, n)).at[:, 1].set(jnp.linspace(-jnp.pi, jnp.pi, 721))
-    mass, nominal = (np.asarray(jax.vmap(arm.mass)(turned)) for arm in (robot, law.nominal))
+    positions = jnp.zeros((721, n)).at[:, 1].set(jnp.linspace(-jnp.pi, jnp.pi, 721))
+    mass, nominal = (np.asarray(jax.vmap(arm.mass)(positions)) for arm in (robot, law.nominal))
     inverse = np.linalg.inv(mass)
     values = np.linalg.eigvalsh(inverse)
     frobenius = np.linalg.norm(inverse, axis=(1, 2))
@@ -103,12 +103,12 @@ def inverse_inertia(scenario: Scenario) -> dict[str, Any]:
 
 
 def settling_bound(scenario: Scenario) -> dict[str, Any] | None:
-    """`T_max = T_r + T_s`, eqs. (48)-(50), s, with T_s of the slowest joint: the value of the formulas, no more.
+    """Value of the formulas `T_max = T_r + T_s`, eqs. (48)-(50), s, with T_s of the slowest joint.
 
-    - `scenario`: whose parameters are put in.
+    (50) uses `ρ0/2 >= 1/β` (Proposition 5); without an envelope β = 1, so ρ0 is replaced by 2. For SFSMC, the exponents
+    and gains of its own powers take the same roles. None if the scheme is not a fixed-time scheme.
 
-    (50) has `ρ0/2 >= 1/β` (Proposition 5); without an envelope β = 1, so that 2 stands for ρ0. SFSMC has the exponents
-    and gains of its own powers in the same places. None if the scheme is none of the fixed-time ones.
+    - `scenario`: the scenario with the parameters.
     """
     law = scenario.controller
     if not isinstance(law, SlidingMode) or not isinstance(law.bound, UncertaintyBound):
@@ -149,12 +149,12 @@ def settling_bound(scenario: Scenario) -> dict[str, Any] | None:
 
 
 def expected_error(scenario: Scenario, run: Run) -> list[float] | None:
-    """Where the boundary layer of (51) balances the disturbance, if the model is exact, [n], rad or m.
+    """Error at which the boundary layer of (51) balances the disturbance, for an exact model, [n], rad or m.
 
     `‖s‖ ≈ s0 ‖τ_d‖/(u - ‖τ_d‖)`, and `|e| ≈ ‖s‖/(k1 l1 β)` with `l1` of (30) and `β = (1/ϑ + 1)/ρ∞`, which is (26)
-    at e = 0; the largest over the second half of the run.
+    at e = 0; the maximum over the second half of the run.
 
-    - `scenario`: what was simulated.
+    - `scenario`: the simulated scenario.
     - `run`: its run, with a log.
     """
     law, transformation, performance, surface, reaching, _ = parts_of(scenario)
@@ -173,11 +173,11 @@ def expected_error(scenario: Scenario, run: Run) -> list[float] | None:
 
 
 def printed_steady_error(run: Run) -> list[float] | None:
-    """`max |e|` over the logged second half of the run, [n]: in Example 4.2 the last full period of the motion.
+    """`max |e|` over the second half of the run's log, [n]; in Example 4.2 this is the last full period of the motion.
 
     - `run`: a finished run with a log.
 
-    None if the run ended before its end.
+    None if the run ended early.
     """
     if not run.outcome.ok or run.log is None:
         return None
@@ -186,7 +186,7 @@ def printed_steady_error(run: Run) -> list[float] | None:
 
 
 def table_3(run: Run, quantity: str, band: float) -> list[float | None]:
-    """A quantity of Table 3, one per joint.
+    """A quantity of Table 3, a value for each joint.
 
     - `run`: a finished run with a log.
     - `quantity`: `settling_time`, `steady_error` or `peak_torque`.
@@ -196,15 +196,15 @@ def table_3(run: Run, quantity: str, band: float) -> list[float | None]:
         errors = printed_steady_error(run)
         return [None] * len(run.joint_units) if errors is None else [*errors]
     values = analysis.settling_time(run, band) if quantity == "settling_time" else analysis.peak_torque(run)
-    # Still outside the band at the end: the run has no such time.
+    # A run that is still outside the band at its end has no settling time.
     late = quantity == "settling_time"
     return [None if late and value >= float(run.t1) - 1e-9 else float(value) for value in values]
 
 
 def worst_after_deadline(scenario: Scenario, run: Run) -> list[float] | None:
-    """`max |e| / ρ∞` from the deadline T of each joint on, [n]; None if the run ended before.
+    """`max |e| / ρ∞` after the deadline T of each joint, [n]; None if the run ended earlier.
 
-    - `scenario`: what was simulated.
+    - `scenario`: the simulated scenario.
     - `run`: its run, with a log.
     """
     performance = parts_of(scenario).performance
@@ -218,29 +218,29 @@ def worst_after_deadline(scenario: Scenario, run: Run) -> list[float] | None:
 
 
 def torque_step_ratio(run: Run, halved: Run) -> tuple[list[float], list[float]]:
-    """Effect of halving the step: the largest torque step over the one before, and AICE likewise, [n] each.
+    """Ratios of the largest torque step and of AICE at half the step to those at the step, [n] each.
 
-    For a continuous torque the first is about 1/2 and the second about 1; for one that chatters, both are not.
+    For a continuous torque the ratios are about 1/2 and 1; for a chattering torque they are not.
 
-    - `run`: at the step.
-    - `halved`: at half the step.
+    - `run`: run at the step.
+    - `halved`: run at half the step.
     """
     pairs = [(analysis.max_torque_step(r), printed.aice(r)) for r in (run, halved)]
-    (step, way), (half_step, half_way) = pairs
-    return (half_step / step).tolist(), (half_way / way).tolist()
+    (step, total), (half_step, half_total) = pairs
+    return (half_step / step).tolist(), (half_total / total).tolist()
 
 
 def chatter(run: Run, halved: Run) -> list[float | None]:
-    """Factor by which AICE grows when the step is halved, [n], for joints whose torque chatters, and None for others.
+    """Ratio of AICE at half the step to AICE at the step, [n], for chattering joints; None for the others.
 
-    The way of a continuous torque does not depend on the step; that of one which jumps at every sample does. It counts
-    as chattering if it changes by more than the fraction within which numbers are called close.
+    AICE of a continuous torque does not depend on the step; that of a torque that jumps at every sample does. A torque
+    counts as chattering if AICE changes by more than `CLOSE`.
 
-    - `run`: at the step.
-    - `halved`: at half the step.
+    - `run`: run at the step.
+    - `halved`: run at half the step.
     """
-    ways = printed.aice(halved) / printed.aice(run)
-    return [float(way) if abs(way - 1.0) > CLOSE else None for way in ways]
+    ratios = printed.aice(halved) / printed.aice(run)
+    return [float(ratio) if abs(ratio - 1.0) > CLOSE else None for ratio in ratios]
 
 
 Values = dict[str, float | None]
@@ -248,16 +248,16 @@ Values = dict[str, float | None]
 
 @dataclass(frozen=True)
 class Row:
-    """A printed number.
+    """A printed number, and its comparison.
 
-    - `scheme`: whose.
-    - `quantity`: its key, as in `printed`, or `limit` or `energy`.
-    - `place`, `name`: where it is printed, and what it is called there.
-    - `joint`: which joint, as text.
-    - `unit`: of both numbers.
-    - `printed`: as printed.
-    - `compared_with`: what was computed.
-    - `computed`, `verdicts`: by reading of the disturbance.
+    - `scheme`: the scheme.
+    - `quantity`: as in `Printed`, or `limit` or `energy`.
+    - `place`, `name`: its place and name in the paper.
+    - `joint`: number of the joint, as text.
+    - `unit`: unit of both values.
+    - `printed`: the value as printed.
+    - `compared_with`: description of the computed value.
+    - `computed`, `verdicts`: computed value and verdict, by reading of the disturbance.
     """
 
     scheme: str
@@ -273,7 +273,7 @@ class Row:
 
 
 def numbers(runs: Runs) -> list[Row]:
-    """Table 3 in full, the limit of the error that the text gives, and the share of energy.
+    """Comparisons for Table 3, the error limit in the text, and the energy share.
 
     - `runs`: all runs.
     """
@@ -285,8 +285,8 @@ def energy_share(runs: Runs, reading: Reading, layered: bool) -> float:
     """ECI of CFTSMPPC in percent of that of NFTSMC, both summed over the joints.
 
     - `runs`: all runs.
-    - `reading`: of the disturbance.
-    - `layered`: whether NFTSMC has a boundary layer.
+    - `reading`: reading of the disturbance.
+    - `layered`: True if NFTSMC has a boundary layer.
     """
     rival = _nftsmc(reading, layered)
     return float(100 * indices.eci(runs[Case("4.2", reading)]).sum() / indices.eci(runs[rival]).sum())
@@ -323,20 +323,20 @@ def _judged(runs: Runs, case: Case, item: Printed, band: float) -> list[tuple[fl
     ]
     if item.quantity == "peak_torque":
         growth, first = chatter(run, runs[case.halved]), analysis.initial_torque(run)
-        # A peak at the start comes before any chattering.
+        # A peak at the first sample is not due to chattering.
         verdicts = [
-            verdict if way is None or value == float(start) else mark_incomparable(_growing(way))
-            for verdict, way, value, start in zip(verdicts, growth, values, first, strict=True)
+            verdict if ratio is None or value == float(start) else mark_incomparable(_chattering(ratio))
+            for verdict, ratio, value, start in zip(verdicts, growth, values, first, strict=True)
         ]
     return list(zip(values, verdicts, strict=True))
 
 
-def _growing(way: float) -> str:
-    return f"chatters (AICE × {significant(way, 2)})"
+def _chattering(ratio: float) -> str:
+    return f"chatters (AICE × {significant(ratio, 2)})"
 
 
 def _absent(run: Run, quantity: str, band: float) -> PrintedComparison | None:
-    """A run that reached its end without settling does not lack a settling time: it differs."""
+    """The verdict for a missing settling time: a run that did not settle until its end differs from the paper."""
     if quantity == "settling_time" and run.outcome.ok:
         return PrintedComparison("differs", f"differs: still above {significant(band, 1)} at the end")
     return None
@@ -367,9 +367,9 @@ def _energy(runs: Runs, layered: bool) -> Row:
         value = energy_share(runs, reading, layered)
         computed[reading], verdicts[reading] = value, compare_printed(float(ENERGY_SHARE), value)
         if not layered:
-            ways = [way for way in chatter(runs[rival], runs[rival.halved]) if way is not None]
-            if ways:
-                verdicts[reading] = mark_incomparable("NFTSMC " + _growing(max(ways)))
+            ratios = [ratio for ratio in chatter(runs[rival], runs[rival.halved]) if ratio is not None]
+            if ratios:
+                verdicts[reading] = mark_incomparable("NFTSMC " + _chattering(max(ratios)))
     return Row(
         "CFTSMPPC",
         "energy",

@@ -1,4 +1,4 @@
-"""The paper's printed values and index sums, and the rule for verdicts on them."""
+"""The paper's printed values and its index sums, and the rule for verdicts."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def aice(run: Run) -> np.ndarray:
 
 
 INDICES: tuple[Metric[np.ndarray], ...] = (iae, eci, aice)
-"""All three."""
+"""The paper's index sums."""
 
 
 TITLE = (
@@ -57,13 +57,13 @@ JOURNAL = "Nonlinear Dynamics (2022)"
 
 @dataclass(frozen=True)
 class Printed:
-    """A printed quantity with one value per joint.
+    """A printed quantity with a value for each joint.
 
-    - `quantity`: its key: `settling_time`, `steady_error` or `peak_torque`.
-    - `place`: where it is printed.
-    - `name`: what it is called there.
+    - `quantity`: `settling_time`, `steady_error` or `peak_torque`.
+    - `place`: its place in the paper.
+    - `name`: its name in the paper.
     - `texts`: the values as printed, one per joint.
-    - `compared_with`: what was computed for the comparison.
+    - `compared_with`: description of the computed quantity.
     """
 
     quantity: str
@@ -86,7 +86,7 @@ NAMES = {
     "steady_error": ("e_ρ, steady-state error", "largest |e| over the second half of the run"),
     "peak_torque": ("τ_max, maximum control torque", "largest |τ| over the run"),
 }
-"""Names of the columns of Table 3, and the computed quantity for each."""
+"""Name of each column of Table 3, and description of the computed quantity."""
 
 
 def _row(scheme: str, *columns: tuple[str, str, str]) -> tuple[Printed, ...]:
@@ -119,19 +119,19 @@ ENERGY_SHARE = "8.84"
 """Section 4: the ECI of CFTSMPPC in percent of that of NFTSMC. (The sentence cites Fig. 12; the bars are Fig. 13.)"""
 
 NOT_COVERED = (
-    "Figs. 12 to 14 as such: they print bars without values, so the computed ones stand for themselves.",
-    "The curves of the figures as such: the paper gives no data for them, so they can be compared by eye only.",
-    "The laws of the schemes that it compares with: it prints their parameters only. They were sourced or "
-    "reconstructed, and what differs may be the reconstruction.",
+    "Figs. 12 to 14: they show bars without values, so there is nothing to compare the computed values with.",
+    "The curves of the figures: the paper has no data for them, so they can only be compared by eye.",
+    "The laws of the rival schemes: the paper prints only their parameters. The laws come from their sources or were "
+    "reconstructed, which may explain differences.",
 )
 """Printed content that cannot be compared."""
 
 
 REPRODUCED = 0.05
-"""A computed value within this fraction of the printed one reproduces it."""
+"""Largest relative deviation of a computed value that counts as reproduced."""
 
 CLOSE = 0.20
-"""Within this fraction it is close; beyond, it differs."""
+"""Largest relative deviation that counts as close; a larger one differs."""
 
 Kind = Literal["reproduced", "close", "differs", "unchecked"]
 KINDS: tuple[Kind, ...] = ("reproduced", "close", "differs", "unchecked")
@@ -152,11 +152,11 @@ class PrintedComparison:
 def compare_printed(
     printed: float, computed: float | None, absent: PrintedComparison | None = None
 ) -> PrintedComparison:
-    """The verdict on a printed number: reproduced within 5 %, close within 20 %, else it differs by a factor.
+    """The verdict on a printed number: reproduced within 5 %, close within 20 %, otherwise it differs by a factor.
 
     - `printed`: > 0.
-    - `computed`: the same quantity; None or not finite if there is none.
-    - `absent`: the verdict if there is none.
+    - `computed`: the computed quantity; None or nonfinite if missing.
+    - `absent`: the verdict for a missing value.
     """
     if computed is None or not math.isfinite(computed):
         return absent or mark_unchecked("the run has no such value")
@@ -172,7 +172,7 @@ def compare_limit(limit: float, computed: float | None) -> PrintedComparison:
     """The verdict on a printed limit: reproduced if the computed value is below it.
 
     - `limit`: > 0.
-    - `computed`: what must be below; None or not finite if there is none.
+    - `computed`: the computed quantity; None or nonfinite if missing.
     """
     if computed is None or not math.isfinite(computed):
         return mark_unchecked("the run has no such value")
@@ -182,15 +182,15 @@ def compare_limit(limit: float, computed: float | None) -> PrintedComparison:
 
 
 def claim(holds: bool) -> PrintedComparison:
-    """The verdict on a statement that is true or not.
+    """The verdict on a statement.
 
-    - `holds`: whether it is.
+    - `holds`: True if the statement holds.
     """
     return PrintedComparison("reproduced", "holds") if holds else PrintedComparison("differs", "does not hold")
 
 
 def mark_unchecked(why: str) -> PrintedComparison:
-    """The verdict where there is nothing to compare.
+    """The verdict if there is nothing to compare.
 
     - `why`: the reason.
     """
@@ -198,7 +198,7 @@ def mark_unchecked(why: str) -> PrintedComparison:
 
 
 def mark_incomparable(why: str) -> PrintedComparison:
-    """The verdict where the computed number is an accident of the computation.
+    """The verdict if the computed number is an artefact of the computation.
 
     - `why`: the reason.
     """
@@ -206,5 +206,5 @@ def mark_incomparable(why: str) -> PrintedComparison:
 
 
 def _percent(fraction: float) -> str:
-    """Rounded up to a tenth, so that "within" stays true."""
+    """Format a fraction in percent, rounded up to a tenth so that "within" stays true."""
     return f"{max(0.1, math.ceil(fraction * 1000 - 1e-9) / 10):.1f} %"

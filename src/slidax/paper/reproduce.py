@@ -27,9 +27,9 @@ from .printed import CLOSE, DOI, JOURNAL, KINDS, NOT_COVERED, REPRODUCED, TITLE,
 
 
 def counts(rows: list[Row], claims: list[Claim]) -> dict[str, dict[str, int]]:
-    """Numbers of verdicts of each kind, by reading of the disturbance.
+    """Number of verdicts of each kind, by reading of the disturbance.
 
-    - `rows`, `claims`: with a verdict for each reading.
+    - `rows`, `claims`: results with a verdict for each reading.
     """
     result: dict[str, list[PrintedComparison]] = {}
     for verdicts in [item.verdicts for item in rows] + [item.verdicts for item in claims]:
@@ -40,10 +40,10 @@ def counts(rows: list[Row], claims: list[Claim]) -> dict[str, dict[str, int]]:
 
 
 def select_sentences(runs: Runs, rows: list[Row], claims: list[Claim]) -> dict[str, Any]:
-    """Which of the report's sentences the verdicts bear out.
+    """Select the report's sentences that the verdicts support.
 
     - `runs`: all runs.
-    - `rows`, `claims`: with their verdicts.
+    - `rows`, `claims`: results with their verdicts.
     """
     proposed = [row for row in rows if row.scheme == SCHEMES[PROPOSED].name]
     settling = [
@@ -72,7 +72,7 @@ def run_results(runs: Runs) -> list[dict[str, Any]]:
 
 
 def to_json_value(value: Any) -> Any:
-    """The value as JSON has it: dataclasses become mappings, and what is not finite becomes null.
+    """Convert a value for JSON: dataclasses become mappings, nonfinite numbers become null.
 
     - `value`: mappings, lists, dataclasses of this package, numbers and text.
     """
@@ -103,7 +103,7 @@ def _run_result(case: Case, runs: Runs) -> dict[str, Any]:
 
 CHOICES: dict[str, tuple[Reading, ...]] = {"stated": ("stated",), "off": ("off",), "both": ("stated", "off")}
 SIMULATING = 0.75
-"""The share of the work that is simulation, for the progress."""
+"""Share of the simulation in the progress."""
 
 
 def reproduce(
@@ -113,16 +113,16 @@ def reproduce(
     *,
     changes: dict[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """Runs the paper's two examples and writes `out/report.html`, `out/figures/*.svg` and `out/results.json`.
+    """Run the paper's two examples, and write `out/report.html`, `out/figures/*.svg` and `out/results.json`.
 
-    - `out`: a folder, made if missing.
-    - `disturbance`: "stated", "off", or "both" side by side.
-    - `progress`: told what is being done and which fraction of all is done, 0 to 1.
-    - `changes`: values by dotted path for all scenarios, such as `{"simulation.t1": 1.0}` for a short trial.
+    - `out`: a folder, created if missing.
+    - `disturbance`: "stated", "off", or "both".
+    - `progress`: called with the current step and the completed fraction, 0 to 1.
+    - `changes`: new values by dotted path for all scenarios, such as `{"simulation.t1": 1.0}` for a short trial.
 
-    Returns what is in `results.json`.
+    Returns the content of `results.json`.
 
-    Raises DefinitionError if the disturbance is none of the three.
+    Raises DefinitionError if the disturbance has another value.
     """
     if disturbance not in CHOICES:
         known = ", ".join(f'"{choice}"' for choice in CHOICES)
@@ -133,7 +133,7 @@ def reproduce(
 
     runs = simulate_all(CHOICES[disturbance], changes or {}, lambda stage, done: tell(stage, SIMULATING * done))
     tell("Comparing with the paper", SIMULATING)
-    rows, text, promised, result = numbers(runs), claims(runs), parameter_claims(runs), findings(runs)
+    rows, statements, promises, result = numbers(runs), claims(runs), parameter_claims(runs), findings(runs)
     tell("Drawing the figures", SIMULATING + 0.03)
     pictures = draw(runs, out / "figures")
     tell("Writing the report", 0.97)
@@ -148,10 +148,10 @@ def reproduce(
         },
         "readings": {reading: READINGS[reading] for reading in runs.readings},
         "rule": {"reproduced_within": REPRODUCED, "close_within": CLOSE, "settling_band": SCHEMES[PROPOSED].band},
-        "counts": counts(rows, text),
+        "counts": counts(rows, statements),
         "numbers": rows,
-        "claims": text,
-        "promises": promised,
+        "claims": statements,
+        "promises": promises,
         "findings": result,
         "runs": run_results(runs),
         "figures": [f"figures/{name}.svg" for name in pictures],
@@ -163,7 +163,7 @@ def reproduce(
     page = {
         **data,
         "pictures": pictures,
-        "shown": select_sentences(runs, rows, text),
+        "shown": select_sentences(runs, rows, statements),
         "scenarios": scenarios,
         "parameters": {example: as_yaml(scenario.description) for example, scenario in scenarios.items()},
     }

@@ -33,7 +33,7 @@ from .requests import QUESTIONS, JobRequest, RequestError, read_request
 FOLDER = resources.files("slidax.studio") / "page"
 
 SCRIPTS = ("api.js", "scenario.js", "job-card.js", "jobs.js", "files.js", "studio.js")
-"""In this order: each uses the previous ones."""
+"""Scripts of the page; each uses the previous ones."""
 
 POLICY = (
     "default-src 'none'; script-src 'nonce-{nonce}' 'wasm-unsafe-eval'; style-src 'unsafe-inline'; connect-src 'self'; "
@@ -42,7 +42,7 @@ POLICY = (
 
 
 def page(manifest: Mapping[str, Any]) -> tuple[str, str]:
-    """The page for a `manifest`, and its security policy: only our scripts, and requests only to the studio."""
+    """The page for a `manifest`, and its security policy: only its own scripts, and requests only to the studio."""
     nonce = secrets.token_urlsafe(18)
     text = page_text(
         manifest,
@@ -67,20 +67,20 @@ class _Scripts(HTMLParser):
 
     def __init__(self) -> None:
         super().__init__()
-        self.places: list[tuple[int, int]] = []
+        self.positions: list[tuple[int, int]] = []
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         if tag == "script":
-            self.places.append(self.getpos())
+            self.positions.append(self.getpos())
 
 
 def _with_nonce(text: str, nonce: str) -> str:
     scripts = _Scripts()
     scripts.feed(text)
     lines = text.split("\n")
-    for line, column in reversed(scripts.places):
-        whole = lines[line - 1]
-        lines[line - 1] = whole[:column] + re.sub("^<script", f'<script nonce="{nonce}"', whole[column:])
+    for line, column in reversed(scripts.positions):
+        text = lines[line - 1]
+        lines[line - 1] = text[:column] + re.sub("^<script", f'<script nonce="{nonce}"', text[column:])
     return "\n".join(lines)
 
 
@@ -93,7 +93,7 @@ COMPILING = 600.0
 """Time limit for compiling a scenario for the page [s]."""
 
 SHOWN = 1_000_000
-"""Size of a file that is shown as text at most [bytes]."""
+"""Largest file that is shown as text [bytes]."""
 
 KINDS = {
     ".html": "text/html",
@@ -108,7 +108,7 @@ PLAIN = (".yaml", ".yml", ".csv", ".md", ".c", ".h", ".txt", ".jsonl", ".urdf", 
 SANDBOX = "sandbox allow-scripts allow-downloads; default-src 'none'; style-src 'unsafe-inline'; "
 SANDBOX += "script-src 'unsafe-inline' 'wasm-unsafe-eval' blob:; worker-src blob:; img-src 'self' data: blob:; "
 SANDBOX += "font-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-"""Reports run without an origin, so that they cannot send requests to the studio."""
+"""Security policy of reports: they run without an origin, and so cannot send requests to the studio."""
 
 
 class JsonAnswer(JSONResponse):
@@ -129,14 +129,14 @@ def _finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-Answered = Callable[[Request], Awaitable[Response]]
+Handler = Callable[[Request], Awaitable[Response]]
 
 
 class Studio:
     """The application.
 
-    - `folder`: to read and write.
-    - `module`: has the command line; a job calls its `main`.
+    - `folder`: the folder to read and write.
+    - `module`: module of the command line; a job calls its `main`.
     - `opened`: first scenario of the page: a built-in one, or a file below the folder.
     """
 
@@ -144,7 +144,7 @@ class Studio:
         self.folder, self.opened = folder, opened
         self._private = scratch()
         self.bench = Workbench(folder, self._private / "bench")
-        # Beside it, so that the sliders need not wait for a compiler.
+        # A second process, so that the sliders need not wait for a compilation.
         self.compiler = Workbench(folder, self._private / "compiler", longest=COMPILING)
         self._module = module
         self._manifest: dict[str, Any] | None = None
@@ -182,7 +182,7 @@ class Studio:
         """End all processes; pending requests get an error."""
         await asyncio.gather(self.jobs.close(), self.bench.close(), self.compiler.close())
 
-    def _checked(self, answer: Answered) -> Answered:
+    def _checked(self, answer: Handler) -> Handler:
         """Turn exceptions into an error message and a status."""
 
         async def checked(request: Request) -> Response:
@@ -288,7 +288,7 @@ class Studio:
         return JsonAnswer(self.jobs.shown(job))
 
     async def _results(self, request: Request) -> Response:
-        """A file of a job, for whoever has the job's key; as a page without an origin."""
+        """A file of a job, as a page without an origin, for requests with the job's key."""
         job, name = self.jobs.of_key(request.path_params["key"]), request.path_params["name"]
         out = job.command.out
         if not out or not (name == out or name.startswith(f"{out}/")):
@@ -296,7 +296,7 @@ class Studio:
         content = self.folder.read(name, LARGEST_FILE)
         ending = name[name.rfind(".") :].lower()
         kind = KINDS.get(ending, "text/plain" if ending in PLAIN else "application/octet-stream")
-        # A page of no origin has no files of its own origin; who has the key may have them.
+        # A page without an origin counts as another origin; the key is enough to load its files.
         headers = {"content-security-policy": SANDBOX, "cross-origin-resource-policy": "cross-origin"}
         return Response(content, media_type=kind, headers=headers)
 

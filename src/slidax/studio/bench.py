@@ -25,16 +25,16 @@ from .files import Folder, require_ending
 from .references import YAML, require_beneath, require_file_beneath
 
 MOST_SAMPLES = 2_000_000
-"""Joints times samples of an interactive run at most; longer runs are jobs."""
+"""Largest number of joints times samples in an interactive run; longer runs are jobs."""
 
 MOST_ROWS = 2001
-"""Rows of a signal in an answer."""
+"""Largest number of rows of a signal in an answer."""
 
-OWN_FAULT = "not computed because of a fault of slidax: please report it"
+OWN_FAULT = "not computed because of a fault in slidax: please report it"
 """Beginning of the answer to an unexpected exception."""
 
 LARGEST = 1_000_000
-"""Size of a scenario file [bytes]."""
+"""Largest scenario file [bytes]."""
 
 
 def main() -> None:
@@ -45,7 +45,7 @@ def main() -> None:
     jax.config.update("jax_enable_x64", True)
     jax.config.update("jax_compilation_cache_dir", str(user_cache_path("slidax") / f"xla-{jax.__version__}"))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
-    # Whatever else is printed goes where errors go, so that answers are answers.
+    # Redirect all other output to standard error, so that standard output has only answers.
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     bench, requests = Bench(Folder(Path.cwd())), _lines()
@@ -73,7 +73,7 @@ class Bench:
 
     def __init__(self, folder: Folder) -> None:
         self._folder = folder
-        self._able: dict[str, Callable[[dict[str, Any]], tuple[dict[str, Any], bytes]]] = {
+        self._handlers: dict[str, Callable[[dict[str, Any]], tuple[dict[str, Any], bytes]]] = {
             "check": self._check,
             "run": self._run,
             "manifest": self._manifest,
@@ -88,7 +88,7 @@ class Bench:
         with warnings.catch_warnings(record=True) as recorded:
             warnings.simplefilter("always")
             try:
-                answer, content = self._able[request["do"]](request)
+                answer, content = self._handlers[request["do"]](request)
             except DefinitionError as error:
                 return {"error": {"where": error.where, "message": error.message}}, b""
             except OSError as error:
@@ -98,7 +98,7 @@ class Bench:
                     "error": {"where": "", "message": f"too large to compute on this machine ({type(error).__name__})"}
                 }, b""
             except Exception as error:
-                # The process stays for the next question; the log has where it was.
+                # The process stays alive for the next question; the log has the traceback.
                 traceback.print_exc()
                 return {"error": {"where": "", "message": f"{OWN_FAULT} ({type(error).__name__})"}}, b""
         return answer | {"warnings": _messages(recorded)}, content
@@ -110,8 +110,6 @@ class Bench:
         return _about(scenario) | {"beforehand": list(forecast(scenario))}, b""
 
     def _run(self, request: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
-        pass
-
         scenario = self._scenario(request)
         samples = scenario.t1 / scenario.period
         if samples * scenario.state0.q.size > MOST_SAMPLES:
@@ -137,9 +135,9 @@ class Bench:
 
         robot = str(request["robot"])
         if "/" in robot or "." in robot:
-            place = self._folder.place(robot)
-            require_file_beneath(self._folder, place)
-            robot = str(place.relative_to(self._folder.root))
+            path = self._folder.resolve(robot)
+            require_file_beneath(self._folder, path)
+            robot = str(path.relative_to(self._folder.root))
         scenario = draft(robot, float(request.get("rate", 1000.0)), tip=request.get("tip") or None)
         return {"text": scenario.text, "notes": list(scenario.notes)}, b""
 
@@ -155,7 +153,7 @@ class Bench:
         return {"part": json.loads(json.dumps(part, default=str))}, b""
 
     def _scenario(self, request: dict[str, Any]) -> Any:
-        """A built-in scenario by `name`, a file by `path`, or a `text` in its place; with `changes` by path."""
+        """A built-in scenario by `name`, a file by `path`, or a `text` instead of the file; with `changes` by path."""
         from slidax.scenarios.load import load, parse
         from slidax.scenarios.yaml_text import read_yaml
 
@@ -168,14 +166,14 @@ class Bench:
             return load(name, changes)
         path = str(request.get("path") or "scenario.yaml")
         require_ending(path, YAML)
-        place = self._folder.place(path)
+        file = self._folder.resolve(path)
         text = request.get("text")
         if text is None:
-            text = self._folder.content(place, path, LARGEST).decode("utf-8", "replace")
+            text = self._folder.content(file, path, LARGEST).decode("utf-8", "replace")
         data = read_yaml(str(text))
-        require_beneath(self._folder, data, place.parent)
-        # From the folder, so that what is written of it names files from there, too.
-        return parse(str(text), changes, folder=place.parent.relative_to(self._folder.root)).build(place.stem)
+        require_beneath(self._folder, data, file.parent)
+        # Relative to the studio's folder, so that the scenario's text has file names relative to it.
+        return parse(str(text), changes, folder=file.parent.relative_to(self._folder.root)).build(file.stem)
 
 
 def _messages(recorded: list[warnings.WarningMessage]) -> list[str]:
@@ -204,7 +202,7 @@ if TYPE_CHECKING:
 
 
 def result_of(run: Run, scenario: Scenario, milliseconds: float) -> tuple[dict[str, Any], bytes]:
-    """The head and the bytes of a result: for each signal as many rows as samples, 64-bit numbers.
+    """The head of a result, and its signals as bytes: 64-bit numbers, a row for each logged sample.
 
     - `run`, `scenario`: a run with a log, and its scenario.
     - `milliseconds`: computing time.
@@ -238,7 +236,7 @@ def result_of(run: Run, scenario: Scenario, milliseconds: float) -> tuple[dict[s
 
 
 def _bounds(run: Run, scenario: Scenario) -> tuple[np.ndarray, np.ndarray] | None:
-    """The envelope of the error: the scheme's own, or what every scheme is judged by here."""
+    """The scheme's own envelope, or otherwise the scenario's tolerance band; None without both."""
     log = run.log
     assert log is not None
     if log.envelope is not None:

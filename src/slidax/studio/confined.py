@@ -1,4 +1,4 @@
-"""A process that cannot leave the studio's folder."""
+"""Confinement of a process to the studio's folder."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SYSTEM = (
     *("/proc/cpuinfo", "/proc/meminfo", "/proc/stat", "/proc/filesystems", "/proc/self"),
     *("/proc/sys/vm/overcommit_memory", "/sys/devices/system", "/sys/fs/cgroup"),
 )
-"""Read by compilers, fonts and system libraries; none of it belongs to a user."""
+"""Paths that compilers, fonts and system libraries read; none has files of a user."""
 
 DEVICES = ("/dev/null", "/dev/zero", "/dev/urandom", "/dev/random", "/dev/shm")
 
@@ -73,7 +73,7 @@ def writable_folders(root: Path, scratch: Path) -> list[Path]:
 
 def _real(paths: Iterable[Any]) -> list[Path]:
     real = {os.path.realpath(path) for path in paths}
-    # A Python that was installed at the top would open everything.
+    # A Python installed in the root folder must not open everything.
     return [Path(path) for path in sorted(real) if path != os.sep and os.path.exists(path)]
 
 
@@ -93,13 +93,13 @@ class Watch:
         elif event in ("os.listdir", "os.scandir"):
             self._require(arguments[0], self._read)
         elif event in ENTRIES:
-            for place, folder in ENTRIES[event]:
-                self._require_entry(arguments[place], arguments[folder])
+            for path, folder in ENTRIES[event]:
+                self._require_entry(arguments[path], arguments[folder])
             if event == "os.symlink":
                 self._require_target(*arguments)
         elif event in CONTENTS:
-            place, base = CONTENTS[event]
-            self._require_content(arguments[place], -1 if base is None else arguments[base])
+            path, base = CONTENTS[event]
+            self._require_content(arguments[path], -1 if base is None else arguments[base])
         elif event in ("socket.connect", "socket.bind", "socket.sendto", "socket.sendmsg"):
             self._require_address(arguments[1])
         elif event in NAMES:
@@ -111,35 +111,35 @@ class Watch:
         _require_within(os.path.realpath(os.fsdecode(path)), path, allowed)
 
     def _require_entry(self, path: Any, folder: int) -> None:
-        """The place of a name in its folder, without following the last link."""
-        whole = _at(path, folder)
-        head, name = os.path.split(whole.rstrip(os.sep) or os.sep)
+        """Check a changed entry of a folder, without following a link in its last part."""
+        absolute = _absolute(path, folder)
+        head, name = os.path.split(absolute.rstrip(os.sep) or os.sep)
         if name in ("", os.curdir, os.pardir):
-            real = os.path.realpath(whole)
+            real = os.path.realpath(absolute)
         else:
             real = os.path.join(os.path.realpath(head), name)
         _require_within(real, path, self._write)
 
     def _require_content(self, path: Any, folder: int) -> None:
-        """A changed file: its name and target, or the place of an open file."""
+        """Check a changed file: its name and its target, or the path of an open file."""
         if isinstance(path, int):
-            real = _opened(path)
-            # Pipes and sockets are no files.
+            real = _path_of(path)
+            # Pipes and sockets have no path.
             if real is not None:
                 _require_within(real, real, self._write)
             return
         self._require_entry(path, folder)
-        _require_within(os.path.realpath(_at(path, folder)), path, self._write)
+        _require_within(os.path.realpath(_absolute(path, folder)), path, self._write)
 
     def _require_target(self, target: Any, path: Any, folder: int) -> None:
-        """A new link must not lead outside."""
-        around = os.path.dirname(_at(path, folder))
+        """Check that a new link does not lead outside."""
+        around = os.path.dirname(_absolute(path, folder))
         _require_within(os.path.realpath(os.path.join(around, os.fsdecode(target))), target, self._write)
 
     def _require_address(self, address: Any) -> None:
         if isinstance(address, str | bytes):
             text = os.fsdecode(address)
-            # A socket with a path is a file; one without has no place.
+            # A Unix socket with a path is a file; an abstract one is not.
             if text and not text.startswith("\0"):
                 _require_within(os.path.realpath(text), text, self._write)
                 return
@@ -147,32 +147,32 @@ class Watch:
             raise PermissionError(errno.EACCES, "processes of the studio must not open connections")
 
 
-def _at(path: Any, folder: int) -> str:
-    """Absolute path, relative to an open folder; a descriptor below 0 is the current folder."""
+def _absolute(path: Any, folder: int) -> str:
+    """Absolute form of a path relative to an open folder; a descriptor below 0 stands for the current folder."""
     text = os.fsdecode(path)
     if folder < 0 or os.path.isabs(text):
         return os.path.join(os.getcwd(), text)
-    base = _opened(folder)
+    base = _path_of(folder)
     if base is None:
         raise PermissionError(errno.EACCES, "its folder is unknown", text)
     return os.path.join(base, text)
 
 
-def _opened(handle: int) -> str | None:
+def _path_of(handle: int) -> str | None:
     """The path of an open file or folder; None for pipes, sockets and memory, or if unknown."""
     try:
         if sys.platform == "darwin":
             import fcntl
 
             return os.path.realpath(fcntl.fcntl(handle, fcntl.F_GETPATH, bytes(1024)).rstrip(b"\0").decode())
-        place = os.readlink(f"/proc/self/fd/{handle}")
+        path = os.readlink(f"/proc/self/fd/{handle}")
     except OSError:
         return None
-    return place if place.startswith(os.sep) and not place.startswith("/memfd:") else None
+    return path if path.startswith(os.sep) and not path.startswith("/memfd:") else None
 
 
 def _require_within(real: str, path: Any, allowed: tuple[str, ...]) -> None:
-    if not any(real == place or real.startswith(place + os.sep) for place in allowed):
+    if not any(real == folder or real.startswith(folder + os.sep) for folder in allowed):
         raise PermissionError(errno.EACCES, "it is outside the studio's folder", os.fsdecode(path))
 
 
@@ -185,7 +185,7 @@ def confine(root: Path, scratch: Path) -> bool:
     os.environ |= {"TMPDIR": str(scratch), "TEMP": str(scratch), "TMP": str(scratch), "PYTHONDONTWRITEBYTECODE": "1"}
     sys.dont_write_bytecode = True
     read, write = readable_folders(), writable_folders(root, scratch)
-    by_kernel = restrict_by_kernel(read, write)
+    by_kernel = restrict(read, write)
     for name in WITHOUT_EVENT:
         for module in (os, sys.modules[os.name]):
             if hasattr(module, name):
@@ -194,16 +194,9 @@ def confine(root: Path, scratch: Path) -> bool:
     return by_kernel
 
 
-def restrict_by_kernel(read: list[Path], write: list[Path]) -> bool:
-    """Restrict access to `read` and `write` by Landlock, where available."""
-    pass
-
-    return restrict(read, write)
-
-
 def main() -> None:
     """Entry point of the process."""
-    # Who interrupts it wants it to end, and no traceback; what can end better says so itself.
+    # An interrupt ends the process without a traceback; a job that can save its results sets its own handler.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     root, scratch, module, *arguments = sys.argv[1:]
     os.chdir(root)
@@ -213,17 +206,17 @@ def main() -> None:
 
 
 CREATE, ADD, RESTRICT = 444, 445, 446
-"""System call numbers, the same on all processors."""
+"""System call numbers of Landlock, the same on all processors."""
 
 VERSION, BENEATH, NO_NEW_PRIVILEGES = 1, 1, 38
 
 EXECUTE, WRITE, READ_FILE, READ_FOLDER = 1 << 0, 1 << 1, 1 << 2, 1 << 3
 LOOK = EXECUTE | READ_FILE | READ_FOLDER
 OF_FILES = EXECUTE | WRITE | READ_FILE | 1 << 14
-"""Rights of a single file; the last is truncation."""
+"""Rights that apply to a file; the last is truncation."""
 
 RIGHTS = {1: 13, 2: 14, 3: 15, 4: 15, 5: 16}
-"""Number of rights in each version."""
+"""Number of rights in each version of Landlock."""
 
 
 class _Rules(ctypes.Structure):
@@ -245,7 +238,7 @@ def restrict(read: Iterable[Path], write: Iterable[Path]) -> bool:
     if version < 1:
         return False
     all_rights = (1 << RIGHTS[min(version, max(RIGHTS))]) - 1
-    # Ports from the fourth version on: to bind and to connect.
+    # From version 4 on, also forbid binding and connecting to TCP ports.
     rules = _Rules(all_rights, 3 if version >= 4 else 0)
     size = ctypes.c_size_t(16 if version >= 4 else 8)
     handle = kernel.syscall(CREATE, ctypes.byref(rules), size, 0)
@@ -265,14 +258,14 @@ def _allow(kernel: ctypes.CDLL, rules: int, path: Path, rights: int) -> None:
     if sys.platform != "linux":
         return
     try:
-        place = os.open(path, os.O_PATH | os.O_CLOEXEC)
+        handle = os.open(path, os.O_PATH | os.O_CLOEXEC)
     except OSError:
         return
     try:
         allowed = rights if path.is_dir() else rights & OF_FILES
-        kernel.syscall(ADD, rules, BENEATH, ctypes.byref(_Beneath(allowed, place)), 0)
+        kernel.syscall(ADD, rules, BENEATH, ctypes.byref(_Beneath(allowed, handle)), 0)
     finally:
-        os.close(place)
+        os.close(handle)
 
 
 if __name__ == "__main__":

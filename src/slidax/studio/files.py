@@ -1,4 +1,4 @@
-"""The one folder that the studio reads and writes, and the file names that it accepts."""
+"""The folder that the studio reads and writes, and the file names that it accepts."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import re
 import secrets
 import stat
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from slidax.core.errors import DefinitionError, plain_name
 
 LONGEST, LONGEST_PART = 1024, 255
-"""Characters of a name, and bytes of one of its parts."""
+"""Largest number of characters in a name, and of bytes in one of its parts."""
 
 DEVICES = re.compile(r"(con|prn|aux|nul|conin\$|conout\$|com[0-9¹²³]|lpt[0-9¹²³])(\..*)?", re.IGNORECASE)
 """Device names on Windows, in any folder."""
@@ -35,7 +35,7 @@ class OutsideError(DefinitionError):
 def parts_of(name: str) -> tuple[str, ...]:
     """The parts of a `name` with `/` between folders and file.
 
-    Raises OutsideError if it is absolute, goes up, is hidden, or has another meaning on another system.
+    Raises OutsideError if the name is absolute, leads upwards, is hidden, or is not portable between systems.
     """
     if not isinstance(name, str) or not name or len(name) > LONGEST:
         raise OutsideError(f"a file's name must have 1 to {LONGEST} characters")
@@ -48,7 +48,7 @@ def parts_of(name: str) -> tuple[str, ...]:
         if part.startswith((".", "~", "-")):
             raise OutsideError(f"`{plain_name(name)}` must not start with `.`, `~` or `-`: give it another name")
         if part.endswith((" ", ".")) or part.startswith(" ") or DEVICES.fullmatch(part):
-            raise OutsideError(f"`{plain_name(name)}` is not a valid file name on every system")
+            raise OutsideError(f"`{plain_name(name)}` is not a valid file name on every system: give it another name")
         if len(part.encode("utf-8", "surrogatepass")) > LONGEST_PART:
             raise OutsideError(f"a part of `{plain_name(name)}` is longer than {LONGEST_PART} bytes")
     return parts
@@ -61,13 +61,13 @@ def require_ending(name: str, endings: tuple[str, ...]) -> None:
 
 
 MOST_FILES = 2000
-"""In a listing."""
+"""Largest number of files in a listing."""
 
 DEEPEST = 6
-"""Nesting depth of a listing."""
+"""Largest nesting depth in a listing."""
 
 BY_DESCRIPTOR = os.open in os.supports_dir_fd
-"""True if the system opens files relative to an open folder, which cannot be swapped meanwhile."""
+"""True if the system can open files relative to an open folder, which nobody can swap meanwhile."""
 
 _FOLDER = getattr(os, "O_DIRECTORY", 0) | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0) | os.O_RDONLY
 _FILE = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
@@ -84,9 +84,9 @@ class FileEntry:
 
 
 class Folder:
-    """Files below one folder `root`.
+    """Files below a folder `root`.
 
-    Raises DefinitionError if it is not a folder.
+    Raises DefinitionError if `root` is not a folder.
     """
 
     def __init__(self, root: Path) -> None:
@@ -97,17 +97,17 @@ class Folder:
         if not self.root.is_dir():
             raise DefinitionError(f"`{plain_name(str(root))}` is not a folder")
 
-    def place(self, name: str) -> Path:
+    def resolve(self, name: str) -> Path:
         """The path of a file by its `name` from a browser, with links resolved.
 
-        Raises OutsideError if it is not below the folder.
+        Raises OutsideError if the file is not below the folder.
         """
         return self.beneath(self.root.joinpath(*parts_of(name)), name)
 
     def beneath(self, path: Path, name: str) -> Path:
-        """Resolve the links of a `path`; `name` is for the message.
+        """Resolve the links of a `path`; `name` is for messages.
 
-        Raises OutsideError if it is not below the folder.
+        Raises OutsideError if the path is not below the folder.
         """
         try:
             real = path.resolve()
@@ -118,19 +118,19 @@ class Folder:
         return real
 
     def read(self, name: str, most: int) -> bytes:
-        """Read a file by its `name` from a browser, `most` bytes at most.
+        """Read a file by its `name` from a browser, at most `most` bytes.
 
-        Raises OutsideError if it is not below the folder, DefinitionError if it is not a file, too large, or missing.
+        Raises OutsideError if it is not below the folder, DefinitionError if it is no file, too large, or missing.
         """
         require_ending(name, READ)
-        return self.content(self.place(name), name, most)
+        return self.content(self.resolve(name), name, most)
 
-    def content(self, place: Path, name: str, most: int) -> bytes:
-        """Read a file at a `place` below the folder, `most` bytes at most; `name` is for messages.
+    def content(self, path: Path, name: str, most: int) -> bytes:
+        """Read a file by its resolved `path`, at most `most` bytes; `name` is for messages.
 
-        Raises DefinitionError if it is not a file, too large, missing, or meanwhile a link.
+        Raises DefinitionError if it is no file, too large, missing, or a link by now.
         """
-        with _refusals_as_sentences(name), self._opened(place, os.O_RDONLY | _AT_ONCE) as handle:
+        with _refusals_as_sentences(name), self._opened(path, os.O_RDONLY | _AT_ONCE) as handle:
             about = os.fstat(handle)
             if not stat.S_ISREG(about.st_mode):
                 raise DefinitionError(f"`{plain_name(name)}` is not a file")
@@ -145,60 +145,60 @@ class Folder:
     def write(self, name: str, content: bytes, before: str | None = None) -> str:
         """Write a file atomically, and return its mark.
 
-        - `name`: from a browser.
-        - `content`: of the file.
-        - `before`: expected mark of the present file; None for a new file.
+        - `name`: name from a browser.
+        - `content`: content of the file.
+        - `before`: expected mark of the existing file; None for a new file.
 
         Raises OutsideError if it is not below the folder, FileExistsError if the mark differs, DefinitionError if it
         cannot be written.
         """
         require_ending(name, WRITTEN)
-        place = self.place(name)
-        with _refusals_as_sentences(name), self._parent(place, make=True) as parent:
-            now = self._mark(place, name)
+        path = self.resolve(name)
+        with _refusals_as_sentences(name), self._parent(path, make=True) as parent:
+            now = self._mark(path, name)
             if now != before:
                 raise FileExistsError(errno.EEXIST, "the file was changed in the meantime, or exists already", name)
-            beside = f".{secrets.token_hex(8)}.part"
+            temporary = f".{secrets.token_hex(8)}.part"
             handle = os.open(
-                _at(place, beside, parent), os.O_WRONLY | os.O_CREAT | os.O_EXCL | _FILE, 0o644, **_in(parent)
+                _sibling(path, temporary, parent), os.O_WRONLY | os.O_CREAT | os.O_EXCL | _FILE, 0o644, **_in(parent)
             )
             try:
                 with os.fdopen(handle, "wb") as file:
                     file.write(content)
                 os.replace(
-                    _at(place, beside, parent),
-                    _at(place, place.name, parent),
+                    _sibling(path, temporary, parent),
+                    _sibling(path, path.name, parent),
                     **({} if parent is None else {"src_dir_fd": parent, "dst_dir_fd": parent}),
                 )
             except BaseException:
-                os.unlink(_at(place, beside, parent), **_in(parent))
+                os.unlink(_sibling(path, temporary, parent), **_in(parent))
                 raise
         return mark_of(content)
 
     def is_free(self, name: str) -> bool:
         """True if the results folder `name` does not exist or is empty.
 
-        Raises OutsideError if it is not below the folder, DefinitionError if it is something else.
+        Raises OutsideError if it is not below the folder, DefinitionError if it cannot be read.
         """
-        place = self.place(name)
+        path = self.resolve(name)
         with _refusals_as_sentences(name):
-            return not place.exists() or (place.is_dir() and not any(place.iterdir()))
+            return not path.exists() or (path.is_dir() and not any(path.iterdir()))
 
     def listing(self, folder: str = "") -> list[FileEntry]:
-        """Files below a `folder` (default: all) by name, without hidden files, outward links and environments."""
-        top = self.place(folder) if folder else self.root
+        """Files below a `folder` (default: all), without hidden files, links, and Python or Node environments."""
+        top = self.resolve(folder) if folder else self.root
         entries: list[FileEntry] = []
-        for place, folders, files in os.walk(top):
-            depth = len(Path(place).relative_to(self.root).parts)
-            folders[:] = sorted(part for part in folders if _shown(part) and depth < DEEPEST)
-            if "pyvenv.cfg" in files or "node_modules" in Path(place).parts:
+        for parent, folders, files in os.walk(top):
+            depth = len(Path(parent).relative_to(self.root).parts)
+            folders[:] = sorted(part for part in folders if _is_visible(part) and depth < DEEPEST)
+            if "pyvenv.cfg" in files or "node_modules" in Path(parent).parts:
                 folders.clear()
                 continue
             for file in sorted(files):
-                if not (_shown(file) and file.lower().endswith(READ)):
+                if not (_is_visible(file) and file.lower().endswith(READ)):
                     continue
-                path = Path(place, file)
-                with _ignored():
+                path = Path(parent, file)
+                with suppress(OSError, OutsideError):
                     about = path.lstat()
                     if stat.S_ISREG(about.st_mode):
                         name = path.relative_to(self.root).as_posix()
@@ -208,9 +208,9 @@ class Folder:
                     return entries
         return entries
 
-    def _mark(self, place: Path, name: str) -> str | None:
+    def _mark(self, path: Path, name: str) -> str | None:
         try:
-            with self._opened(place, os.O_RDONLY | _AT_ONCE) as handle:
+            with self._opened(path, os.O_RDONLY | _AT_ONCE) as handle:
                 if not stat.S_ISREG(os.fstat(handle).st_mode):
                     raise DefinitionError(f"`{plain_name(name)}` is not a file")
                 with os.fdopen(os.dup(handle), "rb") as file:
@@ -219,29 +219,29 @@ class Folder:
             return None
 
     @contextmanager
-    def _opened(self, place: Path, flags: int) -> Iterator[int]:
-        with self._parent(place) as parent:
-            handle = os.open(_at(place, place.name, parent), flags | _FILE, **_in(parent))
+    def _opened(self, path: Path, flags: int) -> Iterator[int]:
+        with self._parent(path) as parent:
+            handle = os.open(_sibling(path, path.name, parent), flags | _FILE, **_in(parent))
             try:
-                if parent is None and not os.path.samestat(os.fstat(handle), self.beneath(place, str(place)).stat()):
-                    raise OutsideError("the file was replaced while it was opened")
+                if parent is None and not os.path.samestat(os.fstat(handle), self.beneath(path, str(path)).stat()):
+                    raise OutsideError("the file was replaced while it was opened: try again")
                 yield handle
             finally:
                 os.close(handle)
 
     @contextmanager
-    def _parent(self, place: Path, *, make: bool = False) -> Iterator[int | None]:
-        """Open the folder of a file from the root without following links; None where that is impossible."""
+    def _parent(self, path: Path, *, make: bool = False) -> Iterator[int | None]:
+        """Open a file's folder, step by step from the root without following links; None if the system cannot."""
         if not BY_DESCRIPTOR:
             if make:
-                place.parent.mkdir(parents=True, exist_ok=True)
+                path.parent.mkdir(parents=True, exist_ok=True)
             yield None
             return
         handle = os.open(self.root, _FOLDER)
         try:
-            for part in place.relative_to(self.root).parts[:-1]:
+            for part in path.relative_to(self.root).parts[:-1]:
                 if make:
-                    with _there():
+                    with suppress(FileExistsError):
                         os.mkdir(part, dir_fd=handle)
                 inner = os.open(part, _FOLDER, dir_fd=handle)
                 os.close(handle)
@@ -256,12 +256,13 @@ def mark_of(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()[:32]
 
 
-def _shown(name: str) -> bool:
+def _is_visible(name: str) -> bool:
     return not name.startswith((".", "__", "~", "-"))
 
 
-def _at(place: Path, name: str, parent: int | None) -> str:
-    return name if parent is not None else str(place.parent / name)
+def _sibling(path: Path, name: str, parent: int | None) -> str:
+    """A `name` in the folder of `path`, relative to the open folder `parent` if there is one."""
+    return name if parent is not None else str(path.parent / name)
 
 
 def _in(parent: int | None) -> dict[str, int]:
@@ -269,30 +270,14 @@ def _in(parent: int | None) -> dict[str, int]:
 
 
 @contextmanager
-def _there() -> Iterator[None]:
-    try:
-        yield
-    except FileExistsError:
-        return
-
-
-@contextmanager
-def _ignored() -> Iterator[None]:
-    try:
-        yield
-    except (OSError, OutsideError):
-        return
-
-
-@contextmanager
 def _refusals_as_sentences(name: str) -> Iterator[None]:
-    """Turn OSError into a sentence; FileExistsError is left to the caller."""
+    """Turn OSError into a DefinitionError; FileExistsError is left to the caller."""
     try:
         yield
     except FileExistsError:
         raise
     except OSError as error:
-        # A link that appeared after its name was resolved ends here: nothing is followed.
+        # A link that appeared after the name was resolved is not followed.
         if error.errno in (errno.ELOOP, errno.ENOTDIR, errno.EMLINK):
-            raise OutsideError(f"`{plain_name(name)}` has a link or a file in place of a folder") from None
+            raise OutsideError(f"`{plain_name(name)}` has a link or a file where a folder must be") from None
         raise DefinitionError(f"cannot open `{plain_name(name)}`: {error.strerror}") from None

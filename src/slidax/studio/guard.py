@@ -1,4 +1,4 @@
-"""Access checks of the studio: host, token, size of a request."""
+"""Access checks of the studio: host, token, request size."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ TOKEN = "x-slidax-token"
 """Header with the token. A cookie would also be sent by pages on other ports."""
 
 LARGEST, LARGEST_FILE = 2_000_000, 64_000_000
-"""Sizes of a request, and of an upload [bytes]."""
+"""Largest request, and largest upload [bytes]."""
 
 ALWAYS = {
     "x-content-type-options": "nosniff",
@@ -32,10 +32,10 @@ NOTHING = "default-src 'none'; frame-ancestors 'none'; base-uri 'none'; form-act
 
 
 class Guard:
-    """Refuses requests from other pages or machines, without the token, or too large.
+    """Refuses requests from other pages or machines, without the token, or of excessive size.
 
     - `app`: answers the other requests.
-    - `port`, `token`: of the server.
+    - `port`, `token`: port and token of the server.
     """
 
     def __init__(self, app: ASGIApp, *, port: int, token: str) -> None:

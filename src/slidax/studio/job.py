@@ -1,4 +1,4 @@
-"""The process of one job."""
+"""The process of a job."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def main() -> None:
     folder = Folder(Path.cwd())
     try:
         for name in request["files"]:
-            require_file_beneath(folder, folder.place(name))
+            require_file_beneath(folder, folder.resolve(name))
         require_beneath(folder, request["changes"], folder.root)
     except DefinitionError as error:
         print(f"slidax: {error}", file=sys.stderr)
@@ -39,7 +39,7 @@ def main() -> None:
 
 
 def end_with_the_server() -> None:
-    """End this process and its children when standard input ends, that is, when the server ended."""
+    """End this process and its children when standard input ends, that is, when the server has ended."""
 
     def wait() -> None:
         while os.read(0, 4096):

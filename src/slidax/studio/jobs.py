@@ -1,4 +1,4 @@
-"""Jobs: commands of slidax in processes of their own."""
+"""Jobs: slidax commands in separate processes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from typing import Any, Literal
 from slidax.core.errors import DefinitionError, nearest_word, plain_name
 
 from .files import Folder, require_ending
-from .processes import ended, started
+from .processes import end_process, start_process
 
 YAML = (".yaml", ".yml")
 LOGS = (".csv", ".parquet", ".mcap", ".json", ".jsonl")
@@ -34,11 +34,11 @@ class JobCommand:
     """The command of a job.
 
     - `words`: arguments after `slidax`.
-    - `files`: that it reads, below the folder.
-    - `changes`: values by path.
-    - `out`: the file or folder that it writes, or empty.
-    - `replaces`: True if `out` exists.
-    - `json`: True if it prints JSON.
+    - `files`: files below the folder that it reads.
+    - `changes`: changed values of a scenario, by path.
+    - `out`: the file or folder that it writes; empty for none.
+    - `replaces`: True if `out` exists already.
+    - `json`: True if the command prints JSON.
     """
 
     words: list[str]
@@ -65,7 +65,7 @@ def _file(endings: tuple[str, ...], option: bool = False) -> Reader:
     def read(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
         text = _text(value, name)
         require_ending(text, endings)
-        if not folder.place(text).is_file():
+        if not folder.resolve(text).is_file():
             raise DefinitionError(f"file `{plain_name(text)}` does not exist", where=name)
         command.files.append(text)
         command.words.append(f"--{name}={text}" if option else text)
@@ -86,10 +86,10 @@ def _robot(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
 def _finished(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
     """The folder of a run, or its .mcap file."""
     text = _text(value, name)
-    place = folder.place(text)
-    if not (place.is_dir() or (place.is_file() and text.endswith(".mcap"))):
+    path = folder.resolve(text)
+    if not (path.is_dir() or (path.is_file() and text.endswith(".mcap"))):
         raise DefinitionError(f"run `{plain_name(text)}` does not exist", where=name)
-    if place.is_dir():
+    if path.is_dir():
         command.files += [entry.name for entry in folder.listing(text) if entry.name.endswith(YAML)]
     command.words.append(text)
 
@@ -105,7 +105,7 @@ def _file_out(endings: tuple[str, ...]) -> Reader:
     def write(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
         text = _text(value, name)
         require_ending(text, endings)
-        command.replaces = folder.place(text).exists()
+        command.replaces = folder.resolve(text).exists()
         command.out = text
         command.words.append(f"--out={text}")
 
@@ -201,10 +201,10 @@ COMMANDS: dict[str, tuple[tuple[str, ...], dict[str, Reader], bool]] = {
     "export-c": (("export", "c"), SCENARIO | {"out": _folder_out, "name": _named, "float": _flag}, False),
     "export-web": (("export", "web"), SCENARIO | {"with": _named, "out": _folder_out}, False),
 }
-"""For each job: the command's words, its options in this order, and True if it prints JSON."""
+"""For each job: the words of its command, its options in this order, and True if it prints JSON."""
 
 REQUIRED = ("scenario", "requirements", "robot", "log", "file", "run")
-"""Options that are required where a command has them."""
+"""Options that are required in every command that has them."""
 
 WRITING = ("design", "excite", "export-c", "export-web")
 """Commands that require `out`."""
@@ -222,8 +222,8 @@ def command_of(folder: Folder, job: str, options: Mapping[str, Any]) -> JobComma
     """
     if job not in COMMANDS:
         raise DefinitionError(f"unknown job `{plain_name(job)}`; {nearest_word(str(job), COMMANDS)}")
-    words, readers, answers = COMMANDS[job]
-    command = JobCommand([*words, *(["--json"] if answers else [])], [], {}, json=answers)
+    words, readers, prints_json = COMMANDS[job]
+    command = JobCommand([*words, *(["--json"] if prints_json else [])], [], {}, json=prints_json)
     for name in options:
         if name not in readers and name != "replace":
             raise DefinitionError(f"unknown `{plain_name(name)}`; {nearest_word(str(name), readers)}", where=job)
@@ -235,15 +235,15 @@ def command_of(folder: Folder, job: str, options: Mapping[str, Any]) -> JobComma
     if job in WRITING and not command.out:
         raise DefinitionError("is required: the file or folder to write", where="out")
     if command.replaces and options.get("replace") is not True and options.get("resume") is not True:
-        raise FileExistsError(f"`{command.out}` exists already")
+        raise FileExistsError(f"`{command.out}` already exists")
     return command
 
 
 AT_ONCE, WAITING, KEPT = 2, 20, 100
-"""Jobs that run, that wait, and that are remembered at most."""
+"""Largest numbers of running, waiting and remembered jobs."""
 
 LOG, ANSWER = 64_000, 8_000_000
-"""Sizes of a job's log and answer for the page [bytes]."""
+"""Largest sizes of a job's log and answer on the page [bytes]."""
 
 MEANING = {0: "done", 2: "refused", 3: "left its envelope", 4: "does not hold", 130: "interrupted"}
 """Meaning of exit codes; any other code means failure."""
@@ -262,14 +262,16 @@ class TooManyError(DefinitionError):
 
 @dataclass(eq=False)
 class StudioJob:
-    """A command that waits, runs or has ended.
+    """A waiting, running or finished command.
 
     - `name`: identifier for the page.
-    - `kind`: key of `COMMANDS`.
-    - `private`: its own folder, with its output.
-    - `state`, `code`: state, and exit code of its process.
-    - `key`: secret part of the address of its results.
-    - `command`, `begun`, `seconds`, `process`, `task`: command, start, duration [s], process and task.
+    - `kind`: key in `COMMANDS`.
+    - `command`: the command.
+    - `private`: the job's own folder, with its output.
+    - `state`, `code`: state, and exit code of the process.
+    - `begun`, `seconds`: start and duration [s].
+    - `key`: secret part of the address of the results.
+    - `process`, `task`: its process and its task.
     """
 
     name: str
@@ -293,9 +295,9 @@ class StudioJob:
 class Jobs:
     """The jobs of a server.
 
-    - `folder`: of the studio.
+    - `folder`: the studio's folder.
     - `private`: the server's own folder.
-    - `module`: has the command line; a job calls its `main`.
+    - `module`: module of the command line; a job calls its `main`.
     """
 
     def __init__(self, folder: Folder, private: Path, module: str) -> None:
@@ -316,7 +318,7 @@ class Jobs:
             raise TooManyError("too many waiting jobs: wait, or cancel some")
         command = command_of(self._folder, kind, options)
         if any(not job.over and command.out and job.command.out == command.out for job in self._jobs.values()):
-            raise FileExistsError(f"another job writes `{command.out}` already")
+            raise FileExistsError(f"another job is already writing `{command.out}`")
         name = secrets.token_hex(6)
         job = StudioJob(name, kind, command, self._private / f"job-{name}")
         self._jobs[name] = job
@@ -337,10 +339,10 @@ class Jobs:
 
     def all(self) -> list[dict[str, Any]]:
         """All jobs, the newest first, without logs and answers."""
-        return [self.shown(job, whole=False) for job in reversed(self._jobs.values())]
+        return [self.shown(job, detailed=False) for job in reversed(self._jobs.values())]
 
-    def shown(self, job: StudioJob, *, whole: bool = True) -> dict[str, Any]:
-        """A `job` as the page shows it; `whole` includes its log and answer."""
+    def shown(self, job: StudioJob, *, detailed: bool = True) -> dict[str, Any]:
+        """A `job` as the page shows it; `detailed` includes its log and answer."""
         log = _tail(job.private / "log", LOG)
         rows = ROWS.findall(log)
         seconds = time.monotonic() - job.begun if job.state == "running" else job.seconds
@@ -355,19 +357,19 @@ class Jobs:
             "rows": [int(count) for count in rows[-1]] if rows else None,
             "out": job.command.out,
         }
-        if whole:
+        if detailed:
             summary |= {"log": log, "answer": self._answer(job), "links": self._links(job) if job.over else []}
         return summary
 
     async def cancel(self, job: StudioJob) -> None:
-        """End a `job` and its process, or forget a job that has ended."""
+        """End a `job` and its process; forget a job that has already ended."""
         if job.over:
             self._jobs.pop(job.name, None)
             shutil.rmtree(job.private, ignore_errors=True)
             return
         job.state = "cancelled"
         if job.process is not None:
-            await ended(job.process)
+            await end_process(job.process)
         elif job.task is not None:
             job.task.cancel()
         if job.task is not None:
@@ -396,20 +398,20 @@ class Jobs:
             job.private.mkdir(mode=0o700)
             try:
                 with (job.private / "out").open("wb") as out, (job.private / "log").open("wb") as log:
-                    job.process = await started(
+                    job.process = await start_process(
                         self._folder.root,
                         job.private,
                         "slidax.studio.job",
                         [json.dumps(words)],
                         out=out,
                         errors=log,
-                        calm=True,
+                        low_priority=True,
                     )
                     if job.over:
-                        await ended(job.process, gently=False)
+                        await end_process(job.process, gently=False)
                     job.code = await job.process.wait()
-                # End child processes that still run, too.
-                await ended(job.process, gently=False)
+                # Also end child processes that still run.
+                await end_process(job.process, gently=False)
             except OSError as error:
                 (job.private / "log").write_text(f"slidax: cannot start the job: {error}\n", encoding="utf-8")
             job.seconds = time.monotonic() - job.begun
@@ -431,8 +433,8 @@ class Jobs:
         if not out:
             return []
         try:
-            place = self._folder.place(out)
-            names = [entry.name for entry in self._folder.listing(out)] if place.is_dir() else [out] * place.is_file()
+            path = self._folder.resolve(out)
+            names = [entry.name for entry in self._folder.listing(out)] if path.is_dir() else [out] * path.is_file()
         except DefinitionError:
             return []
         first = sorted(names, key=lambda name: (not name.endswith("report.html"), name.count("/"), name))

@@ -1,4 +1,4 @@
-"""A scenario as a playground for the page."""
+"""The playground of a scenario for the page."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ RIVALS = {
     "slotine_li": "Slotine-Li",
     "super_twisting": "super-twisting",
 }
-"""Schemes that are offered next to the scenario's own, with the same estimator."""
+"""Schemes offered in addition to the scenario's own, with the same estimator."""
 
 PERIODS = (0.5, 1.0, 2.0, 4.0)
-"""Multiples of the scenario's sample time."""
+"""Selectable multiples of the scenario's sample time."""
 
 DELAYS = (0, 1, 2, 3)
-"""Measurement delays [periods]."""
+"""Selectable measurement delays [periods]."""
 
 PROGRAM = "server"
 
@@ -58,9 +58,9 @@ def manifest_of(scenario: Scenario) -> dict[str, Any]:
 
 
 def compiled_manifest_of(scenario: Scenario) -> dict[str, Any]:
-    """The playground of a `scenario` whose own law runs in the page as WebAssembly; other schemes and periods do not.
+    """The playground of a `scenario` whose own law runs in the page as WebAssembly; the server runs all other variants.
 
-    Raises DefinitionError if it cannot be compiled for a page.
+    Raises DefinitionError if the law cannot be compiled for a page.
     """
     manifest = manifest_of(scenario)
     first, arm = manifest["settings"][0], manifest["arms"][0]

@@ -1,4 +1,4 @@
-"""Confined processes of the server, and the queue of questions to the workbench."""
+"""Confined processes of the server, and the questions to the workbench."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from slidax.core.errors import DefinitionError
 from .files import Folder
 
 PATIENCE = 2.0
-"""Time for a process to end by itself [s]."""
+"""Time for an interrupted process to end before it is killed [s]."""
 
 LINE = 16_000_000
-"""Size of a line in an answer at most [bytes]."""
+"""Longest line of an answer [bytes]."""
 
 KEPT = (
     *("PATH", "PYTHONPATH", "VIRTUAL_ENV", "LANG", "LC_ALL"),
     *("HOME", "XDG_CACHE_HOME", "USERPROFILE", "LOCALAPPDATA", "SYSTEMROOT"),
     *("JAX_PLATFORMS", "CUDA_VISIBLE_DEVICES", "OMP_NUM_THREADS"),
 )
-"""Environment variables of a job; others, such as keys, are withheld."""
+"""Environment variables that processes receive; others, such as keys, are withheld."""
 
 
 def scratch() -> Path:
@@ -39,20 +39,27 @@ def scratch() -> Path:
     return Path(tempfile.mkdtemp(prefix="slidax-studio-")).resolve()
 
 
-async def started(
-    root: Path, private: Path, module: str, words: Sequence[str], *, out: int | IO[bytes], errors: IO[bytes], calm: bool
+async def start_process(
+    root: Path,
+    private: Path,
+    module: str,
+    words: Sequence[str],
+    *,
+    out: int | IO[bytes],
+    errors: IO[bytes],
+    low_priority: bool,
 ) -> Process:
-    """Start a process that cannot leave the studio's folder and ends when its standard input does.
+    """Start a process that is confined to the studio's folder and ends when its standard input does.
 
-    - `root`: the folder.
+    - `root`: the studio's folder.
     - `private`: a folder for this process, created if missing.
-    - `module`, `words`: `main` of the module is called with these arguments.
-    - `out`, `errors`: for its output.
-    - `calm`: run at lower priority.
+    - `module`, `words`: module whose `main` is called, and its arguments.
+    - `out`, `errors`: receive its output and its errors.
+    - `low_priority`: True to run at lower priority.
     """
     private.mkdir(mode=0o700, parents=True, exist_ok=True)
     command = [sys.executable, "-P", "-m", "slidax.studio.confined", str(root), str(private), module, *words]
-    if calm and shutil.which("nice"):
+    if low_priority and shutil.which("nice"):
         command = ["nice", "-n", "5", *command]
     environment = {name: os.environ[name] for name in KEPT if name in os.environ}
     return await asyncio.create_subprocess_exec(
@@ -66,13 +73,13 @@ async def started(
     )
 
 
-async def ended(process: Process, *, gently: bool = True) -> None:
+async def end_process(process: Process, *, gently: bool = True) -> None:
     """End a `process` and its children; `gently` interrupts it first, as Ctrl-C does."""
     if process.returncode is None and gently:
         _send(process, signal.SIGINT)
         with suppress(TimeoutError):
             await asyncio.wait_for(process.wait(), PATIENCE)
-    # Its children are of its group, also those that outlived it.
+    # Children are in the same process group, even those that outlived the process.
     _send(process, getattr(signal, "SIGKILL", signal.SIGTERM))
     if process.returncode is None:
         await process.wait()
@@ -80,27 +87,27 @@ async def ended(process: Process, *, gently: bool = True) -> None:
         process.stdin.close()
 
 
-def _send(process: Process, what: int) -> None:
+def _send(process: Process, number: int) -> None:
     with suppress(ProcessLookupError, PermissionError):
         if sys.platform != "win32":
-            os.killpg(process.pid, what)
+            os.killpg(process.pid, number)
         elif process.returncode is None:
             process.kill()
 
 
 LONGEST = 120.0
-"""Time limit of an answer [s]."""
+"""Default time limit of an answer [s]."""
 
 
 class OvertakenError(DefinitionError):
-    """A newer question of the same kind replaced this one."""
+    """A newer question from the same sender replaced this one."""
 
 
 class Workbench:
-    """Answers questions about scenarios by a process that stays warm.
+    """Answers questions about scenarios by a process that keeps compiled code in memory.
 
-    - `folder`: of the studio.
-    - `private`: folder of the process.
+    - `folder`: the studio's folder.
+    - `private`: the process's own folder.
     - `longest`: time limit of an answer [s].
     """
 
@@ -119,11 +126,11 @@ class Workbench:
                 await self._ready()
 
     async def ask(self, question: dict[str, Any], *, only_newest: str = "") -> tuple[dict[str, Any], bytes]:
-        """Return the answer to a `question` of `Bench.answer`, with its bytes.
+        """Return the answer of `Bench.answer` to a `question`, with its bytes.
 
-        - `only_newest`: a sender; of its waiting questions only the last one is answered.
+        - `only_newest`: a sender; only the newest of its waiting questions is answered.
 
-        Raises OvertakenError for the others.
+        Raises OvertakenError for its older questions.
         """
         number = self._newest[only_newest] = self._newest.get(only_newest, 0) + 1
         async with self._turn:
@@ -135,20 +142,20 @@ class Workbench:
             try:
                 return await asyncio.wait_for(self._exchange(process, question), self._longest)
             except (TimeoutError, asyncio.IncompleteReadError, asyncio.LimitOverrunError, OSError, ValueError) as error:
-                await ended(process, gently=False)
+                await end_process(process, gently=False)
                 took = isinstance(error, TimeoutError)
                 reason = f"more than {self._longest:g} s" if took else f"the process ended ({process.returncode})"
                 return {"error": {"where": "", "message": f"Not computed: {reason}. Try again."}}, b""
             except asyncio.CancelledError:
-                # Its answer would be taken for that of the next question.
-                await ended(process, gently=False)
+                # Otherwise this answer would be taken for that of the next question.
+                await end_process(process, gently=False)
                 raise
 
     async def close(self) -> None:
         """End the process; pending questions get an error."""
         self._closed = True
         if self._process is not None:
-            await ended(self._process, gently=False)
+            await end_process(self._process, gently=False)
 
     async def _exchange(self, process: Process, question: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
         assert process.stdin is not None
@@ -166,13 +173,13 @@ class Workbench:
         self.restarts += self._process is not None
         self._private.mkdir(mode=0o700, parents=True, exist_ok=True)
         with (self._private / "log").open("ab") as log:
-            self._process = await started(
+            self._process = await start_process(
                 self._folder.root,
                 self._private,
                 "slidax.studio.bench",
                 [],
                 out=subprocess.PIPE,
                 errors=log,
-                calm=False,
+                low_priority=False,
             )
         return self._process

@@ -1,4 +1,4 @@
-"""Files that a file names: each must be below the studio's folder."""
+"""Check that all files to which a file refers are below the studio's folder."""
 
 from __future__ import annotations
 
@@ -16,37 +16,37 @@ from .files import Folder, OutsideError
 YAML, ROBOTS = (".yaml", ".yml"), (".urdf", ".xml", ".mjcf")
 
 MOST = 32_000_000
-"""Size of a file to search at most [bytes]."""
+"""Largest file to search [bytes]."""
 
 FILES = 100
-"""Files that refer to each other at most."""
+"""Largest number of files that refer to each other."""
 
 NAMING = re.compile(r"(^|\.)(file|scenario|robot|packages|log)(\.\d+)?$")
 """Keys, and paths of values, that name files."""
 
 FOLDERS = ("meshdir", "texturedir", "assetdir")
-"""Attributes of MJCF with search folders of MuJoCo."""
+"""MJCF attributes with search folders of MuJoCo."""
 
 
 def require_beneath(folder: Folder, data: Any, where: Path) -> None:
     """Raise OutsideError if `data` refers to a file outside the folder, directly or indirectly.
 
-    Missing and unreadable files are left to the reader.
+    Missing and unreadable files are ignored here: their reader reports them.
 
-    - `folder`: of the studio.
+    - `folder`: the studio's folder.
     - `data`: mappings, lists and values of a scenario, a study, requirements, or changes by path.
-    - `where`: folder that relative names start from.
+    - `where`: folder to which file names are relative.
     """
     _Walk(folder).through(data, where)
 
 
-def require_file_beneath(folder: Folder, place: Path) -> None:
-    """Raise OutsideError if the file at `place` refers to a file outside the `folder`."""
-    _Walk(folder).file(place)
+def require_file_beneath(folder: Folder, path: Path) -> None:
+    """Raise OutsideError if the file at `path` refers to a file outside the `folder`."""
+    _Walk(folder).file(path)
 
 
 FILES_OF_MJCF = ("file", "fileup", "filedown", "fileleft", "fileright", "filefront", "fileback")
-"""Attributes of MJCF with files that MuJoCo opens."""
+"""MJCF attributes with files that MuJoCo opens."""
 
 
 class _Walk:
@@ -65,35 +65,35 @@ class _Walk:
                 for name in _texts(value):
                     self._named(key, name, where)
             self.through(value, where)
-        # The page must not learn which meshes exist in other folders.
+        # The page must not find out which meshes exist in other folders.
         if data.get("meshes") is True and isinstance(data.get("file"), str):
             self._meshes(where / data["file"])
 
-    def file(self, place: Path) -> None:
-        if place in self._visited:
+    def file(self, path: Path) -> None:
+        if path in self._visited:
             return
-        if place.suffix.lower() == ".xacro":
+        if path.suffix.lower() == ".xacro":
             raise DefinitionError(
-                f"`{plain_name(place.name)}` is xacro, which the studio does not expand: run `xacro FILE > "
+                f"`{plain_name(path.name)}` is xacro, which the studio does not expand: run `xacro FILE > "
                 "robot.urdf` first"
             )
-        self._visited.add(place)
+        self._visited.add(path)
         if len(self._visited) > FILES:
             raise DefinitionError(f"more than {FILES} files refer to each other")
         try:
-            content = self._folder.content(place, place.name, MOST)
+            content = self._folder.content(path, path.name, MOST)
         except OutsideError:
             raise
         except DefinitionError:
             return
-        if place.suffix.lower() in YAML:
+        if path.suffix.lower() in YAML:
             try:
                 data = read_yaml(content.decode("utf-8"))
             except (DefinitionError, UnicodeDecodeError):
                 return
-            self.through(data, place.parent)
-        elif place.suffix.lower() in ROBOTS:
-            self._robot(content, place)
+            self.through(data, path.parent)
+        elif path.suffix.lower() in ROBOTS:
+            self._robot(content, path)
 
     def _named(self, key: str, name: str, where: Path) -> None:
         suffix = Path(name).suffix.lower() if "\0" not in name else ".yaml"
@@ -104,52 +104,52 @@ class _Walk:
         word = key.split(".")[-1] in ("scenario", "robot") and suffix not in (*YAML, *ROBOTS)
         if word and "/" not in name and "\\" not in name:
             return
-        place = self._beneath(where, name)
-        if place.suffix.lower() in (*YAML, *ROBOTS):
-            self.file(place)
+        path = self._beneath(where, name)
+        if path.suffix.lower() in (*YAML, *ROBOTS):
+            self.file(path)
 
     def _beneath(self, where: Path, name: str) -> Path:
         if "\0" in name:
             raise OutsideError("a file name contains NUL")
         if "\\" in name or re.match(r"[A-Za-z]:", name) or name.startswith("~"):
             raise OutsideError(f"`{plain_name(name)}` is not a path below the studio's folder")
-        place = where / name
-        return place if place.resolve() == self._folder.root else self._folder.beneath(place, name)
+        path = where / name
+        return path if path.resolve() == self._folder.root else self._folder.beneath(path, name)
 
-    def _robot(self, content: bytes, place: Path) -> None:
-        """MuJoCo opens the files that an MJCF file names; for a URDF file none is opened."""
+    def _robot(self, content: bytes, path: Path) -> None:
+        """Check the files that MuJoCo opens for an MJCF file; a URDF file opens none."""
         text = content.decode("utf-8", "replace").lstrip("\ufeff")
         if "<mujoco" not in text or "<robot" in text:
             return
         try:
             root = read_robot_file(text, "mujoco", "from_urdf reads <robot>").root
         except DefinitionError as error:
-            raise DefinitionError(f"`{plain_name(place.name)}`: {error}") from None
-        bases = [place.parent, *self._asset_folders(root, place.parent)]
+            raise DefinitionError(f"`{plain_name(path.name)}`: {error}") from None
+        bases = [path.parent, *self._asset_folders(root, path.parent)]
         for element, name in _attributes(root, FILES_OF_MJCF):
             if ":" in name:
                 raise OutsideError(
-                    f"`{plain_name(name)}` in `{plain_name(place.name)}` is not a file below the studio's folder"
+                    f"`{plain_name(name)}` in `{plain_name(path.name)}` is not a file below the studio's folder"
                 )
             for base in bases:
-                path = self._beneath(base, name)
+                target = self._beneath(base, name)
                 if element in ("include", "model"):
-                    self.file(path)
+                    self.file(target)
 
     def _asset_folders(self, root: Any, where: Path) -> Iterator[Path]:
         for _, name in _attributes(root, FOLDERS):
             yield self._beneath(where, name)
 
-    def _meshes(self, place: Path) -> None:
+    def _meshes(self, path: Path) -> None:
         try:
-            content = self._folder.content(self._folder.beneath(place, place.name), place.name, MOST)
+            content = self._folder.content(self._folder.beneath(path, path.name), path.name, MOST)
             root = read_robot_file(content.decode("utf-8", "replace").lstrip("\ufeff"), "robot", "").root
         except OutsideError:
             raise
         except DefinitionError:
             return
         for _, name in _attributes(root, ("filename",)):
-            self._beneath(place.parent, re.sub(r"^(file://|(package|model):///?)", "", name))
+            self._beneath(path.parent, re.sub(r"^(file://|(package|model):///?)", "", name))
 
 
 def _attributes(root: Any, names: tuple[str, ...]) -> Iterator[tuple[str, str]]:

@@ -1,4 +1,4 @@
-"""Requests of the page as validated values."""
+"""Validated requests from the page."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from slidax.core.errors import DefinitionError, plain_name
 
 DEEPEST = 50
-"""Nesting depth of a request."""
+"""Largest nesting depth of a request."""
 
 DIGITS = 330
-"""Characters of a number; the largest float needs 309."""
+"""Largest number of characters in a number; the largest float needs 309."""
 
 LONGEST_PATH = 1024
-"""Characters of a file name or of a field's path."""
+"""Largest number of characters in a file name or a field's path."""
 
 LONGEST_TEXT = 1_000_000
-"""Characters of a scenario."""
+"""Largest number of characters in a scenario."""
 
 MOST_CHANGES = 10_000
-"""Values that one request changes."""
+"""Largest number of values that a request changes."""
 
 
 class RequestError(DefinitionError):
@@ -42,7 +42,7 @@ class Nothing(_Request):
 
 
 class ScenarioRequest(_Request):
-    """A scenario with changed values: a built-in one by name, a file by path, or a text in its place."""
+    """A scenario with changed values: a built-in one by name, a file by path, or a text instead of the file."""
 
     name: Name | None = None
     path: Name | None = None
@@ -70,7 +70,7 @@ class PartRequest(_Request):
 
 
 class JobRequest(_Request):
-    """A new job; `commands` checks the values of its `options`."""
+    """A new job; `jobs.command_of` checks the values of its `options`."""
 
     kind: Name
     options: Annotated[dict[Name, Any], Field(max_length=100)]
@@ -122,7 +122,7 @@ def _sentence(rule: str, message: str, kind: type[_Request]) -> str:
 
 
 def _require_plain(data: Any) -> None:
-    """Raise RequestError if values are nested too deeply, or a text has half of a surrogate pair."""
+    """Raise RequestError if values are nested too deeply, or a text has an incomplete surrogate pair."""
     level: list[Any] = [data]
     for _ in range(DEEPEST + 1):
         below: list[Any] = []

@@ -24,20 +24,20 @@ from .files import Folder
 from .guard import TOKEN
 
 HEAD, BODY = 10.0, 60.0
-"""Time limits for the head of a request and for all of it [s]."""
+"""Time limits for the head of a request and for the whole request [s]."""
 
 UNTRUSTED = 30.0
 """Time limit for sending the token, unless an answer is being computed [s]."""
 
 MOST_UNTRUSTED = 40
-"""Untrusted connections; the oldest is closed for a new one."""
+"""Largest number of untrusted connections; beyond it, the oldest is closed."""
 
 LOOK = 0.5
-"""Time between two checks of a connection [s]."""
+"""Interval between checks of a connection [s]."""
 
 
 class Connection(H11Protocol):
-    """A connection with time limits; a subclass has the server's token in `token`."""
+    """A connection with time limits; a subclass sets the server's `token`."""
 
     token: ClassVar[bytes] = b""
     untrusted: ClassVar[dict[Connection, None]] = {}
@@ -64,9 +64,9 @@ class Connection(H11Protocol):
         self._note()
 
     def _note(self) -> None:
-        """Note the progress of a request, and whether it has the token."""
+        """Update the progress of the request, and trust the connection once a request has the token."""
         self._arriving = self._arriving and self.conn.their_state in (h11.IDLE, h11.SEND_BODY)
-        if not self._trusted and self.cycle is not None and _says(self.cycle.scope, self.token):
+        if not self._trusted and self.cycle is not None and _has_token(self.cycle.scope, self.token):
             self._trusted = True
             self.untrusted.pop(self, None)
 
@@ -94,13 +94,13 @@ def connections(token: str) -> type[Connection]:
     return type("OwnConnection", (Connection,), {"token": token.encode(), "untrusted": {}})
 
 
-def _says(scope: Any, token: bytes) -> bool:
+def _has_token(scope: Any, token: bytes) -> bool:
     tokens = [value for name, value in scope["headers"] if name == TOKEN.encode()]
     return len(tokens) == 1 and secrets.compare_digest(tokens[0], token)
 
 
 PORT = 8577
-"""Default port; if it is taken, a free one is used."""
+"""Default port; if it is in use, a free one is taken."""
 
 
 def serve(
@@ -115,13 +115,13 @@ def serve(
     """Serve until Ctrl-C, which also ends the processes.
 
     - `root`: folder to read and write.
-    - `module`: has the command line; a job calls its `main`.
+    - `module`: module of the command line; a job calls its `main`.
     - `opened`: first scenario of the page: a built-in one, or a file below the folder.
-    - `port`: 0 is any free one; None is the default or a free one.
-    - `browser`: open a browser.
+    - `port`: 0 for any free port; None for the default port, or a free one if it is in use.
+    - `browser`: True to open a browser.
     - `say`: prints the address.
 
-    Raises DefinitionError if there is no such folder, or the port is taken.
+    Raises DefinitionError if the folder does not exist, or the port is in use.
     """
     folder = Folder(root)
     sockets = _sockets(port)
@@ -131,7 +131,7 @@ def serve(
     address = f"http://127.0.0.1:{number}/#token={token}"
     config = uvicorn.Config(
         studio.app(port=number, token=token),
-        # Nothing stands before it, so nobody else says where a request came from.
+        # There is no proxy, so nobody may claim another origin of a request.
         proxy_headers=False,
         server_header=False,
         access_log=False,
@@ -151,7 +151,7 @@ def serve(
             webbrowser.open(address)
 
     with suppress(KeyboardInterrupt):
-        asyncio.run(_served(server, sockets, begin))
+        asyncio.run(_run_server(server, sockets, begin))
 
 
 class _Server(uvicorn.Server):
@@ -166,8 +166,8 @@ class _Server(uvicorn.Server):
         await super().shutdown(sockets)
 
 
-async def _served(server: uvicorn.Server, sockets: list[socket.socket], begin: Callable[[], None]) -> None:
-    # A closed terminal and `kill` end it as Ctrl-C does, so that its processes end.
+async def _run_server(server: uvicorn.Server, sockets: list[socket.socket], begin: Callable[[], None]) -> None:
+    # Closing the terminal ends the server like Ctrl-C, so that its processes end.
     if sys.platform != "win32":
         asyncio.get_running_loop().add_signal_handler(signal.SIGHUP, setattr, server, "should_exit", True)
     task = asyncio.create_task(server.serve(sockets))
@@ -189,7 +189,7 @@ def _sockets(port: int | None) -> list[socket.socket]:
             ) from None
         first = _listening(socket.AF_INET, "127.0.0.1", 0)
     sockets = [first]
-    # Whoever else had the port there would be taken for the studio; without one nobody is.
+    # Another program on this IPv6 port would be taken for the studio: occupy it where IPv6 exists.
     with suppress(OSError):
         sockets.append(_listening(socket.AF_INET6, "::1", int(first.getsockname()[1])))
     return sockets
