@@ -123,7 +123,7 @@ def test_m1_above_the_m2_that_is_found_is_refused_as_ever():
         bound_of("panda-payload", {"scheme.bound.inverse_inertia_min": 1e6})
 
 
-@pytest.mark.parametrize(("margin", "words"), [(0.5, "ask for"), (500.0, "all drives together")])
+@pytest.mark.parametrize(("margin", "words"), [(0.5, "need"), (500.0, "all drives together")])
 def test_a_bound_of_another_arm_is_noticed_with_numbers(margin, words):
     with pytest.warns(DefinitionWarning, match=rf"scheme.bound gives u = {margin:g} N m .*{words}"):
         scenarios.load("panda-payload", {"scheme.bound.margin": margin})

@@ -108,10 +108,10 @@ def test_limits_that_can_be_meant_are_taken_as_they_are(tmp_path):
 @pytest.mark.parametrize(
     ("efforts", "message"),
     [
-        ((300.0,) * 4, "300 N m on every joint"),
-        ((2000.0,) * 4, "2000 N m on every joint"),
-        ((0.0,) * 4, "no effort in the file, or 0"),
-        ((0.5,) * 4, "does not hold half of the arm's own weight"),
+        ((300.0,) * 4, "300 N m for every joint"),
+        ((2000.0,) * 4, "2000 N m for every joint"),
+        ((0.0,) * 4, "no effort limit in the file, or 0"),
+        ((0.5,) * 4, "too small for half of the arm's own weight"),
         ((20.0, 40.0, 15.0, 900.0), "j4: 900 N m"),
     ],
 )
@@ -127,9 +127,9 @@ def test_a_placeholder_is_said_with_what_is_assumed_instead(tmp_path, efforts, m
 def test_equal_velocities_and_missing_ones_are_said(tmp_path):
     equal = arm().replace('velocity="2.1"', 'velocity="2.0"').replace('velocity="2.2"', 'velocity="2.0"')
     drafted, _ = new(tmp_path, equal.replace('velocity="2.3"', 'velocity="2.0"'))
-    assert any("2 rad/s on every joint" in note for note in drafted.notes)
+    assert any("the velocity limit 2 rad/s, which" in note for note in drafted.notes)
     drafted, scenario = new(tmp_path, arm().replace('velocity="2.0"', 'velocity="0"'))
-    assert any(note.startswith("j1: no velocity in the file") for note in drafted.notes)
+    assert any(note.startswith("j1: no velocity limit in the file") for note in drafted.notes)
     assert scenario.description.trajectory.amplitude[0] * scenario.description.trajectory.frequency[0] < 1.0
 
 
@@ -203,7 +203,7 @@ def test_a_velocity_that_all_joints_share_has_the_units_of_all(tmp_path):
     links = (SLIDING.format(k=k, kind=kind, parent=parents[k]) for k, kind in enumerate(kinds))
     (tmp_path / "arm.urdf").write_text(SLIDE.format("".join(links)))
     notes = draft(tmp_path / "arm.urdf", folder=tmp_path).notes
-    assert any("2 rad/s or m/s on every joint" in note for note in notes)
+    assert any("the velocity limit 2 rad/s or m/s" in note for note in notes)
 
 
 FOLLOWS = '<mimic joint="j2" multiplier="-1"/>'

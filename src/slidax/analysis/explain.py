@@ -185,7 +185,7 @@ def _columns(log: SavedLog) -> dict[str, np.ndarray]:
     if not len(arm["true_k"]) or not len(law["k"]):
         raise DefinitionError(f"`{log.path}` has no ticks of a simulated arm on `/truth`")
     answer = np.maximum(np.searchsorted(law["k"], arm["true_k"], side="right") - 1, 0)
-    wide: dict[str, np.ndarray] = {
+    signals: dict[str, np.ndarray] = {
         "q": arm["true_q"],
         "dq": arm["true_dq"],
         "e": arm["true_e"],
@@ -194,9 +194,9 @@ def _columns(log: SavedLog) -> dict[str, np.ndarray]:
         "q_d": arm["true_q"] - arm["true_e"],
         **{name: law[name][answer] for name in ("dq_d", "ddq_d", "lower", "upper") if name in law},
     }
-    wide |= {name: law[f"signal:{name}"][answer] for name in log.channels.signals}
+    signals |= {name: law[f"signal:{name}"][answer] for name in log.channels.signals}
     table = {"k": arm["true_k"], "t": arm["true_t"]}
-    for name, values in wide.items():
+    for name, values in signals.items():
         if values.ndim == 1:
             table[name] = values
             continue

@@ -234,21 +234,21 @@ def rms_tool_error(run: Run) -> np.ndarray | float | None:
     return value_of_run(samples > 0, _rms(run, run.tally.tool.position.square))
 
 
-@metric("tool turn", "rad", per_joint=False)
+@metric("tool rotation error", "rad", per_joint=False)
 def tool_turn(run: Run) -> np.ndarray | float | None:
     """Largest rotation angle between the tool and its reference orientation [rad]; None if no tool is guided."""
     turn = None if run.tally.tool is None else run.tally.tool.rotation
     return None if turn is None else value_of_run(array_of(run.tally.samples) > 0, array_of(turn.error))
 
 
-@metric("steady tool turn", "rad", per_joint=False)
+@metric("steady tool rotation error", "rad", per_joint=False)
 def steady_tool_turn(run: Run) -> np.ndarray | float | None:
     """Largest rotation angle between the tool and its reference over the last quarter of the run [rad]."""
     turn = None if run.tally.tool is None else run.tally.tool.rotation
     return None if turn is None else value_of_run(reached_last_quarter(run), array_of(turn.steady))
 
 
-@metric("tool turn, rms", "rad", per_joint=False)
+@metric("tool rotation error, rms", "rad", per_joint=False)
 def rms_tool_turn(run: Run) -> np.ndarray | float | None:
     """Root mean square rotation angle between the tool and its reference over all samples [rad]."""
     turn = None if run.tally.tool is None else run.tally.tool.rotation
@@ -301,12 +301,12 @@ MONITOR_METRICS: tuple[Metric[Any], ...] = (guarantee_margin, warned_at)
 
 def metrics_of(run: Run) -> tuple[Metric[Any], ...]:
     """Every metric of a run, the settling times first."""
-    besides = (
+    optional = (
         *(metric for metric in TOOL_METRICS if metric(run) is not None),
         *(TOLERANCE_METRICS if run.tally.tolerance is not None else ()),
         *(MONITOR_METRICS if run.tally.promise is not None else ()),
     )
-    return (*settling_times(run), *METRICS, *besides)
+    return (*settling_times(run), *METRICS, *optional)
 
 
 def summary(run: Run, also: Sequence[Metric[Any]] = ()) -> dict[str, Any]:

@@ -237,7 +237,7 @@ class RunRecord:
         law = require_explainable(scenario)
         n = law.joints
 
-        def wide(name: str) -> np.ndarray:
+        def per_joint(name: str) -> np.ndarray:
             parts = [columns.get(f"{name}_{joint + 1}") for joint in range(n)]
             if any(column is None for column in parts):
                 raise DefinitionError(f"the log has no columns `{name}_1` to `{name}_{n}`: is it from this scenario?")
@@ -246,12 +246,12 @@ class RunRecord:
         t = np.asarray(columns.get("t", ()), float)
         if len(t) < 3 or np.any(np.abs(np.diff(t) / scenario.period - 1.0) > 0.01):
             raise DefinitionError(EACH)
-        signals = {name: wide(name) for name in ("disturbance", "residual")}
+        signals = {name: per_joint(name) for name in ("disturbance", "residual")}
         if "u" in columns:
             signals["u"] = np.asarray(columns["u"], float)
         if law.adaptation is not None:
-            signals["rotor"] = wide("rotor")
-        true = wide("q"), wide("dq")
+            signals["rotor"] = per_joint("rotor")
+        true = per_joint("q"), per_joint("dq")
         q, fresh = measured_positions(scenario.plant.sensor, *true, scenario.period)
         return cls(
             scenario=scenario,
@@ -259,13 +259,13 @@ class RunRecord:
             t=t,
             q=q,
             fresh=fresh,
-            tau=wide("tau"),
-            q_d=wide("q_d"),
-            dq_d=wide("dq_d"),
-            ddq_d=wide("ddq_d"),
-            lower=wide("lower"),
-            upper=wide("upper"),
-            error=wide("e"),
+            tau=per_joint("tau"),
+            q_d=per_joint("q_d"),
+            dq_d=per_joint("dq_d"),
+            ddq_d=per_joint("ddq_d"),
+            lower=per_joint("lower"),
+            upper=per_joint("upper"),
+            error=per_joint("e"),
             signals=signals,
             names=law.nominal.joint_names,
             units=law.nominal.joint_units,

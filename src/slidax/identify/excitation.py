@@ -215,14 +215,14 @@ class ExcitationSearch:
         half = 0.5 * self.share * (self.upper - self.lower)
         middle = 0.5 * (self.upper + self.lower)
         if self.center is None:
-            room = 2.0 * half / np.maximum(high - low, 1e-9)
+            range_factor = 2.0 * half / np.maximum(high - low, 1e-9)
         else:
             middle = self.center
             inside = self.share * np.minimum(self.upper - middle, middle - self.lower)
-            room = inside / np.maximum(np.maximum(high, -low), 1e-9)
+            range_factor = inside / np.maximum(np.maximum(high, -low), 1e-9)
         factor = np.minimum.reduce(
             [
-                room,
+                range_factor,
                 self.share * self.velocity / np.maximum(np.abs(speed).max(axis=0), 1e-9),
                 self.share * self.acceleration / np.maximum(np.abs(change).max(axis=0), 1e-9),
             ]

@@ -151,12 +151,12 @@ def share_of_speed(log: JointLog, robot: Articulated) -> float:
     - `log`: a log with increasing times.
     - `robot`: the arm; 3 rad/s or 1 m/s replace missing speed limits.
     """
-    apart = max(1, min(10, len(log.t) // 40))
-    steps = log.t[apart:] - log.t[:-apart]
-    usable = (steps > 0) & (steps < 3.0 * apart * log.period)
+    stride = max(1, min(10, len(log.t) // 40))
+    steps = log.t[stride:] - log.t[:-stride]
+    usable = (steps > 0) & (steps < 3.0 * stride * log.period)
     if not usable.any():
         return 0.0
-    speed = np.abs(log.q[apart:] - log.q[:-apart])[usable] / steps[usable, None]
+    speed = np.abs(log.q[stride:] - log.q[:-stride])[usable] / steps[usable, None]
     limits = np.asarray(robot.limits.velocity)
     limits = np.where(np.isfinite(limits), limits, [3.0 if unit == "rad" else 1.0 for unit in robot.joint_units])
     return float(np.max(np.quantile(speed, 0.98, axis=0) / limits))
@@ -414,10 +414,10 @@ def remove_outliers(log: JointLog, robot: Articulated) -> tuple[JointLog, list[s
     wrong = np.zeros(len(log.t), bool)
     for values in (q, log.tau, *([] if log.dq is None else [log.dq])):
         for column in values.T:
-            apart = np.abs(column - ndimage.median_filter(column, 7, mode="nearest"))
+            distance = np.abs(column - ndimage.median_filter(column, 7, mode="nearest"))
             low, high = np.quantile(column, [0.01, 0.99])
-            usual = np.quantile(apart, 0.9)
-            wrong |= (apart > SPIKE * usual) & (apart > RANGE * (high - low)) & (high > low)
+            usual = np.quantile(distance, 0.9)
+            wrong |= (distance > SPIKE * usual) & (distance > RANGE * (high - low)) & (high > low)
     count = int(wrong.sum())
     if not 0 < count <= MOST * len(wrong) or len(wrong) - count < FEWEST:
         return replace(log, q=q), warnings

@@ -153,13 +153,13 @@ class MassBound:
         slope[:, 0] = 1.0 / weight
         for matrix, block, (_, of_forms) in zip(matrices, self.blocks, self._normalised, strict=True):
             size = matrix.shape[1]
-            room = p[:, None, None] * np.eye(size) - matrix - np.tensordot(y[:, block.forms], of_forms, axes=1)
+            slack = p[:, None, None] * np.eye(size) - matrix - np.tensordot(y[:, block.forms], of_forms, axes=1)
             own = np.concatenate([np.eye(size)[None], -of_forms])
-            turned = np.linalg.inv(room)[:, None] @ own
+            product = np.linalg.inv(slack)[:, None] @ own
             where = np.concatenate([[0], 1 + block.forms])
-            slope[:, where] -= np.trace(turned, axis1=2, axis2=3)
-            flat = turned.reshape(count, len(own), -1)
-            other = np.swapaxes(turned, 2, 3).reshape(count, len(own), -1)
+            slope[:, where] -= np.trace(product, axis1=2, axis2=3)
+            flat = product.reshape(count, len(own), -1)
+            other = np.swapaxes(product, 2, 3).reshape(count, len(own), -1)
             curve[:, where[:, None], where] += flat @ np.swapaxes(other, 1, 2)
         # Scaled to equal curvature; combinations without influence keep their values.
         unit = 1.0 / np.sqrt(np.maximum(np.einsum("sii->si", curve), 1e-200))
@@ -175,9 +175,9 @@ class MassBound:
         for _ in range(100):
             slope, curve = np.zeros(self.coefficients), np.zeros((self.coefficients, self.coefficients))
             for block in self.blocks:
-                turned = np.linalg.inv(block.matrix(parameters, forms)) @ block.of_forms
-                slope[block.forms] -= np.trace(turned, axis1=1, axis2=2)
-                curve[np.ix_(block.forms, block.forms)] += np.einsum("aij,bji->ab", turned, turned)
+                product = np.linalg.inv(block.matrix(parameters, forms)) @ block.of_forms
+                slope[block.forms] -= np.trace(product, axis1=1, axis2=2)
+                curve[np.ix_(block.forms, block.forms)] += np.einsum("aij,bji->ab", product, product)
             # Scaled to equal curvature in every coefficient.
             unit = 1.0 / np.sqrt(np.maximum(np.diag(curve), 1e-300))
             step = -unit * np.linalg.lstsq(curve * np.outer(unit, unit), unit * slope, rcond=1e-13)[0]

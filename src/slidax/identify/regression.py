@@ -328,10 +328,10 @@ def covariance_of_fit(
         if not used or not leverage.any():
             continue
         power = np.abs(fft.rfft(residuals[:, joint], points)) ** 2
-        room = np.maximum(1.0 - leverage / used, LEAST_FREEDOM)
+        freedom = np.maximum(1.0 - leverage / used, LEAST_FREEDOM)
         # Where the filter leaves no power, rounding errors must not determine the result.
         leverage += 1e-6 * leverage.mean()
-        left = averaged(leverage * room)
+        left = averaged(leverage * freedom)
         density = averaged(leverage * power) * averaged(leverage) / (used * left**2)
         # A moving sum may round below 0. This product of weighted columns cannot give a negative variance.
         total += ((weighted.conj() * (np.maximum(density, 0.0) * share)[:, None]).T @ weighted).real
@@ -445,9 +445,9 @@ def _derivatives(theta: np.ndarray, bodies: Sequence[int], positive: np.ndarray)
     curve[positive, positive] = 1.0 / theta[positive] ** 2
     for start in bodies:
         own = slice(start, start + BODY)
-        turned = np.linalg.pinv(pseudo_inertia(theta[own]), rcond=1e-300, hermitian=True) @ BASIS
-        slope[own] = -np.trace(turned, axis1=1, axis2=2)
-        curve[own, own] = np.einsum("aij,bji->ab", turned, turned)
+        product = np.linalg.pinv(pseudo_inertia(theta[own]), rcond=1e-300, hermitian=True) @ BASIS
+        slope[own] = -np.trace(product, axis1=1, axis2=2)
+        curve[own, own] = np.einsum("aij,bji->ab", product, product)
     return slope, curve
 
 

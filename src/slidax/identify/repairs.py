@@ -361,13 +361,13 @@ def torque_scales(
     yield repair(few)
     # Relative to the other joints, in case a payload makes all scales look larger.
     relative = scales / np.median(shown_scales)
-    apart = (scales != 0.0) & ((np.abs(relative) < SHARES[0]) | (np.abs(relative) > SHARES[1]))
+    deviating = (scales != 0.0) & ((np.abs(relative) < SHARES[0]) | (np.abs(relative) > SHARES[1]))
     for joint in np.nonzero(outside)[0]:
         others = np.delete(np.abs(scales), joint)
         own = scales[joint] / np.median(others[others > 0.0]) if (others > 0.0).any() else scales[joint]
         yield repair(np.where(np.arange(n) == joint, own, 1.0))
-    if apart.any():
-        yield repair(np.where(apart, relative, 1.0))
+    if deviating.any():
+        yield repair(np.where(deviating, relative, 1.0))
     for factor, unit in UNITS.items():
         ratio = np.abs(few) / factor
         of_unit = outside & (ratio > 0.4) & (ratio < 2.5)

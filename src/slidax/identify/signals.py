@@ -210,9 +210,9 @@ def _resample(
             continue
         even = own[0] + step * np.arange(points)
         columns = [log.q[piece], log.tau[piece], *([] if log.dq is None else [log.dq[piece]])]
-        apart = np.abs(even - own).max() if points == len(own) else np.inf
-        between = [] if apart < 1e-3 * step else _interpolate(own, np.minimum(even, own[-1]), columns)
-        if apart < 1e-3 * step or (apart < step and _roughness(columns[0]) < _roughness(between[0])):
+        offset = np.abs(even - own).max() if points == len(own) else np.inf
+        between = [] if offset < 1e-3 * step else _interpolate(own, np.minimum(even, own[-1]), columns)
+        if offset < 1e-3 * step or (offset < step and _roughness(columns[0]) < _roughness(between[0])):
             # Evenly sampled, although the time stamps may jitter.
             values, measured = columns, np.ones(points, bool)
         else:

@@ -102,7 +102,7 @@ class CompareResult(AbstractResult):
             better = [of for of in self.of if _is_below(self.difference(name, of))]
             worse = [of for of in self.of if _is_below(self.difference(name, of), -1.0)]
             words = [f"{word} in {', '.join(ofs)}" for word, ofs in (("better", better), ("worse", worse)) if ofs]
-            text.append(f"{name} is {' and '.join(words) or 'not told apart'}")
+            text.append(f"{name} is {' and '.join(words) or 'not significantly different'}")
         cases = count_noun(len(self._cases), "case")
         return f"{cases} for each scheme; compared with {self.reference}, {'; '.join(text)}."
 

@@ -73,9 +73,9 @@ class CaseEvaluator:
         """
         gains = self.gains.values(np.clip(cube, 0.0, BELOW_ONE))
         each = len(next(iter(cases.values()))) if cases else 1
-        wide = {path: np.repeat(array, each, axis=0) for path, array in gains.items()}
-        same = {path: np.concatenate([array] * len(cube)) for path, array in cases.items()}
-        return self.evaluator.values({**same, **wide})
+        repeated_gains = {path: np.repeat(array, each, axis=0) for path, array in gains.items()}
+        repeated_cases = {path: np.concatenate([array] * len(cube)) for path, array in cases.items()}
+        return self.evaluator.values({**repeated_cases, **repeated_gains})
 
 
 def evaluate_aims(
@@ -126,8 +126,8 @@ def _below_own(space: Space, point: np.ndarray) -> np.ndarray:
             result.append(np.zeros(width, bool))
             continue
         value = values[path][0]
-        wide = np.broadcast_shapes(np.shape(value), np.shape(own))
-        below = np.broadcast_to(value, wide) - np.broadcast_to(own, wide)
+        shape = np.broadcast_shapes(np.shape(value), np.shape(own))
+        below = np.broadcast_to(value, shape) - np.broadcast_to(own, shape)
         result.append(below.reshape(-1) < 0 if below.size == width else np.full(width, below.mean() < 0))
     return np.concatenate(result)
 
