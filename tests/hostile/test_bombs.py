@@ -44,7 +44,7 @@ def test_mcap_that_unpacks_to_a_thousand_times_its_size_is_refused(tmp_path, com
     part = chunk(compression, pack(bytes(40_000_000)), 40_000_000)
     path = tmp_path / "a.mcap"
     path.write_bytes(MAGIC + record(1, text("ros2") + text("x")) + 30 * part)
-    with pytest.raises(DefinitionError, match=r"unpacks to more than|is not a slidax log|has no messages"):
+    with pytest.raises(DefinitionError, match=r"unpacks to more than|is not a slidax log|has no ROS 2 messages"):
         reader(path)
 
 

@@ -223,7 +223,7 @@ class Family:
 
             def probe(value: Any, path: str = path) -> Any:
                 if jax.tree.structure((self.parts(template, {path: value}),)) != known:
-                    raise TypeError("what is compiled depends on it")
+                    raise TypeError("compiled code depends on the value")
                 return 0
 
             try:

@@ -102,11 +102,11 @@ class SchemeGains(AbstractDescription):
     """Tuned and fixed gains of a scheme of this package, by path in the scheme."""
 
     tuned: dict[str, GainDescription]
-    """In both forms."""
+    """Ranges of gains tuned in both forms."""
     printed: dict[str, GainDescription] = Field(default={})
-    """In printed form only."""
+    """Ranges of gains tuned only in printed form."""
     sampled_data: dict[str, GainDescription] = Field(default={})
-    """In sampled-data form only."""
+    """Ranges of gains tuned only in sampled-data form."""
     fixed: dict[str, Any] = Field(default={})
     """Fixed values."""
     fixed_sampled_data: dict[str, Any] = Field(default={})
