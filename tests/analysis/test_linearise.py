@@ -205,7 +205,7 @@ def test_computed_torque_has_the_eigenvalues_of_its_gains():
 def test_continuous_mode_has_eigenvalues_and_no_open_loop():
     loop = linearise(scenarios.load("example-4.1", {"simulation.t1": 0.01}))
     assert not loop.held and np.isfinite(loop.system.radius)
-    with pytest.raises(DefinitionError, match="no sampled loop can be broken open"):
+    with pytest.raises(DefinitionError, match="no sampled loop can be opened"):
         loop.closed_loop("torque")
     assert loop.as_json()["margins"] is None
 

@@ -65,7 +65,7 @@ def test_links_come_back_from_the_file_too(tmp_path):
     ("text", "words"),
     [
         ("a: 1", "has no mapping `robot` with a `kind`"),
-        ("robot: {kind: identified, file: arm.yaml}", "must be described there"),
+        ("robot: {kind: identified, file: arm.yaml}", "a reference to another file"),
         ("robot: {kind: ur5e, nominal: {links: {mass: [1.0]}}}", "nominal.links.center"),
         ("robot: {kind: two_link, plant: {lengths: [1, 1], masses: [1, 1], inertias: [1, 1]}}", "arm of rigid links"),
     ],

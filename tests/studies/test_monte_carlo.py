@@ -53,7 +53,7 @@ def test_the_sequential_stop_shows_what_was_asked_or_ends_at_a_failure():
     stopped = ran(runs=3000, holds=["steady_error < 0.2"], until={"probability": 0.999})
     assert "stopped at failure 1" in stopped.ended
     assert stopped.rates[0].failures == 1 and stopped.table["steady_error"][-1] >= 0.2
-    assert "not decided" in ran(runs=50, until={"probability": 0.999}).ended
+    assert "undecided after" in ran(runs=50, until={"probability": 0.999}).ended
 
 
 def test_the_worst_case_is_a_scenario_that_replays_it_bit_for_bit(tmp_path):

@@ -101,7 +101,7 @@ def test_impossible_search_is_refused(monkeypatch):
         search_lowest(bowl, 0, evaluations=10)
     with pytest.raises(DefinitionError, match="at least one evaluation"):
         search_lowest(bowl, 2, evaluations=0)
-    with pytest.raises(DefinitionError, match="one number for each point"):
+    with pytest.raises(DefinitionError, match="must return a value for each of"):
         search_lowest(lambda x: x, 2, evaluations=10)
     monkeypatch.setitem(sys.modules, "cmaes", None)
     with pytest.raises(DefinitionError, match=r"slidax\[studies\]"):
