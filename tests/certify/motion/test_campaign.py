@@ -1,0 +1,185 @@
+"""Attacked runs of exported laws, from the scenario file to the C code, against every line of the verdict."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slidax.motions.tabulated import Tabulated
+
+from .campaign import KINDS, LIMITED, REJECTED, Draw, Target, chain_urdf, compiled, scenario_of
+from .cases import Members, identified
+from .plant import Chain
+from .test_tracking_bound import of_the_ellipsoid
+
+MOTIONS, RUNS = 9, 1250
+"""Motions of each of the nine cases, and runs along each, in the long test."""
+
+LAW = """
+scheme:
+  name: computed_torque
+  horizon: {horizon}
+  sampled_data:
+    midpoint: true
+    viscous_feedforward: true
+    adaptation: null
+    estimator: {{kind: kalman, acceleration_density: {density}}}
+simulation: {{mode: held, period: {period}, substeps: 4, t1: 1.0}}
+"""
+
+
+def chain_scenario(n: int, folder: Path, **changes: Any) -> Any:
+    """A random arm of n joints with a band, friction, encoders and a delay."""
+    rng = np.random.default_rng(n)
+    (folder / "arm.urdf").write_text(chain_urdf(n, rng, changes.get("sliding", ())))
+    values = {"horizon": 0.02, "density": 0.3, "period": 1e-3, "band": 0.03, "delay": 1, "resolution": 1e-5}
+    values |= {"start": 0.0, "disturbance": 0.0} | changes
+    text = (
+        "title: attacked\n"
+        "robot: {kind: urdf, file: arm.urdf, nominal: {armature: 0.08, viscous: 0.3}, plant: {coulomb: 0.3}}\n"
+        f"trajectory: {{kind: minimum_jerk, times: [0, 0.5], waypoints: [{[0.3] * n}, {[0.6] * n}]}}\n"
+        f"start: {{q: {[0.3] * n}}}\n"
+        f"sensor: {{resolution: {values['resolution']}, velocity: differenced, delay: {values['delay']}}}\n"
+        "actuator: {torque: robot}\n"
+        "uncertainty:\n"
+        f"  robot.plant.inertial: {{band: {values['band']}}}\n"
+        "  robot.plant.coulomb: {between: [0.0, 0.3]}\n"
+        "  robot.plant.viscous: {between: [0.25, 0.35]}\n"
+        f"  start.q: {{between: [{[0.3 - values['start']] * n}, {[0.3 + values['start']] * n}], each: joint}}\n"
+        "disturbance:\n"
+        f"  terms: [{{kind: harmonic, amplitude: {[values['disturbance']] * n}, frequency: 9.0}}]\n"
+        + LAW.format(**values)
+    )
+    return scenario_of(text, folder)
+
+
+def arm_scenario(name: str, folder: Path, p: float, **changes: Any) -> Any:
+    """A built-in arm with a payload and the ellipsoid of an identification."""
+    arm, band = identified(name, p)
+    n = arm.joints
+    load = {"panda": 2.0, "ur5e": 3.0}[name]
+    start = np.round(np.clip(0.5 * (np.asarray(arm.limits.lower) + np.asarray(arm.limits.upper)), -1.5, 1.5), 3)
+    values = {"horizon": 0.02, "density": 0.3, "period": 1e-3, "resolution": 1e-6, "delay": 1, **changes}
+    text = (
+        "title: attacked\n"
+        f"robot: {{kind: {name}, nominal: {{armature: 0.1, viscous: 0.2, load: {{mass: {load}, center: [0, 0, 0.1], "
+        f"inertia: {0.0025 * load}}}}}, plant: {{coulomb: 0.3}}}}\n"
+        "trajectory: {kind: minimum_jerk, times: [0, 0.5], "
+        f"waypoints: [{start.tolist()}, {(start + 0.1).tolist()}]}}\n"
+        f"start: {{q: {start.tolist()}}}\n"
+        f"sensor: {{resolution: {values['resolution']}, velocity: differenced, delay: {values['delay']}}}\n"
+        "actuator: {torque: robot}\n"
+        "uncertainty:\n"
+        f"  robot.plant.inertial: {{band: {p}, confidence: 0.95, deviations: {band.deviations.tolist()}}}\n"
+        "  robot.plant.coulomb: {between: [0.0, 0.3]}\n" + LAW.format(**values)
+    )
+    assert n == len(start)
+    return scenario_of(text, folder)
+
+
+def motion_of(scenario: Any, rng: np.random.Generator, share: float) -> Any:
+    """Three stops, of 0.3 to 1 s altogether, from the start of the scenario."""
+    arm = scenario.controller.nominal
+    start = np.asarray(scenario.state0.q, float)
+    n, count = arm.joints, int(rng.integers(2, 4))
+    steps = rng.uniform(-1.0, 1.0, size=(count - 1, n)) * share * 0.35
+    points = np.concatenate([start[None], start + np.cumsum(steps, axis=0)])
+    points = np.clip(points, np.asarray(arm.limits.lower) + 0.05, np.asarray(arm.limits.upper) - 0.05)
+    points[0] = start
+    times = np.linspace(0.0, rng.uniform(0.3, 0.6), count)
+    return Tabulated.through(times, points, np.zeros_like(points), np.zeros_like(points))
+
+
+def of_the_band(p: float) -> Draw:
+    """Draw arms at the edge of the band, with viscous friction at both ends."""
+
+    def draw(nominal: Chain, rng: np.random.Generator) -> Chain:
+        member = nominal.member(rng, p)
+        return Chain(
+            **{**vars(member), "viscous": nominal.viscous + 0.05 * rng.choice([-1.0, 1.0], nominal.viscous.shape)}
+        )
+
+    return draw
+
+
+CASES: dict[str, dict[str, Any]] = {
+    "1": {"n": 1, "start": 1e-3},
+    "2": {"n": 2, "period": 2e-3, "delay": 2, "disturbance": 0.4},
+    "3": {"n": 3, "sliding": (2,), "delay": 0},
+    "4": {"n": 4, "start": 5e-4},
+    "5": {"n": 5, "resolution": 1e-4, "delay": 0},
+    "6": {"n": 6, "disturbance": 0.2},
+    "7": {"n": 7, "band": 0.015},
+    "panda": {"p": 0.02},
+    "ur5e": {"p": 0.02, "period": 2e-3, "delay": 0},
+}
+"""Arms of 1 to 7 joints with a band per body, and two with the ellipsoid of an identification."""
+
+
+class Case:
+    """The exported law of a case, and motions that are admitted."""
+
+    def __init__(self, name: str, folder: Path) -> None:
+        self.options = dict(CASES[name])
+        n = self.options.pop("n", None)
+        self.name = name
+        self.scenario = (
+            arm_scenario(name, folder, **self.options) if n is None else chain_scenario(n, folder, **self.options)
+        )
+        self.library = compiled(self.scenario, folder)
+
+    def target(self, rng: np.random.Generator, allowed: Any = None) -> Target:
+        """A random motion as fast as one that is admitted."""
+        for share in 0.75 ** np.arange(16):
+            target = Target.of(self.scenario, motion_of(self.scenario, rng, share), self.library, allowed)
+            if target is not None:
+                return target
+        raise AssertionError(f"no motion of case {self.name} is admitted")
+
+    def draw(self, target: Target) -> Draw:
+        if "n" in CASES[self.name]:
+            return of_the_band(self.options.get("band", 0.03))
+        return of_the_ellipsoid(Members(self.name), target.certified)
+
+
+def assert_every_line_holds(target: Target, outcomes: np.ndarray) -> None:
+    """No bound is passed, and what is `proved` of the law's own bounds is so."""
+    worst = dict(zip(KINDS, outcomes["worst"].max(axis=0), strict=True))
+    assert max(worst.values()) <= 1.0, worst
+    lines = {line.text.split(":")[0]: line.status for line in target.answer.verdict.assumptions}
+    assert lines["the measurement gate rejects no sample of the arm itself"] == "proved"
+    assert not outcomes["rejected"].any()
+    assert not np.any(outcomes["status"] & (REJECTED | LIMITED))
+
+
+@pytest.fixture(scope="module")
+def scara(tmp_path_factory: pytest.TempPathFactory) -> Case:
+    return Case("3", tmp_path_factory.mktemp("scara"))
+
+
+def test_no_attack_on_an_exported_law_passes_a_line_of_its_verdict(scara: Case) -> None:
+    rng = np.random.default_rng(2)
+    target = scara.target(rng)
+    outcomes = target.attack(rng, scara.draw(target), 200, 24)
+    assert_every_line_holds(target, outcomes)
+    # The attack is a strong one.
+    assert outcomes["worst"][:, 0].max() > 0.25
+
+
+def test_arms_outside_of_the_set_pass_the_bounds(scara: Case) -> None:
+    rng = np.random.default_rng(4)
+    assert scara.target(rng).attack(rng, of_the_band(0.5), 100)["worst"][:, 0].max() > 1.0
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("name", CASES)
+def test_no_long_attack_on_an_exported_law_passes_a_line_of_its_verdict(name: str, tmp_path: Path) -> None:
+    case, rng = Case(name, tmp_path), np.random.default_rng(3)
+    worst = np.zeros(len(KINDS))
+    for _ in range(MOTIONS):
+        target = case.target(rng)
+        outcomes = target.attack(rng, case.draw(target), RUNS)
+        assert_every_line_holds(target, outcomes)
+        worst = np.maximum(worst, outcomes["worst"].max(axis=0))
+    print(f"{name}: {MOTIONS * RUNS} runs, largest share of", dict(zip(KINDS, worst.round(3).tolist(), strict=True)))
