@@ -78,7 +78,8 @@ def admit(
     """Decide if motions are inside the guarantee of a law: for all arms of its uncertainty, without a run.
 
     For each motion: the bound of every joint's error, the term that dominates it, and, if it is refused, what forbids
-    it and the smallest slow-down that makes it hold.
+    it and the smallest slow-down that makes it hold. For all admitted motions together: the law's monitor, which no
+    arm of the set makes alarm.
 
     Exit code 0: all are admitted; 4: one is not; 2: the law has no such guarantee, or a file is invalid.
     """
@@ -87,7 +88,7 @@ def admit(
         import numpy as np
 
         from slidax.certify.motion.admission import admit as admitted
-        from slidax.certify.motion.admission import allowed_error, certified_law, piecewise
+        from slidax.certify.motion.admission import allowed_error, certified_law, monitor_setting, piecewise
         from slidax.core.errors import locate_errors
         from slidax.scenarios.load import load
         from slidax.scenarios.trajectories import motion_of_file
@@ -106,9 +107,9 @@ def admit(
                 admitted(law, motion, str(path), allowed=allowed, assume_steps=assume_steps, slow_down=slow_down)
             )
         if json:
-            print_json({"motions": [answer.as_json() for answer in answers]})
+            print_json({"motions": [answer.as_json() for answer in answers], "monitor": monitor_setting(answers)})
         else:
-            print_admissions(law, answers)
+            print_admissions(law, answers, monitor_setting(answers))
         if not all(answer.admitted for answer in answers):
             raise typer.Exit(NOT_CERTIFIED)
 

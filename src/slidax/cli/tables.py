@@ -252,8 +252,10 @@ def certificates_verdict(certificates: Certificates) -> Text:
     return Text(f"✓ Every guarantee that applies holds{since}.{weakest}", style=style)
 
 
-def print_admissions(law: CertifiedLaw, admissions: Sequence[MotionAdmission]) -> None:
-    """Print for each motion if a certified `law` admits it, its bound, and what forbids it."""
+def print_admissions(
+    law: CertifiedLaw, admissions: Sequence[MotionAdmission], monitor: dict[str, list[float]] | None
+) -> None:
+    """Print for each motion if a certified `law` admits it, its bound, and what forbids it; then the `monitor`."""
     console = Console(highlight=False)
     for answer in admissions:
         grade = f" (grade {answer.verdict.grade})" if answer.admitted else ""
@@ -275,6 +277,8 @@ def print_admissions(law: CertifiedLaw, admissions: Sequence[MotionAdmission]) -
         for assumption in answer.verdict.assumptions:
             style = "red" if assumption.status == "fails" else ""
             console.print(Text(f"  {assumption.status:>8}  {assumption.text}", style=style), soft_wrap=True)
+    if monitor is not None:
+        console.print(Text(f"scheme.sampled_data.monitor: {{disturbance: {monitor['disturbance']}}}"), soft_wrap=True)
 
 
 def print_loop(parts: Scenario, result: LoopResult) -> None:

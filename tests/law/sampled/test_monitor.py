@@ -20,9 +20,9 @@ H, PERIOD, FINAL = 1e-2, 2.5e-3, 0.05
 MONITOR = {"scheme.sampled_data.monitor": {"share": 0.3}, "simulation.t1": 1.5}
 
 
-def watched(push, monitor, delay=0.0):
+def watched(push, monitor, delay=0.0, gain=0.0):
     law = sampled_data(
-        mass_law(final=FINAL), period=PERIOD, horizon=H, estimator=Measured(0.0), monitor=monitor, delay=delay
+        mass_law(final=FINAL), period=PERIOD, horizon=H, estimator=Measured(gain), monitor=monitor, delay=delay
     )
     start = State(q=jnp.array([0.1]), dq=jnp.array([0.0]))
     plant = Plant(FreeMass(), Constant([push]))
@@ -95,6 +95,26 @@ def test_the_status_of_an_exported_step_has_a_bit_for_it(push, is_set):
     run = simulate(plant, step, Still([0.0]), start, t1=10 * PERIOD, period=PERIOD, outside="recover", log_every=1)
     status = run.log.signals["status"].astype(int)
     assert bool(status[-1] & PROMISE_VOID.bit) is is_set
+
+
+@pytest.mark.parametrize(("push", "alarm"), [(1.9, 0.0), (2.1, 8.0)])
+def test_a_law_without_a_plan_is_watched_by_its_estimated_disturbance(push, alarm):
+    law = sampled_data(
+        ComputedTorque(FreeMass(), 100.0, 20.0),
+        period=1e-3,
+        estimator=Kalman.steady(density=1.0, variance=1e-12, period=1e-3),
+        monitor=Monitor(disturbance=2.0),
+    )
+    start = State(q=jnp.zeros(1), dq=jnp.zeros(1))
+    log = simulate(Plant(FreeMass(), Constant([push])), law, Still([0.0]), start, t1=1.0, period=1e-3, log_every=1).log
+    assert log.signals["margin"][-1] == pytest.approx(1.0 - push / 2.0, abs=1e-3)
+    assert log.signals["assumption_violated"][-1] == alarm
+
+
+def test_an_estimated_disturbance_beyond_its_bound_is_one_more_check_of_a_law_with_a_plan():
+    _, run = watched(3.0, Monitor(disturbance=2.0), gain=0.3)
+    assert run.log.signals["assumption_violated"][-1] == 8.0
+    assert run.log.signals["margin"][-1] == pytest.approx(1.0 - 3.0 / 2.0, abs=2e-2)
 
 
 def test_a_monitor_needs_a_plan_and_an_envelope():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
@@ -204,6 +205,20 @@ def admit(
     )
 
 
+def monitor_setting(admissions: Sequence[MotionAdmission]) -> dict[str, list[float]] | None:
+    """Return the monitor for a law along admitted motions, as in a scenario file; None if none is admitted.
+
+    No arm of the set makes it alarm: the estimated disturbance of each joint stays below `disturbance`.
+    """
+    bounds = [answer.verdict.bound["disturbance"] for answer in admissions if answer.admitted]
+    if not bounds:
+        return None
+    largest = np.max(bounds, axis=0)
+    # Rounded up to four digits.
+    unit = 10.0 ** (np.floor(np.log10(np.maximum(largest, 1e-9))) - 3.0)
+    return {"disturbance": [float(f"{value:.6g}") for value in np.ceil(largest / unit) * unit]}
+
+
 def slowed(motion: AbstractPiecewisePolynomial, factor: float) -> AbstractPiecewisePolynomial:
     """Return the motion with all times multiplied by a factor."""
     if factor == 1.0:
@@ -245,7 +260,12 @@ def judge_motion(law: CertifiedLaw, motion: AbstractPiecewisePolynomial, allowed
         TITLE,
         not failing,
         verdict.margin,
-        {**verdict.bound, "torque": drives.torque.max(axis=0), "torque_step": drives.step.max(axis=0)},
+        {
+            **verdict.bound,
+            "torque": drives.torque.max(axis=0),
+            "torque_step": drives.step.max(axis=0),
+            "disturbance": certified.bounds.outputs["estimate"].max(axis=0),
+        },
         (*verdict.assumptions, *law_lines(law, motion, certified), *planned, *lines, *texts),
         statement,
     )

@@ -113,8 +113,11 @@ class SampledData(AbstractController):
         if self.step.plans != (self.horizon is not None):
             wrong = "must be given for a law that plans" if self.step.plans else "must be None for a law without a plan"
             raise DefinitionError(f"`SampledData.horizon` {wrong}; got {self.horizon}")
-        if self.monitor is not None and not self.step.plans:
-            raise DefinitionError("`SampledData.monitor` follows a plan, and this law has none: leave it out")
+        if self.monitor is not None and not self.step.plans and self.monitor.disturbance is None:
+            raise DefinitionError(
+                "`SampledData.monitor` follows a plan, and this law has none: set `disturbance` of the monitor, as "
+                "`slidax admit` computes it, or leave the monitor out"
+            )
         if self.viscous_feedforward and not hasattr(self.nominal, "viscous"):
             raise DefinitionError(
                 f"`SampledData.viscous_feedforward` needs the viscous friction of the nominal arm, and "
@@ -164,7 +167,7 @@ class SampledData(AbstractController):
             planned=jnp.zeros((), bool),
             step=self.step.init(t, state, reference, self.period, self.horizon),
             adapted=None if self.adaptation is None else AdaptationMemory.init(self.adaptation, state, self.delay),
-            watched=None if self.monitor is None else self.monitor.init(state),
+            watched=self._watched(state),
             gate=self.gate.init(t, state, self.estimator.reads_velocity),
             accelerations=jnp.zeros((pending, self.joints)) if self.midpoint and pending else None,
         )
@@ -212,7 +215,7 @@ class SampledData(AbstractController):
             planned=memory.planned,
             step=self.step.restarted(t, memory.step),
             adapted=memory.adapted,
-            watched=None if self.monitor is None else self.monitor.init(state),
+            watched=self._watched(state),
             gate=memory.gate,
             accelerations=memory.accelerations,
         )
@@ -259,7 +262,7 @@ class SampledData(AbstractController):
         if accelerations is not None:
             accelerations = jnp.stack([*predicted.accelerations[1:], reached - disturbance])
         unseen = state.q - learned.estimate.state.q
-        watched, monitor_signals = self._monitor(request, unseen, decision, ~missed, parameters, memory)
+        watched, monitor_signals = self._monitor(request, unseen, decision, ~missed, parameters, disturbance, memory)
         kept = LawMemory(
             t=jnp.asarray(t, memory.t.dtype),
             prior=Estimate(state=following, disturbance=disturbance),
@@ -413,6 +416,10 @@ class SampledData(AbstractController):
     def envelope(self, t: Scalar, memory: LawMemory) -> Envelope | None:
         return self.step.envelope(t, memory.step)
 
+    def _watched(self, state: State) -> MonitorMemory | None:
+        """The monitor's memory before the first sample; None for a law without a plan."""
+        return None if self.monitor is None or not self.step.plans else self.monitor.init(state)
+
     def _monitor(
         self,
         request: StepInput,
@@ -420,11 +427,14 @@ class SampledData(AbstractController):
         decision: Decision,
         fresh: Bool[Array, ""],
         learnt: LearnedParameters | None,
+        disturbance: Vector,
         memory: LawMemory,
     ) -> tuple[MonitorMemory | None, dict[str, Array]]:
         """The monitor's memory and signals."""
-        if self.monitor is None or memory.watched is None:
+        if self.monitor is None:
             return None, {}
+        if memory.watched is None:
+            return None, self.monitor.without_plan(disturbance)
         envelope = None
         if self.horizon is not None:
             envelope = self.step.envelope(request.t + self.horizon - 0.5 * self.period, memory.step)
@@ -433,7 +443,9 @@ class SampledData(AbstractController):
         desired = State(q=request.reference.q, dq=request.reference.dq)
         span = self.period, self.horizon
         wanted = decision.acceleration
-        return self.monitor(request.state, unseen, desired, wanted, fresh, envelope, learnt, span, memory.watched)
+        return self.monitor(
+            request.state, unseen, desired, wanted, fresh, envelope, learnt, disturbance, span, memory.watched
+        )
 
     def _robot(self, adapted: AdaptationMemory | None) -> AbstractRobot:
         """The arm with the estimated parameters."""

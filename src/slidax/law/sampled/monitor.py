@@ -23,6 +23,9 @@ INERTIA = 2.0
 NO_ROOM = 4.0
 """`assumption_violated`: the led error is nearer to its envelope than the guarantee allows; the error will follow."""
 
+UNMODELLED = 8.0
+"""`assumption_violated`: the estimated disturbance of a joint exceeds the bound of the guarantee."""
+
 FASTER = 4.0
 """Speed of the second filter, which uses measured positions, over that of the horizon."""
 
@@ -59,7 +62,8 @@ class Monitor(AbstractPart):
 
     Signals: `margin`, the least `1 - |x|/(share ϑ ρ)` and `1 - |y|/(led ρ)` of all joints, negative if the
     guarantee does not hold; `assumption_violated`, a sum of `1`: x is too large, `2`: a learnt inertia is outside the
-    range of the guarantee, `4`: y is too near to its envelope.
+    range of the guarantee, `4`: y is too near to its envelope, `8`: the estimated disturbance is larger than
+    `disturbance`. A law without a plan has the last check alone.
     """
 
     title = "Guarantee monitor: each sample is compared with the assumptions of the guarantee."
@@ -89,6 +93,14 @@ class Monitor(AbstractPart):
         default=None,
     )
 
+    disturbance: PerJoint | None = parameter(
+        "largest size of the estimated disturbance in the guarantee, as `slidax admit` computes it; None for any",
+        "rad/s² or m/s²",
+        "> 0",
+        default=None,
+        source="docs/certificates/monitor.md",
+    )
+
     def __check_init__(self) -> None:
         low, high = self.rotor_min, self.rotor_max
         if low is not None and high is not None and not is_traced((low, high)) and not bool((low <= high).all()):
@@ -107,6 +119,7 @@ class Monitor(AbstractPart):
         fresh: Bool[Array, ""],
         envelope: Envelope,
         learnt: LearnedParameters | None,
+        disturbance: Vector,
         span: tuple[Scalar, Scalar],
         memory: MonitorMemory,
     ) -> tuple[MonitorMemory, dict[str, Array]]:
@@ -119,6 +132,7 @@ class Monitor(AbstractPart):
         - `fresh`: True if the last sample was one period ago.
         - `envelope`: the prescribed envelope, c later [rad or m].
         - `learnt`: estimated parameters of the joints; None without an adaptation.
+        - `disturbance`: estimated disturbance ŵ [n], rad/s² or m/s².
         - `span`: h and H [s].
         """
         (period, horizon), expected = span, memory.expected
@@ -140,12 +154,20 @@ class Monitor(AbstractPart):
             self._way(measured - desired.q + lead * (speed - desired.dq), envelope),
         )
         violated = jnp.where(of_room > 1.0, MISSED, 0.0) + jnp.where(of_way > 1.0, NO_ROOM, 0.0)
-        margin = 1.0 - jnp.maximum(of_room, of_way)
+        unmodelled = self.without_plan(disturbance)
+        violated = violated + unmodelled["assumption_violated"]
+        margin = jnp.minimum(1.0 - jnp.maximum(of_room, of_way), unmodelled["margin"])
         if learnt is not None:
             violated = violated + jnp.where(self._unlike(learnt.rotor), INERTIA, 0.0)
         planned = advance(now, wanted, period), advance(followed, wanted, period)
         kept = MonitorMemory(jnp.ones((), bool), missed, *planned)
         return kept, {"margin": margin, "assumption_violated": violated}
+
+    def without_plan(self, disturbance: Vector) -> dict[str, Array]:
+        """Return the signals of a law that has no plan: those of the estimated disturbance ŵ."""
+        bound = jnp.inf if self.disturbance is None else self.disturbance
+        ratio = jnp.max(jnp.abs(disturbance) / bound)
+        return {"margin": 1.0 - ratio, "assumption_violated": jnp.where(ratio > 1.0, UNMODELLED, 0.0)}
 
     def _way(self, y: Vector, envelope: Envelope) -> Array:
         """Largest ratio of the led error y to its allowed share of the envelope."""
