@@ -50,7 +50,7 @@ class MujocoArm:
         mujoco.mj_step(self.model, self.data, SUBSTEPS)
 
     def log(self, motion: Any, pd: tuple[float, float], rng: np.random.Generator) -> np.ndarray:
-        """Time, positions and torques [N 1+2n] under a PD law along a motion, as encoders and torque sensors show them."""
+        """Time, positions and torques [N 1+2n] under a PD law along a motion, as the arm's sensors show them."""
         times = np.arange(0.0, float(motion.times[-1]), self.period)
         q_d, dq_d, *_ = Pieces.of(motion).at(times)
         self.reset(q_d[0])
