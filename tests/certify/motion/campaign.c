@@ -20,17 +20,16 @@ enum { ERROR, VELOCITY, TORQUE, STEP, ESTIMATE, KINDS };
 
 typedef struct {
     double worst[KINDS];  /* largest ratio to the bound */
-    double alarm, left;   /* first time that |w^| passes `alarms`, and that the error passes `allowed`; -1: never */
-    double margin;        /* largest ratio of |w^| to `alarms` before `left` */
+    double alarm, left;   /* first time that the law's monitor warns, and that the error passes `allowed`; -1: never */
     uint32_t status;      /* all bits of the steps */
     int rejected;
 } outcome_t;
 
 /* desired: [(slots + 1) * sub + 1][2][J] at substeps. patterns: [.][slots * sub][J], signs.
-   bounds: [slots][KINDS][J]. held: [J], torque before the first command. alarms: [slots][J]. */
+   bounds: [slots][KINDS][J]. held: [J], torque before the first command. allowed: [J]. */
 void campaign(const arm_t *members, int runs, const choice_t *choices, double h, int delay, int slots, int sub,
               const double *desired, const int8_t *patterns, const double *resolution, const double *bounds,
-              const double *held, const double *alarms, const double *allowed, outcome_t *outcomes) {
+              const double *held, const double *allowed, outcome_t *outcomes) {
     slidax_law_parameters parameters;
     static slidax_law_state state;
     slidax_law_parameters_default(&parameters);
@@ -60,17 +59,16 @@ void campaign(const arm_t *members, int runs, const choice_t *choices, double h,
                 reference.q[i] = now[i]; reference.dq[i] = now[J + i];
                 reference.q_next[i] = next[i]; reference.dq_next[i] = next[J + i];
             }
-            out->status |= slidax_law_step(&measured, &reference, &state, &parameters, &command);
+            uint32_t status = slidax_law_step(&measured, &reference, &state, &parameters, &command);
+            out->status |= status;
+            if ((status & SLIDAX_LAW_PROMISE_VOID) && out->alarm < 0) out->alarm = k * h;
             out->rejected += command.rejected > 0;
             for (int i = 0; i < J; i++) {
-                double w = fabs(command.disturbance[i]) / alarms[(size_t)k * J + i];
                 out->worst[TORQUE] = fmax(out->worst[TORQUE], fabs(command.tau[i]) / bound[TORQUE * J + i]);
                 out->worst[STEP] = fmax(out->worst[STEP], fabs(command.tau[i] - last[i]) / bound[STEP * J + i]);
                 out->worst[ESTIMATE] =
                     fmax(out->worst[ESTIMATE], fabs(command.disturbance[i]) / bound[ESTIMATE * J + i]);
                 last[i] = command.tau[i];
-                if (w > 1 && out->alarm < 0) out->alarm = k * h;
-                if (out->left < 0) out->margin = fmax(out->margin, w);
             }
             for (int s = 0; s < sub; s++) {
                 const double *ref = now + (size_t)s * 2 * J;

@@ -27,7 +27,10 @@ KINDS = ("error", "velocity", "torque", "step", "estimate")
 SUB = 2
 PATTERNS = 24
 
-REJECTED, LIMITED = 256, 32
+AFTER = 0.1
+"""s: time at rest after the motion that is run."""
+
+REJECTED, LIMITED, VOID = 256, 32, 128
 """Bits of the exported step's status."""
 
 Draw = Callable[[Chain, np.random.Generator], Chain]
@@ -70,6 +73,7 @@ class Target:
             "estimate": certified.bounds.outputs["estimate"],
         }
         bounds = np.repeat(np.stack([values[name] for name in KINDS], axis=1), certified.path.cells.per_cell, axis=0)
+        bounds = bounds[: int((float(motion.times[-1]) + AFTER) / law.loop.period)]
         reference = desired(motion, law.loop.period, len(bounds), SUB, 0)
         return cls(law, certified, answer, np.ascontiguousarray(bounds), reference, library)
 
@@ -129,7 +133,6 @@ class Target:
         members: list[Chain],
         choices: np.ndarray,
         patterns: np.ndarray,
-        alarms: np.ndarray | None = None,
         allowed: Any = np.inf,
     ) -> np.ndarray:
         """Run all choices; the outcomes as in campaign.c."""
@@ -143,7 +146,6 @@ class Target:
             "resolution": resolution,
             "bounds": self.bounds,
             "held": np.ascontiguousarray(self.held),
-            "alarms": np.ascontiguousarray(self.bounds[:, 4] if alarms is None else alarms),
             "allowed": np.broadcast_to(np.asarray(allowed, float), n).copy(),
         }
         pointers = {name: values.ctypes.data_as(ctypes.c_void_p) for name, values in arrays.items()}
@@ -160,17 +162,29 @@ class Target:
             pointers["resolution"],
             pointers["bounds"],
             pointers["held"],
-            pointers["alarms"],
             pointers["allowed"],
             outcomes.ctypes.data_as(ctypes.c_void_p),
         )
         return outcomes
 
-    def attack(self, rng: np.random.Generator, draw: Draw, runs: int, members: int = 64) -> np.ndarray:
-        """Run members of the set under what is drawn for each run."""
-        nominal = Chain.of(self.law.arm)
-        arms = [draw(nominal, rng) for _ in range(members)]
-        return self.run(arms, self.choices(rng, runs, members), self.patterns(rng))
+    def attack(
+        self,
+        rng: np.random.Generator,
+        draw: Draw,
+        runs: int,
+        members: int = 64,
+        allowed: Any = np.inf,
+        larger: tuple[float, float] = (1.0, 1.0),
+    ) -> np.ndarray:
+        """Run members of the set under what is drawn for each run.
+
+        - `larger`: range of a factor on friction and disturbance.
+        """
+        nominal, choices = Chain.of(self.law.arm), self.choices(rng, runs, members)
+        factor = rng.uniform(*larger, size=(runs, 1))
+        choices["coulomb"] *= factor
+        choices["push"] *= factor
+        return self.run([draw(nominal, rng) for _ in range(members)], choices, self.patterns(rng), allowed)
 
 
 def choice_type(n: int) -> np.dtype:
@@ -184,7 +198,6 @@ OUTCOME = np.dtype(
         ("worst", float, len(KINDS)),
         ("alarm", float),
         ("left", float),
-        ("margin", float),
         ("status", np.uint32),
         ("rejected", np.int32),
     ]

@@ -1,14 +1,17 @@
 """Attacked runs of exported laws, from the scenario file to the C code, against every line of the verdict."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+import slidax as sx
+from slidax.certify.motion.admission import monitor_setting
 from slidax.motions.tabulated import Tabulated
 
-from .campaign import KINDS, LIMITED, REJECTED, Draw, Target, chain_urdf, compiled, scenario_of
+from .campaign import KINDS, LIMITED, REJECTED, VOID, Draw, Target, chain_urdf, compiled, scenario_of
 from .cases import Members, identified
 from .plant import Chain
 from .test_tracking_bound import of_the_ellipsoid
@@ -131,7 +134,7 @@ class Case:
 
     def target(self, rng: np.random.Generator, allowed: Any = None) -> Target:
         """A random motion as fast as one that is admitted."""
-        for share in 0.75 ** np.arange(16):
+        for share in 0.7 ** np.arange(3 if self.scenario.controller.joints > 3 else 0, 16):
             target = Target.of(self.scenario, motion_of(self.scenario, rng, share), self.library, allowed)
             if target is not None:
                 return target
@@ -183,3 +186,58 @@ def test_no_long_attack_on_an_exported_law_passes_a_line_of_its_verdict(name: st
         assert_every_line_holds(target, outcomes)
         worst = np.maximum(worst, outcomes["worst"].max(axis=0))
     print(f"{name}: {MOTIONS * RUNS} runs, largest share of", dict(zip(KINDS, worst.round(3).tolist(), strict=True)))
+
+
+MONITORED = "scheme.sampled_data.monitor"
+
+WITHIN = 0.003
+"""rad or m: largest error that is allowed along the motions of the monitored law."""
+
+
+def monitored(name: str, folder: Path, motions: int, rng: np.random.Generator) -> tuple[Case, list[Target]]:
+    """A case whose law has the monitor for some admitted motions, and these motions."""
+    case = Case(name, folder)
+    targets = [case.target(rng, WITHIN) for _ in range(motions)]
+    setting = monitor_setting([target.answer for target in targets])
+    library = compiled(sx.scenarios.load(str(folder / "scenario.yaml"), {MONITORED: setting}), folder / "monitored")
+    return case, [replace(target, library=library) for target in targets]
+
+
+def outside(case: Case, target: Target, rng: np.random.Generator, runs: int) -> np.ndarray:
+    """Runs of arms that are heavier by up to a payload nobody knows of, with more friction and disturbance."""
+
+    def draw(nominal: Chain, rng: np.random.Generator) -> Chain:
+        bodies = nominal.bodies.copy()
+        last = bodies[nominal.carrier == nominal.carrier.max()].sum(axis=0)
+        bodies[-1] += rng.uniform(0.0, 2.0) * last
+        return Chain(**{**vars(nominal.member(rng, 0.1)), "bodies": bodies})
+
+    return target.attack(rng, draw, runs, allowed=WITHIN, larger=(1.0, 30.0))
+
+
+def assert_monitor_follows_the_theorem(case: Case, targets: list[Target], inside: int, without: int) -> None:
+    rng = np.random.default_rng(6)
+    alarms = [target.attack(rng, case.draw(target), inside // len(targets))["status"] & VOID for target in targets]
+    assert not np.concatenate(alarms).any()
+    outcomes = np.concatenate([outside(case, target, rng, without // len(targets)) for target in targets])
+    left = outcomes[outcomes["left"] >= 0.0]
+    warned = (left["alarm"] >= 0.0) & (left["alarm"] <= left["left"])
+    early = 1e3 * np.median((left["left"] - left["alarm"])[warned])
+    print(
+        f"{case.name}: {inside} runs inside, no alarm; {len(outcomes)} outside, {len(left)} left, "
+        f"{int(warned.sum())} warned before, by {early:.0f} ms in the median"
+    )
+    assert len(left) > 0.1 * len(outcomes)
+    assert warned.mean() >= 0.95
+
+
+def test_monitor_of_admitted_motions_alarms_outside_of_the_set_alone(tmp_path: Path) -> None:
+    case, targets = monitored("3", tmp_path, 2, np.random.default_rng(5))
+    assert_monitor_follows_the_theorem(case, targets, 200, 200)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("name", ["2", "panda"])
+def test_monitor_of_admitted_motions_never_alarms_in_many_runs_of_the_set(name: str, tmp_path: Path) -> None:
+    case, targets = monitored(name, tmp_path, 5, np.random.default_rng(5))
+    assert_monitor_follows_the_theorem(case, targets, 10_000, 1000)
