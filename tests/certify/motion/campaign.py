@@ -63,7 +63,9 @@ class Target:
         answer = admit(law, motion, allowed=allowed, slow_down=False)
         if not answer.admitted:
             return None
-        certified = certified_path(law.arm, motion, law.loop, law.uncertainty, bodies=law.bodies)
+        certified = certified_path(
+            law.arm, motion, law.loop, law.uncertainty, bodies=law.bodies, hand_over=law.hand_over
+        )
         drives = drive_bounds(law.arm, motion, certified.solution)
         values = {
             "error": certified.bounds.error,
