@@ -13,7 +13,16 @@ import typer
 from .arm import excite, identify, new
 from .catalogue import list_, schema, studio
 from .demo import demo, reproduce
-from .export import export_c, export_fmu, export_franka, export_micro, export_ros2, export_ur, export_web
+from .export import (
+    export_c,
+    export_can,
+    export_fmu,
+    export_franka,
+    export_micro,
+    export_ros2,
+    export_ur,
+    export_web,
+)
 from .law import admit, certify, design, linear
 from .run import compare, explain, loop, replay, run
 from .study import benchmark, study
@@ -55,6 +64,9 @@ export.command("c", epilog="Example:  slidax export c example-4.1-1khz --out law
 export.command("fmu", epilog="Example:  slidax export fmu example-4.1-1khz --out law.fmu")(export_fmu)
 export.command("micro", epilog="Example:  slidax export micro example-4.1-1khz --float --out law")(export_micro)
 export.command("franka", epilog="Example:  slidax export franka panda-payload --out franka")(export_franka)
+export.command("can", epilog="Example:  slidax export can my-arm.yaml --motors DM8009,DM4340,DM4310 --out can")(
+    export_can
+)
 export.command("ur", epilog="Example:  slidax export ur ur5e-payload --out ur")(export_ur)
 export.command("ros2", epilog="Example:  slidax export ros2 panda-payload --gravity robot --out ros2")(export_ros2)
 export.command("web", epilog="Example:  slidax export web panda-payload --with printed --out site")(export_web)

@@ -69,6 +69,20 @@ def export_ur(
     _export("ur", "slidax.export.robots", scenario, changes, out, arm, name=name, single=single)
 
 
+def export_can(
+    scenario: Named,
+    out: Folder,
+    motors: Annotated[str, typer.Option(help="Comma-separated, for each joint, such as DM8009,DM4340,DM4310.")],
+    name: LawName = None,
+    single: Floats = False,
+    changes: Changes = None,
+) -> None:
+    """Export the law as a program for CAN motors with MIT mode (Damiao): Python for python-can, and the frames in C."""
+    names = [each.strip() for each in motors.split(",")]
+    options = {"motors": names, "name": name, "single": single}
+    _export("can", "slidax.export.can_motors", scenario, changes, out, "for CAN motors", **options)
+
+
 def export_ros2(
     scenario: Named,
     out: Annotated[Path, typer.Option(help="Folder of the package.")],

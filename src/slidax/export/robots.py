@@ -385,17 +385,23 @@ def write_onboard(
     out: Path,
     programs: Mapping[str, Callable[..., Any]] | None = None,
     names: Sequence[str] = (),
+    sources: Sequence[str] = (),
+    more: Mapping[str, Any] | None = None,
 ) -> None:
     """Write reference, checks and their Python binding to `out`; the step is already in its folder `law`.
 
     - `programs`: more Python programs by file name, each by a function or class of its module.
     - `names`: joint names, for programs that address joints by name.
+    - `sources`: more C sources, each with its header, without the law's prefix.
+    - `more`: more values for `law.json`.
 
     Raises DefinitionError if the folder cannot be written.
     """
     folder = out / "law"
-    write_files(exported, folder, {f"onboard/{name}.j2": f"{{prefix}}_{name}" for name in C_FILES}, o=limits)
-    law = describe_structures(exported, limits) | ({"names": list(names)} if names else {})
+    c_files = (*C_FILES, *(f"{name}.{ending}" for name in sources for ending in ("c", "h")))
+    write_files(exported, folder, {f"onboard/{name}.j2": f"{{prefix}}_{name}" for name in c_files}, o=limits)
+    law = describe_structures(exported, limits) | ({"names": list(names)} if names else {}) | dict(more or {})
+    law["sources"] += [f"_{name}" for name in sources]
     files: dict[str, Any] = {f"{_stem(part)}.py": part for part in (Pilot, MotionLog, load_law, rehearse)}
     with writing(out):
         write_text(folder / "law.json", json.dumps(law, indent=1) + "\n")
