@@ -1,7 +1,8 @@
-"""From a pure JAX function to C99, to machine code, to a CUDA kernel and to WebAssembly.
+"""Compile a pure JAX function to C99, machine code, a CUDA kernel or WebAssembly.
 
-`trace` makes a `Program` of the function. `c_code` and `cuda_code` print it, and `compile` makes machine code of it.
-All of them write elementary functions out in exactly rounded operations, so that each target gives the same bits.
+`trace` converts the function to a `Program`. `c_code` and `cuda_code` print it as source, and `compile` compiles it to
+machine code. Elementary functions are expanded into correctly rounded operations, so that the results of machine code,
+CUDA and WebAssembly are bitwise equal.
 
 Read first: `ir.py`, then `trace/tracing.py`, `c/functions.py` and `llvm/kernel.py`.
 """

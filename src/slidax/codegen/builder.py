@@ -33,7 +33,7 @@ def _needed_values(program: Program) -> set[Value]:
 
 
 def _needs_of(value: Value) -> Iterable[Value]:
-    """Direct needs of a needed value."""
+    """Return the values that a needed value directly depends on."""
     if value.op == "param":
         loop = value.region.owner
         assert isinstance(loop, Loop)
@@ -62,18 +62,18 @@ def _blocks_around(value: Value) -> tuple[Value, ...]:
 
 def _drop(region: Region, needed: set[Value]) -> None:
     region.values = [value for value in region.values if value in needed]
-    places: dict[Value, dict[int, int]] = {}
+    indices: dict[Value, dict[int, int]] = {}
     for value in region.values:
-        if value.op == "result" and value.args[0] in places:
-            value.data = places[value.args[0]][value.data]
+        if value.op == "result" and value.args[0] in indices:
+            value.data = indices[value.args[0]][value.data]
         elif isinstance(value, Loop):
-            places[value] = _drop_carried(value, needed)
+            indices[value] = _drop_carried(value, needed)
         elif isinstance(value, Branch):
             left = {r.data for r in region.values if r.op == "result" and r.args[0] is value}
             kept = sorted(left)
             value.yes = tuple(value.yes[k] for k in kept)
             value.no = tuple(value.no[k] for k in kept)
-            places[value] = {k: place for place, k in enumerate(kept)}
+            indices[value] = {k: index for index, k in enumerate(kept)}
         for inner in regions(value):
             _drop(inner, needed)
 
@@ -83,10 +83,9 @@ def _drop_carried(loop: Loop, needed: set[Value]) -> dict[int, int]:
     loop.args = tuple(loop.args[k] for k in kept)
     loop.following = tuple(loop.following[k] for k in kept)
     loop.params = tuple(loop.params[k] for k in kept)
-    places = {k: place for place, k in enumerate(kept)}
-    for place, param in enumerate(loop.params):
-        param.data = place
-    return places
+    for index, param in enumerate(loop.params):
+        param.data = index
+    return {k: index for index, k in enumerate(kept)}
 
 
 Values = np.ndarray
@@ -105,8 +104,8 @@ LARGEST_CODE = 400_000
 class Builder:
     """Builder of one program.
 
-    An operation that the same region, or one around it, already has is not built again. In a loop, a value is placed
-    outside if none of its arguments changes there. No value is moved out of a branch, as it may be expensive.
+    An operation that already exists in the same region or a surrounding one is reused. A value is placed outside a loop
+    if none of its arguments changes inside. No value is moved out of a branch, since it may be expensive.
 
     - `origin`: origin of every value built from now on.
     """
@@ -169,8 +168,8 @@ class Builder:
     def apply(self, op: str, *args: Value, type: Type | None = None, data: Any = None) -> Value:
         """Return the simplified value of an operation.
 
-        - `op`, `args`, `data`: see `slidax.codegen.ir`.
-        - `type`: of the result; None: that of the last argument, or b1 for comparisons.
+        - `op`, `args`, `data`: as in `Value`.
+        - `type`: type of the result; None: that of the last argument, or b1 for comparisons.
         """
         if type is None:
             type = "b1" if op in COMPARISONS else args[-1].type
@@ -179,7 +178,7 @@ class Builder:
         simpler = fold_operation(self, op, type, args)
         if simpler is not None:
             return simpler
-        region = self._place(args)
+        region = self._region_for(args)
         key = (op, type, data, *[arg.number for arg in args])
         return self._known(region, key, op, type, args, data)
 
@@ -233,7 +232,7 @@ class Builder:
         _require_types(block.yes, block.no)
         self.region.values.append(block)
         results = self._results(block, block.yes)
-        # A value that both sides leave does not depend on the branch.
+        # A value that both sides return does not depend on the branch.
         return [yes if yes is no else result for yes, no, result in zip(block.yes, block.no, results, strict=True)]
 
     def call(self, program: Program, args: Sequence[Value]) -> list[Value]:
@@ -242,7 +241,7 @@ class Builder:
         - `program`: the function, without logged outputs.
         - `args`: elements of its inputs, one input after the other.
         """
-        region = self._place(tuple(args))
+        region = self._region_for(tuple(args))
         key = ("call", id(program), *[arg.number for arg in args])
         around: Region | None = region
         while around is not None and key not in around.known:
@@ -265,7 +264,7 @@ class Builder:
     # ---- inside -----------------------------------------------------------------------------------------------------
 
     def _decided(self, when: Value) -> bool | None:
-        """Value of a condition here, if a surrounding branch has it as its own condition."""
+        """Return the known value of a condition here, if it is the condition of a surrounding branch."""
         region: Region | None = self.region
         while region is not None:
             block = region.owner
@@ -300,7 +299,7 @@ class Builder:
         region.known[key] = value
         return value
 
-    def _place(self, args: tuple[Value, ...]) -> Region:
+    def _region_for(self, args: tuple[Value, ...]) -> Region:
         region = self.region
         while region.kind in ("head", "body"):
             # A value of the body that depends on carried values stays there: the head runs once more than the body.

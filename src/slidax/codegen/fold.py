@@ -24,7 +24,7 @@ DTYPES: dict[str, Any] = {
 }
 """NumPy dtype of each type."""
 
-# Without exp, log and other elementary functions: NumPy's last digits differ between machines.
+# Without exp, log and other elementary functions, whose last digits in NumPy differ between machines.
 _COMPUTE: dict[str, Callable[..., Any]] = {
     "add": np.add,
     "sub": np.subtract,
@@ -52,7 +52,7 @@ _EQUAL_GIVES = {"eq": True, "le": True, "ge": True, "ne": False, "lt": False, "g
 
 
 def fold_operation(builder: Builder, op: str, type: Type, args: tuple[Value, ...]) -> Value | None:
-    """Return the simpler value of an operation, or None if there is none."""
+    """Return a simpler value that equals the operation, or None if there is none."""
     if op == "select" and args[0].op == "const":
         return args[1] if args[0].data else args[2]
     if args and all(arg.op == "const" for arg in args):
@@ -95,8 +95,8 @@ def _shift(op: str, type: Type, number: int, distance: int) -> Number:
     bits = np.iinfo(DTYPES[type]).bits
     if not 0 <= distance < bits:
         return -1 if op == "sar" and number < 0 else 0
-    whole = number if op == "sar" else number & ((1 << bits) - 1)
-    return convert_number(whole >> distance if op != "shl" else whole << distance, "u64", type)
+    operand = number if op == "sar" else number & ((1 << bits) - 1)
+    return convert_number(operand >> distance if op != "shl" else operand << distance, "u64", type)
 
 
 def convert_number(number: Number, source: Type, target: Type) -> Number:

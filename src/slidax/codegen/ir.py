@@ -38,13 +38,13 @@ ELEMENTARY = [
     "erf_inv",
     "cbrt",
 ]
-"""Functions without an instruction on any processor: printed as calls, or lowered beforehand."""
+"""Functions without a processor instruction: printed as calls, or expanded first."""
 
 BLOCKS = frozenset({"loop", "branch"})
 """Operations that hold regions."""
 
 PLACED = frozenset({"const", "input", "param", "result"})
-"""Operations whose value has a place in memory already."""
+"""Operations whose value is already in memory."""
 
 Number = float | int | bool
 
@@ -52,16 +52,16 @@ Number = float | int | bool
 class Region:
     """A list of values that are computed one after the other.
 
-    - `kind`: "whole", "head" or "body" of a loop, or a side of a "branch", which may not be computed.
-    - `parent`: surrounding region; None for the whole.
-    - `owner`: the block that it belongs to; None for the whole.
-    - `values`: in order.
+    - `kind`: "program", "head" or "body" of a loop, or "branch" for a side of a branch, which may be skipped.
+    - `parent`: surrounding region; None for the outermost.
+    - `owner`: the block that contains it; None for the outermost.
+    - `values`: values in order of computation.
     - `known`: values by operation and arguments, for the builder.
     """
 
     __slots__ = ("kind", "known", "owner", "parent", "values")
 
-    def __init__(self, kind: Literal["whole", "head", "body", "branch"], parent: Region | None) -> None:
+    def __init__(self, kind: Literal["program", "head", "body", "branch"], parent: Region | None) -> None:
         self.kind = kind
         self.parent = parent
         self.owner: Value | None = None
@@ -69,7 +69,7 @@ class Region:
         self.known: dict[Any, Value] = {}
 
     def within(self, other: Region) -> bool:
-        """True if this region is the other one or lies inside it."""
+        """True if this region is the other one or inside it."""
         region: Region | None = self
         while region is not None:
             if region is other:
@@ -81,10 +81,14 @@ class Region:
 class Value:
     """One operation and its result.
 
-    - `op`, `type`, `args`, `data`: see the table above.
-    - `region`: where it is computed.
+    - `op`: name of the operation, such as "add", "const", "input", "load" or "loop".
+    - `type`: type of the result.
+    - `args`: operands.
+    - `data`: the number of a constant, the input's index and the element of an "input", the input's index of a "load",
+      the output's index of a "store", the index of a carried value or a result; None for most operations.
+    - `region`: region in which it is computed.
     - `number`: unique, increasing in the order of construction.
-    - `origin`: place in the source, in the tracer's own form.
+    - `origin`: source location, as the tracer records it.
     """
 
     __slots__ = ("args", "data", "number", "op", "origin", "region", "type")
@@ -128,7 +132,7 @@ class Branch(Value):
     """`yes if args[0] else no`; only one side is computed.
 
     - `then`, `otherwise`: regions of the sides.
-    - `yes`, `no`: values that each side leaves.
+    - `yes`, `no`: values that each side returns.
     """
 
     __slots__ = ("no", "otherwise", "then", "yes")
@@ -139,7 +143,7 @@ class Branch(Value):
 
 
 class Call(Value):
-    """A call of a function: a program of its own, shared by many calls.
+    """A call of a function, a separate program that many calls share.
 
     - `program`: the function, without logged outputs. The call's `args` are the elements of its inputs, one input after
       the other, and its results the elements of its outputs likewise.
@@ -171,8 +175,8 @@ class Input:
 class Output:
     """Array that a program writes.
 
-    - `shape`: of one row, if it is logged.
-    - `values`: in C order; None if it is logged, written row by row by `store`.
+    - `shape`: shape of the array, or of one row if it is logged.
+    - `values`: elements in C order; None if it is logged, which means that `store` writes it row by row.
     """
 
     name: str
@@ -197,7 +201,7 @@ class Program:
 
     inputs: list[Input] = field(default_factory=list)
     outputs: list[Output] = field(default_factory=list)
-    body: Region = field(default_factory=lambda: Region("whole", None))
+    body: Region = field(default_factory=lambda: Region("program", None))
     name: str = ""
     arrays: list[tuple[Value, ...]] = field(default_factory=list)
 
@@ -226,7 +230,7 @@ def walk(region: Region) -> Iterator[Value]:
 
 
 def regions(value: Value) -> tuple[Region, ...]:
-    """Return the regions of a block, none for other values. A loop's body lies in its head."""
+    """Return the regions of a block, none for other values. A loop's body is inside its head."""
     if isinstance(value, Loop):
         return (value.head, value.body)
     if isinstance(value, Branch):
@@ -235,7 +239,7 @@ def regions(value: Value) -> tuple[Region, ...]:
 
 
 def uses(value: Value) -> tuple[Value, ...]:
-    """Return all values that a value needs: its arguments, and the values that its regions leave."""
+    """Return all values that a value needs: its arguments, and the values that its regions return."""
     if isinstance(value, Loop):
         return (*value.args, value.condition, *value.following)
     if isinstance(value, Branch):
@@ -252,9 +256,9 @@ def digest(program: Program) -> str:
     for output in program.outputs:
         values = None if output.values is None else [numbers[value] for value in output.values]
         lines.append(f"{output.name} {output.type} {output.shape} {values}")
-    whole = hashlib.sha256("\n".join(lines).encode())
-    whole.update(_sources())
-    return whole.hexdigest()
+    sha = hashlib.sha256("\n".join(lines).encode())
+    sha.update(_sources())
+    return sha.hexdigest()
 
 
 def _describe(region: Region, numbers: dict[Value, int], lines: list[str]) -> None:
@@ -285,20 +289,20 @@ def _describe(region: Region, numbers: dict[Value, int], lines: list[str]) -> No
 
 @functools.cache
 def _sources() -> bytes:
-    """Digest of this package's sources: cached code is invalid once its printer changes."""
-    whole = hashlib.sha256()
+    """Return a digest of this package's sources, since a change of the code generator invalidates cached code."""
+    sha = hashlib.sha256()
     for path in sorted(Path(__file__).parent.rglob("*.py")):
-        whole.update(path.read_bytes())
-    return whole.digest()
+        sha.update(path.read_bytes())
+    return sha.digest()
 
 
 class NoNativeCodeError(DefinitionError):
-    """A function uses an operation without native code; JAX itself may well run it."""
+    """A function uses an operation without native code; JAX itself may be able to run it."""
 
 
 @contextmanager
 def as_native_code_error(what: Callable[[], str]) -> Iterator[None]:
-    """Turn every failure inside into a NoNativeCodeError; a DefinitionError passes.
+    """Convert every error in the block except DefinitionError to a NoNativeCodeError.
 
     - `what`: name of the object, for the message.
 

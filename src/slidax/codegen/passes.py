@@ -11,7 +11,7 @@ from .builder import Builder
 from .ir import ELEMENTARY, FLOATS, Branch, Call, Loop, Output, Program, Region, Value
 
 Replace = Callable[[Builder, Value, tuple[Value, ...]], Value | None]
-"""From the builder, a value of the old program and its new arguments to the new value; None copies the value."""
+"""Map the builder, a value of the old program and its new arguments to the new value; None copies the value."""
 
 
 def rebuild(program: Program, replace: Replace) -> Program:
@@ -25,9 +25,9 @@ def rebuild(program: Program, replace: Replace) -> Program:
 
 
 class Rebuilding:
-    """State of a copy.
+    """A copy in progress.
 
-    - `program`, `replace`: see `rebuild`.
+    - `program`, `replace`: as in `rebuild`.
     - `functions`: new functions, by the `id` of the old ones.
     """
 
@@ -127,9 +127,9 @@ def fuse(program: Program) -> Program:
 def fuse_products() -> Replace:
     """Return the replacement for `rebuild` that fuses products into sums and differences.
 
-    A product is fused if it stands in the region of the sum; one outside the loop is computed already. Other users of
-    the product do not matter, so that a run rounds alike whatever it logs. With two products, their order alone decides
-    which is fused, so that every target rounds alike.
+    A product is fused if it is in the same region as the sum; a product outside the loop is already computed. Other
+    users of the product do not matter, so that logging does not change the rounding. If a sum has two products, only
+    their order decides which one is fused, so that all targets round equally.
     """
 
     def replace(builder: Builder, value: Value, args: tuple[Value, ...]) -> Value | None:
@@ -159,7 +159,7 @@ FREE = frozenset({"const", "input", "param", "result", "copy", "bitcast"})
 class OperationCount(NamedTuple):
     """Largest number of operations of a program.
 
-    - `operations`: additions, products, comparisons, choices, elementary functions and so on.
+    - `operations`: additions, products, comparisons, selections, elementary functions and so on.
     - `elementary`: elementary functions among them.
     """
 
@@ -196,7 +196,7 @@ def count_iterations(loop: Loop) -> int | None:
 
 
 def _all_of(condition: Value) -> Iterator[Value]:
-    """Conditions that must all hold."""
+    """Yield the conditions that must all hold."""
     if condition.op == "and":
         for part in condition.args:
             yield from _all_of(part)
@@ -246,6 +246,6 @@ def _of_value(value: Value) -> OperationCount | None:
         then, otherwise = _of_region(value.then), _of_region(value.otherwise)
         if then is None or otherwise is None:
             return None
-        # Each count by itself: the side with more operations may have fewer elementary functions.
+        # Each count has its own maximum: the side with more operations may have fewer elementary functions.
         return OperationCount(1, 0) + OperationCount(*map(max, then, otherwise))
     return OperationCount(1, int(value.op in ELEMENTARY))

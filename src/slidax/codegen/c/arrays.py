@@ -1,4 +1,4 @@
-"""Arrays and loops in place of single variables and statements."""
+"""Replace single variables and statements by arrays and loops."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .writer import LETTERS
 
 
 class Arrays:
-    """Arrays of a function.
+    """Arrays of a C function.
 
     - `taken`: names in use.
     """
@@ -38,7 +38,7 @@ class Arrays:
         return name
 
     def _place_elements(self, statements: list[Statement]) -> None:
-        """Place values that the source computes as an array in one array."""
+        """Store values that the source computes as one array in a C array."""
         arrays: defaultdict[tuple[int, str], list[Statement]] = defaultdict(list)
         for statement in statements:
             if statement.line.element is not None:
@@ -71,7 +71,7 @@ class Arrays:
         self.single |= {group.lanes[0].name: group for group in groups if group.target is None}
 
     def _regroup(self, groups: list[Group], kind: Callable[[Statement], object]) -> list[Group]:
-        """Group single statements again; one loop may compute statements with one `kind` other than None."""
+        """Group single statements again; statements with an equal `kind` other than None may share a loop."""
         alike: defaultdict[object, list[Statement]] = defaultdict(list)
         for group in groups:
             if group.target is None and kind(group.lanes[0]) is not None:
@@ -87,7 +87,7 @@ class Arrays:
         return groups
 
     def _arrays_of(self, statement: Statement) -> object:
-        """Equal for statements on elements of the same arrays, from any operation of the source."""
+        """Return a key that is equal for statements on elements of the same arrays."""
         if statement.name not in self.stored:
             return None
         words = (self.read(word) for word in (statement.name, *statement.piece.operands))
@@ -97,7 +97,7 @@ class Arrays:
         return Group([lane], self.stored[lane.name][0] if lane.name in self.stored else "")
 
     def _gather(self, lanes: list[Statement]) -> None:
-        """Place single values in an array, where a loop would read one in each iteration."""
+        """Store single values in an array if a loop would read one in each iteration."""
         for column in zip(*(lane.piece.operands for lane in lanes), strict=True):
             alone = [word for word in column if word in self.single and word not in self.stored]
             if len(set(column)) < len(column) or not alone:
@@ -105,16 +105,16 @@ class Arrays:
             type = self.single[alone[0]].lanes[0].type
             if any(self.single[word].lanes[0].type != type for word in alone):
                 continue
-            places = self._free_places(column, alone)
-            if places is None:
+            elements = self._free_elements(column, alone)
+            if elements is None:
                 continue
-            for word, place in zip(column, places, strict=True):
+            for word, element in zip(column, elements, strict=True):
                 if word in alone:
-                    self.stored[word] = place
-                    self.single[word].array = place[0]
+                    self.stored[word] = element
+                    self.single[word].array = element[0]
 
-    def _free_places(self, column: Sequence[str], alone: list[str]) -> list[tuple[str, int]] | None:
-        """Places for the single values of a column next to its other values; None if there are none."""
+    def _free_elements(self, column: Sequence[str], alone: list[str]) -> list[tuple[str, int]] | None:
+        """Return free array elements for a column's single values, next to its other values; None if there are none."""
         if len(alone) == len(column):
             array = self.new_name(column[0])
             return [(array, k) for k in range(len(column))]
@@ -123,11 +123,12 @@ class Arrays:
             return None
         (k, (array, at)), (other, (_, end)) = known[0], known[-1]
         step = (end - at) // (other - k)
-        places = [(array, at + (n - k) * step) for n in range(len(column))]
+        elements = [(array, at + (n - k) * step) for n in range(len(column))]
         taken = set(self.stored.values())
-        if any(place[1] < 0 for place in places) or any(places[n] != place for n, place in known):
+        if any(index < 0 for _, index in elements) or any(elements[n] != element for n, element in known):
             return None
-        return places if not any(place in taken for n, place in enumerate(places) if column[n] in alone) else None
+        is_taken = any(element in taken for n, element in enumerate(elements) if column[n] in alone)
+        return None if is_taken else elements
 
     def _split(self, lanes: list[Statement]) -> list[Group]:
         """Split statements of one kind into the fewest groups, of every first, second or third statement."""
@@ -139,7 +140,7 @@ class Arrays:
                 groups += self._in_runs(lanes[offset::step])
             if not best or len(groups) < len(best):
                 best = groups
-        # The rows of a matrix follow each other in its array.
+        # The rows of a matrix are contiguous in its array.
         array, start = "", 0
         for group in best:
             if group.target is not None and not group.array:
@@ -154,7 +155,7 @@ class Arrays:
         groups = []
         k = 0
         while k < len(lanes):
-            # Places that are chosen already must follow a rule as well.
+            # Elements that are already chosen must follow a rule as well.
             placed = [lane.name in self.stored for lane in lanes[k:]]
             alike = next((n for n, known in enumerate(placed) if known != placed[0]), len(placed))
             names = [(lane.name,) if placed[0] else () for lane in lanes[k : k + alike]]
@@ -173,14 +174,14 @@ class Arrays:
 
 
 Where = Callable[[str], str]
-"""From an operand's name to the C text that reads it."""
+"""Map an operand's name to the C text that reads it."""
 
 ZEROS = frozenset({"0.0", "0.0f", "0", "false"})
 """Numbers whose bits are all zero."""
 
 
 class AssignmentRun:
-    """Assignments that one loop makes, or a single assignment.
+    """Assignments that one loop performs, or a single assignment.
 
     - `lanes`: the assignments, in order.
     - `at`: rules for target and operands; empty for a single assignment.
@@ -195,7 +196,7 @@ class AssignmentRun:
 
     @property
     def is_block_move(self) -> bool:
-        """True if it copies a part of an array to another one, or sets it to zero."""
+        """True if the run copies a part of an array to another one, or sets it to zero."""
         return (
             bool(self.at) and self.at[0].step == 1 and self.lanes[0].piece.template == "\0" and self._has_flat_source()
         )
@@ -210,13 +211,13 @@ class AssignmentRun:
         return source.step == 1 and (source.array != self.at[0].array or not self._overlaps())
 
     def _overlaps(self) -> bool:
-        return any(place in read for place in self.writes for read in self.reads)
+        return any(written in read for written in self.writes for read in self.reads)
 
 
 def runs_of(statements: Sequence[Statement], stored: Stored, where: Where) -> list[AssignmentRun]:
-    """Return runs of assignments, in an order in which they can be made.
+    """Return runs of assignments, in a valid order.
 
-    A loop has only one assignment: compilers do not vectorise several.
+    A loop has only one assignment, since compilers do not vectorise several.
 
     - `stored`: values that have become elements of arrays.
     - `where`: C text that reads an operand.
@@ -231,12 +232,12 @@ def runs_of(statements: Sequence[Statement], stored: Stored, where: Where) -> li
 
 
 def _element(word: str) -> int:
-    """Index of an element in its array."""
+    """Return the index of an element in its array."""
     return int(word.partition("[")[2][:-1]) if word[-1] == "]" else 0
 
 
 def _split(statements: Sequence[Statement], stored: Stored, where: Where) -> list[AssignmentRun]:
-    """Runs of statements, in their order."""
+    """Return runs of statements, in their order."""
     runs: list[AssignmentRun] = []
     k = 0
     while k < len(statements):
@@ -245,7 +246,7 @@ def _split(statements: Sequence[Statement], stored: Stored, where: Where) -> lis
             end += 1
         rows: list[Operands] = [(lane.name, *lane.piece.operands) for lane in statements[k:end]]
         count, at = find_accesses(rows, stored)
-        # A table of constants is no shorter than assignments that are made once.
+        # A table of constants is not shorter than assignments that are executed once.
         if count < LEAST or not at[0].step:
             count, at = 1, []
         runs.append(AssignmentRun(list(statements[k : k + count]), at, where))
@@ -254,24 +255,24 @@ def _split(statements: Sequence[Statement], stored: Stored, where: Where) -> lis
 
 
 def _order(runs: Sequence[AssignmentRun]) -> list[AssignmentRun] | None:
-    """The runs in an order that keeps each read and write in place; None if there is no such order."""
+    """Return the runs in an order that preserves the sequence of reads and writes; None if there is no such order."""
     readers: defaultdict[str, list[tuple[int, int, int]]] = defaultdict(list)
     writers: defaultdict[str, list[tuple[int, int, int]]] = defaultdict(list)
     for k, run in enumerate(runs):
-        for turn, (lane, reads, written) in enumerate(zip(run.lanes, run.reads, run.writes, strict=True)):
-            writers[written].append((lane.place, k, turn))
+        for i, (lane, reads, written) in enumerate(zip(run.lanes, run.reads, run.writes, strict=True)):
+            writers[written].append((lane.index, k, i))
             for word in reads:
-                readers[word].append((lane.place, k, turn))
+                readers[word].append((lane.index, k, i))
     before: defaultdict[int, set[int]] = defaultdict(set)
     for word, those in writers.items():
-        for place, k, turn in those:
+        for index, k, i in those:
             # An array may also be read at a computed index.
-            whole = readers.get(word.partition("[")[0], ()) if word[-1] == "]" else ()
-            for other, other_k, other_turn in (*readers.get(word, ()), *whole, *those):
+            array_readers = readers.get(word.partition("[")[0], ()) if word[-1] == "]" else ()
+            for other, other_k, other_i in (*readers.get(word, ()), *array_readers, *those):
                 if k == other_k:
-                    if (place < other) != (turn < other_turn):
+                    if (index < other) != (i < other_i):
                         return None
-                elif place < other:
+                elif index < other:
                     before[other_k].add(k)
                 else:
                     before[k].add(other_k)

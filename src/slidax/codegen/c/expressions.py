@@ -1,4 +1,4 @@
-"""C expressions, with C's types and numbers and the helper functions that C lacks."""
+"""C expressions, types and numbers, and helper functions for operations that C lacks."""
 
 from __future__ import annotations
 
@@ -50,8 +50,8 @@ class Dialect:
     def number(self, number: Number, type: Type) -> str:
         """Return a constant that reads back to the same bits; in a program of floats, the nearest float.
 
-        A number beyond the range of floats becomes the largest or the smallest normal float, not infinity and not zero:
-        such numbers mean "no limit", or keep a divisor from zero.
+        A number beyond the range of floats becomes the largest or the smallest normal float instead of infinity or
+        zero: such numbers mean "no limit", or prevent a division by zero.
         """
         if type == "b1":
             return "true" if number else "false"
@@ -170,7 +170,7 @@ class Helpers:
         if op.startswith("to_"):
             to: Type = op[3:]  # type: ignore[assignment]
             head = f"{before} {self.dialect.type(to)} {name}({own} x)"
-            return f"/* Towards zero, held at the ends; 0 for NaN. */\n{head}\n{self._held(type, to)}"
+            return f"/* Rounds towards zero and saturates; 0 for NaN. */\n{head}\n{self._saturate(type, to)}"
         if op.startswith("bits_"):
             other = self.dialect.type(op[5:])  # type: ignore[arg-type]
             return f"{before} {other} {name}({own} x)\n{_BITS.format(own=own, other=other)}"
@@ -182,7 +182,7 @@ class Helpers:
         if op in ("min", "max"):
             sign = ">" if op == "max" else "<"
             if type in FLOATS:
-                return "/* NaN if one of them is. */\n", two, f"a {sign} b || isnan(a) ? a : b"
+                return "/* NaN if a or b is NaN. */\n", two, f"a {sign} b || isnan(a) ? a : b"
             return "", two, f"a {sign} b ? a : b"
         bare = self.dialect.type("u64" if type in ("i64", "u64") else "u32")
         signed = type in ("i32", "i64")
@@ -205,11 +205,11 @@ class Helpers:
         if op == "shr":
             return "", two, f"{count} ? ({own})(({bare})a >> b) : 0"
         if op == "sar":
-            # C leaves the shift of a negative number to the compiler.
+            # In C, the shift of a negative number depends on the compiler.
             return "", two, f"a < 0 ? ~({count} ? ~a >> b : 0) : ({count} ? a >> b : 0)"
         raise NotImplementedError(f"no helper for {op} of {type}")
 
-    def _held(self, source: Type, to: Type) -> str:
+    def _saturate(self, source: Type, to: Type) -> str:
         number = self.dialect.number
         if to in ("i32", "i64"):
             least: int = -(2 ** (BITS[to] - 1))
@@ -226,7 +226,7 @@ class Helpers:
         )
 
 
-_ALL_FINITE = """/* Whether all of n numbers are finite. */
+_ALL_FINITE = """/* True if all n numbers are finite. */
 {before} bool all_finite(const {own} *x, size_t n)
 {{
     bool finite = true;
@@ -301,12 +301,12 @@ def constant(number: float | int | bool, type: Type, dialect: Dialect) -> CExpre
 
 
 class Expressions:
-    """Write operations as expressions.
+    """Writes operations as expressions.
 
-    - `helpers`: collects the helpers that they need.
+    With `ordered_operands`, sums and products of equal operands have the same order, independent of the numbers in
+    their names.
 
-    With `ordered_operands`, sums and products of the same operands have the same order, whatever numbers their names
-    have.
+    - `helpers`: collects the helpers that the expressions need.
     """
 
     def __init__(self, dialect: Dialect, helpers: Helpers) -> None:
@@ -439,7 +439,7 @@ def _call(name: str, args: list[CExpression]) -> tuple[str, int]:
 
 
 def _two(args: list[CExpression], sign: str, precedence: int, *, each: int | None = None) -> tuple[str, int]:
-    """Two operands; the operator groups from the left unless each operand must bind tighter."""
+    """Join two operands; the operator groups from the left unless each operand must bind tighter."""
     left, right = args
     first = left.within(precedence if each is None else each)
     return f"{first} {sign} {right.within(precedence + 1 if each is None else each)}", precedence
@@ -448,7 +448,7 @@ def _two(args: list[CExpression], sign: str, precedence: int, *, each: int | Non
 def _negate(arg: CExpression) -> tuple[str, int]:
     if arg.precedence < TIMES or arg.text.startswith("-"):
         return f"-({arg.text})", UNARY
-    # -a b is -(a b), to the last bit.
+    # -a b and -(a b) are bitwise equal.
     return f"-{arg.text}", min(UNARY, arg.precedence)
 
 
@@ -457,7 +457,7 @@ def _is_negated(arg: CExpression) -> bool:
 
 
 def _commute(op: str, args: list[CExpression]) -> tuple[str, int]:
-    """A sum or a product in the order with the fewest signs and parentheses: every order gives the same bits."""
+    """Write a sum or a product in the order with the fewest signs and parentheses; the order does not change a bit."""
     left, right = args
     sign, precedence = SUM[op]
     if op == "add":

@@ -18,11 +18,11 @@ from .writer import Callees, Read, Rows, Writer
 class Statements:
     """Body of a C function.
 
-    - `lines`: of C, indented.
+    - `lines`: indented lines of C.
     - `helpers`: small functions that it calls.
     - `reads`: numbers of the inputs that it reads.
+    - `bytes`: stack size of its variables if none in a block share memory; a compiler needs less.
     - `called`: functions that it calls, once for each call.
-    - `bytes`: stack of its variables if all in a block have places of their own; a compiler needs less.
     """
 
     lines: list[str]
@@ -45,9 +45,9 @@ def statements(
     loops: bool = False,
     taken: Collection[str] = (),
 ) -> Statements:
-    """Return statements that compute and assign values, and nothing that these do not need.
+    """Return statements that compute and assign values, and only what these need.
 
-    All assignments come last and take effect together: an input in the place of an output is read before it is
+    All assignments come last and take effect together: an input that shares memory with an output is read before it is
     overwritten.
 
     - `assigned`: C lvalues and their values.
@@ -55,7 +55,7 @@ def statements(
     - `dialect`: C99 with doubles if None.
     - `precomputed`: values that need no computation, and the C text that reads them.
     - `names`: preferred names of values; None: names of the source.
-    - `rows`: places of logged outputs; None omits these outputs.
+    - `rows`: C text for elements of logged outputs; None omits these outputs.
     - `callees`: C functions of the called programs; None if there are none.
     - `loops`: true to write similar statements for all elements of an array as a loop.
     - `taken`: names in use, such as those of the function's arguments.
@@ -90,22 +90,22 @@ def statements(
 
 
 def _arguments(program: Program) -> Iterator[tuple[Value, ...]]:
-    """Arrays that are arguments of calls."""
+    """Yield the arrays that are arguments of calls."""
     for call in program.walk():
         if isinstance(call, Call):
-            place = 0
+            start = 0
             for entry in call.program.inputs:
                 if entry.shape:
-                    yield call.args[place : place + entry.size]
-                place += entry.size
+                    yield call.args[start : start + entry.size]
+                start += entry.size
 
 
 def c_code(program: Program, name: str = "run", *, real: Real = "double") -> str:
-    """Return the C99 text of `void run(const double *x0, ..., double *y0, ...)`, which needs `math.h` alone.
+    """Return the C99 text of `void run(const double *x0, ..., double *y0, ...)`, which needs only standard headers.
 
     The inputs are `x0`, `x1`, ... and the outputs `y0`, `y1`, ..., each an array in C order.
 
-    - `program`: without logged outputs.
+    - `program`: a program without logged outputs.
     - `real`: C type of f64.
     """
     dialect = Dialect(real)

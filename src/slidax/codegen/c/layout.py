@@ -11,26 +11,26 @@ from itertools import pairwise
 
 INDENT = "    "
 WIDTH = 100
-MARKS = (", ", " + ", " - ", " * ", " && ", " || ", " ? ", " : ", " = ")
-"""Places where a line may be broken."""
+BREAKS = (", ", " + ", " - ", " * ", " && ", " || ", " ? ", " : ", " = ")
+"""Texts at which a line may be broken."""
 
-JOINTS = (" && ", " || ")
-"""Preferred places."""
+PREFERRED_BREAKS = (" && ", " || ")
+"""Texts at which a line is preferably broken."""
 
 UNINITIALISED = re.compile(r"(double|float|bool|u?int(?:32|64)_t) \w+(?:\[\d+\])?(?:, \w+(?:\[\d+\])?)*;")
-"""Declaration of variables of one type without a value."""
+"""Declaration of variables of one type without initial values."""
 
-MORE = 10
-"""Excess characters up to which a line is not broken."""
+TOLERANCE = 10
+"""Number of characters by which a line may exceed the width."""
 
 
 @dataclass(frozen=True)
 class CodeLine:
-    """One line.
+    """A line of C.
 
     - `level`: depth of indentation.
-    - `text`: without indentation.
-    - `about`: comment on the computed value; empty for lines without one.
+    - `text`: text without indentation.
+    - `about`: comment on the computed value, or empty.
     - `visit`: equal for lines of one operation on arrays; None for others.
     - `element`: number of an array, and the index in it, for the declared value.
     """
@@ -64,7 +64,7 @@ def format_lines(lines: list[CodeLine]) -> list[str]:
 
 
 def join_declarations(lines: list[CodeLine]) -> list[CodeLine]:
-    """Return the lines with adjacent declarations of one type, without a value, joined."""
+    """Join adjacent declarations of the same type without initial values."""
     out: list[CodeLine] = []
     for line in lines:
         last = out[-1] if out else line
@@ -80,14 +80,14 @@ def join_declarations(lines: list[CodeLine]) -> list[CodeLine]:
 
 
 def _break_line(line: CodeLine) -> list[str]:
-    """A line as text, broken where it is too long."""
+    """Return a line as text, broken if it is too long."""
     text, before = line.text, INDENT * line.level
     texts: list[str] = []
-    while len(before) + len(text) > WIDTH + MORE:
-        room = WIDTH - len(before)
-        at = max(text.rfind(mark, 0, room) for mark in JOINTS)
-        if at < room // 2:
-            at = max(text.rfind(mark, 0, room) for mark in MARKS)
+    while len(before) + len(text) > WIDTH + TOLERANCE:
+        width = WIDTH - len(before)
+        at = max(text.rfind(mark, 0, width) for mark in PREFERRED_BREAKS)
+        if at < width // 2:
+            at = max(text.rfind(mark, 0, width) for mark in BREAKS)
         if at <= 0:
             break
         at += 1 if text[at] == "," else 2 if text[at + 1] == "=" else 0
@@ -98,7 +98,7 @@ def _break_line(line: CodeLine) -> list[str]:
 
 def _comment(text: str, level: int) -> list[str]:
     before = INDENT * level
-    # The number of an equation stays with its "eq.".
+    # Keep the number of an equation on the line of its "eq.".
     held = re.sub(r"(eqs?\.) \(", "\\1\0(", text)
     lines = [line.replace("\0", " ") for line in textwrap.wrap(held, WIDTH - len(before) - len("/*  */"))]
     lines[0] = f"{before}/* {lines[0]}"
@@ -108,7 +108,7 @@ def _comment(text: str, level: int) -> list[str]:
 
 
 def _runs(lines: list[CodeLine]) -> Iterator[list[CodeLine]]:
-    """Adjacent lines with one comment and level."""
+    """Yield runs of adjacent lines with the same comment and level."""
     run: list[CodeLine] = []
     for line in lines:
         if run and (line.about, line.level) != (run[-1].about, run[-1].level):
@@ -126,12 +126,12 @@ ARGUMENT = re.compile(r"\w+->\w+;?")
 """Members of a function's arguments, known from its start."""
 
 LEAST = 128
-"""Smallest number of bytes that another block must save."""
+"""Least number of bytes that a block must save."""
 
 
 @dataclass
 class _Item:
-    """A line, or a block from its head to its last brace.
+    """A line, or a block from its head to its closing brace.
 
     - `names`: number of occurrences of each identifier.
     """
@@ -155,7 +155,7 @@ class _Variable:
 
 
 def add_scopes(lines: Sequence[CodeLine]) -> list[CodeLine]:
-    """Return the lines of a function's body with blocks around parts of them."""
+    """Add blocks around parts of a function's body, which limit its stack."""
     items = _items(lines)
     if len(items) < 2:
         return list(lines)
@@ -181,7 +181,7 @@ def add_scopes(lines: Sequence[CodeLine]) -> list[CodeLine]:
 
 
 def stack_bytes(lines: Sequence[CodeLine]) -> int:
-    """Return a function's stack in bytes: arrays take it while their block lasts, numbers while they are needed."""
+    """Return a function's stack size: arrays occupy it until their block ends, numbers while they are needed."""
     items = _items(lines)
     variables = _variables(items).values()
     arrays = sum(variable.bytes for variable in variables if variable.bytes > 8)
@@ -195,7 +195,7 @@ def stack_bytes(lines: Sequence[CodeLine]) -> int:
 
 
 def _inner_bytes(item: _Item) -> int:
-    """Bytes of the blocks in an item: only one of them at a time."""
+    """Return the stack size of the blocks in an item, of which only one is active at a time."""
     if len(item.lines) < 3 or VARIABLE.match(item.lines[0].text):
         return 0
     level, most = item.lines[0].level, 0
@@ -210,7 +210,7 @@ def _inner_bytes(item: _Item) -> int:
 
 
 def _with_inner_scopes(item: _Item) -> list[CodeLine]:
-    """Lines of an item, with blocks inside it."""
+    """Return the lines of an item, with blocks added inside it."""
     if len(item.lines) < 4 or VARIABLE.match(item.lines[0].text):
         return item.lines
     out: list[CodeLine] = []
@@ -254,7 +254,7 @@ def _variables(items: Sequence[_Item]) -> dict[str, _Variable]:
 
 
 def _cuts(items: Sequence[_Item], variables: Mapping[str, _Variable]) -> list[int]:
-    """Best places to cut the sequence into blocks."""
+    """Choose where to cut the sequence into blocks."""
     arrays = [variable for variable in variables.values() if variable.bytes > 8]
     ends = {0, len(items)}
     candidates = {k for k in range(1, len(items)) if items[k].lines[0].about != items[k - 1].lines[0].about}
@@ -274,7 +274,7 @@ def _cuts(items: Sequence[_Item], variables: Mapping[str, _Variable]) -> list[in
 
 
 def _saved_bytes(arrays: Sequence[_Variable], cuts: Sequence[int]) -> int:
-    """Bytes that blocks save: all local variables but those of the largest block."""
+    """Return the bytes that blocks save: all local variables except those of the largest block."""
     local: defaultdict[int, int] = defaultdict(int)
     block = {}
     for number, (start, end) in enumerate(pairwise(cuts)):
@@ -287,7 +287,7 @@ def _saved_bytes(arrays: Sequence[_Variable], cuts: Sequence[int]) -> int:
 
 
 def _block(lines: Sequence[CodeLine], leaving: set[str]) -> list[CodeLine]:
-    """A block; variables that are needed after it are declared before it."""
+    """Enclose lines in a block; declare variables that are needed after it before it."""
     before: list[CodeLine] = []
     inside: list[CodeLine] = []
     level = lines[0].level

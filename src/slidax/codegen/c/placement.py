@@ -1,4 +1,4 @@
-"""Placement: which values are printed, in which block, and which depend on parameters alone."""
+"""Decide which values to print, in which block, and which depend only on parameters."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from ..ir import ELEMENTARY, Branch, Loop, Program, Region, Value, regions, uses
 
 
 class Placement:
-    """Places of all values that the requested values need.
+    """Regions for all values that the requested values need.
+
+    `order` lists the values of each region in a valid order of computation. `uses` counts a value's uses as an operand.
+    `assigned` has the values that are assigned to an output, a carried variable or a branch's result.
 
     - `wanted`: requested values, and stores.
     - `precomputed`: values that need no computation.
-
-    `order` lists the values of each region in an order of computation; `uses` counts a value's uses as an operand, and
-    `assigned` has the values that are assigned: to an output, a carried variable, a branch's result.
     """
 
     def __init__(self, program: Program, wanted: Iterable[Value], precomputed: Collection[Value] = ()) -> None:
@@ -27,7 +27,7 @@ class Placement:
         self.place: dict[Value, Region] = {}
         self.order: dict[Region, list[Value]] = defaultdict(list)
         self.needed = self._all_needed()
-        # Construction order is an order of computation if each block comes just before its results.
+        # The order of construction is a valid order of computation if each block comes just before its results.
         keys = {value: self._key(value) for value in self.needed if value.op != "param"}
         self._used_in: dict[Value, Region] = {}
         for value in self.wanted:
@@ -47,7 +47,7 @@ class Placement:
         return {value.data: value for value in self.results.get(block, ())}
 
     def parent(self, region: Region) -> Region | None:
-        """Return the region around another one, as placed."""
+        """Return the region around another one, after placement."""
         if region.kind == "body":
             return region.parent
         return None if region.owner is None else self.place[region.owner]
@@ -73,7 +73,7 @@ class Placement:
         return needed
 
     def _needs_of(self, value: Value) -> Iterator[Value]:
-        """Direct needs of a needed value."""
+        """Yield the values that a needed value directly depends on."""
         if value in self.precomputed:
             return
         if value.op == "param":
@@ -110,7 +110,7 @@ class Placement:
             return min(result.number for result in self.results[value]) - 0.5
         return max(need.number for inner in (value, *_inside(value)) for need in (inner, *uses(inner))) + 0.5
 
-    # ---- places -----------------------------------------------------------------------------------------------------
+    # ---- regions ----------------------------------------------------------------------------------------------------
 
     def _place_value(self, value: Value) -> None:
         """Place a value whose uses are all placed, and record its own uses of others."""
@@ -118,7 +118,7 @@ class Placement:
             self._put_block(value)
             return
         if value.op == "result" and value not in self.precomputed:
-            # Its block is placed next, and determines its place.
+            # Its block is placed next, and determines the region.
             return
         self.place[value] = place = self._outside_loops(value, self._used_in[value])
         if value not in self.precomputed:
@@ -155,7 +155,7 @@ class Placement:
                 self._use(arg, place)
 
     def _pass(self, value: Value, region: Region) -> None:
-        """Use as an argument of a call: an input is read in place."""
+        """Use a value as an argument of a call, which reads an input in place."""
         self._use(value, region)
         if value.op == "input":
             self.uses[value] -= 1
@@ -170,7 +170,7 @@ class Placement:
         self._used_in[value] = region if before is None else self._around(before, region)
 
     def _around(self, first: Region, second: Region) -> Region:
-        """Innermost region around both."""
+        """Return the innermost region around both."""
         path = set(self._path(first))
         return next(region for region in self._path(second) if region in path)
 
@@ -197,18 +197,18 @@ def is_counter(param: Value) -> bool:
 
 
 def is_counter_increment(value: Value) -> bool:
-    """True if a value increments a 64-bit counter by too little for an overflow."""
+    """True if a value increments a 64-bit counter by steps too small for an overflow."""
     if value.op != "add" or value.type != "i64":
         return False
     for more, param in (value.args, value.args[::-1]):
         loop = param.region.owner
         if param.op == "param" and isinstance(loop, Loop) and loop.following[param.data] is value:
-            little = more.op == "convert" and more.args[0].type == "b1"
-            return (little or _is_little(more)) and _is_little(loop.args[param.data])
+            is_bit = more.op == "convert" and more.args[0].type == "b1"
+            return (is_bit or _is_small(more)) and _is_small(loop.args[param.data])
     return False
 
 
-def _is_little(value: Value) -> bool:
+def _is_small(value: Value) -> bool:
     return value.op == "const" and abs(value.data) < 2**31
 
 
@@ -219,16 +219,16 @@ def _inside(block: Value) -> Iterator[Value]:
 
 EXPENSIVE = frozenset(ELEMENTARY) | {"div", "rem", "sqrt"}
 WORTH = 4
-"""Number of additions that are worth a place in memory; a value of `EXPENSIVE` always is."""
+"""Number of additions whose result is worth storing; that of an `EXPENSIVE` operation always is."""
 
 
 def loop_invariant(program: Program, inputs: Collection[int]) -> list[Value]:
-    """Return values that depend on constants and some inputs alone, and are worth keeping between calls.
+    """Return values that depend only on constants and some inputs, and are worth storing between calls.
 
-    `statements` of the same program can compute them separately, even values inside branches: computing those in vain
-    does no harm. `statements` of the rest takes them as `precomputed`.
+    `statements` of the same program can compute them separately, even values inside branches, whose computation is
+    harmless if not needed. `statements` of the rest takes them as `precomputed`.
 
-    - `inputs`: numbers of the inputs that seldom change.
+    - `inputs`: numbers of the inputs that rarely change.
     """
     return _LoopInvariant(program, inputs).values()
 
@@ -242,7 +242,7 @@ class _LoopInvariant:
         self._region(program.body, guarded=False)
 
     def values(self) -> list[Value]:
-        """Expensive values that other values need, given that the returned ones are kept."""
+        """Return the expensive values that other values need, if the returned ones are stored."""
         needed = {value for output in self.program.outputs for value in output.values or ()}
         for value in self.program.walk():
             if value not in self.invariant and value not in self.inner:
@@ -272,7 +272,7 @@ class _LoopInvariant:
     def _is_invariant(self, value: Value, guarded: bool) -> bool:
         if value.op in ("input", "store") or not all(arg in self.invariant for arg in value.args):
             return False
-        # Outside a branch that guards it, its index may be out of range.
+        # Outside the branch that guards a load, its index may be out of range.
         return value.op != "load" or (value.data in self.inputs and not guarded)
 
     def _block(self, block: Value, guarded: bool) -> None:

@@ -1,4 +1,4 @@
-"""Similar statements for all joints, written as loops over arrays."""
+"""Write similar statements for all joints as loops over arrays."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ ARRAY_HEAD = re.compile(r"const \w+ (\w+)\[(\d+)\] = \{")
 
 
 def pass_in_place(lines: Sequence[CodeLine]) -> list[CodeLine]:
-    """Return the lines without arrays that copy parts of others.
+    """Remove arrays that only copy a part of another array; calls then get a pointer to that part.
 
-    - `lines`: of a function; only the next call reads an array of elements.
+    - `lines`: lines of a function; only the next call reads an array of elements.
     """
     out: list[CodeLine] = []
     where: dict[str, str] = {}
@@ -45,7 +45,7 @@ def pass_in_place(lines: Sequence[CodeLine]) -> list[CodeLine]:
 
 
 def _pointer(elements: Sequence[str]) -> str | None:
-    """Pointer to elements that lie one after the other, else None."""
+    """Return a pointer to contiguous elements, else None."""
     first = ELEMENT.fullmatch(elements[0])
     if first is None:
         return None
@@ -59,14 +59,14 @@ ANY_ELEMENT = re.compile(r"(.*)\[(\d+)\]")
 CONDITION = re.compile(r"((?:const bool )?[\w>\[\]-]+ = |if \(|while \()(.*)(;|\) \{)")
 BOOL_DECLARATION = re.compile(r"const bool (\w+) = ")
 LOOP = 4
-"""Lines of a loop: its result, its head, its body, and its end."""
+"""Number of lines of a loop: result, head, body, end."""
 
 NewName = Callable[[str], str]
-"""From a stem to a free name."""
+"""Map a stem to a free name."""
 
 
 def reduce_conditions(lines: Sequence[CodeLine], new_name: NewName, index: str, helpers: Helpers) -> list[CodeLine]:
-    """Replace long conditions on array elements by loops; the conditions, which have no side effects, keep their value.
+    """Replace long conditions on array elements by loops; conditions have no side effects, so their value is unchanged.
 
     - `new_name`: returns free names.
     - `index`: variable of the loops.
@@ -75,7 +75,7 @@ def reduce_conditions(lines: Sequence[CodeLine], new_name: NewName, index: str, 
     out: list[CodeLine] = []
     in_loop = False
     for line in lines:
-        # Existing loops get no loops inside.
+        # No loops are added inside existing loops.
         in_loop = line.text.startswith(f"for (size_t {index} ") or (in_loop and line.text != "}")
         match = CONDITION.fullmatch(line.text)
         if match is None or not (" && " in line.text or " || " in line.text):
@@ -121,20 +121,20 @@ class _Reduction:
         return text
 
     def _join(self, terms: list[str], sign: str) -> str:
-        """Terms with one operator between them; similar terms become loops."""
+        """Join terms by an operator; similar terms become loops."""
         kinds: dict[object, list[tuple[int, Piece]]] = {}
         short: list[str] = []
         for term in dict.fromkeys(terms):
             piece = parse(term)
             matches = [ANY_ELEMENT.fullmatch(word) for word in piece.operands]
-            places = [(match.group(1), int(match.group(2))) for match in matches if match is not None]
-            if not places:
+            elements = [(match.group(1), int(match.group(2))) for match in matches if match is not None]
+            if not elements:
                 short.append(self.reduce(term))
                 continue
             arrays = tuple(
                 word if match is None else match.group(1) for word, match in zip(piece.operands, matches, strict=True)
             )
-            kinds.setdefault((piece.template, arrays), []).append((places[0][1], piece))
+            kinds.setdefault((piece.template, arrays), []).append((elements[0][1], piece))
         loops: dict[int, list[tuple[list[Piece], list[Access]]]] = {}
         for those in kinds.values():
             pieces = [piece for _, piece in sorted(those, key=lambda pair: pair[0])]
@@ -157,18 +157,18 @@ class _Reduction:
         return sign.join(short)
 
     def _loop(self, count: int, runs: list[tuple[list[Piece], list[Access]]], sign: str) -> str:
-        """The result of a loop; the condition itself where that is shorter."""
+        """Add a loop and return the name of its result; return the condition itself if it is shorter."""
         plain = sign.join(piece.text for pieces, _ in runs for piece in pieces)
         if not self.loops or len(plain) < LOOP * (WIDTH - len(INDENT) * self.line.level):
             return plain
         name = self.new_name("some" if sign == " || " else "every")
-        turn = [pieces[0].fill([_element(access, self.index) for access in at]) for pieces, at in runs]
+        terms = [pieces[0].fill([_element(access, self.index) for access in at]) for pieces, at in runs]
         self.result = name
         level, about, index = self.line.level, self.line.about, self.index
         self.lines += [
             CodeLine(level, f"bool {name} = {'false' if sign == ' || ' else 'true'};", about),
             CodeLine(level, f"for (size_t {index} = 0; {index} < {count}; ++{index}) {{", about),
-            CodeLine(level + 1, f"{name} = {sign.join([name, *turn])};"),
+            CodeLine(level + 1, f"{name} = {sign.join([name, *terms])};"),
             CodeLine(level, "}", about),
         ]
         return name
@@ -196,7 +196,7 @@ def _split(text: str, sign: str) -> list[str]:
 
 
 def _closing_parenthesis(text: str, opened: int) -> int:
-    """Index of the closing parenthesis."""
+    """Return the index of the closing parenthesis."""
     depth = 0
     for k in range(opened, len(text)):
         depth += (text[k] == "(") - (text[k] == ")")
@@ -206,14 +206,14 @@ def _closing_parenthesis(text: str, opened: int) -> int:
 
 
 Local = dict[Access, str]
-"""Name of each value that lives for one iteration, by its place."""
+"""Name of each value that is needed in one iteration only, by its access."""
 
 DECLARATION = re.compile(r"(const )?(double|float|bool|u?int(?:32|64)_t) (\w+)(?: = (.*))?;")
 ASSIGNMENT = re.compile(r"([A-Za-z_]\w*(?:->\w+)?(?:\[\d+\])?) = (.*);")
 
 
 def reroll(lines: Sequence[CodeLine], taken: set[str], helpers: Helpers) -> list[CodeLine]:
-    """Return the lines of a function with loops.
+    """Return the lines of a function with similar statements written as loops.
 
     - `taken`: names in use.
     - `helpers`: collects the called functions.
@@ -253,7 +253,7 @@ class _Rerolling:
         return reduce_conditions(pass_in_place(renamed), self.arrays.new_name, self.index, self.helpers)
 
     def _run_of(self, k: int) -> tuple[int, str]:
-        """End and kind of the successive lines of one kind that begin here."""
+        """Return the end and the kind of the run of lines that begins here."""
         kind, level = _kind(self.lines[k]), self.lines[k].level
         end = k + 1
         if kind:
@@ -313,8 +313,8 @@ class _Rerolling:
                 and all(inside[lane.name] == self.used[lane.name] for lane in group.lanes)
             ):
                 assert group.target is not None
-                whole = len(group.lanes) == sum(array == group.array for array, _ in self.arrays.stored.values())
-                local[group.target] = group.array if whole else self.arrays.new_name(group.lanes[0].name)
+                is_full = len(group.lanes) == sum(array == group.array for array, _ in self.arrays.stored.values())
+                local[group.target] = group.array if is_full else self.arrays.new_name(group.lanes[0].name)
         body: list[CodeLine] = []
         about = groups[0].lanes[0].line.about
         for group in groups:
@@ -349,7 +349,7 @@ class _Rerolling:
     # ---- variables --------------------------------------------------------------------------------------------------
 
     def _variables(self, first: int, end: int) -> None:
-        """Print declarations of variables; those with one stem become an array."""
+        """Print declarations of variables; those with the same stem become an array."""
         k = first
         while k < end:
             stem = _stem(self.lines[k])
@@ -386,7 +386,7 @@ class _Rerolling:
         self._print_assignments(statements, self.lines[first].level)
 
     def _print_assignments(self, statements: list[Statement], level: int) -> None:
-        """Print assignments in an order that keeps the value of each."""
+        """Print assignments in an order that does not change any value."""
         for run in runs_of(statements, self.arrays.stored, self.arrays.read):
             lane = run.lanes[0]
             about = lane.line.about
@@ -400,7 +400,7 @@ class _Rerolling:
                 self._print_loop(len(run.lanes), body, level, about)
 
     def _block_move(self, run: AssignmentRun) -> str:
-        """Copy of a part of an array to another one, or to zero."""
+        """Return the copy of a part of an array to another one, or its setting to zero."""
         target, source = run.at
         arrays = (target.array, source.array) if source.step else (target.array,)
         size = f"{len(run.lanes)} * sizeof {min(arrays, key=len)}[0]"

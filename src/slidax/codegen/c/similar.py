@@ -1,4 +1,4 @@
-"""Similar statements: statements that differ in their operands alone, and their order."""
+"""Similar statements, which differ only in their operands, and their order."""
 
 from __future__ import annotations
 
@@ -57,8 +57,8 @@ def parse(text: str) -> Piece:
 class Access:
     """Rule for an operand in iteration i: `array[start + step i]`.
 
-    - `array`, `start`, `step`: the element; step 0: the same in all iterations.
-    - `text`: an operand that is the same in all iterations, and no element.
+    - `array`, `start`, `step`: the element; step 0 for the same element in all iterations.
+    - `text`: an operand that is equal in all iterations, and not an element.
     - `numbers`: constants, one for each iteration.
     """
 
@@ -86,7 +86,7 @@ class Access:
 
 
 def find_accesses(rows: Sequence[Operands], stored: Stored) -> tuple[int, list[Access]]:
-    """Count the expressions, from the first on, that one loop can compute, and return the rule for each operand.
+    """Return the number of leading expressions that one loop can compute, and the rule for each operand.
 
     - `rows`: operands of each expression.
     - `stored`: values that have become elements of arrays.
@@ -100,7 +100,7 @@ def find_accesses(rows: Sequence[Operands], stored: Stored) -> tuple[int, list[A
     return count, [_access(column[:count], stored) for column in columns]
 
 
-def _place(word: str, stored: Stored) -> tuple[str, int] | None:
+def _element_of(word: str, stored: Stored) -> tuple[str, int] | None:
     if word in stored:
         return stored[word]
     match = ELEMENT.fullmatch(word)
@@ -108,18 +108,22 @@ def _place(word: str, stored: Stored) -> tuple[str, int] | None:
 
 
 def _count_alike(column: Sequence[str], stored: Stored) -> int:
-    """Number of operands, from the first on, that follow one rule."""
+    """Return the number of leading operands that follow one rule."""
     if len(column) < 2:
         return len(column)
     first = column[0]
     if column[1] == first:
         return next((k for k, word in enumerate(column) if word != first), len(column))
-    start, second = _place(first, stored), _place(column[1], stored)
+    start, second = _element_of(first, stored), _element_of(column[1], stored)
     if start is not None and second is not None and start[0] == second[0]:
         step = second[1] - start[1]
         wanted = ((start[0], start[1] + k * step) for k in range(len(column)))
         return next(
-            (k for k, (word, place) in enumerate(zip(column, wanted, strict=True)) if _place(word, stored) != place),
+            (
+                k
+                for k, (word, place) in enumerate(zip(column, wanted, strict=True))
+                if _element_of(word, stored) != place
+            ),
             len(column),
         )
     return next((k for k, word in enumerate(column) if not word[0].isdigit()), len(column))
@@ -127,27 +131,27 @@ def _count_alike(column: Sequence[str], stored: Stored) -> int:
 
 def _access(column: Sequence[str], stored: Stored) -> Access:
     first = column[0]
-    place = _place(first, stored)
+    place = _element_of(first, stored)
     if all(word == first for word in column):
         return Access("" if place is None else place[0], 0 if place is None else place[1], text=first)
     if place is None:
         return Access(numbers=tuple(column))
-    second = _place(column[1], stored)
+    second = _element_of(column[1], stored)
     assert second is not None
     return Access(place[0], place[1], second[1] - place[1])
 
 
 class Statement:
-    """One line.
+    """A declaration or an assignment.
 
-    - `place`: its number in the function.
-    - `type`, `name`: of the declared variable; an assignment has no type, and its target as name.
+    - `index`: number of its line in the function.
+    - `type`, `name`: type and name of the declared variable; for an assignment, empty and its target.
     - `piece`: its expression.
     """
 
-    def __init__(self, line: CodeLine, place: int, type: str, name: str, text: str) -> None:
+    def __init__(self, line: CodeLine, index: int, type: str, name: str, text: str) -> None:
         self.line = line
-        self.place = place
+        self.index = index
         self.type = type
         self.name = name
         self.piece: Piece = parse(text)
@@ -157,7 +161,7 @@ class Group:
     """Statements that one loop computes, or a single statement.
 
     - `lanes`: the statements, in order.
-    - `array`: array of their values; empty for a single statement with a variable of its own.
+    - `array`: array of their values; empty for a single statement with its own variable.
     - `at`: rule for each operand.
     - `target`: rule for the values; None for a single statement.
     """
@@ -181,7 +185,7 @@ class Group:
 
 
 def order_groups(groups: list[Group]) -> list[Group]:
-    """Return the groups in an order of computation; a group that prevents one is split into statements."""
+    """Return the groups in a valid order; a group that prevents such an order is split into statements."""
     maker = {lane.name: group for group in groups for lane in group.lanes}
     order: list[Group] = []
     while True:
@@ -207,7 +211,7 @@ def order_groups(groups: list[Group]) -> list[Group]:
         stuck = [group for group in groups if id(group) not in done and len(group.lanes) > 1]
         if len(order) == len(groups):
             return order
-        broken = min(stuck, key=lambda group: group.lanes[0].place)
+        broken = min(stuck, key=lambda group: group.lanes[0].index)
         groups.remove(broken)
         for lane in broken.lanes:
             single = Group([lane], broken.array)
@@ -216,12 +220,12 @@ def order_groups(groups: list[Group]) -> list[Group]:
 
 
 def _next(ready: list[Group], order: list[Group]) -> Group:
-    """Next group: a loop with as many iterations as the last, else the first in the source."""
+    """Choose the next group: a loop with as many iterations as the last, else the first in the source."""
     if order and order[-1].target is not None:
         same = [group for group in ready if group.iterations == order[-1].iterations]
         if same:
-            return min(same, key=lambda group: group.lanes[0].place)
-    return min(ready, key=lambda group: (len(group.lanes) > 1, group.lanes[0].place))
+            return min(same, key=lambda group: group.lanes[0].index)
+    return min(ready, key=lambda group: (len(group.lanes) > 1, group.lanes[0].index))
 
 
 def fits_loop(group: Group, loop: list[Group]) -> bool:
@@ -232,12 +236,12 @@ def fits_loop(group: Group, loop: list[Group]) -> bool:
     if group.target is None or group.iterations != loop[0].iterations:
         return False
     targets = {other.target for other in loop}
-    places = {place for other in loop for place in _places(other.target, other.iterations)}
-    return all(access in targets or not places & _places(access, group.iterations) for access in group.at)
+    elements = {element for other in loop for element in _elements(other.target, other.iterations)}
+    return all(access in targets or not elements & _elements(access, group.iterations) for access in group.at)
 
 
-def _places(access: Access | None, iterations: int) -> set[tuple[str, int]]:
-    """Elements that the iterations of a loop access."""
+def _elements(access: Access | None, iterations: int) -> set[tuple[str, int]]:
+    """Return the elements that the iterations of a loop access."""
     if access is None or not access.array:
         return set()
-    return {(access.array, access.start + turn * access.step) for turn in range(iterations)}
+    return {(access.array, access.start + i * access.step) for i in range(iterations)}

@@ -1,4 +1,4 @@
-"""Values, calls, loops and branches as C statements."""
+"""Write values, calls, loops and branches as C statements."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from .layout import INDENT, WIDTH, CodeLine
 from .placement import Placement, is_counter, is_counter_increment
 
 Read = Callable[[int, int | str], str]
-"""From an input's number and an element, as a number or a C expression, to the C text that reads it."""
+"""Map an input's number and an element, a number or a C expression, to the C text that reads it."""
 
 Rows = Callable[[int, str, int], str]
-"""From an output's number, the expression of a row and an element's number to the C text of its place."""
+"""Map an output's number, the expression of a row and an element's number to the C lvalue of the element."""
 
 LETTERS = [first + second for first in ["", *"bcdefghijklmnopqrstuvwxyz"] for second in "bcdefghijklmnopqrstuvwxyz"]
 """Suffixes that make a name unique."""
@@ -28,7 +28,7 @@ HEAVY = 7
 class Callee(NamedTuple):
     """A C function, called as `name(shared..., inputs..., results)`.
 
-    - `shared`: arguments that are the same in all calls.
+    - `shared`: arguments that are equal in all calls.
     - `passed`: numbers of the inputs that each call passes, as arrays.
     """
 
@@ -41,7 +41,7 @@ Callees = Callable[[Program], Callee]
 
 
 class Writer:
-    """Write the values of one function, with its loops and branches.
+    """Writes the values of one function, with its loops and branches.
 
     - `read`: C text that reads an element of an input.
     - `precomputed`: C text that reads a value without computing it.
@@ -78,7 +78,7 @@ class Writer:
         self.called: list[Program] = []
         self.bytes = 0
         self.level = 1
-        # Variables for results of inner blocks that get none of their own.
+        # Variables of outer blocks that inner blocks assign directly.
         self.result_names: dict[Value, str] = {}
         self._unnamed = 0
 
@@ -134,14 +134,14 @@ class Writer:
                 self._value(value)
 
     def declare_value(self, value: Value, hint: str | None = None) -> None:
-        """Give a value with an expression a variable of its own."""
+        """Declare a variable for a value that has an expression."""
         written = self.texts[value]
         type, name = self.new_variable(value, hint)
         self.line(f"const {type} {name} = {written.text};", value)
         self.texts[value] = CExpression(name)
 
-    def room(self) -> int:
-        """Return the largest number of characters in an expression."""
+    def max_length(self) -> int:
+        """Return the largest length of an expression on this line."""
         return WIDTH - len(INDENT) * self.level - len("const double name_12 = ;")
 
     def _value(self, value: Value) -> None:
@@ -163,17 +163,17 @@ class Writer:
             self.declare_value(value)
 
     def _compose(self, value: Value) -> CExpression:
-        """Expression of a value; operands that make it too long or too heavy get variables of their own."""
+        """Return the expression of a value; declare variables for operands that make it too long."""
         args = list(dict.fromkeys(value.args))
         while True:
             written = self._operation(value)
-            # Conditions on all elements of arrays become loops, and are then short.
+            # Conditions on all elements of an array later become a loop, which is short.
             if self.loops and value.type == "b1" and value.op in ("and", "or"):
                 return written
             heaviest = max(args, key=lambda arg: self.texts[arg].weight, default=None)
             if heaviest is None or self.texts[heaviest].weight == 0:
                 return written
-            if written.weight <= HEAVY and len(written.text) <= self.room():
+            if written.weight <= HEAVY and len(written.text) <= self.max_length():
                 return written
             self.declare_value(heaviest)
 
@@ -189,7 +189,7 @@ class Writer:
         )
 
     def is_inline(self, value: Value) -> bool:
-        """True if a value is written in place of its use, and not as a variable."""
+        """True if a value's expression is written at its use, without a variable."""
         name = self.names.of(value)
         if value in self.array_elements:
             return False
@@ -198,7 +198,7 @@ class Writer:
         )
 
     def _is_cheap(self, value: Value) -> bool:
-        """True if a value's expression is no longer than a name."""
+        """True if a value's expression is about as short as a name."""
         if value in self.array_elements:
             return False
         arg = self.texts[value.args[0]]
@@ -221,7 +221,7 @@ class Writer:
                 if not any(pair[0] in self.texts[value].reads for target, value in waiting if target != pair[0]):
                     break
             else:
-                # Circular: a copy breaks the circle.
+                # A copy breaks the cycle.
                 pair = waiting[0]
                 self.declare_value(pair[1])
                 continue
@@ -247,16 +247,16 @@ class Writer:
     # ---- calls ------------------------------------------------------------------------------------------------------
 
     def call(self, call: Call) -> None:
-        """Write an array for the results, and the call that fills it."""
+        """Declare an array for the results, and write the call that fills it."""
         assert self.callees is not None
         self.called.append(call.program)
         callee = self.callees(call.program)
-        place, arguments = 0, list(callee.shared)
+        start, arguments = 0, list(callee.shared)
         for k, entry in enumerate(call.program.inputs):
             if k in callee.passed:
-                elements = call.args[place : place + entry.size]
+                elements = call.args[start : start + entry.size]
                 arguments.append(self._array(entry, elements, callee) if entry.shape else self.texts[elements[0]].text)
-            place += entry.size
+            start += entry.size
         size = sum(output.size for output in call.program.outputs)
         name = self.new_name(self._hint_of(call) or f"{callee.name}_result")
         self.line(f"{self.dialect.type('f64')} {name}[{size}];", call)
@@ -266,7 +266,7 @@ class Writer:
             self.texts[result] = CExpression(f"{name}[{k}]")
 
     def _hint_of(self, call: Call) -> str | None:
-        """Name of the results in the source, without a number."""
+        """Return the name of the results in the source, without a number."""
         for result in self.placement.results_of(call).values():
             hint = self.hint(result)
             if hint is not None:
@@ -275,7 +275,7 @@ class Writer:
         return None
 
     def _array(self, entry: Input, elements: Sequence[Value], callee: Callee) -> str:
-        """Array of values: in place if they lie there in order, else a new one."""
+        """Return an array of values: a part of an existing one if they are contiguous there, else a new one."""
         texts = [self.input_places.get(value, self.texts[value].text) for value in elements]
         first = re.fullmatch(r"(.*)\[(\d+)\]", texts[0])
         if first is not None:
@@ -285,10 +285,10 @@ class Writer:
         name = self.new_name(f"{callee.name}_at")
         self.bytes += entry.size * self.dialect.size(entry.type)
         self.line(f"const {self.dialect.type(entry.type)} {name}[{entry.size}] = {{")
-        room = WIDTH - len(INDENT) * (self.level + 1)
+        width = WIDTH - len(INDENT) * (self.level + 1)
         row = ""
         for text in [f"{self.texts[value].text}," for value in elements]:
-            if row and len(row) + 1 + len(text) > room:
+            if row and len(row) + 1 + len(text) > width:
                 self.line(INDENT + row)
                 row = ""
             row = f"{row} {text}" if row else text
@@ -299,7 +299,7 @@ class Writer:
     # ---- branches ---------------------------------------------------------------------------------------------------
 
     def branch(self, branch: Branch) -> None:
-        """Write an `if`, or a choice between two expressions where both sides are short."""
+        """Write an `if`, or a conditional expression if both sides are short."""
         left = self.placement.results_of(branch)
         hints = {k: self._hint(branch, k) for k in left}
         into = {k: self.result_names.pop(result, None) for k, result in left.items()}
@@ -320,7 +320,7 @@ class Writer:
                     if not self.is_inline(result):
                         self.declare_value(result, hints[k])
                 return
-        # A variable that starts with a known number needs no `else`.
+        # A variable that is initialised with a known number needs no `else`.
         plain = not otherwise and not any(into.values()) and not any(self.texts[value].weight for value in no.values())
         for k, result in left.items():
             if into[k] is None:
@@ -336,10 +336,10 @@ class Writer:
         self.line("}")
 
     def _choice(self, when: CExpression, yes: CExpression, no: CExpression) -> CExpression | None:
-        """Choice between expressions; None if it is too long to read."""
+        """Return a conditional expression; None if it is too long to read."""
         text = f"{when.within(EITHER)} ? {yes.within(EITHER)} : {no.within(CHOICE)}"
         weight = 1 + when.weight + yes.weight + no.weight
-        if weight > HEAVY or len(text) > self.room():
+        if weight > HEAVY or len(text) > self.max_length():
             return None
         return CExpression(text, CHOICE, weight, when.reads | yes.reads | no.reads)
 
@@ -352,7 +352,7 @@ class Writer:
         return None
 
     def _side(self, region: Region, leaves: Mapping[Value, str]) -> list[CodeLine]:
-        """Lines of one side; inner blocks assign the results of this side directly."""
+        """Return the lines of one side; inner blocks assign the results of this side directly."""
         around, self.lines = self.lines, []
         self.level += 1
         for value, name in leaves.items():
@@ -372,7 +372,7 @@ class Writer:
     # ---- loops ------------------------------------------------------------------------------------------------------
 
     def loop(self, loop: Loop) -> None:
-        """Write a `for` where the number of iterations is known, else a `while`."""
+        """Write a `for` if the number of iterations is known, else a `while`."""
         left = self.placement.results_of(loop)
         names: dict[int, str] = {}
         counted = self._counter(loop, left) if loop.iterations is not None else ""
@@ -403,7 +403,7 @@ class Writer:
             self.texts[result] = CExpression(names[k] if k in names else self.texts[loop.params[0]].text)
 
     def _counter(self, loop: Loop, left: Mapping[int, Value]) -> str:
-        """Head of a `for`."""
+        """Return the head of a `for`."""
         assert loop.iterations is not None
         if self.texts[loop.iterations].weight:
             self.declare_value(loop.iterations)
@@ -434,7 +434,7 @@ class Writer:
         return name
 
     def _head(self, loop: Loop) -> tuple[list[CodeLine], str]:
-        """Lines at the start of an iteration, and the condition to stop, or to continue if there are no such lines."""
+        """Return the lines at the start of an iteration, and the condition to stop, or to continue without such lines."""
         around, self.lines = self.lines, []
         self.level += 1
         self.region(loop.head)

@@ -1,4 +1,4 @@
-"""Programs as CUDA kernels: one run of a batch in each thread."""
+"""CUDA kernels of programs: each thread computes one run of a batch."""
 
 from .launch import CudaKernel as CudaKernel
 from .launch import card_available as card_available

@@ -1,4 +1,4 @@
-"""A program on an NVIDIA card, as a function of NumPy arrays."""
+"""Run a program on an NVIDIA card as a function of NumPy arrays."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Arrays = list[np.ndarray]
 def pack_inputs(program: Program, inputs: Sequence[Any], runs: int, real: Real) -> Arrays:
     """Arrange inputs as the kernel reads them.
 
-    - `inputs`: in the program's shapes and dtypes; those that vary have a first axis for the runs.
+    - `inputs`: arrays in the program's shapes and dtypes; those that vary have a first axis for the runs.
     - `real`: the type of f64 on the GPU.
 
     Raises DefinitionError if an input has another shape or dtype.
@@ -60,10 +60,10 @@ def dtype_on_card(type: Type, real: Real) -> Any:
 
 
 THREADS = 128
-"""Threads per block: few, as a controller needs many registers."""
+"""Threads per block: few, since a controller needs many registers."""
 
 OPTIONS = ("--std=c++17", "--fmad=false")
-"""NVRTC options: products and sums are fused only where the program fuses them, as on the CPU."""
+"""NVRTC options: products and sums are fused only if the program fuses them, as on the CPU."""
 
 
 class CudaKernel:

@@ -1,4 +1,4 @@
-"""A program as the source of a CUDA kernel: one run of a batch in each thread."""
+"""Generate the source of a CUDA kernel: each thread computes one run of a batch."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def cuda_code(program: Program, *, real: Real = "double") -> str:
 
 
 def _names(program: Program) -> list[str]:
-    """Distinct names of the arguments."""
+    """Return distinct names for the arguments."""
     names: list[str] = []
     entries: list[Input | Output] = [*program.inputs, *program.outputs]
     for entry in entries:

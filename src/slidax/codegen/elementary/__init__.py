@@ -1,3 +1,3 @@
-"""Elementary functions written out in exactly rounded operations, which give the same bits everywhere."""
+"""Elementary functions expanded into correctly rounded operations, for bitwise equal results everywhere."""
 
 from .lowering import lower as lower

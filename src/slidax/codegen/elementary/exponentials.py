@@ -1,4 +1,4 @@
-"""Exponentials, logarithms, powers, roots and hyperbolic functions in exactly rounded operations."""
+"""Exponentials, logarithms, powers, roots and hyperbolic functions in correctly rounded operations."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ..ir import Value
 from .expression import SIGN, Expression, fma, polynomial, select
 
 INTEGER = 1.5 * 2.0**52 + 2046.0
-"""A number plus this has the nearest integer in its lowest bits, plus 2046, which makes the integer positive."""
+"""Constant that, added to a number, leaves the nearest integer plus 2046 (to make it positive) in the lowest bits."""
 
 _LOG2_E = 1.4426950408889634
 # ln 2 in two parts; the first has so few bits that its product with an exponent is exact.
@@ -32,7 +32,7 @@ _EXP_TAIL = (
 
 
 def powers_of_two(shifted: Expression) -> tuple[Expression, Expression]:
-    """Two factors of `2^n` for n from -2044 to 2046, which one f64 cannot represent.
+    """Return two factors of `2^n` for n from -2044 to 2046, which a single f64 cannot represent.
 
     - `shifted`: n + INTEGER.
     """
@@ -42,7 +42,7 @@ def powers_of_two(shifted: Expression) -> tuple[Expression, Expression]:
 
 
 def _parts(x: Expression) -> tuple[Expression, Expression, Expression]:
-    """Numbers q, a and b with `e^x = (1 + q) a b`, q in (-.3, .42), a and b powers of two.
+    """Return q, a and b with `e^x = (1 + q) a b`, q in (-0.3, 0.42), a and b powers of two.
 
     Cody and Waite's reduction `x = n ln 2 + r`, |r| <= ln(2)/2, q = e^r - 1.
     """
@@ -69,7 +69,7 @@ def half_expm1(x: Expression) -> Expression:
 def expm1(x: Expression) -> Expression:
     """`e^x - 1` as `(a q + (a - 1/b)) b`."""
     q, a, b = _parts(x)
-    # Only a zero has the wrong sign before.
+    # This corrects the sign of a zero.
     return (_less_one(q, a, b) * b).signed_as(x)
 
 
@@ -145,7 +145,7 @@ def log1p(x: Expression) -> Expression:
     error = (1.0 - (u - added)) + (x - added)
     # The limit replaces the quotient's NaN at -1 and at infinity.
     result = _log(u, (error / u).within(2.0**-50))
-    # Only a zero has the wrong sign before.
+    # This corrects the sign of a zero.
     return result.signed_as(x)
 
 
@@ -242,7 +242,7 @@ def _known_not_negative(x: Value) -> bool:
 
 _THIRD_OF_BITS = 6004800933347025.0
 
-# ((1 - h)^(-1/3) - 1)/h for |h| < .103, relative error 2^-32.
+# ((1 - h)^(-1/3) - 1)/h for |h| < 0.103, relative error 2^-32.
 _INVERSE = (
     0.3333333456155788,
     0.2222222550943691,

@@ -1,4 +1,4 @@
-"""Formulas: operators that build a program's values."""
+"""Values with operators, to write formulas that build a program."""
 
 from __future__ import annotations
 
@@ -154,26 +154,26 @@ def select(when: Expression, yes: Expression | Number, no: Expression | Number) 
 def branch_rarely(
     when: Expression, then: Callable[[], tuple[Expression, ...]], else_these: tuple[Expression, ...]
 ) -> tuple[Expression, ...]:
-    """Branch to the values of `then()` where `when` is true, else to existing values; built once for equal arguments.
+    """Return the values of `then()` if `when` is true, else existing values; built once for equal arguments.
 
     - `when`: b1, a function of the same numbers as the existing values.
     - `then`: builds as many values, of the same types.
-    - `else_these`: the existing values, all in one region, which the branch is added to.
+    - `else_these`: existing values, all in one region, to which the branch is added.
     """
-    builder, place = when.builder, else_these[0].value.region
+    builder, region = when.builder, else_these[0].value.region
     keys = [("rarely", when.value.number, value.value.number) for value in else_these]
-    if keys[0] not in place.known:
-        around, builder.region = builder.region, place
+    if keys[0] not in region.known:
+        around, builder.region = builder.region, region
         results = builder.branch(
             when.value, lambda: [value.value for value in then()], lambda: [value.value for value in else_these]
         )
         builder.region = around
-        place.known.update(zip(keys, results, strict=True))
-    return tuple(Expression(builder, place.known[key]) for key in keys)
+        region.known.update(zip(keys, results, strict=True))
+    return tuple(Expression(builder, region.known[key]) for key in keys)
 
 
 def polynomial(x: Expression, coefficients: tuple[float, ...]) -> Expression:
-    """`c0 + c1 x + c2 x² + ...` by Estrin's scheme, whose parts are independent of each other."""
+    """`c0 + c1 x + c2 x² + ...` by Estrin's scheme, whose parts can be computed in parallel."""
     terms: list[Expression] = [x.constant(c) for c in coefficients]
     power = x
     while len(terms) > 1:

@@ -1,4 +1,4 @@
-"""Replace an elementary function by exactly rounded operations; the error function and its inverse."""
+"""Expand elementary functions into correctly rounded operations; the error function and its inverse."""
 
 from __future__ import annotations
 

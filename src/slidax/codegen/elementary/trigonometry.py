@@ -1,4 +1,4 @@
-"""Trigonometric functions and their inverses in exactly rounded operations."""
+"""Trigonometric functions and their inverses in correctly rounded operations."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ _HUGE_TWO_OVER_PI = (
 
 
 def reduce_huge_angle(x: Expression) -> tuple[Expression, Expression, Expression]:
-    """Three numbers: r, r' and n with `x = n pi/2 + r - r'`, |r| <= pi/4, r' a rounding error, n an u64 mod 4.
+    """Return r, r' and n with `x = n pi/2 + r - r'`, |r| <= pi/4, r' a rounding error, n an u64 mod 4.
 
-    Payne and Hanek's reduction: the mantissa is multiplied only by those digits of 2/pi that give neither whole turns
-    nor fractions below 2^-117.
+    Payne and Hanek's reduction: the mantissa is multiplied only by those digits of 2/pi that contribute neither full
+    turns nor fractions below 2^-117.
 
     - `x`: f64, 2^23 <= |x|; the result is NaN for infinities.
     """
@@ -72,7 +72,7 @@ def reduce_huge_angle(x: Expression) -> tuple[Expression, Expression, Expression
 
 
 def _digits(first: Expression) -> tuple[Expression, Expression, Expression]:
-    """192 digits of 2/pi after the first `first`, u64, less than 1024."""
+    """Return 192 binary digits of 2/pi after the first `first`, u64, less than 1024."""
     words = [first.constant(word) for word in _HUGE_TWO_OVER_PI]
     for bit in (8, 4, 2, 1):
         skip = (first & (64 * bit)).differs(0)
@@ -83,7 +83,7 @@ def _digits(first: Expression) -> tuple[Expression, Expression, Expression]:
 
 
 def _product(mantissa: Expression, words: tuple[Expression, Expression, Expression]) -> tuple[Expression, Expression]:
-    """Upper 128 of the product's last 192 bits before the point, without a carry from the last word."""
+    """Return the upper 128 of the product's last 192 bits before the point, without a carry from the last word."""
     a, b, c = words
     lower = mantissa * b
     total = lower + _upper_half(mantissa, c)
@@ -128,10 +128,10 @@ _COSINE = (
 )
 
 
-def _reduced(x: Expression) -> tuple[Expression, ...]:
-    """Three numbers: r, r' and n with `x = n pi/2 + r - r'`, |r| <= pi/4, r' a rounding error, n an u64 mod 4.
+def _reduce(x: Expression) -> tuple[Expression, ...]:
+    """Return r, r' and n with `x = n pi/2 + r - r'`, |r| <= pi/4, r' a rounding error, n an u64 mod 4.
 
-    Cody and Waite's reduction up to |x| = 1e7, exact except for the last sum; beyond it a branch.
+    Cody and Waite's reduction up to |x| = 1e7, exact except for the last sum; beyond that `reduce_huge_angle`.
     """
     shifted = fma(x, _TWO_OVER_PI, _INTEGER)
     n = shifted - _INTEGER
@@ -143,9 +143,9 @@ def _reduced(x: Expression) -> tuple[Expression, ...]:
 
 def _sine_and_cosine(x: Expression) -> tuple[Expression, Expression, Expression]:
     """`sin r`, `cos r` and n."""
-    r, rest, n = _reduced(x)
+    r, rest, n = _reduce(x)
     z = r * r
-    # A difference, so that the sine of -0 is -0.
+    # Written as a difference, so that the sine of -0 is -0.
     sine = r - fma(r * z, polynomial(z, _SINE), rest)
     square = fma(r, r, r * (rest * -2.0))
     cosine = fma(square, fma(z, polynomial(z, _COSINE), -0.5), 1.0)
@@ -215,7 +215,7 @@ _ARCTANGENT = (
 
 
 def _arc(x: Expression) -> tuple[Expression, Expression]:
-    """True if |x| > 1/2, and then `asin sqrt((1 - |x|)/2)`, which is half of `acos |x|`; else `asin |x|`."""
+    """Return True if |x| > 1/2, and `asin sqrt((1 - |x|)/2)`, half of `acos |x|`; else False, and `asin |x|`."""
     magnitude = abs(x)
     large = magnitude > 0.5
     z = select(large, 0.5 - 0.5 * magnitude, x * x)

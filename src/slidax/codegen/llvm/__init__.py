@@ -1,4 +1,4 @@
-"""Machine code from programs, by LLVM.
+"""Compile programs to machine code with LLVM.
 
 `vectorise.py` prepares a program, `blocks.py` prints it, and `kernel.py` compiles and calls it.
 """

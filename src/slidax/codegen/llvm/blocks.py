@@ -1,4 +1,4 @@
-"""Loops, branches and their values as the body of one LLVM function."""
+"""Print loops, branches and their values as the body of one LLVM function."""
 
 from __future__ import annotations
 
@@ -49,26 +49,26 @@ class ElementaryFunction:
 
     def call(self, words: list[str]) -> str:
         """Return a call with these arguments in LLVM IR."""
-        whole = type_name(self.type, self.width)
-        return f"call {self.head}({', '.join(f'{whole} {word}' for word in words)})"
+        llvm_type = type_name(self.type, self.width)
+        return f"call {self.head}({', '.join(f'{llvm_type} {word}' for word in words)})"
 
 
 Write = Callable[[str], None]
 
 
 def broadcast(name: str, type: Type, word: str, lanes: int, write: Write) -> None:
-    """Write a vector with the number `word` in all lanes."""
-    whole = type_name(type, lanes)
-    write(f"{name}i = insertelement {whole} poison, {TYPES[type]} {word}, i32 0")
-    write(f"{name} = shufflevector {whole} {name}i, {whole} poison, <{lanes} x i32> zeroinitializer")
+    """Write the broadcast of the number `word` to all lanes."""
+    llvm_type = type_name(type, lanes)
+    write(f"{name}i = insertelement {llvm_type} poison, {TYPES[type]} {word}, i32 0")
+    write(f"{name} = shufflevector {llvm_type} {name}i, {llvm_type} poison, <{lanes} x i32> zeroinitializer")
 
 
 def gather(name: str, type: Type, words: Sequence[str], write: Write) -> None:
     """Write a vector of the numbers `words`."""
-    whole, before = type_name(type, len(words)), "poison"
+    llvm_type, before = type_name(type, len(words)), "poison"
     for k, word in enumerate(words):
         after = name if k == len(words) - 1 else f"{name}g{k}"
-        write(f"{after} = insertelement {whole} {before}, {TYPES[type]} {word}, i32 {k}")
+        write(f"{after} = insertelement {llvm_type} {before}, {TYPES[type]} {word}, i32 {k}")
         before = after
 
 
@@ -78,9 +78,9 @@ def pick(name: str, type: Type, word: str, lanes: int, k: int, write: Write) -> 
 
 
 def varying_values(program: Program) -> set[Value]:
-    """Return all values that depend on a varying input, directly or by the number of loop turns.
+    """Return all values that depend on a varying input, directly or by the number of loop iterations.
 
-    Values that a loop carries need a fixed-point iteration: they count as uniform until a pass shows the contrary.
+    Carried values of loops need a fixed-point iteration: they count as uniform until a pass shows otherwise.
     """
     differing: set[Value] = set()
     count = -1
@@ -103,7 +103,7 @@ def _visit(program: Program, region: Region, differing: set[Value]) -> None:
 
 def _visit_loop(program: Program, loop: Loop, differing: set[Value]) -> None:
     for param, first, next in zip(loop.params, loop.args, loop.following, strict=True):
-        # Runs that take different numbers of turns hold what others still change.
+        # Runs that have left the loop keep their values, while others still change them.
         if first in differing or next in differing or (loop.condition in differing and next is not param):
             differing.add(param)
     _visit(program, loop.head, differing)
@@ -126,14 +126,14 @@ def _differs(program: Program, value: Value, differing: set[Value]) -> bool:
 
 EXPENSIVE = frozenset({*ELEMENTARY, "load", "store", "loop", "branch", "div", "rem", "sqrt"})
 SELECT_LIMIT = 12
-"""A branch with at most so many operations, none of them expensive, becomes a selection between both sides."""
+"""Most operations of a branch, none of them expensive, that is replaced by a selection between both sides."""
 
 
 class Blocks:
-    """The function's lines, as they are written.
+    """Writes the lines of one function.
 
     - `lanes`: number of runs that are computed in parallel.
-    - `own`: True if elementary functions are calls of our own functions; False for libm's.
+    - `own`: True to call slidax's own elementary functions; False to call those of libm.
     """
 
     def __init__(self, program: Program, lanes: int, *, own: bool = False) -> None:
@@ -150,7 +150,7 @@ class Blocks:
         self._label, self._mask = "entry", ""  # the mask: the active lanes; "" for all
 
     def print(self) -> None:
-        """Write the whole body."""
+        """Write the complete body."""
         memory.load_addresses(self.program, self._write)
         memory.allocate_spare(self.program, self.lanes, self._write)
         self._region(self.program.body)
@@ -160,20 +160,20 @@ class Blocks:
                 self.declarations |= memory.write_output(self.program, index, element, word, self.lanes, self._write)
         self._write("ret void")
 
-    def print_function(self, whole: str) -> None:
+    def print_function(self, llvm_type: str) -> None:
         """Write the body of a function with the program's inputs as its arguments `%x0`, `%x1`.
 
-        - `whole`: type of the function's result.
+        - `llvm_type`: type of the function's result.
         """
         self._names = {value: f"%x{value.data[0]}" for value in self.program.walk() if value.op == "input"}
         self._region(self.program.body)
         for result in self.program.outputs[0].values or ():
-            self._write(f"ret {whole} {self._word(result, self.lanes)}")
+            self._write(f"ret {llvm_type} {self._word(result, self.lanes)}")
 
     # ---- words ------------------------------------------------------------------------------------------------------
 
     def _width(self, value: Value) -> int:
-        """Number of lanes of a value."""
+        """Return the number of lanes of a value."""
         if isinstance(value, Vector):
             return value.lanes
         return self.lanes if value in self._differs else 1
@@ -184,7 +184,7 @@ class Blocks:
         return self._names.get(value) or f"%v{value.number}"
 
     def _word(self, value: Value, width: int) -> str:
-        """A value with so many lanes: as it is, or broadcast."""
+        """Return a value with `width` lanes, broadcast if necessary."""
         if width == self._width(value):
             return self._own(value)
         if value.op == "const":
@@ -204,8 +204,8 @@ class Blocks:
         self._write(f"{name} = icmp ne i{self.lanes} {name}b, 0")
         return name
 
-    def _both(self, mask: str, name: str) -> str:
-        """The active lanes of a mask."""
+    def _active_lanes(self, mask: str, name: str) -> str:
+        """Return the active lanes of a mask."""
         if not self._mask:
             return mask
         self._write(f"{name} = and <{self.lanes} x i1> {self._mask}, {mask}")
@@ -261,9 +261,9 @@ class Blocks:
     def _read(self, value: Value) -> None:
         if isinstance(value, Vector):
             return memory.read_vector(value, value.lanes, self._write)
-        far = value.op == "load" and value.args[0] in self._differs
+        wide = value.op == "load" and value.args[0] in self._differs
         index = self._own(value.args[0]) if value.op == "load" else str(value.data[1])
-        self.declarations |= memory.read(self.program, value, index, self._width(value), far, self._mask, self._write)
+        self.declarations |= memory.read(self.program, value, index, self._width(value), wide, self._mask, self._write)
 
     def _store(self, value: Value) -> None:
         row, when, *numbers = value.args
@@ -272,7 +272,7 @@ class Blocks:
         mask = self._mask
         if not certain:
             if when in self._differs:
-                mask = self._both(self._word(when, self.lanes), f"{name}m")
+                mask = self._active_lanes(self._word(when, self.lanes), f"{name}m")
                 condition = self._any(mask, f"{name}y")
             else:
                 condition = self._own(when)
@@ -305,7 +305,7 @@ class Blocks:
         self._region(loop.head)
         condition = self._own(loop.condition)
         if loop.condition in self._differs:
-            self._mask = self._both(condition, f"%v{n}m")
+            self._mask = self._active_lanes(condition, f"%v{n}m")
             condition = self._any(self._mask, f"%v{n}y")
         self._write(f"br i1 {condition}, label %body{n}, label %after{n}")
         self._open(f"body{n}")
@@ -315,9 +315,9 @@ class Blocks:
         if loop.condition in self._differs:
             for k, param in enumerate(loop.params):
                 if param in self._differs and loop.following[k] is not param:
-                    whole, held = type_name(param.type, self.lanes), f"%v{n}h{k}"
+                    llvm_type, held = type_name(param.type, self.lanes), f"%v{n}h{k}"
                     mask = f"<{self.lanes} x i1> {self._mask}"
-                    self._write(f"{held} = select {mask}, {whole} {following[k]}, {whole} %v{param.number}")
+                    self._write(f"{held} = select {mask}, {llvm_type} {following[k]}, {llvm_type} %v{param.number}")
                     following[k] = held
         self._write(f"br label %head{n}")
         for k, param in enumerate(loop.params):
@@ -350,14 +350,14 @@ class Blocks:
             self._select(branch, widths, then, otherwise)
         else:
             self._write(f"br i1 {self._own(when)}, label %then{n}, label %else{n}")
-            then, then_end = self._jumped(branch.then, branch.yes, widths, f"then{n}", f"after{n}")
-            otherwise, else_end = self._jumped(branch.otherwise, branch.no, widths, f"else{n}", f"after{n}")
+            then, then_end = self._jump_to_side(branch.then, branch.yes, widths, f"then{n}", f"after{n}")
+            otherwise, else_end = self._jump_to_side(branch.otherwise, branch.no, widths, f"else{n}", f"after{n}")
             self._open(f"after{n}")
             for k, value in enumerate(branch.yes):
                 phi = f"[ {then[k]}, %{then_end} ], [ {otherwise[k]}, %{else_end} ]"
                 self._write(f"%v{n}r{k} = phi {type_name(value.type, widths[k])} {phi}")
 
-    def _jumped(
+    def _jump_to_side(
         self, region: Region, leaves: Sequence[Value], widths: Sequence[int], label: str, after: str
     ) -> tuple[list[str], str]:
         """Write one side of a branch; return its values and its last label."""
@@ -373,10 +373,10 @@ class Blocks:
         """Write one side of a divergent branch, skipped if no run takes it; return its values."""
         if not region.values:
             return [self._word(value, self.lanes) for value in leaves]
-        self._mask = self._both(mask, f"%v{name}m")
+        self._mask = self._active_lanes(mask, f"%v{name}m")
         condition, before = self._any(self._mask, f"%v{name}y"), self._label
         self._write(f"br i1 {condition}, label %side{name}, label %after{name}")
-        words, end = self._jumped(region, leaves, [self.lanes] * len(leaves), f"side{name}", f"after{name}")
+        words, end = self._jump_to_side(region, leaves, [self.lanes] * len(leaves), f"side{name}", f"after{name}")
         self._open(f"after{name}")
         for k, value in enumerate(leaves):
             # Not poison: a later branch may depend on the values of inactive lanes.
@@ -392,10 +392,10 @@ class Blocks:
         then = then or self._words(branch.yes, widths)
         otherwise = otherwise or self._words(branch.no, widths)
         for k, value in enumerate(branch.yes):
-            whole = type_name(value.type, widths[k])
+            llvm_type = type_name(value.type, widths[k])
             # A scalar condition also selects between vectors.
             mask = type_name("b1", self._width(when))
-            chosen = f"{whole} {then[k]}, {whole} {otherwise[k]}"
+            chosen = f"{llvm_type} {then[k]}, {llvm_type} {otherwise[k]}"
             self._write(f"%v{branch.number}r{k} = select {mask} {self._own(when)}, {chosen}")
 
 

@@ -1,4 +1,4 @@
-"""A program as a compiled function of NumPy arrays; code whose optimisation grows with its use."""
+"""Compile a program to a function of NumPy arrays; choose the optimisation level by the expected use."""
 
 from __future__ import annotations
 
@@ -40,9 +40,7 @@ def module(program: Program, lanes: int = 1, entry: str = "runs", *, own: bool =
         raise DefinitionError(f"`lanes` must be a power of two; got {lanes}")
     blocks = Blocks(program, lanes, own=own)
     blocks.print()
-    functions = [
-        line for function in sorted(blocks.called, key=str) for line in _defined(function, blocks.declarations)
-    ]
+    functions = [line for function in sorted(blocks.called, key=str) for line in _define(function, blocks.declarations)]
     addresses = len(program.inputs) + len(program.outputs)
     return "\n".join(
         [
@@ -78,30 +76,30 @@ def module(program: Program, lanes: int = 1, entry: str = "runs", *, own: bool =
     )
 
 
-def _defined(function: ElementaryFunction, declarations: set[str]) -> list[str]:
-    """LLVM IR of an elementary function; the functions that it calls are added to the declarations."""
+def _define(function: ElementaryFunction, declarations: set[str]) -> list[str]:
+    """Return the LLVM IR of an elementary function; add the functions that it calls to the declarations."""
     blocks = Blocks(function.program, function.width)
-    whole = type_name(function.type, function.width)
-    blocks.print_function(whole)
+    llvm_type = type_name(function.type, function.width)
+    blocks.print_function(llvm_type)
     declarations |= blocks.declarations
-    arguments = ", ".join(f"{whole} %x{k}" for k in range(function.arguments))
+    arguments = ", ".join(f"{llvm_type} %x{k}" for k in range(function.arguments))
     return [f"define internal {function.head}({arguments}) #0 {{", "entry:", *blocks.lines, "}"]
 
 
 Arrays = list[np.ndarray]
 
 LANES = 8
-"""Number of lanes that uses the vector units best."""
+"""Number of lanes for the best use of the vector units."""
 
 CHUNKS = 8
-"""Pieces of a batch per thread: so many that no thread waits long for the last piece."""
+"""Number of pieces of a batch per thread, so that no thread waits long for the last piece."""
 
 
 class Kernel:
     """A compiled program.
 
     - `lanes`: number of runs that are computed in parallel.
-    - `quick`: True for code that compiles in a fraction of the time, and runs 2 to 5 times as long for the same bits.
+    - `quick`: True for code that compiles in a fraction of the time, and takes 2 to 5 times as long for equal results.
     - `known`: the program's `identity`, if it was computed before.
     """
 
@@ -111,7 +109,7 @@ class Kernel:
         self.program = program
         with as_native_code_error(lambda: "the program"):
             source = (known or identity(program, lanes)) + " quick" * quick
-            # A unique name, which the code of another program does not have.
+            # The name is different for each program.
             self._entry = f"runs_{hashlib.sha256(source.encode()).hexdigest()[:32]}"
             level = machine.QUICK if quick else machine.OPTIMISED
             self._code = machine.host().code_of(source, self._entry, lambda: self.text, level)
@@ -120,7 +118,7 @@ class Kernel:
 
     @property
     def function(self) -> Any:
-        """The machine code, called with a table's address, its number of lines, and the number of logged rows.
+        """The machine code; its arguments are the address of a table, its number of lines, the number of logged rows.
 
         A line of the table contains the addresses of all inputs and then of all outputs. Nothing is checked.
         """
@@ -174,18 +172,19 @@ class Kernel:
         """
         arrays = self._checked(inputs, runs)
         outputs = self._empty(runs, rows)
-        whole = runs // self.lanes
-        table = self._table(arrays, outputs, whole)
-        # The last group repeats the last run in the remaining lanes, in arrays of its own.
+        groups = runs // self.lanes
+        in_groups = groups * self.lanes
+        table = self._table(arrays, outputs, groups)
+        # The last group repeats the last run in the remaining lanes, in separate arrays.
         filled: Arrays = []
-        if runs > whole * self.lanes:
-            chosen = np.minimum(np.arange(whole * self.lanes, (whole + 1) * self.lanes), runs - 1)
+        if runs > in_groups:
+            chosen = np.minimum(np.arange(in_groups, in_groups + self.lanes), runs - 1)
             last = [array[chosen] if entry.varying else array for array, entry in zip(arrays, self.inputs, strict=True)]
             filled = self._empty(self.lanes, rows)
             table = np.concatenate([table, self._table(last, filled, 1)])
         self._share(table, rows, threads or _processors())
         for array, extra in zip(outputs, filled, strict=bool(filled)):
-            array[whole * self.lanes :] = extra[: runs - whole * self.lanes]
+            array[in_groups:] = extra[: runs - in_groups]
         return outputs
 
     # ---- inside -----------------------------------------------------------------------------------------------------
@@ -216,7 +215,7 @@ class Kernel:
         ]
 
     def _table(self, inputs: Arrays, outputs: Arrays, groups: int) -> Any:
-        """The addresses of all arrays, for each group."""
+        """Return the addresses of all arrays for each group."""
         first = np.array([array.ctypes.data for array in (*inputs, *outputs)], np.uintp)
         steps = [array[0].nbytes if entry.varying else 0 for array, entry in zip(inputs, self.inputs, strict=True)]
         steps += [array[0].nbytes for array in outputs]
@@ -247,7 +246,7 @@ def _processors() -> int:
 
 
 def identity(program: Program, lanes: int) -> str:
-    """Return all that a program's code depends on, except the machine."""
+    """Return a text with everything that a program's code depends on, except the machine."""
     return f"{digest(program)} {lanes}"
 
 
@@ -261,12 +260,12 @@ def compile(program: Program, lanes: int = 1) -> Kernel:
     return Kernel(program, lanes)
 
 
-WORTHWHILE_TURNS = {1: 200_000, 8: 100_000}
-"""Loop turns, by lanes, from which on optimised code saves time.
+WORTHWHILE_ITERATIONS = {1: 200_000, 8: 100_000}
+"""Least number of loop iterations, by lanes, for which optimised code saves time.
 
-For a loop with seven joints, optimised code takes 7 s longer to compile, and then saves 14 µs per turn; with eight
-lanes, 9 s and 70 µs. Both grow with the program, so the number of turns does not depend on its size. The total time is
-at most about twice that of the better choice.
+For a loop with seven joints, optimised code takes 7 s longer to compile, and then saves 14 µs per iteration; with eight
+lanes, 9 s and 70 µs. Both grow with the program, so the number of iterations does not depend on its size. The total
+time is at most about twice that of the better choice.
 """
 
 STACK_LIMIT = 2_500_000
@@ -299,7 +298,7 @@ class ByDemand:
         """
         first = self._kernel is None
         self._iterations += iterations
-        worth = self._iterations >= WORTHWHILE_TURNS.get(self.lanes, 0)
+        worth = self._iterations >= WORTHWHILE_ITERATIONS.get(self.lanes, 0)
         if self._kernel is None or (worth and self._kernel.quick):
             with as_native_code_error(lambda: "the program"):
                 self._identity = self._identity or identity(self.program, self.lanes)

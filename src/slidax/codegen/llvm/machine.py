@@ -17,7 +17,7 @@ from typing import Any
 from slidax.core.errors import DefinitionError
 
 DIGEST = 32
-"""Bytes of the checksum at the beginning of a file."""
+"""Length of the checksum at the beginning of a file [bytes]."""
 
 
 def folder() -> Path:
@@ -28,17 +28,17 @@ def folder() -> Path:
 
 
 def path_of(key: str) -> Path:
-    """Return the file for a key, which contains all that the object code depends on."""
+    """Return the file for a key, which contains everything that the object code depends on."""
     return folder() / f"{hashlib.sha256(key.encode()).hexdigest()}.o"
 
 
 def load_code(key: str) -> bytes | None:
-    """Return the object code for a key; None if there is none, or none that can be trusted."""
+    """Return the object code for a key; None if there is none, or it cannot be trusted."""
     path = path_of(key)
     try:
         if not path.parent.is_dir() or not _is_private(path.parent):
             return None
-        handle = os.open(path, os.O_RDONLY | _BINARY | _NOT_THROUGH_LINKS)
+        handle = os.open(path, os.O_RDONLY | _BINARY | _NO_FOLLOW)
         with os.fdopen(handle, "rb") as file:
             if _fault(os.fstat(file.fileno()), stat.S_ISREG):
                 return None
@@ -56,7 +56,7 @@ def store_code(key: str, body: bytes) -> None:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         if not _is_private(path.parent):
             return
-        # Written under another name first, so that no process reads an incomplete file.
+        # Write to a temporary file first, so that no process reads an incomplete one.
         handle, name = tempfile.mkstemp(dir=path.parent)
         try:
             with os.fdopen(handle, "wb") as file:
@@ -68,7 +68,7 @@ def store_code(key: str, body: bytes) -> None:
         pass  # the next process compiles again
 
 
-_NOT_THROUGH_LINKS = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+_NO_FOLLOW = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
 _BINARY = getattr(os, "O_BINARY", 0)
 
 
@@ -78,7 +78,7 @@ def _checksum(key: str, body: bytes) -> bytes:
 
 
 def _is_private(folder: Path) -> bool:
-    """True if the folder can be used. Closes the user's own folder to others first."""
+    """True if the folder can be used. First removes other users' access to the user's own folder."""
     status = os.lstat(folder)
     own = hasattr(os, "getuid") and stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid()
     if own and stat.S_IMODE(status.st_mode) != 0o700:
@@ -91,7 +91,7 @@ def _is_private(folder: Path) -> bool:
 
 
 def _fault(status: os.stat_result, is_kind: Callable[[int], bool]) -> str:
-    """Reason not to use a folder or file; empty if there is none."""
+    """Return the reason not to use a folder or file; empty if there is none."""
     if stat.S_ISLNK(status.st_mode):
         return "is a symbolic link"
     if not is_kind(status.st_mode):
@@ -151,7 +151,7 @@ class Machine:
     def key_of(self, source: str, level: int) -> str:
         """Return the cache key of a module's code.
 
-        - `source`: all that the module depends on; its IR would take as long to generate as to compile.
+        - `source`: everything that the module depends on; generating its IR would take as long as compiling it.
         - `level`: LLVM's optimisation level.
         """
         return "\n".join([self.version, self.cpu, self.features, str(level), source])
@@ -179,11 +179,11 @@ class Machine:
         return Code(self, object, entry)
 
     def compiled(self, text: str, level: int) -> bytes:
-        """Compile a module's IR to an object file, without LLVM's passes, which the IR does not need."""
+        """Compile a module's IR to an object file, without LLVM's optimisation passes, which the IR does not need."""
         return bytes(self._target(level).emit_object(self.llvm.parse_assembly(text)))
 
     def _target(self, level: int) -> Any:
-        # Not the code model for JITs, which writes out the address of every constant.
+        # The code model for JITs would write out the address of every constant.
         return self.llvm.Target.from_default_triple().create_target_machine(
             cpu=self.cpu, features=self.features, opt=level, reloc="pic", codemodel="small"
         )

@@ -1,4 +1,4 @@
-"""Inputs, outputs and log rows in memory."""
+"""Write accesses to inputs, outputs and log rows in memory."""
 
 from __future__ import annotations
 
@@ -58,15 +58,15 @@ def read(program: Program, value: Value, index: str, lanes: int, wide: bool, mas
         index = f"{name}k"
     write(f"{name}p = getelementptr {stored}, ptr {base}, <{lanes} x i64> {index}")
     loaded = f"{name}i" if value.type == "b1" else name
-    whole = f"<{lanes} x {stored}>"
+    llvm_type = f"<{lanes} x {stored}>"
     kind = f"v{lanes}i8" if value.type == "b1" else suffix(value.type, lanes)
-    full = f"{whole} @llvm.masked.gather.{kind}.v{lanes}p0"
+    full = f"{llvm_type} @llvm.masked.gather.{kind}.v{lanes}p0"
     every = literal(1, "b1", lanes)
     align = BYTES[value.type]
-    write(f"{loaded} = call {full}(<{lanes} x ptr> align {align} {name}p, <{lanes} x i1> {every}, {whole} poison)")
+    write(f"{loaded} = call {full}(<{lanes} x ptr> align {align} {name}p, <{lanes} x i1> {every}, {llvm_type} poison)")
     if value.type == "b1":
-        write(f"{name} = icmp ne {whole} {loaded}, zeroinitializer")
-    return {f"declare {full}(<{lanes} x ptr>, <{lanes} x i1>, {whole})"}
+        write(f"{name} = icmp ne {llvm_type} {loaded}, zeroinitializer")
+    return {f"declare {full}(<{lanes} x ptr>, <{lanes} x i1>, {llvm_type})"}
 
 
 def read_vector(value: Value, lanes: int, write: Write) -> None:
@@ -83,9 +83,9 @@ def write_output(program: Program, which: int, element: int, word: str, lanes: i
     """Write one element, `word`, of all lanes to output number `which`."""
     output = program.outputs[which]
     name, stored = f"%out{which}e{element}", STORED[output.type]
-    whole = stored if lanes == 1 else f"<{lanes} x {stored}>"
+    llvm_type = stored if lanes == 1 else f"<{lanes} x {stored}>"
     if output.type == "b1":
-        write(f"{name}i = zext {type_name('b1', lanes)} {word} to {whole}")
+        write(f"{name}i = zext {type_name('b1', lanes)} {word} to {llvm_type}")
         word = f"{name}i"
     write(f"{name}b = getelementptr {stored}, ptr %out{which}, i64 {element}")
     if lanes == 1:
@@ -94,9 +94,9 @@ def write_output(program: Program, which: int, element: int, word: str, lanes: i
     write(f"{name}p = getelementptr {stored}, ptr {name}b, <{lanes} x i64> {_every(output.size, lanes)}")
     kind = f"v{lanes}i8" if output.type == "b1" else suffix(output.type, lanes)
     full = f"void @llvm.masked.scatter.{kind}.v{lanes}p0"
-    write(f"call {full}({whole} {word}, <{lanes} x ptr> align {BYTES[output.type]} {name}p, "
+    write(f"call {full}({llvm_type} {word}, <{lanes} x ptr> align {BYTES[output.type]} {name}p, "
           f"<{lanes} x i1> {literal(1, 'b1', lanes)})")  # fmt: skip
-    return {f"declare {full}({whole}, <{lanes} x ptr>, <{lanes} x i1>)"}
+    return {f"declare {full}({llvm_type}, <{lanes} x ptr>, <{lanes} x i1>)"}
 
 
 def write_row(
@@ -110,7 +110,7 @@ def write_row(
     """
     output = program.outputs[store.data]
     name, stored, log = f"%w{store.number}", STORED[output.type], f"%out{store.data}"
-    places = []
+    addresses = []
     for lane in range(lanes):
         at = f"{name}r{lane}"
         write(f"{at}a = mul i64 %rows, {lane}")
@@ -120,50 +120,50 @@ def write_row(
         if mask:
             write(f"{at}w = extractelement <{lanes} x i1> {mask}, i32 {lane}")
             write(f"{at} = select i1 {at}w, ptr {at}d, ptr %spare")
-        places.append(at)
+        addresses.append(at)
     numbers = list(words)
     if output.type == "b1":
         numbers = [f"{name}z{k}" for k in range(len(words))]
-        whole = stored if lanes == 1 else f"<{lanes} x {stored}>"
+        llvm_type = stored if lanes == 1 else f"<{lanes} x {stored}>"
         for number, word in zip(numbers, words, strict=True):
-            write(f"{number} = zext {type_name('b1', lanes)} {word} to {whole}")
+            write(f"{number} = zext {type_name('b1', lanes)} {word} to {llvm_type}")
     done = 0
     while lanes > 1 and len(numbers) - done >= lanes:
-        _put_block(name, stored, places, numbers[done : done + lanes], done, write)
+        _put_block(name, stored, addresses, numbers[done : done + lanes], done, write)
         done += lanes
     for k in range(done, len(numbers)):
-        for lane, place in enumerate(places):
+        for lane, address in enumerate(addresses):
             number = numbers[k]
             if lanes > 1:
                 number = f"{name}x{k}l{lane}"
                 write(f"{number} = extractelement <{lanes} x {stored}> {numbers[k]}, i32 {lane}")
-            write(f"{name}p{k}l{lane} = getelementptr {stored}, ptr {place}, i64 {k}")
+            write(f"{name}p{k}l{lane} = getelementptr {stored}, ptr {address}, i64 {k}")
             write(f"store {stored} {number}, ptr {name}p{k}l{lane}")
 
 
 def _put_block(
-    name: str, stored: Type | str, places: Sequence[str], numbers: Sequence[str], first: int, write: Write
+    name: str, stored: Type | str, addresses: Sequence[str], numbers: Sequence[str], first: int, write: Write
 ) -> None:
-    """Write a block of as many elements as lanes, transposed to one contiguous piece per lane."""
-    lanes = len(places)
-    whole = f"<{lanes} x {stored}>"
+    """Write as many elements as lanes, transposed to one contiguous piece per lane."""
+    lanes = len(addresses)
+    llvm_type = f"<{lanes} x {stored}>"
     block, half = list(numbers), lanes // 2
     # Transposition by halves: swap the off-diagonal quarters of ever smaller squares.
     while half:
-        turned = list(block)
+        swapped = list(block)
         low = [k if not k & half else lanes + (k ^ half) for k in range(lanes)]
         high = [k ^ half if not k & half else lanes + k for k in range(lanes)]
         for k in range(lanes):
             if not k & half:
                 for to, lanes_of in ((k, low), (k | half, high)):
-                    turned[to] = f"{name}t{first}a{half}k{to}"
+                    swapped[to] = f"{name}t{first}a{half}k{to}"
                     mask = ", ".join(f"i32 {lane}" for lane in lanes_of)
-                    write(f"{turned[to]} = shufflevector {whole} {block[k]}, {whole} {block[k | half]}, "
+                    write(f"{swapped[to]} = shufflevector {llvm_type} {block[k]}, {llvm_type} {block[k | half]}, "
                           f"<{lanes} x i32> <{mask}>")  # fmt: skip
-        block, half = turned, half // 2
-    for lane, (place, piece) in enumerate(zip(places, block, strict=True)):
-        write(f"{name}q{first}l{lane} = getelementptr {stored}, ptr {place}, i64 {first}")
-        write(f"store {whole} {piece}, ptr {name}q{first}l{lane}, align {1}")
+        block, half = swapped, half // 2
+    for lane, (address, piece) in enumerate(zip(addresses, block, strict=True)):
+        write(f"{name}q{first}l{lane} = getelementptr {stored}, ptr {address}, i64 {first}")
+        write(f"store {llvm_type} {piece}, ptr {name}q{first}l{lane}, align {1}")
 
 
 def _every(size: int, lanes: int) -> str:

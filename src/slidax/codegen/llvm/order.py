@@ -1,4 +1,4 @@
-"""Order of operations: list scheduling along the longest chains."""
+"""Order operations by list scheduling along the longest dependency chains."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ LATENCIES = {
 """Latency of each operation in cycles on current processors; 1 for all others."""
 
 ISSUE_RATE = 2.0
-"""Operations that the model processor starts per cycle. A measured optimum: with more, too many values are live at once
-and spill."""
+"""Operations that the model processor starts per cycle. A measured optimum: with more, too many values are live at the
+same time and spill."""
 
 Heights = Mapping[Value, int]
-"""Length of the dependency chain from each value on, in cycles."""
+"""Length of the longest dependency chain that starts at each value, in cycles."""
 
 
 def put_in_order(program: Program) -> None:
@@ -37,26 +37,26 @@ def _order(region: Region, after: Heights) -> None:
     region.values = _schedule(region.values, after)
     for value in region.values:
         if isinstance(value, Loop):
-            turn = [*value.params, *value.head.values, *value.body.values]
-            heights = _heights(dependants(turn), {})
-            next_turn: dict[Value, int] = {}
+            iteration = [*value.params, *value.head.values, *value.body.values]
+            heights = _heights(dependants(iteration), {})
+            next_iteration: dict[Value, int] = {}
             for param, following in zip(value.params, value.following, strict=True):
-                next_turn[following] = max(next_turn.get(following, 0), heights[param])
+                next_iteration[following] = max(next_iteration.get(following, 0), heights[param])
             _order(value.head, {})
-            _order(value.body, next_turn)
+            _order(value.body, next_iteration)
         elif isinstance(value, Branch):
             _order(value.then, {})
             _order(value.otherwise, {})
 
 
 def _schedule(values: Sequence[Value], after: Heights) -> list[Value]:
-    """Return a region's values in their new order; `after`: chains outside the region."""
+    """Return a region's values in their new order; `after` has the chains outside the region."""
     users = dependants(values)
     heights = _heights(users, after)
     missing = dependency_counts(users)
     known_at = dict.fromkeys(values, 0.0)
-    place = {value: k for k, value in enumerate(values)}
-    coming = [(0.0, place[value], value) for value in values if not missing[value]]
+    position = {value: k for k, value in enumerate(values)}
+    coming = [(0.0, position[value], value) for value in values if not missing[value]]
     heapq.heapify(coming)
     ready: list[tuple[int, int, Value]] = []
     scheduled: list[Value] = []
@@ -78,7 +78,7 @@ def _schedule(values: Sequence[Value], after: Heights) -> list[Value]:
             known_at[user] = max(known_at[user], done)
             missing[user] -= 1
             if not missing[user]:
-                heapq.heappush(coming, (known_at[user], place[user], user))
+                heapq.heappush(coming, (known_at[user], position[user], user))
     assert len(scheduled) == len(values), "a value depends on itself"
     return scheduled
 
@@ -130,7 +130,7 @@ def dependants(values: Sequence[Value]) -> dict[Value, list[Value]]:
 
 
 def _used_inside(block: Value) -> tuple[tuple[Value, ...], bool]:
-    """All values that a block uses, including inner blocks and their own values; and True if it stores."""
+    """Return all values that a block uses, including those in inner blocks, and True if it contains a store."""
     used, stores = set(uses(block)), False
     for region in regions(block):
         for inner in walk(region):

@@ -1,4 +1,4 @@
-"""Superword-level parallelism: groups of similar operations, and a cost model that keeps the profitable ones."""
+"""Superword-level parallelism: bundles of similar operations, and a cost model that keeps the profitable ones."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Bundles:
 
     def __init__(self, program: Program) -> None:
         self.program = program
-        self.place: dict[Value, tuple[Members, int]] = {}
+        self.lane_of: dict[Value, tuple[Members, int]] = {}
         self.vectors: dict[Members, None] = {}  # bundles computed as one vector; the others are only contiguous
         self.slots: dict[Members, list[Members]] = {}  # the arguments of each vector's members, by argument
         self._table: dict[tuple[object, ...], Value] = {}
@@ -46,8 +46,8 @@ class Bundles:
         """Remove a bundle."""
         self.vectors.pop(members, None)
         for value in members:
-            if self.place.get(value, (None,))[0] == members:
-                del self.place[value]
+            if self.lane_of.get(value, (None,))[0] == members:
+                del self.lane_of[value]
 
     # ---- search -----------------------------------------------------------------------------------------------------
 
@@ -63,7 +63,7 @@ class Bundles:
 
     def _put(self, members: Members, *, computed: bool = True) -> None:
         for k, value in enumerate(members):
-            self.place[value] = members, k
+            self.lane_of[value] = members, k
         if computed:
             self.vectors[members] = None
 
@@ -105,22 +105,22 @@ class Bundles:
         self._search(loop.body)
 
     def _carried_with(self, loop: Loop, k: int, left: Mapping[int, Value]) -> int:
-        """Number of values, from the k-th on, that form a row when the loop ends, or when it begins."""
+        """Return the number of carried values, from the k-th on, that form a row after or before the loop."""
         row = self._row_of.get(left[k]) if k in left else None
         if row is not None and [value.data for value in row] == list(range(k, k + len(row))):
             return len(row)
-        first = self.place.get(loop.args[k])
+        first = self.lane_of.get(loop.args[k])
         if first is not None and loop.args[k : k + len(first[0])] == first[0]:
             return len(first[0])
         return 1
 
     def _extend(self, value: Value, *, computed: bool) -> None:
         """Search for the same operation on the neighbours of a value's arguments."""
-        if value in self.place:
+        if value in self.lane_of:
             return
-        places = [self.place.get(arg) for arg in value.args]
+        places = [self.lane_of.get(arg) for arg in value.args]
         moving = [k for k, place in enumerate(places) if place is not None and place[1] + 1 < len(place[0])]
-        # Prefer that all arguments move on together; some may stay.
+        # Prefer that all arguments advance together; some may stay the same.
         for choice in sorted(product((True, False), repeat=len(moving)), key=lambda c: -sum(c)):
             steps = [k for k, chosen in zip(moving, choice, strict=True) if chosen]
             if steps:
@@ -134,12 +134,12 @@ class Bundles:
             self._extend_by_users(value, moving[0])
 
     def _extend_by_users(self, value: Value, k: int) -> None:
-        """Search for like operations if only the k-th argument has neighbours, each with a single candidate."""
-        bundle, first = self.place[value.args[k]]
+        """Search for similar operations if only the k-th argument has neighbours, each with a single candidate."""
+        bundle, first = self.lane_of[value.args[k]]
         members: list[Value] = []
         slots: list[Members] = []
         for arg in bundle[first:]:
-            users = [user for user in self._users[arg] if user not in self.place and _is_like(user, value)]
+            users = [user for user in self._users[arg] if user not in self.lane_of and _is_like(user, value)]
             alike = [user for user in users if _rest(user, arg) == _rest(value, value.args[k])]
             if len(alike) != 1 or alike[0] in members:
                 return
@@ -159,12 +159,12 @@ class Bundles:
         self._put(tuple(members))
         self.slots[tuple(members)] = columns
         for column in columns:
-            if len(set(column)) == len(column) and not any(arg in self.place for arg in column):
+            if len(set(column)) == len(column) and not any(arg in self.lane_of for arg in column):
                 self._put(column, computed=False)
 
     def _neighbours(self, value: Value, steps: Sequence[int]) -> list[Members]:
-        """By argument, the value's argument and its neighbours, or the argument repeated."""
-        places = {k: self.place[value.args[k]] for k in steps}
+        """Return, for each argument, the argument and its neighbours, or the argument repeated."""
+        places = {k: self.lane_of[value.args[k]] for k in steps}
         size = min(len(bundle) - first for bundle, first in places.values())
         slots = [(arg,) * size for arg in value.args]
         for k, (bundle, first) in places.items():
@@ -172,11 +172,11 @@ class Bundles:
         return slots
 
     def _operations_on(self, value: Value, slots: Sequence[Members]) -> Members:
-        """The operations like `value` on the members of the slots; empty if one is missing."""
+        """Return the operations like `value` on the members of the slots; empty if one is missing."""
         members = [value]
         for args in list(zip(*slots, strict=True))[1:]:
             other = self._table.get(_key(value, [arg.number for arg in args]))
-            if other is None or other in self.place or other in members:
+            if other is None or other in self.lane_of or other in members:
                 return ()
             members.append(other)
         return tuple(members)
@@ -201,7 +201,7 @@ class Bundles:
                     if not self.is_vectorised(user):
                         ready.append(user)
                         continue
-                    members = self.place[user][0]
+                    members = self.lane_of[user][0]
                     unfit[members] -= 1
                     if not unfit[members]:
                         ready += members
@@ -217,7 +217,7 @@ class Bundles:
 
     def is_vectorised(self, value: Value) -> bool:
         """True if a value is computed as a vector's lane."""
-        place = self.place.get(value)
+        place = self.lane_of.get(value)
         return place is not None and place[0] in self.vectors
 
 
@@ -239,19 +239,19 @@ def _is_like(value: Value, other: Value) -> bool:
 
 
 def _rest(value: Value, arg: Value) -> list[str]:
-    """Types of a value's other arguments."""
+    """Return the types of a value's other arguments."""
     return sorted(other.type for other in value.args if other is not arg)
 
 
 def _rows(numbers: Sequence[int], shape: tuple[int, ...]) -> Iterator[Sequence[int]]:
-    """The rows of an array, if they are as long as a vector."""
+    """Yield the rows of an array, if their length fits a vector."""
     if shape and 2 <= shape[-1] <= LARGEST_WIDTH:
         for first in range(0, len(numbers), shape[-1]):
             yield numbers[first : first + shape[-1]]
 
 
 def _rows_of_outputs(program: Program) -> Iterable[Members]:
-    """Rows of outputs that are results of a loop, each value once."""
+    """Yield the rows of outputs that are results of a loop, each value once."""
     used: set[Value] = set()
     for output in program.outputs:
         values = output.values or ()
@@ -276,7 +276,7 @@ COSTS = {"div": 4.0, "sqrt": 4.0}
 
 
 def keep_profitable(bundles: Bundles) -> None:
-    """Dissolve, in place, the bundles that cost more than they save."""
+    """Dissolve the bundles that cost more than they save, in place."""
     costs = _CostModel(bundles)
     while True:
         costly = [members for members in bundles.slots if members in bundles.vectors and costs.gain(members) < 0.0]
@@ -315,12 +315,12 @@ class _CostModel:
                 self.scalar_uses[loop.args[k]] += 1
                 self.scalar_uses[loop.following[k]] += 1
                 continue
-            members, lane = self.bundles.place[param]
+            members, lane = self.bundles.lane_of[param]
             if lane == 0:
                 self.slots[members] = [loop.args[k : k + len(members)], loop.following[k : k + len(members)]]
 
     def gain(self, members: Members) -> float:
-        """Instructions that a vector saves; negative if it costs more than it saves."""
+        """Return the number of instructions that a vector saves; negative if it costs more than it saves."""
         gain = (len(members) - 1) * COSTS.get(members[0].op, 1.0)
         for value in members:
             if self.scalar_uses[value]:
@@ -344,15 +344,15 @@ class _CostModel:
                 self.scalar_uses[arg] += 1
 
     def _gather_cost(self, slot: Members) -> float:
-        """Cost of assembling a vector: one instruction per further piece, and half of one to extract each."""
+        """Return the cost of assembling a vector: one instruction per additional piece, and half of one to extract."""
         if len(set(slot)) == 1:
             return 0.0 if slot[0].op == "const" else 1.0
-        pieces = {self.bundles.place[value][0] if self.bundles.is_vectorised(value) else (value,) for value in slot}
+        pieces = {self.bundles.lane_of[value][0] if self.bundles.is_vectorised(value) else (value,) for value in slot}
         return max(len(pieces) - 1.0, 0.0) + sum(0.5 for piece in pieces if len(piece) > 1)
 
 
 def _extraction_cost(bundles: Bundles, value: Value) -> float:
-    """Cost of extracting an element: the first lane is cheaper, and inputs are in memory."""
+    """Return the cost of extracting an element: the first lane is cheaper, and inputs are in memory."""
     if value.op == "input":
         return 0.0
-    return 1.0 if bundles.place[value][1] else 0.5
+    return 1.0 if bundles.lane_of[value][1] else 0.5

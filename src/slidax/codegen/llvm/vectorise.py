@@ -30,9 +30,9 @@ class Vector(Value):
 
 
 def vectorise(program: Program) -> None:
-    """Vectorise the operations of one run, in place, where that saves time.
+    """Vectorise the operations of one run in place, if that saves time.
 
-    The values are then unordered: call `put_in_order` next.
+    Afterwards the values are unordered: call `put_in_order` next.
     """
     bundles = Bundles(program)
     keep_profitable(bundles)
@@ -71,13 +71,13 @@ class _Vectoriser:
         return Vector(op, like.type, args, data, like.region, next(self.numbers), lanes)
 
     def _scalar(self, value: Value) -> Value:
-        """A value as a scalar, extracted from its vector if necessary."""
+        """Return a value as a scalar, extracted from its vector if necessary."""
         if not self.bundles.is_vectorised(value):
             return value
         if value not in self.picks:
-            members, k = self.bundles.place[value]
+            members, k = self.bundles.lane_of[value]
             vector = self.vectors[members]
-            # An input is read from memory again.
+            # An input is instead read from memory again.
             scalar = value
             if value.op != "input":
                 scalar = Value("pick", value.type, (vector,), k, vector.region, next(self.numbers), None)
@@ -86,7 +86,7 @@ class _Vectoriser:
         return self.picks[value]
 
     def _argument(self, members: Members) -> Value:
-        """The vector of some values, or the constant that they are."""
+        """Return the vector of some values, or a constant if all are equal to it."""
         if members in self.vectors:
             return self.vectors[members]
         first = members[0]
@@ -102,13 +102,13 @@ class _Vectoriser:
         self.added.append(vector)
         return vector
 
-    def _grouped(self, values: Sequence[Value]) -> tuple[Value, ...]:
-        """A loop's parameters, with bundles replaced by their vectors."""
+    def _group(self, values: Sequence[Value]) -> tuple[Value, ...]:
+        """Return a loop's parameters, with bundles replaced by their vectors."""
         grouped: list[Value] = []
         k = 0
         while k < len(values):
             vectorised = self.bundles.is_vectorised(values[k])
-            value = self.vectors[self.bundles.place[values[k]][0]] if vectorised else values[k]
+            value = self.vectors[self.bundles.lane_of[values[k]][0]] if vectorised else values[k]
             grouped.append(value)
             k += value.lanes if isinstance(value, Vector) else 1
         return tuple(grouped)
@@ -119,7 +119,7 @@ class _Vectoriser:
         values: list[Value] = []
         for value in region.values:
             if self.bundles.is_vectorised(value):
-                members, k = self.bundles.place[value]
+                members, k = self.bundles.lane_of[value]
                 if k == 0:
                     values.append(self.vectors[members])
                 continue
@@ -140,14 +140,14 @@ class _Vectoriser:
         self._region(loop.head)
         self._region(loop.body)
         before = loop.params
-        loop.params = self._grouped(before)
-        places: dict[int, int] = {}
+        loop.params = self._group(before)
+        indices: dict[int, int] = {}
         k = 0
         args: list[Value] = []
         following: list[Value] = []
-        for place, param in enumerate(loop.params):
-            places[k] = place
-            param.data = place
+        for index, param in enumerate(loop.params):
+            indices[k] = index
+            param.data = index
             if isinstance(param, Vector):
                 args.append(self._full(loop.args[k : k + param.lanes]))
                 following.append(self._full(loop.following[k : k + param.lanes]))
@@ -160,22 +160,22 @@ class _Vectoriser:
         loop.condition = self._scalar(loop.condition)
         for value in loop.region.values:
             if value.op == "result" and value.args[0] is loop:
-                self._result(loop, value, before[value.data], places)
+                self._result(loop, value, before[value.data], indices)
 
-    def _result(self, loop: Loop, value: Value, param: Value, places: dict[int, int]) -> None:
+    def _result(self, loop: Loop, value: Value, param: Value, indices: dict[int, int]) -> None:
         if not self.bundles.is_vectorised(param):
-            value.data = places[value.data]
+            value.data = indices[value.data]
             return
-        members, k = self.bundles.place[param]
+        members, k = self.bundles.lane_of[param]
         vector = self.results.get(members)
         if vector is None:
-            vector = self._vector("result", value, (loop,), places[value.data - k], len(members))
+            vector = self._vector("result", value, (loop,), indices[value.data - k], len(members))
             self.results[members] = vector
             self.added.append(vector)
         value.op, value.args, value.data = "pick", (vector,), k
 
     def _full(self, members: Members) -> Value:
-        """The vector of some values, also if they are one constant."""
+        """Return the vector of some values, even if all are the same constant."""
         value = self._argument(members)
         if not isinstance(value, Vector):
             value = self.vectors[members] = self._vector("spread", value, (value,), None, len(members))
@@ -206,13 +206,13 @@ def _depth(region: Region) -> int:
 FUNCTIONS = frozenset(ELEMENTARY)
 
 CALLED = FUNCTIONS - {"exp", "erf_inv"}
-"""Functions that quick code calls. The others end with a product, which may be fused with a sum around it."""
+"""Functions that quick code calls. The others end with a product, which may be fused into a sum."""
 
 
 def prepare(program: Program, lanes: int = 1, *, quick: bool = False) -> Program:
     """Return a copy of a program that is ready to be printed.
 
-    - `lanes`: number of runs that are computed in parallel. With 1, operations that are alike for all joints become
+    - `lanes`: number of runs that are computed in parallel. With 1, operations that are similar for all joints become
       vectors.
     - `quick`: True to keep the program's order, and to call elementary functions, which takes less time.
     """
@@ -228,7 +228,7 @@ def prepare(program: Program, lanes: int = 1, *, quick: bool = False) -> Program
 def lower_and_fuse(program: Program, lowered: Set[str] = FUNCTIONS) -> Program:
     """Return a copy of a program in correctly rounded operations.
 
-    - `lowered`: the functions that are expanded; those of constants always are.
+    - `lowered`: the functions that are expanded; functions of constants always are.
     """
     fuse = fuse_products()
 

@@ -1,4 +1,4 @@
-"""Names of values in generated code, which C, C++ and CUDA accept."""
+"""Names of values in generated code, valid in C, C++ and CUDA."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ class Names:
         return self._about.get(value, "")
 
     def _read_inputs(self, program: Program) -> None:
-        """Name inputs by the shortest unique end of their paths; `state.q` before `gains.surface.q`."""
+        """Name inputs by the shortest unique end of their paths; `state.q` comes before `gains.surface.q`."""
         paths = [entry.name.split(".") for entry in program.inputs]
         short: dict[int, str] = {}
         for k in sorted(range(len(paths)), key=lambda k: len(paths[k])):
@@ -109,12 +109,12 @@ class Names:
                 self._names.setdefault(value, Name(text, True))
 
     def _name_results(self, values: list[Value], frames: tuple[Any, ...]) -> None:
-        """Name the results of one expression, and not its intermediate values."""
+        """Name the results of one expression, but not its intermediate values."""
         name = _result_name(frames)
         if name is None:
             return
         elements = [value for value in values if value.origin.element is not None]
-        # The result comes last; but derivatives come after the function's value.
+        # The result comes last, except that derivatives come after the function's value.
         if not _is_differentiated(frames):
             elements.reverse()
         done: set[int] = set()
@@ -160,7 +160,7 @@ class Names:
 
 
 def index_suffix(element: int, shape: tuple[int, ...]) -> str:
-    """Number of an array's element in a name: `_2`, or `_12` in a matrix; empty for a scalar.
+    """Return the number of an array's element for a name: `_2`, or `_12` in a matrix; empty for a scalar.
 
     - `element`: counted in C order from 0.
     """
@@ -173,7 +173,7 @@ def index_suffix(element: int, shape: tuple[int, ...]) -> str:
 
 
 def _result_name(frames: tuple[Any, ...]) -> tuple[Named, bool] | None:
-    """Name of an expression's result, and True for a variable's or False for a function's name."""
+    """Return the name of an expression's result, and True for a variable's or False for a function's name."""
     value = Returned()
     differentiated = _is_differentiated(frames)
     function: Named | None = None

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 ACCENTS = {"DOT ABOVE": "d", "DIAERESIS": "dd", "MACRON": "_bar", "CIRCUMFLEX ACCENT": "_hat", "TILDE": "_tilde"}
-"""Replacements of accents: dots of a derivative go before the letter, the others behind it."""
+"""Replacements of accents: dots of a derivative go before the letter, the others after it."""
 
 SIGNS = {
     "⁻": "-",
@@ -74,7 +74,7 @@ IDENTITIES = frozenset({"barrier", "asarray"})
 """Functions that return their argument."""
 
 STACKS = frozenset({"array", "stack", "asarray"})
-"""Functions that make an array of a list."""
+"""Functions that convert a list to an array."""
 
 Span = tuple[int, int, int, int]
 
@@ -104,7 +104,7 @@ class Named(NamedTuple):
 class Docs:
     """First lines of the docstrings of a function and its class.
 
-    - `name`: of the function, with its class.
+    - `name`: name of the function, with its class.
     - `summary`: empty if the function has no docstring.
     - `owner`: the class; empty outside of classes.
     """
@@ -131,13 +131,13 @@ class SourceFile:
                 self._functions.append(node)
 
     def at(self, frame: Any) -> ast.expr | None:
-        """Return the expression at a place that has `line`, `column`, `end_line` and `end_column`."""
+        """Return the expression at a source location with `line`, `column`, `end_line` and `end_column`."""
         return self._at.get((frame.line, frame.column, frame.end_line, frame.end_column))
 
     def fate(self, node: ast.expr, value: Returned) -> Named | Returned | None:
         """Return the name of an expression's value, or its position if returned; None if a larger expression uses it.
 
-        - `value`: the part of the value.
+        - `value`: the part of the value that is followed.
         """
         position, path = value
         inner: ast.AST = node
@@ -185,7 +185,7 @@ class SourceFile:
 
 @functools.cache
 def read_source(file: str) -> SourceFile | None:
-    """Read a file, once; None if it cannot be read, as in a notebook."""
+    """Read and parse a file, once; None if it cannot be read, as in a notebook."""
     try:
         return SourceFile(Path(file).read_text(encoding="utf-8"))
     except (OSError, SyntaxError, ValueError):
@@ -227,11 +227,11 @@ def _summary(node: ast.FunctionDef | ast.ClassDef) -> str:
 
 
 def about(frames: Sequence[Any]) -> str:
-    """Name and formula of the innermost function whose docstring begins with a formula; empty if there is none.
+    """Return name and formula of the innermost function whose docstring begins with a formula; empty if there is none.
 
-    A class's docstring is preferred to a method's if it has more of a formula.
+    A class's docstring takes precedence over a method's if only it has an equation or an equation number.
 
-    - `frames`: places in the source, the innermost first.
+    - `frames`: source locations, the innermost first.
     """
     return next(filter(None, (_about(frame.file, frame.line) for frame in frames)), "")
 
@@ -242,7 +242,7 @@ def _about(file: str, line: int) -> str:
     docs = None if text is None else text.docs(line)
     if docs is None:
         return ""
-    # The method comes first, and wins a tie.
+    # The method comes first, so it wins a tie.
     name, summary = max([(docs.name, docs.summary), (docs.owner, docs.owner_summary)], key=lambda of: _formulas(of[1]))
     if not _formulas(summary):
         return ""

@@ -1,4 +1,4 @@
-"""From a pure JAX function to the intermediate representation, by its jaxpr."""
+"""Convert a pure JAX function to the intermediate representation, by its jaxpr."""
 
 from .library import Library as Library
 from .tracing import Origin as Origin

@@ -1,4 +1,4 @@
-"""Primitives that move, pick or reduce elements of arrays."""
+"""Rules for primitives that move, select or reduce elements of arrays."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from .arrays import constant_array, each, fold, full_array, select_element, type
 
 
 def _broadcast(b: Builder, equation: Any, arrays: list[Values]) -> Values:
-    shape, places = equation.params["shape"], equation.params["broadcast_dimensions"]
+    shape, axes = equation.params["shape"], equation.params["broadcast_dimensions"]
     full = [1] * len(shape)
-    for place, length in zip(places, arrays[0].shape, strict=True):
-        full[place] = length
+    for axis, length in zip(axes, arrays[0].shape, strict=True):
+        full[axis] = length
     return np.broadcast_to(arrays[0].reshape(full), shape)
 
 
@@ -67,7 +67,7 @@ def _expand(b: Builder, equation: Any, arrays: list[Values]) -> Values:
 
 
 def _platform(b: Builder, equation: Any, arrays: list[Values]) -> Values:
-    """Index of the branch that JAX itself takes on the CPU."""
+    """Return the index of the branch that JAX itself takes on the CPU."""
     platforms = equation.params["platforms"]
     return constant_array(b, np.int32(next(k for k, names in enumerate(platforms) if names is None or "cpu" in names)))
 
@@ -99,32 +99,32 @@ SHAPE_RULES: dict[str, Callable[[Builder, Any, list[Values]], Values | list[Valu
 
 
 def window(b: Builder, array: Values, starts: list[Value], sizes: tuple[int, ...]) -> Values:
-    """Return the part of an array from `starts` on, shifted inside where it would leave the array.
+    """Return the part of an array from `starts` on, shifted inside if it would leave the array.
 
     - `starts`: an integer for each axis.
     - `sizes`: shape of the part.
     """
     for axis, (start, size) in enumerate(zip(starts, sizes, strict=True)):
-        places = array.shape[axis] - size + 1
-        parts = [np.take(array, range(k, k + size), axis=axis) for k in range(places)]
-        array = parts[0] if places == 1 else each(lambda *row, at=start: select_element(b, list(row), at), *parts)
+        count = array.shape[axis] - size + 1
+        parts = [np.take(array, range(k, k + size), axis=axis) for k in range(count)]
+        array = parts[0] if count == 1 else each(lambda *row, at=start: select_element(b, list(row), at), *parts)
     return array
 
 
 def replace_window(b: Builder, array: Values, part: Values, starts: list[Value]) -> Values:
-    """Return the array with a part replaced from `starts` on, shifted inside where it would leave the array.
+    """Return the array with a part replaced from `starts` on, shifted inside if it would leave the array.
 
-    - `part`: with as many axes as the array.
+    - `part`: array with the same number of axes.
     - `starts`: an integer for each axis.
     """
 
-    def at(places: tuple[slice, ...], axis: int) -> Values:
+    def at(slices: tuple[slice, ...], axis: int) -> Values:
         if axis == array.ndim:
             result = array.copy()
-            result[places] = part
+            result[slices] = part
             return result
         size = part.shape[axis]
-        results = [at((*places, slice(k, k + size)), axis + 1) for k in range(array.shape[axis] - size + 1)]
+        results = [at((*slices, slice(k, k + size)), axis + 1) for k in range(array.shape[axis] - size + 1)]
         if len(results) == 1:
             return results[0]
         return each(lambda *row: select_element(b, list(row), starts[axis]), *results)
@@ -152,7 +152,7 @@ def _inside(b: Builder, starts: list[Value], sizes: tuple[int, ...], shape: tupl
 def _starts(
     b: Builder, indices: Values, where: tuple[int, ...], axes: Any, rank: int, batching: list[tuple[int, int]]
 ) -> list[Value]:
-    """Start of the window that belongs to one entry of the array of indices."""
+    """Return the start of the window for one entry of the array of indices."""
     row = indices[where]
     zero = b.constant(0, row[0].type if row.size else "i32")
     starts = [zero] * rank
@@ -275,7 +275,7 @@ def _cumulative(op: str) -> Callable[[Builder, Any, list[Values]], Values]:
 
 
 def _arg_extremum(better: str) -> Callable[[Builder, Any, list[Values]], Values]:
-    """Index of the first largest or smallest element; NaN counts as such."""
+    """Return the rule for the index of the first largest or smallest element; NaN counts as such."""
 
     def rule(b: Builder, equation: Any, arrays: list[Values]) -> Values:
         (axis,) = equation.params["axes"]
@@ -283,12 +283,12 @@ def _arg_extremum(better: str) -> Callable[[Builder, Any, list[Values]], Values]
         kind = type_of(equation.outvars[0].aval.dtype)
 
         def first(row: list[Value]) -> Value:
-            best, place = row[0], b.constant(0, kind)
+            best, index = row[0], b.constant(0, kind)
             for k, value in enumerate(row[1:], start=1):
-                won = _beats(b, better, value, best)
-                best = b.apply("select", won, value, best)
-                place = b.apply("select", won, b.constant(k, kind), place)
-            return place
+                is_better = _is_better(b, better, value, best)
+                best = b.apply("select", is_better, value, best)
+                index = b.apply("select", is_better, b.constant(k, kind), index)
+            return index
 
         rows = moved.reshape(-1, moved.shape[-1])
         return value_array((first(list(row)) for row in rows), moved.shape[:-1])
@@ -296,15 +296,15 @@ def _arg_extremum(better: str) -> Callable[[Builder, Any, list[Values]], Values]
     return rule
 
 
-def _beats(b: Builder, better: str, value: Value, best: Value) -> Value:
+def _is_better(b: Builder, better: str, value: Value, best: Value) -> Value:
     if value.type == "b1":
         yes, no = (value, best) if better == "gt" else (best, value)
         return b.apply("and", yes, b.apply("not", no))
-    won = b.apply(better, value, best)
+    is_better = b.apply(better, value, best)
     if value.type in FLOATS:
         new_nan = b.apply("and", b.apply("ne", value, value), b.apply("eq", best, best))
-        won = b.apply("or", won, new_nan)
-    return won
+        is_better = b.apply("or", is_better, new_nan)
+    return is_better
 
 
 def _dot(b: Builder, equation: Any, arrays: list[Values]) -> Values:

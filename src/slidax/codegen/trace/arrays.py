@@ -1,4 +1,4 @@
-"""Arrays of values: operands and results of every primitive."""
+"""Arrays of values, which are the operands and results of every primitive."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ TYPES: dict[str, Type] = {
 
 
 Inline = Callable[[Any, Sequence[Values]], list[Values]]
-"""From a closed jaxpr and its arguments to its results."""
+"""Map a closed jaxpr and its arguments to its results."""
 
 
 def type_of(dtype: Any) -> Type:
@@ -54,14 +54,14 @@ def constant_array(builder: Builder, numbers: Any) -> Values:
 
 
 def full_array(value: Value, shape: tuple[int, ...]) -> Values:
-    """Return an array with one value everywhere."""
+    """Return an array with the same value everywhere."""
     array = np.empty(shape, object)
     array[...] = value
     return array
 
 
 def each(function: Callable[..., Value], *arrays: Values) -> Values:
-    """Apply a function to each element of arrays with one shape; scalars are broadcast."""
+    """Apply a function elementwise to arrays of equal shape; scalars are broadcast."""
     if all(array.ndim == 0 for array in arrays):
         return value_array([function(*(array.item() for array in arrays))], ())
     arrays = tuple(np.broadcast_arrays(*arrays)) if len(arrays) > 1 else arrays
@@ -99,11 +99,11 @@ def select_element(builder: Builder, values: list[Value], index: Value) -> Value
 
 
 LONG = 16
-"""Arrays with more elements are read from memory if they are inputs; others by a chain of choices."""
+"""Arrays with more elements are read from memory if they are inputs, and by a chain of selections otherwise."""
 
 
 def _compute_element(builder: Builder, values: list[Value], index: Value) -> Value | None:
-    """Element by arithmetic if the elements are a progression, else from memory if they lie there evenly."""
+    """Compute an element if the elements are a progression; load it if they are evenly spaced in memory; else None."""
     numbers = _progression(values)
     if numbers is not None:
         kind, (start, step) = values[0].type, numbers
@@ -121,7 +121,7 @@ def _compute_element(builder: Builder, values: list[Value], index: Value) -> Val
 
 
 def _progression(values: list[Value]) -> tuple[int, int] | None:
-    """Start and step of evenly spaced integer constants, as `arange` gives them."""
+    """Return start and step of evenly spaced integer constants, such as those from `arange`."""
     if len(values) < 2 or any(value.op != "const" or value.type not in ("i64", "i32") for value in values):
         return None
     numbers = [int(value.data) for value in values]
@@ -136,10 +136,10 @@ def pack(arrays: Sequence[Values]) -> list[Value]:
 
 
 def unpack(values: Sequence[Value], shapes: Sequence[tuple[int, ...]]) -> list[Values]:
-    """Return the arrays with these shapes, from values as `packed` gives them."""
-    arrays, place = [], 0
+    """Return the arrays with these shapes, from the values that `pack` returns."""
+    arrays, start = [], 0
     for shape in shapes:
         size = int(np.prod(shape, dtype=int))
-        arrays.append(value_array(values[place : place + size], shape))
-        place += size
+        arrays.append(value_array(values[start : start + size], shape))
+        start += size
     return arrays

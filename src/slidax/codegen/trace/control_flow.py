@@ -1,4 +1,4 @@
-"""Loops, branches, and primitives that JAX writes in other primitives."""
+"""Rules for loops, branches, and primitives that JAX expands into others."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def scan(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> lis
     if length <= 1 or stacked > FEW:
         return _unroll(params["jaxpr"], shares, carry, rows, (length, reverse), [a.shape for a in avals], inline)
 
-    def turn(index: Value, carried: list[Values]) -> list[Values]:
+    def iterate(index: Value, carried: list[Values]) -> list[Values]:
         last = b.constant(length - 1, "i64")
         at = b.apply("sub", last, index) if reverse else index
         picked = [_row(b, array, at) for array in rows]
@@ -60,7 +60,7 @@ def scan(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> lis
     left = b.loop(
         [zero, *pack(start)],
         lambda carried: b.apply("lt", carried[0], iterations),
-        lambda carried: [b.apply("add", carried[0], unit), *pack(turn(carried[0], unpack(carried[1:], shapes)))],
+        lambda carried: [b.apply("add", carried[0], unit), *pack(iterate(carried[0], unpack(carried[1:], shapes)))],
         iterations,
     )
     return unpack(left[1:], shapes)
@@ -120,7 +120,7 @@ def cond(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> lis
 def _switch(
     b: Builder, index: Value, branches: list[Any], first: int, operands: list[Values], inline: Inline
 ) -> list[Values]:
-    """Results of the branch with number `index`, the last for all beyond; `branches` begin with number `first`."""
+    """Return the results of branch `index`, or of the last if it is too large; `branches` begin with number `first`."""
     if len(branches) == 1:
         return inline(branches[0], operands)
     values = b.branch(
@@ -132,7 +132,7 @@ def _switch(
 
 
 def _is_up_to(b: Builder, index: Value, number: int) -> Value:
-    """Condition `index <= number`; a condition that was converted to 0 or 1 is used itself."""
+    """Return the condition `index <= number`; an index that was converted from a condition uses the condition."""
     if index.op == "convert" and index.args[0].type == "b1":
         return b.apply("not", index.args[0])
     if index.type == "b1":
@@ -141,18 +141,18 @@ def _is_up_to(b: Builder, index: Value, number: int) -> Value:
 
 
 def expand(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> list[Values]:
-    """Inline the expansion of a primitive: `jnp.searchsorted` is a bisection, `custom_root` is its solver."""
+    """Inline the expansion of a primitive, such as the bisection of `jnp.searchsorted` or a `custom_root` solver."""
     primitive = equation.params["_prim"]
     shapes = [jax.ShapeDtypeStruct(atom.aval.shape, atom.aval.dtype) for atom in equation.invars]
 
-    def written(*flat: Any) -> list[Any]:
+    def expansion(*flat: Any) -> list[Any]:
         return jax.tree.leaves(primitive.expand(*jax.tree.unflatten(primitive.in_tree, flat)))
 
-    return inline(jax.make_jaxpr(written)(*shapes), arrays)
+    return inline(jax.make_jaxpr(expansion)(*shapes), arrays)
 
 
 def linear_solve(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> list[Values]:
-    """Rule of `lax.custom_linear_solve`: its solver; its other functions are for derivatives."""
+    """Rule of `lax.custom_linear_solve`: inline its solver; its other functions are for derivatives."""
     lengths, jaxprs = equation.params["const_lengths"], equation.params["jaxprs"]
     first = lengths.matvec + lengths.vecmat
     right_sides = arrays[sum(lengths) :]

@@ -1,4 +1,4 @@
-"""Elementwise primitives, and JAX's random number generator."""
+"""Rules for elementwise primitives and JAX's random number generator."""
 
 from __future__ import annotations
 
@@ -60,10 +60,10 @@ OPERATIONS = {
     "gt": "gt",
     "ge": "ge",
 }
-"""IR operation of each primitive that is one."""
+"""IR operation of each primitive that has one."""
 
 Rule = Callable[[Builder, Any, list[Values]], Values]
-"""From a builder, an equation and its input arrays to the result array."""
+"""Map a builder, an equation and its input arrays to the result array."""
 
 
 def apply_operation(builder: Builder, equation: Any, arrays: list[Values]) -> Values:
@@ -171,7 +171,7 @@ def _logistic(b: Builder, x: Value) -> Value:
 
 
 def _total_order_comparison(op: str) -> Rule:
-    """Comparison in which NaN is larger than every number; zeros are equal whatever their sign."""
+    """Return the rule of a comparison in which NaN is larger than every number, and zeros of both signs are equal."""
 
     def rule(b: Builder, equation: Any, arrays: list[Values]) -> Values:
         def compare(x: Value, y: Value) -> Value:
@@ -219,7 +219,7 @@ ROTATIONS = ((13, 15, 26, 6), (17, 29, 16, 24))
 
 
 def threefry(b: Builder, equation: Any, arrays: list[Values]) -> list[Values]:
-    """Rule of threefry: two words from a key of two words and a counter of two words, for each element."""
+    """Rule of threefry: for each element, two words from a key and a counter of two words each."""
     arrays = list(np.broadcast_arrays(*arrays))
     pairs = [_threefry(b, *row) for row in zip(*(array.ravel() for array in arrays), strict=True)]
     shape = arrays[0].shape
@@ -243,7 +243,7 @@ def _threefry(b: Builder, key0: Value, key1: Value, x0: Value, x1: Value) -> tup
 
 
 def counters(b: Builder, equation: Any, arrays: list[Values]) -> list[Values]:
-    """High and low words of 0, 1, 2, ..., in the requested shape."""
+    """Return the high and low words of 0, 1, 2, ..., in the requested shape."""
     shape = equation.params["shape"]
     low = np.arange(int(np.prod(shape, dtype=int)), dtype=np.uint32).reshape(shape)
     return [constant_array(b, np.zeros_like(low)), constant_array(b, low)]
@@ -255,7 +255,7 @@ def _implementation(equation: Any) -> Any:
 
 
 def inline_generator(name: str) -> Callable[[Builder, Any, list[Values], Inline], list[Values]]:
-    """Rule of a primitive on keys: the function `name` of JAX's generator, inlined."""
+    """Return the rule of a primitive on keys, which inlines the function `name` of JAX's generator."""
 
     def rule(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> list[Values]:
         impl = _implementation(equation)

@@ -1,4 +1,4 @@
-"""Shared functions: a long function under `jax.jit` becomes a program of its own."""
+"""Shared functions: a long function under `jax.jit` becomes a separate program."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ Key = tuple[str, Any, int]
 """Kind of a result's element: `("const", number, ...)`, `("input", element of the call's)` or `("output", number)`."""
 
 ROW = 3
-"""Smallest array that is kept together."""
+"""Least number of elements of an array that stays an array."""
 
 WORTH = 60
-"""Smallest number of operations of a function that is worth its call."""
+"""Least number of operations of a function that is not inlined."""
 
 EACH = 2.5
-"""Smallest number of operations for each result."""
+"""Least number of its operations per result."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class SharedProgram:
     - `program`: the function; None if it is inlined at each call.
     - `passed`: numbers of the arguments that are its inputs.
     - `results`: shape and elements of each result.
-    - `jaxpr`: kept alive, so that no other jaxpr gets its `id`.
+    - `jaxpr`: stored here to stay alive, so that no other jaxpr gets its `id`.
     """
 
     program: Program | None
@@ -42,7 +42,7 @@ class SharedProgram:
 
 
 class Library:
-    """Shared functions of the programs that are traced with it: equal calls call one function."""
+    """Shared functions of the programs that are traced with it: equal calls call the same function."""
 
     def __init__(self) -> None:
         self._shared: dict[Any, SharedProgram] = {}
@@ -51,7 +51,7 @@ class Library:
     def call(
         self, builder: Builder, equation: Any, arrays: Sequence[Values], run: Callable[..., list[Values]]
     ) -> list[Values] | None:
-        """Return the results of a call; None if it is to be inlined.
+        """Return the results of a call; None if the call must be inlined.
 
         - `equation`: the call.
         - `run`: inlines a closed jaxpr with arguments into another builder.
@@ -59,7 +59,7 @@ class Library:
         closed = equation.params["jaxpr"]
         if not _fits(closed.jaxpr):
             return None
-        # Constants are no arguments: they are folded.
+        # Constants are folded instead of passed.
         known = tuple(tuple(_number(value) for value in array.ravel()) for array in arrays)
         key = (id(closed), known)
         if key not in self._shared:
@@ -93,7 +93,7 @@ class Library:
         for k, array in enumerate(arrays):
             atom = closed.jaxpr.invars[k]
             if atom.aval.dtype == np.bool_ and atom in used:
-                # One function serves both truth values.
+                # Both truth values share a function.
                 passed.append(k)
                 inside.append(builder.input(f"x{k}", "b1", ()))
                 continue
@@ -109,8 +109,8 @@ class Library:
             ]
             inside.append(value_array(mixed, array.shape))
         results = run(builder, closed, inside, name)
-        places = [(k, element) for k, which in enumerate(passed) for element in range(arrays[which].size)]
-        at = {place: number for number, place in enumerate(places)}
+        pairs = [(k, element) for k, which in enumerate(passed) for element in range(arrays[which].size)]
+        at = {pair: number for number, pair in enumerate(pairs)}
         outputs: list[Value] = []
         keys: list[tuple[tuple[int, ...], list[Any]]] = []
         elements: list[Any]
@@ -121,7 +121,7 @@ class Library:
             elif all(value.op == "input" for value in values) and _in_order(values):
                 elements = [("input", at[value.data]) for value in values]
             else:
-                # All elements, so that the array stays in one piece.
+                # All elements, so that the array stays contiguous.
                 elements = [("output", len(outputs) + k) for k in range(len(values))]
                 outputs += values
             keys.append((result.shape, elements))
@@ -130,18 +130,18 @@ class Library:
         program = builder.finish()
         if _cost(program) < max(WORTH, EACH * len(outputs)):
             return inlined
-        # Two traces of one function share a program.
+        # Traces of the same function share a program.
         return SharedProgram(self._programs.setdefault(digest(program), program), passed, keys, closed)
 
 
 def _in_order(values: Sequence[Value]) -> bool:
-    """True if inputs lie one after the other."""
+    """True if inputs are contiguous."""
     which, first = values[0].data
     return all(value.data == (which, first + k) for k, value in enumerate(values))
 
 
-def place_together(builder: Builder, array: Values) -> Values:
-    """Keep an array that the source computes as one in one place; inputs among its elements are copied there."""
+def keep_array(builder: Builder, array: Values) -> Values:
+    """Mark an array of the source as one array of the program; inputs among its elements are copied."""
     if array.size < ROW or all(value.op in PLACED for value in array.flat):
         return array
     which = len(builder.program.arrays)
@@ -158,7 +158,7 @@ def _number(value: Value) -> Any:
 
 
 def _cost(program: Program) -> int:
-    """Number of operations of a program, including its callees."""
+    """Return the number of operations of a program, including its callees."""
     return sum(
         _cost(value.program) if isinstance(value, Call) else value.op not in PLACED and value.op not in BLOCKS
         for value in program.walk()
@@ -174,5 +174,5 @@ def _fits(jaxpr: Any) -> bool:
 
 
 def _length(jaxpr: Any) -> int:
-    """Estimate of the number of operations, without inner jaxprs."""
+    """Estimate the number of operations, without inner jaxprs."""
     return sum(atom.aval.size for equation in jaxpr.eqns for atom in (*equation.invars, *equation.outvars))

@@ -1,4 +1,4 @@
-"""Trace a JAX function to a program, with the place in the source of each value."""
+"""Trace a JAX function to a program, with the source location of each value."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from . import array_primitives, control_flow, elementwise
 from . import elementwise as random
 from .arrays import Inline, constant_array, type_of
 from .control_flow import expand, linear_solve, platform_index
-from .library import Library, place_together
+from .library import Library, keep_array
 
 HERE = os.path.dirname(__file__)
 LIBRARIES = tuple(f"{os.sep}{name}{os.sep}" for name in ("jax", "equinox", "jaxtyping", "beartype"))
@@ -43,13 +43,13 @@ class SourceFrame(NamedTuple):
 
 
 class Origin:
-    """Place in the source of a value.
+    """Source location of a value.
 
     - `equation`: equation of the jaxpr.
-    - `element`: number of the value in the equation's result, in C order; None if it is no element of it.
+    - `element`: number of the value in the equation's result, in C order; None if it is not an element of it.
     - `shape`: shape of that result.
     - `visit`: equal for the values of one operation on arrays.
-    - `within`: name of the function in which the place is looked for; None: anywhere.
+    - `within`: name of the function in which to search for the location; None: anywhere.
     """
 
     __slots__ = ("element", "equation", "shape", "visit", "within")
@@ -75,7 +75,7 @@ class Origin:
 
     @property
     def frames(self) -> list[SourceFrame]:
-        """Places in the source, the innermost first, without JAX and its libraries."""
+        """Source locations, the innermost first, without JAX and its libraries."""
         frames = frames_of(self.equation)
         for k, frame in enumerate(frames):
             if self.within is not None and frame.function.rpartition(".")[2] == self.within:
@@ -84,27 +84,27 @@ class Origin:
 
 
 def frames_of(equation: Any) -> list[SourceFrame]:
-    """Return the places in the source of an equation, the innermost first."""
+    """Return the source locations of an equation, the innermost first."""
     traceback = equation.source_info.traceback
     frames: list[SourceFrame] = []
     for code, instruction in zip(*traceback.raw_frames(), strict=True) if traceback is not None else ():
         if code.co_filename.startswith(HERE):
             # Callers of the tracer do not belong to the traced function.
             break
-        if _ours(code.co_filename):
-            frames.append(_place(code, instruction))
+        if _is_user_code(code.co_filename):
+            frames.append(_frame(code, instruction))
     return frames
 
 
 @functools.lru_cache(10_000)
-def _place(code: CodeType, instruction: int) -> SourceFrame:
+def _frame(code: CodeType, instruction: int) -> SourceFrame:
     positions = next(itertools.islice(code.co_positions(), instruction // 2, None))
     line, end_line, column, end_column = (number or 0 for number in positions)
     return SourceFrame(code.co_filename, line, code.co_qualname, column, end_line, end_column)
 
 
 @functools.cache
-def _ours(file: str) -> bool:
+def _is_user_code(file: str) -> bool:
     inside = os.path.dirname(os.path.dirname(jax.__file__))
     if file.startswith(inside) and any(name in file[len(inside) :] for name in LIBRARIES):
         return False
@@ -177,11 +177,10 @@ def inline(
 
     - `arrays`: its arguments.
     - `constants`: values of the arrays that it closes over; None: their numbers.
-    - `named`: true if each value gets its origin in the source; takes time.
-    - `library`: functions that stay functions; None inlines all of them.
+    - `named`: true to record the source location of each value, which takes time.
+    - `library`: collects shared functions; None inlines all of them.
 
-    Raises NoNativeCodeError, with its name, its place in the source and a remedy, if a primitive has no rule or its
-    rule fails.
+    Raises NoNativeCodeError, with name, source location and remedy, if a primitive has no rule or its rule fails.
     """
     return _Inlining(builder, named, library).run(closed, arrays, constants)
 
@@ -191,11 +190,11 @@ class _Inlining:
         self.builder = builder
         self.named = named
         self.library = library
-        # The surrounding function. Its callers do not matter for origins.
+        # The surrounding function; origins exclude its callers.
         self.within = within
         # Equation of the call, inside a called function.
         self.call: Any = None
-        # Equations whose inner jaxprs are open, the outermost first.
+        # Equations whose inner jaxprs are being inlined, the outermost first.
         self.open: list[Any] = []
 
     def run(self, closed: Any, arrays: Sequence[Values], constants: Sequence[Values] | None = None) -> list[Values]:
@@ -221,7 +220,7 @@ class _Inlining:
                 if shared is not None:
                     return shared
             if name == "optimization_barrier" and self.library is not None:
-                return [place_together(self.builder, array) for array in arrays]
+                return [keep_array(self.builder, array) for array in arrays]
             if name in CALLS:
                 around, self.call = self.call, self.call or equation
                 results = self.run(_as_closed(equation.params[CALLS[name]]), arrays)
@@ -250,7 +249,7 @@ class _Inlining:
         raise NoNativeCodeError(f"no native code for the JAX primitive `{name}`{self._where(equation)}: {remedy}")
 
     def _call(self, equation: Any, arrays: list[Values]) -> list[Values] | None:
-        """Results of a call that stays a call; None if it is inlined."""
+        """Return the results of a call that stays a call; None if it must be inlined."""
         assert self.library is not None
 
         def run(builder: Builder, closed: Any, inside: Sequence[Values], name: str) -> list[Values]:
@@ -266,7 +265,7 @@ class _Inlining:
         return results
 
     def _mark(self, results: list[Values]) -> None:
-        """Give each new value its element's number in the origin."""
+        """Record the element's number in the origin of each new value."""
         origin = self.builder.origin
         for array in results:
             for k, value in enumerate(array.ravel()):
@@ -298,8 +297,8 @@ def trace(
     - `function`: pure, of pytrees of arrays.
     - `args`: arrays, or shapes with dtypes; their numbers are not used.
     - `names`: names of the arguments; None: `arg0`, `arg1`, ...
-    - `named`: true if each value gets its origin in the source; takes time.
-    - `library`: functions that stay functions; None inlines all of them.
+    - `named`: true to record the source location of each value, which takes time.
+    - `library`: collects shared functions; None inlines all of them.
 
     Raises NoNativeCodeError if a primitive has no rule or its rule fails.
     """

@@ -8,7 +8,7 @@ from slidax.core.errors import DefinitionError
 
 
 def decode_leb128(data: bytes, at: int) -> tuple[int, int]:
-    """Return the integer at an offset, and the offset behind it."""
+    """Return the integer at an offset, and the offset after it."""
     value = shift = 0
     while True:
         byte = data[at]
@@ -30,7 +30,7 @@ def encode_leb128(value: int) -> bytes:
 
 
 MADD = bytes([0xFD, 0x87, 0x02])
-"""`f64x2.relaxed_madd`: a product and a sum, rounded once on processors with a fused multiply-add."""
+"""`f64x2.relaxed_madd`: product and sum, rounded once on processors with a fused multiply-add."""
 
 BLOCK, ONE, TWO, NUMBERS = (
     frozenset({0x02, 0x03, 0x04}),
@@ -41,7 +41,7 @@ BLOCK, ONE, TWO, NUMBERS = (
 
 
 def find_multiply_adds(body: bytes) -> list[int]:
-    """Offsets of the multiply-adds in a function's body, which begins with the declarations of its locals."""
+    """Return the offsets of the multiply-adds in a function's body, which begins with its local declarations."""
     return [at for at in _instructions(body) if body[at : at + 3] == MADD]
 
 
@@ -56,7 +56,7 @@ def _instructions(body: bytes) -> Iterator[int]:
 
 
 def _after(body: bytes, at: int) -> int:
-    """Offset of the next instruction."""
+    """Return the offset of the next instruction."""
     op = body[at]
     at += 1
     if op in BLOCK:
@@ -107,7 +107,7 @@ SYMBOLS, FUNCTIONS = 8, 0
 """Subsection of `linking` with the symbol table, and the symbol kind of a function."""
 
 UNDEFINED, EXPLICIT = 0x10, 0x40
-"""Flags of a symbol: defined elsewhere; named explicitly although imported."""
+"""Flags of a symbol: defined elsewhere; with an explicit name although imported."""
 
 
 def with_export(object: bytes, name: str) -> bytes:
@@ -128,7 +128,7 @@ def with_export(object: bytes, name: str) -> bytes:
 
 
 def bodies(module: bytes) -> Iterator[tuple[int, bytes]]:
-    """Offset and bytes of each function's body in a module or object file, in the functions' order."""
+    """Yield the offset and bytes of each function's body in a module or object file, in the functions' order."""
     for start, kind, section in _sections(module):
         if kind == CODE:
             count, at = decode_leb128(section, 0)
@@ -139,7 +139,7 @@ def bodies(module: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def _sections(object: bytes) -> Iterator[tuple[int, int, bytes]]:
-    """Offset, kind and body of each section."""
+    """Yield the offset, kind and body of each section."""
     at = len(MAGIC)
     while at < len(object):
         kind = object[at]
@@ -149,7 +149,7 @@ def _sections(object: bytes) -> Iterator[tuple[int, int, bytes]]:
 
 
 def functions_of(object: bytes) -> dict[str, int]:
-    """Indices of the functions that an object file defines, by name."""
+    """Return the indices of the functions that an object file defines, by name."""
     for _, kind, body in _sections(object):
         if kind != CUSTOM:
             continue
@@ -166,7 +166,7 @@ def functions_of(object: bytes) -> dict[str, int]:
 
 
 def _functions(table: bytes) -> Iterator[tuple[str, int]]:
-    """Functions that are defined here, up to the first symbol of another kind."""
+    """Yield the functions that the object file defines, up to the first symbol of another kind."""
     count, at = decode_leb128(table, 0)
     for _ in range(count):
         kind = table[at]

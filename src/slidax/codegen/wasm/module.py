@@ -1,4 +1,4 @@
-"""A program as a WebAssembly module, by LLVM."""
+"""Compile a program to a WebAssembly module with LLVM."""
 
 from __future__ import annotations
 
@@ -78,10 +78,10 @@ def helpers(once: str, twice: str) -> list[str]:
         f"define {PAIR} @{once}{arguments} #0 {{",
         "entry:",
         *(f"%{name} = {op} {PAIR} {x}, {y}" for name, op, x, y in steps),
-        # NaN where a number or its halves overflow: then the rounded sum is the result.
+        # NaN if a number or its halves overflow; then the rounded sum is the result.
         f"%known = fcmp oeq {PAIR} %exact, %exact",
-        f"%found = select <2 x i1> %known, {PAIR} %exact, {PAIR} %total",
-        f"ret {PAIR} %found",
+        f"%result = select <2 x i1> %known, {PAIR} %exact, {PAIR} %total",
+        f"ret {PAIR} %result",
         "}",
         f"define {PAIR} @{twice}{arguments} #0 {{",
         "entry:",
@@ -103,14 +103,14 @@ def _halves(name: str, scale: str) -> list[tuple[str, str, str, str]]:
 
 
 INLINE = frozenset({"erf", "erf_inv"})
-"""Elementary functions that are expanded where they are used; the others are functions of the module."""
+"""Elementary functions that are inlined; the others are functions of the module."""
 
 
 def substitute_inputs(program: Program, known: Mapping[int, np.ndarray]) -> Program:
-    """Return a copy of a program, fused as native code is, with some inputs replaced by constants.
+    """Return a copy of a program, fused like native code, with some inputs replaced by constants.
 
-    Products with a constant zero are dropped, because an arm's frames have many of them. The results then differ from
-    native code only for factors that are not finite, as products and sums are fused before the replacement.
+    Products with a constant zero are dropped, since an arm's frames have many of them. The results differ from those of
+    native code only for factors that are not finite, since products and sums are fused before the replacement.
 
     - `known`: constants by the input's position.
     """
@@ -197,10 +197,10 @@ class Module:
     - `inputs`: type and number of elements.
     - `outputs`: type, number of elements (of a row, if logged), and True for a logged output.
     - `digest`: equal for equal programs.
-    - `code`: offsets of the code's beginning and end.
-    - `entry_at`: offset from which on multiply-adds may be rounded twice.
+    - `code`: offsets of the beginning and the end of the code.
+    - `entry_at`: offset after which multiply-adds may be rounded twice.
     - `once`, `twice`: indices of both replacement functions.
-    - `others`: offsets at which the bytes of a multiply-add mean something else.
+    - `others`: offsets of equal bytes that are not a multiply-add.
     """
 
     bytes: bytes
@@ -276,7 +276,7 @@ def _text(ready: Program) -> str:
 
 
 def _function(name: str) -> tuple[list[str], set[str]]:
-    """LLVM IR of an elementary function, and its declarations."""
+    """Return the LLVM IR of an elementary function, and its declarations."""
     program = elementary_program(name)
     put_in_order(program)
     body = Body(program, 1)
