@@ -23,7 +23,7 @@ def well_made_from_the_start() -> None:
     """No code that was only made quickly: a speed that is measured is that of many runs."""
     from slidax.codegen.llvm import kernel
 
-    kernel.WORTHWHILE_TURNS.update(dict.fromkeys(kernel.WORTHWHILE_TURNS, 0))
+    kernel.WORTHWHILE_ITERATIONS.update(dict.fromkeys(kernel.WORTHWHILE_ITERATIONS, 0))
 
 
 def _processor() -> str:

@@ -30,16 +30,16 @@ def levels(monkeypatch):
 
 def test_code_is_made_well_once_it_was_asked_for_enough_turns(levels):
     code = llvm.ByDemand(scaled())
-    first = code.kernel(kernel.WORTHWHILE_TURNS[1] // 2)
+    first = code.kernel(kernel.WORTHWHILE_ITERATIONS[1] // 2)
     assert first.quick and code.kernel(1) is first
-    later = code.kernel(kernel.WORTHWHILE_TURNS[1] // 2)
+    later = code.kernel(kernel.WORTHWHILE_ITERATIONS[1] // 2)
     assert not later.quick and code.kernel(1) is later
     assert levels == [machine.QUICK, machine.OPTIMISED]
 
 
 @pytest.mark.parametrize("lanes", [1, 8])
 def test_one_long_run_gets_good_code_at_once(levels, lanes):
-    assert not llvm.ByDemand(scaled(), lanes).kernel(kernel.WORTHWHILE_TURNS[lanes]).quick
+    assert not llvm.ByDemand(scaled(), lanes).kernel(kernel.WORTHWHILE_ITERATIONS[lanes]).quick
     assert levels == [machine.OPTIMISED]
 
 
@@ -113,6 +113,6 @@ def test_runs_have_the_same_bits_by_quick_code(monkeypatch, lanes):
         return jax.tree.leaves(scenario.simulate_batch(lambda loop, q: loop.replace(state0=State(q)), starts).tally)
 
     quick = leaves()
-    monkeypatch.setitem(kernel.WORTHWHILE_TURNS, lanes, 0)
+    monkeypatch.setitem(kernel.WORTHWHILE_ITERATIONS, lanes, 0)
     for ours, theirs in zip(quick, leaves(), strict=True):
         np.testing.assert_array_equal(ours, theirs)

@@ -117,15 +117,8 @@ def _count_alike(column: Sequence[str], stored: Stored) -> int:
     start, second = _element_of(first, stored), _element_of(column[1], stored)
     if start is not None and second is not None and start[0] == second[0]:
         step = second[1] - start[1]
-        wanted = ((start[0], start[1] + k * step) for k in range(len(column)))
-        return next(
-            (
-                k
-                for k, (word, place) in enumerate(zip(column, wanted, strict=True))
-                if _element_of(word, stored) != place
-            ),
-            len(column),
-        )
+        differing = (k for k, word in enumerate(column) if _element_of(word, stored) != (start[0], start[1] + k * step))
+        return next(differing, len(column))
     return next((k for k, word in enumerate(column) if not word[0].isdigit()), len(column))
 
 

@@ -434,7 +434,7 @@ class Writer:
         return name
 
     def _head(self, loop: Loop) -> tuple[list[CodeLine], str]:
-        """Return the lines at the start of an iteration, and the condition to stop, or to continue without such lines."""
+        """Return the lines at the start of an iteration, and the condition to stop, or to continue if no lines."""
         around, self.lines = self.lines, []
         self.level += 1
         self.region(loop.head)
