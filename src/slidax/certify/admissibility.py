@@ -29,8 +29,8 @@ READS = ("scheme", "trajectory", "start", "robot.nominal", "simulation")
 def admissibility(scenario: Scenario) -> Verdict:
     """Check the ranges of (20) and (29)-(47), `bρ(0) < e(0) < b̄ρ(0)` for each start, and the motion's limits.
 
-    Parameters outside their ranges are refused when a scenario is built. This certificate checks them together with the
-    arm, its motion and its uncertainty.
+    A scenario cannot be built with a parameter outside its own range. This certificate checks the parameters together
+    with the arm, its motion and its uncertainty.
     """
     start, inside = _start(scenario)
     assumptions = [*_parameters(scenario), *inside, *_limits(scenario), _torque(scenario)]
@@ -63,7 +63,7 @@ class _Start:
     def __init__(self, extent: StartBox, reference: np.ndarray, envelope: Any) -> None:
         low, high = extent.lower - reference, extent.upper - reference
         self.error = np.maximum(np.abs(low), np.abs(high))
-        # The envelope's sides follow the error's sign: the wide side is always towards the start.
+        # The envelope's sides depend on the sign of the start error: the wide side is the one of the start.
         upper, lower = envelope(high)[1], envelope(low)[0]
         self.share = np.maximum(
             np.where(high > 0, high / upper, 0.0),
@@ -117,7 +117,7 @@ def _parameters(scenario: Scenario) -> list[Assumption]:
 
 
 def _limits(scenario: Scenario) -> list[Assumption]:
-    """Positions and speeds of the reference; acceleration and jerk bound them between the samples."""
+    """Check positions and speeds of the reference; between the samples acceleration and jerk bound them."""
     assumptions = []
     plant = scenario.plant
     robot = getattr(plant, "own", plant).robot
@@ -129,23 +129,23 @@ def _limits(scenario: Scenario) -> list[Assumption]:
     times = np.unique(np.append(motion.times, [0.0, scenario.t1]))
     q, dq, ddq = motion.reference(times)
     step = float(np.max(np.diff(times)))
-    # Between two samples a curve is off its chord by at most curvature times step squared over 8.
-    slack = step**2 / 8.0 * np.abs(ddq).max(axis=0)
+    # Between two samples a function deviates from its chord by at most `step²/8` times its second derivative.
+    deviation = step**2 / 8.0 * np.abs(ddq).max(axis=0)
     jerk = np.abs(np.diff(ddq, axis=0) / np.diff(times)[:, None]).max(axis=0)
     span = np.where(np.isfinite(upper - lower), upper - lower, np.inf)
     with np.errstate(invalid="ignore"):
-        left = np.minimum(upper - q.max(axis=0), q.min(axis=0) - lower) - slack
-        room = np.where(np.isfinite(span), left / span, np.inf)
-    speed = 1.0 - (np.abs(dq).max(axis=0) + step**2 / 8.0 * jerk) / fastest
+        distance = np.minimum(upper - q.max(axis=0), q.min(axis=0) - lower) - deviation
+        position_margin = np.where(np.isfinite(span), distance / span, np.inf)
+    speed_margin = 1.0 - (np.abs(dq).max(axis=0) + step**2 / 8.0 * jerk) / fastest
     over = f"at {len(times)} times, with a bound of the motion in between"
-    for name, least in (("positions", room), ("speeds", speed)):
-        joint = int(np.argmin(least))
-        if not least[joint] >= 0.0:
+    for name, margin in (("positions", position_margin), ("speeds", speed_margin)):
+        joint = int(np.argmin(margin))
+        if not margin[joint] >= 0.0:
             text = f"{name} of the motion exceed a limit of joint `{robot.joint_names[joint]}`"
-            assumptions.append(Assumption(text, "fails", float(least[joint])))
-        elif np.isfinite(least[joint]):
+            assumptions.append(Assumption(text, "fails", float(margin[joint])))
+        elif np.isfinite(margin[joint]):
             text = f"{name} of the motion are within the arm's limits, {over}"
-            assumptions.append(Assumption(text, "tested", float(least[joint])))
+            assumptions.append(Assumption(text, "tested", float(margin[joint])))
     return assumptions
 
 
@@ -167,8 +167,8 @@ def _remedies(scenario: Scenario, start: _Start | None) -> list[Remedy]:
     performance = getattr(getattr(law, "transformation", None), "performance", None)
     if performance is None:
         return []
-    now = np.broadcast_to(np.asarray(performance.initial), start.share.shape)
-    wider = [float(f"{value:.3g}") for value in np.where(start.share < 1.0, now, 1.25 * start.share * now)]
+    initial = np.broadcast_to(np.asarray(performance.initial), start.share.shape)
+    wider = [float(f"{value:.3g}") for value in np.where(start.share < 1.0, initial, 1.25 * start.share * initial)]
     try:
         from slidax.scenarios.load import alter
 

@@ -1,4 +1,4 @@
-"""Certificates and their verdicts: whether a guarantee holds, by which margin, and under which assumptions."""
+"""Certificates and their verdicts, each with its margin and its assumptions."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ OVER_TIME = ("times", "error_over_time")
 class Assumption:
     """An assumption of a guarantee.
 
-    - `text`: a sentence that names the tested cases, if any.
+    - `text`: the assumption as a sentence, with the tested cases if there are any.
     - `value`: the computed value, if there is one.
     """
 
@@ -49,9 +49,9 @@ class Assumption:
 
 @dataclass(frozen=True)
 class Verdict:
-    """The answer of a certificate; never raised.
+    """Result of a certificate.
 
-    - `title`: the guarantee in a few words, for a table.
+    - `title`: short form of the guarantee, for a table.
     - `holds`: None if the certificate does not apply; `statement` has the reason.
     - `margin`: relative to the allowed value, positive if the guarantee holds; None if there is no number.
     - `bound`: bounds by name, scalars or one value per joint, in SI units.
@@ -91,18 +91,18 @@ class Verdict:
 
     @property
     def stands_on(self) -> str:
-        """Number of assumptions with each status: "2 proved, 3 tested, 1 assumed"."""
+        """Number of assumptions with each status, such as "2 proved, 3 tested, 1 assumed"."""
         statuses = [line.status for line in self.assumptions]
         return ", ".join(f"{statuses.count(status)} {status}" for status in get_args(Status) if status in statuses)
 
     @property
     def bound_in_words(self) -> list[str]:
-        """Bounds as text, "error 1.2e-05", with the largest value of all joints; without bounds over time."""
+        """Bounds as text, such as "error 1.2e-05", each the largest of all joints; bounds over time are left out."""
         words = []
         for name, value in self.bound.items():
             if name in OVER_TIME:
                 continue
-            numbers = _plain(value)
+            numbers = _to_json(value)
             flat = numbers if isinstance(numbers, list) else [numbers]
             if flat and all(isinstance(number, int | float) for number in flat):
                 words.append(f"{name.replace('_', ' ')} {max(flat):.3g}")
@@ -113,27 +113,27 @@ class Verdict:
         return {
             "name": self.name,
             "holds": self.holds,
-            "since": _plain(self.since),
+            "since": _to_json(self.since),
             "grade": self.grade,
-            "margin": _plain(self.margin),
-            "bound": {name: _plain(value) for name, value in self.bound.items()},
+            "margin": _to_json(self.margin),
+            "bound": {name: _to_json(value) for name, value in self.bound.items()},
             "assumptions": [
-                {"text": line.text, "status": line.status, "value": _plain(line.value)} for line in self.assumptions
+                {"text": line.text, "status": line.status, "value": _to_json(line.value)} for line in self.assumptions
             ],
             "statement": self.statement,
             "remedy": [{"words": remedy.words, "set": dict(remedy.changes)} for remedy in self.remedies],
         }
 
 
-def _plain(value: Any) -> Any:
-    """Numbers and arrays as JSON values."""
+def _to_json(value: Any) -> Any:
+    """Convert numbers and arrays to JSON values."""
     if value is None or isinstance(value, bool | int | str):
         return value
     if isinstance(value, Mapping):
-        return {name: _plain(entry) for name, entry in value.items()}
+        return {name: _to_json(entry) for name, entry in value.items()}
     if isinstance(value, float):
         return value if math.isfinite(value) else None
-    return _plain(value.tolist()) if hasattr(value, "tolist") else [_plain(entry) for entry in value]
+    return _to_json(value.tolist()) if hasattr(value, "tolist") else [_to_json(entry) for entry in value]
 
 
 def joint_values(values: Any) -> str:
@@ -145,10 +145,10 @@ def joint_values(values: Any) -> str:
 Options = ParamSpec("Options")
 
 ARM = ("robot", "disturbance", "start")
-"""Blocks of an uncertainty set that every certificate of an arm bounds or tests."""
+"""Blocks of an uncertainty set that every certificate of an arm covers."""
 
 WORLD = ("robot", "trajectory", "start", "disturbance", "actuator")
-"""Blocks of a scenario that are no part of its law."""
+"""Blocks of a scenario that define the controlled system and its motion, not the law."""
 
 
 @dataclass(frozen=True)
@@ -158,8 +158,8 @@ class Certificate(Generic[Options]):
     It does not apply to a scenario with an uncertain path that it does not cover.
 
     - `judge`: computes the verdict; its docstring states the guarantee.
-    - `covers`: paths whose uncertainty it covers, with all paths below them; includes paths that do not matter for it.
-    - `reads`: paths that the verdict depends on, with all paths below them; None for all.
+    - `covers`: paths whose uncertainty it covers, with all paths below them; also paths that do not affect the verdict.
+    - `reads`: paths that the verdict depends on, with all paths below them; None if it may depend on any.
     """
 
     name: str
@@ -186,19 +186,19 @@ class Certificate(Generic[Options]):
     def may_read(self, path: str) -> bool:
         """Return True if the verdict may depend on the value at a path, written as for `--set`.
 
-        A test changes all values of scenarios that a certificate does not read, and expects the same verdict.
+        A test changes all values that a certificate does not read, and expects the same verdict.
         """
         return self.reads is None or any(_below(path, root) or root.startswith(f"{path}.") for root in self.reads)
 
     def _uncovered(self, scenario: Scenario, other_sets: Iterable[Family]) -> str:
-        """Reason why the certificate does not apply, with the uncovered paths; empty if it applies."""
+        """Return the reason why the certificate does not apply, with the uncovered paths; empty if it applies."""
         own = family_of(scenario)
         families = [to_canonical(family) for family in other_sets] or ([] if own is None else [own])
-        places = {
+        blocks = {
             "uncertainty": {path for family in families for path in family.space.sets},
             "truth": {path for family in families for path in family.base.truth} | set(scenario.description.truth),
         }
-        for block, paths in places.items():
+        for block, paths in blocks.items():
             outside = sorted(path for path in paths if not self._covers(path))
             if outside:
                 listed = ", ".join(f"`{path}`" for path in outside)
@@ -209,7 +209,7 @@ class Certificate(Generic[Options]):
         return ""
 
     def _covers(self, path: str) -> bool:
-        """True if a path is covered; a band of inertial parameters only by name, as it is no box of numbers."""
+        """Return True if a path is covered; a band of inertial parameters, not a box, must be covered by name."""
         return INERTIAL_PATH in self.covers if path == INERTIAL_PATH else any(_below(path, r) for r in self.covers)
 
 

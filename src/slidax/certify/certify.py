@@ -31,7 +31,7 @@ def _demand(scenario: Scenario) -> Demand:
 
 
 def _with_demand(certificate: Certificate[...]) -> Certificate[...]:
-    """The certificate with the scenario's demand, computed once for all certificates that need it."""
+    """Return the certificate with the scenario's demand, which is computed once for all certificates."""
 
     @wraps(certificate.judge)
     def judge(scenario: Scenario) -> Verdict:
@@ -52,7 +52,7 @@ CERTIFICATES: tuple[Certificate[...], ...] = (
     settling_time,
     ultimate_bound,
 )
-"""All certificates but the statistical one, in display order."""
+"""All certificates except the statistical one, in display order."""
 
 
 @dataclass(frozen=True)
@@ -103,12 +103,12 @@ def certify(
 ) -> Certificates:
     """Certify a scenario with its block `uncertainty`.
 
-    - `runs`: runs of the statistical certificate; 0 leaves it out.
-    - `seed`: of these runs.
+    - `runs`: number of runs of the statistical certificate; 0 leaves it out.
+    - `seed`: seed of these runs.
     - `without`: names of certificates to leave out.
-    - `known`: verdicts of this scenario that exist already and are not computed again.
+    - `known`: verdicts of this scenario that were computed before; they are returned unchanged.
 
-    Raises DefinitionError if the scenario was changed in Python, so that no file describes it, if its block
+    Raises DefinitionError if the scenario was changed in Python and no longer agrees with its description, if its block
     `uncertainty` is invalid, or if JAX computes with 32 bits.
     """
     require_64_bits()
@@ -117,7 +117,7 @@ def certify(
             f"`{scenario.name}` was changed by `replace` ({', '.join(scenario.changed)}): certify a scenario from "
             "`load` or `alter`"
         )
-    # An empty set, or a path that does not exist, is an error of the scenario and no verdict.
+    # An empty set, or a path that does not exist, is an error of the scenario, not a failing verdict.
     family_of(scenario)
     judges: list[tuple[str, Callable[[Scenario], Verdict]]]
     judges = [(certificate.name, certificate) for certificate in CERTIFICATES if certificate.name not in without]
@@ -125,14 +125,14 @@ def certify(
         judges.append((statistical.__name__, lambda scenario: statistical(scenario, runs, seed)))
     verdicts = {verdict.name: verdict for verdict in known}
     return Certificates(
-        scenario.name, tuple(verdicts.get(name) or _answer(name, judge, scenario) for name, judge in judges)
+        scenario.name, tuple(verdicts.get(name) or _verdict(name, judge, scenario) for name, judge in judges)
     )
 
 
-def _answer(name: str, certificate: Callable[[Scenario], Verdict], scenario: Scenario) -> Verdict:
-    """The verdict; a scenario that the certificate refuses gives a failing verdict with the reason."""
+def _verdict(name: str, certificate: Callable[[Scenario], Verdict], scenario: Scenario) -> Verdict:
+    """Return the verdict; if the certificate raises DefinitionError, a failing one with this reason."""
     try:
         return certificate(scenario)
     except DefinitionError as error:
-        refusal = Assumption(str(error), "fails")
-        return Verdict(name, name.replace("_", " "), False, None, {}, (refusal,), f"Not certified: {error}.")
+        reason = Assumption(str(error), "fails")
+        return Verdict(name, name.replace("_", " "), False, None, {}, (reason,), f"Not certified: {error}.")

@@ -31,7 +31,7 @@ Flags: TypeAlias = NDArray[np.bool_]
 
 @dataclass(eq=False)
 class BatchedFunction:
-    """A function evaluated row by row, by native code if possible: XLA takes ten times as long to compile for one use.
+    """A function that is evaluated for each row, by native code if possible: XLA takes ten times as long to compile.
 
     - `function`: from arrays to an array, or a tuple of them.
     """
@@ -40,7 +40,7 @@ class BatchedFunction:
     _compiled: Callable[..., list[Any]] | None = field(default=None, init=False)
 
     def __call__(self, *rows: Any) -> list[Floats]:
-        """Return the outputs; arguments and outputs have the row as first axis."""
+        """Return the outputs; rows are the first axis of arguments and outputs."""
         arrays = [np.ascontiguousarray(row, float) for row in rows]
         if self._compiled is None:
             self._compiled = _native(self.function, arrays) or _by_xla(self.function)
@@ -71,7 +71,7 @@ SAMPLES = 4001
 class SampledReference:
     """A scenario's reference at sampled times, with its true arm and its law's arm there.
 
-    The times are no multiples of the period apart: whatever repeats with the period would be seen at one phase only.
+    The spacing is not a multiple of the period, so that effects that repeat with the period are sampled at all phases.
 
     - `first`: the first time, s.
     """
@@ -83,7 +83,7 @@ class SampledReference:
     def times(self) -> Floats:
         """Sample times, s."""
         count = min(SAMPLES, round((self.scenario.t1 - self.first) / self.scenario.period) + 1)
-        # Steps by the golden ratio fill each phase of whatever repeats.
+        # Steps by the golden ratio are spread evenly over the phases of anything periodic.
         shift = (np.arange(count) * 0.618033988749895) % 1.0
         spread = (np.arange(count) + shift) / max(count, 1)
         return self.first + spread * (self.scenario.t1 - self.first)
@@ -108,7 +108,7 @@ class SampledReference:
 
     @cached_property
     def plant(self) -> Plant:
-        """The true arm, with its own equations."""
+        """The true arm."""
         plant = self.scenario.plant
         return plant if isinstance(plant, Plant) else plant.own
 
@@ -118,18 +118,19 @@ class SampledReference:
 
     @cached_property
     def truth(self) -> tuple[Floats, Floats]:
-        """M and `C q̇ + G + F` of the true arm with its payload at each time."""
+        """`M` [N n n] and `C q̇ + G + F` [N n] of the true arm with its payload along the motion."""
         mass, bias = self.of_arm(self.plant.robot)
         load = self.plant.load
         if load is not None:
             carried = (self.times >= float(load.attached)) & (self.times < float(load.released))
-            loaded, heavier = self.of_arm(load.on(self.plant.robot, load.attached))
-            mass, bias = np.where(carried[:, None, None], loaded, mass), np.where(carried[:, None], heavier, bias)
+            loaded_mass, loaded_bias = self.of_arm(load.on(self.plant.robot, load.attached))
+            mass = np.where(carried[:, None, None], loaded_mass, mass)
+            bias = np.where(carried[:, None], loaded_bias, bias)
         return mass, bias + BatchedFunction(self.plant.robot.friction)(self.states[1])[0]
 
     @cached_property
     def external_torque(self) -> Floats:
-        """External torque along the motion, [N n], N m or N."""
+        """External torque along the motion [N n], N m or N."""
         disturbance = BatchedFunction(lambda t, q, dq: self.plant.disturbance(t, State(q=q, dq=dq)))
         return disturbance(self.times, *self.states[:2])[0]
 
@@ -137,7 +138,7 @@ class SampledReference:
 def has_envelope(scenario: Scenario) -> bool:
     """Return True if the law has an envelope."""
     law = scenario.controller
-    return eqx.filter_eval_shape(lambda: _at(scenario, law.joints)) is not None
+    return eqx.filter_eval_shape(lambda: _envelope_at_rest(scenario, law.joints)) is not None
 
 
 def envelope_bounds(scenario: Scenario, times: Floats) -> tuple[Floats, Floats] | None:
@@ -162,7 +163,7 @@ def envelope_bounds(scenario: Scenario, times: Floats) -> tuple[Floats, Floats] 
     return lower, upper
 
 
-def _at(scenario: Scenario, joints: int) -> Any:
+def _envelope_at_rest(scenario: Scenario, joints: int) -> Any:
     t, law = jnp.zeros(()), scenario.controller
     reference = scenario.trajectory.reference(t)
     return law.envelope(t, law.init(t, State(q=jnp.zeros(joints), dq=jnp.zeros(joints)), reference))
@@ -193,12 +194,11 @@ def envelope_width(scenario: Scenario, t: Floats) -> Floats | None:
 
 
 def largest_error_rate(scenario: Scenario, width: Floats) -> Floats:
-    """Return the largest |ė| for which e and the led error `y = e + c ė` are both in the envelope: `2 ρ/c`, [N n].
+    """Return the largest |ė| for which both e and `y = e + c ė` are in the envelope: `2 ρ/c` [N n].
 
-    For a law without a plan c is its period, so the bound is weak.
+    `c = H - h/2`, with the horizon H of the law. For a law without a horizon H is its period h, so the bound is weak.
 
-    - `scenario`: `c = H - h/2` is its law's.
-    - `width`: of the envelope [N n].
+    - `width`: larger side of the envelope [N n].
     """
     law = scenario.controller
     h = scenario.period

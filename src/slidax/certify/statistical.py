@@ -17,21 +17,23 @@ RUNS = 300
 """Default number of random runs."""
 
 SEARCHED = 1.0
-"""Runs of the search for the worst case, as a share of the random runs."""
+"""Number of runs of the search for the worst case, relative to the number of random runs."""
 
 STEADY = ("steady_error", "steady_torque_step")
-"""Metrics whose largest value over all random runs is reported, if none ended early."""
+"""Metrics whose largest value over all random runs is reported, if no run ended early."""
 
 KEPT, APART = 4, 0.25
-"""Number of reported worst cases: the worst random one, and cases of the search this share of the set apart."""
+"""Number of reported worst cases, the worst random one and the others from the search, and the least distance between
+two cases of the search, as a share of the set.
+"""
 
 
 def statistical(scenario: Scenario, runs: int = RUNS, seed: int = 0, confidence: float = 0.99) -> Verdict:
     """Bound the rate p at which runs of the set leave the envelope, by the exact interval of Clopper and Pearson.
 
     With k of n runs outside, `Pr(X <= k | p = upper) = 1 - confidence`; for k = 0 that is `upper = 1 - (1-c)^(1/n)`.
-    A search (CMA-ES, then quasi-Newton steps) looks for the least margin with as many runs again. Its result is no
-    probability, and a search without success is no proof.
+    A search (CMA-ES, then quasi-Newton steps) minimises the margin with as many further runs. Its result is not a
+    probability, and a search that finds no failure proves nothing.
 
     Raises DefinitionError if a set is empty or the search's package is not installed.
     """

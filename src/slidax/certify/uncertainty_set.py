@@ -26,11 +26,11 @@ def set_ends(uncertainty: AbstractSet, leaf: Leaf) -> tuple[Floats, Floats]:
 
 
 def values_along(uncertainty: AbstractSet, leaf: Leaf, shares: Floats) -> Floats:
-    """Return values of a set whose coordinates all have the same share, or each value of a choice [K ...].
+    """Return the values of a set for equal shares of all its coordinates, or each value of a choice [K ...].
 
-    All sets but a ball and a choice increase in each of their coordinates, and each number depends on one coordinate.
+    Except for a ball and a choice, each number of a set increases with one coordinate.
 
-    - `uncertainty`: any set but a ball.
+    - `uncertainty`: any set except a ball.
     - `shares`: from 0 to 1 [K]; not used for a choice.
     """
     if isinstance(uncertainty, Discrete) and uncertainty.choice != "any":
@@ -51,18 +51,18 @@ def family_of(scenario: Scenario) -> Family | None:
 def to_canonical(family: Family) -> Family:
     """Return a set in the form that all certificates use, independent of the order in which it was written.
 
-    Paths are sorted. A set of a single value is replaced by that value, so that nothing draws or bounds it.
+    Paths are sorted. A set of a single value is replaced by that value and is no longer uncertain.
     """
-    space, truth, left = family.uncertain, dict(family.base.truth), {}
+    space, truth, remaining = family.uncertain, dict(family.base.truth), {}
     for path in sorted(space.sets):
         lower, upper = set_ends(space.sets[path], space.leaves[path])
         own = space.leaves[path].own
         if not np.array_equal(lower, upper):
-            left[path] = space.sets[path]
+            remaining[path] = space.sets[path]
         elif own is None or not np.array_equal(np.broadcast_to(own, np.shape(lower)), lower):
             truth[path] = np.asarray(lower).tolist()
     base = family.base if truth == family.base.truth else family.base.model_copy(update={"truth": truth})
-    return replace(family, base=base, uncertain=Space({path: space.leaves[path] for path in left}, left))
+    return replace(family, base=base, uncertain=Space({path: space.leaves[path] for path in remaining}, remaining))
 
 
 START = "start.q"
@@ -90,14 +90,14 @@ def start_box(scenario: Scenario) -> StartBox:
     own = np.asarray(scenario.state0.q, float)
     family = family_of(scenario)
     sets = {} if family is None else family.space.sets
-    touching = [path for path in sets if path == START or path.startswith(f"{START}.")]
-    if family is None or not touching:
+    paths = [path for path in sets if path == START or path.startswith(f"{START}.")]
+    if family is None or not paths:
         return StartBox(own, own, "the start is", "the start is")
     lower, upper = own.copy(), own.copy()
-    for path in touching:
+    for path in paths:
         least, most = set_ends(sets[path], family.space.leaves[path])
-        where = slice(None) if path == START else int(path.rpartition(".")[2])
-        lower[where], upper[where] = least, most
+        joint = slice(None) if path == START else int(path.rpartition(".")[2])
+        lower[joint], upper[joint] = least, most
     return StartBox(lower, upper, "all starts of the uncertain set are", "a start of the uncertain set is")
 
 
@@ -107,11 +107,11 @@ SHARES = np.linspace(0.0, 1.0, 9)
 
 @dataclass(frozen=True)
 class UncertainValue:
-    """One value, or some that change together, from one end to the other.
+    """Range of a number, or of several numbers that vary together, from a lower to an upper end.
 
     - `path`: in the scenario file.
-    - `entry`: index into the values at this path; None for all of them together.
-    - `lower`, `upper`: ends, of the shape of the whole value.
+    - `entry`: index of the number at this path; None if all of them vary together.
+    - `lower`, `upper`: ends, in the shape of the whole value.
     """
 
     path: str
@@ -121,25 +121,25 @@ class UncertainValue:
 
     @property
     def name(self) -> str:
-        """Name for a text."""
+        """Name in assumptions and messages."""
         return self.path if self.entry is None else f"{self.path}[{self.entry}]"
 
     def between(self, low: float, high: float) -> UncertainValue:
-        """The part of the range from share `low` to share `high`."""
+        """Return the part of the range from share `low` to share `high`."""
         ends = [self.lower + share * (self.upper - self.lower) for share in (low, high)]
         return UncertainValue(self.path, self.entry, *ends)
 
     def moved(self, value: Floats, share: Floats) -> Floats:
-        """The values [P ...] with this axis at shares of its range [P], 0 at the lower end and 1 at the upper one."""
-        reached = self.lower + share.reshape(-1, *[1] * self.lower.ndim) * (self.upper - self.lower)
+        """Return the values [P ...] with this axis at shares of its range [P], from 0 (lower) to 1 (upper)."""
+        moved = self.lower + share.reshape(-1, *[1] * self.lower.ndim) * (self.upper - self.lower)
         if self.entry is None:
-            return reached
-        here = np.arange(self.lower.size).reshape(self.lower.shape) == self.entry
-        return np.where(here, reached, value)
+            return moved
+        is_entry = np.arange(self.lower.size).reshape(self.lower.shape) == self.entry
+        return np.where(is_entry, moved, value)
 
 
 def uncertain_values(path: str, uncertainty: AbstractSet, leaf: Leaf) -> list[UncertainValue]:
-    """Return the axes of a set: a box that contains it, or one axis if it is a line.
+    """Return the axes of a box that contains a set, or one axis if the set is a line.
 
     Raises DefinitionError for integers.
     """
@@ -149,21 +149,21 @@ def uncertain_values(path: str, uncertainty: AbstractSet, leaf: Leaf) -> list[Un
     if not isinstance(uncertainty, Ball):
         drawn = np.asarray(values_along(uncertainty, leaf, SHARES), float)
         if uncertainty.coordinates(leaf) == 1 and _is_a_line(drawn, lower, upper):
-            return [] if (lower == upper).all() else [UncertainValue(path, None, *_of_a_line(drawn))]
+            return [] if (lower == upper).all() else [UncertainValue(path, None, *_line_ends(drawn))]
     flat_lower, flat_upper = lower.reshape(-1), upper.reshape(-1)
     return [UncertainValue(path, k, lower, upper) for k in np.flatnonzero(flat_lower < flat_upper).tolist()]
 
 
-def _of_a_line(drawn: Floats) -> tuple[Floats, Floats]:
-    """The ends of the values: where the first number that varies has its least and its largest."""
+def _line_ends(drawn: Floats) -> tuple[Floats, Floats]:
+    """Return the values in which the first number that varies is least and largest."""
     flat = drawn.reshape(len(drawn), -1)
     varies = int(np.argmax(np.ptp(flat, axis=0) > 0))
     return drawn[int(np.argmin(flat[:, varies]))], drawn[int(np.argmax(flat[:, varies]))]
 
 
 def _is_a_line(drawn: Floats, lower: Floats, upper: Floats) -> bool:
-    """True if all numbers go from end to end together, each by the same share of its range."""
-    first, last = _of_a_line(drawn)
+    """Return True if all numbers have the same share of their ranges in each of the values."""
+    first, last = _line_ends(drawn)
     flat = drawn.reshape(len(drawn), -1)
     width = (last - first).reshape(-1)
     varies = np.abs(width) > 0

@@ -1,8 +1,8 @@
 """Certificates of an arm with its uncertainty set: inertia and weight bounds, the demand on the loops, and the drives.
 
 `members.py` has the true arms of a set. `demand.py` bounds the disturbances that the joints' loops must compensate
-along the motion; `deviation_bound.py` adds what a deviation from the motion changes. `torque_budget.py` and
-`robust_torque.py` are the certificates.
+along the motion; `deviation_bound.py` bounds how much these change by a deviation from the motion. `torque_budget.py`
+and `robust_torque.py` are the certificates.
 
 Read first: `arm_motion.py`, `members.py`, `demand.py`.
 """

@@ -29,7 +29,7 @@ from slidax.simulation.plant import Plant
 from ..sampled_scenario import Floats
 
 BLOCK = 65536
-"""States per block: that many inertia matrices of seven joints take 25 MB."""
+"""States per block; their inertia matrices take 25 MB for seven joints."""
 
 _kernels: dict[Any, Callable[..., tuple[Floats, Floats]]] = {}
 
@@ -39,9 +39,9 @@ def mass_and_bias(
 ) -> tuple[Floats, Floats]:
     """Return `M(q)` [N n n] and `C(q,q̇) q̇ + G(q)` [N n] with the payload at each time.
 
-    Arms of one structure share their machine code: their values are inputs of it.
+    Arms of the same structure share their machine code, which has their values as inputs.
 
-    - `load`: the timed payload; None for none.
+    - `load`: the timed payload, or None.
     - `t`: [N], s.
     """
     arrays, rest = eqx.partition((robot, load), eqx.is_array)
@@ -85,9 +85,9 @@ def _kernel(leaves: list[Floats], tree: Any, rest: Any, joints: int) -> Callable
 
 
 def massless_load(robot: AbstractRobot, like: Plant) -> TimedPayload | None:
-    """Return a payload without mass for a robot of another plant's structure, so that both share their machine code.
+    """Return a payload without mass, with which a robot shares its machine code with another plant.
 
-    None if the structures differ, or the other plant has no payload.
+    None if their structures differ, or the other plant has no payload.
     """
     alike = bool(jax.tree.structure(robot) == jax.tree.structure(like.robot))  # type: ignore[operator]
     if like.load is None or not alike:
@@ -123,10 +123,10 @@ class NominalModel:
     """A law's model of the arm: `M̂ = S (M0 + diag(J - J0)) S` and `F̂ = f tanh(q̇_d/v_s)`.
 
     - `robot`: M0, C0 and G0.
-    - `rotor`, `counted`: J, and J0 [n]; None for a law that does not learn, where `M̂ = M0`.
+    - `rotor`, `counted`: J, and the J0 that M0 contains [n]; None for a law that does not learn, where `M̂ = M0`.
     - `coulomb`, `smoothing`: f, and v_s [n].
-    - `like`: an arm whose machine code this one may share.
-    - `times`: times [K], s, from which on each J and f [K n] is used; None for constant ones [n].
+    - `like`: an arm with which the model may share its machine code.
+    - `times`: times [K], s, from which each J and f [K n] is used; None for constant ones [n].
     """
 
     robot: AbstractRobot
@@ -139,9 +139,9 @@ class NominalModel:
 
     @classmethod
     def of(cls, scenario: Scenario, like: Plant) -> NominalModel:
-        """Return the model that a scenario's law starts with.
+        """Return the initial model of a scenario's law.
 
-        - `like`: an arm whose machine code the model may share.
+        - `like`: an arm with which the model may share its machine code.
 
         Raises DefinitionError for a law without a model.
         """
@@ -161,38 +161,38 @@ class NominalModel:
         return cls(robot, rotor, counted, coulomb, smoothing, like)
 
     def friction(self, t: Floats, dq: Floats) -> Floats:
-        """F̂ [N n], N m or N, at times [N], s, and the reference's velocities [N n]."""
-        return self._then(self.coulomb, t) * np.tanh(dq / self.smoothing)
+        """Return F̂ [N n], N m or N, at times [N], s, and the reference's velocities [N n]."""
+        return self._value_at(self.coulomb, t) * np.tanh(dq / self.smoothing)
 
     def rotor_at(self, t: Floats) -> Floats:
-        """J at times [N n]; zero for a law that does not learn."""
+        """Return J at times [N n]; zero for a law that does not learn."""
         if self.rotor is None:
             return np.zeros((len(t), len(self.coulomb)))
-        return np.array(np.broadcast_to(self._then(self.rotor, t), (len(t), self.rotor.shape[-1])))
+        return np.array(np.broadcast_to(self._value_at(self.rotor, t), (len(t), self.rotor.shape[-1])))
 
-    def _then(self, values: Floats, t: Floats) -> Floats:
+    def _value_at(self, values: Floats, t: Floats) -> Floats:
         if self.times is None:
             return values
         return values[np.clip(np.searchsorted(self.times, t + 1e-9) - 1, 0, len(self.times) - 1)]
 
     def mass_and_bias(self, t: Floats, q: Floats, dq: Floats) -> tuple[Floats, Floats]:
-        """M̂ [N n n] and C0 q̇ + G0 [N n]."""
+        """Return M̂ [N n n] and C0 q̇ + G0 [N n]."""
         mass, bias = self.at_first(t, q, dq)
         return self.learnt(mass, t), bias
 
     def at_first(self, t: Floats, q: Floats, dq: Floats) -> tuple[Floats, Floats]:
-        """M0 [N n n], and C0 q̇ + G0 [N n], which do not depend on learned values."""
+        """Return M0 [N n n] and C0 q̇ + G0 [N n], which do not depend on learned values."""
         return mass_and_bias(self.robot, massless_load(self.robot, self.like), t, q, dq)
 
     def learnt(self, mass: Floats, t: Floats) -> Floats:
-        """M̂ [N n n] from M0 [N n n] at times [N], s."""
+        """Return M̂ [N n n] from M0 [N n n] at times [N], s."""
         if self.rotor is None:
             return mass
         assert self.counted is not None
-        rotor = np.broadcast_to(self._then(self.rotor, t), mass.shape[:2])
+        rotor = np.broadcast_to(self._value_at(self.rotor, t), mass.shape[:2])
         if (rotor >= 0).all():
             return mass + (rotor - self.counted)[:, :, None] * np.eye(mass.shape[1])
-        # Powers of two, so that few sizes are compiled.
+        # The batch is filled up to a power of two, so that only few sizes are compiled.
         size = 1 << (len(mass) - 1).bit_length()
         filled = (np.resize(values, (size, *values.shape[1:])) for values in (mass, rotor))
         return np.asarray(_with_rotors(*filled, self.counted))[: len(mass)]
@@ -205,10 +205,10 @@ def _with_rotors(mass: Any, rotor: Any, counted: Any) -> Any:
 
 @dataclass(frozen=True, eq=False)
 class StateSequence:
-    """States at times, with the acceleration that the law needs there.
+    """States at times, each with the acceleration that the law feeds forward.
 
     - `t`: [N], s.
-    - `q`, `dq`, `ddq`: positions, velocities, and the mean acceleration over the period that begins there [N n].
+    - `q`, `dq`, `ddq`: positions, velocities, and the mean acceleration over the period from that time on [N n].
     - `wanted`: velocities of the reference [N n], if they differ from `dq`.
     """
 
@@ -225,7 +225,7 @@ class StateSequence:
 
     @classmethod
     def of(cls, scenario: Scenario) -> StateSequence:
-        """The scenario's reference at each sample from the start to its end."""
+        """Return the scenario's reference at each sample of the run."""
         h, n = scenario.period, round(scenario.t1 / scenario.period)
         t = h * np.arange(max(n, 1) + 1)
         reference = _reference(scenario.trajectory, jnp.asarray(t))
@@ -233,26 +233,27 @@ class StateSequence:
         return cls(t[:-1], q[:-1], dq[:-1], np.diff(dq, axis=0) / h)
 
     def shifted(self, q: Floats, dq: Floats) -> StateSequence:
-        """The motion with states that deviate by `q` and `dq`, [n] or [N n]."""
+        """Return the motion with its states shifted by `q` and `dq`, [n] or [N n]."""
         return StateSequence(self.t, self.q + q, self.dq + dq, self.ddq, self.wanted_dq)
 
     def every(self, instants: int) -> StateSequence:
-        """About `instants` of the states, evenly spaced."""
+        """Return about `instants` of the states, evenly spaced."""
         step = max(1, len(self.t) // instants)
         wanted = self.wanted_dq[::step]
         return StateSequence(self.t[::step], self.q[::step], self.dq[::step], self.ddq[::step], wanted)
 
     def at(self, times: Floats, instants: int) -> StateSequence:
-        """States at given times, each with the state of its period, and at `instants` other samples.
+        """Return the states at `instants` samples, then at given times, each with the state of its period.
 
-        The other samples are spread by the golden ratio: evenly spaced ones would see a repeating motion at one phase.
+        The samples are spread by the golden ratio, since evenly spaced ones could sample a periodic motion at only one
+        phase.
         """
         count = len(self.t)
         spread = np.sort((np.arange(min(instants, count)) * 0.618033988749895) % 1.0 * count).astype(int)
-        own = np.searchsorted(self.t, times, side="right") - 1
-        which = np.concatenate([spread, np.clip(own, 0, count - 1)])
+        periods = np.searchsorted(self.t, times, side="right") - 1
+        rows = np.concatenate([spread, np.clip(periods, 0, count - 1)])
         t = np.concatenate([self.t[spread], times])
-        return StateSequence(t, self.q[which], self.dq[which], self.ddq[which], self.wanted_dq[which])
+        return StateSequence(t, self.q[rows], self.dq[rows], self.ddq[rows], self.wanted_dq[rows])
 
     @cached_property
     def joints(self) -> int:
@@ -265,20 +266,20 @@ def _reference(trajectory: Any, t: Any) -> Any:
 
 
 def distinct_inertias(plants: list[Plant]) -> tuple[list[Plant], list[int]]:
-    """Return one arm of each inertia, and the number of each arm's inertia [P].
+    """Return one arm for each distinct inertia, and the index in that list for each of the arms [P].
 
-    Arms that differ only in friction or forces share an inertia.
+    Arms that differ only in friction or external forces have the same inertia.
     """
     keys: dict[Any, int] = {}
-    kinds: list[Plant] = []
-    which: list[int] = []
+    distinct: list[Plant] = []
+    indices: list[int] = []
     for plant in plants:
         key = _inertial_key(plant)
         if key not in keys:
-            keys[key] = len(kinds)
-            kinds.append(plant)
-        which.append(keys[key])
-    return kinds, which
+            keys[key] = len(distinct)
+            distinct.append(plant)
+        indices.append(keys[key])
+    return distinct, indices
 
 
 def rigid_body_torque(plants: list[Plant], motion: StateSequence) -> tuple[Floats, Floats]:
@@ -295,13 +296,13 @@ def outer_torque(plants: list[Plant], motion: StateSequence) -> Floats:
 
 def disturbance_torque(plants: list[Plant], motion: StateSequence) -> Floats:
     """Return `τ_d` of P true arms along a motion [P N n], N m or N."""
-    done: dict[Any, Floats] = {}
+    known: dict[Any, Floats] = {}
     torques = []
     for plant in plants:
         key = _key(plant.disturbance)
-        if key not in done:
-            done[key] = external_torque(plant, motion.t, motion.q, motion.dq)
-        torques.append(done[key])
+        if key not in known:
+            known[key] = external_torque(plant, motion.t, motion.q, motion.dq)
+        torques.append(known[key])
     return np.array(torques)
 
 
@@ -318,8 +319,8 @@ def breakpoints(plants: Sequence[Plant], end: float) -> Floats:
 def _inertial_key(plant: Plant) -> Any:
     robot = plant.robot
     if isinstance(robot, Articulated):
-        nothing = np.zeros(robot.joints)
-        robot = eqx.tree_at(lambda arm: (arm.coulomb, arm.viscous), robot, (nothing, nothing))
+        zero = np.zeros(robot.joints)
+        robot = eqx.tree_at(lambda arm: (arm.coulomb, arm.viscous), robot, (zero, zero))
     return _key((robot, plant.load))
 
 
@@ -346,15 +347,15 @@ def inertia_ratios(
     - `kept`: number of instants at which K is returned.
     """
     few = motion.every(INSTANTS)
-    each: list[Floats] = []
+    matrices: list[Floats] = []
     least = np.full(motion.joints, np.inf)
     most, coupling = -least, np.zeros((motion.joints, motion.joints))
     for plant, belief in zip(plants, beliefs, strict=True):
-        believed, _ = belief.mass_and_bias(few.t, few.q, few.dq)
-        ratio = np.linalg.solve(rigid_body_torque([plant], few)[0][0], believed)
-        each.append(ratio[:: max(1, len(ratio) // kept)])
-        own = np.diagonal(ratio, axis1=1, axis2=2)
-        least, most = np.minimum(least, own.min(axis=0)), np.maximum(most, own.max(axis=0))
-        coupling = np.maximum(coupling, np.abs(ratio / own[:, None, :]).max(axis=0))
+        nominal, _ = belief.mass_and_bias(few.t, few.q, few.dq)
+        ratio = np.linalg.solve(rigid_body_torque([plant], few)[0][0], nominal)
+        matrices.append(ratio[:: max(1, len(ratio) // kept)])
+        diagonal = np.diagonal(ratio, axis1=1, axis2=2)
+        least, most = np.minimum(least, diagonal.min(axis=0)), np.maximum(most, diagonal.max(axis=0))
+        coupling = np.maximum(coupling, np.abs(ratio / diagonal[:, None, :]).max(axis=0))
     np.fill_diagonal(coupling, 0.0)
-    return np.array([least, most]), coupling, np.concatenate(each)
+    return np.array([least, most]), coupling, np.concatenate(matrices)

@@ -1,4 +1,4 @@
-"""The demand of an uncertainty set on the joints' loops: the disturbances to compensate, and the inertia ratios."""
+"""Demand of an uncertainty set on the joints' loops: the disturbances to compensate, and the inertia ratios."""
 
 from __future__ import annotations
 
@@ -35,20 +35,23 @@ class Demand:
 
     With `K = M⁻¹ M0` the error obeys `ë = K (a - q̈_r + w* - ŵ)`. Here a is the commanded acceleration, ŵ the estimate,
     and `w* = M0⁻¹ ((M0 - M) q̈_r + n0 - n + d)` the disturbance that the law must compensate; n is the arm's torque
-    without inertia, d the external torque. Along the reference the disturbance of each member is, as a signal,
+    except for its inertia term, d the external torque. Along the reference the disturbance of each member is, as a
+    signal,
     `Σ λ_m (w*_m + Σ x_k effects_mk)` with `λ >= 0`, `Σ λ = 1` and `|x_k| <= 1`, the same for all times and joints.
 
     - `times`: samples, a period apart [N], s.
     - `disturbance`: w* along the reference for each extreme member [members N n], rad/s² or m/s².
-    - `stray`: bound of the rest of w* at each time and joint, without any smoothness, anywhere in the envelope [N n],
-      rad/s² or m/s²; inf if none is known. `deviation` gives a smaller one for smaller errors.
+    - `stray`: bound of the remaining part of w* at each time and joint, anywhere in the envelope [N n], rad/s² or m/s²;
+      this part may change arbitrarily fast. inf if no bound is known. `deviation` gives a smaller one for smaller
+      errors.
     - `kappa`: the least and the largest diagonal of K [2 n].
     - `coupling`: bounds of |K_ij/K_jj| for i ≠ j, the effect of other joints' accelerations [n n].
     - `assumptions`: of `disturbance`, `stray` and their bounds; `of_kappa`: of `kappa` and `coupling`.
     - `effects`: change of each w* by half the width of an uncertain value [members values N n], rad/s² or m/s².
     - `deviation`: from bounds of the error and its rate, each [n] or [N n], to the bound of `stray` [N n].
     - `prediction_error`: from bounds of the prediction errors of q and q̇ [N n] to the error of the torque [N n].
-    - `jumps`: part of `stray`: forces off the line between two samples, and jumps of payloads [N n].
+    - `jumps`: part of `stray` by the forces' deviation from their chord between two samples, and by payloads that are
+      attached or released [N n].
     - `matrices`: K of some members at some instants of the motion, with the worst coupled one [I n n].
     - `relearning`: steps of ŵ when the law changes its learned inertia [N n]; None if it never does.
     """
@@ -70,23 +73,23 @@ class Demand:
     def boxed(self) -> Demand:
         """Return the demand with all effects in `stray`, by `|Σ x_k effects_k| <= Σ |effects_k|`.
 
-        This is larger than necessary, because the effects may then change in any way over time.
+        It is larger than necessary, because each x_k may then change over time.
         """
         if self.effects is None or not self.effects.shape[1]:
             return self
-        widened = self.stray + np.abs(self.effects).sum(axis=1).max(axis=0)
-        return replace(self, stray=widened, effects=None)
+        stray = self.stray + np.abs(self.effects).sum(axis=1).max(axis=0)
+        return replace(self, stray=stray, effects=None)
 
-    def worst(self, through: Callable[[Floats], Floats]) -> Floats:
+    def worst(self, response: Callable[[Floats], Floats]) -> Floats:
         """Return the largest |value| of a linear map of the disturbance over all members at each time and joint [N n].
 
-        A member attains it, though not the same one at each time.
+        At each time a member attains it, but not the same one at all times.
 
-        - `through`: from signals [... N n] to such signals: the loops' response, or the identity.
+        - `response`: maps signals [... N n] to such signals: the loops' response, or the identity.
         """
-        size = np.abs(through(self.disturbance))
+        size = np.abs(response(self.disturbance))
         if self.effects is not None and self.effects.shape[1]:
-            size = size + np.abs(through(self.effects)).sum(axis=1)
+            size = size + np.abs(response(self.effects)).sum(axis=1)
         return size.max(axis=0)
 
 
@@ -103,9 +106,8 @@ def compute_demand(
     Without `uncertainty` the scenario's own arm is the only member.
 
     - `family`: another set, such as a study's.
-    - `learnt`: if True, a law that learns has learned each member's inertia and friction; else it has its initial
-      model.
-    - `along`: another motion than the reference, at the scenario's samples, with constant acceleration over each
+    - `learnt`: if True, the model of a law that learns is the one learned for each member; else it is the initial one.
+    - `along`: a motion in place of the reference, at the scenario's samples, with constant acceleration over each
       period. `stray` is then the part of w* between the samples, for a law with a held torque.
     - `cases`: for a law that learns, arms of the set with their learned models.
 
@@ -121,7 +123,7 @@ def compute_demand(
     elif learnt and learns_inertia(scenario):
         request = demand_after_learning(members, belief, hull, plants, motion)
     else:
-        request = _before(members, belief, hull, plants, motion)
+        request = _demand_before_learning(members, belief, hull, plants, motion)
     width = envelope_width(scenario, motion.t) if along is None else None
     jumps = forces_between_samples(members, plants, request, motion, scenario.period)
     if along is not None:
@@ -152,16 +154,16 @@ def compute_demand(
     )
 
 
-def _before(
+def _demand_before_learning(
     members: Members, belief: NominalModel, hull: Hull, plants: list[Plant], motion: StateSequence
 ) -> SetDemand:
-    """The demand on the law's initial model."""
+    """Return the demand for the law's initial model."""
     mass, bias = belief.mass_and_bias(motion.t, motion.q, motion.dq)
-    believed = np.einsum("kij,kj->ki", mass, motion.ddq) + bias + belief.friction(motion.t, motion.wanted_dq)
-    kinds, which = distinct_inertias(plants)
-    masses, torques = rigid_body_torque(kinds, motion)
-    lacks = believed - torques[which] + outer_torque(plants, motion)
-    disturbance = np.linalg.solve(mass[None], lacks[..., None])[..., 0]
+    nominal = np.einsum("kij,kj->ki", mass, motion.ddq) + bias + belief.friction(motion.t, motion.wanted_dq)
+    distinct, indices = distinct_inertias(plants)
+    masses, torques = rigid_body_torque(distinct, motion)
+    residual = nominal - torques[indices] + outer_torque(plants, motion)
+    disturbance = np.linalg.solve(mass[None], residual[..., None])[..., 0]
     corners, effects = hull.of(disturbance)
     arms, _ = distinct_inertias(members.plants(members.ends(hull.without)))
     kappa, coupling, matrices = inertia_ratios(arms, [belief] * len(arms), motion)
@@ -172,7 +174,7 @@ def _before(
         coupling=coupling,
         deviation=deviation_bound(belief, motion, plants, hull, disturbance),
         arms=len(arms),
-        lacking=hull.merged(which).largest(np.eye(motion.joints) - np.linalg.solve(mass[None], masses)),
+        lacking=hull.merged(indices).largest(np.eye(motion.joints) - np.linalg.solve(mass[None], masses)),
         held=held_torque_error(belief, motion, hull.largest(disturbance)),
         beliefs=[belief],
         relearning=None,
@@ -182,36 +184,36 @@ def _before(
 
 
 def deviation_between_samples(request: SetDemand, motion: StateSequence) -> Floats:
-    """Bound how far w* lies off the line between its values at two samples [N n], rad/s² or m/s².
+    """Bound the deviation of w* from its chord between two samples [N n], rad/s² or m/s².
 
-    The sum of an eighth of its second difference, as for any smooth function; of the effect of the acceleration's jump
-    at the end of a period, `|1 - M̂⁻¹M| |Δq̈|`; and of the change of M̂ and the bias while the torque is held.
+    The bound is the sum of an eighth of the second difference, as for any smooth function; of the effect of the
+    acceleration's jump at the end of a period, `|1 - M̂⁻¹M| |Δq̈|`; and of the change of M̂ and the bias while the torque
+    is held.
     """
-    bend = np.zeros_like(motion.q)
-    for signal in [*request.disturbance, *(part for each in request.effects for part in each)]:
-        bend[1:-1] = np.maximum(bend[1:-1], np.abs(np.diff(signal, 2, axis=0)) / 8.0)
-    bend[:-1] = np.maximum(bend[:-1], bend[1:])
+    deviation = np.zeros_like(motion.q)
+    for signal in [*request.disturbance, *(effect for effects in request.effects for effect in effects)]:
+        deviation[1:-1] = np.maximum(deviation[1:-1], np.abs(np.diff(signal, 2, axis=0)) / 8.0)
+    deviation[:-1] = np.maximum(deviation[:-1], deviation[1:])
     jump = np.abs(np.diff(motion.ddq, axis=0, append=motion.ddq[-1:]))
     jump[1:] = np.maximum(jump[1:], jump[:-1])
-    return bend + np.einsum("kij,kj->ki", request.lacking, jump) + request.held
+    return deviation + np.einsum("kij,kj->ki", request.lacking, jump) + request.held
 
 
 def forces_between_samples(
     members: Members, plants: list[Plant], request: SetDemand, motion: StateSequence, period: float
 ) -> Floats:
-    """Bound how far forces leave the line between two samples, and how far payloads make w* jump [N n], rad/s² or m/s².
+    """Bound the deviation of w* from its chord between two samples by forces and payloads [N n], rad/s² or m/s².
 
-    For each term of the disturbance, and for the arm's friction, the bound that its class declares over all of the set.
-    For a period in which a payload is attached or released, the whole change of w*.
+    For the arm's friction and each term of the disturbance it is the bound that its class declares over the whole set.
+    For a period in which a payload is attached or released it is the total change of w*.
 
     - `plants`: the arms of the hull's points.
     - `period`: h, s.
     """
     samples = Samples(period, motion.t, motion.q, motion.dq)
     lower, upper = members.disturbances
-    forces = lower.chord_deviation(upper, samples) + members.rubbing(plants).chord_deviation(
-        members.rubbing(plants), samples
-    )
+    friction = members.largest_friction(plants)
+    forces = lower.chord_deviation(upper, samples) + friction.chord_deviation(friction, samples)
     first, _ = request.beliefs[0].at_first(motion.t, motion.q, motion.dq)
     inverse = np.abs([np.linalg.inv(model.learnt(first, motion.t)) for model in request.beliefs])
     bound: Floats = np.einsum("bkij,kj->bki", inverse, forces).max(axis=0)
@@ -220,8 +222,8 @@ def forces_between_samples(
         for time in (float(load.attached), float(load.released)):
             jumps |= samples.jumps(time, time)
     if jumps.any():
-        parts = [*request.disturbance, *(part for each in request.effects for part in each)]
-        steps = np.max([np.abs(np.diff(part, axis=0, append=part[-1:])) for part in parts], axis=0)
+        signals = [*request.disturbance, *(effect for effects in request.effects for effect in effects)]
+        steps = np.max([np.abs(np.diff(signal, axis=0, append=signal[-1:])) for signal in signals], axis=0)
         bound = bound + jumps[:, None] * steps
     return bound
 

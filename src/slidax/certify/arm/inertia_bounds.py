@@ -21,15 +21,15 @@ from ..sampled_scenario import Flags, Floats
 from .arm_motion import mass_and_bias
 
 POINTS = 5
-"""Points a joint: twice the degree, and one."""
+"""Number of grid points for each joint: twice the degree plus one."""
 
 MOST = 7
-"""Largest number of joints that may matter: 5⁷ postures are 78 125."""
+"""Largest number of joints on which M and G may depend: 5⁷ postures are 78 125."""
 
 
 @dataclass(frozen=True)
 class TrigonometricSeries:
-    """`f(q) = Σ c_k exp(i k·θ)`, k from -2 to 2 for each joint that matters.
+    """`f(q) = Σ c_k exp(i k·θ)`, with k from -2 to 2 for each joint on which f depends.
 
     - `coefficients`: c_k [K ...].
     """
@@ -38,11 +38,11 @@ class TrigonometricSeries:
     coefficients: Any
 
     def bound(self) -> Floats:
-        """`Σ |c_k|`, an upper bound of |f| [...]."""
+        """Return `Σ |c_k|`, an upper bound of |f| [...]."""
         return np.abs(self.coefficients).sum(axis=0)
 
     def slopes(self) -> Floats:
-        """Upper bounds of |∂f/∂q_j| [... n]: `Σ |k_j| |c_k|`, and Markov's `4 Σ |c_k|/a` for a prismatic joint."""
+        """Return upper bounds of |∂f/∂q_j| [... n]: `Σ |k_j| |c_k|`; for a prismatic joint Markov's `4 Σ |c_k|/a`."""
         size = np.abs(self.coefficients)
         bounds = np.zeros((*size.shape[1:], self.grid.size))
         for at, joint in enumerate(self.grid.joints):
@@ -54,9 +54,9 @@ class TrigonometricSeries:
 
 @dataclass(frozen=True)
 class PostureGrid:
-    """Postures that determine all of M and G.
+    """Postures whose M and G determine both in every posture.
 
-    - `joints`: the joints that matter.
+    - `joints`: the joints on which M and G depend.
     - `revolute`: True for each revolute joint [n].
     - `middle`, `half`: middle and half of the range of each prismatic joint [n], m; 0 and 1 for a revolute one.
     """
@@ -68,24 +68,24 @@ class PostureGrid:
 
     @classmethod
     def of(cls, at: Callable[[Floats], Floats], units: tuple[str, ...], lower: Floats, upper: Floats) -> PostureGrid:
-        """The grid of the joints that matter, which are found at random postures.
+        """Return the grid for a function of the posture; the joints on which it depends are found at random postures.
 
-        - `at`: from postures [N n] to all values [N F].
+        - `at`: maps postures [N n] to function values [N F].
         - `lower`, `upper`: limits of the prismatic joints [n], m; those of others are not used.
 
-        Raises DefinitionError if too many joints matter.
+        Raises DefinitionError if the function depends on too many joints.
         """
         revolute = np.array([unit == "rad" for unit in units])
         n = len(revolute)
         middle = np.where(revolute, 0.0, 0.5 * (lower + upper))
         half = np.where(revolute, 1.0, np.maximum(0.5 * (upper - lower), 1e-6))
         random = np.random.default_rng(3)
-        places = np.where(revolute, random.uniform(-np.pi, np.pi, (2, 4, n)), random.uniform(-1.0, 1.0, (2, 4, n)))
-        q, other = middle + half * places
-        moved = np.repeat(q[None], n + 1, axis=0)
+        scaled = np.where(revolute, random.uniform(-np.pi, np.pi, (2, 4, n)), random.uniform(-1.0, 1.0, (2, 4, n)))
+        q, other = middle + half * scaled
+        postures = np.repeat(q[None], n + 1, axis=0)
         for joint in range(n):
-            moved[joint + 1, :, joint] = other[:, joint]
-        values = at(moved.reshape(-1, n)).reshape(n + 1, -1)
+            postures[joint + 1, :, joint] = other[:, joint]
+        values = at(postures.reshape(-1, n)).reshape(n + 1, -1)
         change = np.abs(values[1:] - values[0]).max(axis=1)
         joints = tuple(np.flatnonzero(change > 1e-12 * max(float(np.abs(values).max()), 1e-300)).tolist())
         if len(joints) > MOST:
@@ -94,7 +94,7 @@ class PostureGrid:
 
     @property
     def size(self) -> int:
-        """Number n of the arm's joints."""
+        """Number n of joints of the arm."""
         return len(self.revolute)
 
     @property
@@ -113,20 +113,20 @@ class PostureGrid:
         """Wave numbers k of each coefficient [5^J J]."""
         harmonics = np.fft.fftfreq(POINTS, 1.0 / POINTS)
         count = len(self.joints)
-        # The length is explicit: -1 cannot replace it if no joint matters.
+        # numpy cannot infer the length if there are no joints.
         return np.array(list(product(harmonics, repeat=count))).reshape(POINTS**count, count)
 
     def series(self, values: Floats) -> TrigonometricSeries:
-        """The series of values at the postures [5^J ...]."""
+        """Return the series of a function, from its values at the postures [5^J ...]."""
         axes = tuple(range(len(self.joints)))
         shaped = values.reshape(*[POINTS] * len(self.joints), *values.shape[1:])
         coefficients = np.fft.fftn(shaped, axes=axes) / len(values) if axes else shaped[None]
         return TrigonometricSeries(self, coefficients.reshape(len(values), *values.shape[1:]))
 
     def rates(self) -> Floats:
-        """D_j [n] with `|f(q + e) - f(q)| <= D·|e| sup|f|` and second derivatives within `(D·|e|)² sup|f|`.
+        """Return D_j [n] with `|f(q + e) - f(q)| <= D·|e| sup|f|` and second derivatives within `(D·|e|)² sup|f|`.
 
-        From Bernstein's inequality for a revolute joint, from Markov's for a prismatic one; for M's degree.
+        They follow from Bernstein's inequality for a revolute joint, from Markov's for a prismatic one, for degree 2.
         """
         rates = np.zeros(self.size)
         for joint in self.joints:
@@ -137,7 +137,8 @@ class PostureGrid:
 def require_independent_joints(robot: AbstractRobot) -> None:
     """Raise DefinitionError for an arm with coupled joints.
 
-    There M is no polynomial of degree 2 in a joint: a follower at the ratio 2 doubles the degree, one at 0.5 has none.
+    There M is not a polynomial of degree 2 in each joint: a follower with the ratio 2 doubles the degree, and with 0.5
+    M is not a polynomial.
     """
     if isinstance(robot, Coupled):
         raise DefinitionError(
@@ -153,10 +154,10 @@ MOST_POINTS = 720
 """Largest number of points of one joint."""
 
 MOST_FACTOR = 20.0
-"""Largest factor of a grid: for a coarser one `Σ ‖c_k‖` is better."""
+"""Largest factor of a grid; for a coarser grid `Σ ‖c_k‖` is the smaller bound."""
 
 WORTH = 0.02
-"""Share of the whole variation that a joint must add to get a grid of its own."""
+"""Share of the total variation from which on the terms that a joint adds are bounded on a grid of their own."""
 
 
 @dataclass(frozen=True)
@@ -164,9 +165,9 @@ class Supremum:
     """An upper bound.
 
     - `upper`: the bound.
-    - `sampled`: the largest value on the grid; the supremum lies between both, but for the joints off the grid.
-    - `points`: points of the grid for each joint on it.
-    - `factor`: of the grid.
+    - `sampled`: the largest value on the grid; the supremum is at least this value if all joints are on the grid.
+    - `points`: number of grid points for each joint on the grid.
+    - `factor`: ratio of the bound to the largest value on the grid.
     """
 
     upper: float
@@ -180,9 +181,9 @@ def supremum(
 ) -> Supremum:
     """Return a bound of `max_q ‖f(q)‖`.
 
-    - `degree`: of f in each joint, 1 or 2.
-    - `size`: the norm of each of some values [P ...].
-    - `terms`: the norm of each of some complex coefficients [K ...].
+    - `degree`: degree of f in each joint, 1 or 2.
+    - `size`: returns the norm of each of some values [P ...].
+    - `terms`: returns the norm of each of some complex coefficients [K ...].
     """
     joints = len(series.grid.joints)
     weights = terms(series.coefficients)
@@ -190,26 +191,26 @@ def supremum(
     entries = int(np.prod(series.coefficients.shape[1:], dtype=int))
     # Joints with the largest effect come first.
     order = np.argsort([-float(weights[degrees[:, at] > 0].sum()) for at in range(joints)], kind="stable").tolist()
-    # Coefficients that each joint adds to those before it.
-    added = [_of(degrees, order[: k + 1]) & (degrees[:, order[k]] > 0) for k in range(joints)]
+    # The terms that each joint adds to those of the joints before it.
+    added = [_only(degrees, order[: k + 1]) & (degrees[:, order[k]] > 0) for k in range(joints)]
     sums = [float(weights[terms].sum()) for terms in added]
-    waves = sum(sums)
+    variation = sum(sums)
     count = min(range(joints + 1), key=lambda k: _factor(k, entries, degree) * 0.5 * sum(sums[:k]) + sum(sums[k:]))
     points, factor = _points(count, entries), _factor(count, entries, degree)
-    largest_seen = _largest(series, _of(degrees, order[:count]), sorted(order[:count]), points, size)
-    upper = factor * largest_seen
+    sampled = _largest(series, _only(degrees, order[:count]), sorted(order[:count]), points, size)
+    upper = factor * sampled
     for k in range(count, joints):
-        here = _factor(k + 1, entries, degree)
-        if sums[k] > WORTH * waves and here < MOST_FACTOR:
+        factor_of_joint = _factor(k + 1, entries, degree)
+        if sums[k] > WORTH * variation and factor_of_joint < MOST_FACTOR:
             largest = _largest(series, added[k], sorted(order[: k + 1]), _points(k + 1, entries), size)
-            upper += min(here * largest, sums[k])
+            upper += min(factor_of_joint * largest, sums[k])
         else:
             upper += sums[k]
-    return Supremum(upper, largest_seen, points, factor)
+    return Supremum(upper, sampled, points, factor)
 
 
-def _of(degrees: Floats, joints: Sequence[int]) -> Flags:
-    """True for coefficients of these joints alone [K]."""
+def _only(degrees: Floats, joints: Sequence[int]) -> Flags:
+    """Return True for coefficients of terms that depend on no other joints [K]."""
     others = [at for at in range(degrees.shape[1]) if at not in joints]
     return ~degrees[:, others].any(axis=1)
 
@@ -228,21 +229,21 @@ def _points(count: int, entries: int) -> int:
 def _largest(
     series: TrigonometricSeries, terms: Flags, kept: Sequence[int], points: int, size: Callable[[Floats], Floats]
 ) -> float:
-    """The largest size on the grid of some joints, over terms without the other joints."""
+    """Return the largest norm of the sum of `terms` on a grid of the joints `kept`, on which alone they depend."""
     joints = len(series.grid.joints)
     shape = series.coefficients.shape[1:]
     coefficients = np.where(terms.reshape(-1, *[1] * len(shape)), series.coefficients, 0.0)
     coefficients = coefficients.reshape(*[POINTS] * joints, *shape)
-    # Harmonic 0 stands first.
-    picked = coefficients[tuple(slice(None) if at in kept else 0 for at in range(joints))]
+    # The constant term is the first along each axis.
+    partial = coefficients[tuple(slice(None) if at in kept else 0 for at in range(joints))]
     if not kept:
-        return float(size(picked.real[None]).max())
+        return float(size(partial.real[None]).max())
     angles = 2.0 * np.pi * np.arange(points) / points
     waves = np.exp(1j * np.outer(angles, np.fft.fftfreq(POINTS, 1.0 / POINTS)))
-    # Joint by joint; the first in the loop below, so that not all postures are in memory at once.
+    # Joint by joint; the first one in the loop below, so that not all postures are in memory at once.
     for axis in range(1, len(kept)):
-        picked = np.moveaxis(np.tensordot(waves, picked, axes=(1, axis)), 0, axis)
-    flat = picked.reshape(POINTS, -1)
+        partial = np.moveaxis(np.tensordot(waves, partial, axes=(1, axis)), 0, axis)
+    flat = partial.reshape(POINTS, -1)
     largest = 0.0
     for wave in waves:
         values = (wave.real @ flat.real - wave.imag @ flat.imag).reshape(-1, *shape)
@@ -251,9 +252,9 @@ def _largest(
 
 
 def spectral_norm(values: Any) -> Floats:
-    """Return the spectral norm of matrices [P n n], or 0 where another one is larger.
+    """Return the spectral norms of matrices [P n n]; 0 for matrices whose norm cannot be the largest.
 
-    A Frobenius norm is never less, so it shows which matrices need no evaluation.
+    The Frobenius norm is an upper bound, which shows which matrices need not be evaluated.
     """
     frobenius: Floats = np.sqrt((np.abs(values) ** 2).sum(axis=(1, 2)))
     order = np.argsort(-frobenius)
@@ -268,21 +269,21 @@ def spectral_norm(values: Any) -> Floats:
     return norms
 
 
-def spectral_of_each(values: Any) -> Floats:
+def spectral_norms(values: Any) -> Floats:
     """Return the spectral norm of each of some real or complex matrices [P n n]."""
     return np.linalg.norm(values, ord=2, axis=(1, 2))
 
 
 @dataclass(frozen=True)
 class ArmConstants:
-    """Bounds for `M(q) q̈ + C(q,q̇) q̇ + G(q)` at every q; prismatic joints stay within their range.
+    """Bounds for `M(q) q̈ + C(q,q̇) q̇ + G(q)` at every q, with prismatic joints within their range.
 
     - `inertia_max`: upper bound of λmax(M).
     - `inertia_min`: lower bound of λmin(M); 0 if none is known.
     - `weight`: bounds of |G_i| [n], N m or N.
     - `mass_slope`: L with `‖M(p) - M(q)‖ <= L ‖p - q‖`; `weight_slope`: the same for G.
     - `coriolis`: c with `‖C(q,q̇) q̇‖ <= c ‖q̇‖²`.
-    - `sampled`: extreme eigenvalues of M on the grid: no bound can be better.
+    - `sampled`: extreme eigenvalues of M on the grid; no valid bounds are closer together.
     """
 
     inertia_max: float
@@ -300,8 +301,8 @@ def arm_constants(
 ) -> ArmConstants:
     """Return the constants of one arm, proved by its trigonometric series (docs/certificates/arm.md).
 
-    - `robot`: its friction is not included.
-    - `load`: a payload, always carried; None for none.
+    - `robot`: the arm; its friction is not included.
+    - `load`: a payload that is always carried, or None.
     - `lower`, `upper`: limits of prismatic joints [n], m; ±0.5 m by default.
 
     Raises DefinitionError if M depends on more than seven joints.
@@ -311,12 +312,12 @@ def arm_constants(
     grid = mass.grid
     sampled = np.linalg.eigvalsh(mass_and_bias(robot, load, *_states(load, grid.postures))[0])
     low, high = float(sampled[:, 0].min()), float(sampled[:, -1].max())
-    # ‖M - c‖ with c in the middle bounds both ends, and its grid error is smaller than M's.
+    # ‖M - c‖ with c in the middle bounds both extremes, and its grid error is smaller than that of ‖M‖.
     middle = 0.5 * (low + high)
     shifted = TrigonometricSeries(
         grid, mass.coefficients - middle * np.eye(n) * (grid.degrees == 0).all(axis=1)[:, None, None]
     )
-    reach = supremum(shifted, 2, spectral_norm, spectral_of_each)
+    radius = supremum(shifted, 2, spectral_norm, spectral_norms)
     rotors = float(np.asarray(robot.armature).min()) if isinstance(robot, Articulated) else 0.0
     weights: Floats = np.array(
         [
@@ -329,22 +330,22 @@ def arm_constants(
             for i in range(n)
         ]
     )
-    of_mass = _slopes(mass, spectral_of_each(mass.coefficients))
+    of_mass = _slopes(mass, spectral_norms(mass.coefficients))
     of_weight = _slopes(weight, np.linalg.norm(weight.coefficients, axis=1))
     slope = float(np.linalg.norm(of_mass))
     text = (
-        f"M and G are trigonometric polynomials in {len(grid.joints)} of {n} joints, of degree 2 and 1: {reach.points} "
-        f"points a joint bound them everywhere, with the factor {reach.factor:.3g}"
+        f"M and G are trigonometric polynomials in {len(grid.joints)} of {n} joints, of degree 2 and 1: "
+        f"{radius.points} points a joint bound them everywhere, with the factor {radius.factor:.3g}"
     )
     return ArmConstants(
-        inertia_max=middle + reach.upper,
-        inertia_min=max(middle - reach.upper, rotors, 0.0),
+        inertia_max=middle + radius.upper,
+        inertia_min=max(middle - radius.upper, rotors, 0.0),
         weight=weights,
         mass_slope=slope,
         weight_slope=float(np.linalg.norm(of_weight)),
         coriolis=1.5 * slope,
         sampled=(low, high),
-        assumptions=(Assumption(text, "proved", reach.factor),),
+        assumptions=(Assumption(text, "proved", radius.factor),),
     )
 
 
@@ -374,7 +375,7 @@ def _states(load: TimedPayload | None, q: Floats) -> tuple[Floats, Floats, Float
 
 
 def _slopes(series: TrigonometricSeries, sizes: Floats) -> Floats:
-    """Bounds of ‖∂f/∂q_j‖ [n], from ‖c_k‖ [K]."""
+    """Return bounds of ‖∂f/∂q_j‖ [n], from ‖c_k‖ [K]."""
     bounds = np.zeros(series.grid.size)
     for at, joint in enumerate(series.grid.joints):
         k = np.abs(series.grid.degrees[:, at])

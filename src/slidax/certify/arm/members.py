@@ -1,4 +1,4 @@
-"""Members of an uncertainty set: the true arms and outer forces that a scenario allows."""
+"""Members of an uncertainty set: the true arms, each with its external forces, that a scenario allows."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ MOVES = ("robot", "disturbance")
 """Blocks of a scenario file that define the arm and the external forces."""
 
 CHUNK = 64
-"""Members that are built together."""
+"""Number of members that are built together."""
 
 MOST_ENDS = 256
 """Largest number of corners that are all evaluated."""
@@ -44,22 +44,22 @@ NAMED = 6
 """Largest number of values that a sentence names."""
 
 BRIEF = 0.125
-"""Share of the samples; a force that acts at fewer of them may lie between random instants."""
+"""A force that acts at less than this share of the samples is brief: it may lie between random instants."""
 
 NO_EFFECT = 1e-12
-"""Share of the sum of all effects below which an effect is rounding."""
+"""Share of the sum of all effects below which an effect is due to rounding."""
 
 INSTANTS = 64
-"""Instants of the motion for the effects of uncertain values, in addition to those at which forces jump."""
+"""Number of instants of the motion at which effects of uncertain values are computed, besides those of jumps."""
 
 
 @dataclass(frozen=True, eq=False)
 class Members:
     """The true arms of a scenario: points of a box with one axis for each uncertain value.
 
-    - `scenario`: its law does not know which member it moves.
+    - `scenario`: the scenario, whose law is the same for all members.
     - `family`: the set.
-    - `parts`: axes of which only a part is used, each with the shares of its range where this part begins and ends.
+    - `parts`: axes of which only a part is used, each with the shares of its range at the ends of this part.
     """
 
     scenario: Scenario
@@ -68,7 +68,7 @@ class Members:
 
     @classmethod
     def of(cls, scenario: Scenario, family: Family | None = None) -> Members:
-        """The members of a scenario's set, or of another set, such as a study's.
+        """Return the members of a scenario's set, or of another set, such as a study's.
 
         Raises DefinitionError if a set is invalid.
         """
@@ -87,7 +87,7 @@ class Members:
         return tuple(axes)
 
     def within(self, axis: int, low: float, high: float) -> Members:
-        """The members in a part of an axis's range, from share `low` to share `high`."""
+        """Return the members in a part of an axis's range, from share `low` to share `high`."""
         return Members(self.scenario, self.family, (*self.parts, (axis, low, high)))
 
     @cached_property
@@ -98,9 +98,9 @@ class Members:
         return Plant(own.robot, own.disturbance, load=own.load)
 
     def values(self, points: Floats) -> dict[str, Floats]:
-        """Values by path in the scenario file, with the member as first axis.
+        """Return values by path in the scenario file; members are their first axis.
 
-        - `points`: of the box [P D], shares from 0 to 1.
+        - `points`: points of the box [P D], as shares from 0 to 1.
         """
         values: dict[str, Floats] = {}
         for k, axis in enumerate(self.axes):
@@ -109,9 +109,9 @@ class Members:
         return values
 
     def plants(self, points: Floats) -> list[Plant]:
-        """The true arms, with their payloads and external forces; without sensors and drives.
+        """Return the true arms, with their payloads and external forces, but without sensors and drives.
 
-        - `points`: of the box [P D], shares from 0 to 1.
+        - `points`: points of the box [P D], as shares from 0 to 1.
 
         Raises DefinitionError if there is no such arm.
         """
@@ -119,23 +119,23 @@ class Members:
             return [self.plant] * len(points)
         values = self.values(np.asarray(points, float))
         try:
-            numbers = [
-                self._numbers({path: some[k : k + CHUNK] for path, some in values.items()})
-                for k in self._chunks(points)
+            arrays = [
+                self._arrays({path: some[k : k + CHUNK] for path, some in values.items()})
+                for k in range(0, len(points), CHUNK)
             ]
         except UNTRACEABLE:
             return [self._plant({path: some[k] for path, some in values.items()}) for k in range(len(points))]
         rest = eqx.filter(self._plant({path: some[0] for path, some in values.items()}), eqx.is_array, inverse=True)
         return [
             eqx.combine(jax.tree.map(lambda leaf, k=k: leaf[k], some), rest)
-            for some in numbers
+            for some in arrays
             for k in range(len(jax.tree.leaves(some)[0]))
         ]
 
     def ends(self, without: Sequence[int] = (), most: int = MOST_ENDS) -> Floats:
-        """The middle of the box, and its corners in all axes that can change the inertia [P D].
+        """Return the middle of the box, and its corners in all axes that can change the inertia [P D].
 
-        All corners up to `most`; else those of `extremes`, and the two with all values lowest and highest.
+        Of more than `most` corners, those of `extremes` are used, and the two with all values least and largest.
 
         - `without`: axes without effect.
         """
@@ -153,15 +153,15 @@ class Members:
         return points
 
     def inertial(self, without: Sequence[int] = ()) -> list[int]:
-        """Axes that can change the inertia, but for those in `without`."""
+        """Return the axes that can change the inertia, except those in `without`."""
         return [k for k in range(len(self.axes)) if k not in without and self.is_inertial(k)]
 
     def extremes(self, count: int) -> Floats:
-        """Corners at which the set's values act together in some direction, in pairs of opposite ones [count D].
+        """Return corners at which the effects of the set's values add up, in pairs of opposite ones [count D].
 
-        A direction weighs the joints' torques at some times. The effect of each value on these torques decides which
-        end it takes. So the corners are the same members in whatever order, and in however many equal terms, the set is
-        written. A value without effect stays in its middle.
+        They add up in some direction, which weights the joints' torques at some times: each value is at the end that
+        increases the weighted sum. Therefore the corners do not depend on the order in which the set is written, or on
+        the number of equal terms by which a force is written. A value without effect is at its middle.
         """
         effects = self._effects
         shares = np.empty((count, len(self.axes)))
@@ -176,10 +176,10 @@ class Members:
 
     @cached_property
     def _effects(self) -> Floats:
-        """Effect of each axis, from end to end, on the torques along the motion [D T n].
+        """Change of the torques along the motion from the lower to the upper end of each axis [D T n].
 
-        Relative to the largest joint effect of all axes, which does not depend on how many equal terms the set is
-        written in.
+        It is relative to the largest joint effect of all axes together, which does not depend on the number of equal
+        terms by which a force is written.
         """
         count, motion = len(self.axes), StateSequence.of(self.scenario)
         if not count:
@@ -189,58 +189,59 @@ class Members:
         points[2 * rows, rows % count] = 0.0
         points[2 * rows + 1, rows % count] = 1.0
         plants = self.plants(points)
-        few = motion.at(np.union1d(breakpoints(plants, motion.t[-1]), self.brief), instants=INSTANTS)
-        kinds, which = distinct_inertias(plants)
-        torque = rigid_body_torque(kinds, few)[1][which] - outer_torque(plants, few)
-        moved, at_ends = np.split(torque[1::2] - torque[::2], 2)
-        # A factor of a force whose middle is 0 has an effect only where the force is not 0.
-        idle = np.abs(moved).max(axis=(1, 2)) <= NO_EFFECT * np.abs(moved).sum(axis=0).max()
-        moved[idle] = at_ends[idle]
-        largest = np.abs(moved).sum(axis=0).max(axis=0)
-        return moved / np.maximum(largest, 1e-300)
+        few = motion.at(np.union1d(breakpoints(plants, motion.t[-1]), self.brief_force_times), instants=INSTANTS)
+        distinct, indices = distinct_inertias(plants)
+        torque = rigid_body_torque(distinct, few)[1][indices] - outer_torque(plants, few)
+        change, change_at_ends = np.split(torque[1::2] - torque[::2], 2)
+        # A factor of a force that is 0 in the middle of the set has an effect only elsewhere.
+        idle = np.abs(change).max(axis=(1, 2)) <= NO_EFFECT * np.abs(change).sum(axis=0).max()
+        change[idle] = change_at_ends[idle]
+        largest = np.abs(change).sum(axis=0).max(axis=0)
+        return change / np.maximum(largest, 1e-300)
 
     @cached_property
-    def brief(self) -> Floats:
+    def brief_force_times(self) -> Floats:
         """Times at which brief forces, such as a contact, depend most on the set's values [K], s.
 
-        Each value of the disturbance goes from end to end, while all others are at one end or in the middle.
+        Each value of the disturbance is varied from end to end, with all others at their lower ends, in the middle, and
+        at their upper ends.
         """
         motion, samples = StateSequence.of(self.scenario), [np.zeros(0, int)]
-        for axis in self.of_the_disturbance:
+        for axis in self.disturbance_axes:
             points = np.repeat([0.0, 0.5, 1.0], 2)[:, None] * np.ones(len(self.axes))
             points[:, axis] = np.tile([0.0, 1.0], 3)
-            forces = disturbance_torque(self.plants(points), motion)
-            moved = np.abs(forces[1::2] - forces[::2])
-            acting = (moved > 0.0).any(axis=(0, 2)).mean()
+            torques = disturbance_torque(self.plants(points), motion)
+            change = np.abs(torques[1::2] - torques[::2])
+            acting = (change > 0.0).any(axis=(0, 2)).mean()
             if 0.0 < acting < BRIEF:
-                samples.append(moved.argmax(axis=1).ravel())
+                samples.append(change.argmax(axis=1).ravel())
         return motion.t[np.unique(np.concatenate(samples))]
 
     @cached_property
-    def of_the_disturbance(self) -> list[int]:
+    def disturbance_axes(self) -> list[int]:
         """Axes that are values of the disturbance."""
         return [k for k, axis in enumerate(self.axes) if axis.path.startswith("disturbance.")]
 
     def is_inertial(self, axis: int) -> bool:
-        """True if a value can change the inertia."""
+        """Return True if the value of an axis can change the inertia."""
         path = self.axes[axis].path
         return path.startswith("robot.") and path.split(".")[-1] not in ("coulomb", "viscous", "gravity_acceleration")
 
     def named(self, axes: Sequence[int]) -> str:
-        """Names of some axes for a sentence: of many the first ones, and the number of the others."""
+        """Return the names of some axes for a sentence; of many, the first names and the number of the others."""
         names = [self.axes[k].name for k in axes]
         more = len(names) - NAMED
         return ", ".join(names) if more <= 1 else f"{', '.join(names[:NAMED])} and {more} more numbers"
 
     @cached_property
     def disturbances(self) -> tuple[AbstractDisturbance, AbstractDisturbance]:
-        """Two disturbances with the least and with the largest value that each number has in the set.
+        """The disturbance with the least value of each number in the set, and the one with the largest.
 
-        Each number of the disturbance depends on one axis, so it is enough to move one axis at a time.
+        Each number of the disturbance depends on one axis, so axes are varied one at a time.
         """
-        moved = self.of_the_disturbance
-        points = np.full((2 * len(moved) + 1, len(self.axes)), 0.5)
-        for row, axis in enumerate(moved):
+        axes = self.disturbance_axes
+        points = np.full((2 * len(axes) + 1, len(self.axes)), 0.5)
+        for row, axis in enumerate(axes):
             points[2 * row + 1, axis], points[2 * row + 2, axis] = 0.0, 1.0
         disturbances = [plant.disturbance for plant in (*self.plants(points), self.plant)]
         lower, upper = (
@@ -250,22 +251,18 @@ class Members:
         return lower, upper
 
     @staticmethod
-    def rubbing(plants: Sequence[Plant]) -> Friction:
-        """The largest Coulomb friction of some arms' joints, with the least velocity scale of its sign change."""
+    def largest_friction(plants: Sequence[Plant]) -> Friction:
+        """Return the largest Coulomb friction of some arms' joints, with the least velocity scale of its smoothing."""
         n = plants[0].robot.joints
         arms = [plant.robot for plant in plants if isinstance(plant.robot, Articulated)]
         coulomb = np.max([np.broadcast_to(np.asarray(arm.coulomb), n) for arm in arms] or [np.zeros(n)], axis=0)
         smoothing = np.min([np.broadcast_to(np.asarray(arm.smoothing), n) for arm in arms] or [np.ones(n)], axis=0)
         return Friction(jnp.asarray(coulomb), jnp.zeros(n), jnp.asarray(smoothing))
 
-    @staticmethod
-    def _chunks(points: Floats) -> range:
-        return range(0, len(points), CHUNK)
-
-    def _numbers(self, values: dict[str, Floats]) -> Any:
-        """The arrays of some arms, with the arm as their first axis."""
+    def _arrays(self, values: dict[str, Floats]) -> Any:
+        """Return the arrays of some arms, with the arm as their first axis."""
         count = len(next(iter(values.values())))
-        # The same size each time, so that this is compiled once.
+        # All calls have the same size, so that the function is compiled once.
         filled = {path: np.resize(some, (CHUNK, *some.shape[1:])) for path, some in values.items()}
         return jax.tree.map(lambda leaf: np.asarray(leaf)[:count], self._compiled(filled))
 
@@ -279,21 +276,22 @@ class Members:
         return jax.jit(jax.vmap(arrays))
 
     @cached_property
-    def _actual(self) -> Any:
-        """The scenario's description, in which every path exists."""
-        middle = self.values(np.full((1, len(self.axes)), 0.5))
-        return self.family.case({path: some[0] for path, some in middle.items()}).as_it_is()
+    def _middle(self) -> Any:
+        """Description of the scenario in the middle of the set, which has all uncertain paths."""
+        values = self.values(np.full((1, len(self.axes)), 0.5))
+        return self.family.case({path: some[0] for path, some in values.items()}).as_it_is()
 
     def _plant(self, values: dict[str, Any]) -> Plant:
-        actual = with_values(self._actual, values)
-        arms = actual.robot.build()
-        return Plant(arms.true, actual.disturbance.build(), load=arms.load)
+        description = with_values(self._middle, values)
+        arms = description.robot.build()
+        return Plant(arms.true, description.disturbance.build(), load=arms.load)
 
 
 def _direction(number: int, times: int, joints: int) -> Floats:
-    """Weights of the joints' torques at some times [times joints], fixed for each number.
+    """Return weights of the joints' torques at some times [times joints], always the same for a number.
 
-    The first directions weigh one joint each, with one sign; later ones all joints, with more and more sign changes.
+    The first directions weight one joint each, equally at all times; the next ones all joints, with ever more sign
+    changes over time.
     """
     if number < joints:
         return np.tile(np.arange(joints) == number, (times, 1)).astype(float)

@@ -36,10 +36,10 @@ def robust_torque(
 ) -> Verdict:
     """Check `u >= ‖M0 w*‖` along the motion, for every member of the set: (44), (45), docs/sampled-data.md.
 
-    A law in sampled-data form compensates no more than u covers, and `s⁺ = 0` holds only if u covers all of it.
+    A law in sampled-data form limits its compensation to u, so that `s⁺ = 0` holds only if u is large enough.
 
-    - `demand`: of the scenario's set; computed by default.
-    - `radius`, `speed`: bounds of the error and of its rate, [n] or [N n]; adds the demand of such deviations.
+    - `demand`: demand of the scenario's set; computed by default.
+    - `radius`, `speed`: bounds of the error and of its rate, [n] or [N n], whose demand is then added.
     """
     bound = robust_bound(scenario)
     if bound is None:
@@ -56,14 +56,14 @@ def robust_torque(
         torque = torque + np.einsum("kij,kj->ki", np.abs(mass), demand.jumps)
     if radius is not None and demand.deviation is not None:
         torque = torque + np.einsum("kij,kj->ki", np.abs(mass), demand.deviation(radius, speed))
-    lacks = np.linalg.norm(torque, axis=1)
+    required = np.linalg.norm(torque, axis=1)
     feedforward = np.einsum("kij,kj->ki", mass, motion.ddq) + bias
-    u = np.asarray(_sizes(bound, jnp.asarray(motion.q), jnp.asarray(motion.dq), jnp.asarray(feedforward)))
-    share = lacks / np.where(u > 0, u, 1e-300)
+    u = np.asarray(_bound_values(bound, jnp.asarray(motion.q), jnp.asarray(motion.dq), jnp.asarray(feedforward)))
+    share = required / np.where(u > 0, u, 1e-300)
     k = int(np.argmax(share))
-    needed, available = float(lacks[k]), float(u[k])
+    needed, available = float(required[k]), float(u[k])
     holds = needed <= available
-    there = Assumption(
+    at_reference = Assumption(
         "u and the required torque are taken at the reference"
         + ("" if radius is None else " and within the stated error"),
         "assumed" if radius is None else "tested",
@@ -78,7 +78,7 @@ def robust_torque(
         holds,
         1.0 - needed / available if available > 0 else None,
         {"u": available, "needed": needed, "time": float(motion.t[k]), "torque": np.max(torque, axis=0)},
-        (*demand.assumptions, there),
+        (*demand.assumptions, at_reference),
         statement,
         [] if holds else _remedies(bound, scenario, needed - available),
     )
@@ -91,29 +91,29 @@ def robust_bound(scenario: Scenario) -> AbstractBound | None:
     return bound if isinstance(bound, AbstractBound) else None
 
 
-def _remedies(bound: Any, scenario: Scenario, lacks: float) -> list[Remedy]:
+def _remedies(bound: Any, scenario: Scenario, missing: float) -> list[Remedy]:
     if isinstance(bound, StateBound):
         return []
     share = float(1.0 - bound.gamma) if hasattr(bound, "gamma") else 1.0
     for name in ("margin", "size"):
         if hasattr(bound, name):
-            value = float(f"{float(getattr(bound, name)) + REMEDY_FACTOR * share * lacks:.3g}")
+            value = float(f"{float(getattr(bound, name)) + REMEDY_FACTOR * share * missing:.3g}")
             return [Remedy(f"a larger robust torque: {value:g} N m", {f"scheme.bound.{name}": value})]
     return []
 
 
 @eqx.filter_jit
-def _sizes(bound: AbstractBound, q: Any, dq: Any, tau: Any) -> Any:
+def _bound_values(bound: AbstractBound, q: Any, dq: Any, tau: Any) -> Any:
     return jax.vmap(lambda q, dq, tau: bound(State(q=q, dq=dq), tau))(q, dq, tau)
 
 
 UNCERTAINTY_BOUND = "uncertainty_bound", "b0, b1, b2 cover the set"
 
 MEMBERS, STATES = 32, 128
-"""Number of random arms, and of random states for each."""
+"""Number of random members, and of random states of each."""
 
 HELD_OUT = 4
-"""Factor of the number of arms for an independent check."""
+"""Number of members for the independent check, relative to `MEMBERS`."""
 
 BOUND_REMEDY_FACTOR = 1.02
 """Factor of the smallest parameters in a remedy."""
@@ -138,10 +138,10 @@ def uncertainty_bound(scenario: Scenario, family: Family | None = None) -> Verdi
     """Check that the law's b0, b1, b2 and γ bound the lumped uncertainty, `ρ <= b0 + b1‖q‖ + b2‖q̇‖² + γ‖τ‖` (19).
 
     ρ of (18) is `‖(M0 M⁻¹ - I)(τ - b) - (b - b0)‖`, with b the true arm's weight, velocity forces and friction minus
-    the external torque. A linear program gives the b0, b1, b2 with the least mean bound for the same γ, over random
-    members and states; independent ones check them.
+    the external torque. A linear program over random members and states gives the b0, b1, b2 with the least mean bound
+    for the same γ; they are checked with independent members and states.
 
-    - `family`: another set than the scenario's own, such as a study's.
+    - `family`: a set in place of the scenario's own, such as a study's.
     """
     bound = robust_bound(scenario)
     if not isinstance(bound, UncertaintyBound | StateBound):
@@ -151,7 +151,7 @@ def uncertainty_bound(scenario: Scenario, family: Family | None = None) -> Verdi
     samples = uncertainty_samples(members, MEMBERS, seed=7)
     least = smallest_bound(samples, gamma)
     fresh = uncertainty_samples(members, HELD_OUT * MEMBERS, seed=8)
-    missed = float(np.max(fresh.lumped - gamma * fresh.torque - _known(least, fresh)))
+    missed = float(np.max(fresh.lumped - gamma * fresh.torque - _state_bound(least, fresh)))
     enough = least + np.array([max(missed, 0.0), 0.0, 0.0])
     own = np.array([float(bound.b0), float(bound.b1), float(bound.b2)])
     numbers = {
@@ -193,7 +193,7 @@ def uncertainty_bound(scenario: Scenario, family: Family | None = None) -> Verdi
 
 
 def uncertainty_samples(members: Members, count: int, seed: int) -> UncertaintySamples:
-    """Return samples of a set: half of the members at its ends, half anywhere between there and its middle.
+    """Return samples of a set: half of the members at its ends, half at random between such ends and its middle.
 
     - `count`: number of members.
     """
@@ -239,25 +239,25 @@ def smallest_bound(samples: UncertaintySamples, gamma: float) -> Floats:
     solved = linprog(
         rows.mean(axis=0), A_ub=-rows, b_ub=gamma * samples.torque - samples.lumped, bounds=[(0, None)] * 3
     )
-    # A solution always exists: b0 alone can cover everything.
+    # A solution always exists: a large b0 is enough.
     assert solved.success, solved.message
     return np.asarray(solved.x)
 
 
 def largest_share(numbers: Floats, gamma: float, samples: UncertaintySamples) -> float:
-    """Return the largest share of `b0 + b1‖q‖ + b2‖q̇‖²` that samples need; inf where it is 0 and they need more.
+    """Return the largest share of `b0 + b1‖q‖ + b2‖q̇‖²` that a sample needs; inf if it needs more where this is 0.
 
     - `numbers`: b0, b1, b2.
     """
     needs = np.maximum(samples.lumped - gamma * samples.torque, 0.0)
-    bound = _known(numbers, samples)
+    bound = _state_bound(numbers, samples)
     shares = np.where(needs > 0.0, np.inf, 0.0)
     with np.errstate(over="ignore"):
         np.divide(needs, bound, out=shares, where=bound > 0.0)
     return float(shares.max())
 
 
-def _known(numbers: Floats, samples: UncertaintySamples) -> Floats:
+def _state_bound(numbers: Floats, samples: UncertaintySamples) -> Floats:
     return numbers[0] + numbers[1] * samples.position + numbers[2] * samples.speed
 
 

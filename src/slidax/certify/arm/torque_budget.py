@@ -26,13 +26,13 @@ from .demand import Demand, compute_demand
 from .members import Members
 
 RUNS = 16
-"""Number of simulated members and starts; the first is the scenario's own."""
+"""Number of simulated pairs of a member and a start; the first is the scenario's own."""
 
 SETTLED = 1.05
-"""Factor of the final envelope: the approach ends when the envelope is that narrow, and a quarter later."""
+"""Ratio of the envelope to its final width at which the envelope counts as narrow."""
 
 AT_LIMIT = 0.999
-"""Share of a limit from which on a torque is at its limit."""
+"""Share of a limit from which on a torque counts as limited."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class ApproachRuns:
 
     - `tau`: torques [R N n], N m or N; nan after the end of a run.
     - `t`: times [N], s.
-    - `error`, `error_rate`: the largest of each joint at the start, [n].
+    - `error`, `error_rate`: largest |e| and |ė| of each joint at the start [n].
     - `ended`: True if every run reached its end.
     """
 
@@ -62,46 +62,46 @@ class ApproachRuns:
 
     @property
     def peak(self) -> Floats:
-        """The largest |τ| of each joint [n]."""
+        """Largest |τ| of each joint [n]."""
         return np.nanmax(np.abs(self.tau), axis=(0, 1))
 
     @property
     def step(self) -> Floats:
-        """The largest |τ(k+1) - τ(k)| of each joint [n]."""
+        """Largest |τ(k+1) - τ(k)| of each joint [n]."""
         return np.nanmax(np.abs(np.diff(self.tau, axis=1)), axis=(0, 1))
 
     def after(self, time: float) -> ApproachRuns:
-        """The approach from a time on, s."""
-        late = self.t >= time
-        return replace(self, tau=self.tau[:, late], t=self.t[late])
+        """Return the approach from a time on, s."""
+        later = self.t >= time
+        return replace(self, tau=self.tau[:, later], t=self.t[later])
 
     def reached(self, limit: Floats, change: Floats) -> Flags:
-        """True for each joint that was at a limit [n].
+        """Return True for each joint that reached a limit [n].
 
-        - `limit`: of the torque [n]; `change`: of its change in a period [n].
+        - `limit`, `change`: limits of the torque, and of its change in a period [n].
         """
         return (self.peak >= AT_LIMIT * limit) | (self.step >= AT_LIMIT * change)
 
     def free_after(self, limit: Floats, change: Floats) -> Floats:
-        """Time from which on each joint is at no limit [n], s."""
+        """Return the time from which on each joint is within its limits [n], s."""
         with np.errstate(invalid="ignore"):
-            at = np.abs(self.tau) >= AT_LIMIT * limit
-            at[:, 1:] |= np.abs(np.diff(self.tau, axis=1)) >= AT_LIMIT * change
-        some = at.any(axis=0)
-        last = np.where(some.any(axis=0), len(self.t) - 1 - np.argmax(some[::-1], axis=0), -1)
+            limited = np.abs(self.tau) >= AT_LIMIT * limit
+            limited[:, 1:] |= np.abs(np.diff(self.tau, axis=1)) >= AT_LIMIT * change
+        in_any_run = limited.any(axis=0)
+        last = np.where(in_any_run.any(axis=0), len(self.t) - 1 - np.argmax(in_any_run[::-1], axis=0), -1)
         return np.where(last >= 0, self.t[np.minimum(last + 1, len(self.t) - 1)], 0.0)
 
 
 def simulate_approach(members: Members, longest: float = np.inf) -> ApproachRuns:
-    """Simulate the approach of members and starts at ends of a set, for at most `longest` seconds."""
+    """Simulate the approach to the reference for members and starts at ends of a set, for at most `longest` seconds."""
     scenario = members.scenario
     until = min(narrow_time(scenario), longest, scenario.t1)
     periods = max(round(until / scenario.period), 2)
     short = scenario.replace(t1=periods * scenario.period, outside="recover", log_every=1)
     plants, starts = extreme_members(members)
-    leaves = [jax.tree.leaves(_numbers(plant)) for plant in plants]
-    tree = jax.tree.structure(_numbers(plants[0]))
-    rest = eqx.filter(_moved(plants[0]), eqx.is_array, inverse=True)
+    leaves = [jax.tree.leaves(_arrays(plant)) for plant in plants]
+    tree = jax.tree.structure(_arrays(plants[0]))
+    rest = eqx.filter(_varied_parts(plants[0]), eqx.is_array, inverse=True)
     stacked = [np.stack([np.asarray(own[k], float) for own in leaves]) for k in range(len(leaves[0]))]
     # Values that all runs share are constants of the compiled loop.
     varies = [bool((some != some[:1]).any()) for some in stacked]
@@ -113,9 +113,9 @@ def simulate_approach(members: Members, longest: float = np.inf) -> ApproachRuns
 
     def case(base: Scenario, values: Any) -> Scenario:
         numbers, q, dq = values
-        left = iter(numbers)
-        all_of = [next(left) if differs else some[0] for some, differs in zip(stacked, varies, strict=True)]
-        robot, disturbance, load = eqx.combine(jax.tree.unflatten(tree, all_of), rest)
+        remaining = iter(numbers)
+        arrays = [next(remaining) if differs else some[0] for some, differs in zip(stacked, varies, strict=True)]
+        robot, disturbance, load = eqx.combine(jax.tree.unflatten(tree, arrays), rest)
         own: Any = base.plant if isinstance(base.plant, Plant) else base.plant.own
         plant = Plant(robot, disturbance, own.sensor, own.actuator, load)
         return base.replace(plant=plant, state0=State(q=q, dq=dq))
@@ -130,16 +130,16 @@ def simulate_approach(members: Members, longest: float = np.inf) -> ApproachRuns
     return ApproachRuns(tau, t, np.abs(error).max(axis=0), np.abs(rate).max(axis=0), bool(valid[:, -1].all()))
 
 
-def _moved(plant: Plant) -> Any:
+def _varied_parts(plant: Plant) -> Any:
     return plant.robot, plant.disturbance, plant.load
 
 
-def _numbers(plant: Plant) -> Any:
-    return eqx.filter(_moved(plant), eqx.is_array)
+def _arrays(plant: Plant) -> Any:
+    return eqx.filter(_varied_parts(plant), eqx.is_array)
 
 
 def narrow_time(scenario: Scenario) -> float:
-    """Return the time when the envelope is nearly at its final width, and a quarter more, s; t1 without an envelope."""
+    """Return 1.25 times the time at which the envelope is narrow, and 0.1 s more, s; t1 without an envelope."""
     t = np.linspace(0.0, scenario.t1, 400)
     width = envelope_width(scenario, t)
     if width is None:
@@ -149,7 +149,7 @@ def narrow_time(scenario: Scenario) -> float:
 
 
 def extreme_members(members: Members) -> tuple[list[Plant], list[tuple[Floats, Floats]]]:
-    """Return members and random starts at ends of the set, the scenario's own first."""
+    """Return members and random starts at ends of the set, those of the scenario first."""
     scenario, count = members.scenario, len(members.axes)
     own = np.asarray(scenario.state0.q, float), np.asarray(scenario.state0.dq, float)
     space = members.family.uncertain
@@ -178,37 +178,37 @@ class BrakingMargin:
     """Braking capability along the motion.
 
     - `acceleration`: a of each joint, while the others follow the motion [n], rad/s² or m/s²; inf without limits, 0
-      where nothing is left.
-    - `lead`: c, s.
+      if the motion needs the whole torque.
+    - `lead`: `c = H - h/2`, with the law's horizon H, s.
     """
 
     acceleration: Floats
     lead: float
 
     def room(self, error: Floats, rate: Floats) -> Floats:
-        """Half width of the envelope in which an error can be braked [n]: `1.6 (|e| + c |ė| + ė²/(2a))`."""
+        """Return the half width of an envelope in which an error can be braked [n]: `1.6 (|e| + c |ė| + ė²/(2a))`."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            way = np.where(rate > 0, rate * rate / (2.0 * self.acceleration), 0.0)
-        return BRAKING_FACTOR * (error + self.lead * rate + way)
+            distance = np.where(rate > 0, rate * rate / (2.0 * self.acceleration), 0.0)
+        return BRAKING_FACTOR * (error + self.lead * rate + distance)
 
     def speed(self, scenario: Scenario) -> Floats:
-        """The largest |ė| at e = 0 that can be braked within the final envelope: `v²/(2a) + c v <= ρ∞` [n]."""
+        """Return the largest |ė| at e = 0 that can be braked within the final envelope [n]: `v²/(2a) + c v <= ρ∞`."""
         width = envelope_width(scenario, np.array([scenario.t1]))
         if width is None:
             return np.full_like(self.acceleration, np.inf)
         a, c = self.acceleration, self.lead
         with np.errstate(invalid="ignore"):
-            braked = np.sqrt((a * c) ** 2 + 2.0 * a * width[0]) - a * c
-        return np.where(np.isfinite(a), braked, width[0] / c)
+            speed = np.sqrt((a * c) ** 2 + 2.0 * a * width[0]) - a * c
+        return np.where(np.isfinite(a), speed, width[0] / c)
 
 
 def braking_margin(scenario: Scenario, members: Members, limit: Floats, torque: Floats) -> BrakingMargin:
     """Return the drives' reserve, `a_i = (τ_max,i - max |τ_i|)/max M_ii` over motion and members.
 
-    The inertia is the largest at the ends of the set, or M0's.
+    The inertia is the largest of M0 and of the members at the ends of the set.
 
-    - `limit`: of the torques [n].
-    - `torque`: the largest along the motion over the set [n].
+    - `limit`: limits of the torques [n].
+    - `torque`: largest |τ| along the motion over the set [n].
     """
     motion = StateSequence.of(scenario)
     belief = NominalModel.of(scenario, members.plant)
@@ -224,10 +224,10 @@ def braking_margin(scenario: Scenario, members: Members, limit: Floats, torque: 
 TORQUE_BUDGET = "torque_budget", "the drives deliver the torque"
 
 FREE = 0.1
-"""Share of the simulated approach, its last part, in which no limit may be reached."""
+"""Share of the simulated approach, at its end, in which no limit may be reached."""
 
 LONGER = (1.5, 2.0, 3.0, 4.0)
-"""Factors of the deadline, in the search for one with which no limit is reached."""
+"""Factors of the deadline that are tried for a remedy."""
 
 
 @certificate(*TORQUE_BUDGET, covers=ARM)
@@ -239,8 +239,8 @@ def torque_budget(scenario: Scenario, demand: Demand | None = None, family: Fami
     the certificate holds with `since`, the time from which no limit is reached: the other certificates apply from then
     on.
 
-    - `demand`: of the scenario's set; computed by default.
-    - `family`: another set, such as a study's; `demand` must belong to it.
+    - `demand`: demand of the set; computed by default.
+    - `family`: a set in place of the scenario's own, such as a study's; `demand` must belong to it.
     """
     members = Members.of(scenario, family)
     n = members.plant.robot.joints
@@ -274,7 +274,7 @@ def torque_budget(scenario: Scenario, demand: Demand | None = None, family: Fami
         "recovery_room": braking.room(approach.error, approach.error_rate),
         "braking_speed": braking.speed(scenario),
     }
-    assumptions = [*demand.assumptions, _of_approach(approach, since, free)]
+    assumptions = [*demand.assumptions, _approach_assumption(approach, since, free)]
     return Verdict(
         *TORQUE_BUDGET,
         holds,
@@ -288,17 +288,17 @@ def torque_budget(scenario: Scenario, demand: Demand | None = None, family: Fami
 
 
 def motion_torques(scenario: Scenario, demand: Demand, members: Members) -> tuple[Floats, Floats]:
-    """Return the largest torque and the largest change of it in a period, of each joint over the set [n]."""
+    """Return the largest |τ| of each joint along the motion over the set, and its largest change in a period [n]."""
     belief, motion = NominalModel.of(scenario, members.plant), StateSequence.of(scenario)
     mass, bias = belief.mass_and_bias(motion.t, motion.q, motion.dq)
-    known = np.einsum("kij,kj->ki", mass, motion.ddq) + bias + belief.coulomb * np.tanh(motion.dq / belief.smoothing)
-    torques = known - np.einsum("kij,mkj->mki", mass, demand.disturbance)
-    parts = np.zeros((len(torques), 0, *known.shape))
+    nominal = np.einsum("kij,kj->ki", mass, motion.ddq) + bias + belief.coulomb * np.tanh(motion.dq / belief.smoothing)
+    torques = nominal - np.einsum("kij,mkj->mki", mass, demand.disturbance)
+    effects = np.zeros((len(torques), 0, *nominal.shape))
     if demand.effects is not None:
-        parts = np.einsum("kij,mekj->meki", mass, demand.effects)
-    between = 0.0 if demand.jumps is None else np.einsum("kij,kj->ki", np.abs(mass), demand.jumps)
-    torque = (np.abs(torques) + np.abs(parts).sum(axis=1) + between).max(axis=(0, 1))
-    steps = np.abs(np.diff(torques, axis=1)) + np.abs(np.diff(parts, axis=2)).sum(axis=1)
+        effects = np.einsum("kij,mekj->meki", mass, demand.effects)
+    between_samples = 0.0 if demand.jumps is None else np.einsum("kij,kj->ki", np.abs(mass), demand.jumps)
+    torque = (np.abs(torques) + np.abs(effects).sum(axis=1) + between_samples).max(axis=(0, 1))
+    steps = np.abs(np.diff(torques, axis=1)) + np.abs(np.diff(effects, axis=2)).sum(axis=1)
     return torque, steps.max(axis=(0, 1)) if steps.shape[1] else np.zeros_like(torque)
 
 
@@ -314,7 +314,7 @@ def torque_limits(scenario: Scenario, joints: int) -> tuple[Floats, Floats]:
     return torque, rate
 
 
-def _of_approach(approach: ApproachRuns, since: float | None, free: bool) -> Assumption:
+def _approach_assumption(approach: ApproachRuns, since: float | None, free: bool) -> Assumption:
     count = count_noun(approach.runs, "simulated run")
     runs = f"{count} of {approach.until:.3g} s, with arms and starts at ends of the set"
     if not approach.ended:
@@ -373,11 +373,11 @@ def _remedies(
         if (step >= change).any():
             changes["actuator.rate"] = faster
         return [Remedy("drives that deliver the motion's torque, or a slower motion", changes)]
-    return _later(scenario, family, limit, change)
+    return _longer_deadline(scenario, family, limit, change)
 
 
-def _later(scenario: Scenario, family: Family | None, limit: Floats, change: Floats) -> list[Remedy]:
-    """The shortest of some longer deadlines with which no limit is reached on the approach."""
+def _longer_deadline(scenario: Scenario, family: Family | None, limit: Floats, change: Floats) -> list[Remedy]:
+    """Return the shortest of some longer deadlines with which no limit is reached on the approach."""
     performance: Any = getattr(scenario.description.scheme, "performance", None)
     deadline = getattr(performance, "deadline", None)
     if deadline is None or family is not None or scenario.changed:

@@ -1,4 +1,4 @@
-"""Sliding-mode laws in printed form: their components, and the assumptions of continuous-time certificates."""
+"""Sliding-mode laws in printed form, and the assumptions of certificates in continuous time."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ from ..uncertainty_set import start_box
 
 @dataclass(frozen=True)
 class PowerSurface:
-    """`k1 |ε|^p + k2 |ε|^q` for `|ε| >= δ`, per joint; each [n].
+    """`k1 |ε|^p + k2 |ε|^q` for `|ε| >= δ`, with the values of each joint [n].
 
-    - `k1`, `p`: gain and exponent near zero.
-    - `k2`, `q`: gain and exponent far from zero.
-    - `delta`: half-width of the core, in which another function replaces the first power.
+    - `k1`, `p`: gain and exponent of the power near zero.
+    - `k2`, `q`: gain and exponent of the power far from zero.
+    - `delta`: half width of the core, in which another function replaces the first power.
     """
 
     k1: Floats
@@ -44,14 +44,14 @@ class PowerSurface:
 
 @dataclass(frozen=True)
 class PrintedLaw:
-    """A `SlidingMode` of a scenario with the quantities that its certificates need."""
+    """Quantities of a scenario's `SlidingMode` that its certificates need."""
 
     scenario: Scenario
     law: SlidingMode
 
     @classmethod
     def of(cls, scenario: Scenario) -> PrintedLaw | None:
-        """The law, if it is in printed form."""
+        """Return the scenario's law; None if it is not in printed form."""
         law = scenario.controller
         return cls(scenario, law) if isinstance(law, SlidingMode) else None
 
@@ -72,7 +72,7 @@ class PrintedLaw:
 
     @cached_property
     def sides(self) -> Sides | None:
-        """B and b̄ [n], by the error at the start; None without an envelope."""
+        """`b` and `b̄` [n] for the error at the start; None without an envelope."""
         transformation = self.law.transformation
         if not isinstance(transformation, PrescribedPerformance):
             return None
@@ -80,7 +80,7 @@ class PrintedLaw:
 
     @cached_property
     def powers(self) -> PowerSurface | None:
-        """The surface's powers; None for a surface of another form."""
+        """The powers of the surface; None for a surface of another form."""
         surface, n = self.law.surface, self.joints
         if isinstance(surface, SmoothFixedTime | LinearCoreFixedTime):
             parts = surface.k1, surface.p, surface.k2, surface.q, surface.delta
@@ -112,17 +112,17 @@ class PrintedLaw:
         return (array if array.ndim == 2 else np.diag(np.broadcast_to(array, n))), exponent
 
     def phi(self, eps: Floats) -> Floats:
-        """The surface function φ [N n], rad/s or m/s, at ε1 [N] of all joints alike."""
+        """Return the surface function φ [N n], rad/s or m/s, with the same ε1 [N] for all joints."""
         return self._surface(np.broadcast_to(np.asarray(eps, float)[:, None], (len(eps), self.joints)))[0]
 
     def slopes(self) -> Floats:
-        """Slope of φ at zero, [n]."""
+        """Return the slope of φ at zero [n]."""
         return self._surface(np.zeros((1, self.joints)))[1][0]
 
     def phi_inverse(self, phi: float) -> Floats:
-        """Transformed errors with `φ(ε) = phi`, above these by at most a factor 1 + 1e-5, [n].
+        """Return upper bounds of the ε with `φ(ε) = phi` [n], too large by at most a factor 1 + 1e-5.
 
-        - `phi`: > 0, rad/s or m/s.
+        - `phi`: rad/s or m/s; the result is 0 for values up to 0.
         """
         if phi <= 0.0:
             return np.zeros(self.joints)
@@ -131,26 +131,26 @@ class PrintedLaw:
         for joint in range(self.joints):
             low, high = 1e-12 * reach[joint], reach[joint] * (1.0 + 1e-12)
             for _ in range(2):
-                grid = np.geomspace(low, high, FINENESS)
+                grid = np.geomspace(low, high, GRID_POINTS)
                 enough = self.phi(grid)[:, joint] >= phi
-                place = int(np.argmax(enough)) if enough.any() else FINENESS - 1
-                low, high = grid[max(place - 1, 0)], grid[place]
+                k = int(np.argmax(enough)) if enough.any() else GRID_POINTS - 1
+                low, high = grid[max(k - 1, 0)], grid[k]
             errors[joint] = high
         return errors
 
     def radius(self, t: Floats) -> Floats:
-        """ρ(t) [N n] at times [N], s; 1 without an envelope."""
+        """Return ρ(t) [N n] at times [N], s; 1 without an envelope."""
         if self.performance is None:
             return np.ones((len(t), self.joints))
         return np.broadcast_to(self._radius(t)[0].reshape(len(t), -1), (len(t), self.joints))
 
     def psi(self, eps: Floats) -> Floats:
-        """`ψ(ε)` [N n] of transformed errors [N n]; ε itself without an envelope."""
+        """Return `ψ(ε)` [N n] of transformed errors [N n]; ε itself without an envelope."""
         return np.asarray(eps, float) if self.sides is None else self._psi(eps)[0]
 
     @cached_property
     def start(self) -> tuple[Floats, Floats, Floats]:
-        """e, s and ε1 at t = 0, [n]; s and ε1 are not finite for a start outside the envelope."""
+        """Values of e, s and ε1 at t = 0, each [n]; s and ε1 are not finite for a start outside the envelope."""
         scenario, law = self.scenario, self.law
 
         def at(t: Any, q: Any, dq: Any) -> Any:
@@ -178,8 +178,8 @@ class PrintedLaw:
         assert sides is not None
         return BatchedFunction(lambda eps: psi(eps, sides))
 
-    def nominal_is_constant(self) -> float:
-        """Largest difference of M0 between random postures, relative to its size."""
+    def nominal_variation(self) -> float:
+        """Return the largest difference of M0 between random postures, relative to its size."""
         masses = masses_at(self.law.nominal, np.random.default_rng(0).uniform(-3, 3, (64, self.joints)))
         return float(np.max(np.abs(masses - masses[0])) / np.max(np.abs(masses[0])))
 
@@ -192,30 +192,29 @@ class PrintedLaw:
         return bool(np.all(k0 == np.diag(np.diag(k0)))) and is_positive_definite(k0)
 
 
-FINENESS = 400
-"""Grid points for the inverse of the surface function."""
+GRID_POINTS = 400
+"""Number of grid points for the inverse of the surface function."""
 
 
 def masses_at(robot: AbstractRobot, q: Floats) -> Floats:
-    """Return `M(q)` at several positions, [N n n]."""
+    """Return `M(q)` at several positions [N n n]."""
     return inertia_and_bias(robot, np.asarray(q, float), np.zeros_like(q))[0]
 
 
 def continuous_premises(printed: PrintedLaw, *, unit_vector: bool = True) -> tuple[Assumption, ...]:
-    """Assumptions: continuous time, exact measurements, unlimited torque, a start inside, and (44) if needed.
+    """Return the assumptions of continuous time, exact measurements, unlimited torque and a start in the envelope.
 
-    - `unit_vector`: True if the layer of (51) invalidates the certificate.
+    - `unit_vector`: adds the unit vector (44), for a certificate that does not hold with the layer of (51).
     """
     scenario, plant = printed.scenario, printed.scenario.plant
     own = getattr(plant, "own", plant)
     assumptions = []
     if unit_vector:
         layer = printed.layer
-        held = layer == 0.0
         text = "the unit vector is that of (44)"
-        if not held:
+        if layer != 0.0:
             text += "; the scheme has no such vector" if layer is None else f"; here its layer is s0 = {layer:.3g} (51)"
-        assumptions.append(Assumption(text, "proved" if held else "fails", layer))
+        assumptions.append(Assumption(text, "proved" if layer == 0.0 else "fails", layer))
     if printed.held:
         text = f"the torque follows the state at once; here it is held for {1e3 * scenario.period:.3g} ms"
         assumptions.append(Assumption(text, "fails", scenario.period))

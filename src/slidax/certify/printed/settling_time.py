@@ -1,4 +1,4 @@
-"""The certificate `settling_time`: printed formulas, their exact supremum, and the bound for the given start."""
+"""The certificate `settling_time`: the printed formulas, their exact supremum, and a bound for the scenario's start."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from ..sampled_scenario import Floats
 from .printed_law import PowerSurface, PrintedLaw, continuous_premises, masses_at
 
 PIECES = 4000
-"""Rectangles that bound an integral: the excess is below a hundredth for integrands of a few decades."""
+"""Number of rectangles that bound an integral; for integrands over a few decades the error is below 1 %."""
 
 
 def two_power_time(a: float, p: float, b: float, q: float, upper: float = math.inf, lower: float = 0.0) -> float:
-    """Return `∫ dx/(a x^p + b x^q)` from `lower` to `upper`, s, for `p < 1 < q`: the time of `ẋ = -(a x^p + b x^q)`.
+    """Return `∫ dx/(a x^p + b x^q)` from `lower` to `upper` for `p < 1 < q`, the time by `ẋ = -(a x^p + b x^q)`, s.
 
     With `m = (1-p)/(q-p)` and `y = (b/a) x^(q-p)` it is, from 0 to X,
 
@@ -31,7 +31,7 @@ def two_power_time(a: float, p: float, b: float, q: float, upper: float = math.i
 
     I the regularised incomplete beta function, which is 1 for X = ∞: the supremum over all starts (R. Aldana-López,
     D. Gómez-Gutiérrez, E. Jiménez-Rodríguez, J. D. Sánchez-Torres, M. Defoort, International Journal of Robust and
-    Nonlinear Control 29, 2019). A gain may be 0 if the integral is finite without its power.
+    Nonlinear Control 29, 2019). Either gain may be 0; the time may then be infinite.
 
     - `a`, `p`: gain and exponent near zero, p in [0, 1).
     - `b`, `q`: gain and exponent far from zero, q > 1.
@@ -45,22 +45,22 @@ def two_power_time(a: float, p: float, b: float, q: float, upper: float = math.i
     from scipy.special import betainc
 
     m = (1.0 - p) / (q - p)
-    whole = math.pi / math.sin(math.pi * m) / (a * (q - p)) * (a / b) ** m
+    total = math.pi / math.sin(math.pi * m) / (a * (q - p)) * (a / b) ** m
     y_low = b / a * lower ** (q - p)
     if math.isinf(upper):
-        # From the far end, to avoid the difference of nearly equal numbers.
-        return float(whole * betainc(1.0 - m, m, 1.0 / (1.0 + y_low)))
+        # By I_x(m, 1-m) = 1 - I_{1-x}(1-m, m), which avoids the difference of nearly equal numbers.
+        return float(total * betainc(1.0 - m, m, 1.0 / (1.0 + y_low)))
     y = b / a * upper ** (q - p)
     if y_low > 1.0:
-        return float(whole * (betainc(1.0 - m, m, 1.0 / (1.0 + y_low)) - betainc(1.0 - m, m, 1.0 / (1.0 + y))))
-    return float(whole * (betainc(m, 1.0 - m, y / (1.0 + y)) - betainc(m, 1.0 - m, y_low / (1.0 + y_low))))
+        return float(total * (betainc(1.0 - m, m, 1.0 / (1.0 + y_low)) - betainc(1.0 - m, m, 1.0 / (1.0 + y))))
+    return float(total * (betainc(m, 1.0 - m, y / (1.0 + y)) - betainc(m, 1.0 - m, y_low / (1.0 + y_low))))
 
 
 def passage_time_bound(phi: Callable[[Floats], Floats], upper: float, lower: float, weight: Any = None) -> float:
-    """Return an upper bound of `∫ w(x) dx/f(x)` from `lower` to `upper`, for increasing f and w with known integral.
+    """Return an upper bound of `∫ w(x) dx/f(x)` from `lower` to `upper`, for an increasing f.
 
-    The range is cut at equal ratios. In each piece f is at least its value at the lower end, so the piece adds at most
-    `(W(x₁) - W(x₀))/f(x₀)`, with W the integral of w.
+    The range is divided into pieces from x₀ to x₁ with the same x₁/x₀. On a piece f is at least f(x₀), so that it adds
+    at most `(W(x₁) - W(x₀))/f(x₀)`, with W the integral of `w >= 0`.
 
     - `phi`: f, increasing and > 0 on the range.
     - `upper`, `lower`: 0 < lower <= upper < ∞.
@@ -69,8 +69,8 @@ def passage_time_bound(phi: Callable[[Floats], Floats], upper: float, lower: flo
     if upper <= lower:
         return 0.0
     x = np.geomspace(lower, upper, PIECES + 1)
-    grown = np.diff(x if weight is None else weight(x))
-    return float(np.sum(grown / phi(x[:-1])))
+    increments = np.diff(x if weight is None else weight(x))
+    return float(np.sum(increments / phi(x[:-1])))
 
 
 def _power(x: float, exponent: float) -> float:
@@ -82,12 +82,12 @@ SETTLING_TIME = "settling_time", "settles by a bounded time"
 
 @certificate(*SETTLING_TIME, covers=ARM)
 def settling_time(scenario: Scenario) -> Verdict:
-    """Bound the time until the transformed error is in its core, `|ε1| <= δ`: (48)-(50), and sharper values.
+    """Bound the time until the transformed error is in its core, `|ε1| <= δ`: (48)-(50), and smaller bounds.
 
     - `printed`: `T_max = T_r + T_s` of (48)-(50), with T_s of each joint.
-    - `supremum`: the same worst case over all starts, with the integral in place of its two terms.
-    - `given_start`: for the scenario's own start, with the envelope's own β along the way.
-    - `deadline`: T of (20), from which on the envelope is ±ρ∞, whatever the three other values are.
+    - `supremum`: the supremum over all starts, from the same inequalities without splitting their integrals.
+    - `given_start`: the bound for the scenario's own start, with β as it changes over time.
+    - `deadline`: T of (20), from which the envelope is ±ρ∞; it does not depend on the other values.
 
     docs/certificates/settling-time.md has the derivation.
     """
@@ -125,7 +125,7 @@ def settling_time(scenario: Scenario) -> Verdict:
 
 @dataclass(frozen=True)
 class _Times:
-    """Bounds of one law, s."""
+    """Bounds for one law, s."""
 
     printed_law: PrintedLaw
     powers: PowerSurface
@@ -133,13 +133,13 @@ class _Times:
 
     @property
     def excess(self) -> float:
-        """K."""
+        """K of (45): u exceeds the bound of the uncertainty by K."""
         return float(self.bound.margin)
 
     @cached_property
     def spread(self) -> float:
-        """Difference of M0 between postures."""
-        return self.printed_law.nominal_is_constant()
+        """Relative difference of M0 between postures."""
+        return self.printed_law.nominal_variation()
 
     @cached_property
     def mass(self) -> Floats:
@@ -156,7 +156,7 @@ class _Times:
 
     @property
     def damping(self) -> tuple[float, float]:
-        """`n^((1-r)/2) λmin(K0)` and r: the braking by the power of s."""
+        """`n^((1-r)/2) λmin(K0)` and r: gain and exponent of the power of s in (64)."""
         assert self.printed_law.gain is not None
         gain, r = self.printed_law.gain
         least = float(np.linalg.eigvalsh(0.5 * (gain + gain.T)).min())
@@ -176,7 +176,7 @@ class _Times:
 
     @cached_property
     def reaching(self) -> dict[str, float]:
-        """Time until s = 0: as printed, the supremum, and from this start."""
+        """Time until s = 0: as printed, the supremum over all starts, and from the scenario's start."""
         (c, r), both = self.damping, 2.0 / self.stated
         printed = 2.0 / (self.excess * np.sqrt(both)) + 2.0 / (c * both ** ((r + 1.0) / 2.0) * (r - 1.0))
         heaviest = float(np.linalg.eigvalsh(self.mass).max())
@@ -197,7 +197,7 @@ class _Times:
 
     @cached_property
     def supremum(self) -> Floats:
-        """The time without splitting the integrals, until `|ε1| = δ`, [n]."""
+        """Supremum of the time until `|ε1| = δ`, without splitting the integrals, [n]."""
         powers = self.powers
         each = zip(powers.k1, powers.p, powers.k2, powers.q, powers.delta, strict=True)
         sliding = np.array([two_power_time(k1, p, k2, q, lower=delta) for k1, p, k2, q, delta in each])
@@ -205,7 +205,7 @@ class _Times:
 
     @property
     def energy(self) -> float:
-        """`sᵀ M0 s` at t = 0; infinite for a start outside, where s is not defined."""
+        """`sᵀ M0 s` at t = 0; infinite for a start outside the envelope, where s is not defined."""
         s = self.printed_law.start[1]
         return float(s @ self.mass @ s) if np.isfinite(s).all() else np.inf
 
@@ -219,10 +219,10 @@ class _Times:
         reach = self.printed_law.phi_inverse(largest)
         reached = self.reaching["given_start"]
         furthest = np.maximum(np.abs(eps), reach)
-        return np.array([self._slid(joint, reached, furthest[joint]) for joint in range(len(s))])
+        return np.array([self._core_time(joint, reached, furthest[joint]) for joint in range(len(s))])
 
-    def _slid(self, joint: int, begin: float, eps: float) -> float:
-        """Time when a joint on the surface since `begin`, at most at `eps`, is in its core, s."""
+    def _core_time(self, joint: int, begin: float, eps: float) -> float:
+        """Return a bound of the time at which a joint is in its core, s, if s = 0 and |ε1| <= `eps` from `begin` on."""
         law, delta = self.printed_law, float(self.powers.delta[joint])
 
         def phi(x: Floats) -> Floats:
@@ -234,20 +234,23 @@ class _Times:
         def psi(x: Floats, sign: float) -> Floats:
             return sign * law.psi(np.broadcast_to(sign * x[:, None], (len(x), law.joints)))[:, joint]
 
-        # Both signs: s may have changed the error's sign.
-        wait = max(passage_time_bound(phi, eps, delta, partial(psi, sign=sign)) for sign in (1.0, -1.0))
-        return _when_waited(lambda t: law.radius(t)[:, joint], begin, wait)
+        # Both signs, since the error may change its sign before s = 0.
+        scaled = max(passage_time_bound(phi, eps, delta, partial(psi, sign=sign)) for sign in (1.0, -1.0))
+        return _end_time(lambda t: law.radius(t)[:, joint], begin, scaled)
 
 
-def _when_waited(radius: Any, begin: float, wait: float) -> float:
-    """Upper bound of the time at which `∫ dt/ρ` from `begin` is `wait`; left rectangles underestimate, as ρ falls."""
-    if wait <= 0.0:
+def _end_time(radius: Any, begin: float, scaled: float) -> float:
+    """Return an upper bound of the time until which `∫ dt/ρ` from `begin` is `scaled`, s.
+
+    Left rectangles underestimate the integral, since ρ decreases.
+    """
+    if scaled <= 0.0:
         return begin
-    last = begin + wait * float(radius(np.array([begin]))[0])
+    last = begin + scaled * float(radius(np.array([begin]))[0])
     times = np.linspace(begin, last, PIECES + 1)
-    grown = np.cumsum(np.diff(times) / radius(times[:-1]))
-    place = int(np.searchsorted(grown, wait))
-    return float(times[min(place + 1, PIECES)])
+    integral = np.cumsum(np.diff(times) / radius(times[:-1]))
+    k = int(np.searchsorted(integral, scaled))
+    return float(times[min(k + 1, PIECES)])
 
 
 def _premises(times: _Times) -> tuple[Assumption, ...]:
@@ -259,9 +262,11 @@ def _premises(times: _Times) -> tuple[Assumption, ...]:
         )
     ]
     if times.spread <= 1e-12:
-        off = np.abs(times.mass - times.stated * np.eye(law.joints)).max() / times.stated
+        difference = np.abs(times.mass - times.stated * np.eye(law.joints)).max() / times.stated
         text = "M0 is the same in 64 random postures"
-        text += ", and 2/(m1+m2) I (62)" if off < 1e-9 else "; its largest eigenvalue takes the place of 2/(m1+m2)"
+        text += (
+            ", and 2/(m1+m2) I (62)" if difference < 1e-9 else "; its largest eigenvalue takes the place of 2/(m1+m2)"
+        )
         assumptions.append(Assumption(text, "tested", times.spread))
     else:
         text = (

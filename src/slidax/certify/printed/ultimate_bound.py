@@ -22,20 +22,20 @@ from .printed_law import PrintedLaw, continuous_premises
 ULTIMATE_BOUND = "ultimate_bound", "the final error has a bound"
 
 SAME = 1e-9
-"""Relative difference below which two inertias are the same."""
+"""Relative difference up to which two inertias count as equal."""
 
 
 @certificate(*ULTIMATE_BOUND, covers=ARM)
 def ultimate_bound(scenario: Scenario) -> Verdict:
     """Bound the error once s is small, under (51) and a bounded disturbance.
 
-    If the nominal inertia is the arm's own, and D the rest of bias, friction and disturbance, `V = ½ sᵀ M s` falls
-    where `u ‖s‖²/(‖s‖ + s0) > ‖s‖ ‖D‖ + ½ ‖Ṁ‖ ‖s‖²`, that is, between the two roots σ1 < σ2 of
+    If the nominal inertia is the arm's own, and D the uncompensated bias, friction and disturbance, `V = ½ sᵀ M s`
+    decreases where `u ‖s‖²/(‖s‖ + s0) > ‖s‖ ‖D‖ + ½ ‖Ṁ‖ ‖s‖²`, that is, between the two roots σ1 < σ2 of
 
         ½ ‖Ṁ‖ σ² + (‖D‖ + ½ ‖Ṁ‖ s0 - u) σ + ‖D‖ s0 = 0.
 
-    So a run with `‖s‖ <= s̄ = √(λmax(M)/λmin(M)) σ1`, if that is below σ2, keeps this bound. By `ε̇1 = β (s - φ(ε1))`
-    then `|e| <= ρ max(ψ(ε̄), -ψ(-ε̄))` with `φ(ε̄) = s̄`. For `Ṁ = 0`, `σ1 = s0 ‖D‖/(u - ‖D‖)`.
+    If `s̄ = √(λmax(M)/λmin(M)) σ1` is below σ2, then `‖s‖ <= s̄` holds from the first time at which it does. By
+    `ε̇1 = β (s - φ(ε1))` then `|e| <= ρ max(ψ(ε̄), -ψ(-ε̄))` with `φ(ε̄) = s̄`. For `Ṁ = 0`, `σ1 = s0 ‖D‖/(u - ‖D‖)`.
     """
     printed = PrintedLaw.of(scenario)
     layer = None if printed is None else printed.layer
@@ -63,29 +63,29 @@ def ultimate_bound(scenario: Scenario) -> Verdict:
         )
     else:
         statement = "No bound of the error exists under (51), because an assumption of its derivation fails."
-    remedies = () if holds or share < 1.0 else _larger(scenario, bound["disturbance"])
+    remedies = () if holds or share < 1.0 else _larger_margin(scenario, bound["disturbance"])
     return Verdict(*ULTIMATE_BOUND, holds, 1.0 - share if holds else None, bound, assumptions, statement, remedies)
 
 
 @dataclass(frozen=True)
-class _Settled:
-    """The final bounds.
+class _FinalBounds:
+    """Bounds at the end of a run.
 
     - `size`: s̄.
     - `error`: bound of |e| [n].
-    - `below`: σ2, which s̄ must not exceed.
+    - `limit`: σ2, which s̄ must not exceed.
     """
 
     size: float
     error: Floats
-    below: float
+    limit: float
 
 
 @dataclass(frozen=True, eq=False)
 class _Member:
-    """One arm of the set.
+    """An arm of the set.
 
-    - `scenario`: with this arm.
+    - `scenario`: the scenario with this arm.
     - `layer`: s0.
     """
 
@@ -104,66 +104,66 @@ class _Member:
         return float(np.max(np.abs(mass - nominal)) / np.max(np.abs(mass)))
 
     @cached_property
-    def left(self) -> Floats:
+    def residual(self) -> Floats:
         """‖D‖ along the motion [N]."""
-        bias0 = self.motion.of_arm(self.printed.law.nominal)[1]
+        mass0, bias0 = self.motion.of_arm(self.printed.law.nominal)
         mass, bias = self.motion.truth
-        mass0 = self.motion.of_arm(self.printed.law.nominal)[0]
-        reached = np.einsum("kij,kj->ki", mass0 - mass, self.motion.states[2])
-        return np.linalg.norm(reached + bias0 - bias + self.motion.external_torque, axis=1)
+        inertial = np.einsum("kij,kj->ki", mass0 - mass, self.motion.states[2])
+        return np.linalg.norm(inertial + bias0 - bias + self.motion.external_torque, axis=1)
 
     @property
     def largest(self) -> float:
-        return float(self.left.max())
+        return float(self.residual.max())
 
     @cached_property
     def share(self) -> float:
-        """The largest `‖D‖/u`, with the part of u that does not depend on the torque."""
-        return float(np.max(self.left / self._u(0.0)))
+        """Largest `‖D‖/u`, with the part of u that does not depend on the torque."""
+        return float(np.max(self.residual / self._u(0.0)))
 
-    def _u(self, off: float, tau: Floats | None = None) -> Floats:
-        """Lower bound of u along the motion [N], for a state nearer to zero than the reference by `off`."""
+    def _u(self, distance: float, tau: Floats | None = None) -> Floats:
+        """Return a lower bound of u along the motion [N], for states up to `distance` from the reference."""
         q, dq, _ = self.motion.states
-        near = [
-            value * np.maximum(0.0, 1.0 - off / np.maximum(np.linalg.norm(value, axis=1), 1e-300))[:, None]
+        smaller = [
+            value * np.maximum(0.0, 1.0 - distance / np.maximum(np.linalg.norm(value, axis=1), 1e-300))[:, None]
             for value in (q, dq)
         ]
-        return self._size(*near, np.zeros_like(q) if tau is None else tau)[0].reshape(-1)
+        return self._bound(*smaller, np.zeros_like(q) if tau is None else tau)[0].reshape(-1)
 
     @cached_property
-    def _size(self) -> BatchedFunction:
+    def _bound(self) -> BatchedFunction:
         bound = self.printed.law.bound
         return BatchedFunction(lambda q, dq, tau: bound(State(q=q, dq=dq), tau))
 
     @cached_property
     def _rates(self) -> tuple[Floats, float]:
-        """‖Ṁ‖ along the motion [N], and its growth for each rad/s of a joint's speed."""
+        """‖Ṁ‖ along the motion [N], and a bound of its increase if each joint is faster by 1 rad/s."""
         robot = self.motion.plant.robot
-        each = BatchedFunction(jax.jacfwd(robot.mass))(self.motion.states[0])[0]
-        rate = np.einsum("kijl,kl->kij", each, self.motion.states[1])
+        slopes = BatchedFunction(jax.jacfwd(robot.mass))(self.motion.states[0])[0]
+        rate = np.einsum("kijl,kl->kij", slopes, self.motion.states[1])
         return np.linalg.norm(rate, ord=2, axis=(1, 2)), float(
-            np.max(np.linalg.norm(np.moveaxis(each, 3, 1), ord=2, axis=(2, 3)).sum(axis=1))
+            np.max(np.linalg.norm(np.moveaxis(slopes, 3, 1), ord=2, axis=(2, 3)).sum(axis=1))
         )
 
     @property
     def estimate(self) -> Floats:
-        """|e| [n] for the estimate `‖s‖ ≈ s0 ‖D‖/(u - ‖D‖)`, with all of u; infinite where D exceeds u."""
+        """Estimate of |e| [n] by `‖s‖ ≈ s0 ‖D‖/(u - ‖D‖)`, with the whole u; infinite if ‖D‖ reaches u."""
         mass0, bias0 = self.motion.of_arm(self.printed.law.nominal)
         u = self._u(0.0, np.einsum("kij,kj->ki", mass0, self.motion.states[2]) + bias0)
-        room = u - self.left
-        size = float(np.max(self.layer * self.left / np.where(room > 0, room, 1.0))) if (room > 0).all() else np.inf
-        return self._error(size)
+        reserve = u - self.residual
+        if not (reserve > 0).all():
+            return self._error(np.inf)
+        return self._error(float(np.max(self.layer * self.residual / reserve)))
 
     @cached_property
-    def settled(self) -> _Settled:
-        """s̄ and the final |e|, by iteration over the state's own distance from the reference."""
+    def settled(self) -> _FinalBounds:
+        """Bounds of s and of the final |e|, iterated because u and ‖Ṁ‖ depend on the distance from the reference."""
         values = np.linalg.eigvalsh(self.motion.truth[0])
         spread = float(np.sqrt(values.max() / values.min()))
-        rate, more = self._rates
+        rate, growth = self._rates
         n, size = self.printed.joints, 0.0
         for _ in range(50):
-            off = np.sqrt(n) * max(2.0 * size, float(np.max(self._error(size))))
-            low, high = _roots(self._u(off), self.left, rate + 2.0 * more * size, self.layer)
+            distance = np.sqrt(n) * max(2.0 * size, float(np.max(self._error(size))))
+            low, high = _roots(self._u(distance), self.residual, rate + 2.0 * growth * size, self.layer)
             new = spread * low
             if not np.isfinite(new) or new <= size * (1.0 + 1e-6):
                 size = max(new, size)
@@ -172,11 +172,11 @@ class _Member:
         else:
             size = np.inf
         if not np.isfinite(size):
-            return _Settled(np.inf, np.full(n, np.inf), 0.0)
-        return _Settled(size, self._error(size), high)
+            return _FinalBounds(np.inf, np.full(n, np.inf), 0.0)
+        return _FinalBounds(size, self._error(size), high)
 
     def _error(self, size: float) -> Floats:
-        """Bound of |e| for `‖s‖ <= size`, [n]."""
+        """Return the bound of |e| for `‖s‖ <= size` [n]."""
         n, law = self.printed.joints, self.printed
         if not np.isfinite(size):
             return np.full(n, np.inf)
@@ -185,18 +185,18 @@ class _Member:
         return law.radius(np.array([self.scenario.t1]))[0] * both
 
 
-def _roots(u: Floats, left: Floats, rate: Floats, layer: float) -> tuple[float, float]:
-    """The largest σ1 and the least σ2 along the motion; infinite and zero where there is none."""
-    half, linear, rest = 0.5 * rate, left + 0.5 * rate * layer - u, left * layer
-    square = linear * linear - 4.0 * half * rest
-    if np.any(linear >= 0.0) or np.any(square < 0.0):
+def _roots(u: Floats, residual: Floats, rate: Floats, layer: float) -> tuple[float, float]:
+    """Return the largest σ1 and the least σ2 along the motion; infinity and zero if there are no roots somewhere."""
+    quadratic, linear, constant = 0.5 * rate, residual + 0.5 * rate * layer - u, residual * layer
+    discriminant = linear * linear - 4.0 * quadratic * constant
+    if np.any(linear >= 0.0) or np.any(discriminant < 0.0):
         return np.inf, 0.0
-    root = -linear + np.sqrt(square)
-    return float(np.max(2.0 * rest / root)), float(np.min(root / np.maximum(2.0 * half, 1e-300)))
+    doubled = -linear + np.sqrt(discriminant)
+    return float(np.max(2.0 * constant / doubled)), float(np.min(doubled / np.maximum(2.0 * quadratic, 1e-300)))
 
 
 def _premises(
-    printed: PrintedLaw, members: list[_Member], share: float, mismatch: float, settled: list[_Settled]
+    printed: PrintedLaw, members: list[_Member], share: float, mismatch: float, settled: list[_FinalBounds]
 ) -> tuple[Assumption, ...]:
     over = f"along the reference, at {len(members[0].motion.times)} times"
     if len(members) > 1:
@@ -205,23 +205,23 @@ def _premises(
     text = "the law's inertia is the arm's own"
     text += f", {over}" if same else f"; it differs by {100 * mismatch:.3g} %"
     assumptions = [
-        Assumption("K0 is diagonal and positive definite, so that it brakes", "proved" if diagonal else "fails"),
+        Assumption("K0 is diagonal and positive definite, so that it reduces s", "proved" if diagonal else "fails"),
         Assumption(text, "tested" if same else "fails", mismatch),
     ]
     covered = share < 1.0
     text = f"u covers the uncompensated disturbance, friction and bias, {over}"
     assumptions.append(Assumption(text, "tested" if covered else "fails", share))
     if settled:
-        room = min(final.below - final.size for final in settled)
-        enough = bool(np.isfinite(room) and room >= 0.0)
+        margin = min(final.limit - final.size for final in settled)
+        enough = bool(np.isfinite(margin) and margin >= 0.0)
         text = "at every size of s from σ1 to s̄ the layer outweighs the disturbance and the arm's change of inertia"
-        assumptions.append(Assumption(text, "tested" if enough else "fails", room if np.isfinite(room) else None))
+        assumptions.append(Assumption(text, "tested" if enough else "fails", margin if np.isfinite(margin) else None))
         text = "the run once comes within the bound of its reference, and then stays there"
         assumptions.append(Assumption(text, "assumed"))
     return tuple(assumptions)
 
 
-def _larger(scenario: Scenario, needed: float) -> tuple[Remedy, ...]:
+def _larger_margin(scenario: Scenario, needed: float) -> tuple[Remedy, ...]:
     margin = getattr(getattr(scenario.controller, "bound", None), "margin", None)
     if margin is None:
         return ()
@@ -232,20 +232,20 @@ def _larger(scenario: Scenario, needed: float) -> tuple[Remedy, ...]:
 PRINTED_PERIOD = "printed_period", "stable at its period"
 
 SAFE = 0.95
-"""Share of the limit. Between this share and the limit a loop is stable, but its eigenvalue near -1 makes torque steps
-grow, in runs of the paper's examples 20-fold within 2 % (docs/certificates/paper.md).
+"""Share of the limit up to which a period is recommended. Above it a loop is stable, but its eigenvalue near -1 makes
+the torque steps larger: 20 times within 2 % of the limit in the paper's examples (docs/certificates/paper.md).
 """
 
 
 @certificate(*PRINTED_PERIOD, covers=ARM, reads=(*WORLD, "scheme", "simulation"))
 def printed_period(scenario: Scenario) -> Verdict:
-    """Check `h < 2/λmax(M⁻¹ (M0 Λ + (u/s0) I))`: the printed law near its goal, held over a period.
+    """Check `h < 2/λmax(M⁻¹ (M0 Λ + (u/s0) I))` for the printed law near e = 0, with the torque held for a period.
 
     Near e = 0 the law is `τ = -(M0 Λ + (u/s0) I) ė - ...` with Λ = slope(0) β. A sampled double integrator with that
     damping has an eigenvalue at -1 exactly where `h M⁻¹ (M0 Λ + (u/s0) I)` has one at 2. The surface alone has the
     limit `2/λmax(M⁻¹ M0 Λ)`, the layer alone `2 s0 λmin(M)/u`.
 
-    Bounds: `period`, with some distance from the limit; `limit`, `surface`, `layer` as above, s.
+    Bounds: `period`, 95 % of the limit; `limit`, `surface` and `layer` as above, s.
     """
     printed = PrintedLaw.of(scenario)
     layer = None if printed is None else printed.layer
@@ -255,8 +255,8 @@ def printed_period(scenario: Scenario) -> Verdict:
         limits = {"period": 0.0, "limit": 0.0, "surface": _limits(printed, scenario, np.inf)[1], "layer": 0.0}
     else:
         each = [_limits(printed, member, layer) for member in corner_scenarios(scenario)]
-        limit, surface, edge = map(min, zip(*each, strict=True))
-        limits = {"period": SAFE * limit, "limit": limit, "surface": surface, "layer": edge}
+        limit, surface, layer_limit = map(min, zip(*each, strict=True))
+        limits = {"period": SAFE * limit, "limit": limit, "surface": surface, "layer": layer_limit}
     limit, period = limits["period"], scenario.period
     claim = f"With the torque held for less than {1e3 * limit:.3g} ms the loop is stable and smooth near its goal"
     if limit == 0.0:
@@ -282,23 +282,23 @@ def printed_period(scenario: Scenario) -> Verdict:
 
 
 def _limits(printed: PrintedLaw, member: Scenario, layer: float) -> tuple[float, float, float]:
-    """The limits of surface and layer together, of the surface and of the layer, s."""
+    """Return the limits of surface and layer together, of the surface alone and of the layer alone, s."""
     law, motion, n = printed.law, SampledReference(member), printed.joints
     mass, (mass0, bias0) = motion.truth[0], motion.of_arm(law.nominal)
-    steep = np.ones(n)
+    slope = np.ones(n)
     if printed.sides is not None:
-        steep = 1.0 / -np.asarray(printed.sides.lower) + 1.0 / np.asarray(printed.sides.upper)
-    rate = printed.slopes() * steep / printed.radius(motion.times)
+        slope = 1.0 / -np.asarray(printed.sides.lower) + 1.0 / np.asarray(printed.sides.upper)
+    rate = printed.slopes() * slope / printed.radius(motion.times)
     q, dq, ddq = motion.states
     feedforward = np.einsum("kij,kj->ki", mass0, ddq) + bias0
     u = BatchedFunction(lambda q, dq, tau: law.bound(State(q=q, dq=dq), tau))(q, dq, feedforward)[0].reshape(-1)
     surface = np.linalg.solve(mass, mass0 * rate[:, None, :])
-    edge = np.linalg.inv(mass) * (u / layer)[:, None, None]
-    return _period(surface + edge), _period(surface), _period(edge)
+    layer_part = np.linalg.inv(mass) * (u / layer)[:, None, None]
+    return _period(surface + layer_part), _period(surface), _period(layer_part)
 
 
 def _period(matrices: np.ndarray) -> float:
     if not np.all(np.isfinite(matrices)):
-        # The products of gains or torques overflow: no period is short enough.
+        # A product of gains or torques overflows: no period is short enough.
         return 2.0 / float(np.finfo(float).max)
     return 2.0 / max(float(np.max(np.abs(np.linalg.eigvals(matrices)))), 1e-300)
