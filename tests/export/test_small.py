@@ -5,7 +5,7 @@ import pytest
 
 from slidax.codegen.ir import Loop, functions
 from slidax.codegen.passes import count_iterations
-from slidax.core.root_finding import STEPS as SEARCH_OF_PLAN
+from slidax.core.root_finding import ITERATIONS as SEARCH_OF_PLAN
 from slidax.export.c_project import project
 from slidax.law.reaching_laws import STEPS as SEARCH_OF_S
 from slidax.scenarios import load
