@@ -167,7 +167,9 @@ def test_a_table_with_other_columns_is_a_clear_line(out, names, columns, words):
 
 def test_a_table_that_announces_too_many_numbers_is_not_read(out, monkeypatch):
     monkeypatch.setattr("slidax.studies.store.MOST_NUMBERS", 799)
-    with pytest.raises(DefinitionError, match=r"it has 200 rows, and 4 columns .* at most 8e\+02 numbers are read"):
+    with pytest.raises(
+        DefinitionError, match=r"it has 200 rows, of which 4 columns are needed: at most 8e\+02 numbers are read"
+    ):
         read_rows(out)
 
 

@@ -120,7 +120,11 @@ ROWS = 20_000
 
 def _sparse(parts: Scenario) -> int:
     """Logging interval of a run without `--out`."""
-    return max(parts.log_every or 1, math.ceil(parts.t1 / parts.period / ROWS))
+    from slidax.simulation.define import MOST_SAMPLES
+
+    # Runs with more samples are refused.
+    samples = min(parts.t1 / parts.period, MOST_SAMPLES)
+    return max(parts.log_every or 1, math.ceil(samples / ROWS))
 
 
 def _require_log(parts: Scenario, log: Path) -> None:

@@ -40,7 +40,7 @@ def identify(
 ) -> Identification:
     """Estimate rotor inertias, friction, payload and, if `links`, the links' inertial parameters from a log.
 
-        arm = identify("log.csv", sx.robots.panda())
+        arm = identify("log.csv", sx.arms.panda())
         print(arm)
 
     The torque is linear in the parameters, `τ = Y(q,q̇,q̈) φ + J q̈ + f_c sign(q̇) + f_v q̇ + f_o`. So this is weighted
