@@ -5,7 +5,6 @@ Usage: python examples/01_run_a_scenario.py [FIGURE.svg]
 
 import sys
 
-
 import slidax as sx
 
 scenario = sx.scenarios.load("example-4.1")

@@ -3,7 +3,6 @@
 Usage: python examples/02_build_by_hand.py
 """
 
-
 import slidax as sx
 from slidax.arms import TwoLink
 from slidax.law import FixedTime, UncertaintyBound, cftsmppc

@@ -3,8 +3,6 @@
 Usage: python examples/03_sweep_a_gain.py
 """
 
-import jax
-
 import equinox as eqx
 import jax.numpy as jnp
 

@@ -3,8 +3,6 @@
 Usage: python examples/04_differentiate_a_run.py
 """
 
-import jax
-
 import equinox as eqx
 import jax.numpy as jnp
 

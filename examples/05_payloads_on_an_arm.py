@@ -3,7 +3,6 @@
 Usage: python examples/05_payloads_on_an_arm.py
 """
 
-
 import equinox as eqx
 import numpy as np
 

@@ -3,7 +3,6 @@
 Usage: python examples/06_a_tool_on_its_path.py
 """
 
-
 import numpy as np
 
 import slidax as sx

@@ -3,7 +3,6 @@
 Usage: python examples/07_margins_of_the_loop.py
 """
 
-
 import numpy as np
 
 import slidax as sx

@@ -44,7 +44,7 @@ def test_warning_names_follower_leader_and_the_new_range():
     (warning,) = caught
     assert str(warning.message) == (
         "arm: joint `elbow` follows joint `shoulder` at the ratio -0.5 and the offset 0.2, whose range becomes "
-        "-2 to 2.4, and is no joint of the arm by itself; locked={'elbow': POSITION} holds it"
+        "-2 to 2.4, and is not a joint of the arm by itself; locked={'elbow': POSITION} holds it"
     )
 
 
@@ -145,8 +145,8 @@ def test_mismatch_and_payload_change_the_coupled_joints():
 @pytest.mark.parametrize(
     ("following", "named"),
     [
-        ({"elbow": ("waist", 1.0, 0.0)}, "`elbow` is no joint of small_tree"),
-        ({"arm": ("wrist", 1.0, 0.0)}, "`wrist` is no joint"),
+        ({"elbow": ("waist", 1.0, 0.0)}, "`elbow` is not a joint of small_tree"),
+        ({"arm": ("wrist", 1.0, 0.0)}, "`wrist` is not a joint"),
         ({"arm": ("lift", 1.0, 0.0), "lift": ("waist", 1.0, 0.0)}, "`lift` follows another one"),
         ({"arm": ("arm", 1.0, 0.0)}, "`arm` follows another one"),
         ({"arm": ("waist", 0.0, 0.0)}, "must be finite and not 0"),

@@ -88,7 +88,7 @@ def test_a_name_of_robot_descriptions_is_its_file(descriptions, tmp_path):
 
 
 def test_a_missing_description_or_package_has_its_remedy(descriptions, monkeypatch):
-    with pytest.raises(DefinitionError, match="`five_description` is no robot of robot_descriptions; `python -m"):
+    with pytest.raises(DefinitionError, match="`five_description` is not a robot of robot_descriptions; `python -m"):
         draft("five_description")
     del descriptions.URDF_PATH
     with pytest.raises(DefinitionError, match="has neither a URDF nor an MJCF file"):

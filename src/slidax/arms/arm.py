@@ -109,7 +109,7 @@ def _moments(value: Any) -> Array:
 
 
 class Payload(AbstractPart):
-    """A rigid body held by the tip, in the tip's frame; a mass of 0 is no payload."""
+    """A rigid body held by the tip, in the tip's frame; a mass of 0 means no payload."""
 
     mass: Scalar = parameter("mass", "kg", ">= 0", default=0.0)
     center: Float[Array, "3"] = parameter("centre of mass", "m", default=(0.0, 0.0, 0.0))

@@ -121,8 +121,8 @@ def kinematic_chain(robot: AbstractRobot) -> KinematicChain:
         )
     if isinstance(robot, Coupled):
         raise DefinitionError(
-            f"joint `{robot.followers[0]}` of {robot.name} follows another one, so the arm is no chain of independent "
-            f"joints: give the motion in joint positions, or hold the follower by `locked`"
+            f"joint `{robot.followers[0]}` of {robot.name} follows another one, so the arm is not a chain of "
+            f"independent joints: give the motion in joint positions, or hold the follower by `locked`"
         )
     if not isinstance(robot, TwoLink | Scara):
         raise DefinitionError(

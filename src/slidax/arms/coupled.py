@@ -124,7 +124,7 @@ def couple(arm: Articulated, following: Mapping[str, tuple[str, float, float]]) 
     for follower, (leader, ratio, offset) in following.items():
         for name in (follower, leader):
             if name not in names:
-                raise DefinitionError(f"joint `{name}` is no joint of {arm.name}, which has {', '.join(names)}")
+                raise DefinitionError(f"joint `{name}` is not a joint of {arm.name}, which has {', '.join(names)}")
         if leader in following:
             raise DefinitionError(f"joint `{follower}` must follow a joint that leads; `{leader}` follows another one")
         if not (np.isfinite([ratio, offset]).all() and ratio != 0.0):

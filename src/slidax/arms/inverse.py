@@ -171,25 +171,25 @@ def curvature(task: PoseTask, curve: AbstractCurve, z: Array, s: Array, along: A
 
 def tool_errors(task: PoseTask, curve: AbstractCurve, q: Array, s: Array) -> tuple[Array, Array]:
     """Return the tool's errors at postures q [k n], [k] m and [k] rad; the angle is 0 if only the position is held."""
-    (rotation, position), (there, aim) = task.chain.frame(q), curve.at(s)
-    return pose_error(rotation, position, there, aim, task.hold)
+    return pose_error(*task.chain.frame(q), *curve.at(s), task.hold)
 
 
 def pose_error(
-    rotation: Array, position: Array, there: Array, aim: Array, hold: HeldCoordinates
+    rotation: Array, position: Array, other_rotation: Array, other_position: Array, hold: HeldCoordinates
 ) -> tuple[Array, Array]:
     """Return the distance between two poses, m and rad, in the held coordinates.
 
     - `rotation`, `position`: first pose [... 3 3], [... 3].
-    - `there`, `aim`: second pose.
+    - `other_rotation`, `other_position`: second pose.
     """
-    off: Array = np.linalg.norm(position - aim, axis=-1)
+    distance: Array = np.linalg.norm(position - other_position, axis=-1)
     if hold == "place":
-        return off, np.zeros_like(off)
+        return distance, np.zeros_like(distance)
     # Differences of the axes keep the digits of a small angle.
-    difference, share = (rotation - there, 8.0) if hold == "pose" else ((rotation - there)[..., 2:], 4.0)
-    size = np.sqrt(np.sum(difference**2, axis=(-2, -1)) / share)
-    return off, 2.0 * np.arcsin(np.minimum(size, 1.0))
+    difference = rotation - other_rotation
+    difference, scale = (difference, 8.0) if hold == "pose" else (difference[..., 2:], 4.0)
+    size = np.sqrt(np.sum(difference**2, axis=(-2, -1)) / scale)
+    return distance, 2.0 * np.arcsin(np.minimum(size, 1.0))
 
 
 def jacobian(task: PoseTask, q: Array) -> Array:

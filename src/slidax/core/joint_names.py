@@ -33,16 +33,17 @@ def match_names(names: Sequence[str], wanted: Sequence[str]) -> dict[str, int]:
     exact = {name: names.index(name) for name in wanted if name in names}
     taken = set(exact.values())
     rest = {index: bare_name(name) for index, name in enumerate(names) if index not in taken}
-    alike, twins = Counter(rest.values()), Counter(bare_name(name) for name in wanted)
-    loose = {key: index for index, key in rest.items() if alike[key] == 1}
+    in_data, in_robot = Counter(rest.values()), Counter(bare_name(name) for name in wanted)
+    unique = {key: index for index, key in rest.items() if in_data[key] == 1}
     indices = {
-        name: exact.get(name, loose.get(bare_name(name)) if twins[bare_name(name)] == 1 else None) for name in wanted
+        name: exact.get(name, unique.get(bare_name(name)) if in_robot[bare_name(name)] == 1 else None)
+        for name in wanted
     }
     return {name: index for name, index in indices.items() if index is not None}
 
 
 def are_numbered(names: Sequence[str]) -> bool:
-    """True if all names of a robot's joints are default names: `joint 1`, `joint 2` and so on."""
+    """Return True if all names of a robot's joints are default names: `joint 1`, `joint 2` and so on."""
     return all(NUMBERED.fullmatch(name) for name in names)
 
 

@@ -56,7 +56,7 @@ def increasing_root(
     - `parameters`: further arguments of f; any pytree.
     - `target`: [n].
     - `guess`: first point, inside the bracket, [n].
-    - `at_guess`: value and slope there.
+    - `at_guess`: value and slope at the guess.
     - `bracket`: two points with the root between them, [n] each.
     - `tolerance`: largest distance of the value from the target, [n].
     """

@@ -44,7 +44,7 @@ class State(eqx.Module):
     - `q`: positions [n], rad for a revolute joint, m for a prismatic one.
     - `dq`: velocities [n], rad/s or m/s; at rest if not given.
 
-    Raises DefinitionError if they are no numbers.
+    Raises DefinitionError if they are not numbers.
     """
 
     q: Vector
@@ -59,9 +59,9 @@ class Reference(eqx.Module):
     """Reference motion at one time.
 
     - `q`, `dq`, `ddq`: desired position, velocity and acceleration [n] in rad, rad/s, rad/s² (m for a prismatic joint);
-      standing still if only the position is given.
+      at rest if only the position is given.
 
-    Raises DefinitionError if they are no numbers.
+    Raises DefinitionError if they are not numbers.
     """
 
     q: Vector

@@ -126,13 +126,15 @@ def _describe_position(move: TimedCurve, s: float, now: float, into: float | Non
 
 def _stretched(task: PoseTask, move: TimedCurve, weak: Array) -> str:
     """Describe a singularity by the direction in which the tool cannot move."""
-    moved, turned = np.linalg.norm(weak[:3]), np.linalg.norm(weak[3:])
-    direction = weak[:3] if moved >= turned else weak[3:]
+    translation, rotation = np.linalg.norm(weak[:3]), np.linalg.norm(weak[3:])
+    direction = weak[:3] if translation >= rotation else weak[3:]
     direction = direction / np.linalg.norm(direction)
-    way = ", ".join(f"{x:.2f}" for x in direction)
-    if moved >= turned:
-        return f"a singularity, where the tip cannot move along [{way}]: there the arm is stretched out or folded"
-    return f"a singularity, where the tool cannot turn about [{way}]: there two axes are in line"
+    components = ", ".join(f"{x:.2f}" for x in direction)
+    if translation >= rotation:
+        return (
+            f"a singularity, where the tip cannot move along [{components}]: there the arm is stretched out or folded"
+        )
+    return f"a singularity, where the tool cannot turn about [{components}]: there two axes are in line"
 
 
 def _near_limits(chain: KinematicChain, q: Array) -> list[str]:

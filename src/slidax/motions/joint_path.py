@@ -26,7 +26,7 @@ class PathEnd(Exception):
     """Raised if the search finds no posture beyond a point of the curve.
 
     - `s`: the last point [0, 1].
-    - `z`: posture and forces there [n + m].
+    - `z`: posture and forces at this point [n + m].
     """
 
     def __init__(self, s: float, z: Array) -> None:
@@ -51,26 +51,26 @@ def continue_branch(task: PoseTask, curve: AbstractCurve, z: Array, s: Array) ->
     Raises PathEnd if the search finds no next posture.
     """
     n = task.posture.size
-    postures, here, now = [], 0.0, z
-    slope = branch_derivatives(task, curve, now[None], np.array([here]))
+    postures, current_s, current_z = [], 0.0, z
+    slope = branch_derivatives(task, curve, current_z[None], np.array([current_s]))
     for point in s:
-        step = float(point) - here
-        while here < point:
-            step = min(step, float(point) - here)
+        step = float(point) - current_s
+        while current_s < point:
+            step = min(step, float(point) - current_s)
             # The last step ends at the point itself.
-            there = float(point) if float(point) - here - step < 1e-12 else here + step
-            x = there - here
-            predicted = now + x * slope.first[0] + 0.5 * x * x * slope.second[0]
-            solution = solve_task(task, curve, predicted[None], np.array([there]))
+            next_s = float(point) if float(point) - current_s - step < 1e-12 else current_s + step
+            x = next_s - current_s
+            predicted = current_z + x * slope.first[0] + 0.5 * x * x * slope.second[0]
+            solution = solve_task(task, curve, predicted[None], np.array([next_s]))
             if solution is None or np.abs(solution[0, :n] - predicted[:n]).max() > FAR:
                 step = 0.5 * x
                 if step < SHORTEST:
-                    raise PathEnd(here, now)
+                    raise PathEnd(current_s, current_z)
                 continue
-            here, now = there, solution[0]
-            slope = branch_derivatives(task, curve, now[None], np.array([here]))
+            current_s, current_z = next_s, solution[0]
+            slope = branch_derivatives(task, curve, current_z[None], np.array([current_s]))
             step = 2.0 * x
-        postures.append(now)
+        postures.append(current_z)
     return np.array(postures)
 
 

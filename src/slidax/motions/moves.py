@@ -179,9 +179,9 @@ class Line(AbstractMove):
                 "`Line` rotates the tool by half a turn, which has two directions: add a pose between, or use a `Screw`"
             )
         curve = _helix(pose, shift=shift, spin_axis=axis, spin=spin)
-        far = float(np.linalg.norm(shift))
-        there = Pose(pose.position + shift, end)
-        return self._timed(curve, far, there) if far > 1e-9 else self._timed(curve, spin, there, "rad")
+        length = float(np.linalg.norm(shift))
+        end_pose = Pose(pose.position + shift, end)
+        return self._timed(curve, length, end_pose) if length > 1e-9 else self._timed(curve, spin, end_pose, "rad")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -408,12 +408,12 @@ class Through(AbstractMove):
                 f"`Through.times` must be one increasing time for {each_of(len(rows), 'pose')}, at least two"
             )
         first = _pose(rows[0])
-        off = float(np.linalg.norm(first.position - pose.position))
-        turned = float(angle_between(first.rotation, pose.rotation))
-        if off > NEAR or turned > NEAR:
+        distance = float(np.linalg.norm(first.position - pose.position))
+        angle = float(angle_between(first.rotation, pose.rotation))
+        if distance > NEAR or angle > NEAR:
             raise DefinitionError(
                 f"`Through.poses` 1 must be the tool's pose at the start of the move, {_position_text(pose)}; it is "
-                f"{off:.3g} m and {np.rad2deg(turned):.3g} degrees off: insert a `Line` to it before this move"
+                f"{distance:.3g} m and {np.rad2deg(angle):.3g} degrees off: insert a `Line` to it before this move"
             )
         rows = _aligned(np.concatenate([own[None], rows[1:]]), first=1)
         span = float(times[-1] - times[0])

@@ -221,7 +221,7 @@ class MinimumJerk(AbstractPiecewisePolynomial):
             step = int(np.argmax(unbounded)) + 1
             raise DefinitionError(
                 f"`{name}` needs a finite limit for a joint that moves from waypoint {step} to {step + 1}, "
-                "or it could go there in no time"
+                "or it could move in no time"
             )
         return MinimumJerk.through(shortest_times(q, limits) + start, q)
 
@@ -270,18 +270,18 @@ class Trapezoidal(AbstractPiecewisePolynomial):
         if not np.all(np.isfinite(bounds["acceleration"])):
             raise DefinitionError(f"`{name}.acceleration` must be finite, or the velocity would jump")
         times, pieces = [float(start)], []
-        for here, there in pairwise(q):
-            knots, coefficients = _segment(here, there, bounds)
+        for first, last in pairwise(q):
+            knots, coefficients = _segment(first, last, bounds)
             times.extend(times[-1] + knots[1:])
             pieces.append(coefficients)
         return Trapezoidal(times=as_array(times), coefficients=as_array(np.concatenate(pieces, axis=1)))
 
 
 def _segment(
-    here: NDArray[np.float64], there: NDArray[np.float64], bounds: dict[str, NDArray[np.float64]]
+    first: NDArray[np.float64], last: NDArray[np.float64], bounds: dict[str, NDArray[np.float64]]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return a motion from rest to rest: its knots from 0 on, and its coefficients [4 pieces n]."""
-    profiles = _profiles(here, there, bounds)
+    profiles = _profiles(first, last, bounds)
     ends = [np.cumsum([0.0, *profile.t]) for profile in profiles]
     duration = max(end[-1] for end in ends)
     every = np.sort(np.concatenate(ends))
@@ -289,7 +289,7 @@ def _segment(
     # The last knot is the end itself, even if another knot is just before it.
     knots[-1] = duration
     middles = (knots[:-1] + knots[1:]) / 2
-    coefficients = np.empty((4, len(middles), len(here)))
+    coefficients = np.empty((4, len(middles), len(first)))
     for joint, (profile, end) in enumerate(zip(profiles, ends, strict=True)):
         phase = np.clip(np.searchsorted(end, middles, side="right") - 1, 0, len(profile.t) - 1)
         j, a, v, p = (np.asarray(values)[phase] for values in (profile.j, profile.a, profile.v, profile.p))
@@ -303,18 +303,18 @@ def _segment(
     return knots, coefficients
 
 
-def _profiles(here: NDArray[np.float64], there: NDArray[np.float64], bounds: dict[str, NDArray[np.float64]]) -> Any:
+def _profiles(first: NDArray[np.float64], last: NDArray[np.float64], bounds: dict[str, NDArray[np.float64]]) -> Any:
     """Return the phases of constant jerk per joint: durations, and jerk, acceleration, velocity and position."""
     try:
         import ruckig
     except ImportError:
         raise DefinitionError("`Trapezoidal.through` needs ruckig: pip install 'slidax[trajectories]'") from None
-    joints = len(here)
+    joints = len(first)
     # Ruckig needs a finite velocity limit. No joint reaches this one before it must brake.
-    free = 2.0 * np.sqrt(bounds["acceleration"] * np.abs(there - here)) + 1.0
+    free = 2.0 * np.sqrt(bounds["acceleration"] * np.abs(last - first)) + 1.0
     problem = ruckig.InputParameter(joints)
-    problem.current_position = here.tolist()
-    problem.target_position = there.tolist()
+    problem.current_position = first.tolist()
+    problem.target_position = last.tolist()
     problem.max_velocity = np.minimum(bounds["velocity"], free).tolist()
     problem.max_acceleration = bounds["acceleration"].tolist()
     problem.max_jerk = bounds["jerk"].tolist()
@@ -325,6 +325,6 @@ def _profiles(here: NDArray[np.float64], there: NDArray[np.float64], bounds: dic
     except ruckig.RuckigError as error:
         reason = str(error).replace("[ruckig]", "").strip()
         raise DefinitionError(
-            f"`Trapezoidal`: no motion from {short_repr(here)} to {short_repr(there)}: {reason}"
+            f"`Trapezoidal`: no motion from {short_repr(first)} to {short_repr(last)}: {reason}"
         ) from None
     return trajectory.profiles[0]

@@ -203,7 +203,7 @@ class _Evaluation:
             raise ExpressionError("only a function by its name is called")
         called = self.value(node.func)
         if not callable(called):
-            raise ExpressionError("this is not called, as it is no function")
+            raise ExpressionError("this is called, but it is not a function")
         return called(*arguments, **options)
 
     def _refuse_long(self, *texts: Any) -> None:

@@ -294,7 +294,7 @@ def _only_leaf(model: Any) -> str:
 def _check_tip(model: Any, joints: Sequence[Joint], tip: str) -> None:
     if tip not in {joint.link for joint in joints}:
         known = [model.body(i).name for i in range(1, model.nbody)] + [model.site(i).name for i in range(model.nsite)]
-        raise DefinitionError(f"`tip` names `{tip}`, which is no body and no site; {nearest_word(tip, known)}")
+        raise DefinitionError(f"`tip` names `{tip}`, which is neither a body nor a site; {nearest_word(tip, known)}")
 
 
 def _gravity(model: Any) -> list[float]:

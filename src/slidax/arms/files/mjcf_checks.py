@@ -126,7 +126,7 @@ def _check_joints(model: Any, free: set[int]) -> None:
         if model.jnt_stiffness[joint] or np.any(model.jnt_stiffnesspoly[joint]):
             raise DefinitionError(f"joint `{name}` has stiffness, a spring, which an arm here does not have; remove it")
         if np.any(model.dof_dampingpoly[model.jnt_dofadr[joint]]):
-            raise DefinitionError(f"the damping of joint `{name}` is no straight line; give one number")
+            raise DefinitionError(f"the damping of joint `{name}` is not a straight line; give one number")
 
 
 def _check_equalities(model: Any, free: set[int]) -> None:
@@ -281,10 +281,10 @@ def drop_weightless_shapes(spec: Any, folder: Path, meshes: bool, attached: bool
 def has_inertia_from_shapes(body: Any) -> bool:
     """True if a body's inertia comes from its shapes."""
     kinds = mujoco().mjtInertiaFromGeom
-    way = body.compiler.inertiafromgeom
-    if way == kinds.mjINERTIAFROMGEOM_AUTO:
+    setting = body.compiler.inertiafromgeom
+    if setting == kinds.mjINERTIAFROMGEOM_AUTO:
         return not body.explicitinertial
-    return bool(way == kinds.mjINERTIAFROMGEOM_TRUE)
+    return bool(setting == kinds.mjINERTIAFROMGEOM_TRUE)
 
 
 def _make_ball(geom: Any) -> None:
@@ -296,7 +296,7 @@ def leave_out_objects(spec: Any, tip: str | None) -> list[str]:
     """Delete bodies that are not part of the arm, and return their names.
 
     Each child of the world is the root of a tree. With a tip, all moving trees without it are objects. Without a tip,
-    trees with a free or a ball joint are objects, if another tree can be an arm. Bodies in an equality are no objects.
+    trees with a free or a ball joint are objects, if another tree can be an arm. Bodies in an equality are not objects.
 
     - `tip`: name of the body or site at the arm's end; None if unknown.
     """

@@ -36,7 +36,7 @@ def description_file(name: str) -> Path:
         module = import_module(f"robot_descriptions.{name}")
     except ModuleNotFoundError:
         raise DefinitionError(
-            f"`{name}` is no robot of robot_descriptions; `python -m robot_descriptions list` lists them"
+            f"`{name}` is not a robot of robot_descriptions; `python -m robot_descriptions list` lists them"
         ) from None
     except Exception as error:
         # It runs git, whose failures have no common class.

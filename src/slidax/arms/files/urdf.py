@@ -308,8 +308,8 @@ def _coupled(arm: Articulated, mimicry: Mimicry, notes: Notes) -> Coupled:
         narrowed = both != (float(arm.limits.lower[own]), float(arm.limits.upper[own]))
         becomes = f", whose range becomes {both[0]:.6g} to {both[1]:.6g}" if narrowed else ""
         notes.add(
-            f"{{}} follows joint `{leader}` at the ratio {ratio:g} and the offset {offset:g}{becomes}, and is no joint "
-            f"of the arm by itself; locked={{'{name}': POSITION}} holds it",
+            f"{{}} follows joint `{leader}` at the ratio {ratio:g} and the offset {offset:g}{becomes}, and is not a "
+            f"joint of the arm by itself; locked={{'{name}': POSITION}} holds it",
             f"joint `{name}`",
         )
     return coupled
