@@ -138,7 +138,9 @@ def test_presets_say_where_their_numbers_come_from() -> None:
 
 
 def test_a_name_of_several_is_asked_for_with_its_kind() -> None:
-    with pytest.raises(DefinitionError, match=r"several: say `performance.fixed_time` or `reaching.fixed_time`"):
+    with pytest.raises(
+        DefinitionError, match=r"ambiguous name `fixed_time`: use `performance.fixed_time` or `reaching.fixed_time`"
+    ):
         explain_parameters("fixed_time")
     assert explain_parameters("reaching.fixed_time")["parameters"][0]["path"] == "gain"
     with pytest.raises(DefinitionError, match="did you mean `computed_torque`"):
