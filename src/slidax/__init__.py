@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from slidax.core import OutcomeError as OutcomeError
     from slidax.core import Reference as Reference
     from slidax.core import State as State
+    from slidax.export import load_export as load_export
     from slidax.report import figures as figures
     from slidax.simulation import MujocoPlant as MujocoPlant
     from slidax.simulation import Plant as Plant
@@ -60,6 +61,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _EXPORTED = {
+    "export": ("load_export",),
     "core": ("Command", "DefinitionError", "DefinitionWarning", "Envelope", "OutcomeError", "Reference", "State"),
     "simulation": ("MujocoPlant", "Plant", "Run", "Stepping", "simulate", "simulate_batch"),
 }

@@ -22,12 +22,24 @@ LawName = Annotated[str | None, typer.Option(help="Name of the law in C; default
 
 Floats = Annotated[bool, typer.Option("--float", help="Use float instead of double.")]
 
+Quick = Annotated[
+    bool,
+    typer.Option(
+        "--quick", help="Leave out tests and golden samples, which take most of the time: for a next variant."
+    ),
+]
+
 Compensation = StrEnum("Compensation", ["law", "robot"])
 """Who compensates gravity."""
 
 
 def export_c(
-    scenario: Named, out: Folder, name: LawName = None, single: Floats = False, changes: Changes = None
+    scenario: Named,
+    out: Folder,
+    name: LawName = None,
+    single: Floats = False,
+    quick: Quick = False,
+    changes: Changes = None,
 ) -> None:
     """Export the law as a C99 project: library, tests against Python, latency benchmark, example, C++ wrapper."""
 
@@ -40,7 +52,8 @@ def export_c(
 
     with errors_as_lines():
         out.mkdir(parents=True, exist_ok=True)
-    _export("c", "slidax.export", scenario, changes, out, summary, name=name, single=single)
+    options = {"name": name, "single": single, "golden": not quick}
+    _export("c", "slidax.export", scenario, changes, out, summary, **options)
 
 
 def export_micro(
@@ -55,18 +68,29 @@ def export_micro(
 
 
 def export_franka(
-    scenario: Named, out: Folder, name: LawName = None, single: Floats = False, changes: Changes = None
+    scenario: Named,
+    out: Folder,
+    name: LawName = None,
+    single: Floats = False,
+    quick: Quick = False,
+    changes: Changes = None,
 ) -> None:
     """Export the law as a program for a Franka arm: C++ for libfranka, Python for pylibfranka, and a rehearsal."""
-    _export("franka", "slidax.export.robots", scenario, changes, out, "for a Franka arm", name=name, single=single)
+    options = {"name": name, "single": single, "golden": not quick}
+    _export("franka", "slidax.export.robots", scenario, changes, out, "for a Franka arm", **options)
 
 
 def export_ur(
-    scenario: Named, out: Folder, name: LawName = None, single: Floats = False, changes: Changes = None
+    scenario: Named,
+    out: Folder,
+    name: LawName = None,
+    single: Floats = False,
+    quick: Quick = False,
+    changes: Changes = None,
 ) -> None:
     """Export the law as a program for a Universal Robots arm: Python for ur_rtde's directTorque, and a rehearsal."""
-    arm = "for a Universal Robots arm"
-    _export("ur", "slidax.export.robots", scenario, changes, out, arm, name=name, single=single)
+    options = {"name": name, "single": single, "golden": not quick}
+    _export("ur", "slidax.export.robots", scenario, changes, out, "for a Universal Robots arm", **options)
 
 
 def export_can(
@@ -75,11 +99,12 @@ def export_can(
     motors: Annotated[str, typer.Option(help="Comma-separated, for each joint, such as DM8009,DM4340,DM4310.")],
     name: LawName = None,
     single: Floats = False,
+    quick: Quick = False,
     changes: Changes = None,
 ) -> None:
     """Export the law as a program for CAN motors with MIT mode (Damiao): Python for python-can, and the frames in C."""
     names = [each.strip() for each in motors.split(",")]
-    options = {"motors": names, "name": name, "single": single}
+    options = {"motors": names, "name": name, "single": single, "golden": not quick}
     _export("can", "slidax.export.can_motors", scenario, changes, out, "for CAN motors", **options)
 
 
@@ -91,10 +116,11 @@ def export_ros2(
     gravity: Annotated[
         Compensation, typer.Option(help="Who compensates gravity: `robot` if the robot does so itself.")
     ] = Compensation.law,
+    quick: Quick = False,
     changes: Changes = None,
 ) -> None:
     """Export the law as a ROS 2 package: a ros2_control controller for MoveIt, and a node in Python."""
-    options = {"name": name, "single": single, "gravity": gravity.value}
+    options = {"name": name, "single": single, "gravity": gravity.value, "golden": not quick}
     _export("ros2", "slidax.export.ros2", scenario, changes, out, "for ros2_control", **options)
 
 
@@ -173,7 +199,8 @@ def _export(
         export = getattr(import_module(module), f"export_{target}")
         project = export(parts, out, command=command_line(), **options)
         text = summary if isinstance(summary, str) else summary(project)
-        typer.echo(f"{project.law} in {project.real}s, {text}: {out.resolve() / 'README.md'}")
+        readme = out.resolve() / "README.md"
+        typer.echo(f"{project.law} in {project.real}s, {text}: {readme if readme.is_file() else out.resolve()}")
 
 
 @contextmanager

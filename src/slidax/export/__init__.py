@@ -6,6 +6,8 @@ run next to an exported law without slidax. `lockstep` and `real_time_loop` run 
 """
 
 from .c_project import export_c as export_c
+from .exported_law import ExportedLaw as ExportedLaw
+from .exported_law import load_export as load_export
 from .guarded_step import GuardedStep as GuardedStep
 from .measure import measure_step as measure_step
 from .status import StepMemory as StepMemory

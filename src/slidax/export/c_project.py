@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import json
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
@@ -318,6 +319,8 @@ FILES = {
     "header.h.j2": "{prefix}.h",
     "step.c.j2": "{prefix}.c",
     "wrapper.hpp.j2": "{prefix}.hpp",
+    "flat.h.j2": "{prefix}_flat.h",
+    "flat.c.j2": "{prefix}_flat.c",
     "scenario.h.j2": "{prefix}_scenario.h",
     "scenario.c.j2": "{prefix}_scenario.c",
     "golden.h.j2": "golden.h",
@@ -332,26 +335,79 @@ FILES = {
 
 STEP = {
     template: FILES[template]
-    for template in ("header.h.j2", "step.c.j2", "wrapper.hpp.j2", "scenario.h.j2", "scenario.c.j2")
+    for template in (
+        "header.h.j2",
+        "step.c.j2",
+        "wrapper.hpp.j2",
+        "flat.h.j2",
+        "flat.c.j2",
+        "scenario.h.j2",
+        "scenario.c.j2",
+    )
 }
 """The files that a program needs: all but tests and golden samples."""
 
 
 def export_c(
-    scenario: Scenario, out: Path, *, name: str | None = None, single: bool = False, command: str = ""
+    scenario: Scenario,
+    out: Path,
+    *,
+    name: str | None = None,
+    single: bool = False,
+    command: str = "",
+    golden: bool = True,
 ) -> CProject:
     """Write a scenario's law as a C project to the folder `out`; existing files of the same names are overwritten.
 
     - `name`: the law's name in C; by default the scenario's.
     - `single`: floats instead of doubles.
     - `command`: the command line, quoted in the file headers.
+    - `golden`: include tests, golden samples, example and build file; they take most of the time.
 
     Raises DefinitionError if there is no native code for the law, the name is not valid in C, or the folder cannot be
     written.
     """
-    exported = project(scenario, name=name, single=single, command=command)
-    write_files(exported, out, FILES)
+    exported = project(scenario, name=name, single=single, command=command, with_golden=golden)
+    write_files(exported, out, FILES if golden else STEP)
+    with writing(out):
+        write_text(out / "law.json", json.dumps(describe_law(exported), indent=1) + "\n")
     return exported
+
+
+def describe_law(exported: CProject) -> dict[str, Any]:
+    """The step's structures for languages that do not read C, as `law.json` has them."""
+    return {
+        "name": exported.name,
+        "prefix": exported.prefix,
+        "title": exported.title,
+        "law": exported.law,
+        "real": exported.real,
+        "joints": len(exported.joints),
+        "units": [joint.q for joint in exported.joints],
+        "torque_units": [joint.tau for joint in exported.joints],
+        "period": exported.period,
+        "t1": exported.t1,
+        "delay": exported.delay,
+        "version": exported.version,
+        "structures": {
+            "parameters": _described(exported.parameters, exported),
+            "reference": _described(exported.reference, exported),
+            "command": _described(exported.outputs, exported),
+        },
+        "conditions": [{"name": each.name, "bit": each.bit, "meaning": each.meaning} for each in exported.conditions],
+    }
+
+
+def _described(these: list[Member], exported: CProject) -> list[dict[str, Any]]:
+    return [
+        {
+            "name": each.name,
+            "type": exported.dialect.type(each.type),
+            "size": each.size if each.shape else 0,
+            "meaning": each.meaning,
+        }
+        for each in these
+    ]
 
 
 def write_files(exported: CProject, out: Path, templates: Mapping[str, str], **values: Any) -> None:

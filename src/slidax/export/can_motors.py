@@ -9,9 +9,9 @@ from pathlib import Path
 from slidax.core.errors import DefinitionError, each_of, nearest_word
 from slidax.scenarios.scenario import Scenario
 
-from .c_project import CProject, write_files
+from .c_project import CProject, export_c, write_files
 from .onboard.can_motors import run_can
-from .robots import RobotLimits, write_law, write_onboard
+from .robots import RobotLimits, write_onboard
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ def export_can(
     if len(motors) != joints:
         raise DefinitionError(f"`motors` must have a name for {each_of(joints, 'joint')}; got {len(motors)}")
     chosen = [MOTORS[word] for word in motors]
-    exported = write_law(scenario, out / "law", name=name, single=single, command=command, golden=golden)
+    exported = export_c(scenario, out / "law", name=name, single=single, command=command, golden=golden)
     limits = RobotLimits.of(scenario, exported)
     if exported.delay < 1:
         raise DefinitionError(

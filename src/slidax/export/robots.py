@@ -26,7 +26,7 @@ from slidax.plant.actuators import Actuator, TorqueLimits
 from slidax.scenarios.scenario import Scenario
 from slidax.simulation.plant import MujocoPlant, Plant
 
-from .c_project import STEP, CProject, export_c, project, write_files, writing
+from .c_project import CProject, describe_law, export_c, write_files, writing
 from .c_source import function_body
 from .c_structures import Member
 from .onboard.franka import run_franka
@@ -363,19 +363,10 @@ def export_robot(
             f"got {scenario.period:g}: `--set simulation.period={1e3 * target.period:g}e-3`"
         )
     weightless = weight_by_robot(scenario)
-    exported = write_law(weightless, out / "law", name=name, single=single, command=command, golden=golden)
+    exported = export_c(weightless, out / "law", name=name, single=single, command=command, golden=golden)
     limits = RobotLimits.of(weightless, exported, lost=target.lost, carried=True)
     write_onboard(exported, limits, out, {"program.py": target.program})
     write_files(exported, out, {f"{target.folder}/{name}": file for name, file in target.files.items()}, o=limits)
-    return exported
-
-
-def write_law(scenario: Scenario, out: Path, *, name: str | None, single: bool, command: str, golden: bool) -> CProject:
-    """Write the step itself, with tests and golden samples if `golden`; the options are those of `export_c`."""
-    if golden:
-        return export_c(scenario, out, name=name, single=single, command=command)
-    exported = project(scenario, name=name, single=single, command=command, with_golden=False)
-    write_files(exported, out, STEP)
     return exported
 
 
@@ -400,8 +391,10 @@ def write_onboard(
     folder = out / "law"
     c_files = (*C_FILES, *(f"{name}.{ending}" for name in sources for ending in ("c", "h")))
     write_files(exported, folder, {f"onboard/{name}.j2": f"{{prefix}}_{name}" for name in c_files}, o=limits)
-    law = describe_structures(exported, limits) | ({"names": list(names)} if names else {}) | dict(more or {})
-    law["sources"] += [f"_{name}" for name in sources]
+    law = describe_law(exported) | dict(more or {}) | ({"names": list(names)} if names else {})
+    law["sources"] = ["", "_scenario", *(f"_{name}" for name in (*SOURCES, *sources))]
+    law["reasons"] = [{"name": each.name, "meaning": each.meaning, "stops": each.stops} for each in limits.reasons]
+    law["phases"] = ["hold", "approach", "small", "widen", "motion", "rest", "follow"]
     files: dict[str, Any] = {f"{_stem(part)}.py": part for part in (Pilot, MotionLog, load_law, rehearse)}
     with writing(out):
         write_text(folder / "law.json", json.dumps(law, indent=1) + "\n")
@@ -418,45 +411,6 @@ def standalone_source(part: Any) -> str:
 def _stem(part: Any) -> str:
     name: str = part.__module__
     return name.rpartition(".")[2]
-
-
-def describe_structures(exported: CProject, limits: RobotLimits) -> dict[str, Any]:
-    """The step's structures for languages that do not read C, as `law.json` has them."""
-    return {
-        "name": exported.name,
-        "prefix": exported.prefix,
-        "title": exported.title,
-        "law": exported.law,
-        "real": exported.real,
-        "joints": len(exported.joints),
-        "units": [joint.q for joint in exported.joints],
-        "torque_units": [joint.tau for joint in exported.joints],
-        "sources": ["", "_scenario", *(f"_{name}" for name in SOURCES)],
-        "period": exported.period,
-        "t1": exported.t1,
-        "delay": exported.delay,
-        "version": exported.version,
-        "structures": {
-            "parameters": _members(exported.parameters, exported),
-            "reference": _members(exported.reference, exported),
-            "command": _members(exported.outputs, exported),
-        },
-        "conditions": [{"name": each.name, "bit": each.bit, "meaning": each.meaning} for each in exported.conditions],
-        "reasons": [{"name": each.name, "meaning": each.meaning, "stops": each.stops} for each in limits.reasons],
-        "phases": ["hold", "approach", "small", "widen", "motion", "rest", "follow"],
-    }
-
-
-def _members(these: list[Member], exported: CProject) -> list[dict[str, Any]]:
-    return [
-        {
-            "name": each.name,
-            "type": exported.dialect.type(each.type),
-            "size": each.size if each.shape else 0,
-            "meaning": each.meaning,
-        }
-        for each in these
-    ]
 
 
 FRANKA = RobotTarget(

@@ -16,10 +16,10 @@ from slidax.core.joint_names import are_numbered
 from slidax.core.writing import write_text
 from slidax.scenarios.scenario import Scenario
 
-from .c_project import CProject, write_files, writing
+from .c_project import CProject, export_c, write_files, writing
 from .c_structures import Member
 from .onboard.ros2_node import Node
-from .robots import RobotLimits, own_plant, weight_by_robot, write_law, write_onboard
+from .robots import RobotLimits, own_plant, weight_by_robot, write_onboard
 
 KEPT = ("nominal_payload_mass", "nominal_payload_center", "nominal_gravity_vector", "nominal_armature")
 """Settable parameters of the nominal arm; the others describe the arm itself and keep their compiled values."""
@@ -212,7 +212,7 @@ def export_ros2(
         raise DefinitionError(f'`gravity` must be "law" or "robot"; got "{gravity}"')
     carried = gravity == "robot"
     fitted = weight_by_robot(scenario) if carried else scenario
-    exported = write_law(fitted, out / "law", name=name, single=single, command=command, golden=golden)
+    exported = export_c(fitted, out / "law", name=name, single=single, command=command, golden=golden)
     allowed = RobotLimits.of(fitted, exported, carried=carried)
     package = f"slidax_{exported.name}_controller"
     names = interface_names(own_plant(scenario).robot.joint_names)

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from slidax import scenarios
+from slidax.export.c_project import export_c
 from slidax.export.onboard import pilot as onboard
 from slidax.export.onboard import rehearsal
 from slidax.export.onboard.rehearsal import RehearsalArm, rehearse
-from slidax.export.robots import SOURCES, RobotLimits, write_law, write_onboard
+from slidax.export.robots import SOURCES, RobotLimits, write_onboard
 from tests.export.exported import STRICT, allow_error, compiled, needs_a_compiler, quickly_compiled
 
 SCENARIO = scenarios.load("example-4.1-1khz", {"scheme": {"name": "computed_torque"}})
@@ -21,7 +22,7 @@ PARTS = ("q", "dq", "ddq")
 @pytest.fixture(scope="module")
 def law(tmp_path_factory):
     folder = tmp_path_factory.mktemp("onboard")
-    project = write_law(SCENARIO, folder / "law", name="law", single=False, command="", golden=False)
+    project = export_c(SCENARIO, folder / "law", name="law", golden=False)
     write_onboard(project, RobotLimits.of(SCENARIO, project), folder)
     for part in SOURCES:
         compiled("gcc", folder / "law", f"slidax_law_{part}.c", "-c", "-o", f"{part}.o", *STRICT)
@@ -213,7 +214,7 @@ def test_the_structures_are_as_large_here_as_in_c(law, tmp_path):
 
 
 def test_it_compiles_in_floats_too(tmp_path):
-    project = write_law(SCENARIO, tmp_path / "law", name="law", single=True, command="", golden=False)
+    project = export_c(SCENARIO, tmp_path / "law", name="law", single=True, golden=False)
     write_onboard(project, RobotLimits.of(SCENARIO, project), tmp_path)
     for part in SOURCES:
         compiled("gcc", tmp_path / "law", f"slidax_law_{part}.c", "-c", "-o", f"{part}.o", "-Wdouble-promotion")

@@ -36,6 +36,24 @@ POINTS = 256
 """Largest number of points of a trajectory, as in C."""
 
 
+def compile_library(folder: Path, sources: Sequence[str], name: str) -> Path:
+    """Compile C files of a folder to the shared library `name` there, unless it is newer; return its path.
+
+    Raises OSError if a file or the compiler is missing, subprocess.CalledProcessError if they do not compile.
+    """
+    paths, library = [folder / source for source in sources], folder / name
+    newest = max(each.stat().st_mtime for each in paths)
+    if not library.is_file() or library.stat().st_mtime < newest:
+        compiler = os.environ.get("CC", "cc").split()
+        more = os.environ.get("CFLAGS", "").split()
+        # Built under a temporary name, so that a concurrent build never loads an incomplete file.
+        handle, temporary = tempfile.mkstemp(suffix=".so", dir=folder)
+        os.close(handle)
+        subprocess.run([*compiler, *FLAGS, *more, *map(str, paths), "-lm", "-o", temporary], check=True)
+        os.replace(temporary, library)
+    return library
+
+
 class CompiledLaw:
     """An exported law, compiled and loaded.
 
@@ -76,18 +94,8 @@ class CompiledLaw:
         return getattr(self.library, f"{self.prefix}_{name}")
 
     def _compiled(self) -> Path:
-        sources = [self.folder / f"{self.prefix}{part}.c" for part in self.about["sources"]]
-        library = self.folder / f"lib{self.prefix}.so"
-        newest = max(each.stat().st_mtime for each in sources)
-        if not library.is_file() or library.stat().st_mtime < newest:
-            compiler = os.environ.get("CC", "cc").split()
-            more = os.environ.get("CFLAGS", "").split()
-            # Built under a temporary name, so that a concurrent build never loads an incomplete file.
-            handle, temporary = tempfile.mkstemp(suffix=".so", dir=self.folder)
-            os.close(handle)
-            subprocess.run([*compiler, *FLAGS, *more, *map(str, sources), "-lm", "-o", temporary], check=True)
-            os.replace(temporary, library)
-        return library
+        sources = [f"{self.prefix}{part}.c" for part in self.about["sources"]]
+        return compile_library(self.folder, sources, f"lib{self.prefix}.so")
 
     def _structures(self) -> None:
         real, vector = self.real, self.vector

@@ -1,0 +1,155 @@
+"""An exported law as a Python object: its C code, compiled and called by ctypes."""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import subprocess
+from collections.abc import Iterator, MutableMapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slidax.core.errors import DefinitionError, nearest_word
+
+from .onboard.pilot import C_TYPES, compile_library
+
+
+class ExportedLaw(MutableMapping[str, np.ndarray]):
+    """One arm's exported law. As a mapping it has the law's parameters, which may be changed between two steps.
+
+    - `folder`: of the C project.
+    - `about`: content of its `law.json`: joints, period, structures, conditions.
+    - `joints`, `period`: number of joints, and sample time [s].
+    """
+
+    def __init__(self, folder: Path, about: dict[str, Any], library: ctypes.CDLL) -> None:
+        self.folder, self.about, self._library = folder, about, library
+        self.joints: int = about["joints"]
+        self.period: float = about["period"]
+        self._real = C_TYPES[about["real"]]
+        self._vector, self._reference = self._real * self.joints, self._real * (3 * self.joints)
+        self._memory = ctypes.create_string_buffer(self._function("size", ctypes.c_size_t)())
+        self._at = ctypes.c_void_p(ctypes.addressof(self._memory))
+        self._step = self._function("step", ctypes.c_uint32)
+        self._function("default", None)(self._at)
+        self._parameters, self._command = (self._structure(name) for name in ("parameters", "command"))
+        self._sizes = {each["name"]: each["size"] for each in about["structures"]["parameters"]}
+
+    def step(
+        self, t: float, q: Sequence[float], dq: Sequence[float], now: Any, following: Any = None
+    ) -> tuple[np.ndarray, int]:
+        """Return the torque [n], N m or N, and the status of one sample.
+
+        - `t`: time [s].
+        - `q`, `dq`: measured positions and velocities [n].
+        - `now`, `following`: positions, velocities and accelerations [3 n] of the reference at this sample and one
+          period later; by default `following` continues `now` with its acceleration.
+        """
+        wanted = self._rows(now, "now")
+        if following is None:
+            h, (position, velocity, acceleration) = self.period, wanted
+            following = (
+                position + h * velocity + 0.5 * h * h * acceleration,
+                velocity + h * acceleration,
+                acceleration,
+            )
+        later, tau = self._rows(following, "following"), self._vector()
+        vectors = [self._vector(*self._row(value, name)) for name, value in (("q", q), ("dq", dq))]
+        references = [self._reference(*rows.ravel()) for rows in (wanted, later)]
+        status = self._step(self._at, self._real(t), *vectors, *references, tau)
+        return np.array(tau, float), int(status)
+
+    def reset(self) -> None:
+        """Clear the state: the next good sample starts the law."""
+        self._function("reset", None)(self._at)
+
+    def another(self) -> ExportedLaw:
+        """Return the same law for another arm, with a state and parameters of its own."""
+        return ExportedLaw(self.folder, self.about, self._library)
+
+    def conditions(self, status: int) -> list[str]:
+        """Names of the bits that are set in a status."""
+        return [each["name"] for each in self.about["conditions"] if status & each["bit"]]
+
+    @property
+    def signals(self) -> dict[str, np.ndarray]:
+        """The torque and the law's signals of the last step, by name."""
+        members = self.about["structures"]["command"]
+        return {each["name"]: np.array(getattr(self._command, each["name"]), float) for each in members}
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return np.array(getattr(self._parameters, self._known(name)), float)
+
+    def __setitem__(self, name: str, value: Any) -> None:
+        size = self._sizes[self._known(name)]
+        numbers = np.broadcast_to(np.asarray(value, float), (size,) if size else ())
+        setattr(self._parameters, name, tuple(numbers.tolist()) if size else float(numbers))
+
+    def __delitem__(self, name: str) -> None:
+        raise DefinitionError(f"the parameter `{name}` is part of the exported law and cannot be removed")
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._sizes)
+
+    def __len__(self) -> int:
+        return len(self._sizes)
+
+    def _known(self, name: str) -> str:
+        if name not in self._sizes:
+            raise DefinitionError(f"unknown parameter `{name}`; {nearest_word(name, self._sizes)}")
+        return name
+
+    def _row(self, value: Any, name: str) -> np.ndarray:
+        row = np.asarray(value, float)
+        if row.shape != (self.joints,):
+            raise DefinitionError(f"`{name}` must have shape [{self.joints}]; got {list(row.shape)}")
+        return row
+
+    def _rows(self, value: Any, name: str) -> np.ndarray:
+        rows = np.asarray(value, float)
+        if rows.shape != (3, self.joints):
+            raise DefinitionError(f"`{name}` must have shape [3, {self.joints}]; got {list(rows.shape)}")
+        return rows
+
+    def _function(self, name: str, result: Any) -> Any:
+        function = getattr(self._library, f"{self.about['prefix']}_flat_{name}")
+        function.restype = result
+        return function
+
+    def _structure(self, name: str) -> Any:
+        fields = [
+            (each["name"], C_TYPES[each["type"]] * each["size"] if each["size"] else C_TYPES[each["type"]])
+            for each in self.about["structures"][name]
+        ]
+        kind: Any = type(name.capitalize(), (ctypes.Structure,), {"_fields_": fields})
+        return self._function(name, ctypes.POINTER(kind))(self._at).contents
+
+
+def load_export(folder: str | Path) -> ExportedLaw:
+    """Load an exported law; its C code is compiled once, by `$CC` or `cc`.
+
+    - `folder`: of a C project, or of an export for a robot with the law in its folder `law`.
+
+    Raises DefinitionError if there is no export or it does not compile.
+    """
+    place = next((path for path in (Path(folder), Path(folder) / "law") if (path / "law.json").is_file()), None)
+    if place is None:
+        raise DefinitionError(
+            f"`{folder}` has no exported law (law.json): write one by `slidax export c SCENARIO --out DIR`"
+        )
+    about = json.loads((place / "law.json").read_text(encoding="utf-8"))
+    prefix = about["prefix"]
+    try:
+        library = compile_library(place, [f"{prefix}.c", f"{prefix}_flat.c"], f"lib{prefix}_flat.so")
+    except FileNotFoundError as error:
+        raise DefinitionError(
+            f"`{error.filename}` is missing: install a C compiler or set CC, or export again"
+        ) from None
+    except subprocess.CalledProcessError as error:
+        raise DefinitionError(f"the law in `{place}` does not compile: {error}") from None
+    return ExportedLaw(place, about, ctypes.CDLL(str(library)))
+
+
+__all__ = ["ExportedLaw", "load_export"]

@@ -1,0 +1,108 @@
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import slidax as sx
+from slidax import scenarios
+from slidax.core.errors import DefinitionError
+from slidax.core.types import Reference, State
+from slidax.export import export_c
+from slidax.export.loop_plans import guarded_law
+from slidax.export.robots import export_ur
+from tests.export.exported import needs_a_compiler
+
+SCENARIO = scenarios.load("example-4.1-1khz")
+pytestmark = needs_a_compiler
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("exported")
+    export_c(SCENARIO, folder, name="law", golden=False)
+    return folder
+
+
+@pytest.fixture
+def law(folder):
+    return sx.load_export(folder)
+
+
+def samples(count):
+    rng = np.random.default_rng(1)
+    reference = eqx.filter_jit(SCENARIO.trajectory.reference)
+    h = SCENARIO.period
+    for k in range(count):
+        now, following = (reference(jnp.asarray(t)) for t in (k * h, (k + 1) * h))
+        q, dq = (np.asarray(part) + rng.normal(scale=1e-4, size=2) for part in (now.q, now.dq))
+        yield k * h, q, dq, now, following
+
+
+def rows(reference):
+    return np.stack([reference.q, reference.dq, reference.ddq])
+
+
+def test_an_exported_law_answers_as_python_does(law):
+    guard, memory = guarded_law(SCENARIO), None
+    step = eqx.filter_jit(guard.step)
+    for t, q, dq, now, following in samples(60):
+        state = State(jnp.asarray(q), jnp.asarray(dq))
+        if memory is None:
+            memory = guard.init(jnp.asarray(t), state, now)
+        command, status = step(jnp.asarray(t), state, now, following, memory)
+        memory = command.memory
+        tau, bits = law.step(t, q, dq, rows(now), rows(following))
+        assert tau == pytest.approx(np.asarray(command.tau), rel=1e-9, abs=1e-9) and bits == int(status)
+    assert law.signals["tau"].tolist() == tau.tolist() and "s" in law.signals
+    assert law.joints == 2 and law.period == pytest.approx(1e-3)
+
+
+def test_a_reference_without_a_next_row_goes_on_with_its_acceleration(law):
+    other, still = law.another(), Reference(*(jnp.zeros(2),) * 3)
+    first = law.step(0.0, [0.01, 0.0], [0.0, 0.0], rows(still))
+    assert first[0].tolist() == other.step(0.0, [0.01, 0.0], [0.0, 0.0], rows(still), rows(still))[0].tolist()
+
+
+def test_parameters_are_read_and_set_by_name_for_each_arm_alone(law):
+    other = law.another()
+    name = next(key for key in law if key.startswith("surface"))
+    before = law[name]
+    law[name] = 1.5 * before
+    assert law[name].tolist() == (1.5 * before).tolist() and other[name].tolist() == before.tolist()
+    for t, q, dq, now, following in samples(20):
+        changed, same = (each.step(t, q, dq, rows(now), rows(following))[0] for each in (law, other))
+    assert not np.allclose(changed, same)
+    with pytest.raises(DefinitionError, match="unknown parameter `surfacek1`; did you mean"):
+        law["surfacek1"] = 1.0
+
+
+def test_a_bad_sample_has_its_condition_and_a_reset_starts_anew(law):
+    t, q, dq, now, following = next(samples(1))
+    first, _ = law.step(t, q, dq, rows(now), rows(following))
+    held, status = law.step(t, [np.nan, 0.0], dq, rows(now), rows(following))
+    assert law.conditions(status) == ["MEASUREMENT_NOT_FINITE"] and held.tolist() == first.tolist()
+    law.reset()
+    again, _ = law.step(t, q, dq, rows(now), rows(following))
+    assert again.tolist() == first.tolist()
+
+
+def test_shapes_and_folders_are_checked(law, tmp_path, monkeypatch):
+    with pytest.raises(DefinitionError, match=r"`q` must have shape \[2\]; got \[3\]"):
+        law.step(0.0, [0.0] * 3, [0.0] * 2, np.zeros((3, 2)))
+    with pytest.raises(DefinitionError, match=r"`now` must have shape \[3, 2\]; got \[2\]"):
+        law.step(0.0, [0.0] * 2, [0.0] * 2, np.zeros(2))
+    with pytest.raises(DefinitionError, match="has no exported law"):
+        sx.load_export(tmp_path)
+    monkeypatch.setenv("CC", "no-such-compiler")
+    (law.folder / "libslidax_law_flat.so").unlink()
+    with pytest.raises(DefinitionError, match="`no-such-compiler` is missing: install a C compiler or set CC"):
+        sx.load_export(law.folder)
+
+
+def test_the_law_of_a_robots_export_is_loaded_too(tmp_path):
+    scenario = scenarios.load("ur5e-payload", {"scheme": {"name": "computed_torque"}})
+    export_ur(scenario, tmp_path, name="law", golden=False)
+    law = sx.load_export(tmp_path)
+    q = np.asarray(scenario.state0.q)
+    tau, status = law.step(0.0, q, np.zeros(6), np.stack([q, 0 * q, 0 * q]))
+    assert tau.shape == (6,) and np.isfinite(tau).all() and law.about["joints"] == 6 and status == 0
