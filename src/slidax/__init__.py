@@ -49,7 +49,6 @@ if TYPE_CHECKING:
     from slidax.core import OutcomeError as OutcomeError
     from slidax.core import Reference as Reference
     from slidax.core import State as State
-    from slidax.export import load_export as load_export
     from slidax.report import figures as figures
     from slidax.simulation import MujocoPlant as MujocoPlant
     from slidax.simulation import Plant as Plant

@@ -21,13 +21,11 @@ class ExportedLaw(MutableMapping[str, np.ndarray]):
 
     - `folder`: of the C project.
     - `about`: content of its `law.json`: joints, period, structures, conditions.
-    - `joints`, `period`: number of joints, and sample time [s].
+    - `library`: its compiled code.
     """
 
     def __init__(self, folder: Path, about: dict[str, Any], library: ctypes.CDLL) -> None:
         self.folder, self.about, self._library = folder, about, library
-        self.joints: int = about["joints"]
-        self.period: float = about["period"]
         self._real = C_TYPES[about["real"]]
         self._vector, self._reference = self._real * self.joints, self._real * (3 * self.joints)
         self._memory = ctypes.create_string_buffer(self._function("size", ctypes.c_size_t)())
@@ -36,6 +34,16 @@ class ExportedLaw(MutableMapping[str, np.ndarray]):
         self._function("default", None)(self._at)
         self._parameters, self._command = (self._structure(name) for name in ("parameters", "command"))
         self._sizes = {each["name"]: each["size"] for each in about["structures"]["parameters"]}
+
+    @property
+    def joints(self) -> int:
+        """The number of joints."""
+        return int(self.about["joints"])
+
+    @property
+    def period(self) -> float:
+        """Sample time [s]."""
+        return float(self.about["period"])
 
     def step(
         self, t: float, q: Sequence[float], dq: Sequence[float], now: Any, following: Any = None
