@@ -1,5 +1,6 @@
 """Chunks on a cluster of Dask: the same rows, whichever worker computed them, and whichever of them died."""
 
+import json
 import os
 import signal
 import threading
@@ -27,6 +28,28 @@ pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pyte
 def test_an_address_that_is_none_is_one_line(where, words):
     with pytest.raises(DefinitionError, match=words):
         Cluster(where)
+
+
+def test_a_scheduler_file_and_the_environment_name_the_scheduler(tmp_path, monkeypatch):
+    import distributed
+
+    how = {"n_workers": 0, "processes": False, "protocol": "tcp://", "host": "127.0.0.1", "dashboard_address": None}
+    with distributed.LocalCluster(**how) as farm:
+        address = farm.scheduler_address
+        (tmp_path / "scheduler.json").write_text(json.dumps({"address": address}))
+        monkeypatch.setenv("DASK_SCHEDULER_ADDRESS", address)
+        for where in (str(tmp_path / "scheduler.json"), "env"):
+            with Cluster(where) as pool:
+                assert pool._client.scheduler_info()["address"] == address
+
+
+def test_a_missing_scheduler_address_has_its_remedy(tmp_path, monkeypatch):
+    monkeypatch.delenv("DASK_SCHEDULER_ADDRESS", raising=False)
+    with pytest.raises(DefinitionError, match="from DASK_SCHEDULER_ADDRESS, which is not set"):
+        Cluster("env")
+    (tmp_path / "scheduler.json").write_text("{}")
+    with pytest.raises(DefinitionError, match="has no `address`; `dask scheduler --scheduler-file"):
+        Cluster(str(tmp_path / "scheduler.json"))
 
 
 @pytest.mark.full

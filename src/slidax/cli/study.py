@@ -28,7 +28,11 @@ def study(
     out: Annotated[Path | None, typer.Option(help="Folder for rows, results and a report.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Resume with the rows in that folder.")] = False,
     cluster: Annotated[
-        str | None, typer.Option(help="Cluster that computes the rows: `local:2`, or the address of a Dask scheduler.")
+        str | None,
+        typer.Option(
+            help="Cluster that computes the rows: `local:2`, the address of a Dask scheduler, its scheduler file "
+            "(scheduler.json), or `env` for DASK_SCHEDULER_ADDRESS."
+        ),
     ] = None,
     part: Annotated[
         str | None,

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import json
+import os
 import threading
 from collections.abc import Iterator
+from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 import numpy as np
 
 from slidax.core.errors import DefinitionError, plain_name
+from slidax.core.files import MEGABYTE, read_bytes
 
 from .cases import Columns, StudyTask, Values
 from .runner import AbstractPool
+
+ADDRESS = "DASK_SCHEDULER_ADDRESS"
+"""Environment variable of Dask with the scheduler's address."""
 
 AHEAD = 2
 """Chunks submitted per worker, so that no worker waits for the next."""
@@ -27,13 +34,31 @@ LOOKS = 5.0
 """Interval between checks that local workers are alive [s]."""
 
 
+def _address(where: str) -> str:
+    """The address in a scheduler file or in the environment; another text is returned as it is."""
+    if where == "env":
+        if ADDRESS not in os.environ:
+            raise DefinitionError(f"`--cluster env` reads the scheduler's address from {ADDRESS}, which is not set")
+        return os.environ[ADDRESS]
+    if not where.endswith(".json"):
+        return where
+    content = read_bytes(Path(where), "the scheduler file", most=MEGABYTE)
+    try:
+        return str(json.loads(content)["address"])
+    except (ValueError, TypeError, KeyError):
+        raise DefinitionError(
+            f"the scheduler file `{where}` has no `address`; `dask scheduler --scheduler-file {where}` writes one"
+        ) from None
+
+
 class Cluster(AbstractPool):
     """Dask workers, each of which computes whole chunks; the results do not depend on the worker, bit for bit.
 
     - `where`: `local:2` for two local processes, or the address of a scheduler, such as `tcp://10.0.0.1:8786`, whose
-      workers must have slidax and the files that the scenario names.
+      workers must have slidax and the files that the scenario names. The address may stand in a scheduler file, such as
+      `scheduler.json`, or with `env` in the environment variable DASK_SCHEDULER_ADDRESS.
 
-    Raises DefinitionError if Dask is not installed, or no scheduler answers.
+    Raises DefinitionError if Dask is not installed, there is no such address, or no scheduler answers.
     """
 
     def __init__(self, where: str) -> None:
@@ -44,6 +69,7 @@ class Cluster(AbstractPool):
                 "a cluster needs Dask, which is not installed: pip install 'slidax[cluster]'"
             ) from None
         self._dask: Any = distributed
+        where = _address(where)
         kind, _, rest = where.partition(":")
         self._local: Any = None
         if kind == "local":
@@ -55,7 +81,8 @@ class Cluster(AbstractPool):
             self._local = int(rest)
         elif "://" not in where:
             raise DefinitionError(
-                f"`--cluster` must be `local:2`, or an address such as `tcp://10.0.0.1:8786`; got `{plain_name(where)}`"
+                f"`--cluster` must be `local:2`, an address such as `tcp://10.0.0.1:8786`, a scheduler file "
+                f"(scheduler.json) or `env`; got `{plain_name(where)}`"
             )
         self._where = where
 
