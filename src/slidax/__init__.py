@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from slidax.core import Reference as Reference
     from slidax.core import State as State
     from slidax.report import figures as figures
+    from slidax.scenarios import new as new
     from slidax.simulation import MujocoPlant as MujocoPlant
     from slidax.simulation import Plant as Plant
     from slidax.simulation import Run as Run
@@ -62,6 +63,7 @@ __version__ = "0.1.0"
 _EXPORTED = {
     "export": ("load_export",),
     "core": ("Command", "DefinitionError", "DefinitionWarning", "Envelope", "OutcomeError", "Reference", "State"),
+    "scenarios": ("new",),
     "simulation": ("MujocoPlant", "Plant", "Run", "Stepping", "simulate", "simulate_batch"),
 }
 _HOME = {name: package for package, names in _EXPORTED.items() for name in names}

@@ -11,6 +11,7 @@ from .catalogue import explain_parameters as explain_parameters
 from .catalogue import schema as schema
 from .draft import Draft as Draft
 from .draft import draft as draft
+from .draft import new as new
 from .load import alter as alter
 from .load import load as load
 from .load import names as names

@@ -19,10 +19,12 @@ from slidax.arms.files.find_arm import ArmInFile, find_arm
 from slidax.arms.files.mjcf import from_mjcf
 from slidax.arms.files.robot_descriptions import description_file, is_description
 from slidax.arms.files.urdf import from_urdf
-from slidax.core.errors import DefinitionError, nearest_word
+from slidax.core.errors import DefinitionError, DefinitionWarning, nearest_word
 from slidax.simulation.states import Numbers
 
 from .draft_choices import Motion, Ratings, home_of, motion_about, ratings_of
+from .load import parse
+from .scenario import Scenario
 from .yaml_text import dump_commented
 
 RADIUS = 5.0
@@ -214,6 +216,21 @@ def draft(robot: str | Path, rate: float = 1000.0, *, tip: str | None = None, fo
     motion = motion_about(arm, ratings, home)
     notes = (*notes, *ratings.notes)
     return Draft(draft_text(Choices(arm, block, rate, ratings, home, motion, notes)), notes)
+
+
+def new(robot: str | Path, rate: float = 1000.0, *, tip: str | None = None) -> Scenario:
+    """Return a scenario for an arm that runs, as `slidax new` writes it.
+
+        scenario = slidax.new("arm.urdf", rate=500)
+
+    - `robot`, `rate`, `tip`: as in `draft`. A warning lists the assumptions in place of missing data.
+
+    Raises DefinitionError as `draft` does.
+    """
+    drafted = draft(robot, rate, tip=tip)
+    if drafted.notes:
+        warnings.warn(f"assumed: {'; '.join(drafted.notes)}", DefinitionWarning, stacklevel=2)
+    return parse(drafted.text).build(Path(robot).stem)
 
 
 def _arm(robot: str, tip: str | None, folder: Path) -> tuple[Articulated, dict[str, Any], tuple[str, ...]]:

@@ -55,7 +55,7 @@ def alter_description(description: ScenarioDescription, changes: dict[str, Any])
 
     Raises DefinitionError if a value is invalid.
     """
-    return validate_text(description.model_dump(exclude_unset=True), changes)
+    return description.changed(changes)
 
 
 def read_description(scenario: str | Path) -> ScenarioDescription:

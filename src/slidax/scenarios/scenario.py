@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self
 
 import equinox as eqx
 import jax
@@ -26,6 +28,7 @@ from slidax.core.errors import (
     require_joints,
 )
 from slidax.core.integrators import runge_kutta_4, semi_implicit_euler
+from slidax.core.method_above import MethodAbove
 from slidax.core.types import State, Timing
 from slidax.law.controllers import AbstractController
 from slidax.law.error_transformations import PrescribedPerformance
@@ -110,6 +113,42 @@ class Scenario:
         scenario = replace(self, **others, stepping=stepping, changed=changed)
         require_fitting(*scenario.parts, stepping=stepping)
         return scenario
+
+    def set(self, changes: dict[str, Any]) -> Scenario:
+        """Return the scenario with other values by dotted path, as `--set` writes them.
+
+            scenario.set({"scheme.surface.k1": 0.4, "start.q[elbow]": 0.3})
+
+        - `changes`: values by path, validated as in a file. `scheme.name` comes first and selects another scheme.
+
+        Raises DefinitionError if a value is invalid, or `replace` changed a part, which would be lost.
+        """
+        if self.changed:
+            changed = ", ".join(f"`{name}`" for name in self.changed)
+            raise DefinitionError(f"`replace` changed {changed}, which `set` would lose: use `set` before `replace`")
+        return self.description.changed(changes).build(self.name)
+
+    sweep = MethodAbove("slidax.studies.by_path:sweep")
+    grad = MethodAbove("slidax.studies.by_path:grad")
+    report = MethodAbove("slidax.report.pages:write_run_report")
+
+    def _facts(self) -> dict[str, str]:
+        facts = {
+            "arm": f"{self.robot}, {count_noun(self.controller.joints, 'joint')}",
+            "controller": f"{self.scheme}, every {1e3 * self.period:g} ms",
+            "duration": f"{self.t1:g} s",
+            "uncertainty": ", ".join(self.description.uncertainty) or "none",
+        }
+        return facts | ({"replaced": ", ".join(self.changed)} if self.changed else {})
+
+    def __repr__(self) -> str:
+        lines = [f"  {name:<12} {fact}" for name, fact in self._facts().items()]
+        return "\n".join([f"Scenario `{self.name}`: {self.description.title}", *lines])
+
+    def _repr_html_(self) -> str:
+        """HTML for a notebook."""
+        rows = "".join(f"<tr><th>{name}</th><td>{escape(fact)}</td></tr>" for name, fact in self._facts().items())
+        return f"<b>{escape(self.description.title)}</b> <code>{escape(self.name)}</code><table>{rows}</table>"
 
     @property
     def parts(self) -> Parts:
@@ -325,6 +364,19 @@ class ScenarioDescription(AbstractDescription):
             log_every=simulation.log_every,
             tolerance=tolerance_of(self.tolerance, nominal.arms.true),
         )
+
+    def changed(self, changes: dict[str, Any]) -> Self:
+        """Return the description with other values by dotted path.
+
+        Raises DefinitionError if a value is invalid.
+        """
+        data = with_changes(self.model_dump(exclude_unset=True), changes)
+        try:
+            description = type(self).model_validate(data, context={"folder": Path()})
+        except ValidationError as error:
+            raise validation_error(error, data) from None
+        description.as_it_is()
+        return description
 
     def as_it_is(self) -> ScenarioDescription:
         """Return the description with the values of `truth`.

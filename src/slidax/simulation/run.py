@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
+from importlib import import_module
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import equinox as eqx
@@ -182,6 +183,11 @@ class Run(eqx.Module):
     has_envelope: bool = eqx.field(static=True)
     timing: RunTiming | None = eqx.field(static=True, default=None)
     load: FreeBody | None = None
+
+    @property
+    def plot(self) -> Any:
+        """Figures of the run: `run.plot.errors()`, `run.plot.errors(ax=ax)`, `run.plot.torques()` and others."""
+        return import_module("slidax.report.figures.run_plots").RunPlots(self)
 
     @property
     def joints(self) -> int:

@@ -193,6 +193,24 @@ class Cases:
                 result[row] = self._scenario(item).simulate(log_every=1, progress=False) if runs is None else runs[i]
         return result
 
+    def batch(self, values: Values, log_every: int | None = None) -> Run:
+        """The runs of cases as one `Run`, by one compiled loop.
+
+        - `values`: by path, of every path of the family.
+        - `log_every`: log one in so many samples; None logs none.
+
+        Raises DefinitionError if a value is no array of the loop.
+        """
+        groups = self._groups(values, len(next(iter(values.values()))))
+        loop = self._loop(groups[0][1], values) if len(groups) == 1 else None
+        if loop is None:
+            fixed = [path for path, varies in (self._traceable or {}).items() if not varies]
+            raise DefinitionError(
+                f"{', '.join(f'`{path}`' for path in fixed)} cannot vary within a compiled loop: simulate the "
+                "scenarios one by one"
+            )
+        return loop.simulated(values, self.threads, log_every)
+
     def _groups(self, values: Values, rows: int) -> list[tuple[NDArray[Any], tuple[Any, ...]]]:
         """The rows of each loop, with the loop's key."""
         if self._traceable is None:
