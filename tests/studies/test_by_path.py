@@ -74,7 +74,7 @@ def test_new_makes_a_scenario_of_a_file_that_holds_and_warns_of_its_assumptions(
     scenario = slidax.new("examples/robots/small_arm.urdf", rate=500).set({"simulation.t1": 2.5})
     run = scenario.simulate(progress=False)
     assert scenario.period == 0.002 and run.outcome.ok and np.max(steady_error(run)) < 1e-3
-    with pytest.warns(DefinitionWarning, match="assumed: all joints: no ends in the file"):
+    with pytest.warns(DefinitionWarning, match="assumed: all joints: no position limits in the file"):
         slidax.new("examples/robots/two_link.urdf")
 
 
