@@ -9,6 +9,7 @@ from typer.main import get_command
 import slidax
 from slidax import scenarios
 from slidax.cli import app
+from slidax.cli.common import complete_scenarios
 
 from .commands import in_process
 
@@ -31,6 +32,18 @@ def test_list_shows_every_built_in_scenario_with_a_line():
 def test_list_shows_the_members_of_a_room(kind, member):
     assert member in json.loads(in_process("list", kind, "--json").stdout)[kind]
     assert member in in_process("list", kind).stdout and member in in_process("list").stdout
+
+
+def test_h_is_short_for_help_in_every_command():
+    for words in ((), ("run",), ("export",), ("export", "c")):
+        assert in_process(*words, "-h", code=0).stdout == in_process(*words, "--help", code=0).stdout
+
+
+def test_shell_completes_scenarios(monkeypatch, tmp_path):
+    (tmp_path / "panda-mine.yaml").write_text("", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    assert {"panda-mine.yaml", "panda-payload"} <= set(complete_scenarios("panda"))
+    assert complete_scenarios("example-4.2") == ["example-4.2", "example-4.2-1khz"]
 
 
 COMMANDS = [

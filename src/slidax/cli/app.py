@@ -32,7 +32,7 @@ app = typer.Typer(
     help="Sliding-mode control of robot arms inside a prescribed error envelope.",
     epilog="Start with:  slidax run example-4.1",
     no_args_is_help=True,
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
 )

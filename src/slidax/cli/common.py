@@ -14,7 +14,23 @@ from typing import Annotated, Any
 
 import typer
 
-Named = Annotated[str, typer.Argument(help="A built-in scenario by name, or a YAML file.")]
+
+def complete_scenarios(incomplete: str) -> list[str]:
+    """Built-in scenarios and YAML files that begin with the `incomplete` word, for the shell."""
+    from importlib.resources import files
+
+    built_in = [
+        Path(entry.name).stem
+        for entry in (files("slidax.scenarios") / "built_in").iterdir()
+        if entry.name.endswith(".yaml")
+    ]
+    own = [str(path) for path in Path().glob("*.y*ml")]
+    return sorted(name for name in built_in + own if name.startswith(incomplete))
+
+
+Named = Annotated[
+    str, typer.Argument(help="A built-in scenario by name, or a YAML file.", autocompletion=complete_scenarios)
+]
 
 Changes = Annotated[
     list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="Set a field, as YAML; repeatable.")
