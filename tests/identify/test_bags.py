@@ -156,7 +156,7 @@ def test_messages_of_another_publisher_are_left_out(tmp_path):
 
 def test_driver_that_fills_in_torques_of_0_is_refused(tmp_path):
     path = write_mcap(tmp_path / "log.mcap", {"/joint_states": arm_messages(tau=0.0 * TAU)})
-    result = in_process("identify", str(path), "--robot", "examples/robots/three_link.urdf")
+    result = in_process("identify", str(path), "--robot", "tests/identify/three_link.urdf")
     assert result.exit_code == 2
     lines = result.output.strip().splitlines()
     assert len(lines) == 1 and "the torques of `log.mcap` are all 0" in lines[0]

@@ -27,7 +27,7 @@ PAYLOAD = Payload(
 
 
 def arm_with_drives(name):
-    arm = sx.arms.from_urdf("examples/robots/three_link.urdf") if name == "three_link" else getattr(sx.arms, name)()
+    arm = sx.arms.from_urdf("tests/identify/three_link.urdf") if name == "three_link" else getattr(sx.arms, name)()
     n = arm.joints
     values = (as_array(np.linspace(0.2, 0.1, n)), as_array(np.full(n, 0.8)), as_array(np.full(n, 0.4)), PAYLOAD)
     return eqx.tree_at(lambda robot: (robot.armature, robot.coulomb, robot.viscous, robot.payload), arm, values)
@@ -280,29 +280,29 @@ def covered(result, arm):
 
 @pytest.mark.full
 def test_truth_lies_in_the_band_of_93_to_99_of_100_logs():
-    arm, known = arm_with_drives("three_link"), sx.arms.from_urdf("examples/robots/three_link.urdf")
+    arm, known = arm_with_drives("three_link"), sx.arms.from_urdf("tests/identify/three_link.urdf")
     inside = [covered(identify(log_of(arm, seed), known, links=True), arm) for seed in range(200)]
     assert 0.93 <= np.mean(inside) <= 0.99
 
 
 def test_truth_lies_in_the_band_of_a_few_logs():
-    arm, known = arm_with_drives("three_link"), sx.arms.from_urdf("examples/robots/three_link.urdf")
+    arm, known = arm_with_drives("three_link"), sx.arms.from_urdf("tests/identify/three_link.urdf")
     results = [identify(log_of(arm, seed), known, links=True) for seed in (1, 2, 3)]
     assert sum(covered(result, arm) for result in results) >= 2
     assert all(result.band.p < 0.05 for result in results)
 
 
 def test_a_longer_log_makes_the_band_narrower():
-    arm, known = arm_with_drives("three_link"), sx.arms.from_urdf("examples/robots/three_link.urdf")
+    arm, known = arm_with_drives("three_link"), sx.arms.from_urdf("tests/identify/three_link.urdf")
     short, long = (identify(log_of(arm, 0, seconds), known).band for seconds in (10.0, 40.0))
     assert long.p < 0.75 * short.p
     assert not short.links and "exact links" in str(short)
 
 
 def test_the_file_of_an_arm_has_its_band_as_an_uncertainty_set(tmp_path):
-    arm, known = arm_with_drives("three_link"), sx.arms.from_urdf("examples/robots/three_link.urdf")
+    arm, known = arm_with_drives("three_link"), sx.arms.from_urdf("tests/identify/three_link.urdf")
     result = identify(log_of(arm, 0), known, links=True)
-    write_arm(result, {"kind": "urdf", "file": "examples/robots/three_link.urdf"}, tmp_path / "arm.yaml")
+    write_arm(result, {"kind": "urdf", "file": "tests/identify/three_link.urdf"}, tmp_path / "arm.yaml")
     (tmp_path / "scenario.yaml").write_text(
         "title: identified\nrobot: {kind: identified, file: arm.yaml}\nuncertainty: {file: arm.yaml}\n"
         "trajectory: {kind: minimum_jerk, times: [0, 1], waypoints: [[0, 0, 0], [0.3, 0.3, 0.3]]}\n"
@@ -319,7 +319,7 @@ def test_the_file_of_an_arm_has_its_band_as_an_uncertainty_set(tmp_path):
 
 
 def test_arms_drawn_from_an_identified_band_are_within_it(tmp_path):
-    arm, known = arm_with_drives("three_link"), sx.arms.from_urdf("examples/robots/three_link.urdf")
+    arm, known = arm_with_drives("three_link"), sx.arms.from_urdf("tests/identify/three_link.urdf")
     result = identify(log_of(arm, 0), known, links=True)
     band = InertialBand(band=result.band.p, deviations=result.band.deviations.tolist())
     leaf = Leaf(INERTIAL_PATH, None, 3, arm=lambda: result.robot)

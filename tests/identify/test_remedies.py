@@ -17,7 +17,7 @@ from slidax.identify import JointLog
 from slidax.scenarios import named_robot
 from tests.identify.recorded import moved, recorded
 
-FILE = Path("examples/robots/three_link.urdf")
+FILE = Path("tests/identify/three_link.urdf")
 COULOMB = [1.5, 1.2, 0.6]
 
 

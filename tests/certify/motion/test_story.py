@@ -105,16 +105,16 @@ TRUTH = {"payload": 0.7, "coulomb": 0.25, "viscous": 0.4, "rotor": 0.06}
 
 
 def test_motions_of_an_arm_known_from_a_log_stay_within_their_bounds_in_mujoco(tmp_path: Path) -> None:
-    urdf = Path("examples/robots/three_link.urdf").resolve()
+    urdf = Path("examples/robots/small_arm.urdf").resolve()
     assert_motions_stay_within_their_bounds(MujocoArm(urdf, "hand", **TRUTH), urdf, tmp_path, 3)
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("joints", [3, 6])
+@pytest.mark.parametrize("joints", [4, 6])
 def test_hundred_motions_stay_within_their_bounds_in_mujoco(joints: int, tmp_path: Path) -> None:
-    urdf = Path("examples/robots/three_link.urdf").resolve()
+    urdf = Path("examples/robots/small_arm.urdf").resolve()
     if joints == 6:
         urdf = tmp_path / "chain.urdf"
         urdf.write_text(chain_urdf(6, np.random.default_rng(6)))
-    last = {3: "hand", 6: "l5"}[joints]
+    last = {4: "hand", 6: "l5"}[joints]
     assert_motions_stay_within_their_bounds(MujocoArm(urdf, last, **TRUTH), urdf, tmp_path, 100)
