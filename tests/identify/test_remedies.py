@@ -177,6 +177,6 @@ def test_a_joint_that_follows_is_held_where_the_message_says(tmp_path):
 
 
 def test_joints_that_an_option_holds_are_held_in_addition_to_those_of_the_file(tmp_path):
-    (tmp_path / "arm.yaml").write_text(f"robot: {{kind: urdf, file: '{FILE}', locked: {{wrist: 0.1}}}}\n")
+    (tmp_path / "arm.yaml").write_text(f"robot: {{kind: urdf, file: '{FILE.resolve()}', locked: {{wrist: 0.1}}}}\n")
     arm, _ = named_robot(str(tmp_path / "arm.yaml"), locked={"elbow": 0.2})
     assert arm.joint_names == ("shoulder",)
