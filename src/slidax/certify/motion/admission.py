@@ -21,11 +21,20 @@ from ..certificate import Assumption, Verdict, certificate
 from .certified_law import CertifiedLaw
 from .drive_limits import DriveBounds, drive_bounds
 from .law_limits import law_lines, plan_lines
+from .parameter_sets import INERTIAL
 from .tracking_bound import NAME, TITLE, WIDEST, CertifiedPath, certified_path, verdict_of
 
 Floats = NDArray[np.float64]
 
-COVERED = (INERTIAL_PATH, "robot.plant.coulomb", "robot.plant.viscous", "disturbance", "start", "tolerance")
+COVERED = (
+    INERTIAL_PATH,
+    *INERTIAL,
+    "robot.plant.coulomb",
+    "robot.plant.viscous",
+    "disturbance",
+    "start",
+    "tolerance",
+)
 """Blocks of an uncertainty set that the bound covers."""
 
 SLOW_DOWNS = (1.1, 1.25, 1.41, 1.6, 1.8, 2.0, 2.5, 3.0, 4.0)

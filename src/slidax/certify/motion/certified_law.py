@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
 from slidax.arms.articulated import Articulated
 from slidax.core.errors import DefinitionError
-from slidax.identify.band import Band, arm_parameters
-from slidax.identify.mass_bound import MassBound
 from slidax.law.sampled.controller import SampledData
 from slidax.law.sampled.gate import MeasurementGate
 from slidax.plant.sensors import AbstractSensor, Delayed, DifferencedEncoders, Encoders, Exact, Lossy
@@ -26,7 +23,8 @@ from ..uncertainty_set import family_of, set_ends
 from .body_points import BodyPoints
 from .hand_over import HandOver
 from .joint_loop import JointLoop
-from .parameter_region import BodyBand, ParameterRegion, identified_region
+from .parameter_region import BodyBand, ParameterRegion, ball_region, joined_regions
+from .parameter_sets import numbers_regions
 from .tracking_bound import ArmUncertainty
 
 Floats = NDArray[np.float64]
@@ -82,7 +80,7 @@ class CertifiedLaw:
         if start_speed.any() and not isinstance(_behind_delay(plants[0].sensor), DifferencedEncoders):
             raise DefinitionError("a bound along a motion needs an arm that starts at rest: set `start.dq` to 0")
         uncertainty = ArmUncertainty(
-            _region(scenario, arm, bodies, plants, robots),
+            _region(scenario, arm, bodies, plants[0]),
             coulomb=np.maximum(*(np.asarray(robot.coulomb, float) for robot in robots)),
             viscous_error=np.maximum(
                 *(np.abs(np.asarray(robot.viscous, float) - np.asarray(arm.viscous)) for robot in robots)
@@ -114,59 +112,20 @@ def _ends(scenario: Scenario) -> list[tuple[Plant, Articulated, Any]]:
     return both
 
 
-def _region(
-    scenario: Scenario, arm: Articulated, bodies: BodyPoints, plants: list[Plant], robots: list[Articulated]
-) -> ParameterRegion:
+def _region(scenario: Scenario, arm: Articulated, bodies: BodyPoints, plant: Plant) -> ParameterRegion:
     """The region of the true arm's inertial parameters."""
     family = family_of(scenario)
     band = None if family is None else family.space.sets.get(INERTIAL_PATH)
-    offset = _offset(arm, plants, robots)
-    if offset is None and not isinstance(band, InertialBand):
-        return BodyBand(0.0, 0.0).region(bodies)
-    if offset is None and isinstance(band, InertialBand) and band.deviations is None:
-        return BodyBand(band.band, band.band).region(bodies)
-    p, confidence, rows = 0.0, 1.0, []
+    regions = []
     if isinstance(band, InertialBand):
         if band.deviations is None:
-            raise DefinitionError(
-                "the true arm differs from the nominal one, and lies in a band around it as well: leave out the "
-                f"differences in `robot.plant`, or `{INERTIAL_PATH}` with a band wide enough for both"
-            )
-        p, confidence = band.band, band.confidence or 1.0
-        rows.append(np.asarray(band.deviations, float))
-    if offset is not None:
-        p += float(MassBound(arm, arm_parameters(arm)).of(offset[None])[0])
-        rows.append(offset[None])
-    # Two balls lie in one of √2 times the radius.
-    empty = np.zeros((2, 0))
-    deviations = np.sqrt(len(rows)) * np.concatenate(rows)
-    region = identified_region(arm, Band(confidence, p, empty, empty, empty, deviations, True))
-    if offset is None:
-        return region
-    known = f"a known difference, all together p = {100 * p:.2g} % of the mass matrix"
-    return replace(region, title=known if len(rows) == 1 else f"the band and {known}")
-
-
-def _offset(arm: Articulated, plants: list[Plant], robots: list[Articulated]) -> Floats | None:
-    """Difference of the true arm's inertial parameters from the nominal ones [11n]; None if there is none."""
-    phi, offsets = arm_parameters(arm), []
-    for plant, robot in zip(plants, robots, strict=True):
-        load = plant.load
-        if load is not None:
-            if float(load.attached) > 0.0 or np.isfinite(float(load.released)):
-                raise DefinitionError(
-                    "a payload that comes or goes during a motion has no bound: set `robot.plant.load.attached: 0` and "
-                    "leave out `released`, or certify the motions before and after"
-                )
-            robot = eqx.tree_at(lambda arm: arm.payload, robot, robot.payload.joined(load.payload))
-        offsets.append(arm_parameters(robot) - phi)
-    if np.any(offsets[0] != offsets[1]):
-        raise DefinitionError(
-            "uncertain masses or rotors have a bound as a band alone: set "
-            f"`uncertainty.{INERTIAL_PATH}: {{band: 0.03}}`"
-        )
-    size = float(np.max(np.abs(offsets[0]) / np.maximum(np.abs(phi), 1e-9)))
-    return offsets[0] if size > 1e-12 else None
+            regions.append(BodyBand(band.band, band.band).region(bodies))
+        else:
+            rows, confidence = np.asarray(band.deviations, float), band.confidence or 1.0
+            title = f"the band of the identified arm, p = {100 * band.band:.2g} % ({100 * confidence:g} % confidence)"
+            regions.append(ball_region(arm, rows, band.band, title))
+    regions += numbers_regions(scenario, arm, plant)
+    return joined_regions(regions) if regions else BodyBand(0.0, 0.0).region(bodies)
 
 
 def _disturbance(plants: list[Plant], joints: int) -> Floats:

@@ -11,7 +11,8 @@ The ellipsoid is exact for torques at a point. The cover serves for what is smal
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -119,6 +120,59 @@ def identified_region(arm: Articulated, band: Band) -> ParameterRegion:
         deviations=pseudo,
         rotor_deviations=deviations[:, BODY * n :],
         title=f"the band of the identified arm, p = {100 * band.p:.2g} % ({100 * band.confidence:g} % confidence)",
+    )
+
+
+def ball_region(arm: Articulated, rows: Floats, p: float, title: str) -> ParameterRegion:
+    """Return the region of `ξ D` with |ξ| <= 1.
+
+    - `arm`: the nominal one. `rows`: D [r 11n]. `p`: of statement 1. `title`: the region in words.
+
+    Raises DefinitionError as `identified_region` does.
+    """
+    require_small(p)
+    empty = np.zeros((2, 0))
+    return replace(identified_region(arm, Band(1.0, p, empty, empty, empty, rows, True)), title=title)
+
+
+def require_small(p: float) -> None:
+    """Raise DefinitionError unless p of statement 1 is below 1."""
+    if not p < 1.0:
+        raise DefinitionError(
+            f"the mass matrix may differ by p = {p:.3g} of the nominal one, and a bound along a motion needs less than "
+            "1: make the sets narrower, or identify the arm"
+        )
+
+
+def joined_regions(regions: Sequence[ParameterRegion]) -> ParameterRegion:
+    """Return the region of sums of one error from each region.
+
+    p and the covers add up. With weights `w_k > 0` whose sum is 1, a sum of vectors from balls is in the ball of the
+    rows `D_k/√w_k`; the weights are in proportion to p.
+
+    Raises DefinitionError if p is not below 1.
+    """
+    regions = [region for region in regions if region.p > 0.0] or list(regions[:1])
+    p = sum(region.p for region in regions)
+    require_small(p)
+    sizes = f"all together p = {100 * p:.2g} % of the mass matrix"
+    if len(regions) == 1:
+        only = regions[0]
+        return only if "%" in only.title else replace(only, title=f"{only.title}, {sizes}")
+    whole = all(region.has_ellipsoid for region in regions)
+    widened = [np.sqrt(p / region.p) for region in regions]
+    first = regions[0]
+    return ParameterRegion(
+        p=p,
+        points=points_of(sum((np.swapaxes(each.points, 1, 2) @ each.points for each in regions), np.zeros(()))),
+        rotors=np.sum([region.rotors for region in regions], axis=0),
+        deviations=np.concatenate([f * each.deviations for f, each in zip(widened, regions, strict=True)])
+        if whole
+        else first.deviations[:0],
+        rotor_deviations=np.concatenate([f * each.rotor_deviations for f, each in zip(widened, regions, strict=True)])
+        if whole
+        else first.rotor_deviations[:0],
+        title=f"{' and '.join(each.title for each in regions)}, {sizes}",
     )
 
 

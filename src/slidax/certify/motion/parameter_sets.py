@@ -1,0 +1,148 @@
+"""Sets of a scenario's numbers, such as link masses and rotors, as a region of the true arm's inertial parameters.
+
+The inertial parameters φ are affine in masses, in inertias about fixed centres, and in rotors. So over a box of such
+numbers `φ = φ_m + Σ_k ξ_k D_k` with |ξ_k| <= 1, for the middle φ_m and a row D_k per number. A row that adds mass only
+has `M(D_k) >= 0` for every q. Of these rows
+
+1. `-M(Σ D_k) <= ΔM <= M(Σ D_k)`, so that one p holds for all of them together;
+2. `-Σ J(D_k) <= ΔJ_b <= Σ J(D_k)` for each body;
+3. `Σ ξ_k D_k` is in the ellipsoid of the rows `D_k/√w_k` with `Σ w_k = 1`, since `Σ w_k ξ_k² <= 1`.
+
+With `w_k` in proportion to the size of D_k, equal rows are one row, and empty rows are none.
+"""
+
+from __future__ import annotations
+
+import equinox as eqx
+import numpy as np
+from numpy.typing import NDArray
+
+from slidax.arms.articulated import Articulated
+from slidax.core.errors import DefinitionError
+from slidax.identify.band import arm_parameters
+from slidax.identify.mass_bound import MassBound
+from slidax.identify.regressor import BODY
+from slidax.scenarios.family import Family
+from slidax.scenarios.scenario import Scenario
+from slidax.scenarios.uncertainty import INERTIAL_PATH
+from slidax.simulation.plant import Plant
+
+from ..uncertainty_set import UncertainValue, family_of, set_ends, uncertain_values
+from .body_points import points_of, pseudo_inertias
+from .parameter_region import ParameterRegion, ball_region
+
+Floats = NDArray[np.float64]
+
+INERTIAL = tuple(f"robot.plant.{name}" for name in ("mass_factor", "inertia_factor", "armature", "load"))
+"""Paths of numbers that change inertial parameters."""
+
+POINTS = 3
+"""Points of a box at which its rows are compared with the arm itself."""
+
+ROUNDING = 1e-9
+
+
+def numbers_regions(scenario: Scenario, arm: Articulated, plant: Plant) -> list[ParameterRegion]:
+    """Return regions whose sum is that of the true arm's numbers and their sets; none if it is the nominal arm.
+
+    - `arm`: the nominal arm. `plant`: with some values of the sets.
+
+    Raises DefinitionError if inertial parameters are not affine in a number, or a payload comes or goes.
+    """
+    family = family_of(scenario)
+    sets = {} if family is None else {k: each for k, each in family.space.sets.items() if k.startswith(INERTIAL)}
+    nominal = arm_parameters(arm)
+    size = np.maximum(np.abs(nominal), ROUNDING)
+    if family is None or not sets:
+        offset, rows = true_parameters(plant) - nominal, np.zeros((0, nominal.size))
+    else:
+        axes = [axis for path, each in sets.items() for axis in uncertain_values(path, each, family.space.leaves[path])]
+        middle, rows = _affine(family, axes)
+        offset = middle - nominal
+    bound = MassBound(arm, nominal)
+    regions = []
+    if len(rows):
+        regions.append(_box_region(bound, rows))
+    if np.max(np.abs(offset) / size) > 1e-12:
+        title = "the known difference of their middle" if regions else "a known difference"
+        regions.append(ball_region(arm, offset[None], float(bound.of(offset[None])[0]), title))
+    return regions
+
+
+def true_parameters(plant: Plant) -> Floats:
+    """Return the inertial parameters of a true arm with its payload [11n].
+
+    Raises DefinitionError if the payload comes or goes, or the arm is not one of rigid links.
+    """
+    robot, load = plant.robot, plant.load
+    if not isinstance(robot, Articulated):
+        raise DefinitionError(f"a bound along a motion needs an arm of rigid links; got a {type(robot).__name__}")
+    if load is not None:
+        if float(load.attached) > 0.0 or np.isfinite(float(load.released)):
+            raise DefinitionError(
+                "a payload that comes or goes during a motion has no bound: set `robot.plant.load.attached: 0` and "
+                "leave out `released`, or certify the motions before and after"
+            )
+        robot = eqx.tree_at(lambda arm: arm.payload, robot, robot.payload.joined(load.payload))
+    return arm_parameters(robot)
+
+
+def _affine(family: Family, axes: list[UncertainValue]) -> tuple[Floats, Floats]:
+    """φ in the middle of the box, and a row for each axis [K 11n].
+
+    Raises DefinitionError if they do not describe the arm elsewhere in the box.
+    """
+    numbers = {path: each for path, each in family.space.sets.items() if path != INERTIAL_PATH}
+    ends = {path: set_ends(each, family.space.leaves[path]) for path, each in numbers.items()}
+    middle = {path: 0.5 * (low + high) for path, (low, high) in ends.items()}
+    template = family.templates(middle)
+
+    def parameters(signs: Floats) -> Floats:
+        values = {path: np.array(value) for path, value in middle.items()}
+        for axis, sign in zip(axes, signs, strict=True):
+            share = np.array([0.5 * (1.0 + sign)])
+            values[axis.path] = axis.moved(values[axis.path][None], share)[0]
+        plant = family.parts(template, values)[0]
+        assert isinstance(plant, Plant)
+        return true_parameters(plant)
+
+    count = len(axes)
+    base = parameters(np.zeros(count))
+    rows = np.stack([0.5 * (parameters(unit) - parameters(-unit)) for unit in np.eye(count)])
+    # φ is a polynomial of the numbers: one that agrees with an affine map at a generic point is that map.
+    for signs in np.random.default_rng(0).uniform(-1.0, 1.0, (POINTS, count)):
+        apart = np.abs(parameters(signs) - base - signs @ rows)
+        if np.any(apart > ROUNDING * (np.abs(base) + np.abs(rows).sum(axis=0) + ROUNDING)):
+            paths = ", ".join(dict.fromkeys(f"`{axis.path}`" for axis in axes))
+            raise DefinitionError(
+                f"the inertial parameters are not affine in {paths}, as in a payload's centre: leave "
+                f"those sets out and set `uncertainty.{INERTIAL_PATH}: {{band: 0.03}}`"
+            )
+    return base, rows
+
+
+def _box_region(bound: MassBound, rows: Floats) -> ParameterRegion:
+    """The region of `Σ ξ_k D_k` with |ξ_k| <= 1."""
+    n = rows.shape[1] // (BODY + 1)
+    bodies, rotors = pseudo_inertias(rows[:, : BODY * n]), rows[:, BODY * n :]
+    # Numbers that take mass away are turned round.
+    turned = np.where(np.trace(bodies.sum(axis=1), axis1=1, axis2=2) + rotors.sum(axis=1) < 0.0, -1.0, 1.0)
+    rows, bodies, rotors = rows * turned[:, None], bodies * turned[:, None, None, None], rotors * turned[:, None]
+    least = np.linalg.eigvalsh(bodies).min(axis=(1, 2))
+    largest = np.abs(bodies).max(axis=(1, 2, 3))
+    if np.any(least < -ROUNDING * largest) or np.any(rotors < 0.0):
+        raise DefinitionError(
+            "a number of the set adds to one inertia and takes from another, so that it has no bound of its own: set "
+            f"`uncertainty.{INERTIAL_PATH}: {{band: 0.03}}`"
+        )
+    sizes = bound.of(rows, refine=False)
+    rows_of = np.sqrt(np.sum(sizes) / sizes)
+    p = float(bound.of(rows.sum(axis=0)[None])[0])
+    return ParameterRegion(
+        p=p,
+        points=points_of(bodies.sum(axis=0)),
+        rotors=rotors.sum(axis=0),
+        deviations=bodies * rows_of[:, None, None, None],
+        rotor_deviations=rotors * rows_of[:, None],
+        title="the sets of numbers of the true arm",
+    )
