@@ -97,8 +97,10 @@ def test_the_commands_go_from_a_robot_to_a_motion_and_from_a_log_to_an_arm(tmp_p
     assert mass["value"] == pytest.approx(1.4, abs=4 * mass["standard_error"])
     page = (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
     assert "payload.mass" in page and "held-out part" in page and "<svg" in page
-    again = in_process("identify", "log.csv", "--robot", "arm.yaml", "--no-rotors")
+    again = in_process("identify", "log.csv", "--robot", "arm.yaml", "--no-rotors", "--payload-as", "ur")
     assert again.exit_code == 0 and "armature" not in again.output
+    mass = float(again.output.split("set_target_payload(")[1].split(",")[0])
+    assert mass == pytest.approx(1.4, abs=0.05)
 
 
 @pytest.mark.parametrize(
@@ -106,6 +108,7 @@ def test_the_commands_go_from_a_robot_to_a_motion_and_from_a_log_to_an_arm(tmp_p
     [
         (("identify", "none.csv", "--robot", "ur5e"), "cannot read the file"),
         (("identify", "none.csv", "--robot", "ur5"), "did you mean `ur5e`?"),
+        (("identify", "none.csv", "--robot", "ur5e", "--payload-as", "frank"), "did you mean `franka`?"),
         (("excite", "ur5e", "--out", "no/such/motion.csv", "--share", "2"), "`share`"),
     ],
 )

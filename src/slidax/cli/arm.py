@@ -145,6 +145,12 @@ def identify(
     links: Annotated[bool, typer.Option("--links", help="Identify the links' inertial parameters, too.")] = False,
     rotors: Annotated[bool, typer.Option(help="The measured torques include rotor inertia.")] = True,
     payload: Annotated[bool | None, typer.Option(help="The payload is unknown.")] = None,
+    payload_as: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FORM", help="Print the payload for its maker: ur (URScript), franka (libfranka) or urdf."
+        ),
+    ] = None,
     asymmetric: Annotated[bool, typer.Option("--asymmetric", help="Viscous friction differs by direction.")] = False,
     cut_off: Annotated[float | None, typer.Option(help="Filter cut-off [Hz]; default: from the log.")] = None,
     held_out: Annotated[float, typer.Option(help="Share of the log, at its end, held out for validation.")] = 0.25,
@@ -208,6 +214,8 @@ def identify(
         prepare()
         from slidax import identify as identification
 
+        if payload_as is not None:
+            identification.require_payload_form(payload_as)
         arm, description = named_arm(robot, tip, inertias, locked, gravity)
         conventions = identification.Conventions(
             time_unit=time_unit,
@@ -257,6 +265,8 @@ def identify(
             print_json(result.as_json())
             return
         typer.echo(str(result))
+        if payload_as is not None:
+            typer.echo(identification.payload_text(result.robot.payload, payload_as))
         if out is not None:
             typer.echo(f"The arm is in {out.resolve()}")
         if report is not None:

@@ -19,3 +19,5 @@ from .log_files import read_log as read_log
 from .logs import Conventions as Conventions
 from .logs import JointLog as JointLog
 from .logs import parse_columns as parse_columns
+from .payload_files import payload_text as payload_text
+from .payload_files import require_payload_form as require_payload_form

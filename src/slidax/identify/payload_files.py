@@ -1,0 +1,64 @@
+"""A payload in the form that a robot's maker reads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from slidax.arms.arm import Payload
+from slidax.core.errors import DefinitionError, nearest_word
+
+
+def urscript_payload(payload: Payload) -> str:
+    """The line of URScript: mass, centre, and inertia about the centre as xx, yy, zz, xy, xz, yz."""
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = np.asarray(payload.inertia).tolist()
+    return f"set_target_payload({float(payload.mass):.6g}, {_list(payload.center)}, {_list([xx, yy, zz, xy, xz, yz])})"
+
+
+def libfranka_payload(payload: Payload) -> str:
+    """The call of libfranka: mass, centre in the flange's frame, and inertia about the centre by columns."""
+    inertia = np.asarray(payload.inertia).T.ravel()
+    center, entries = (_list(values).replace("[", "{").replace("]", "}") for values in (payload.center, inertia))
+    return f"robot.setLoad({float(payload.mass):.6g}, {center}, {entries});"
+
+
+def urdf_payload(payload: Payload) -> str:
+    """The link of URDF, to be fixed to the tip."""
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = np.asarray(payload.inertia).tolist()
+    names = {"ixx": xx, "ixy": xy, "ixz": xz, "iyy": yy, "iyz": yz, "izz": zz}
+    entries = " ".join(f'{name}="{value:.6g}"' for name, value in names.items())
+    center = " ".join(f"{value:.6g}" for value in np.asarray(payload.center).tolist())
+    return (
+        f'<link name="payload"><inertial><origin xyz="{center}"/><mass value="{float(payload.mass):.6g}"/>'
+        f"<inertia {entries}/></inertial></link>"
+    )
+
+
+FORMS: Mapping[str, Callable[[Payload], str]] = {
+    "ur": urscript_payload,
+    "franka": libfranka_payload,
+    "urdf": urdf_payload,
+}
+"""Forms of a payload by name."""
+
+
+def require_payload_form(form: str) -> None:
+    """Raise DefinitionError for an unknown form."""
+    if form not in FORMS:
+        raise DefinitionError(f"unknown form of a payload `{form}`; {nearest_word(form, FORMS)}")
+
+
+def payload_text(payload: Payload, form: str) -> str:
+    """Return a payload in a maker's form; its frame is the arm's tip, which must be the maker's flange.
+
+    - `form`: a name in `FORMS`.
+
+    Raises DefinitionError for an unknown form.
+    """
+    require_payload_form(form)
+    return FORMS[form](payload)
+
+
+def _list(values: object) -> str:
+    return "[" + ", ".join(f"{value:.6g}" for value in np.asarray(values, float).tolist()) + "]"
