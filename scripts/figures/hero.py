@@ -21,7 +21,7 @@ TEXTBOOK = {"scheme.sampled_data": None}
 
 ARMS, SEED, CHUNK = 1000, 1, 100
 
-DRAWN = 40
+DRAWN = 18
 """Arms that are drawn as single curves."""
 
 WIDTH, HEIGHT = 880, 384

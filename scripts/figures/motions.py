@@ -87,9 +87,7 @@ def measure_motions() -> None:
     print(f"{options.arm}: p = {100 * law.uncertainty.region(law.bodies).p:.2f} %", flush=True)
     rng, answers, seconds = np.random.default_rng(options.seed), [], []
     for index in range(options.count):
-        motion = (cases.quintic, cases.knotted)[index % 2](
-            law.arm, rng, rng.uniform(options.slowest, options.fastest)
-        )
+        motion = (cases.quintic, cases.knotted)[index % 2](law.arm, rng, rng.uniform(options.slowest, options.fastest))
         begun = time.process_time()
         first = admit(law, motion, str(index), allowed=options.allowed, assume_steps=True, slow_down=False)
         seconds.append(time.process_time() - begun)
