@@ -1,0 +1,72 @@
+"""The status page states figures of other pages, and commands that exist."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from scripts.documentation.pages import check
+from slidax.cli import app
+from tests.documentation.pages import ROOT
+
+PAGE = ROOT / "docs" / "status.md"
+STATUSES = ("proved", "tested", "measured", "never run")
+FIGURE = re.compile(r"\d[\d ,.e-]*\d|\d")
+
+
+def claims():
+    """The rows of all tables whose first column is `claim`, by column."""
+    for part in re.split(r"^## .*$", PAGE.read_text(encoding="utf-8"), flags=re.MULTILINE)[1:]:
+        rows = [[cell.strip() for cell in line.strip("| ").split(" | ")] for line in cells(part)]
+        yield from (dict(zip(rows[0], row, strict=True)) for row in rows[2:])
+
+
+def cells(part):
+    return [re.sub(r"\|(?= *\|)", "| ", line) for line in part.splitlines() if line.startswith("|")]
+
+
+CLAIMS = list(claims())
+EVERY = pytest.mark.parametrize("claim", CLAIMS, ids=lambda claim: claim["claim"][:40])
+
+
+def test_every_area_has_claims_and_every_status_is_used():
+    assert len(CLAIMS) > 25
+    assert {re.match(r"\*\*([a-z ]+)\*\*", claim["status"])[1] for claim in CLAIMS} == set(STATUSES)
+
+
+@EVERY
+def test_a_figure_stands_on_the_page_that_the_claim_names(claim):
+    pages = [(PAGE.parent / target).resolve() for target in re.findall(r"\]\(([^)#]+)", claim["page"])]
+    text = "\n".join(page.read_text(encoding="utf-8") for page in pages)
+    for figure in FIGURE.findall(claim.get("figure", "")):
+        assert re.search(rf"(?<![\d.]){re.escape(figure.strip())}(?![\d.])", text), (figure, pages)
+
+
+@EVERY
+def test_a_claim_names_its_command_or_was_never_run(claim):
+    assert claim["command"] or claim["status"].startswith("**never run**")
+
+
+@EVERY
+def test_a_measured_claim_names_its_machine(claim):
+    if claim["status"].startswith("**measured**"):
+        assert re.match(r"\*\*measured\*\*: [^.]*\b2 (cores|processors)\b", claim["status"])
+
+
+@EVERY
+def test_the_command_of_a_claim_exists(claim):
+    words = claim["command"].strip("`").split()
+    if not words:
+        return
+    if words[0] == "slidax":
+        check(words[1:], app)
+    elif words[0] == "make":
+        assert re.search(rf"^{words[1]}:", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+    elif words[0] == "scripts/measure":
+        assert re.search(
+            rf'^    "{words[1]}":', (ROOT / "scripts" / "measure").read_text(encoding="utf-8"), re.MULTILINE
+        )
+    elif words[0] == "pytest":
+        assert (ROOT / words[-1]).exists()
+    else:
+        assert (ROOT / Path(*words[2].split("."))).exists()
