@@ -1,0 +1,41 @@
+"""The reference of the command line is that of the parser."""
+
+import re
+
+import pytest
+
+from scripts.documentation.commands import CODES, PAGE, commands_page
+from slidax.cli import app
+
+TEXT = PAGE.read_text(encoding="utf-8")
+
+
+def test_the_page_is_up_to_date():
+    assert commands_page() == TEXT, "run `.venv/bin/python scripts/write-commands`"
+
+
+def test_every_command_and_each_of_its_options_is_on_the_page():
+    named = [command.name or command.callback.__name__ for command in app.registered_commands]
+    assert len(named) > 15
+    for name in named:
+        assert f"\n## slidax {name}\n" in TEXT, name
+    section = TEXT.partition("\n## slidax run\n")[2].partition("\n## ")[0]
+    for option in ("--set PATH=VALUE", "--json", "--engine auto\\|native\\|xla\\|cuda", "--record FILE", "--long"):
+        assert f"`{option}`" in section, option
+
+
+def test_every_exit_code_of_a_help_text_is_in_the_table():
+    stated = {
+        int(code)
+        for line in re.findall(r"^Exit code (.*?)\n\n", TEXT, re.MULTILINE | re.DOTALL)
+        for code in re.findall(r"(?:^|; )(\d+)[:,]", line.replace("\n", " "))
+    }
+    assert stated == set(CODES) - {1}
+
+
+@pytest.mark.parametrize("words", re.findall(r"^\| \[`(slidax [a-z0-9 ]+)`\]", TEXT, re.MULTILINE))
+def test_a_command_prints_help_with_the_code_0(words):
+    from typer.testing import CliRunner
+
+    result = CliRunner().invoke(app, [*words.split()[1:], "--help"])
+    assert result.exit_code == 0 and words in result.output
