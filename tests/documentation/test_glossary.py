@@ -1,0 +1,70 @@
+"""Names in the glossary are names in scenario files and in the package."""
+
+import importlib
+import re
+
+import pytest
+
+from slidax.scenarios import schema
+from tests.documentation.pages import ROOT
+
+ROWS = [
+    [cell.strip() for cell in line.strip("|").split("|")]
+    for line in (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8").splitlines()
+    if line.startswith("|") and not line.startswith(("| term", "|---"))
+]
+EVERY = pytest.mark.parametrize("row", ROWS, ids=lambda row: row[0])
+
+
+@pytest.fixture(scope="module")
+def keys():
+    """Keys of the scenario schema, by the keys that they may stand below; top-level ones below the empty key."""
+    whole = schema()
+    return {"": set(whole["properties"]), **_below(whole["properties"], whole)}
+
+
+def _below(properties, whole, seen=frozenset()):
+    result = {}
+    for key, value in properties.items():
+        inner = set()
+        for name in re.findall(r"#/\$defs/([^'\"]+)", str(value)):
+            fields = whole["$defs"][name].get("properties", {})
+            inner |= set(fields)
+            if name not in seen:
+                for below, names in _below(fields, whole, seen | {name}).items():
+                    result.setdefault(below, set()).update(names)
+        result.setdefault(key, set()).update(inner)
+    return result
+
+
+def test_terms_are_there_once_and_in_order_of_topics():
+    assert len(ROWS) > 45 and len({row[0] for row in ROWS}) == len(ROWS)
+
+
+@EVERY
+def test_a_term_has_a_meaning_and_a_name_in_files_or_code(row):
+    assert len(row) == 6 and len(row[1]) > 15 and (row[4] or row[5])
+
+
+@EVERY
+def test_a_path_is_one_of_scenario_files(row, keys):
+    for path in re.findall(r"`([^`]+)`", "" if "study file" in row[4] else row[4]):
+        words = path.split(".")
+        above = "" if words[0] != "…" else words[1]
+        for word in words if words[0] != "…" else words[2:]:
+            assert word in keys[above], path
+            above = word
+
+
+@EVERY
+def test_a_name_in_code_is_one_of_the_package(row):
+    for path in re.findall(r"`([^`]+)`", row[5]):
+        thing = importlib.import_module("slidax")
+        for word in path.split("."):
+            fields = getattr(thing, "__dataclass_fields__", {})
+            if word in fields:
+                thing = fields[word]
+            elif hasattr(thing, word):
+                thing = getattr(thing, word)
+            else:
+                thing = importlib.import_module(f"{thing.__name__}.{word}")
