@@ -104,13 +104,13 @@ def _print_verdict(console: Console, verdict: RunVerdict) -> None:
 
 
 def print_comparison(rivals: Mapping[str, Rival]) -> None:
-    """Print the metrics of several schemes, joint by joint, the least value of each row in bold.
+    """Print the verdict on several schemes, and their metrics joint by joint, the least value of each row in bold.
 
     A narrow terminal gets several tables with some of the schemes each.
 
     - `rivals`: runs by scheme.
     """
-    from slidax.report.comparison import standings
+    from slidax.report.comparison import comparison_verdict, standings
 
     console = Console(markup=False, highlight=False)
     first = next(iter(rivals.values()))
@@ -119,6 +119,8 @@ def print_comparison(rivals: Mapping[str, Rival]) -> None:
     titles = {row.metric: f"{row.metric.title} [{row.unit}]" for row in reversed(rows)}
     widest = max(map(len, [*titles.values(), OUTSIDE]))
     console.print(first.scenario.description.title, style="bold", soft_wrap=True)
+    _print_verdict(console, comparison_verdict(rivals))
+    console.print()
     for names in _fitting(list(rivals), console.width - widest):
         table = _table(widest, names)
         table.add_row("outcome", *(rivals[name].run.outcome.kind for name in names))

@@ -14,8 +14,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from slidax.analysis.metric import Metric, short_names
-from slidax.analysis.metrics import metrics_of, summary
-from slidax.analysis.run_verdict import torque_limits
+from slidax.analysis.metrics import metrics_of, steady_error, steady_torque_step, summary
+from slidax.analysis.run_verdict import RunVerdict, torque_limits
 from slidax.core.errors import DefinitionError
 from slidax.law.sampled.controller import SampledData
 from slidax.scenarios.scenario import Scenario
@@ -116,6 +116,43 @@ def standings(rivals: Mapping[str, Rival], also: Sequence[Metric[Any]] = ()) -> 
     return rows
 
 
+RANKED = {"steady error": steady_error, "steady torque step": steady_torque_step}
+"""Metrics of the verdict, by their names in a sentence."""
+
+
+def comparison_verdict(rivals: Mapping[str, Rival]) -> RunVerdict:
+    """Return which schemes stay inside the envelope, and which of those are best by the metrics in `RANKED`.
+
+    The verdict is good if any scheme stays inside; without an envelope, if any reaches its end.
+    """
+    judged = any(rival.outside is not None for rival in rivals.values())
+    kept = [name for name, rival in rivals.items() if rival.run.outcome.ok and (not judged or rival.outside == 0)]
+    place = "inside the envelope" if judged else "finite to the end"
+    listed = ", ".join(f"`{name}`" for name in kept)
+    if len(kept) == len(rivals):
+        who = {1: f"{listed} stays", 2: "Both schemes stay"}.get(len(kept), f"All {len(kept)} schemes stay")
+        sentence = f"{who} {place}."
+    elif kept:
+        verb = "stays" if len(kept) == 1 else "stay"
+        sentence = f"{len(kept)} of {len(rivals)} schemes {verb} {place}: {listed}."
+    else:
+        sentence = f"No scheme stays {place}."
+    return RunVerdict(bool(kept), sentence, tuple(_leaders({name: rivals[name].run for name in kept})))
+
+
+def _leaders(runs: Mapping[str, Run]) -> list[str]:
+    """A sentence on the best of at least two runs, for each metric in `RANKED` that has one unit."""
+    facts = []
+    for title, metric in RANKED.items():
+        shown = {name: [value for value in metric.shown(run) if value is not None] for name, run in runs.items()}
+        worst = {name: max(values) for name, values in shown.items() if len(values) == runs[name].joints}
+        units = {unit for run in runs.values() for unit in metric.units(run)}
+        if len(worst) > 1 and len(units) == 1:
+            best = min(worst, key=worst.__getitem__)
+            facts.append(f"`{best}` has the smallest {title}, {worst[best]:.2g} {units.pop()} (worst joint).")
+    return facts
+
+
 def results(rivals: Mapping[str, Rival], also: Sequence[Metric[Any]] = ()) -> dict[str, Any]:
     """The comparison of `rivals` by all metrics and those in `also`, ready for JSON: every number in it is finite."""
     first = next(iter(rivals.values()))
@@ -185,6 +222,7 @@ def write_comparison(
         data={"results.json": results(rivals, also)},
         scenario=first.scenario,
         rivals=rivals,
+        verdict=comparison_verdict(rivals),
         tables=_tables(list(rivals)),
         groups=[(metric, list(group)) for metric, group in groupby(rows, key=lambda row: row.metric)],
         pictures=_pictures(rivals, rows, out / "figures"),

@@ -9,6 +9,7 @@ from slidax import analysis, scenarios
 from slidax.core.errors import DefinitionError
 from slidax.paper.printed import INDICES
 from slidax.report import Rival, results, standings, write_comparison
+from slidax.report.comparison import comparison_verdict
 
 JUDGE = scenarios.load("example-4.1", {"simulation.t1": 1.0})
 Rivals = dict[str, Rival]
@@ -44,6 +45,19 @@ def test_the_least_of_a_row_is_best_and_a_run_with_a_bad_end_is_never(rivals):
     assert not rows["envelope_margin", "joint 1"].best
     assert rows["peak_torque", "joint 1"].values["ftsmc"] == analysis.peak_torque(rivals["ftsmc"].run)[0]
     assert rows["settling_time.1e-8", "joint 1"].values["gravity_pd"] is None
+
+
+def test_the_verdict_names_the_schemes_inside_and_the_best_of_them(rivals, page):
+    inside = [name for name, rival in rivals.items() if rival.run.outcome.ok and rival.outside == 0]
+    assert "hasty" not in inside and 1 < len(inside) < len(rivals)
+    verdict = comparison_verdict(rivals)
+    assert verdict.sentence.startswith(f"{len(inside)} of {len(rivals)} schemes stay inside the envelope: `cftsmppc`")
+    errors = {name: max(analysis.steady_error(rivals[name].run)) for name in inside}
+    best = min(errors, key=errors.get)
+    assert verdict.facts[0] == f"`{best}` has the smallest steady error, {errors[best]:.2g} rad (worst joint)."
+    assert "schemes stay inside the envelope" in page.read_text(encoding="utf-8").partition("<h2>")[0]
+    alone = comparison_verdict({"hasty": rivals["hasty"]})
+    assert (alone.good, alone.sentence, alone.facts) == (False, "No scheme stays inside the envelope.", ())
 
 
 def test_nobody_stands_out_alone(rivals):
