@@ -38,7 +38,19 @@ SEEDED: dict[str, tuple[str, dict[str, Any], str]] = {
     ),
     "coarse substeps": (
         PANDA,
-        {"simulation.period": 8e-3, "simulation.substeps": 1, "scheme.sampled_data.horizon": None},
+        # An envelope that is kept with finer steps, so that the step is the only fault.
+        {
+            "simulation.period": 8e-3,
+            "simulation.substeps": 1,
+            "scheme.sampled_data.horizon": None,
+            "scheme.performance": {
+                "kind": "fixed_time",
+                "initial": 1.0,
+                "final": 0.01,
+                "deadline": 2.0,
+                "exponent": 2.01,
+            },
+        },
         "substeps",
     ),
     "heavy payload": ("ur5e-payload", {"robot.plant.load.mass": 10.0}, "payload"),
