@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from slidax.core.errors import DefinitionError
 from slidax.core.types import State
 from slidax.law import FixedTimeReaching, TwoPowerReaching, UncertaintyBound
 from slidax.law.reaching_laws import PRECISION
@@ -128,3 +129,12 @@ def test_power_below_one_is_met_within_the_turns_but_for_a_few_in_a_thousand(joi
     """Where s⁺ is next to zero the unit vector and the power both turn within nothing."""
     left, tolerance = solved(True, joints)
     assert np.mean(left <= 2 * tolerance) >= 0.995
+
+
+@pytest.mark.parametrize("most", [1e13, 1e200])
+def test_an_inverse_inertia_known_so_badly_that_u_is_infinite_is_refused(most):
+    with pytest.raises(DefinitionError, match=r"must be at most 1e\+12 times"):
+        UncertaintyBound(0.09, most, 12.0, 2.2, 2.8, 1.0)
+    assert np.isfinite(
+        UncertaintyBound(0.09, 1e10, 12.0, 2.2, 2.8, 1.0)(State(jnp.asarray(S), jnp.asarray(S)), jnp.asarray(S))
+    )

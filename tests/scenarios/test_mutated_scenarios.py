@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from slidax.cli.tables import run_as_json
-from slidax.core.errors import DefinitionError
+from slidax.core.errors import DefinitionError, DefinitionWarning
 from slidax.scenarios import names
 from slidax.scenarios.load import read_description, validate_text
 from slidax.scenarios.yaml_text import MOST_VALUES, read_yaml
@@ -230,6 +230,11 @@ def test_mutated_scenarios_that_are_built_run_to_an_outcome():
 def changed(**values: Any) -> Any:
     changes = {path.replace("__", "."): value for path, value in values.items()}
     return validate_text(read_description("example-4.1-1khz").model_dump(exclude_none=True), changes).build("changed")
+
+
+def test_an_inverse_inertia_without_a_scale_is_refused_before_u_is_computed():
+    with pytest.warns(DefinitionWarning, match="more than all drives"), pytest.raises(DefinitionError, match="at most"):
+        changed(scheme__bound__inverse_inertia_max=1e200)
 
 
 MANY = [0.5] * 200_000

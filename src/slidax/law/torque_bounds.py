@@ -6,10 +6,14 @@ from abc import abstractmethod
 
 import jax.numpy as jnp
 
+from slidax.core.errors import require, static_value
 from slidax.core.parameter import parameter
 from slidax.core.part import AbstractPart
 from slidax.core.powers import vector_norm
 from slidax.core.types import Scalar, State, Vector
+
+MOST_SPREAD = 1e12
+"""Largest ratio of the bounds of an inverse inertia; from 1e16 on, gamma of eq. (46) rounds to 1 and u is infinite."""
 
 
 class AbstractBound(AbstractPart):
@@ -63,6 +67,11 @@ class UncertaintyBound(AbstractBound):
     b1: Scalar = parameter("b1, times ‖q‖", "N m/rad", ">= 0", "(eq. 19)")
     b2: Scalar = parameter("b2, times ‖q̇‖²", "N m s²/rad²", ">= 0", "(eq. 19)")
     margin: Scalar = parameter("k, in excess of the uncertainty", "N m", "> 0", "(k, eq. 45)")
+
+    def __check_init__(self) -> None:
+        within = static_value(self.inverse_inertia_max) <= MOST_SPREAD * static_value(self.inverse_inertia_min)
+        rule = f"must be at most {MOST_SPREAD:g} times `inverse_inertia_min`, since u grows with their ratio, eq. (45)"
+        require(self, "inverse_inertia_max", within, rule)
 
     @property
     def gamma(self) -> Scalar:

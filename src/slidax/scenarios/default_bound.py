@@ -107,8 +107,10 @@ def warn_of_implausible_bound(
         return
     if least is None or most is None or not 0.0 < least <= most:
         return
-    gamma = (most - least) / (most + least)
-    u = (bound["margin"] + bound["b0"] + bound["b1"] * float(np.linalg.norm(np.asarray(state.q)))) / (1.0 - gamma)
+    # 1/(1 - gamma), also where gamma rounds to 1.
+    u = (bound["margin"] + bound["b0"] + bound["b1"] * float(np.linalg.norm(np.asarray(state.q)))) * (
+        0.5 + 0.5 * most / least
+    )
     strength = float(np.linalg.norm(torque))
     remedy = "leave `scheme.bound` out to compute it for this arm"
     if u > strength:
