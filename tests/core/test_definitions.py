@@ -152,6 +152,7 @@ def test_a_parameter_that_is_no_number_is_refused():
         ([0.0, 1.0], [[0.0]], "two or more rows with one position per joint; got shape"),
         ([0.0, 1.0], [0.0, 1.0], "two or more rows with one position per joint"),
         ([0.0, 1.0], [[0.0], [NAN]], "must be finite; waypoint 2 is not, for joint 1"),
+        ([0.0, 1.0], [[0.0], [-1e308]], r"must be at most 1e\+09 in size; got -1e\+308 in waypoint 2 for joint 1"),
         ([0.0, 1e-320, 1.0], [[0.0], [1.0], [2.0]], "too close|increasing"),
     ],
 )

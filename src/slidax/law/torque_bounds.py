@@ -69,9 +69,9 @@ class UncertaintyBound(AbstractBound):
     margin: Scalar = parameter("k, in excess of the uncertainty", "N m", "> 0", "(k, eq. 45)")
 
     def __check_init__(self) -> None:
-        within = static_value(self.inverse_inertia_max) <= MOST_SPREAD * static_value(self.inverse_inertia_min)
+        least, most = static_value(self.inverse_inertia_min), static_value(self.inverse_inertia_max)
         rule = f"must be at most {MOST_SPREAD:g} times `inverse_inertia_min`, since u grows with their ratio, eq. (45)"
-        require(self, "inverse_inertia_max", within, rule)
+        require(self, "inverse_inertia_max", (least <= 0.0) | (most <= MOST_SPREAD * least), rule)
 
     @property
     def gamma(self) -> Scalar:

@@ -20,6 +20,10 @@ MOST_WAYPOINTS = 10_000
 """Most waypoints in one motion; longer motions are logs, and are read from files."""
 
 
+FARTHEST = 1e9
+"""Largest position of a waypoint [rad or m]: its rounding is 1e-7, and its squares are finite."""
+
+
 def waypoint_positions(owner: str, waypoints: object) -> NDArray[np.float64]:
     """Return the positions [k n], finite and with equally many joints.
 
@@ -40,6 +44,12 @@ def waypoint_positions(owner: str, waypoints: object) -> NDArray[np.float64]:
     if not np.all(np.isfinite(q)):
         row, joint = np.argwhere(~np.isfinite(q))[0]
         raise DefinitionError(f"`{owner}.waypoints` must be finite; waypoint {row + 1} is not, for joint {joint + 1}")
+    if np.any(np.abs(q) > FARTHEST):
+        row, joint = np.argwhere(np.abs(q) > FARTHEST)[0]
+        raise DefinitionError(
+            f"`{owner}.waypoints` must be at most {FARTHEST:g} in size; got {q[row, joint]:g} in waypoint {row + 1} "
+            f"for joint {joint + 1}"
+        )
     return q
 
 
