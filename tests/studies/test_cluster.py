@@ -138,3 +138,17 @@ def test_the_rows_are_those_of_one_process_whichever_worker_dies(kills, tmp_path
             stop.set()
             killer.join()
     assert len(killed) == kills
+
+
+def set_version():
+    from slidax.studies import cluster
+
+    cluster.VERSION = "0.0.7"
+
+
+def test_a_worker_of_another_version_is_refused_by_its_address():
+    with Cluster("local:1") as pool:
+        pool._client.wait_for_workers(1)
+        pool._client.run(set_version)
+        with pytest.raises(DefinitionError, match=r"the worker tcp://127.0.0.1:\d+ has slidax 0.0.7, and this study"):
+            study(runs=64).run(RunOptions(pool=pool))

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as in a shell."""
 
+GAPS = 5
+"""Ranges of missing rows that `--resume` lists."""
+
 
 def study(
     file: Annotated[Path, typer.Argument(help="The study, a YAML file.")],
@@ -78,7 +81,13 @@ def study(
         started = time.perf_counter()
         with _with_saved_rows(out), Lines() if progress else Bar() as bar, suppress(KeyboardInterrupt):
             share = None if part is None else Part.parsed(part)
-            how = RunOptions(out, resume, begin=bar.begin, progress=bar.advance, made_by=_made_by(), part=share)
+
+            def begin(rows: int) -> None:
+                if out is not None and resume and study_.in_parts and share is None:
+                    _say_missing(out, rows)
+                bar.begin(rows)
+
+            how = RunOptions(out, resume, begin=begin, progress=bar.advance, made_by=_made_by(), part=share)
             try:
                 result = _run(study_, how, cluster)
             except PartDone as done:
@@ -161,6 +170,17 @@ def _print_part(study_: AbstractStudy, done: PartDone, part: str, json: bool) ->
         f"Part {part} is done. {done.missing} of {done.total} rows are left to the other parts. "
         f"After these, write table and report with: {shlex.join(_again(without='--part'))}"
     )
+
+
+def _say_missing(out: Path, rows: int) -> None:
+    from slidax.studies.store import PARTS, count_rows, missing_rows
+
+    missing = rows - count_rows(out)
+    if missing <= 0:
+        return
+    gaps = missing_rows(out, rows) if (out / PARTS).is_dir() else []
+    where = ", ".join(f"{gap[0]} to {gap[-1]}" for gap in gaps[:GAPS]) + (", ..." if len(gaps) > GAPS else "")
+    typer.echo(f"{missing} of {rows} rows are missing and are computed now{where and ': '}{where}", err=True)
 
 
 def _again(without: str | None = None) -> list[str]:

@@ -6,6 +6,7 @@ import json
 import os
 import threading
 from collections.abc import Iterator
+from importlib import metadata
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -17,6 +18,9 @@ from slidax.core.files import MEGABYTE, read_bytes
 
 from .cases import Columns, StudyTask, Values
 from .runner import AbstractPool
+
+VERSION = metadata.version("slidax")
+"""Version of slidax in this process."""
 
 ADDRESS = "DASK_SCHEDULER_ADDRESS"
 """Environment variable of Dask with the scheduler's address."""
@@ -137,13 +141,13 @@ class Cluster(AbstractPool):
         - `task`: the task of the rows.
         - `chunks`: number of the first row, and values.
 
-        Raises DefinitionError if a chunk's workers died too often.
+        Raises DefinitionError if a chunk's workers died too often, or a worker has another version of slidax.
         """
         pending: dict[Any, tuple[int, Values, int]] = {}
         ready = self._dask.as_completed()
 
         def submit(first: int, values: Values, tries: int) -> None:
-            future = self._client.submit(compute_chunk, task.text, dict(values), pure=False, retries=TRIES)
+            future = self._client.submit(compute_chunk, task.text, dict(values), VERSION, pure=False, retries=TRIES)
             pending[future] = first, values, tries
             ready.add(future)
 
@@ -169,12 +173,20 @@ class Cluster(AbstractPool):
             submit_more()
 
 
-def compute_chunk(text: str, values: Values) -> Columns:
+def compute_chunk(text: str, values: Values, version: str) -> Columns:
     """Compute the rows of a chunk on a worker, with all of the worker's threads.
 
     - `text`: text of the task.
     - `values`: values by path; the first axis is the row.
+    - `version`: version of slidax in the process that collects the rows.
+
+    Raises DefinitionError if the worker has another version, whose rows may differ.
     """
     from distributed import get_worker
 
+    if version != VERSION:
+        raise DefinitionError(
+            f"the worker {get_worker().address} has slidax {VERSION}, and this study slidax {version}: "
+            f"install slidax {version} there, or stop this worker"
+        )
     return StudyTask(text).run({path: np.asarray(array) for path, array in values.items()}, get_worker().state.nthreads)

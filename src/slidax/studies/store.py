@@ -370,6 +370,20 @@ def count_rows(folder: Path) -> int:
     return count
 
 
+def missing_rows(folder: Path, rows: int) -> list[range]:
+    """Rows of a study that none of its parts has, as ranges in order.
+
+    - `folder`: folder of the study, or of a scheme of a comparison; it may be missing.
+    - `rows`: number of rows of the study.
+    """
+    gaps, end = [], 0
+    for first, count, _ in sorted(_parts_in(folder / PARTS)):
+        if first > end and end < rows:
+            gaps.append(range(end, min(first, rows)))
+        end = max(end, first + count)
+    return [*gaps, range(end, rows)] if end < rows else gaps
+
+
 def read_rows(path: str | Path) -> Columns:
     """Read a study's table of rows.
 
