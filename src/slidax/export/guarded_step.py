@@ -9,7 +9,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from slidax.codegen.trace.tracing import trace
+from slidax.codegen.trace.tracing import located_tracing_errors, trace
 from slidax.core.errors import as_array
 from slidax.core.part import AbstractPart
 from slidax.core.tracing import select
@@ -46,7 +46,8 @@ def arrays_read(controller: AbstractController) -> frozenset[str]:
     """
     vector, scalar = jnp.zeros(controller.joints), jnp.zeros(())
     state, reference = State(vector, vector), Reference(vector, vector, vector)
-    memory = jax.eval_shape(controller.init, scalar, state, reference)
+    with located_tracing_errors():
+        memory = jax.eval_shape(controller.init, scalar, state, reference)
 
     def first(t: Scalar, state: State, now: Reference) -> Memory:
         return controller.init(t, state, now)

@@ -13,7 +13,7 @@ import numpy as np
 from slidax.codegen.builder import Builder, Values
 from slidax.codegen.ir import Program, Value, as_native_code_error
 from slidax.codegen.trace.arrays import constant_array, full_array, pack, unpack
-from slidax.codegen.trace.tracing import inline, ir_type, named_leaves
+from slidax.codegen.trace.tracing import inline, ir_type, located_tracing_errors, named_leaves
 from slidax.core.types import State
 
 from .loop import Carry, ClosedLoop, begin, sample
@@ -182,7 +182,8 @@ class _Traced:
             return arrays
 
         shapes = jax.tree.map(_shape, args)
-        self.jaxpr, arrays = jax.make_jaxpr(arrays_of, return_shape=True)(*shapes)
+        with located_tracing_errors():
+            self.jaxpr, arrays = jax.make_jaxpr(arrays_of, return_shape=True)(*shapes)
         self.result = eqx.combine(arrays, rest[0], is_leaf=lambda x: x is None)
 
 

@@ -6,13 +6,16 @@ import functools
 import itertools
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from types import CodeType
 from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 from jax.extend.core import ClosedJaxpr  # type: ignore[attr-defined]
+
+from slidax.core.errors import DefinitionError
 
 from ..builder import Builder, Values
 from ..ir import NoNativeCodeError, Program, as_native_code_error
@@ -164,6 +167,52 @@ REMEDIES = {
 }
 
 
+UNTRACEABLE: dict[type[Exception], tuple[str, str]] = {
+    jax.errors.TracerBoolConversionError: (
+        "an `if`, `while`, `and`, `or`, `not`, `min` or `max` of Python needs the value of an array",
+        "write `jnp.where(condition, a, b)`, `jnp.minimum`, `jnp.maximum`, or `&`, `|` and `~` between conditions",
+    ),
+    jax.errors.TracerArrayConversionError: (
+        "a NumPy function needs the values of an array",
+        "call the function of the same name in `jax.numpy`, such as `jnp.tanh` for `np.tanh`",
+    ),
+    jax.errors.TracerIntegerConversionError: (
+        "a Python list, tuple or range needs the value of an array as its index or length",
+        "make it an array by `jnp.array`, and index that",
+    ),
+    jax.errors.NonConcreteBooleanIndexError: (
+        "a mask selects a number of elements that depends on values",
+        "keep the shape by `jnp.where(mask, x, 0.0)`",
+    ),
+    jax.errors.ConcretizationTypeError: (
+        "`float`, `int` or a function of `math` needs the value of an array",
+        "use the array itself, `x.astype(int)`, or `jax.numpy`, such as `jnp.sin` for `math.sin`",
+    ),
+}
+"""Errors of JAX for code that depends on the values of arrays, subclasses first: what is wrong, and the remedy."""
+
+
+@contextmanager
+def located_tracing_errors() -> Iterator[None]:
+    """Convert JAX's errors for code that depends on the values of arrays.
+
+    Raises DefinitionError with the line of the traced function, the rule and the remedy.
+    """
+    try:
+        yield
+    except tuple(UNTRACEABLE) as error:
+        wrong, remedy = next(words for kind, words in UNTRACEABLE.items() if isinstance(error, kind))
+        place, trace_back = "", error.__traceback__
+        while trace_back is not None:
+            code = trace_back.tb_frame.f_code
+            if _is_user_code(code.co_filename) and not code.co_filename.startswith(HERE):
+                place = f"line {trace_back.tb_lineno} of {code.co_filename}, in `{code.co_qualname}`: "
+            trace_back = trace_back.tb_next
+        raise DefinitionError(
+            f"{place}{wrong}, but a law is traced once for all values, before any is known: {remedy}"
+        ) from error
+
+
 def inline(
     builder: Builder,
     closed: Any,
@@ -300,11 +349,13 @@ def trace(
     - `named`: true to record the source location of each value, which takes time.
     - `library`: collects shared functions; None inlines all of them.
 
-    Raises NoNativeCodeError if a primitive has no rule or its rule fails.
+    Raises NoNativeCodeError if a primitive has no rule or its rule fails, and DefinitionError if the function depends
+    on the values of its arrays in Python.
     """
     builder = Builder()
     shapes = jax.tree.map(lambda x: jax.ShapeDtypeStruct(np.shape(x), jax.dtypes.canonicalize_dtype(_dtype(x))), args)
-    closed, result = jax.make_jaxpr(function, return_shape=True)(*shapes)
+    with located_tracing_errors():
+        closed, result = jax.make_jaxpr(function, return_shape=True)(*shapes)
     with as_native_code_error(lambda: "the function"):
         inputs = [
             builder.input(name, ir_type(leaf.dtype, name), leaf.shape)

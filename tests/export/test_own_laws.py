@@ -1,0 +1,222 @@
+"""Laws from outside of the package: simulated, linearised, and exported to C that answers as Python does."""
+
+import math
+import re
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import slidax as sx
+from slidax.analysis import linearise, steady_error
+from slidax.core import DefinitionError, PerJoint, Scalar, matvec, parameter
+from slidax.export import export_c
+from slidax.export.golden_samples import answer, random_samples
+from slidax.law import AbstractModelBased
+from slidax.studies.statistics import clopper_pearson
+
+from .exported import COMPILERS, Exported, compiled, needs_a_compiler, run
+
+
+class PDPlus(AbstractModelBased):
+    """`τ = M0(q) q̈_d + C0(q, q̇) q̇_d + G0(q) - Kp e - Kd ė`.
+
+    Source: Paden and Panja, Int. J. Control 47, 1988.
+    """
+
+    kp: PerJoint = parameter("diagonal of Kp", "N m/rad", "> 0", default=400.0)
+    kd: PerJoint = parameter("diagonal of Kd", "N m s/rad", "> 0", default=100.0)
+
+    def __call__(self, t, state, now, following, memory):
+        e, de = state.q - now.q, state.dq - now.dq
+        arm = self.nominal
+        tau = (
+            matvec(arm.mass(state.q), now.ddq) + matvec(arm.coriolis(state.q, state.dq), now.dq) + arm.gravity(state.q)
+        )
+        return sx.Command(tau=tau - self.kp * e - self.kd * de, memory=memory, signals={"e": e})
+
+
+class IntegralSlidingMode(AbstractModelBased):
+    """`τ = M0 (q̈_d - kp e - kd ė - ρ tanh(s/δ)) + C0 q̇ + G0`, `s = ė + kd e + kp z`, `ż = e`, `s(0) = 0`.
+
+    Source: Utkin and Shi, IEEE CDC 1996, with a boundary layer.
+    """
+
+    kp: PerJoint = parameter("kp", "1/s²", "> 0", default=100.0)
+    kd: PerJoint = parameter("kd", "1/s", "> 0", default=20.0)
+    gain: PerJoint = parameter("ρ", "rad/s²", "> 0", default=5.0)
+    layer: PerJoint = parameter("δ", "rad/s", "> 0", default=0.05)
+
+    def init(self, t, state, reference):
+        e, de = state.q - reference.q, state.dq - reference.dq
+        return -(de + self.kd * e) / self.kp
+
+    def __call__(self, t, state, now, following, memory):
+        e, de = state.q - now.q, state.dq - now.dq
+        s = de + self.kd * e + self.kp * memory
+        u = now.ddq - self.kp * e - self.kd * de - self.gain * jnp.tanh(s / self.layer)
+        tau = matvec(self.nominal.mass(state.q), u) + self.nominal.bias(state.q, state.dq)
+        return sx.Command(tau=tau, memory=memory, signals={"s": s}, rate=e)
+
+
+class TimeDelayControl(AbstractModelBased):
+    """`τ(k) = τ(k-1) + M̄ (q̈_d - kp e - kd ė - (q̇(k) - q̇(k-1))/h)`: the last sample replaces the arm's model.
+
+    Source: Youcef-Toumi and Ito, J. Dyn. Sys. Meas. Control 112, 1990.
+    """
+
+    interval: Scalar = parameter("h", "s", "> 0", default=1e-3)
+    inertia: PerJoint = parameter("M̄", "kg m²", "> 0", default=2.0)
+    kp: PerJoint = parameter("kp", "1/s²", "> 0", default=100.0)
+    kd: PerJoint = parameter("kd", "1/s", "> 0", default=20.0)
+    limit: PerJoint = parameter("torque of the drives, which stops the sum", "N m", "> 0", default=60.0)
+
+    def init(self, t, state, reference):
+        return self.nominal.gravity(state.q), state.dq
+
+    def __call__(self, t, state, now, following, memory):
+        tau, dq = memory
+        e, de, ddq = state.q - now.q, state.dq - now.dq, (state.dq - dq) / self.interval
+        tau = tau + self.inertia * (now.ddq - self.kp * e - self.kd * de - ddq)
+        tau = jnp.clip(tau, -self.limit, self.limit)
+        return sx.Command(tau=tau, memory=(tau, state.dq), signals={"ddq": ddq})
+
+
+def scenario_of(law):
+    scenario = sx.scenarios.load("example-4.1-1khz", {"simulation.t1": 5.0})
+    return scenario.replace(controller=law(scenario.controller.nominal))
+
+
+LAWS = [PDPlus, IntegralSlidingMode, TimeDelayControl]
+
+
+@needs_a_compiler
+@pytest.mark.parametrize("law", LAWS)
+def test_a_law_from_outside_answers_in_c_as_in_python(law, tmp_path):
+    scenario = scenario_of(law)
+    exported = Exported(scenario, tmp_path)
+    guard = exported.project.guard
+    samples = random_samples(guard, scenario.trajectory, scenario.period, scenario.t1, 2000, seed=3)
+    command, status = answer(guard, samples)
+    answers = exported.answers(samples)
+    np.testing.assert_array_equal(answers.status, status)
+    size = np.abs(np.asarray(command.tau)).max(1)
+    assert np.all(np.abs(answers.command["tau"] - command.tau).max(1) <= 1e-12 * size) and size.max() > 10.0
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_law_from_outside_tracks_in_simulation(law):
+    simulated = scenario_of(law).simulate()
+    assert simulated.outcome.ok, simulated.outcome.message
+    assert np.all(np.asarray(steady_error(simulated)) < 0.05)
+
+
+@pytest.fixture(scope="module")
+def sampled():
+    """PD+ in its sampled-data form, for the limits and the delay of the arm."""
+    scenario = sx.scenarios.load("example-4.1-1khz", {"simulation.t1": 2.0})
+    old = scenario.controller
+    law = sx.law.sampled_data(PDPlus(old.nominal), period=scenario.period, delay=1.0, limits=old.limits)
+    return scenario.replace(controller=law)
+
+
+@needs_a_compiler
+def test_its_c_project_answers_its_golden_samples_and_is_loaded_in_python(sampled, tmp_path):
+    export_c(sampled, tmp_path, name="law")
+    sources = ("slidax_law.c", "slidax_law_scenario.c", "test_law.c")
+    compiled(COMPILERS[0], tmp_path, "-O2", *sources, "-o", "test_law", "-lm")
+    message = run(tmp_path, "./test_law")
+    assert int(re.match(r"(\d+) golden samples", message)[1]) > 200 and message.endswith("0 faults\n")
+    law = sx.load_export(tmp_path)
+    kp = next(name for name in law if name.endswith("kp"))
+    assert law[kp].tolist() == 400.0
+
+
+def test_its_loop_has_margins(sampled):
+    loop = linearise(sampled, at=1.0)
+    assert loop.stable
+    for margins in loop.margins("torque"):
+        assert margins.gain_up > 1.5 and margins.phase > 30.0
+
+
+def test_its_failures_over_random_masses_have_an_interval(sampled):
+    masses = np.random.default_rng(1).uniform(0.8, 1.2, (200, 2)) * np.array([0.5, 1.5])
+
+    def heavier(scenario, masses):
+        return scenario.replace(plant=eqx.tree_at(lambda plant: plant.robot.masses, scenario.plant, masses))
+
+    many = sampled.simulate_batch(heavier, jnp.asarray(masses))
+    errors = np.asarray(steady_error(many)).max(-1)
+    failures = int((errors > 4.4e-4).sum())
+    interval = clopper_pearson(failures, len(masses), 0.99)
+    assert 0 < failures < 200 and interval.lower < failures / 200 < interval.upper
+
+
+class Wrong(AbstractModelBased):
+    kp: PerJoint = parameter("diagonal of Kp", "N m/rad", "> 0", default=400.0)
+
+    def __call__(self, t, state, now, following, memory):
+        e = state.q - now.q
+        return sx.Command(tau=-self.kp * self.effort(e), memory=memory, signals={"e": e})
+
+
+class Branches(Wrong):
+    def effort(self, e):
+        return e if e[0] > 0 else 2.0 * e
+
+
+class CallsNumPy(Wrong):
+    def effort(self, e):
+        return np.tanh(e)
+
+
+class CallsMath(Wrong):
+    def effort(self, e):
+        return e * math.sin(e[0])
+
+
+class IndexesAList(Wrong):
+    def effort(self, e):
+        return e * [1.0, 2.0][jnp.argmax(e)]
+
+
+class Selects(Wrong):
+    def effort(self, e):
+        return e[e > 0]
+
+
+class Sorts(Wrong):
+    def effort(self, e):
+        return jnp.sort(e)
+
+
+class BranchesAtTheStart(PDPlus):
+    def init(self, t, state, reference):
+        return jnp.zeros(2) if state.q[0] > 0 else jnp.ones(2)
+
+
+REMEDIES = {
+    Branches: "jnp.where(condition, a, b)",
+    BranchesAtTheStart: "jnp.where(condition, a, b)",
+    CallsNumPy: "`jnp.tanh` for `np.tanh`",
+    CallsMath: "`jnp.sin` for `math.sin`",
+    IndexesAList: "make it an array by `jnp.array`",
+    Selects: "jnp.where(mask, x, 0.0)",
+    Sorts: "jnp.argmax",
+}
+
+
+@pytest.mark.parametrize("law", REMEDIES)
+def test_code_that_the_tracer_cannot_do_is_named_with_its_line_and_remedy(law, tmp_path):
+    scenario = scenario_of(law)
+    with pytest.raises(DefinitionError) as export:
+        export_c(scenario, tmp_path, name="law")
+    messages = [str(export.value)]
+    if law is not Sorts:  # XLA can sort.
+        with pytest.raises(DefinitionError) as simulation:
+            scenario.simulate()
+        messages.append(str(simulation.value))
+    for message in messages:
+        assert REMEDIES[law] in message and "\n" not in message
+        assert re.search(rf"line \d+ of {re.escape(__file__)}, in `{law.__name__}\.(effort|init)`", message)
