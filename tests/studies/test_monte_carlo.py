@@ -43,8 +43,15 @@ def test_figure_and_table_name_the_same_joint_by_one_name():
     rows = {
         row[0]: row[1] for section in result.sections() if section.title == "The worst case" for row in section.rows
     }
-    assert shown == ["start.q[joint 1]  [rad or m]", "start.q[joint 2]  [rad or m]"]
+    assert shown == ["start.q[joint 1]  [rad]", "start.q[joint 2]  [rad]"]
     assert rows == {f"start.q[joint {k + 1}]": result.table[f"start.q[{k}]"][result.worst] for k in range(2)}
+
+
+def test_tables_have_the_unit_of_the_arm_and_failures_the_name_of_the_joint():
+    sections = {section.title: section for section in ran(**FAILING).sections()}
+    units = {row[0]: row[-1] for row in sections["Metrics"].rows}
+    assert (units["steady error"], units["peak torque"]) == ("rad", "N m")
+    assert {row[1] for row in sections["Failures"].rows} <= {"joint 1", "joint 2"}
 
 
 def test_the_sequential_stop_shows_what_was_asked_or_ends_at_a_failure():

@@ -10,6 +10,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from slidax.arms.arm import AbstractRobot
 from slidax.core.errors import DefinitionError, locate_errors
 from slidax.core.types import Envelope, State
 from slidax.law.controllers import AbstractController
@@ -134,7 +135,12 @@ class Family:
     @cached_property
     def joint_names(self) -> tuple[str, ...]:
         """Names of the robot's joints."""
-        return _joints(self.base)
+        return self.arm.joint_names
+
+    @cached_property
+    def arm(self) -> AbstractRobot:
+        """The true arm."""
+        return _arm(self.base)
 
     def label(self, column: str) -> str:
         """Return the label of a study's column with joint names: `start.q[3]` or `start.q.3` becomes `start.q[elbow]`.
@@ -268,7 +274,7 @@ def _space(base: ScenarioDescription, sets: Mapping[str, AbstractSet], *, law: b
     data = base.model_dump(exclude_unset=True, exclude={"truth", "uncertainty"})
     own = base if law else base.as_it_is()
     placed: dict[str, AbstractSet] = {}
-    joints = _joints(own)
+    joints = _arm(own).joint_names
     for path, values in sets.items():
         with locate_errors(path):
             full = "start.q" if path == "start" and isinstance(values, InsideEnvelope) else path_in(data, path, joints)
@@ -321,10 +327,10 @@ def _written(own: ScenarioDescription, path: str, example: Any, joints: int) -> 
     return replace(there, own=np.asarray(example, float) if np.ndim(example) else None)
 
 
-def _joints(base: ScenarioDescription) -> tuple[str, ...]:
+def _arm(base: ScenarioDescription) -> AbstractRobot:
     with locate_errors("robot"):
-        names: tuple[str, ...] = base.robot.build().true.joint_names
-    return names
+        arm: AbstractRobot = base.robot.build().true
+    return arm
 
 
 def _start_of(own: ScenarioDescription) -> tuple[Array, Array]:

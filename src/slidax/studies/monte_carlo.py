@@ -183,7 +183,8 @@ class MonteCarloResult(AbstractTableResult):
             )
         ]
         if self.causes:
-            rows = [(kind.replace("_", " "), joint, count) for kind, joint, count in self.causes]
+            names = self.family.joint_names
+            rows = [(kind.replace("_", " "), names[joint - 1], count) for kind, joint, count in self.causes]
             note = f"Every run failed. Most likely cause: {self.why}" if self.why else "By outcome and joint."
             result.append(Section("Failures", note, ("Outcome", "joint", "runs"), rows))
         return [*result, *overview(self.family, self.table, self.case(self.worst), self.worst)]

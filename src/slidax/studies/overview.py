@@ -9,6 +9,7 @@ import numpy as np
 from scipy.stats import spearmanr
 
 from slidax.analysis.explain import likeliest_cause
+from slidax.analysis.metric import Metric
 from slidax.analysis.metrics import METRICS
 from slidax.scenarios.family import Family
 
@@ -29,7 +30,7 @@ def overview(family: Family, table: Columns, worst: Mapping[str, Any], row: int)
 
     - `worst`, `row`: values of the worst row by path, and its number.
     """
-    return [_metrics(table), *_margins(family, table), _worst(family, table, worst, row)]
+    return [_metrics(family, table), *_margins(family, table), _worst(family, table, worst, row)]
 
 
 def failure_reason(family: Family, worst: Mapping[str, Any]) -> str:
@@ -46,19 +47,19 @@ def share(value: float) -> str:
     return text.rstrip("0").rstrip(".")
 
 
-def _metrics(table: Columns) -> Section:
+def _metrics(family: Family, table: Columns) -> Section:
     rows = []
     for metric in METRICS:
         numbers = table.get(metric.key)
         if numbers is None or np.isnan(numbers).all():
             continue
-        unit = metric.unit.format(position="rad or m", torque="N m or N")
+        unit = _metric_unit(family, metric)
         low, middle, high = np.nanquantile(numbers, [0.0, 0.5, 1.0])
         tail = float(np.nanquantile(numbers, 0.99 if metric.least_is_best else 0.01))
         rows.append((metric.title, float(low), float(middle), tail, float(high), unit))
     drawn = {"envelope margin": table["margin"]}
     drawn |= {
-        f"{metric.title}  [{metric.unit.format(position='rad or m', torque='N m or N')}]": table[metric.key]
+        f"{metric.title}  [{_metric_unit(family, metric)}]": table[metric.key]
         for metric in METRICS
         if metric.key in SHOWN
     }
@@ -71,11 +72,22 @@ def _metrics(table: Columns) -> Section:
     )
     return Section(
         "Metrics",
-        "Values of the worst joint over all runs; one run in 100 exceeds the third value.",
-        ("Metric", "least", "median", "1 of 100", "largest", ""),
+        "Values of the worst joint over all runs. One run in 100 is worse than the third value.",
+        ("Metric", "least", "median", "worst 1 %", "largest", ""),
         rows,
         [picture],
     )
+
+
+def _unit(family: Family, unit: str) -> str:
+    """The unit for the arm: of "rad or m" the one of its joints, both if it has joints of both kinds."""
+    revolute, separator, prismatic = unit.partition(" or ")
+    kinds = set(family.arm.joint_units)
+    return unit if not separator or len(kinds) > 1 else revolute if kinds == {"rad"} else prismatic
+
+
+def _metric_unit(family: Family, metric: Metric[Any]) -> str:
+    return metric.unit.format(position=_unit(family, "rad or m"), torque=_unit(family, "N m or N"))
 
 
 def _margins(family: Family, table: Columns) -> list[Section]:
@@ -106,7 +118,7 @@ def flat_names(family: Family, table: Columns) -> list[str]:
 
 def _label(family: Family, name: str) -> str:
     path, bracket, index = family.label(name).partition("[")
-    unit = family.space.leaves[name.partition("[")[0]].unit
+    unit = _unit(family, family.space.leaves[name.partition("[")[0]].unit)
     short = ".".join(path.split(".")[-2:]) + bracket + index
     return f"{short}  [{unit}]" if unit else short
 
@@ -115,7 +127,8 @@ def _worst(family: Family, table: Columns, worst: Mapping[str, Any], row: int) -
     values = flatten_values({path: np.asarray(value)[None] for path, value in worst.items()})
     rows: list[tuple[str, float, str]] = []
     for name, value in values.items():
-        rows.append((family.label(name), float(value[0]), family.space.leaves[name.partition("[")[0]].unit))
+        unit = _unit(family, family.space.leaves[name.partition("[")[0]].unit)
+        rows.append((family.label(name), float(value[0]), unit))
     margin = float(table["margin"][row])
     margin_text = f"margin {margin:.4g} of the envelope's width" if np.isfinite(margin) else "without an envelope"
     return Section(

@@ -10,7 +10,7 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, ScalarFormatter, StrMethodFormatter
 
 from slidax.core.errors import DefinitionError
 
@@ -58,7 +58,24 @@ def pareto_front(labels: Sequence[str], front: np.ndarray, today: np.ndarray, be
     return figure
 
 
-BINS = 60
+FEW, MANY = 1000, 60
+"""From `FEW` runs on, counts have a logarithmic axis; bars of more and of fewer runs: at most `MANY`, and a third."""
+
+
+def _bins(numbers: np.ndarray) -> int:
+    """Number of bars by Freedman and Diaconis (1981), at least 5 and at most as many as can be told apart."""
+    most = MANY if len(numbers) >= FEW else MANY // 3
+    lower, upper = np.quantile(numbers, [0.25, 0.75])
+    width = 2.0 * (upper - lower) / np.cbrt(len(numbers))
+    return int(np.clip(np.ptp(numbers) / width, 5, most)) if width > 0.0 else most
+
+
+def _few_ticks(axis: Axis) -> None:
+    """Ticks that fit a small panel on a linear axis: at most five, with a common power of ten."""
+    axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
+    formatter = ScalarFormatter(useMathText=True)
+    formatter.set_powerlimits((-2, 4))
+    axis.set_major_formatter(formatter)
 
 
 @styled
@@ -81,15 +98,21 @@ def histograms(values: Mapping[str, np.ndarray], limits: Mapping[str, float] = {
         low, high = float(numbers.min()), float(numbers.max())
         if low > 0 and high > 30 * low:
             axes.set_xscale("log")
-            edges = np.geomspace(low, high, BINS + 1)
+            axes.xaxis.set_major_locator(LogLocator(numticks=5))
+            edges = np.geomspace(low, high, _bins(np.log(numbers)) + 1)
         else:
             spare = 0.02 * (high - low) or 0.5 * (abs(high) or 1.0)
-            edges = np.linspace(low - spare, high + spare, BINS + 1)
+            edges = np.linspace(low - spare, high + spare, _bins(numbers) + 1)
+            _few_ticks(axes.xaxis)
         counts, _ = np.histogram(numbers, edges)
         axes.stairs(counts, edges, fill=True, facecolor="#C9D8E8", edgecolor="#0072B2", linewidth=0.6)
-        # So that one run in a hundred thousand is seen.
-        axes.set_yscale("symlog", linthresh=1.0)
-        axes.set_ylim(0, 3.0 * max(int(counts.max()), 1))
+        if len(numbers) >= FEW:
+            # So that one run in a hundred thousand is seen.
+            axes.set_yscale("symlog", linthresh=1.0)
+            axes.set_ylim(0, 3.0 * int(counts.max()))
+        else:
+            axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
+            axes.set_ylim(0, 1.08 * int(counts.max()))
         axes.set_xlabel(label)
         axes.set_ylabel("runs")
         if label in limits:
@@ -154,6 +177,8 @@ def margin_over(margin: np.ndarray, values: Mapping[str, np.ndarray], names: str
         # A logarithmic axis where values are spread so, and not where some are near zero by chance.
         if len(x) and x.min() > 0 and x.max() > 30 * x.min() and np.median(x) < 0.25 * x.max():
             axes.set_xscale("log")
+        else:
+            _few_ticks(axes.xaxis)
         axes.margins(x=0.03)
         axes.set_xlabel(label)
     for row in panels:

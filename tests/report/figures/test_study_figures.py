@@ -1,0 +1,53 @@
+"""Figures of studies can be read: ticks apart, bars wide enough, counts on a plain axis for few runs."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from slidax.report import figures
+
+RANDOM = np.random.default_rng(3)
+
+
+def tick_boxes(figure, axis):
+    figure.draw_without_rendering()
+    low, high = sorted(axis.get_view_interval())
+    labels = [label for label in axis.get_ticklabels() if label.get_text()]
+    inside = [label for label, place in zip(labels, axis.get_ticklocs(), strict=False) if low <= place <= high]
+    return [label.get_window_extent() for label in inside]
+
+
+@pytest.mark.parametrize("scale", [5e-5, 0.02, 1.0, 3e4])
+@pytest.mark.parametrize("runs", [60, 5000])
+def test_tick_labels_of_histograms_do_not_touch(runs, scale):
+    values = scale * (1.0 + RANDOM.random(runs))
+    figure = figures.histograms({"a": values, "b": values, "c": values})
+    for axes in figure.axes[:3]:
+        boxes = tick_boxes(figure, axes.xaxis)
+        assert len(boxes) >= 2
+        assert all(left.x1 + 3 < right.x0 for left, right in pairwise(boxes))
+
+
+def test_few_runs_have_few_bars_and_a_linear_count_and_many_runs_a_logarithmic_one():
+    few, many = (RANDOM.normal(size=runs) for runs in (60, 50_000))
+    figure = figures.histograms({"few": few, "many": many})
+    (bars,), (more,) = ([*axes.patches] for axes in figure.axes[:2])
+    assert 5 <= len(bars.get_data().values) <= 20 < len(more.get_data().values) <= 60
+    assert bars.get_data().values.sum() == 60
+    assert [axes.get_yscale() for axes in figure.axes[:2]] == ["linear", "symlog"]
+
+
+def test_values_with_a_distant_outlier_have_a_bounded_number_of_bars():
+    values = np.concatenate([RANDOM.normal(size=50), [1e9]])
+    figure = figures.histograms({"a": values, "b": np.repeat([1.0, 2.0], [80, 2])})
+    assert [len(axes.patches[0].get_data().values) for axes in figure.axes[:2]] == [20, 20]
+
+
+def test_tick_labels_of_margins_do_not_touch():
+    values = {f"parameter {k}": scale * (1.0 + RANDOM.random(60)) for k, scale in enumerate((5e-5, 0.02, 3e4))}
+    figure = figures.margin_over(RANDOM.random(60), values)
+    for axes in figure.axes[:3]:
+        boxes = tick_boxes(figure, axes.xaxis)
+        assert len(boxes) >= 2
+        assert all(left.x1 + 3 < right.x0 for left, right in pairwise(boxes))
