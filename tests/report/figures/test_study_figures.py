@@ -1,5 +1,6 @@
 """Figures of studies can be read: ticks apart, bars wide enough, counts on a plain axis for few runs."""
 
+import re
 from itertools import pairwise
 
 import numpy as np
@@ -15,6 +16,9 @@ def tick_boxes(figure, axis):
     low, high = sorted(axis.get_view_interval())
     labels = [label for label in axis.get_ticklabels() if label.get_text()]
     inside = [label for label, place in zip(labels, axis.get_ticklocs(), strict=False) if low <= place <= high]
+    assert max(len(re.sub(r"[^0-9.]", "", label.get_text())) for label in inside) <= 5, (
+        "a common power of ten keeps labels short"
+    )
     return [label.get_window_extent() for label in inside]
 
 
