@@ -96,3 +96,12 @@ def test_help_and_version_answer_without_importing_jax():
 
 def test_schema_prints_the_schema_of_scenario_files():
     assert json.loads(in_process("schema").stdout) == json.loads(json.dumps(scenarios.schema()))
+
+
+def test_ctrl_c_is_one_line_and_the_exit_code_130(monkeypatch, tmp_path):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("slidax.design.problem.read_problem", interrupted)
+    result = in_process("design", str(tmp_path / "x.yaml"), "--out", str(tmp_path / "y.yaml"), code=130)
+    assert result.stderr.splitlines() == ["slidax: interrupted: the same command starts again from the beginning"]

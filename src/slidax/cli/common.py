@@ -114,8 +114,8 @@ def positions(option: str, texts: list[str]) -> dict[str, float]:
     return places
 
 
-DEFINITION, OUTCOME = 2, 3
-"""Exit codes: an invalid request; a run that ended badly."""
+DEFINITION, OUTCOME, INTERRUPTED = 2, 3, 130
+"""Exit codes: an invalid request; a run that ended badly; Ctrl-C, as in a shell."""
 
 
 def prepare() -> None:
@@ -139,7 +139,7 @@ def _compiled() -> Path:
 
 @contextmanager
 def errors_as_lines() -> Iterator[None]:
-    """Turn a DefinitionError into one line and exit code 2, and print each warning as one line."""
+    """Turn a DefinitionError into one line and exit code 2, Ctrl-C into 130, and print each warning as one line."""
     from slidax.core.errors import DefinitionError
 
     try:
@@ -149,6 +149,9 @@ def errors_as_lines() -> Iterator[None]:
     except DefinitionError as error:
         _say(str(error))
         raise typer.Exit(DEFINITION) from None
+    except KeyboardInterrupt:
+        _say("interrupted: the same command starts again from the beginning")
+        raise typer.Exit(INTERRUPTED) from None
     except BrokenPipeError:
         # The reader closed the pipe, as in `slidax list | head`.
         sys.stderr.close()

@@ -13,14 +13,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .common import AsJson, Engine, command_line, errors_as_lines, prepare, print_json, say_where
+from .common import INTERRUPTED, AsJson, Engine, command_line, errors_as_lines, prepare, print_json, say_where
 
 if TYPE_CHECKING:
     from slidax.studies.runner import PartDone
     from slidax.studies.study import AbstractResult, AbstractStudy, RunOptions
-
-INTERRUPTED = 130
-"""Exit code after Ctrl-C, as in a shell."""
 
 GAPS = 5
 """Ranges of missing rows that `--resume` lists."""
@@ -325,7 +322,7 @@ def benchmark(
             results = round_.run(out, processes, on_result)
         except KeyboardInterrupt:
             typer.echo("Interrupted; the same command resumes", err=True)
-            raise typer.Exit(130) from None
+            raise typer.Exit(INTERRUPTED) from None
         command = command_line()
         write_benchmark(results, out, seconds=time.perf_counter() - started, command=command)
         tables = [ranking(name, results.on(name)) for name in round_.tasks]
