@@ -59,7 +59,7 @@ def test_what_it_writes_runs_as_it_is_and_holds_in_cases_that_it_has_not_seen(re
     assert np.all(rows["margin"] > 0) and np.all(rows["steady_torque_step"] < 6)
 
 
-def test_4_and_a_reason_where_the_drives_are_too_weak(requirements, tmp_path):
+def test_weak_drives_exit_with_4_and_a_reason(requirements, tmp_path):
     data = YAML(typ="safe").load(REQUIREMENTS)
     data["actuator"]["torque"] = 10
     with requirements.open("w", encoding="utf-8") as file:
@@ -76,7 +76,7 @@ def test_4_and_a_reason_where_the_drives_are_too_weak(requirements, tmp_path):
     assert remedy["set"]["actuator.torque"][0] == pytest.approx(1.15 * needed, rel=0.01)
 
 
-def test_2_for_requirements_that_are_none(requirements, tmp_path):
+def test_invalid_requirements_exit_with_2(requirements, tmp_path):
     requirements.write_text(REQUIREMENTS.replace("deadline: 1.2", "deadline: -1"), encoding="utf-8")
     done = in_process("design", str(requirements), "--out", str(tmp_path / "law.yaml"), code=2)
     assert "requirements.deadline" in done.output
@@ -84,7 +84,7 @@ def test_2_for_requirements_that_are_none(requirements, tmp_path):
     assert "ending .yaml" in done.output
 
 
-def test_a_missing_package_is_said_before_minutes_of_work(requirements, tmp_path, monkeypatch):
+def test_a_missing_package_is_reported_before_the_run(requirements, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "cmaes", None)
     refused = in_process("design", str(requirements), "--out", str(tmp_path / "designed.yaml"), code=2)
     assert "slidax[studies]" in refused.output and "horizon" not in refused.output

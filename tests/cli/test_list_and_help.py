@@ -29,7 +29,7 @@ def test_list_shows_every_built_in_scenario_with_a_line():
         ("performance", "finite_time"),
     ],
 )
-def test_list_shows_the_members_of_a_room(kind, member):
+def test_list_shows_the_members_of_a_kind(kind, member):
     assert member in json.loads(in_process("list", kind, "--json").stdout)[kind]
     assert member in in_process("list", kind).stdout and member in in_process("list").stdout
 

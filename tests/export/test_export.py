@@ -50,14 +50,14 @@ def folder(request):
 
 
 @pytest.mark.parametrize("compiler", COMPILERS)
-def test_all_of_it_builds_without_a_warning_and_answers_the_golden_samples(folder, compiler):
+def test_the_project_builds_without_a_warning_and_answers_the_golden_samples(folder, compiler):
     for program in ("test_law", "latency", "example"):
         compiled(compiler, folder, "-O2", *WITH_SCENARIO, f"{program}.c", "-o", f"{program}_{compiler}", "-lm")
     message = run(folder, f"./test_law_{compiler}")
     assert int(re.match(r"(\d+) golden samples", message)[1]) > 200 and message.endswith("0 faults\n")
 
 
-def test_a_wrong_answer_is_found(doubles, tmp_path):
+def test_a_wrong_answer_fails_the_c_test(doubles, tmp_path):
     copied_with_a_wrong_answer(doubles, tmp_path)
     compiled(COMPILERS[0], tmp_path, *WITH_SCENARIO, "test_law.c", "-o", "test_law", "-lm")
     done = subprocess.run(["./test_law"], cwd=tmp_path, capture_output=True, text=True, check=False)
@@ -264,12 +264,12 @@ def test_the_same_export_twice_is_the_same_text(doubles, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["3arm", "Arm", "a-b", "", "x" * 41])
-def test_a_name_that_is_none_in_c_is_refused(name, tmp_path):
+def test_a_name_that_is_invalid_in_c_is_refused(name, tmp_path):
     with pytest.raises(DefinitionError, match="is not a name in C"):
         export_c(load("example-4.1"), tmp_path, name=name)
 
 
-def test_a_folder_that_cannot_be_is_refused(tmp_path):
+def test_an_impossible_folder_is_refused(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(DefinitionError, match="cannot write the project"):
         export_c(load("example-4.1"), Path(tmp_path / "file"), name="law")

@@ -58,7 +58,7 @@ def cases(seed):
 
 @pytest.mark.full
 @pytest.mark.parametrize(("name", "surface"), SURFACES, ids=[name for name, _ in SURFACES])
-def test_it_takes_few_turns_and_never_many(name, surface, tmp_path):
+def test_the_search_takes_few_iterations(name, surface, tmp_path):
     def value(now, upper, horizon, eps):
         return barrier(surface, now, upper, horizon).value_and_slope(eps)[0]
 

@@ -91,7 +91,7 @@ def test_it_is_valid_and_gives_the_torques_of_our_run(units, run, fmi):
     assert (status == run.status[:500]).all()
 
 
-def test_a_second_importer_gives_them_as_well(units, run):
+def test_a_second_importer_computes_the_same_torques(units, run):
     pytest.importorskip("libcosimpy")
     step = importers.libcosim_steps(units[2][0], 2, PERIOD)
     rows = np.stack(list(importers.inputs(run).values()), 1)[:100]
@@ -181,7 +181,7 @@ def test_a_state_can_be_taken_kept_as_bytes_and_put_back(units, run):
             fmu.freeFMUState(back)
 
 
-def test_a_bad_measurement_holds_the_torque_and_says_so(units, run):
+def test_a_bad_measurement_holds_the_torque_and_sets_its_status(units, run):
     with running(units[3][0], run) as (fmu, place, _, sample, torque):
         sample(0)
         fmu.doStep(0.0, PERIOD)

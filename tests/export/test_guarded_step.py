@@ -163,7 +163,7 @@ def test_a_law_that_has_one_goes_on_outside():
 
 
 @pytest.mark.full
-def test_a_measurement_that_is_late_is_compared_with_what_was_wanted_then():
+def test_a_delayed_measurement_is_compared_with_the_reference_of_its_time():
     scenario = load("example-4.2-1khz")
     assert scenario.controller.delay == 1.0
     guard = GuardedStep.around(scenario.controller, scenario.plant.actuator.limits, scenario.period)

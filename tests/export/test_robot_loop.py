@@ -76,7 +76,7 @@ def log(tmp_path_factory):
 
 
 @pytest.mark.parametrize("transport", [pytest.param(0, marks=pytest.mark.full), 1])
-def test_a_loop_in_which_nobody_is_late_is_the_simulated_run(transport):
+def test_a_loop_without_delays_equals_the_simulated_run(transport):
     run, result = simulated(), stepped() if transport else lockstep(scenario(), len(simulated().log.t))
     np.testing.assert_allclose(result.arm["true_q"], run.log.state.q, atol=1e-12)
     np.testing.assert_allclose(result.arm["set_tau"], run.log.tau, atol=1e-8)
@@ -130,7 +130,7 @@ def driven(late):
     return of_law.columns(np.stack(rows)), np.stack(taus)
 
 
-def test_a_command_that_came_late_is_to_the_law_as_a_sample_that_was_lost():
+def test_a_delayed_command_counts_as_a_lost_sample_for_the_law():
     late = [50, 51, 52, 120, 200]
     law, taus = driven(set(late))
     outages = [{"start": k * 1e-3, "samples": 1} for k in late]

@@ -40,7 +40,7 @@ def deepest(folder):
     return below("slidax_law_step")
 
 
-def test_it_is_short_and_what_is_asked_for_often_stands_in_it_once(panda):
+def test_the_code_is_short_and_shares_its_functions(panda):
     folder, exported_law = panda
     text = (folder / "slidax_law.c").read_text()
     assert len(text.splitlines()) < 3400

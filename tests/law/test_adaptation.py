@@ -36,7 +36,7 @@ def test_rotors_and_coulomb_friction_are_found_from_a_motion_that_shows_them():
     np.testing.assert_allclose(learnt.coulomb[-1], [1.5, 0.3], rtol=0.15)
 
 
-def test_a_wrong_rotor_is_mended_in_a_tenth_of_a_second():
+def test_a_wrong_rotor_inertia_is_corrected_within_a_tenth_of_a_second():
     torque = swept(1.0)
     q, dq = motion(torque, TRUE, 0.0)
     _, learnt = taught(learning(rotor=[1.0, 0.6]), rounded(q), dq, torque)

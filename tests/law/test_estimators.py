@@ -31,7 +31,7 @@ def test_the_measured_velocity_drives_the_push_by_what_was_not_predicted():
 
 
 @pytest.mark.parametrize("gain", [0.1, 0.5, 1.0])
-def test_a_push_is_approached_by_a_share_of_what_is_left(gain):
+def test_disturbance_estimate_moves_by_a_share_of_its_error(gain):
     estimate = np.asarray(followed(Measured(gain), accelerated(jnp.asarray(PUSH)), 30).disturbance)
     left = (1 - gain) ** np.arange(1, 31)
     np.testing.assert_allclose(estimate, PUSH * (1 - left[:, None]), atol=1e-9)
@@ -44,7 +44,7 @@ def growing(t):
 
 @pytest.mark.parametrize("ahead", [0.0, 1.0, 2.0, 2.5])
 @pytest.mark.parametrize("make", [lambda ahead: Measured.critical(0.3, ahead), lambda ahead: Measured(0.5, 0.2, ahead)])
-def test_a_push_that_grows_evenly_is_made_up_for_without_a_lag(make, ahead):
+def test_a_linearly_growing_disturbance_is_compensated_without_lag(make, ahead):
     """The disturbance is the one that there will be so many periods after the middle of the last one."""
     estimate = np.asarray(followed(make(ahead), growing, 400).disturbance)
     times = np.arange(1, 401)[:, None] * 1e-3
@@ -67,7 +67,7 @@ def test_the_critical_trend_makes_both_poles_equal(gain):
     np.testing.assert_allclose(estimate, PUSH * (1 - (1 - (1 - pole) * k) * pole**k), atol=1e-8)
 
 
-def test_lead_changes_the_reported_push_and_not_the_memory():
+def test_lead_changes_the_reported_disturbance_but_not_the_memory():
     pushes = [
         np.asarray(followed(Measured.critical(0.3, a), accelerated(jnp.asarray(PUSH)), 40).disturbance)
         for a in (0, 1, 3)
@@ -229,7 +229,7 @@ def test_small_errors_are_gone_after_three_samples():
 
 
 @pytest.mark.parametrize("period", [1e-3, 1e-2, 1e-1])
-def test_a_constant_push_is_found_in_finite_time_and_kept_without_chattering(period):
+def test_a_constant_disturbance_is_estimated_in_finite_time_without_chattering(period):
     """In about 1.7 times its size over L; rounding of the position over h² is all that is left."""
     samples = round(8.0 / period)
     estimate = np.asarray(
@@ -240,7 +240,7 @@ def test_a_constant_push_is_found_in_finite_time_and_kept_without_chattering(per
 
 
 @pytest.mark.parametrize("lipschitz", [1.0, 3.0, 100.0])
-def test_a_push_whose_rate_is_bounded_is_followed_exactly_but_for_the_sampling(lipschitz):
+def test_a_disturbance_of_bounded_rate_is_estimated_up_to_the_sampling_error(lipschitz):
     """The disturbance is a period behind, and the velocity is off by a third of `h²` times its rate, for any bound."""
     errors = []
     for period in (0.02, 0.01):
@@ -272,6 +272,6 @@ def test_noise_is_bounded_in_its_effect_and_gentler_with_a_smaller_bound():
 
 
 @pytest.mark.parametrize("value", [0.0, [1.0, -1.0], float("inf")])
-def test_a_bound_that_cannot_be_is_refused(value):
+def test_an_impossible_bound_is_refused(value):
     with pytest.raises(DefinitionError, match=r"`RobustDifferentiator\.lipschitz` must be > 0"):
         RobustDifferentiator(value)

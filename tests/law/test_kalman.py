@@ -108,7 +108,7 @@ def test_a_residual_is_divided_as_the_gains_say():
     np.testing.assert_allclose(estimate.disturbance, [11.0, -59.0], rtol=1e-12)
 
 
-def test_no_scaled_gains_estimate_a_drifting_push_better():
+def test_no_scaled_gains_estimate_a_drifting_disturbance_better():
     """With the very noise that they were made for."""
     density, deviation, period, samples = 4.0, 1e-5, 1e-3, 20_000
     rng = np.random.default_rng(0)
@@ -145,7 +145,7 @@ def test_gains_of_another_shape_or_sign_are_refused(gains):
 
 @pytest.mark.parametrize("field", ["density", "variance", "period"])
 @pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), float("inf")])
-def test_noise_that_cannot_be_is_refused(field, value):
+def test_impossible_noise_is_refused(field, value):
     with pytest.raises(DefinitionError, match=f"`{field}` of a Kalman filter must be > 0"):
         Kalman.steady(**({"density": 1.0, "variance": 1e-10, "period": 1e-3} | {field: value}))
 
@@ -170,7 +170,7 @@ def test_unless_asked_otherwise_a_torque_drifts_by_two_tenths_of_a_newton_metre_
 
 
 @pytest.mark.parametrize("value", [0.0, [0.1, -1.0], float("nan"), float("inf")])
-def test_a_torque_that_cannot_drift_so_is_refused(value):
+def test_an_impossible_torque_drift_is_refused(value):
     with pytest.raises(DefinitionError, match=r"`torque_density` of a Kalman filter must be > 0 \(N m/s\)² s"):
         Kalman.of_arm(MASS, variance=1e-11, period=1e-3, torque_density=value)
 

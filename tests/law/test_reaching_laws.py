@@ -119,13 +119,13 @@ def solved(two, joints):
 
 
 @pytest.mark.parametrize("joints", [2, pytest.param(7, marks=pytest.mark.full)])
-def test_power_above_one_is_met_within_the_turns(joints):
+def test_power_above_one_converges_within_the_iterations(joints):
     left, tolerance = solved(False, joints)
     assert np.all(left <= 2 * tolerance)
 
 
 @pytest.mark.parametrize("joints", [2, pytest.param(7, marks=pytest.mark.full)])
-def test_power_below_one_is_met_within_the_turns_but_for_a_few_in_a_thousand(joints):
+def test_power_below_one_converges_within_the_iterations_but_for_a_few_in_a_thousand(joints):
     """Where s⁺ is next to zero the unit vector and the power both turn within nothing."""
     left, tolerance = solved(True, joints)
     assert np.mean(left <= 2 * tolerance) >= 0.995

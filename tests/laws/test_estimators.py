@@ -131,7 +131,7 @@ def test_a_constant_velocity_is_followed_without_error(estimator):
 
 
 @EVERY
-def test_a_constant_push_is_found_and_then_all_is_exact(estimator):
+def test_estimates_become_exact_under_a_constant_disturbance(estimator):
     estimate = driven(estimator, PUSH)
     np.testing.assert_allclose(estimate.disturbance[-1], PUSH, atol=1e-6)
     np.testing.assert_allclose(estimate.state.dq[-1], [9.0, -3.0], atol=1e-8)
@@ -139,7 +139,7 @@ def test_a_constant_push_is_found_and_then_all_is_exact(estimator):
 
 
 @EVERY
-def test_a_constant_push_is_approached_and_not_overshot_by_half(estimator):
+def test_estimate_of_a_constant_disturbance_overshoots_by_less_than_half(estimator):
     estimate = np.asarray(driven(estimator, PUSH).disturbance) / np.asarray(PUSH)
     assert np.all(estimate > -0.01) and np.all(estimate < 1.5)
 
@@ -150,7 +150,7 @@ def swung(estimator):
 
 
 @EVERY
-def test_a_slowly_changing_push_is_followed(estimator):
+def test_a_slowly_changing_disturbance_is_tracked(estimator):
     estimate = swung(estimator)
     times = jnp.asarray(np.arange(1, 8001) * 1e-3)
     right = jax.vmap(swinging)(times)
@@ -160,13 +160,13 @@ def test_a_slowly_changing_push_is_followed(estimator):
 
 
 @every("estimator", WITHOUT_PUSH)
-def test_a_gain_of_zero_leaves_the_push_as_it_is(estimator):
+def test_a_gain_of_zero_keeps_the_disturbance_estimate(estimator):
     estimate = followed(estimator, accelerated(PUSH), 100, disturbance=0.25)
     np.testing.assert_array_equal(estimate.disturbance, 0.25)
 
 
 @EVERY
-def test_after_a_long_gap_the_push_stays_and_the_measured_position_is_believed(estimator):
+def test_a_long_gap_keeps_the_disturbance_and_takes_the_measured_position(estimator):
     estimate, _ = answer(estimator, elapsed=jnp.asarray(1.0), missed=True)
     np.testing.assert_array_equal(estimate.disturbance, PRIOR.disturbance)
     np.testing.assert_allclose(estimate.state.q, MEASURED.q, rtol=1e-6)

@@ -196,7 +196,7 @@ def say_note(message: str) -> None:
 
 
 class _Warnings:
-    """Prints warnings as lines, without their place in the code."""
+    """Prints each warning as one line, without its file and line number."""
 
     def __init__(self) -> None:
         self._cache_reported = False

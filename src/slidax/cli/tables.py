@@ -237,7 +237,7 @@ def print_certificates(certificates: Certificates, *, every: bool = False) -> No
 
 
 def _indented(text: str, spaces: int, console: Console) -> str:
-    """The text in lines as wide as the console, with spaces before each."""
+    """Wrap the text to the width of the console, and indent each line."""
     margin = " " * spaces
     return textwrap.fill(text, console.width, initial_indent=margin, subsequent_indent=margin, break_on_hyphens=False)
 
@@ -313,7 +313,7 @@ def print_loop(parts: Scenario, result: LoopResult) -> None:
 
 
 def _style(verdict: Verdict) -> str:
-    """Green if it holds, yellow if it holds only from a time on, red if it does not hold."""
+    """Green if the certificate holds, yellow if it holds only after some time, red if it fails."""
     if verdict.holds is None:
         return ""
     if not verdict.holds:

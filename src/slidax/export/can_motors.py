@@ -38,7 +38,7 @@ MOTORS = {
         CanMotor("DM10010", 12.5, 20.0, 200.0),
     )
 }
-"""Damiao's motors with their default ranges, as OpenArm's openarm_can has them."""
+"""Damiao motors with their default ranges, from OpenArm's openarm_can."""
 
 
 def export_can(

@@ -293,7 +293,7 @@ def _range(variable: Variable) -> str:
 
 
 def _write(out: Path, inside: dict[str, bytes]) -> None:
-    """Write a zip file that is the same for the same contents."""
+    """Write a reproducible zip file: the same contents give the same bytes."""
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         with replace_file(out) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:

@@ -21,7 +21,7 @@ from .guarded_step import GuardedStep
 from .status import HELD, Status, StepMemory
 
 INSIDE = 0.95
-"""Largest drawn error, as a share of its bound."""
+"""Largest error of a random sample, relative to its bound."""
 
 BAD_NUMBERS = (np.nan, np.inf, -np.inf, 1e308, -1e308, 1e200, 5e-324, -1e-310)
 """Numbers that no sensor should deliver."""
@@ -225,8 +225,9 @@ SLACK = 30.0
 """Tolerance of results that depend on the inputs' last digits: this multiple of their sensitivity."""
 
 LOOSE, NO_MATTER = 0.1, 1e30
-"""For a law that searches with looser tolerances in floats: tolerance of its torque in a run, and of all else. Outside
-its envelope such a law differs, as its distance to the edge is larger.
+"""Tolerances for a law that searches with looser tolerances in floats: for its torque in a run, and all else.
+
+Outside its envelope such a law gives other answers in floats, since it keeps a larger distance to the edge.
 """
 
 

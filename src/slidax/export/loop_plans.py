@@ -31,7 +31,7 @@ WORD = 8
 
 
 class Planner:
-    """Places arrays in one block of memory, and compiles code that knows their places.
+    """Allocates arrays in one block of memory, and compiles code with their addresses.
 
     Raises DefinitionError if llvmlite is not installed.
     """

@@ -27,7 +27,7 @@ from .guarded_step import GuardedStep
 from .status import ANSWERED, CHECKED, WAITING, Condition, Flag, StepMemory
 
 LONG = 64
-"""Numbers from which on an array becomes a table."""
+"""Smallest size of an array that becomes a table in C."""
 
 CHANGED = ("tau", "held", "stop", "commanded")
 """Members of the memory that a held command changes."""

@@ -83,7 +83,7 @@ class EnvelopeFrame(eqx.Module):
     sides: Sides | None
 
     def psi_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
-        """`ψ(ε)` and its derivative, [n]: the place in the frame, times `now` or `ahead` in rad or m.
+        """`ψ(ε)` and its derivative, [n]: position in the frame, scaled by `now` or `ahead` in rad or m.
 
         - `eps`: transformed error [n].
         """
@@ -160,7 +160,7 @@ class AbstractTransformation(AbstractPart):
 
 
 SLIMMEST = 0.1
-"""A plan's frame is never narrower than this share of the envelope, however fast that narrows."""
+"""Smallest width of a plan's frame relative to the envelope, for an envelope that narrows fast."""
 
 
 class PrescribedPerformance(AbstractTransformation):

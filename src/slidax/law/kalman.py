@@ -66,9 +66,9 @@ def _gains(ratio: Scalar) -> Float[Array, "3"]:
 
 
 def _steady_covariance(f: Three, q: Three) -> Three:
-    """The P with `P = F (P - P hᵀ h P/(h P hᵀ + 1)) Fᵀ + Q`, `h = (1, 0, 0)`: that of the prediction.
+    """Return the steady covariance P of the prediction: `P = F (P - P hᵀ h P/(h P hᵀ + 1)) Fᵀ + Q`, `h = (1, 0, 0)`.
 
-    By doubling: each step joins two equal numbers of samples into one, so that it converges quadratically (Anderson
+    Uses the doubling algorithm: each step doubles the number of samples, so that convergence is quadratic (Anderson
     1978; Chu, Fan, Lin and Wang, 2004).
     """
     measured = _matrix([1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
@@ -100,17 +100,17 @@ def _symmetric(a: Three) -> Three:
 
 
 def _inverse(a: Three) -> Three:
-    """By cofactors, which are the cross products of the rows."""
+    """Return the inverse by cofactors, the cross products of the rows."""
     cofactors = jnp.stack([jnp.cross(a[1], a[2]), jnp.cross(a[2], a[0]), jnp.cross(a[0], a[1])])
     return cofactors.T / jnp.sum(a[0] * cofactors[0])
 
 
 TORQUE_DENSITY = 0.05
-"""Of the drift of a disturbance torque unless another is asked for, (N m/s)² s: in one second it drifts by .2 N m."""
+"""Default spectral density of a disturbance torque's drift, (N m/s)² s: 0.2 N m (standard deviation) in one second."""
 
 FASTEST_PACE = 1.0
-"""d, bandwidth times period, of the fastest filter by default: with a faster one a delayed loop tolerates little error
-of the inertia (docs/learning.md)."""
+"""d, bandwidth times period, of the fastest default filter. With a faster filter a delayed loop tolerates only a small
+error of the inertia (docs/learning.md)."""
 
 
 class Kalman(AbstractEstimator):

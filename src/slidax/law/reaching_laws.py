@@ -47,7 +47,7 @@ class AbstractReaching(AbstractPart):
 
 
 STEPS = 64
-"""Newton steps and halvings at most; nearly always two to four are enough."""
+"""Largest number of Newton steps and halvings; two to four are nearly always enough."""
 
 
 TINY = 1e-150
@@ -256,7 +256,7 @@ class FixedTimeReaching(AbstractReaching):
 
 
 LEAST = 1e-30
-"""Within so much of zero [rad/s or m/s] the power below one is a straight line, with a slope that is a number."""
+"""Distance from zero [rad/s or m/s] within which a power below one is linear, so that its slope is finite."""
 
 
 class TwoPowerReaching(AbstractReaching):
@@ -311,7 +311,7 @@ class TwoPowerReaching(AbstractReaching):
 
 
 SWEEPS = 2000
-"""At most so many sweeps; for arms ten to fifty are enough."""
+"""Largest number of sweeps; ten to fifty are enough for arms."""
 
 PRECISION = 2e-13
 """The residual that is reached, relative to 1 and the target."""

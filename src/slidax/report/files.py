@@ -55,7 +55,7 @@ def _values(part: Any) -> Any:
 
 
 def _rounded(values: np.ndarray) -> np.ndarray:
-    """To six digits, so that a sum of decimals shows as such."""
+    """Round to six digits, so that rounding errors of decimals do not show."""
     return np.vectorize(lambda value: float(f"{value:.6g}"), otypes=[float])(values)
 
 

@@ -130,7 +130,7 @@ def test_a_trajectory_goes_through_its_points_and_is_left_without_a_bump(law, pa
         ([1.0 + k for k in range(256)], [[0.1, 0.2]] * 256, None, "too many"),
     ],
 )
-def test_a_trajectory_that_makes_no_sense_is_refused_with_a_word(law, times, q, dq, message):
+def test_an_invalid_trajectory_is_refused_with_a_reason(law, times, q, dq, message):
     pilot = following(law)
     pilot.begin([0.1, 0.2])
     pilot.step(0.0, [0.1, 0.2], [0.0, 0.0])

@@ -200,7 +200,7 @@ def test_interfaces_are_asked_for_by_the_robots_own_names(name):
 
 
 @pytest.mark.parametrize("name", ['a"b', "a\\b", "a\nb"])
-def test_a_name_that_no_parameter_file_can_hold_is_refused(name):
+def test_a_name_that_is_invalid_in_parameter_files_is_refused(name):
     with pytest.raises(DefinitionError, match="rename the joint in the robot's and the hardware's files"):
         interface_names([name])
 

@@ -77,7 +77,7 @@ def test_periods_share_one_program(two_link):
     assert len({variant["program"] for variant in two_link["settings"][0]["variants"]}) == 1
 
 
-def test_a_run_that_leaves_its_envelope_ends_with_pythons_words(two_link, tmp_path):
+def test_a_run_that_leaves_its_envelope_ends_with_the_message_of_python(two_link, tmp_path):
     result = assert_same(two_link, 1, tmp_path, {"robot.plant.masses": [3.0, 4.0]}, close=1e-6)
     assert result["outcome"]["kind"] in ("left_envelope", "not_finite")
 

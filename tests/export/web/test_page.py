@@ -64,7 +64,7 @@ def test_each_joint_has_its_own_slider(visit):
     assert visit.state()["values"]["robot.plant.coulomb"] == [1, 5], "the slider for all keeps their proportions"
 
 
-def test_choices_and_schemes(visit):
+def test_choices_and_schemes_can_be_selected(visit):
     visit.page.select_option("#tunables .choice select", "1")
     visit.settle()
     assert visit.state()["choices"] == {"sensor.delay": 0} and "one was broken" in visit.text("#seen")
@@ -104,7 +104,7 @@ def test_lights_go_grey_with_their_reason(visit):
     assert "k₁ moved" in lights.nth(0).inner_text()
 
 
-def test_leaving_the_envelope_and_breaking_off_are_said(visit):
+def test_leaving_the_envelope_and_stopping_early_are_reported(visit):
     typed(visit, SCALE, "20")
     assert "Joint 1 was outside the envelope" in visit.text("#outcomes")
     assert "no: joint 1 was outside at 0 s" in visit.text("#seen")
@@ -155,7 +155,7 @@ def test_the_address_holds_everything(chromium, site, visit):
         ("#v=1&%E0%A4%A=1", "is no text"),
     ],
 )
-def test_a_broken_link_is_a_line_and_the_default(chromium, site, visit, hash_, message):
+def test_a_broken_link_prints_one_line_and_uses_the_default(chromium, site, visit, hash_, message):
     visit.page.evaluate("hash => { location.hash = hash; }", hash_)
     visit.page.wait_for_timeout(60)
     visit.settle()

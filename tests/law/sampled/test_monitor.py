@@ -30,7 +30,7 @@ def watched(push, monitor, delay=0.0, gain=0.0):
 
 
 @pytest.mark.parametrize("push", [0.0, 3.0, -60.0])
-def test_missed_part_of_a_constant_push_settles_at_h_squared_w(push):
+def test_margin_under_a_constant_disturbance_counts_h_squared_w(push):
     """`x = H² w` of the loop-rate rule, against a share of `ϑ ρ`; y settles at `H² w + ρ ψ(ε)` beside it."""
     share = 0.5
     _, run = watched(push, Monitor(share=share))
@@ -67,7 +67,7 @@ def test_monitor_warns_before_the_envelope_is_left(wrong):
     assert not run.outcome.ok and 0.0 < analysis.warned_at(run) < run.outcome.t
 
 
-def test_monitor_warns_of_a_push_that_the_filter_is_too_slow_for():
+def test_monitor_warns_of_a_disturbance_too_fast_for_the_filter():
     """The estimate shows hardly anything of the push until the mass is outside; the positions show it."""
     slow = Kalman.steady(density=1e-6, variance=1e-6, period=PERIOD)
     law = sampled_data(

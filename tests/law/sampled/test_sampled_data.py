@@ -128,7 +128,7 @@ def test_without_a_disturbance_no_period_is_too_long_for_the_envelope(period, ho
 
 
 @pytest.mark.parametrize("horizons", [1.0, 3.0])
-def test_a_constant_push_settles_where_the_theory_says(horizons):
+def test_error_under_a_constant_disturbance_settles_at_the_theoretical_value(horizons):
     """`e = H² w + ρ∞ ψ(ε)` with `φ(ε) = H w`."""
     period, push = 5e-3, 2.0
     law, run = mass_run(period, horizons * period, push=push, final=0.05, t1=4.0)
@@ -185,7 +185,7 @@ def test_without_delay_and_limits_the_law_is_no_worse_than_its_prototype_was(per
 
 
 @pytest.mark.parametrize("period", [1e-2, 1.1e-2])
-def test_at_a_hundred_hertz_nothing_leaves_with_or_without_a_disturbance_estimate(period):
+def test_no_error_leaves_the_envelope_at_100_hz_with_or_without_a_disturbance_estimate(period):
     scenario = load("example-4.1")
     for gain in (0.0, 0.5):
         law = sampled_data(law_4_1(layer=0.0), period=period, horizon=period, estimator=Measured(gain))
@@ -198,7 +198,7 @@ def test_at_a_hundred_hertz_nothing_leaves_with_or_without_a_disturbance_estimat
 
 
 @pytest.mark.full
-def test_a_delay_that_is_known_is_predicted_away():
+def test_prediction_compensates_a_known_delay():
     """With the true model and no disturbance, the run with a period of delay follows the one without."""
     law = mass_law()
     runs = []
@@ -361,7 +361,7 @@ def first_torque(disturbance, limit):
     return law(t, state, now, ahead, law.init(t, state, now)), TWO_LINK_NOMINAL.mass(now.q) @ jnp.asarray(disturbance)
 
 
-def test_a_law_without_a_bound_makes_up_for_a_push_as_far_as_the_drives_can():
+def test_a_law_without_a_bound_compensates_a_disturbance_up_to_the_torque_limit():
     still, _ = first_torque([0.0, 0.0], 1e9)
     pushed, lumped = first_torque([0.5, -0.3], 1e9)
     np.testing.assert_allclose(still.tau - pushed.tau, lumped, rtol=1e-9)

@@ -137,7 +137,7 @@ def test_thinning_keeps_every_peak_and_the_order_of_time():
         assert z[kept].max() >= y[inside].max() and z[kept].min() <= y[inside].min()
 
 
-def test_few_points_are_left_alone():
+def test_a_curve_of_few_points_is_not_thinned():
     t = np.linspace(0, 1, 50)
     x, y = thin_curve(t, t**2)
     assert x is t and (y == t**2).all() and every_nth(t, 10)[[0, -1]].tolist() == [0.0, 1.0]

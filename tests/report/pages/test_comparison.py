@@ -60,7 +60,7 @@ def test_the_verdict_names_the_schemes_inside_and_the_best_of_them(rivals, page)
     assert (alone.good, alone.sentence, alone.facts) == (False, "No scheme stays inside the envelope.", ())
 
 
-def test_nobody_stands_out_alone(rivals):
+def test_a_single_scheme_is_never_the_best(rivals):
     assert not any(row.best for row in standings({"cftsmppc": rivals["cftsmppc"]}))
 
 
