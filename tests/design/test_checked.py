@@ -42,7 +42,9 @@ def checked(monkeypatch):
             seeds.append(seed)
             return check(next(result), next(wild)), f"the worst with {seed}"
 
-        trials = SimpleNamespace(frame=SimpleNamespace(initial=np.full(1, 1e3), learns=True, period=1e-3), runs=0)
+        trials = SimpleNamespace(
+            frame=SimpleNamespace(initial=np.full(1, 1e3), learns=True, along=False, period=1e-3), runs=0
+        )
         trials.with_harder = lambda cases: harder.append(cases) or trials
         laws = iter(SimpleNamespace(choice=Law(np.full(1, 1.0), k)) for k in range(1, 4))
         aims.clear()
@@ -124,7 +126,7 @@ def certified(monkeypatch):
             laws.append(choice)
             return SimpleNamespace(build=lambda _: None)
 
-        frame = SimpleNamespace(initial=np.array([8.0]), described=described)
+        frame = SimpleNamespace(initial=np.array([8.0]), along=False, described=described)
         law, result = design._certified(
             SimpleNamespace(requirements=SimpleNamespace(accuracy=accuracy)),
             SimpleNamespace(frame=frame),

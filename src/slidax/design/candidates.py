@@ -94,6 +94,7 @@ class DesignSpace:
     - `changes`: of torque in a period that each drive allows [n], N m or N; infinite where it has no such limit.
     - `least_margin`: the smallest u where it is searched for, too [N m]; None where it is not.
     - `learns`: whether the law learns the inertia.
+    - `along`: whether the law has the form that `tracking_bound` covers: the same loop in all joints, no learning.
     """
 
     base: ScenarioDescription
@@ -107,6 +108,7 @@ class DesignSpace:
     changes: Floats
     least_margin: float | None = None
     learns: bool = True
+    along: bool = False
 
     @property
     def radius(self) -> float:
@@ -131,6 +133,13 @@ class DesignSpace:
         - `even`: of the choice.
         """
         return (drift * DRIFT * self.torque * (self.middle / self.torque) ** even) ** 2
+
+    def common_density(self, drift: float) -> float:
+        """The acceleration density of the Kalman filter of every joint, (rad/s³)² s.
+
+        - `drift`: of the choice.
+        """
+        return float(f"{drift**2:.4g}")
 
     def measured_gain(self, choice: DesignPoint) -> float:
         """The gain of the `measured` estimator: after the horizon, as a scenario without one has it.
@@ -160,6 +169,8 @@ class DesignSpace:
         }
         if not self.learns:
             sampled["adaptation"] = None
+        if self.along:
+            sampled |= {"midpoint": True, "viscous_feedforward": True}
         changes = {
             "transformation": scheme.transformation.model_copy(
                 update={"performance": performance, "overshoot": choice.overshoot}
@@ -175,6 +186,8 @@ class DesignSpace:
     def _estimator(self, choice: DesignPoint) -> KalmanDescription | MeasuredDescription:
         if choice.drift is None:
             return MeasuredDescription(kind="measured", gain=self.measured_gain(choice))
+        if self.along:
+            return KalmanDescription(kind="kalman", acceleration_density=self.common_density(choice.drift))
         density = round_for_file(self.density(choice.drift, choice.even))
         return KalmanDescription(kind="kalman", torque_density=density)
 
@@ -202,8 +215,11 @@ class DesignSpace:
         if self.least_margin is not None and choice.margin is not None:
             result["scheme.bound.margin"] = float(f"{choice.margin:.4g}")
         if choice.drift is not None:
-            density = np.asarray(round_for_file(self.density(choice.drift, choice.even)))
-            result["scheme.sampled_data.estimator.torque_density"] = density
+            if self.along:
+                result["scheme.sampled_data.estimator.acceleration_density"] = self.common_density(choice.drift)
+            else:
+                density = np.asarray(round_for_file(self.density(choice.drift, choice.even)))
+                result["scheme.sampled_data.estimator.torque_density"] = density
         else:
             result["scheme.sampled_data.estimator.gain"] = self.measured_gain(choice)
         return result

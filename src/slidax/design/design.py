@@ -26,8 +26,16 @@ from slidax.scenarios.yaml_text import dump_commented
 from slidax.studies.search import require_cmaes
 
 from .candidates import LARGEST, DesignPoint, DesignSpace, design_space, template
-from .problem import DesignProblem
-from .proof import DriveDemand, drive_demand, loop_rate_verdict, may_have_bound, widen_radii
+from .problem import DesignProblem, Requirements
+from .proof import (
+    DriveDemand,
+    certified_radii,
+    drive_demand,
+    loop_rate_verdict,
+    may_have_bound,
+    tracking_verdict,
+    widen_radii,
+)
 from .refusal import Refusal, accuracy_refusal, deadline_refusal, proof_refusal, torque_refusal, torque_step_refusal
 from .search import LEAST_MARGIN, MANY, MOST, SPARE, coarse_search, fine_search, narrowest_envelope
 from .trials import CALM, DRIVEN, OWN, Objective, Trials, WorstCase
@@ -52,6 +60,9 @@ ROOM_LEFT = 0.12
 """Of an envelope's width, that the common cases must leave of one that is not widened by `SPARE`."""
 
 
+NEAR = 0.05
+"""rad or m: the envelope's width at the start for `tracking_bound`; a much wider one pulls too little."""
+
 Proof = Literal["bound", "tested"]
 
 
@@ -60,10 +71,10 @@ class DesignResult:
     """A law that meets the requirements.
 
     - `description`: the scenario with it.
-    - `proof`: `bound` where `loop_rate` holds for its envelope, else `tested`: in simulated cases alone.
+    - `proof`: `bound` where `tracking_bound` or `loop_rate` holds in its envelope, else `tested`: in simulation alone.
     - `frame`, `choice`: its numbers; `worst`: what the worst common case makes of them.
     - `demand`: on the drives and on u; None where no bound was found.
-    - `rate`: verdict of `loop_rate`; None where it has no answer.
+    - `rate`: verdict of `tracking_bound` or `loop_rate`; None where it has no answer.
     - `check`: of random cases and a search, as the certificate `statistical`.
     - `runs`: that were simulated to find it.
     """
@@ -159,11 +170,34 @@ def _begin(problem: DesignProblem) -> tuple[DesignSpace, DesignPoint]:
         delay=Timing(h, problem.sensor.delay, problem.actuator.dead_time).total_delay,
         has_velocity=problem.sensor.has_velocity,
     )
+    frame = _along_motion(frame, requirements) or frame
     if (frame.shape >= LARGEST * frame.initial).any() and requirements.accuracy != "best":
         frame = replace(frame, initial=np.maximum(frame.initial, frame.shape / LARGEST))
-    frame = replace(frame, learns=requirements.proof != "bound" or may_have_bound(len(units), learns=True))
+    learns = requirements.proof != "bound" or (not frame.along and may_have_bound(len(units), learns=True))
+    frame = replace(frame, learns=learns)
     horizon, drift = frame.horizons[2 if len(frame.horizons) > 2 else -1], 1.0
     return frame, DesignPoint(horizon, drift, 1.0, _provisional(frame), requirements.deadline)
+
+
+def _along_motion(frame: DesignSpace, requirements: Requirements) -> DesignSpace | None:
+    """The frame of laws that `tracking_bound` covers, if a bound is required.
+
+    None where it holds for none of the first laws, so that `loop_rate` decides.
+    """
+    if requirements.proof != "bound":
+        return None
+    initial = np.full(frame.initial.shape, NEAR)
+    along = replace(frame, learns=False, along=True, initial=initial)
+    for horizon in along.horizons[::-2]:
+        first = DesignPoint(horizon, 1.0, 1.0, LARGEST * initial, requirements.deadline)
+        try:
+            verdict = tracking_verdict(along.described(first).build("design"))
+        except DefinitionError:
+            # Such an arm has no law in this form.
+            return None
+        if verdict is None or verdict.holds:
+            return along if verdict is not None else None
+    return None
 
 
 def _provisional(frame: DesignSpace) -> Any:
@@ -224,7 +258,8 @@ def _checked(
     """
     best, required = problem.requirements.accuracy == "best", problem.requirements.torque_step
     aim = _aim(problem, trials.frame)
-    proved = may_have_bound(trials.frame.initial.size, trials.frame.learns)
+    along = trials.frame.along
+    proved = along or may_have_bound(trials.frame.initial.size, trials.frame.learns)
     kept: DesignResult | None = None
     for turn in range(TIMES):
         choice, rate = worst.choice, None
@@ -232,7 +267,7 @@ def _checked(
             wider = np.minimum(SLACK**turn * choice.final, LARGEST * trials.frame.initial)
             choice = replace(choice, final=np.maximum(choice.final, wider))
         # Where it holds for no radius it does not hold for a law nearby, and an answer for many joints takes a minute.
-        if request is not None and proved:
+        if along or (request is not None and proved):
             say("the certificate of the loops")
             choice, rate = _certified(problem, trials, choice)
         proved = rate is not None and bool(rate.holds)
@@ -263,16 +298,20 @@ def _checked(
 
 
 def _certified(problem: DesignProblem, trials: Trials, choice: DesignPoint) -> tuple[DesignPoint, Verdict | None]:
-    """A law and what `loop_rate` says of it, with the final radius that this asks for, where any may be had."""
+    """A law and its verdict of `tracking_bound` or `loop_rate`, with the final radius for which this holds, if any."""
+    verdict = tracking_verdict if trials.frame.along else loop_rate_verdict
 
     def rate_of(choice: DesignPoint) -> Verdict | None:
-        return loop_rate_verdict(trials.frame.described(choice).build("design"))
+        return verdict(trials.frame.described(choice).build("design"))
 
+    largest = LARGEST * trials.frame.initial
+    if trials.frame.along and problem.requirements.accuracy == "best":
+        return certified_radii(choice, rate_of, largest) or (choice, rate_of(choice))
     rate = rate_of(choice)
     if problem.requirements.accuracy != "best":
         return choice, rate
     # An envelope that is wider, and not certified either, is good for nothing.
-    return widen_radii(choice, rate, rate_of, LARGEST * trials.frame.initial) or (choice, rate)
+    return widen_radii(choice, rate, rate_of, largest) or (choice, rate)
 
 
 def _described(frame: DesignSpace, choice: DesignPoint, worst: WorstCase) -> ScenarioDescription:
@@ -307,12 +346,12 @@ def write_design(result: DesignResult, out: Path, certificates: Certificates) ->
 
 
 def name_proof(rate: Verdict | None) -> str:
-    """Name the proof of a design for a `loop_rate` verdict that holds: certified if all lines are proved."""
+    """Name the proof of a design for a verdict that holds: certified if all lines are proved."""
     if rate is None or rate.grade is None:
         return "tested"
     if rate.grade == "A":
-        return "certified by `loop_rate`, grade A: all of its lines are proved"
-    return f"tested, with a bound of `loop_rate`, grade {rate.grade}: its lines: {rate.stands_on}"
+        return f"certified by `{rate.name}`, grade A: all of its lines are proved"
+    return f"tested, with a bound of `{rate.name}`, grade {rate.grade}: its lines: {rate.stands_on}"
 
 
 def _proof(result: DesignResult) -> str:
@@ -358,11 +397,15 @@ def _comments(result: DesignResult) -> Iterator[tuple[str, str]]:
         "scheme.sampled_data.horizon",
         f"{choice.horizon / frame.period:.3g} periods: found on common cases, with surface, `overshoot` and estimator.",
     )
-    if choice.drift is not None:
+    if frame.along:
+        yield "scheme.sampled_data.estimator", "The same in all joints, as `tracking_bound` needs it."
+    elif choice.drift is not None:
         drift = f"The disturbance drifts by {choice.drift * 0.8:.2g} % of the rated torque in a second"
         even = f"; the joints' drifts are evened by {choice.even:.2g} of the way." if choice.even else "."
         yield "scheme.sampled_data.estimator", drift + even
     learning = f"Learning is off: from {JOINTS} joints on no law that learns the inertia has a bound."
+    if frame.along:
+        learning = "Learning is off: `tracking_bound` covers no law that learns."
     yield "scheme.sampled_data.adaptation", learning
     warning = f"Warns before the envelope is left: 1.25 times the share that {MANY} common cases used."
     yield "scheme.sampled_data.monitor", warning

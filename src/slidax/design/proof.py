@@ -16,6 +16,7 @@ from slidax.certify.certificate import Verdict
 from slidax.certify.loop.fixed_point import JOINTS, Fineness
 from slidax.certify.loop.loop_rate import loop_rate
 from slidax.certify.loop.set_bound import BEGINNINGS
+from slidax.certify.motion.admission import tracking_bound
 from slidax.core.errors import DefinitionError
 from slidax.scenarios.scenario import Scenario
 from slidax.studies.cases import Cases, Values
@@ -85,6 +86,41 @@ def loop_rate_verdict(scenario: Scenario) -> Verdict | None:
         return loop_rate(scenario, remedies=False, beginnings=BEGINNINGS[-1:], fineness=COARSE)
     except DefinitionError:
         return None
+
+
+def tracking_verdict(scenario: Scenario) -> Verdict | None:
+    """The certificate `tracking_bound` along the scenario's motion; None where it has no answer.
+
+    - `scenario`: with its law.
+    """
+    try:
+        verdict = tracking_bound(scenario)
+    except DefinitionError:
+        return None
+    return None if verdict.holds is None else verdict
+
+
+RADII = (1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0, 11.0, 16.0, 32.0, 64.0)
+"""Times the final radius that `tracking_bound` is tried with, the smallest first."""
+
+
+def certified_radii(
+    choice: DesignPoint, verdict_of: Callable[[DesignPoint], Verdict | None], largest: Floats
+) -> tuple[DesignPoint, Verdict] | None:
+    """A law with final radii within which its verdict holds, and this verdict; None where none was found.
+
+    - `choice`: the law, which stays as it is if its verdict holds.
+    - `verdict_of`: of a law.
+    - `largest`: final radii [n].
+    """
+    for factor in RADII:
+        wider = replace(choice, final=np.minimum(factor * choice.final, largest))
+        verdict = verdict_of(wider)
+        if verdict is not None and verdict.holds:
+            return wider, verdict
+        if (factor * choice.final >= largest).all():
+            break
+    return None
 
 
 def radius_of(verdict: Verdict | None) -> Floats | None:

@@ -150,9 +150,12 @@ def proof_refusal(trials: Trials, choice: DesignPoint, rate: Verdict | None) -> 
 
     - `trials`: of which arm.
     - `choice`: the law.
-    - `rate`: what `loop_rate` says; None if nothing.
+    - `rate`: what `loop_rate` or, along a motion, `tracking_bound` says; None if nothing.
     """
     unproved = Remedy("what is tested in simulation alone", {"requirements.proof": "tested"})
+    if trials.frame.along:
+        reason = "it has no answer for this law" if rate is None else rate.statement.rstrip(".")
+        return refused(f"a bound is required, and `tracking_bound` gives none: {reason}", [unproved])
     if rate is None:
         return refused("a bound is required, and `loop_rate` has no answer for this arm", [unproved])
     missed = error_bound(rate, trials, choice)
