@@ -29,6 +29,16 @@ def table(head: list[str], rows: list[list[str]]) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
+GROUPS = {
+    "Robot and motion": ("arms", "motions", "plant", "identify"),
+    "Controllers": ("law", "design"),
+    "Simulate and measure": ("simulation", "scenarios", "analysis", "report", "paper"),
+    "Certify and study": ("certify", "studies"),
+    "Deploy": ("export", "runtime", "studio"),
+    "Internals": ("core", "codegen"),
+}
+"""Subpackages in the table of contents of the API."""
+
 HEAD = ["parameter", "meaning", "unit", "range", "default", "source"]
 
 
@@ -351,9 +361,9 @@ def _configure(stage: Stage) -> None:
     missing = sorted(listed - set(stage.pages))
     if missing:
         raise Failed(f"mkdocs.yml names pages that are not there: {', '.join(missing)}")
-    reference = next(part for part in settings["nav"] if "Reference" in part)["Reference"]
-    api = sorted(name for name in stage.pages if name.startswith("api/") and name != "api/index.md")
-    reference.append({"API": ["api/index.md", *api]})
+    reference = next(part for part in settings["nav"] if "Look up" in part)["Look up"]
+    groups = [{group: [f"api/{room}.md" for room in members]} for group, members in GROUPS.items()]
+    reference.append({"API": ["api/index.md", *groups]})
     rest = sorted(set(stage.pages) - listed - {name for name in stage.pages if name.startswith("api/")})
     if rest:
         print(f"pages that mkdocs.yml does not name, under More: {', '.join(rest)}")

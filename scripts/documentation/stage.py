@@ -205,7 +205,7 @@ def _pre(rows: list[str]) -> str:
 
 
 GALLERY_MARK = "<!-- gallery -->"
-GALLERY_PAGE = "gallery.md"
+GALLERY_PAGE = "playground.md"
 
 PROGRAM = """
 import sys
@@ -266,7 +266,7 @@ def _section(name: str, title: str, numbers: dict[str, str]) -> str:
     numbers_listed = "; ".join(f"{key}: {value}" for key, value in numbers.items())
     return "\n".join(
         [
-            f"## {html.escape(title)}",
+            f"### {html.escape(title)}",
             "",
             f"`slidax run {name}`: {numbers_listed}.",
             "",

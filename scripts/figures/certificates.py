@@ -29,7 +29,7 @@ from tests.soundness.counted import Counted
 from .shared import ROOT, table, write_table
 
 EXAMPLES = ("example-4.1", "example-4.2")
-PAPER_PAGE = "certificates/paper.md"
+PAPER_PAGE = "tutorials/reproduce-the-paper.md"
 GROWTH = 20.0
 """A loop chatters if its steady torque steps are larger than those at half the period by this factor."""
 

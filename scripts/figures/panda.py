@@ -1,4 +1,4 @@
-"""Figures and tables of arms from files: docs/rivals.md and docs/robots.md."""
+"""Figures and tables of arms from files: docs/benchmark-of-schemes.md and docs/robots.md."""
 
 from __future__ import annotations
 
@@ -269,12 +269,12 @@ def draw_panda_payload(shown: list[Line]) -> Figure:
 
 
 def write_panda_payload() -> None:
-    """Simulate all laws, and write the figure and the table of docs/rivals.md."""
+    """Simulate all laws, and write the figure and the table of docs/benchmark-of-schemes.md."""
     shown = lines()
     drawn = {line.measured: line.run for line in shown if line.form == "sampled-data"}
     rows = [_row(line, drawn[line.measured]) for line in shown]
     head = ["law", "form", "measurements", "samples outside", "steady error [rad]", "torque step, steady [N m]"]
-    write_table("rivals.md", "panda", table(head, rows))
+    write_table("benchmark-of-schemes.md", "panda", table(head, rows))
     save(draw_panda_payload([line for line in shown if line.measured == "encoders"]), "panda-payload")
 
 
@@ -312,7 +312,7 @@ def write_arms() -> None:
 
 
 RIVAL = SUPER_TWISTING
-"""The rival with the least steady error of those with the same estimator, by the table of docs/rivals.md."""
+"""The controller with the least steady error among those with the same estimator (docs/benchmark-of-schemes.md)."""
 
 PICTURE_WIDTH, PICTURE_HEIGHT = 960, 316
 PANEL = 470

@@ -3,7 +3,7 @@ import re
 
 import pytest
 
-from scripts.documentation.site import api_pages, check_links, parameters_page
+from scripts.documentation.site import GROUPS, api_pages, check_links, parameters_page
 from scripts.documentation.stage import Stage
 from tests.architecture.test_architecture import ROOMS, public
 from tests.documentation.pages import ROOT
@@ -24,6 +24,10 @@ def test_the_page_of_a_room_has_all_that_it_exports(reference, room):
         assert f"[`{name}`](#" in text
         first = (inspect.getdoc(thing) or "").partition("\n")[0].replace("|", "\\|")
         assert first in text
+
+
+def test_every_subpackage_is_in_one_group_of_the_api():
+    assert sorted(room for group in GROUPS.values() for room in group) == sorted(set(ROOMS) - {"cli"})
 
 
 def test_a_function_is_not_taken_for_the_module_of_its_name(reference):

@@ -28,7 +28,7 @@ class DeviationBound:
     With D the model's torque error without friction, `M̂(q) (w - w_d) = D(q,q̇) - D_d - (M̂(q) - M̂_d) w_d + δ`, where δ
     is the change of friction and external forces. Terms linear in e and ė are computed, the others bounded: D and M̂ are
     trigonometric polynomials, whose second derivatives Bernstein's inequality bounds. `M̂(q)⁻¹` follows from M̂_d⁻¹ by
-    Neumann's series (docs/certificates/arm.md).
+    Neumann's series (docs/certificates/reference.md).
 
     - `inverse`: |M̂⁻¹| along the motion, for each possible model of the law [B N n n].
     - `along_q`, `along_dq`: bounds of the slopes of `D - M̂ w_d` [N n n].

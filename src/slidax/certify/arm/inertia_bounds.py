@@ -299,7 +299,7 @@ class ArmConstants:
 def arm_constants(
     robot: AbstractRobot, load: TimedPayload | None = None, *, lower: Floats | None = None, upper: Floats | None = None
 ) -> ArmConstants:
-    """Return the constants of one arm, proved by its trigonometric series (docs/certificates/arm.md).
+    """Return the constants of one arm, proved by its trigonometric series (docs/certificates/reference.md).
 
     - `robot`: the arm; its friction is not included.
     - `load`: a payload that is always carried, or None.

@@ -71,7 +71,7 @@ def inertia_ratio(scenario: Scenario, demand: Demand) -> Verdict:
     after = any("afterwards" in line.text and line.status != "fails" for line in learning)
     says = (
         f"κ of `{names[joint]}` is {low[joint]:.2g} to {high[joint]:.2g}, and its loop is stable for "
-        f"{ranges[0, joint]:.2g} to {ranges[1, joint]:.2g} (docs/sampled-data.md, How wrong M0 may be)"
+        f"{ranges[0, joint]:.2g} to {ranges[1, joint]:.2g} (docs/sampled-data.md, Admissible error of M0)"
     )
     if not alone and after:
         says += "; learning brings κ into this range, which is not proved"

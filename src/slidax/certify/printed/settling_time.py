@@ -89,7 +89,7 @@ def settling_time(scenario: Scenario) -> Verdict:
     - `given_start`: the bound for the scenario's own start, with β as it changes over time.
     - `deadline`: T of (20), from which the envelope is ±ρ∞; it does not depend on the other values.
 
-    docs/certificates/settling-time.md has the derivation.
+    docs/certificates/reference.md has the derivation.
     """
     printed = PrintedLaw.of(scenario)
     if printed is None:

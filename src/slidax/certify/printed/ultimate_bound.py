@@ -233,7 +233,8 @@ PRINTED_PERIOD = "printed_period", "stable at its period"
 
 SAFE = 0.95
 """Share of the limit up to which a period is recommended. Above it a loop is stable, but its eigenvalue near -1 makes
-the torque steps larger: 20 times within 2 % of the limit in the paper's examples (docs/certificates/paper.md).
+the torque steps larger: 20 times within 2 % of the limit in the paper's examples
+(docs/tutorials/reproduce-the-paper.md).
 """
 
 
