@@ -79,7 +79,7 @@ WRONG = [
     (nftsmc_4_2, "reach", 0.0, "must be > 0 (M1, [7])", "got 0"),
     (nftsmc_4_2, "gain", -2.0, "must be > 0 1/s² (M2, [7])", "got -2"),
     (nftsmc_4_2, "layer", -1.0, "must be >= 0 (s0", "got -1"),
-    (anftsmc_4_2, "alpha", 0.2, "the .2 of Table 2 is singular at e = 0", "got 0.2"),
+    (anftsmc_4_2, "alpha", 0.2, "the 0.2 of Table 2 is singular at e = 0", "got 0.2"),
     (anftsmc_4_2, "beta", 1.0, "must be in (1, 2)", "got 1"),
     (anftsmc_4_2, "k1", 0.0, "must be > 0 ([10])", "got 0"),
     (anftsmc_4_2, "k2", 0.0, "must be > 0 ([10])", "got 0"),

@@ -187,7 +187,7 @@ def test_a_preset_is_the_same_in_python_and_in_a_file():
         ({"overshot": 1.0}, r"`overshot` is unknown; did you mean `overshoot`"),
         ({}, r"transformation: `PrescribedPerformance` needs `performance` and `overshoot`"),
         ({"k1": -1.0, "transformation": AROUND_4_1}, r"surface: `SmoothFixedTime.k1` must be > 0.*got -1"),
-        ({"surface": Linear(1.0), "k1": 1.0}, r"`k1` is a number of `surface`, which is given as a whole"),
+        ({"surface": Linear(1.0), "k1": 1.0}, r"`k1` is a parameter of `surface`, which the call replaces as well"),
     ],
 )
 def test_preset_with_wrong_arguments_is_refused(options, message):
@@ -206,7 +206,7 @@ def test_preset_with_wrong_arguments_is_refused(options, message):
         ({"scheme.name": "ftsmc", "scheme.overshoot": 0.2}, r"^scheme.transformation.performance: is missing"),
         ({"scheme.surface.kind": "linar"}, r"^scheme.surface.kind: unknown `linar`; did you mean `linear`\?"),
         ({"scheme.surface.kind": "linear"}, r"^scheme.surface.rate: is missing"),
-        ({"scheme.name": "anftsmc", "scheme.alpha": 0.2}, r"the .2 of Table 2 is singular"),
+        ({"scheme.name": "anftsmc", "scheme.alpha": 0.2}, r"the 0\.2 of Table 2 is singular"),
         ({"scheme": 3, "scheme.name": "ftsmc"}, r"^scheme: .*got 3"),
     ],
 )

@@ -31,7 +31,7 @@ class Believed(AbstractRobot):
     joint_units: tuple[str, ...] = piece('"rad" or "m" for each joint', static=True)
     joint_names: tuple[str, ...] = piece("of the joints", static=True)
     nominal: AbstractRobot = piece("the robot as the law knows it")
-    rotor: Vector = parameter("J, inertia on the diagonal beside that of the links", "kg m² or kg")
+    rotor: Vector = parameter("J, inertia on the diagonal in addition to that of the links", "kg m² or kg")
     counted: PerJoint = parameter("J0, rotor inertia that the nominal arm has", "kg m² or kg", ">= 0")
 
     @classmethod
@@ -158,7 +158,9 @@ class KnownJoints(AbstractAdaptation):
 
     title = "Rotors and friction that are known, and stay as they are."
 
-    rotor: PerJoint = parameter("J, inertia on the diagonal beside that of the links", "kg m² or kg", default=0.0)
+    rotor: PerJoint = parameter(
+        "J, inertia on the diagonal in addition to that of the links", "kg m² or kg", default=0.0
+    )
     coulomb: PerJoint = parameter("f, Coulomb friction that is compensated", "N m or N", ">= 0", default=0.0)
 
     def init(self, measured: State) -> Vector:

@@ -149,11 +149,11 @@ class AbstractTransformation(AbstractPart):
         """
 
     @abstractmethod
-    def frame(self, t: Scalar, lead: Scalar, horizon: Scalar, memory: Memory) -> EnvelopeFrame:
+    def frame(self, t: Scalar, lead_time: Scalar, horizon: Scalar, memory: Memory) -> EnvelopeFrame:
         """Interval of the led error `y = e + c ė`, now and one horizon later, for a law that plans in discrete time.
 
         - `t`: time [s].
-        - `lead`: c [s].
+        - `lead_time`: c [s].
         - `horizon`: H [s].
         - `memory`: what `init` returned.
         """
@@ -200,12 +200,12 @@ class PrescribedPerformance(AbstractTransformation):
         rho = self.performance.radius(t)
         return Envelope(lower=memory.lower * rho, upper=memory.upper * rho)
 
-    def frame(self, t: Scalar, lead: Scalar, horizon: Scalar, memory: Sides) -> EnvelopeFrame:
+    def frame(self, t: Scalar, lead_time: Scalar, horizon: Scalar, memory: Sides) -> EnvelopeFrame:
         """The envelope of the led error, and its tangent one horizon later."""
         rho, drho, ddrho = self.performance.radius_rate_curvature(t)
         slimmest = SLIMMEST * rho
-        now = jnp.maximum(rho + lead * drho, slimmest)
-        ahead = jnp.maximum(now + horizon * (drho + lead * ddrho), slimmest)
+        now = jnp.maximum(rho + lead_time * drho, slimmest)
+        ahead = jnp.maximum(now + horizon * (drho + lead_time * ddrho), slimmest)
         shape = memory.lower.shape
         return EnvelopeFrame(now=jnp.broadcast_to(now, shape), ahead=jnp.broadcast_to(ahead, shape), sides=memory)
 
@@ -226,6 +226,6 @@ class Unconstrained(AbstractTransformation):
     def envelope(self, t: Scalar, memory: tuple[()]) -> None:
         return None
 
-    def frame(self, t: Scalar, lead: Scalar, horizon: Scalar, memory: tuple[()]) -> EnvelopeFrame:
+    def frame(self, t: Scalar, lead_time: Scalar, horizon: Scalar, memory: tuple[()]) -> EnvelopeFrame:
         half_width = jnp.ones(())
         return EnvelopeFrame(now=half_width, ahead=half_width, sides=None)

@@ -27,9 +27,9 @@ class Estimate(eqx.Module):
 
 
 class AbstractEstimator(AbstractPart):
-    """Corrects the nominal model's prediction with a measurement.
+    """Correct the nominal model's prediction with a measurement.
 
-    Call the estimator at each measurement that arrives, and not at a lost one.
+    Call the estimator for each measurement that arrives; skip lost ones.
     """
 
     reads_velocity: ClassVar[bool] = False
@@ -48,7 +48,7 @@ class AbstractEstimator(AbstractPart):
     def __call__(
         self, measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, ""], memory: Memory
     ) -> tuple[Estimate, Memory]:
-        """The estimate at the time of a measurement, and the memory after it, a tree like `memory`.
+        """Return the estimate at the time of a measurement, and the memory after it, a tree like `memory`.
 
         - `measured`: measured positions and velocities.
         - `prior`: the last estimate, moved by the nominal model and its disturbance to the time of this measurement.
@@ -95,7 +95,7 @@ loop is then stable for believed inertias of 1/3 to 3/2 of the true one."""
 
 
 class Measured(AbstractEstimator):
-    """`q = q'`, `q̇ = q̇'`, and the disturbance by an α-β filter of what the velocity did beyond the prediction.
+    """`q = q'`, `q̇ = q̇'`, and the disturbance from the velocity's prediction error by an α-β filter.
 
     With `r = (q̇' - q̇_predicted)/h`: `w⁺ = w + h d + g (r + ŵ - w - h d)`, `d⁺ = d + b (r + ŵ - w - h d)/h`,
     `ŵ⁺ = w⁺ + ahead h d⁺`. Here w is the unexplained acceleration in the middle of the last period and d its rate.
@@ -203,7 +203,7 @@ class FilteredDifference(AbstractEstimator):
             state=State(q=measured.q, dq=prior.state.dq + correction),
             disturbance=prior.disturbance + self.gain * share * correction / elapsed,
         )
-        # Over a gap the mean velocity is as good as ever, the disturbance is not.
+        # A gap does not affect the mean velocity; the disturbance over it is not known.
         estimate = Estimate(state=usual.state, disturbance=jnp.where(missed, prior.disturbance, usual.disturbance))
         return estimate, estimate.state
 
@@ -260,7 +260,7 @@ class RobustDifferentiator(AbstractEstimator):
             ),
             disturbance=prior.disturbance + signed * selection / elapsed / elapsed,
         )
-        # A step over a gap is as exact as any in the state; the disturbance is not learnt from it.
+        # A step over a gap has an exact state; the disturbance is not updated from it.
         return Estimate(state=usual.state, disturbance=jnp.where(missed, prior.disturbance, usual.disturbance)), ()
 
 

@@ -205,10 +205,10 @@ class AbstractSurfaceStep(AbstractStep):
 
     def init(self, t: Scalar, state: State, reference: Reference, period: Scalar, horizon: Scalar | None) -> Memory:
         assert horizon is not None
-        lead = horizon - 0.5 * period
+        lead_time = horizon - 0.5 * period
         e, de = state.q - reference.q, state.dq - reference.dq
         sides = self.transformation.init(t, e)
-        eps = self.transformation.frame(t, lead, horizon, sides).transformed(e + lead * de)
+        eps = self.transformation.frame(t, lead_time, horizon, sides).transformed(e + lead_time * de)
         return SurfaceMemory(
             sides=sides,
             s=jnp.zeros_like(e),
@@ -232,19 +232,19 @@ class AbstractSurfaceStep(AbstractStep):
     def __call__(self, moment: StepInput, memory: SurfaceMemory) -> Decision:
         h, horizon, now, desired = moment.period, moment.horizon, moment.state, moment.reference
         assert horizon is not None
-        lead = horizon - 0.5 * h
+        lead_time = horizon - 0.5 * h
         e, v = now.q - desired.q, now.dq - desired.dq
-        y = e + lead * v
-        frame = self.transformation.frame(moment.t, lead, horizon, memory.sides)
+        y = e + lead_time * v
+        frame = self.transformation.frame(moment.t, lead_time, horizon, memory.sides)
         reset, kept_reset, planned = memory.reset, memory.reset, moment.planned
         if self.recovery is not None and reset is not None:
             drawn = self.transformation.envelope(moment.t, memory.sides)
             if drawn is not None:
                 reset, kept_reset, fresh = self.recovery.reset_envelope(
-                    moment.t, e, v, drawn, _slowness(moment), lead, reset
+                    moment.t, e, v, drawn, _slowness(moment), lead_time, reset
                 )
                 planned = planned & ~jnp.any(fresh)
-                frame = self.recovery.frame(moment.t, lead, horizon, frame, reset)
+                frame = self.recovery.frame(moment.t, lead_time, horizon, frame, reset)
         frame = barrier(frame)
 
         # The planned s plus the velocity's deviation, so that φ's slope does not multiply position errors.
@@ -309,7 +309,9 @@ class SlidingStep(AbstractSurfaceStep):
     reaching: AbstractReaching = piece("as in the printed law: how s is driven to zero")
     bound: AbstractBound = piece("as in the printed law: u")
     slopes: bool = piece(
-        "whether u counts the slope part of τ1, as (45) prints it, or τ0 and K0's part alone", default=True, static=True
+        "True to count the slope part of τ1 in u, as printed in (45); False for τ0 and K0's part alone",
+        default=True,
+        static=True,
     )
 
     def __check_init__(self) -> None:

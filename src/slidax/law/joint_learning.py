@@ -65,7 +65,7 @@ class JointLearning(AbstractAdaptation):
     - A sample counts only while torque and acceleration are coherent, `(φ z)² > coherence φ² z²` in means over `recent`
       with `z = y - f c`: a torque that moves the joint is in phase with its acceleration; the weight of a payload that
       is taken up or released is not.
-    - J stays between `rotor_min` less .6 of the links' share and `rotor_max` more than the links' share, f in
+    - J stays between `rotor_min` less 0.6 of the links' share and `rotor_max` plus the links' share, f in
       [0, coulomb_max]. M̂ is therefore positive definite and bounded for all measurements.
 
     Source: docs/learning.md. Recursive least squares: Ljung, System Identification, 1999; Astrom and Wittenmark,

@@ -41,14 +41,13 @@ class LinearLoop:
     """A joint with `q̈ = κ a`, where the law believes `q̈ = a`: κ is an eigenvalue of `M⁻¹ M0` (docs/sampled-data.md).
 
     Near e = 0 with s⁺ = 0 and a steep surface the plan is `q̈ = -(y/H + v)/H`, `y = e + (H - h/2) v`, at the state that
-    is predicted over the believed delay with the commands under way and the estimate. The unit of time is the period.
+    is predicted over the believed delay from the pending commands and the estimate. The unit of time is the period.
 
     - `h`: the period [s]; `horizon`: H in periods.
-    - `believed`: the delay that the law is told [periods].
+    - `believed`: the delay in the law's settings [periods].
     - `gains`: of the Kalman filter (L1, L2 h, L3 h²), or of `Measured` (g, b, ahead).
-    - `measures_velocity`: whether the estimator is `Measured`.
-    - `follows`: the share `1 - e^{-c h}` of a differenced velocity that its low-pass takes on in a period; None for a
-      velocity sensor.
+    - `measures_velocity`: True if the estimator is `Measured`.
+    - `follows`: gain `1 - e^{-c h}` of the low-pass of a differenced velocity; None for a velocity sensor.
     """
 
     h: float
@@ -139,7 +138,7 @@ class LinearLoop:
         if np.max(np.abs(np.linalg.eigvals(matrix))) >= 1.0:
             return math.inf, math.inf
         covariance = solve_discrete_lyapunov(matrix, variance * np.outer(enters, enters))
-        # The step is the difference of this command and the last, which the noise of this sample enters as well.
+        # The step is the difference of this command and the last; the noise of this sample affects it, too.
         row, own = maps.outputs[4], float(maps.direct[4, 0])
         step = row.copy()
         step[2] -= 1.0
@@ -167,7 +166,7 @@ class LinearLoop:
             read_v = last_v + self.follows * (read_q - last_q - last_v)
         estimate_q, estimate_v, estimate, rate = self._estimated(read_q, read_v, prior_q, prior_v, estimate, rate)
         if self.follows is None or not self.measures_velocity:
-            # Unused memory is set to zero: it would count as a loop that never settles.
+            # Unused memory is set to zero: it would count as a mode that never settles.
             last_q, last_v = 0.0 * read_q, 0.0 * read_v
         else:
             last_q, last_v = read_q, read_v
@@ -188,7 +187,7 @@ class LinearLoop:
         if following is None:
             following = self._moved(now_q, now_v, planned, 1.0 - fraction)
 
-        # The arm itself, under the commands that really are under way and a disturbance that is linear over the period.
+        # The true arm, under the commands that act after the true delay and a disturbance that is linear in a period.
         sent = [command, *commands]
         integer, fraction = int(delay), delay % 1.0
         change = disturbance_next - disturbance
@@ -217,7 +216,7 @@ class LinearLoop:
             residual = read_q - prior_q
             return prior_q + gain * residual, prior_v + two * residual, estimate + three * residual, 0.0 * rate
         if two == 0.0:
-            # A rate that nothing changes is no part of the loop: it would count as one that never settles.
+            # A rate that nothing changes is set to zero: it would count as a mode that never settles.
             rate = 0.0 * rate
         grown = (1.0 - three) * rate
         surprise = read_v - prior_v - grown

@@ -41,7 +41,7 @@ def steady_gains(density: Any, variance: Any, period: Any) -> Float[Array, "..."
     return _steady(spread, noise, h)
 
 
-# As one program: JAX would compile each of its operations alone, which takes a second.
+# Jitted as a whole: JAX would otherwise compile each operation separately, which takes a second.
 @jax.jit
 def _steady(spread: Any, noise: Any, h: Any) -> Any:
     # No arm reaches the ends of this range; they keep the matrices regular.
@@ -75,7 +75,7 @@ def _steady_covariance(f: Three, q: Three) -> Three:
     return jax.lax.fori_loop(0, DOUBLINGS, _twice, (f.T, measured, q))[2]
 
 
-# By itself, and not within what calls it: jax compiles a loop again for each function that it has not seen.
+# Jitted on its own: within a caller, JAX would compile the loop again for each new caller.
 def _twice(_: Any, agh: tuple[Three, Three, Three]) -> tuple[Three, Three, Three]:
     a, g, h = agh
     solved = _product(_inverse(jnp.eye(3) + _product(g, h)), jnp.concatenate([a, _product(g, a.T)], axis=1))
@@ -120,14 +120,17 @@ class Kalman(AbstractEstimator):
     """
 
     gains: Float[Array, "3 ..."] = parameter(
-        "L1, L2, L3, three numbers or three per joint; `steady` and `of_arm` find them", "1, 1/s or 1/s²", ">= 0"
+        "L1, L2, L3, three numbers or three per joint; `steady` and `of_arm` compute them", "1, 1/s or 1/s²", ">= 0"
     )
 
     inertia: Vector | None = parameter(
-        "for which the gains are, where they follow what is learnt of it", "kg m² or kg", "> 0", default=None
+        "inertia that the gains belong to, if they follow the learnt inertia", "kg m² or kg", "> 0", default=None
     )
     pace: Vector | None = parameter(
-        "d, the filter's bandwidth there times the period, (density h⁵/variance)^(1/6)", "", "> 0", default=None
+        "d, the filter's bandwidth at that inertia times the period, (density h⁵/variance)^(1/6)",
+        "",
+        "> 0",
+        default=None,
     )
 
     def __check_init__(self) -> None:
@@ -229,7 +232,7 @@ def paced(pace: Vector) -> Float[Array, "3 n"]:
     return jnp.stack([first, 3.0 - first - 0.5 * third - real - pair, third])
 
 
-# As one program: JAX would compile each of its operations alone.
+# Jitted as a whole: JAX would otherwise compile each operation separately.
 @jax.jit
 def _paces(mass: Any, torque_density: Any, variance: Any, period: Any) -> tuple[Any, Any, Any]:
     """The diagonal of the inertia, the density of the disturbance, and d."""

@@ -52,7 +52,7 @@ STABLE_POSTURE = "so that the posture is stable (Takegaki and Arimoto, 1981)"
 
 
 class GravityCompensatedPD(AbstractModelBased):
-    """`τ = -Kp e - Kd ė + G0(q)`: brings an arm to rest at a posture, and lags behind a motion.
+    """`τ = -Kp e - Kd ė + G0(q)`: regulates an arm to a posture; a moving reference leaves a tracking lag.
 
     Only the gravity of the nominal robot is used.
     Source: Takegaki and Arimoto, 1981; Siciliano et al., Robotics: Modelling, Planning and Control, 2009, sec. 8.5.1.

@@ -54,7 +54,7 @@ class Preset:
     - `law`: the class of the controller.
     - `title`: one line, then a longer description.
     - `source`: source of the values.
-    - `values`: parts, as `Given`, and parameter values, by the fields of the law.
+    - `values`: parts, as `PresetPart`, and parameter values, by the fields of the law.
     """
 
     def __init__(self, law: type[AbstractController], title: str, *, source: str = "", **values: Any) -> None:
@@ -89,7 +89,7 @@ class Preset:
         return _build(self.law, {"nominal": nominal, **parts})
 
     def placed(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Return values with each parameter of a part under the name of that part.
+        """Return the values with each parameter moved under the name of its part.
 
         - `values`: by field of the law, or by parameter of just one of its parts.
 
@@ -103,13 +103,16 @@ class Preset:
             owners = self.owners(name)
             if len(owners) != 1:
                 if owners:
-                    raise DefinitionError(f"`{name}` is of {' and of '.join(owners)}: say which")
+                    raise DefinitionError(
+                        f"`{name}` is a parameter of {' and of '.join(owners)}: name the part, as in "
+                        f'`{owners[0]}={{"{name}": ...}}`'
+                    )
                 known = own.union(*(_names(part) for part in self._parts().values()))
                 raise DefinitionError(f"`{name}` is unknown; {nearest_word(name, sorted(known))}")
             part = placed.setdefault(owners[0], {})
             if not isinstance(part, Mapping):
                 raise DefinitionError(
-                    f"`{name}` is a number of `{owners[0]}`, which is given as a whole; leave one out"
+                    f"`{name}` is a parameter of `{owners[0]}`, which the call replaces as well: leave one out"
                 )
             placed[owners[0]] = {**part, name: value}
         return placed

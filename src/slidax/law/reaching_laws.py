@@ -137,13 +137,13 @@ def _solve_proximal_step(reaching: Any, metric: Matrix, s: Vector, u: Scalar) ->
     layer = reaching.layer
 
     def search() -> Vector:
-        # Along the target alone the equation is a quadratic one for the length of s⁺, without the powers.
+        # For an s⁺ along the target, without the powers, the equation is quadratic in the length of s⁺.
         stiffness = jnp.sum(target * matvec(metric, target)) / jnp.maximum(size * size, TINY)
         half = 0.5 * (stiffness * layer + u - size)
         root = jnp.sqrt(half * half + stiffness * layer * size)
         # The form without a difference of like numbers.
         length = jnp.where(half > 0, layer * size / jnp.maximum(half + root, TINY), (root - half) / stiffness)
-        # With that length in the unit vector's denominator the equation is linear, and turns the start to the right.
+        # With that length in the unit vector's denominator the equation is linear, which corrects the direction.
         share = u / jnp.maximum(jnp.maximum(length, 0.0) + layer, TINY)
         start = solve_symmetric(metric + share * jnp.eye(s.shape[0]), target)
         tolerance = PRECISION * (1.0 + size)
@@ -158,7 +158,7 @@ def _solve_proximal_step(reaching: Any, metric: Matrix, s: Vector, u: Scalar) ->
             change = now.fraction * now.direction
             candidate = jnp.where(now.careful, now.s + change, reaching.moved(now.s, change))
             direction, length = direction_from(candidate, jnp.zeros((), bool))
-            # A step that does not halve what is left, the first time, is taken again from where it began, carefully.
+            # The first time that a step does not halve the residual, it is repeated from its start with the chords.
             better = length < jnp.where(now.careful, 1.0, 0.5) * now.size
             again = ~better & ~now.careful
             direction = jax.lax.cond(

@@ -166,7 +166,7 @@ class NonsingularFastTerminal(AbstractModelBased):
         "diagonal of Γ2", "", "(1, 2)", "so that τ is finite ([7])", default=5.0 / 3.0, source="Table 2"
     )
     reach: Scalar = parameter(
-        "M1, what the robust acceleration is larger by",
+        "M1, addition to the robust acceleration",
         "rad/s² or m/s²",
         "> 0",
         "(M1, [7])",
@@ -219,7 +219,7 @@ class AdaptiveNonsingularFastTerminal(AbstractModelBased):
         "α, exponent of the error",
         "",
         "> beta",
-        "([10]; the .2 of Table 2 is singular at e = 0)",
+        "([10]; the 0.2 of Table 2 is singular at e = 0)",
         default=2.0,
         source="a follow-up of [10]",
     )
@@ -233,7 +233,7 @@ class AdaptiveNonsingularFastTerminal(AbstractModelBased):
     )
     gain: PerJoint = parameter("diagonal of k, gain of s", "1/s²", "> 0", "(k, [10])", default=250.0, source="Table 2")
     margin: Scalar = parameter(
-        "η, what the robust acceleration is larger by",
+        "η, addition to the robust acceleration",
         "rad/s² or m/s²",
         "> 0",
         "(η, [10])",

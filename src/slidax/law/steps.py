@@ -145,8 +145,8 @@ class Recovery(AbstractPart):
     than `share a`. Then the prescribed envelope is in force again. X starts anew once it is four times wider than a new
     X would be.
 
-    One sample cannot set X: the first sample outside uses its own X, but X stays only if the next sample is outside,
-    too.
+    A single outlier does not set X: the first sample outside uses its own X, and X stays only if the next sample is
+    outside, too.
     """
 
     title = "Recovery outside the envelope: a new envelope around the error narrows into the prescribed one."
@@ -165,24 +165,24 @@ class Recovery(AbstractPart):
         return EnvelopeReset(until=zero + t, span=zero + 1.0, excess=zero, outside=jnp.zeros(joints, bool))
 
     def reset_envelope(
-        self, t: Scalar, e: Vector, de: Vector, drawn: Envelope, slowness: Vector, lead: Scalar, now: EnvelopeReset
+        self, t: Scalar, e: Vector, de: Vector, drawn: Envelope, slowness: Vector, lead_time: Scalar, now: EnvelopeReset
     ) -> tuple[EnvelopeReset, EnvelopeReset, Bool[Array, " n"]]:
         """Return the envelopes at this sample, those for the next sample, and True for each new one.
 
         - `e`, `de`: error and its rate [n].
         - `drawn`: the prescribed envelope.
         - `slowness`: 1/a, with the acceleration a within the torque limits [n], s²/rad or s²/m; 0 without limits.
-        - `lead`: c [s].
+        - `lead_time`: c [s].
         - `now`: the envelopes before this sample.
         """
         inner = jnp.minimum(-drawn.lower, drawn.upper)
         speed = jnp.abs(de)
-        needed = self.room * (jnp.abs(e) + lead * speed + 0.5 * de * de * slowness)
+        needed = self.room * (jnp.abs(e) + lead_time * speed + 0.5 * de * de * slowness)
         # A cubic starts with the rate 3 R0/span, which may take no more than a quarter of the led radius.
         span = jnp.maximum(
-            jnp.maximum(self.deadline, 12.0 * lead), jnp.sqrt(6.0 * needed * slowness / self.share + TINY)
+            jnp.maximum(self.deadline, 12.0 * lead_time), jnp.sqrt(6.0 * needed * slowness / self.share + TINY)
         )
-        radius = needed / (1.0 - 3.0 * lead / span)
+        radius = needed / (1.0 - 3.0 * lead_time / span)
         fresh = EnvelopeReset(t + span, span, jnp.maximum(radius - inner, 0.0), now.outside)
 
         active = t < now.until
@@ -196,11 +196,11 @@ class Recovery(AbstractPart):
         return _where(new, fresh, now), EnvelopeReset(kept.until, kept.span, kept.excess, outside), new
 
     def frame(
-        self, t: Scalar, lead: Scalar, horizon: Scalar, drawn: EnvelopeFrame, now: EnvelopeReset
+        self, t: Scalar, lead_time: Scalar, horizon: Scalar, drawn: EnvelopeFrame, now: EnvelopeReset
     ) -> EnvelopeFrame:
         """Return the frame of a plan, with new envelopes in place of prescribed ones.
 
-        - `lead`, `horizon`: c and H [s].
+        - `lead_time`, `horizon`: c and H [s].
         - `drawn`: frame of the prescribed envelope.
         - `now`: the envelopes at this sample.
         """
@@ -210,8 +210,8 @@ class Recovery(AbstractPart):
         inner = jnp.minimum(-drawn.sides.lower, drawn.sides.upper)
         x, dx, ddx = now.excess_rate_curvature(t)
         # At its end the cubic flattens faster than the lead can follow.
-        led = jnp.maximum(x + lead * dx, 0.0)
-        ahead = jnp.maximum(led + horizon * (dx + lead * ddx), 0.0)
+        led = jnp.maximum(x + lead_time * dx, 0.0)
+        ahead = jnp.maximum(led + horizon * (dx + lead_time * ddx), 0.0)
         return EnvelopeFrame(
             now=jnp.where(active, inner * drawn.now + led, drawn.now),
             ahead=jnp.where(active, inner * drawn.ahead + ahead, drawn.ahead),

@@ -121,7 +121,7 @@ class LinearCoreFixedTime(AbstractSurface):
     """`K1 Ŝ^p(ε1) + K2 Sig^q(ε1)` with `ŝ^p` of (78): `sig^p(x)` for `|x| >= δ`, else `δ^(p-1) x`.
 
     The surface of the schemes that the paper cites as [23] and [33], as it describes them at (78), (79): continuous,
-    with a slope that jumps at δ, and so a torque that does.
+    with a slope that jumps at δ, so that the torque jumps, too.
     """
 
     title = "An earlier fixed-time terminal surface, with a kink at the edge of its linear core."

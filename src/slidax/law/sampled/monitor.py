@@ -69,32 +69,32 @@ class Monitor(AbstractPart):
     title = "Guarantee monitor: each sample is compared with the assumptions of the guarantee."
 
     share: PerJoint = parameter(
-        "of the envelope's nearer side that may be taken up by what the estimate misses",
+        "share of the envelope's nearer side that the estimation error may take up",
         "",
         "(0, 1]",
         default=0.5,
         source="docs/certificates/monitor.md",
     )
     led: PerJoint = parameter(
-        "of its envelope that may be taken up by the led error",
+        "share of its envelope that the led error may take up",
         "",
         "(0, 1]",
         default=0.95,
         source="docs/certificates/monitor.md",
     )
     rotor_min: PerJoint | None = parameter(
-        "least inertia beside that of the links for which the promise is; None for any",
+        "least learnt inertia (in addition to that of the links) that the guarantee covers; None for any",
         "kg m² or kg",
         default=None,
     )
     rotor_max: PerJoint | None = parameter(
-        "largest inertia beside that of the links for which the promise is; None for any",
+        "largest learnt inertia (in addition to that of the links) that the guarantee covers; None for any",
         "kg m² or kg",
         default=None,
     )
 
     disturbance: PerJoint | None = parameter(
-        "largest size of the estimated disturbance in the guarantee, as `slidax admit` computes it; None for any",
+        "largest estimated disturbance that the guarantee covers, as `slidax admit` computes it; None for any",
         "rad/s² or m/s²",
         "> 0",
         default=None,
@@ -136,8 +136,8 @@ class Monitor(AbstractPart):
         - `span`: h and H [s].
         """
         (period, horizon), expected = span, memory.expected
-        lead = horizon - 0.5 * period
-        revised = now.q - expected.q + lead * (now.dq - expected.dq)
+        lead_time = horizon - 0.5 * period
+        revised = now.q - expected.q + lead_time * (now.dq - expected.dq)
         missed = (1.0 - period / horizon) * memory.missed + jnp.where(fresh & memory.begun, revised, 0.0)
         usual = fresh & memory.begun
         measured = now.q + unseen
@@ -150,8 +150,8 @@ class Monitor(AbstractPart):
         most = jnp.maximum(jnp.abs(missed), jnp.abs(surprise) * (quick / slow))
         of_room = jnp.max(most / (self.share * jnp.minimum(envelope.upper, -envelope.lower)))
         of_way = jnp.maximum(
-            self._way(now.q - desired.q + lead * (now.dq - desired.dq), envelope),
-            self._way(measured - desired.q + lead * (speed - desired.dq), envelope),
+            self._way(now.q - desired.q + lead_time * (now.dq - desired.dq), envelope),
+            self._way(measured - desired.q + lead_time * (speed - desired.dq), envelope),
         )
         violated = jnp.where(of_room > 1.0, MISSED, 0.0) + jnp.where(of_way > 1.0, NO_ROOM, 0.0)
         unmodelled = self.without_plan(disturbance)
