@@ -14,7 +14,7 @@ from slidax.codegen.ir import Call, Program, Value, digest, functions
 from slidax.codegen.naming.names import Name, Names, index_suffix
 
 from .c_structures import Member
-from .programs import Function, Place, StepPrograms, with_float_constants
+from .programs import CArray, Function, StepPrograms, with_float_constants
 
 TYPES = ("status_bits", "measured", "wanted", "settings", "remembered", "workshop")
 """Names of the types in the C file."""
@@ -29,14 +29,14 @@ class SharedFunction:
     """A function of the step.
 
     - `name`: in C.
-    - `places`: for each input, the parameter that all calls pass; None if calls differ.
+    - `arrays`: for each input, the parameter that all calls pass; None if calls differ.
     - `lines`, `derived`: its body, and the body of the function that precomputes from the parameters.
-    - `bytes`, `derived_bytes`: stack of their variables, each in a place of its own, including called functions.
+    - `bytes`, `derived_bytes`: stack of their variables, no two sharing memory, including called functions.
     """
 
     program: Program
     name: str
-    places: list[Place | None]
+    arrays: list[CArray | None]
     lines: list[str] = field(default_factory=list)
     derived: list[str] = field(default_factory=list)
     bytes: int = 0
@@ -45,7 +45,7 @@ class SharedFunction:
     @property
     def passed(self) -> tuple[int, ...]:
         """Indices of the inputs that are passed as arguments."""
-        return tuple(k for k, place in enumerate(self.places) if place is None)
+        return tuple(k for k, array in enumerate(self.arrays) if array is None)
 
     def argument(self, which: int) -> str:
         """Name of a passed input."""
@@ -69,9 +69,9 @@ class SharedFunction:
 
     def read(self, which: int, element: int | str) -> str:
         """C expression of an input's element."""
-        place = self.places[which]
-        if place is not None:
-            return place.element(element)
+        array = self.arrays[which]
+        if array is not None:
+            return array.element(element)
         name = self.argument(which)
         return f"{name}[{element}]" if self.program.inputs[which].shape else name
 
@@ -79,7 +79,7 @@ class SharedFunction:
 class SharedFunctions:
     """All functions called by some programs.
 
-    - `tops`: the programs, with the places of their inputs.
+    - `tops`: the programs, with the arrays that their inputs come from.
     - `taken`: names of other functions in C.
     """
 
@@ -95,7 +95,7 @@ class SharedFunctions:
                     names.add(name)
                     self._by_digest[key] = SharedFunction(program, name, [])
                 self._known[id(program)] = (program, self._by_digest[key])
-        self._find_places(tops)
+        self._find_arrays(tops)
 
     @property
     def shared(self) -> list[SharedFunction]:
@@ -116,27 +116,27 @@ class SharedFunctions:
         for shared in self.shared:
             self._write(shared, dialect, helpers, members)
 
-    def _find_places(self, tops: Sequence[Function]) -> None:
-        calls_of: dict[int, list[list[Place | None]]] = {}
-        callers: list[tuple[Program, list[Place | None]]] = [(top.program, list(top.inputs)) for top in tops]
-        # From the outside in: the places of a function's inputs follow from its callers.
+    def _find_arrays(self, tops: Sequence[Function]) -> None:
+        calls_of: dict[int, list[list[CArray | None]]] = {}
+        callers: list[tuple[Program, list[CArray | None]]] = [(top.program, list(top.inputs)) for top in tops]
+        # From the outermost program inwards: the arrays of a function's inputs follow from its callers.
         for shared in [None, *reversed(self.shared)]:
             if shared is not None:
                 calls = calls_of.get(id(shared), [])
-                shared.places = [
-                    passed[0] if len({_text(place) for place in passed}) == 1 else None
+                shared.arrays = [
+                    passed[0] if len({_text(array) for array in passed}) == 1 else None
                     for passed in zip(*calls, strict=True)
                 ]
-                callers = [(shared.program, shared.places)]
-            for program, places in callers:
+                callers = [(shared.program, shared.arrays)]
+            for program, arrays in callers:
                 for value in program.walk():
                     if isinstance(value, Call):
-                        calls_of.setdefault(id(self.of(value.program)), []).append(_passed(value, places))
+                        calls_of.setdefault(id(self.of(value.program)), []).append(_passed(value, arrays))
 
     def _write(self, shared: SharedFunction, dialect: Dialect, helpers: Helpers, members: WorkspaceMembers) -> None:
         program = shared.program
         names = Names(program)
-        fixed = {k for k, place in enumerate(shared.places) if place is not None}
+        fixed = {k for k, array in enumerate(shared.arrays) if array is not None}
         kept = members.add(loop_invariant(program, fixed), names)
         outputs = [value for output in program.outputs for value in output.values or ()]
         arguments = [shared.argument(k) for k in shared.passed]
@@ -215,27 +215,27 @@ def with_unused_arguments(lines: list[str], arguments: Sequence[str]) -> list[st
     return [f"    (void){name};" for name in arguments if not re.search(rf"(?<![.>\w]){name}\b", text)] + lines
 
 
-def _passed(call: Call, places: Sequence[Place | None]) -> list[Place | None]:
+def _passed(call: Call, arrays: Sequence[CArray | None]) -> list[CArray | None]:
     """For each input of a call, the parameter passed to it."""
-    passed: list[Place | None] = []
+    passed: list[CArray | None] = []
     first = 0
     for entry in call.program.inputs:
         elements = call.args[first : first + entry.size]
         first += entry.size
         which = {value.data[0] for value in elements if value.op == "input"}
-        place = places[min(which)] if len(which) == 1 else None
+        array = arrays[min(which)] if len(which) == 1 else None
         whole = (
-            place is not None
-            and place.pointer == "parameters->"
-            and place.member.size == entry.size
+            array is not None
+            and array.pointer == "parameters->"
+            and array.member.size == entry.size
             and [value.data for value in elements] == [(min(which), k) for k in range(entry.size)]
         )
-        passed.append(place if whole else None)
+        passed.append(array if whole else None)
     return passed
 
 
-def _text(place: Place | None) -> str:
-    return "" if place is None else place.element(0)
+def _text(array: CArray | None) -> str:
+    return "" if array is None else array.element(0)
 
 
 def _numbered(name: str) -> Iterable[str]:
@@ -248,7 +248,7 @@ class FunctionBody:
     """Body of a C function.
 
     - `lines`: of C, indented, including those that silence warnings about unused arguments.
-    - `bytes`: stack of its variables, each in a place of its own.
+    - `bytes`: stack of its variables, no two sharing memory.
     """
 
     lines: list[str]
@@ -263,8 +263,8 @@ class StepSource:
     - `functions`: those that the law calls, each after those that it calls itself.
     - `workspace`: members for values that depend on the parameters alone.
     - `helpers`: lines of the small functions that they call.
-    - `bytes`: upper bound of a step's stack: each variable of a block in a place of its own; consecutive blocks and
-      functions share places.
+    - `bytes`: upper bound of a step's stack: no two variables of a block share memory; consecutive blocks and
+      functions share memory.
     """
 
     checked: FunctionBody
@@ -298,7 +298,7 @@ def step_source(step: StepPrograms, dialect: Dialect) -> StepSource:
     answered = step.answered
     library, members = SharedFunctions((answered, step.begun), (*TAKEN, *TYPES)), WorkspaceMembers()
     names = Names(answered.program, _outputs(answered))
-    parameters = {k for k, place in enumerate(answered.inputs) if place.pointer == "parameters->"}
+    parameters = {k for k, array in enumerate(answered.inputs) if array.pointer == "parameters->"}
     kept = members.add(loop_invariant(answered.program, parameters), names)
     library.write(dialect, helpers, members)
     checked = function_body(step.checked, dialect, sample, helpers)
@@ -357,7 +357,7 @@ def _body(
     kept: dict[Value, str],
     library: SharedFunctions | None,
 ) -> FunctionBody:
-    local = [place.member.name for place in function.outputs if not place.pointer]
+    local = [array.member.name for array in function.outputs if not array.pointer]
     called = [] if library is None else [shared.name for shared in library.shared]
     written = statements(
         function.program,
@@ -382,9 +382,9 @@ def _fitted(function: Function) -> Function:
 def _outputs(function: Function) -> dict[Value, str]:
     """Names for the values of signals, so that they can be recognised in the code."""
     return {
-        value: place.member.name + index_suffix(k, place.member.shape)
-        for place, output in zip(function.outputs, function.program.outputs, strict=True)
-        if place.pointer == "command->"
+        value: array.member.name + index_suffix(k, array.member.shape)
+        for array, output in zip(function.outputs, function.program.outputs, strict=True)
+        if array.pointer == "command->"
         for k, value in enumerate(output.values or ())
         if value.op not in ("const", "input")
     }

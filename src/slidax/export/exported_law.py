@@ -142,22 +142,22 @@ def load_export(folder: str | Path) -> ExportedLaw:
 
     Raises DefinitionError if there is no export or it does not compile.
     """
-    place = next((path for path in (Path(folder), Path(folder) / "law") if (path / "law.json").is_file()), None)
-    if place is None:
+    project = next((path for path in (Path(folder), Path(folder) / "law") if (path / "law.json").is_file()), None)
+    if project is None:
         raise DefinitionError(
             f"`{folder}` has no exported law (law.json): write one by `slidax export c SCENARIO --out DIR`"
         )
-    about = json.loads((place / "law.json").read_text(encoding="utf-8"))
+    about = json.loads((project / "law.json").read_text(encoding="utf-8"))
     prefix = about["prefix"]
     try:
-        library = compile_library(place, [f"{prefix}.c", f"{prefix}_flat.c"], f"lib{prefix}_flat.so")
+        library = compile_library(project, [f"{prefix}.c", f"{prefix}_flat.c"], f"lib{prefix}_flat.so")
     except FileNotFoundError as error:
         raise DefinitionError(
             f"`{error.filename}` is missing: install a C compiler or set CC, or export again"
         ) from None
     except subprocess.CalledProcessError as error:
-        raise DefinitionError(f"the law in `{place}` does not compile: {error}") from None
-    return ExportedLaw(place, about, ctypes.CDLL(str(library)))
+        raise DefinitionError(f"the law in `{project}` does not compile: {error}") from None
+    return ExportedLaw(project, about, ctypes.CDLL(str(library)))
 
 
 __all__ = ["ExportedLaw", "load_export"]

@@ -221,11 +221,11 @@ def export_fmu(
         raise DefinitionError(f"the name of an FMU must end in .fmu; got `{out}`")
     machines = choose_platforms(platforms)
     exported = project(scenario, name=name, command=command, with_golden=False)
-    texts, these, token = _texts(exported, fmi)
+    texts, listed, token = _texts(exported, fmi)
     sources = sorted(file for file in texts if file.endswith(".c"))
     inside: dict[str, bytes] = {
-        "modelDescription.xml": model_description(exported, these, fmi=fmi, token=token, files=sources).encode(),
-        "documentation/index.html": render("fmu/index.html.j2", _page(exported, these, fmi)).encode(),
+        "modelDescription.xml": model_description(exported, listed, fmi=fmi, token=token, files=sources).encode(),
+        "documentation/index.html": render("fmu/index.html.j2", _page(exported, listed, fmi)).encode(),
         **{f"sources/{file}": text.encode() for file, text in texts.items()},
     }
     if fmi == 3:
@@ -237,7 +237,7 @@ def export_fmu(
             binary = f"binaries/{each.folder(fmi)}/{exported.prefix}{each.ending}"
             inside[binary] = build_library(each, Path(folder), sources, exported.prefix)
     _write(out, inside)
-    return ExportedFmu(exported, these, [each.name for each in machines])
+    return ExportedFmu(exported, listed, [each.name for each in machines])
 
 
 def _texts(exported: CProject, fmi: int) -> tuple[dict[str, str], list[Variable], str]:
@@ -245,16 +245,16 @@ def _texts(exported: CProject, fmi: int) -> tuple[dict[str, str], list[Variable]
     helpers = Helpers(exported.dialect)
     function = envelope_function(exported.guard, exported.step)
     envelope = None if function is None else function_body(function, exported.dialect, ARGUMENTS, helpers)
-    these = variables(exported, with_envelope=envelope is not None)
+    listed = variables(exported, with_envelope=envelope is not None)
     law = {
         f"{exported.prefix}.h": render("header.h.j2", {"x": exported}),
         f"{exported.prefix}.c": render("step.c.j2", {"x": exported}),
     }
-    digest = hashlib.sha256(repr((sorted(law.items()), these, fmi, exported.version)).encode()).hexdigest()
+    digest = hashlib.sha256(repr((sorted(law.items()), listed, fmi, exported.version)).encode()).hexdigest()
     token = f"{{{uuid.uuid5(uuid.NAMESPACE_OID, digest)}}}"
     values: dict[str, Any] = {
         "x": exported,
-        "variables": these,
+        "variables": listed,
         "token": token,
         "envelope": envelope,
         "envelope_members": envelope_members(len(exported.joints)),
@@ -263,14 +263,14 @@ def _texts(exported: CProject, fmi: int) -> tuple[dict[str, str], list[Variable]
         "end": _end,
     }
     files = ("model.h", "model.c", f"fmi{fmi}.h", f"fmi{fmi}.c")
-    return law | {file: render(f"fmu/{file}.j2", values) for file in files}, these, token
+    return law | {file: render(f"fmu/{file}.j2", values) for file in files}, listed, token
 
 
-def _page(exported: CProject, these: Sequence[Variable], fmi: int) -> dict[str, Any]:
+def _page(exported: CProject, listed: Sequence[Variable], fmi: int) -> dict[str, Any]:
     groups = {
-        "Inputs": [each for each in these if each.causality == "input"],
-        "Outputs": [each for each in these if each.causality == "output"],
-        "Parameters": [each for each in these if each.causality == "parameter"],
+        "Inputs": [each for each in listed if each.causality == "input"],
+        "Outputs": [each for each in listed if each.causality == "output"],
+        "Parameters": [each for each in listed if each.causality == "parameter"],
     }
     return {"x": exported, "groups": groups, "fmi": fmi, "range": _range}
 

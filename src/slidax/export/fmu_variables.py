@@ -124,7 +124,7 @@ class Variable:
     - `name`: structured: `reference.dq_next[2]`.
     - `kind`: "real", "integer" or "boolean".
     - `causality`: "parameter", "input", "output" or "independent".
-    - `place`: its C expression in the instance.
+    - `expression`: of its value in C, in the instance.
     - `lower`, `upper`: of its range; infinite where there is none.
     - `open`: True for a bound that is excluded.
     """
@@ -132,7 +132,7 @@ class Variable:
     name: str
     kind: str
     causality: str
-    place: str
+    expression: str
     description: str
     unit: Unit | None = None
     start: float = 0.0
@@ -176,9 +176,9 @@ def variables(exported: CProject, *, with_envelope: bool) -> list[Variable]:
 
 
 def _flag(condition: Condition) -> Variable:
-    place = f"bits[{condition.bit.bit_length() - 1}]"
+    expression = f"bits[{condition.bit.bit_length() - 1}]"
     text = f"{condition.meaning.replace('`', '')}. {condition.remedy.replace('`', '')}"
-    return Variable(f"status.{condition.name.lower()}", "boolean", "output", place, text)
+    return Variable(f"status.{condition.name.lower()}", "boolean", "output", expression, text)
 
 
 def _parameters(member: Member, parameter: Parameter, revolute: list[bool]) -> Iterator[Variable]:
@@ -220,24 +220,24 @@ def _numbers(
 
 
 def _declared(guard: GuardedStep) -> list[Parameter]:
-    """Declaration of every parameter, in the order of the members: that of the innermost field on its way."""
+    """Declaration of each parameter, in the order of the members; the innermost declaration counts."""
     declarations = []
     for path, _ in jax.tree_util.tree_leaves_with_path(guard):
-        declaration, place = Parameter("", ""), guard
+        declaration, node = Parameter("", ""), guard
         for key in path:
             name = getattr(key, "name", None)
             if name is not None:
-                fields = {each.name: each for each in parameters_of(type(place))}
+                fields = {each.name: each for each in parameters_of(type(node))}
                 declaration = fields.get(name, declaration)
-            place = _child(place, key)
+            node = _child(node, key)
         declarations.append(declaration)
     return declarations
 
 
-def _child(place: Any, key: Any) -> Any:
+def _child(node: Any, key: Any) -> Any:
     if hasattr(key, "name"):
-        return getattr(place, key.name)
-    return place[getattr(key, "key", getattr(key, "idx", None))]
+        return getattr(node, key.name)
+    return node[getattr(key, "key", getattr(key, "idx", None))]
 
 
 TYPES = {3: {"real": "Float64", "integer": "Int32", "boolean": "Boolean"},
@@ -252,11 +252,11 @@ STATES = {
 
 
 def model_description(
-    exported: CProject, these: Sequence[Variable], *, fmi: int, token: str, files: Sequence[str]
+    exported: CProject, listed: Sequence[Variable], *, fmi: int, token: str, files: Sequence[str]
 ) -> str:
     """The text of modelDescription.xml.
 
-    - `these`: variables by value reference.
+    - `listed`: variables by value reference.
     - `fmi`: 3 or 2.
     - `token`: by which the binary recognises its own description.
     - `files`: names of the C sources inside.
@@ -280,23 +280,23 @@ def model_description(
         sources = SubElement(step, "SourceFiles")
         for file in files:
             SubElement(sources, "File", name=file)
-    _units(root, these)
+    _units(root, listed)
     categories = SubElement(root, "LogCategories")
     SubElement(categories, "Category", name="logStatusError", description="why a call was refused")
-    # Some importers take larger steps than they are told where a run has more of them than this.
+    # Some importers enlarge the step of a run that would take more steps than this.
     end = min(exported.t1, SHORT * exported.period)
     SubElement(root, "DefaultExperiment", startTime="0", stopTime=repr(end), stepSize=repr(exported.period))
     variables = SubElement(root, "ModelVariables")
     # FMI 2.0 needs no variable for the time, and importers stumble over one.
-    listed = [(k, each) for k, each in enumerate(these) if fmi == 3 or each.causality != "independent"]
-    for reference, variable in listed:
+    numbered = [(k, each) for k, each in enumerate(listed) if fmi == 3 or each.causality != "independent"]
+    for reference, variable in numbered:
         _variable(variables, variable, reference, fmi)
     structure = SubElement(root, "ModelStructure")
     group = structure if fmi == 3 else SubElement(structure, "Outputs")
-    for place, (reference, variable) in enumerate(listed):
+    for index, (reference, variable) in enumerate(numbered, 1):
         if variable.causality == "output":
             # Outputs change by a step alone: no input reaches one at the same instant.
-            which = {"valueReference": str(reference)} if fmi == 3 else {"index": str(place + 1)}
+            which = {"valueReference": str(reference)} if fmi == 3 else {"index": str(index)}
             SubElement(group, "Output" if fmi == 3 else "Unknown", which, dependencies="")
     ElementTree.indent(root, "  ")
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
@@ -314,9 +314,9 @@ def build_description(exported: CProject, files: Sequence[str]) -> str:
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-def _units(root: Element, these: Sequence[Variable]) -> None:
+def _units(root: Element, listed: Sequence[Variable]) -> None:
     group = SubElement(root, "UnitDefinitions")
-    for unit in sorted({each.unit for each in these if each.unit is not None}, key=lambda unit: unit.name):
+    for unit in sorted({each.unit for each in listed if each.unit is not None}, key=lambda unit: unit.name):
         SubElement(SubElement(group, "Unit", name=unit.name), "BaseUnit", {name: str(k) for name, k in unit.base})
 
 

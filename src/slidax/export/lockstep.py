@@ -217,7 +217,7 @@ def replay(log: SavedLog) -> Replay:
         known[row] = law.repeat(inputs[row], k, basis)
         again[row] = law.row
     if not known.all():
-        # After one that is lost nothing is as it was.
+        # A lost answer makes all later ones incomparable.
         known[int(np.argmin(known)) :] = False
     repeated = plan.columns(again)
     wrong = np.zeros(rows, bool)

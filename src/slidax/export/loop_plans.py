@@ -31,7 +31,7 @@ WORD = 8
 
 
 class Planner:
-    """Allocates arrays in one block of memory, and compiles code with their addresses.
+    """Allocate arrays in one block of memory, and compile code with their addresses.
 
     Raises DefinitionError if llvmlite is not installed.
     """
@@ -39,8 +39,7 @@ class Planner:
     def __init__(self) -> None:
         if not llvm.available():
             raise DefinitionError(
-                "a law that is called sample by sample needs llvmlite, which is not installed: "
-                "pip install 'slidax[native]'"
+                "running a law sample by sample needs llvmlite, which is not installed: pip install 'slidax[native]'"
             )
         self._parts: list[np.ndarray] = []
         self._size = 0
@@ -48,8 +47,8 @@ class Planner:
         self._views: dict[str, Slot] = {}
         self._regions: dict[str, tuple[int, int]] = {}
 
-    def place(self, tree: Any, name: str = "") -> Any:
-        """Place each array of a tree; return the tree of places.
+    def allocate(self, tree: Any, name: str = "") -> Any:
+        """Allocate each array of a tree; return the tree of slots.
 
         - `tree`: arrays with their initial values, or shapes, which begin as zeros.
         - `name`: of the region that they form together; none if empty.
@@ -61,12 +60,12 @@ class Planner:
         return placed
 
     def view(self, name: str, array: Any) -> Slot:
-        """Place one array under a name."""
+        """Allocate one array under a name."""
         self._views[name] = slot = self._put(array)
         return slot
 
     def named(self, name: str, slot: Slot) -> None:
-        """Name a placed array."""
+        """Name an allocated array."""
         self._views[name] = slot
 
     def region(self, name: str, first: Slot, last: Slot) -> None:
@@ -74,7 +73,7 @@ class Planner:
         self._regions[name] = (first.offset, -(-last.end // WORD) * WORD)
 
     def code(self, name: str, kernel: llvm.Kernel, inputs: Any, outputs: Any) -> None:
-        """Add machine code; `inputs` and `outputs` are trees of places in the kernel's order."""
+        """Add machine code; `inputs` and `outputs` are trees of slots in the kernel's order."""
         slots: list[Slot] = [*jax.tree.leaves(inputs, is_leaf=_is_slot), *jax.tree.leaves(outputs, is_leaf=_is_slot)]
         shapes = [*(entry.shape for entry in kernel.inputs), *(entry.shape for entry in kernel.outputs)]
         assert [slot.shape for slot in slots] == shapes
@@ -149,8 +148,8 @@ class LawPlan:
         """Columns of rows (bytes, [m length]), by their names in a log."""
         table = np.ascontiguousarray(rows).view(self.row)[:, 0] if len(rows) else np.zeros(0, self.row)
         columns = {name: table[name] for name in self.row.names or ()}
-        for place, name in enumerate(self.channels.bits):
-            columns[name.lower()] = (columns["status"] >> place) & 1
+        for bit, name in enumerate(self.channels.bits):
+            columns[name.lower()] = (columns["status"] >> bit) & 1
         if self.channels.bounded:
             below, above = columns["e"] - columns["lower"], columns["upper"] - columns["e"]
             with np.errstate(invalid="ignore", divide="ignore"):
@@ -162,7 +161,7 @@ def require_samples(scenario: Scenario) -> None:
     """Raise DefinitionError if a scenario's law runs inside the integrator instead of at samples."""
     if scenario.stepping.mode != "held":
         raise DefinitionError(
-            "a law that is called sample by sample needs held mode: `--set simulation.mode=held`, or a scenario "
+            "running a law sample by sample needs held mode: `--set simulation.mode=held`, or a scenario "
             "such as example-4.1-1khz"
         )
 
@@ -186,11 +185,11 @@ def law_plan(scenario: Scenario) -> LawPlan:
     vector = jax.ShapeDtypeStruct((n,), float)
     state, wanted = _state(vector), _reference(vector)
     planner = Planner()
-    numbers = planner.place(guard)
-    motion_numbers = planner.place(scenario.trajectory)
-    period = planner.place(np.asarray(scenario.period))
+    numbers = planner.allocate(guard)
+    motion_numbers = planner.allocate(scenario.trajectory)
+    period = planner.allocate(np.asarray(scenario.period))
     zeros = jax.eval_shape(guard.init, NUMBER, state, wanted)
-    memories = [planner.place(zeros) for _ in range(2)]
+    memories = [planner.allocate(zeros) for _ in range(2)]
 
     def motion(trajectory: Any, period: Scalar, t: Scalar) -> tuple[Reference, Reference]:
         return trajectory.reference(t), trajectory.reference(t + period)
@@ -211,7 +210,7 @@ def law_plan(scenario: Scenario) -> LawPlan:
     fields["t"] = planner.view("t", NUMBER)
     for name in ("q", "dq", "effort", *REFERENCE_COLUMNS):
         fields[name] = planner.view(name, vector)
-    tau, signals, status, error, bounds = planner.place(shapes)
+    tau, signals, status, error, bounds = planner.allocate(shapes)
     fields |= {"tau": tau, "status": status, "e": error}
     fields |= dict(zip(("lower", "upper"), bounds, strict=False))
     fields |= {f"signal:{name}": slot for name, slot in signals.items()}
@@ -372,16 +371,16 @@ def arm_plan(scenario: Scenario, *, transport: int) -> ArmPlan:
 
     delivery = None if own.actuator is None else own.actuator.init(held)
     planner = Planner()
-    numbers = planner.place(arrays)
+    numbers = planner.allocate(arrays)
     k, i = planner.view("k", WHOLE), planner.view("i", WHOLE)
-    brakes, fresh = planner.view("brakes", jax.ShapeDtypeStruct((), bool)), planner.place(np.ones((), bool))
+    brakes, fresh = planner.view("brakes", jax.ShapeDtypeStruct((), bool)), planner.allocate(np.ones((), bool))
     planner.named("fresh", fresh)
     tau = planner.view("tau", np.asarray(held))
     vector = jax.ShapeDtypeStruct((start.q.shape[0],), float)
     memories = {}
     for name, tree in (("delivery", delivery), ("sensor", first), ("state", start)):
-        memories[name] = planner.place(tree, name)
-        memories[f"{name}_after"] = planner.place(tree, f"{name}_after")
+        memories[name] = planner.allocate(tree, name)
+        memories[f"{name}_after"] = planner.allocate(tree, f"{name}_after")
     state = memories["state"]
     planner.named("q", state.q)
     planner.named("dq", state.dq)
@@ -393,8 +392,8 @@ def arm_plan(scenario: Scenario, *, transport: int) -> ArmPlan:
     planner.region("measured", measured[0], set_tau)
     fields = {"set_tau": set_tau}
     fields |= {name: planner.view(name, WHOLE) for name in ("true_k", "applied", "missing", "braking")}
-    fields["true_t"] = planner.place(NUMBER)
-    fields |= {name: planner.place(vector) for name in ("true_q", "true_dq", "true_e")}
+    fields["true_t"] = planner.allocate(NUMBER)
+    fields |= {name: planner.allocate(vector) for name in ("true_q", "true_dq", "true_e")}
     fields["true_wake"] = planner.view("wake", NUMBER)
     shapes = (jax.tree.map(_shape, part) for part in (arrays, start, first, delivery))
     of_loop, of_state, of_sensor, of_delivery = shapes

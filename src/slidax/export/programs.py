@@ -37,7 +37,7 @@ SAMPLE = ("", "t", "", "reference", "next")
 
 
 @dataclass(frozen=True)
-class Place:
+class CArray:
     """An array in C; `pointer`, such as `parameters->`, leads to its member."""
 
     pointer: str
@@ -50,11 +50,11 @@ class Place:
 
 @dataclass(frozen=True)
 class Function:
-    """A program with one place for each input and output."""
+    """A program with an array for each input and output."""
 
     program: Program
-    inputs: list[Place]
-    outputs: list[Place]
+    inputs: list[CArray]
+    outputs: list[CArray]
 
     def read(self, which: int, element: int | str) -> str:
         """C expression of an input's element."""
@@ -66,17 +66,17 @@ class Function:
         read = {value.data[0] for value in self.program.body.values if value.op == "input"}
         read |= {value.data for value in self.program.walk() if value.op == "load"}
         return [
-            place.member
-            for k, place in enumerate(self.inputs)
-            if not place.pointer and place.member.values is not None and k in read
+            array.member
+            for k, array in enumerate(self.inputs)
+            if not array.pointer and array.member.values is not None and k in read
         ]
 
     @property
     def assigned(self) -> list[tuple[str, Value]]:
         """Each element of an output, with its value."""
         return [
-            (place.element(k), value)
-            for place, output in zip(self.outputs, self.program.outputs, strict=True)
+            (array.element(k), value)
+            for array, output in zip(self.outputs, self.program.outputs, strict=True)
             for k, value in enumerate(output.values or ())
         ]
 
@@ -139,12 +139,12 @@ def step_programs(guard: GuardedStep, real: str = "double") -> StepPrograms:
 
     sample = (t, state, reference, reference)
     signals = members(jax.eval_shape(answered, guard, held, *sample)[1])
-    settings, kept = _places("parameters->", parameters), _places("memory->", memory)
+    settings, kept = _arrays("parameters->", parameters), _arrays("memory->", memory)
     sensors, wanted = (
-        _places("measurement->", measurement(guard.joints)),
-        _places("reference->", references(guard.joints)),
+        _arrays("measurement->", measurement(guard.joints)),
+        _arrays("reference->", references(guard.joints)),
     )
-    out = _places("command->", signals)
+    out = _arrays("command->", signals)
     library = Library()
     return StepPrograms(
         checked=_function(checked, (guard, *sample), SAMPLE, settings + sensors + wanted, _flags(CHECKED)),
@@ -161,7 +161,7 @@ def step_programs(guard: GuardedStep, real: str = "double") -> StepPrograms:
             (guard, held),
             ("", "memory"),
             settings + kept,
-            _places("memory->", [_named(memory, name) for name in CHANGED]) + _flags(WAITING),
+            _arrays("memory->", [_named(memory, name) for name in CHANGED]) + _flags(WAITING),
         ),
         begun=_function(
             begin,
@@ -171,7 +171,7 @@ def step_programs(guard: GuardedStep, real: str = "double") -> StepPrograms:
             kept,
             library,
         ),
-        valid=_function(valid, (guard,), ("",), settings, [Place("", Member("valid", "b1", ()))]),
+        valid=_function(valid, (guard,), ("",), settings, [CArray("", Member("valid", "b1", ()))]),
         parameters=parameters,
         bounds=constant_bounds(guard, real),
         memory=memory,
@@ -188,8 +188,8 @@ def motion_program(trajectory: AbstractMotion, joints: int) -> Function:
         return whole.reference(t), whole.reference(t + period)
 
     number = jnp.zeros(())
-    inputs = [Place("", Member(name, "f64", ())) for name in ("t", "period")] + _places("", _tabled(long, "motion"))
-    outputs = _places("reference->", references(joints))
+    inputs = [CArray("", Member(name, "f64", ())) for name in ("t", "period")] + _arrays("", _tabled(long, "motion"))
+    outputs = _arrays("reference->", references(joints))
     return _function(motion, (number, number, long), ("t", "period", "table"), inputs, outputs)
 
 
@@ -203,11 +203,11 @@ def arm_program(plant: Plant) -> Function:
     t, state, _ = _sample(plant.robot.joints)
     shape = state.q.shape
     inputs = [
-        Place("", Member("t", "f64", ())),
-        *(Place("", Member(name, "f64", shape)) for name in ("q", "dq", "tau")),
-        *_places("", _tabled(long, "arm")),
+        CArray("", Member("t", "f64", ())),
+        *(CArray("", Member(name, "f64", shape)) for name in ("q", "dq", "tau")),
+        *_arrays("", _tabled(long, "arm")),
     ]
-    outputs = [Place("", Member("ddq", "f64", shape))]
+    outputs = [CArray("", Member("ddq", "f64", shape))]
     return _function(acceleration, (t, state, state.q, long), ("t", "", "tau", "table"), inputs, outputs)
 
 
@@ -225,11 +225,11 @@ def torque_program(guard: GuardedStep, step: StepPrograms, robot: AbstractRobot)
 
     vector = jnp.zeros(guard.joints)
     inputs = [
-        *_places("parameters->", step.parameters),
-        *(Place("", Member(name, "f64", vector.shape)) for name in ("q", "dq", "ddq")),
-        *_places("", _tabled(long, "arm")),
+        *_arrays("parameters->", step.parameters),
+        *(CArray("", Member(name, "f64", vector.shape)) for name in ("q", "dq", "ddq")),
+        *_arrays("", _tabled(long, "arm")),
     ]
-    outputs = [Place("", Member("tau", "f64", vector.shape))]
+    outputs = [CArray("", Member("tau", "f64", vector.shape))]
     return _function(torque, (guard, vector, vector, vector, long), ("", "q", "dq", "ddq", "table"), inputs, outputs)
 
 
@@ -271,23 +271,23 @@ def _function(
     function: Callable[..., Any],
     args: tuple[Any, ...],
     names: tuple[str, ...],
-    inputs: list[Place],
-    outputs: list[Place],
+    inputs: list[CArray],
+    outputs: list[CArray],
     library: Library | None = None,
 ) -> Function:
     return Function(trace(function, *args, names=names, library=library), inputs, outputs)
 
 
-def _places(pointer: str, these: list[Member]) -> list[Place]:
-    return [Place(pointer, member) for member in these]
+def _arrays(pointer: str, members: list[Member]) -> list[CArray]:
+    return [CArray(pointer, member) for member in members]
 
 
-def _flags(conditions: tuple[Condition, ...]) -> list[Place]:
-    return [Place("", Member(condition.name.lower(), "b1", ())) for condition in conditions]
+def _flags(conditions: tuple[Condition, ...]) -> list[CArray]:
+    return [CArray("", Member(condition.name.lower(), "b1", ())) for condition in conditions]
 
 
-def _named(these: list[Member], name: str) -> Member:
-    return next(member for member in these if member.name == name)
+def _named(members: list[Member], name: str) -> Member:
+    return next(member for member in members if member.name == name)
 
 
 def _sample(joints: int) -> tuple[Scalar, State, Reference]:
@@ -327,14 +327,14 @@ def envelope_function(guard: GuardedStep, step: StepPrograms) -> Function | None
         return [e, lower, upper, jnp.minimum(e - lower, upper - e) / (upper - lower)]
 
     inputs = (
-        [Place("parameters->", member) for member in step.parameters]
-        + [Place("memory->", member) for member in step.memory]
-        + [Place("measurement->", member) for member in measurement(guard.joints)]
-        + [Place("reference->", member) for member in references(guard.joints)[:3]]
+        [CArray("parameters->", member) for member in step.parameters]
+        + [CArray("memory->", member) for member in step.memory]
+        + [CArray("measurement->", member) for member in measurement(guard.joints)]
+        + [CArray("reference->", member) for member in references(guard.joints)[:3]]
     )
     names = ("", "memory", "t", "", "reference")
     program = trace(envelope, guard, memory, scalar, state, reference, names=names)
-    return Function(program, inputs, [Place("envelope->", member) for member in envelope_members(guard.joints)])
+    return Function(program, inputs, [CArray("envelope->", member) for member in envelope_members(guard.joints)])
 
 
 DOUBLE, FLOAT = float(np.finfo(np.float64).eps), float(np.finfo(np.float32).eps)

@@ -38,7 +38,7 @@ from .programs import torque_program
 
 @dataclass(frozen=True)
 class Reason:
-    """A reason.
+    """Reason for the end of a motion.
 
     - `name`: as in C, without its prefix.
     - `stops`: True if the control ends at once; otherwise the arm comes to rest along its path.
@@ -52,60 +52,58 @@ class Reason:
 
 REASONS = (
     Reason("NONE", "nothing is wrong", False, "The motion is over."),
-    Reason("ASKED", "an end was asked for", False, "Nothing is wrong."),
+    Reason("REQUESTED", "a stop was requested", False, "Nothing is wrong."),
     Reason(
         "NOT_BEGUN",
-        "it has not begun: an option or the posture makes no sense",
+        "the motion has not begun: an option or the posture is invalid",
         True,
-        "Look at the options; a posture that is not finite is a sensor's fault.",
+        "Check the options; a posture that is not finite comes from a faulty sensor.",
     ),
-    Reason("NO_MEASUREMENT", "no good measurement for too long", True, "The sensor or the link to it is gone."),
-    Reason("NO_REFERENCE", "no finite reference for too long", True, "A fault of the planner."),
-    Reason("NO_TORQUE", "the law has had no finite answer for too long", True, "Look for an absurd gain."),
-    Reason(
-        "LOST", "too many periods without a sample", True, "Look at the network and at what else the computer does."
-    ),
+    Reason("NO_MEASUREMENT", "no good measurement for too long", True, "Check the sensor and the link to it."),
+    Reason("NO_REFERENCE", "no finite reference for too long", True, "Check the planner."),
+    Reason("NO_TORQUE", "no finite torque from the law for too long", True, "Check the gains for an absurd value."),
+    Reason("LOST", "too many periods without a sample", True, "Check the network and the other load of the computer."),
     Reason(
         "ERROR_HOLDING",
         "the error is too large while the arm should hold its posture",
         True,
-        "Joints in another order or sign, weight that nobody carries, or somebody who pushes.",
+        "Check the order and the signs of the joints, the gravity compensation, and external forces.",
     ),
     Reason(
         "TORQUE_HOLDING",
-        "it takes too much torque to hold a posture whose weight the robot carries",
+        "holding the posture takes too much torque although the robot compensates gravity",
         True,
-        "Gravity counted twice, or a load that the robot was not told.",
+        "Gravity is compensated twice, or the robot's settings lack a payload.",
     ),
     Reason(
         "ERROR_MOVING",
         "the error is too large",
         True,
-        "A collision, a model that is far off, or limits too tight for the motion.",
+        "Check for a collision, a wrong model, or limits too tight for the motion.",
     ),
     Reason(
         "REFERENCE_OUTSIDE",
         "the reference leaves the joints' range or speed",
         True,
-        "The motion is not one for this arm: make it smaller or slower.",
+        "Make the motion smaller or slower.",
     ),
-    Reason("POSITION_LIMIT", "a joint is beyond its range", True, "Move it back by hand, and look at the motion."),
-    Reason("SPEED_LIMIT", "a joint is faster than it may be", True, "Look at the log: who pushed it?"),
+    Reason("POSITION_LIMIT", "a joint is beyond its range", True, "Move it back by hand, and check the motion."),
+    Reason("SPEED_LIMIT", "a joint exceeds its speed limit", True, "Check the log for the cause, such as a push."),
     Reason(
         "OUTSIDE",
         "the law has been outside its envelope for too long",
         False,
-        "Look at the log, and let `slidax explain` tell of a run like it; a wider one is `scheme.performance.final`.",
+        "Check the log, run `slidax explain` on a similar run, or widen the envelope by `scheme.performance.final`.",
     ),
     Reason(
         "LIMITED",
         "the torque has been at its limits for too long",
         False,
-        "The motion asks for more than the drives have: slow it down, or tell the robot its load.",
+        "The motion needs more torque than the drives have: slow it down, or set the payload in the robot's settings.",
     ),
-    Reason("VOID", "the law's promise has been void for too long", False, "`assumption_violated` says what is not so."),
+    Reason("VOID", "the law's guarantee has been void for too long", False, "See `assumption_violated` for the cause."),
 )
-"""All of them, by their numbers."""
+"""All reasons, by their numbers."""
 
 
 LEAST = 0.1
@@ -116,7 +114,7 @@ LOOKS = 200
 
 
 def weight_by_robot(scenario: Scenario, *, rate: float = 0.99) -> Scenario:
-    """The same loop on a robot that adds its own gravity torque: law and arm are weightless.
+    """Return the loop for a robot that adds its own gravity torque: law and arm are weightless.
 
     The law's nominal arm has gravity 0, so that its command contains none; errors of the robot's gravity compensation
     act as a disturbance. Of each joint's torque the law gets what the weight leaves along the motion.
@@ -129,7 +127,7 @@ def weight_by_robot(scenario: Scenario, *, rate: float = 0.99) -> Scenario:
     arms = [each for each in jax.tree.leaves(scenario.controller, is_leaf=_is_arm) if _is_arm(each)]
     if not isinstance(plant.robot, Articulated):
         raise DefinitionError(
-            f"a robot that carries its own weight is an articulated arm, as from `slidax.arms.panda()`; "
+            f"a robot that compensates its own gravity must be an articulated arm, as from `slidax.arms.panda()`; "
             f"`{scenario.name}` has a {type(plant.robot).__name__}"
         )
     limits = _limits(plant)
@@ -183,7 +181,7 @@ ERRORS = {"rad": (0.02, 0.05, 0.1), "m": (0.005, 0.01, 0.02)}
 """Largest errors while the arm holds, while the motion is small, and later."""
 
 HOLDING = 0.1
-"""Share of a joint's largest torque that it may take to hold a posture whose weight the robot carries."""
+"""Largest torque to hold a posture whose weight the robot carries, as a share of a joint's largest torque."""
 
 SPEED = 0.95
 """Share of a joint's largest speed that is used."""

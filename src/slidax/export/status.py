@@ -33,57 +33,57 @@ MEASUREMENT_NOT_FINITE = Condition(
     1,
     "a measured number is NaN or infinite",
     True,
-    "One sample is bridged by itself. If it lasts, the sensor is gone: brake.",
+    "The step bridges a single sample. If it lasts, the sensor has failed: brake.",
 )
 MEASUREMENT_OUT_OF_RANGE = Condition(
     "MEASUREMENT_OUT_OF_RANGE",
     2,
     "a measured position is beyond `gate_q_max`",
     True,
-    "As above. The range is 1.5 times the limits of the arm's description; set it if your joints move farther.",
+    "As above. The range is 1.5 times the limits in the arm's description; enlarge it if your joints move farther.",
 )
 REFERENCE_NOT_FINITE = Condition(
     "REFERENCE_NOT_FINITE",
     4,
     "the reference is NaN or infinite",
     True,
-    "A fault of the planner: brake.",
+    "The planner has a fault: brake.",
 )
 TORQUE_NOT_FINITE = Condition(
     "TORQUE_NOT_FINITE",
     8,
-    "the law has no finite answer there, or would remember none",
+    "the law's torque or its memory is not finite",
     True,
-    "With ENVELOPE_LEFT: the law is not defined outside. Brake, then reset. Alone: look for an absurd gain.",
+    "With ENVELOPE_LEFT: the law is not defined outside. Brake, then reset. Alone: check the gains.",
 )
 ENVELOPE_LEFT = Condition(
     "ENVELOPE_LEFT",
     16,
-    "a joint's error is at or outside its envelope; the command stands if the law has one",
+    "a joint's error is at or outside its envelope; the law's command, if it is finite, is still sent",
     False,
-    "A sampled-data law comes back by itself. For any other: brake, then reset, which draws the envelope anew.",
+    "A sampled-data law returns to its envelope. For any other: brake, then reset, which starts a new envelope.",
 )
 TORQUE_LIMITED = Condition(
     "TORQUE_LIMITED",
     32,
-    "the law wanted more than the limits of torque or of its rate allow",
+    "the law's torque exceeded the limits of torque or of its rate",
     False,
-    "Harmless for a while. If it lasts, the motion asks for more than the drives have.",
+    "Harmless for a while. If it lasts, the motion needs more torque than the drives have.",
 )
 MISSED_PERIOD = Condition(
     "MISSED_PERIOD",
     64,
     "the time is more than 1.5 periods after that of the last good sample, or not after it",
     False,
-    "Samples were lost, or the loop was late. Once is harmless; look at the loop if it is not rare.",
+    "Samples were lost, or the loop was delayed. A single one is harmless; check the loop if it is not rare.",
 )
 
 PROMISE_VOID = Condition(
     "PROMISE_VOID",
     128,
-    "the law's monitor says that what the envelope's promise was computed for is not so; never set without a monitor",
+    "the law's monitor reports a violated assumption of the envelope's guarantee; never set without a monitor",
     False,
-    "The envelope may soon be left: slow down or brake. `assumption_violated` says what is not as it should be.",
+    "The error may soon leave its envelope: slow down or brake. `assumption_violated` names the assumption.",
 )
 
 MEASUREMENT_REJECTED = Condition(
@@ -98,9 +98,9 @@ MEASUREMENT_REJECTED = Condition(
 STOP_REQUESTED = Condition(
     "STOP_REQUESTED",
     512,
-    "as many steps in a row as `gate_patience` says have held their command; stays set until the reset",
+    "`gate_patience` steps in a row have held their command; stays set until the reset",
     False,
-    "Brake now. The law does not know where the arm is.",
+    "Brake now. The law does not know the arm's position.",
 )
 
 RECOVERY_OVERDUE = Condition(
@@ -114,9 +114,9 @@ RECOVERY_OVERDUE = Condition(
 PARAMETERS_INVALID = Condition(
     "PARAMETERS_INVALID",
     2048,
-    "a parameter that was set is not finite or is out of the range that its comment names; in C alone",
+    "a parameter is not finite, or is outside the range in its comment; in C alone",
     True,
-    "Correct the parameter. `parameters_valid` tells before a step whether it is.",
+    "Correct the parameter. `parameters_valid` checks it before a step.",
 )
 
 CHECKED = (MEASUREMENT_NOT_FINITE, MEASUREMENT_OUT_OF_RANGE, REFERENCE_NOT_FINITE)
@@ -138,10 +138,10 @@ WAITING = (STOP_REQUESTED,)
 """Conditions that a held command can report in addition to the sample's fault."""
 
 CONDITIONS = (*CHECKED, *ANSWERED, PARAMETERS_INVALID)
-"""All of them, by their bits."""
+"""All conditions, by their bits."""
 
 HELD = sum(condition.bit for condition in CONDITIONS if condition.held)
-"""The bits with which the command is the last safe one."""
+"""Bits that hold the last safe command."""
 
 
 Status = UInt32[Array, "..."]

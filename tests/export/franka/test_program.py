@@ -159,7 +159,7 @@ def test_a_reflex_is_told_and_an_end_that_is_asked_for_is_a_rest(law):
     broken = franka.run_franka(Robot(rehearsal.RehearsalArm(law), breaks=300), Torques, short(law))
     assert (broken.ending, broken.why) == ("reflex", "communication_constraints_violation")
     ended = franka.run_franka(Robot(rehearsal.RehearsalArm(law)), Torques, pilot := short(law), stop_requests=[2])
-    assert (ended.ending, ended.why) == ("finished", "an end was asked for") and pilot.report.t < 1.6
+    assert (ended.ending, ended.why) == ("finished", "a stop was requested") and pilot.report.t < 1.6
 
 
 def test_weight_that_is_counted_twice_is_noticed_before_anything_moves(law):
@@ -167,7 +167,7 @@ def test_weight_that_is_counted_twice_is_noticed_before_anything_moves(law):
     pilot.parameters.nominal_gravity_vector[:] = [0.0, 0.0, -9.81]
     robot = Robot(rehearsal.RehearsalArm(law))
     outcome = franka.run_franka(robot, Torques, pilot)
-    assert outcome.ending == "stopped" and "weight" in outcome.why and outcome.phase == "hold"
+    assert outcome.ending == "stopped" and "compensates gravity" in outcome.why and outcome.phase == "hold"
     assert robot.stopped and pilot.report.steps < 40
 
 
