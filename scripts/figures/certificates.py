@@ -1,9 +1,8 @@
-"""Tables of docs/certificates: soundness, sharpness, the paper's examples, and the monitor."""
+"""Tables of docs/certificates: soundness, the paper's examples, and the monitor."""
 
 from __future__ import annotations
 
 import argparse
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -16,14 +15,13 @@ from typer.testing import CliRunner
 
 from slidax import analysis
 from slidax.certify.arm import uncertainty_bound
-from slidax.certify.loop import loop_rate
 from slidax.certify.printed import printed_period, settling_time, ultimate_bound
 from slidax.certify.printed.printed_law import PrintedLaw
 from slidax.cli import app
 from slidax.codegen.llvm import machine
 from slidax.paper.numbers import inverse_inertia
 from slidax.scenarios import Scenario, load
-from tests.soundness import along_time, continuous, loops, postures, ratios, starts, warned
+from tests.soundness import continuous, postures, ratios, starts, warned
 from tests.soundness.counted import Counted
 
 from .shared import ROOT, table, write_table
@@ -125,67 +123,6 @@ def write_paper() -> None:
     write_table(PAPER_PAGE, "uncertainty", table(head, [_bound(name) for name in EXAMPLES]))
 
 
-BUILT_IN = ("example-4.1-1khz", "example-4.2-1khz")
-LIGHT = {
-    "scheme.sampled_data.adaptation": None,
-    "robot.plant.load.mass": 0.5,
-    "robot.plant.coulomb": 0.05,
-    "simulation.t1": 4.0,
-    "uncertainty": {"robot.plant.load.mass": {"between": [0.4, 0.6]}},
-}
-"""Of an arm with many joints: half a kilogram to 20 %, little friction, and nothing that is learnt."""
-
-LIGHTER = {f"{name}-payload, light": (f"{name}-payload", LIGHT) for name in ("panda", "ur5e")}
-HALVINGS = 6
-
-
-def smallest(name: str, changes: dict[str, Any], radius: np.ndarray) -> float:
-    """The least share of final radii with which the scenario's own run keeps its envelope, by bisection."""
-    outside, inside = 0.05, 1.0
-    for _ in range(HALVINGS):
-        middle = float(np.sqrt(outside * inside))
-        final = [float(value) for value in middle * radius]
-        run = load(name, {**changes, "scheme.performance.final": final}).simulate(log_every=None, progress=False)
-        inside, outside = (middle, outside) if int(run.tally.violations) == 0 else (inside, middle)
-    return inside
-
-
-def sharpness_row(name: str) -> str:
-    """One line of the table."""
-    path, changes = LIGHTER.get(name, (name, {}))
-    scenario = load(path, changes)
-    verdict = loop_rate(scenario)
-    if not verdict.holds:
-        return f"| `{name}` | no bound | | | | | |"
-    e = np.asarray(scenario.simulate(log_every=1, progress=False).log.e)
-    observed = np.abs(e[3 * len(e) // 4 :]).max(axis=0)
-    bound, radius = (np.asarray(verdict.bound[key]) for key in ("error_bound", "required_radius"))
-
-    def listed(values: np.ndarray) -> str:
-        return ", ".join(f"{value:.1e}".replace("e-0", "e-") for value in values)
-
-    ratios = ", ".join(f"{value:.1f}" for value in bound / observed)
-    over = 1.0 / smallest(path, changes, radius)
-    since = verdict.bound["since"]
-    return (
-        f"| `{name}` | {since:.2f} | {listed(bound)} | {listed(observed)} | {ratios} | {listed(radius)} | {over:.1f} |"
-    )
-
-
-def measure_sharpness() -> None:
-    """Compare bounds of `loop_rate` with runs: the table of docs/certificates/loop-rate.md, if no scenario is named."""
-    lines = [
-        "| `slidax certify` | since [s] | error once narrow, bound [rad, m] | seen | ratio | least ρ∞ with a bound "
-        "| over the least that holds |",
-        "|---|---:|---|---|---|---|---:|",
-        *(sharpness_row(name) for name in sys.argv[1:] or (*BUILT_IN, *LIGHTER)),
-    ]
-    text = "\n".join(lines)
-    print(text)
-    if not sys.argv[1:]:
-        write_table("certificates/loop-rate.md", "sharpness", text)
-
-
 JOINTS = range(1, 8)
 SEED = 7
 
@@ -216,18 +153,6 @@ def check_admissibility(count: Counted, share: float) -> None:
         starts.judged(SEED, some(60 if joints in starts.ARMS else 300, share), 1000, joints, count)
 
 
-def check_rule(count: Counted, share: float) -> None:
-    """Check the rule along time."""
-    along_time.judged(SEED, some(60, share), 2000, count)
-
-
-def check_loop_rate(count: Counted, share: float) -> None:
-    """Check the law itself, with each kind of delay and estimator."""
-    for joints in JOINTS:
-        for delay, kalman in loops.KINDS:
-            loops.judged(SEED, delay, kalman, some(5, share), 500, joints, count)
-
-
 def check_arm_constants(count: Counted, share: float) -> None:
     """Check bounds of the arm's matrices."""
     with tempfile.TemporaryDirectory() as folder:
@@ -239,8 +164,6 @@ ALL = {
     "parameters": (check_parameters, "(20), (13), (29)-(47): a number out of its range"),
     "admissibility": (check_admissibility, "starts of random sets, over the envelope"),
     "inertia_ratio": (each(ratios.judged, 40, 400), "the largest modulus, of κ in the range"),
-    "reached": (check_rule, "e under the rule along time (1)-(3), with noise, delay, s⁺"),
-    "loop_rate": (check_loop_rate, "e of the law itself on linear arms"),
     "settling_time": (
         each(continuous.judged_settling, 60, 250),
         "when abs(ε1) <= δ for good, over `given_start` or `supremum`",

@@ -13,9 +13,6 @@ of which has rotors in its file. The scenarios are those of `slidax new` except 
 0.002 to 0.005 kg m² for each N m, masses to 10 %, Coulomb friction of 0.5 to 1.5 % of the rating, and starts of 0.05
 rad. Each design is then tried in new random cases, and in as many of a search for the worst one.
 
-`bound` requires a bound for the built-in arms and those of example-robot-data, with the payload and the friction of
-examples/design/panda-light.yaml and known rotors.
-
 `refusal` searches for gains that meet the requirement that the page calls impossible.
 
 `write` writes the tables from the files of `--out`.
@@ -80,7 +77,7 @@ NOISE = 1e-3
 def measure_designs() -> None:
     """Measure one kind of designs, or write the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("examples", "hand", "arms", "bound", "refusal", "write"))
+    parser.add_argument("what", choices=("examples", "hand", "arms", "refusal", "write"))
     parser.add_argument("results", nargs="*", type=Path)
     parser.add_argument("--rates", default="1000,500")
     parser.add_argument("--velocity", default="no,yes")
@@ -93,7 +90,6 @@ def measure_designs() -> None:
         write([json.loads(line) for path in options.results for line in path.read_text().splitlines()])
         return
     kinds = {"examples": of_examples, "hand": by_hand, "arms": lambda: of_arms(options)}
-    kinds["bound"] = lambda: with_bounds(options)
     kinds["refusal"] = lambda: of_a_refusal(options.minutes)
     rows = kinds[options.what]()
     for row in rows:
@@ -111,7 +107,7 @@ def of_examples() -> Any:
         ("two-link", 500.0, None),
         ("two-link", 1000.0, noisy),
         ("panda", 1000.0, None),
-        ("panda-light", 1000.0, None),
+        ("panda-along", 1000.0, None),
     ):
         file = DESIGNS / f"{name}.yaml"
         data = yaml.safe_load(file.read_text(encoding="utf-8"))
@@ -276,30 +272,6 @@ def of_arms(options: argparse.Namespace) -> Any:
                 yield {**row, **in_new_cases(result, options.cases)}
 
 
-def with_bounds(options: argparse.Namespace) -> Any:
-    """Rows of designs with a bound."""
-    light = yaml.safe_load((DESIGNS / "panda-light.yaml").read_text(encoding="utf-8"))
-    friction_and_load = light["robot"]["plant"]
-    for name in chosen_arms(options, (*READY, *PUBLIC)):
-        data = drafted(name, 1000.0)
-        rotors = data["robot"].get("plant", {}).get("armature", 0.0)
-        data["robot"] |= {"plant": {**friction_and_load, "armature": rotors}, "nominal": {"armature": rotors}}
-        blocks = {key: data[key] for key in KEPT if key in data}
-        blocks |= {key: light[key] for key in ("simulation", "uncertainty", "requirements")}
-        result, row = bound_row(blocks, {"name": name}, options.cases)
-        yield row
-        if isinstance(result, Refusal):
-            blocks["robot"]["nominal"]["load"] = friction_and_load["load"]
-            yield bound_row(blocks, {"name": f"{name}, whose law is told of the load"}, options.cases)[1]
-
-
-def bound_row(requirements: dict[str, Any], row: dict[str, Any], cases: int) -> tuple[Any, dict[str, Any]]:
-    """A design with a bound, and its row."""
-    result, seconds = designed(requirements)
-    row = {"kind": "bound", **row, "seconds": seconds, **told(result)}
-    return result, row if isinstance(result, Refusal) else {**row, **in_new_cases(result, cases)}
-
-
 def chosen_arms(options: argparse.Namespace, all_of_them: tuple[str, ...]) -> tuple[str, ...]:
     """The arms of `--arms`, by default all."""
     return all_of_them if options.arms is None else tuple(options.arms.split(","))
@@ -385,7 +357,6 @@ def write(rows: list[dict[str, Any]]) -> None:
         ("example", example_table),
         ("hand", hand_table),
         ("arm", arm_table),
-        ("bound", bound_table),
     ):
         own = [row for row in rows if row["kind"] == kind]
         if own:
@@ -449,20 +420,3 @@ def arm_table(rows: list[dict[str, Any]]) -> list[str]:
             f"| {row['failures']} of {row['cases']} | {row['worst']:.3f} | {row['seconds']:.0f} s |"
         )
     return lines
-
-
-def bound_table(rows: list[dict[str, Any]]) -> list[str]:
-    """The table of designs with a bound."""
-    head = "| arm | proof | H [ms] | largest final radius | error | step [N m] | left, of cases | worst margin | time |"
-    lines = [head, "|---|---|---:|---:|---:|---:|---:|---:|---:|"]
-    for row in rows:
-        if "proof" not in row:
-            lines.append(f"| {row['name']} | refused | | | | | | | {row['seconds']:.0f} s |")
-            continue
-        lines.append(
-            f"| {row['name']} | {row['proof']} | {1e3 * row['horizon']:.3g} | {row['final']:.2e} | {row['error']:.1e} "
-            f"| {row['step']:.2g} | {row['failures']} of {row['cases']} | {row['worst']:.3f} | {row['seconds']:.0f} s |"
-        )
-    reasons = {row["name"]: row["refused"] for row in rows if "proof" not in row}
-    listed = [f"- {name}: {reason.split('gives none: ')[-1].split(' (docs/')[0]}" for name, reason in reasons.items()]
-    return [*lines, "", "Reasons of the refusals:", "", *listed]

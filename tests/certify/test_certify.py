@@ -10,9 +10,9 @@ from scipy.stats import binom
 import slidax
 from slidax.certify import CERTIFICATES, Verdict, admissibility, certify, statistical
 from slidax.certify import certify as certify_module
-from slidax.certify.arm import compute_demand, robust_torque
+from slidax.certify.arm import compute_demand, inertia_ratio, robust_torque
 from slidax.certify.certificate import Assumption, certificate
-from slidax.certify.loop import inertia_ratio, loop_rate
+from slidax.certify.motion.admission import tracking_bound
 from slidax.certify.printed.printed_law import PrintedLaw, continuous_premises
 from slidax.core.errors import DefinitionError
 from slidax.scenarios import Scenario, load
@@ -105,7 +105,7 @@ PATHS: list[tuple[str, Any, Any]] = [
 @pytest.mark.parametrize(("path", "value", "uncertainty"), PATHS, ids=[path for path, *_ in PATHS])
 def test_certificate_does_not_apply_to_a_path_that_it_does_not_cover(block, path, value, uncertainty):
     scenario = load(NAME, {block: {path: uncertainty if block == "uncertainty" else value}, "simulation.t1": 3.0})
-    for verdict in (inertia_ratio(scenario, compute_demand(scenario)), loop_rate(scenario)):
+    for verdict in (inertia_ratio(scenario, compute_demand(scenario)), tracking_bound(scenario)):
         assert verdict.holds is None and verdict.grade is None
         assert f"`{path}`" in verdict.statement and f"`{block}`" in verdict.statement
 
@@ -189,18 +189,6 @@ def test_step_between_two_samples_counts_in_full():
     assert not request.jumps[k + 2 :].any() and not request.jumps[: k - 1].any()
 
 
-@pytest.mark.full
-def test_loop_rate_of_a_learning_law_has_no_proved_assumption():
-    masses = {"robot.plant.masses": {"around": "10 %", "each": "joint"}}
-    verdict = loop_rate(load(NAME, {"uncertainty": masses, "simulation.t1": 3.0}), remedies=False)
-    assert verdict.holds and verdict.grade == "C"
-    assert not any(line.status == "proved" for line in verdict.assumptions)
-    assert "16 simulated arms" in verdict.statement
-    # Nor where the envelope narrows so fast that the closed form of the rule does not hold.
-    wide = {**masses, "start.q": {"around": 0.05, "each": "joint"}}
-    assert loop_rate(load(NAME, {"uncertainty": wide}), remedies=False).grade == "C"
-
-
 def test_grade_depends_on_the_share_of_proved_assumptions():
     def grade(*statuses: Any, holds: bool | None = True) -> str | None:
         return Verdict("", "", holds, None, {}, [Assumption("", line) for line in statuses], "").grade
@@ -219,25 +207,21 @@ def test_inertia_ratio_fails_if_only_single_loops_are_stable(name):
     assert verdict.holds is False and "together" in verdict.statement
 
 
-@pytest.mark.full
+COVERED = {
+    "scheme.sampled_data.adaptation": None,
+    "scheme.sampled_data.midpoint": True,
+    "scheme.sampled_data.estimator": {"kind": "kalman", "acceleration_density": 1.0},
+    "scheme.reaching.layer": 0.0,
+}
+"""The form of a law that `tracking_bound` covers."""
+
+
+@pytest.mark.parametrize("more", [{}, COVERED], ids=["as it is", "in the form that is covered"])
 @pytest.mark.parametrize("name", ["learning", "pulse"])
-def test_loop_rate_fails_for_the_counterexamples_in_files(name):
-    assert loop_rate(load(FILES / f"{name}.yaml"), remedies=False).holds is False
+def test_tracking_bound_does_not_hold_for_the_counterexamples_in_files(name, more):
+    assert tracking_bound(load(FILES / f"{name}.yaml", more)).holds is not True
 
 
-@pytest.mark.full
-@pytest.mark.parametrize("more", [{}, {"scheme.performance.final": [2e-5, 2e-5], "simulation.substeps": 1}])
-def test_loop_rate_fails_for_a_ripple_at_the_sample_rate(more):
-    assert loop_rate(load(NAME, {**RIPPLE, **more}), remedies=False).holds is False
-
-
-@pytest.mark.full
-def test_bound_of_seven_joints_does_not_depend_on_the_order_of_its_set():
-    mass = {"robot.plant.load.mass": {"between": [0.2, 0.8]}}
-    rotors = {"robot.plant.armature": {"between": [0.099, 0.101], "each": "joint"}}
-    base = {**WITHOUT, "robot.plant.coulomb": 0.05, "simulation.t1": 3.0}
-    first, last = (
-        loop_rate(load("panda-payload", {**base, "uncertainty": sets}), remedies=False).as_json()
-        for sets in ({**mass, **rotors}, {**rotors, **mass})
-    )
-    assert first == last
+@pytest.mark.parametrize("more", [{}, COVERED], ids=["as it is", "in the form that is covered"])
+def test_tracking_bound_does_not_hold_for_a_ripple_at_the_sample_rate(more):
+    assert tracking_bound(load(NAME, {**RIPPLE, **more})).holds is not True

@@ -41,7 +41,6 @@ def test_what_it_writes_runs_as_it_is_and_holds_in_cases_that_it_has_not_seen(re
     # Fewer of everything; the certificates have tests of their own.
     monkeypatch.setattr(search, "SLOPES", (1.0, 2.0))
     monkeypatch.setattr(importlib.import_module("slidax.certify.certify"), "CERTIFICATES", (admissibility,))
-    monkeypatch.setattr(importlib.import_module("slidax.design.design"), "loop_rate_verdict", lambda *_: None)
     out = tmp_path / "law.yaml"
     answer = answer_of("design", str(requirements), "--out", str(out), "--runs", "16")
     assert answer["designed"] is True and answer["proof"] == "tested"

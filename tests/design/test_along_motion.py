@@ -1,6 +1,8 @@
 """Designs whose error is bounded along a motion that ends at rest."""
 
 import json
+import sys
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -8,12 +10,14 @@ import pytest
 import yaml
 
 from slidax.certify import Verdict
-from slidax.design import read_problem, search
+from slidax.design import read_problem, refusal, search
 from slidax.design.candidates import DesignPoint
-from slidax.design.design import _begin
+from slidax.design.design import _begin, law_with_bound
 from slidax.design.proof import certified_radii, tracking_verdict
 from tests.cli.commands import in_process
 from tests.design.test_requirements import EXAMPLES
+
+design = sys.modules["slidax.design.design"]
 
 FILE = EXAMPLES / "panda-along.yaml"
 LAW = DesignPoint(0.01, 1.0, 1.0, np.array([1e-3, 2e-3]), 0.3)
@@ -31,26 +35,54 @@ def test_a_required_bound_makes_a_law_that_tracking_bound_covers(tmp_path):
     law = frame.described(DesignPoint(0.028, 1.0, 1.0, np.full(7, 0.0125), 0.3)).build("law")
     assert frame.along and law.controller.adaptation is None and law.controller.midpoint
     verdict = tracking_verdict(law)
-    assert verdict is not None and verdict.holds is True
+    assert verdict.holds is True
     (envelope,) = (line for line in verdict.assumptions if "inside the envelope" in line.text)
     assert envelope.status == "proved"
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"requirements": {"deadline": 0.3, "proof": "tested"}},
-        {"trajectory": {"kind": "sinusoid", "offset": [0.1] * 7, "amplitude": [0.1] * 7, "frequency": [1.0] * 7}},
-        {"start": {"q": [0.04, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]}},
-        {
-            "robot": {"kind": "panda", "plant": {"load": {"mass": 1.0, "center": [0.0, 0.0, 0.1]}}},
-            "uncertainty": {"robot.plant.load.center": {"around": 0.01, "each": "entry"}},
-        },
-    ],
-    ids=["no bound required", "a motion without an end", "a start far from the motion", "a set that is not covered"],
-)
-def test_a_law_keeps_its_own_form_where_tracking_bound_has_no_bound(tmp_path, changes):
-    assert not frame_of(tmp_path, **changes).along
+def test_of_a_grid_the_law_with_the_smallest_error_that_holds_is_taken(tmp_path, monkeypatch):
+    tried = []
+
+    def verdict_of(scenario: Any) -> Verdict:
+        block = scenario.description.scheme.sampled_data
+        tried.append((block.horizon, block.estimator.acceleration_density))
+        holds = block.horizon <= 0.02 and block.estimator.acceleration_density == 1.0
+        return Verdict("tracking_bound", "", holds, None, {"error": np.full(7, block.horizon)}, (), "")
+
+    monkeypatch.setattr(design, "tracking_verdict", verdict_of)
+    frame = frame_of(tmp_path)
+    law, verdict = law_with_bound(frame, LAW)
+    assert verdict.holds and (law.horizon, law.drift) == (0.006, 1.0) and len(set(tried)) == 15
+    assert law.final is LAW.final
+
+
+def test_a_refusal_names_each_change_of_the_requirements_with_which_the_bound_holds(tmp_path, monkeypatch):
+    def verdict_of(scenario: Any) -> Verdict:
+        fine = scenario.description.sensor.resolution <= 1e-7
+        slow = scenario.description.trajectory.times[-1] >= 2.2
+        return Verdict("tracking_bound", "", fine or slow, None, {}, (), "")
+
+    monkeypatch.setattr(refusal, "tracking_verdict", verdict_of)
+    grows = Verdict("tracking_bound", "", False, None, {}, (), "The bound grows.")
+    answer = refusal.proof_refusal(read_problem(FILE), frame_of(tmp_path), replace(LAW, final=np.full(7, 1e-3)), grows)
+    assert [dict(item.changes) for item in answer.would_do] == [
+        {"sensor.resolution": 1e-7},
+        {"trajectory.times": [0.0, pytest.approx(2.4)]},
+        {"requirements.proof": "tested"},
+    ]
+    assert "`tracking_bound` gives none: The bound grows." in answer.reason
+
+
+@pytest.mark.full
+def test_requirements_with_a_start_far_from_the_motion_are_refused_by_name(tmp_path):
+    data = yaml.safe_load(FILE.read_text(encoding="utf-8"))
+    data["start"] = {"q": [0.045, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]}
+    path = tmp_path / "far.yaml"
+    path.write_text(yaml.safe_dump(data), encoding="utf-8")
+    done = in_process("design", str(path), "--out", str(tmp_path / "arm.yaml"), "--json", code=4)
+    answer = json.loads(done.stdout)
+    assert answer["designed"] is False and "`tracking_bound` gives none" in answer["reason"]
+    assert answer["would_do"][-1]["set"] == {"requirements.proof": "tested"}
 
 
 def test_the_smallest_radii_with_a_verdict_that_holds_are_taken():
@@ -63,7 +95,6 @@ def test_the_smallest_radii_with_a_verdict_that_holds_are_taken():
     law, verdict = certified_radii(LAW, verdict_of, np.full(2, 5e-3))
     assert verdict.holds and np.allclose(law.final, [2.8e-3, 5e-3]) and len(tried) == 4
     assert certified_radii(LAW, verdict_of, np.full(2, 2.2e-3)) is None
-    assert certified_radii(LAW, lambda _: None, np.full(2, 5e-3)) is None
 
 
 @pytest.mark.full

@@ -11,7 +11,6 @@ import pytest
 from slidax.certify import Verdict
 from slidax.design import Refusal
 from slidax.design.candidates import DesignPoint
-from slidax.design.proof import WIDER
 from slidax.design.trials import CALM, Objective
 
 design = sys.modules["slidax.design.design"]
@@ -42,9 +41,7 @@ def checked(monkeypatch):
             seeds.append(seed)
             return check(next(result), next(wild)), f"the worst with {seed}"
 
-        trials = SimpleNamespace(
-            frame=SimpleNamespace(initial=np.full(1, 1e3), learns=True, along=False, period=1e-3), runs=0
-        )
+        trials = SimpleNamespace(frame=SimpleNamespace(initial=np.full(1, 1e3), along=False, period=1e-3), runs=0)
         trials.with_harder = lambda cases: harder.append(cases) or trials
         laws = iter(SimpleNamespace(choice=Law(np.full(1, 1.0), k)) for k in range(1, 4))
         aims.clear()
@@ -109,44 +106,24 @@ def test_a_torque_step_that_no_law_has_in_its_check_is_refused_with_what_it_has(
 
 @pytest.fixture
 def certified(monkeypatch):
-    """The radius of a law whose certificate asks for these, one after the other, and how often it was asked."""
+    """The final radius of a law of 0.5 rad whose bound holds from a radius on, and whether it holds."""
 
-    def of(*radii: float, accuracy: Any = "best") -> tuple[float, bool, int]:
-        request = []
+    def of(radius: float, best: bool) -> tuple[float, bool]:
+        def verdict_of(law: DesignPoint) -> Verdict:
+            return Verdict("tracking_bound", "", bool(law.final[0] >= radius), None, {}, (), "")
 
-        def rate(*_: Any) -> Verdict:
-            request.append(radii[len(request)])
-            bound = {"required_radius": np.array([request[-1]])}
-            return Verdict("loop_rate", "", bool(laws[-1].final[0] > request[-1]), 0.0, bound, (), "")
-
-        laws = []
-        monkeypatch.setattr(design, "loop_rate_verdict", rate)
-
-        def described(choice: Any) -> Any:
-            laws.append(choice)
-            return SimpleNamespace(build=lambda _: None)
-
-        frame = SimpleNamespace(initial=np.array([8.0]), along=False, described=described)
-        law, result = design._certified(
-            SimpleNamespace(requirements=SimpleNamespace(accuracy=accuracy)),
-            SimpleNamespace(frame=frame),
-            DesignPoint(0.01, 1.0, 1.0, np.array([0.5]), 1.0),
-        )
-        return float(law.final[0]), bool(result.holds), len(request)
+        monkeypatch.setattr(design, "tracking_verdict", verdict_of)
+        frame = SimpleNamespace(initial=np.array([8.0]), described=lambda law: SimpleNamespace(build=lambda _: law))
+        law, verdict = design._certified(frame, DesignPoint(0.01, 1.0, 1.0, np.array([0.5]), 1.0), best)
+        return float(law.final[0]), bool(verdict.holds)
 
     return of
 
 
-def test_an_envelope_that_is_certified_stays_as_it_is(certified):
-    assert certified(0.4) == (0.5, True, 1)
+def test_an_envelope_is_widened_to_what_has_a_bound_if_no_accuracy_is_required(certified):
+    assert certified(0.4, True) == (0.5, True) and certified(0.65, True) == (0.7, True)
+    assert certified(0.65, False) == (0.5, False)
 
 
-def test_an_envelope_is_widened_to_what_its_certificate_asks_for(certified):
-    assert certified(1.0, 1.01) == (1.0 * WIDER[0], True, 2)
-    # Of the wider one more is asked for.
-    assert certified(1.0, 1.1, 1.11) == (1.1 * WIDER[1], True, 3)
-
-
-def test_envelope_that_is_required_or_would_be_too_wide_is_not_widened(certified):
-    assert certified(3.0) == (0.5, False, 1) and certified(0.6, 0.7, 0.8, 1.2, 1.9) == (0.5, False, 5)
-    assert certified(1.0, accuracy=0.5) == (0.5, False, 1)
+def test_an_envelope_without_a_bound_at_any_width_stays_as_it_is(certified):
+    assert certified(3.0, True) == (0.5, False)

@@ -82,11 +82,11 @@ def test_a_workspace_of_an_arm_without_limits_needs_its_range(tmp_path):
         read_problem(path).blocks()
 
 
-def result_of(folder: Path, learns: bool = True, **other: Any) -> DesignResult:
+def result_of(folder: Path, along: bool = False, **other: Any) -> DesignResult:
     problem = read_problem(changed(folder))
     two = np.ones(2)
     base = problem.scenario(template(2.0))
-    frame = DesignSpace(base, two, two, 60.0 * two, 60.0 * two, 1e-3, 1.0, False, 4.0 * two, learns=learns)
+    frame = DesignSpace(base, two, two, 60.0 * two, 60.0 * two, 1e-3, 1.0, False, 4.0 * two, along=along)
     choice = replace(DesignPoint(0.009, 1.0, 2.0, np.array([2e-3, 3e-3]), 2.0, margin=12.5), **other)
     described = frame.described(choice)
     check = {"runs": 128, "failures": 0, "searched": 128, "worst_margin": 0.2}
@@ -111,11 +111,11 @@ def test_written_design_runs_with_the_values_of_the_choice(tmp_path):
     "law",
     [
         {},
-        {"learns": False},
+        {"along": True},
         {"drift": None, "gain": 0.7},
         {"margin": None, "even": 0.4, "horizon": 0.00912345678, "overshoot": 0.912345678},
     ],
-    ids=["learning", "not learning", "with a velocity sensor's estimator", "with numbers of many digits"],
+    ids=["learning", "with a bound", "with a velocity sensor's estimator", "with numbers of many digits"],
 )
 def test_the_law_in_the_file_is_the_law_that_was_checked(tmp_path, law):
     result = result_of(tmp_path, **law)
@@ -129,19 +129,14 @@ def test_a_law_is_certified_only_where_all_lines_are_proved_and_else_tested(tmp_
     assert "# Tested in simulation, not proved" in written(result, tmp_path)
     assert "Certified" not in written(result, tmp_path)
     stands_on = [Assumption("", item) for item in ("proved", "tested", "assumed", "assumed")]
-    rate = Verdict("loop_rate", "", True, 0.2, {}, stands_on, "")
-    text = " ".join(written(replace(result, proof="bound", rate=rate), tmp_path).replace("#", "").split())
-    assert "Tested, with a bound of `loop_rate`, grade B: its lines: 1 proved, 1 tested, 2 assumed" in text
+    bound = Verdict("tracking_bound", "", True, 0.2, {}, stands_on, "")
+    text = " ".join(written(replace(result, proof="bound", bound=bound), tmp_path).replace("#", "").split())
+    assert "Tested, with a bound of `tracking_bound`, grade B: its lines: 1 proved, 1 tested, 2 assumed" in text
     assert "ertified" not in text
-    rate = Verdict("loop_rate", "", True, 0.2, {}, stands_on[:1], "")
-    assert "# Certified by `loop_rate`, grade A" in written(replace(result, proof="bound", rate=rate), tmp_path)
+    bound = Verdict("tracking_bound", "", True, 0.2, {}, stands_on[:1], "")
+    assert "# Certified by `tracking_bound`, grade A" in written(replace(result, proof="bound", bound=bound), tmp_path)
 
 
-def test_of_many_joints_it_names_the_requirement_that_looks_for_a_law_with_a_proof(tmp_path):
-    result = result_of(tmp_path)
-    assert "`loop_rate` has no bound within such an envelope" in written(result, tmp_path)
-    four = replace(result.frame, initial=np.ones(4))
-    text = " ".join(written(replace(result, frame=four), tmp_path).replace("#", "").split())
-    assert "from 4 joints on `loop_rate` has no bound for a law that learns the inertia" in text
-    text = written(replace(result, frame=replace(four, learns=False)), tmp_path)
-    assert "`loop_rate` has no bound within such an envelope" in text
+def test_a_design_without_a_bound_names_the_requirement_that_looks_for_one(tmp_path):
+    text = " ".join(written(result_of(tmp_path), tmp_path).replace("#", "").split())
+    assert "not proved: the law learns, and `proof: bound` looks for a law with a bound." in text

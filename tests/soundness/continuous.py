@@ -15,10 +15,10 @@ from slidax.law import FixedTime, UncertaintyBound, cftsmppc
 from slidax.motions import ConstantPosture
 from slidax.scenarios import Scenario, load
 from slidax.simulation import Plant
-from tests.certify.loop.linear_arm import Changing, LinearArm
 
 from .batches import simulated
 from .counted import Counted
+from .linear_arm import Changing, LinearArm
 
 PERIOD, END, EVERY = 1e-3, 4.0, 4
 """Integrator period and duration of the runs, s, and log interval."""

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 
 from slidax.analysis.run_record import joint_loops
-from slidax.certify.loop import inertia_ratio
-from tests.certify.loop.linear_arm import demand, scenario
+from slidax.certify.arm import inertia_ratio
 
 from .counted import Counted
+from .linear_arm import demand, scenario
 
 WIDEST = 8.0
 
@@ -19,7 +19,7 @@ def judged(seed: int, laws: int, kappas: int, joints: int, count: Counted) -> No
         rng = np.random.default_rng([seed, joints, number])
         delay, kalman = int(rng.integers(3)), bool(rng.integers(2))
         case = scenario(rng, delay=delay, kalman=kalman, resolution=0.0, samples=20, joints=joints)
-        request = demand(case, stray=0.0, kappa=(1.0, 1.0), coupling=0.0)
+        request = demand(case)
         borne = inertia_ratio(case, request).bound
         low, high = np.asarray(borne["stable_from"]), np.asarray(borne["stable_to"])
         share = rng.uniform(0.5, 0.999, joints)

@@ -6,10 +6,10 @@ import numpy as np
 from slidax.core.types import State
 from slidax.law.sampled.monitor import Monitor
 from slidax.simulation import Plant
-from tests.certify.loop.linear_arm import Changing, LinearArm, scenario
 
 from .batches import simulated
 from .counted import Counted
+from .linear_arm import Changing, LinearArm, scenario
 
 SAMPLES = 240
 

@@ -4,11 +4,11 @@
 margin, the assumptions and their grade, and remedies. A certificate covers all members of the scenario's uncertainty
 set, or names what it does not cover.
 
-`loop` bounds the tracking error at the sampling rate, `arm` the torques and inertias of all members, and `printed`
-the continuous-time guarantees of laws in printed form. `motion` bounds the error along any motion, of an
-arm that is known to within a set. `statistical.py` bounds the failure rate from random runs.
+`motion` bounds the tracking error along a motion of an arm that is known to within a set, `arm` the torques and
+inertias of all members, and `printed` has the continuous-time guarantees of laws in printed form. `statistical.py`
+bounds the failure rate from random runs.
 
-Read first: `certificate.py`, `certify.py`, `loop/loop_rate.py`.
+Read first: `certificate.py`, `certify.py`, `motion/admission.py`.
 """
 
 from .admissibility import admissibility as admissibility

@@ -13,11 +13,10 @@ from slidax.scenarios.scenario import Scenario
 
 from .admissibility import admissibility
 from .arm.demand import Demand, compute_demand
+from .arm.inertia_ratio import inertia_ratio
 from .arm.robust_torque import robust_torque, uncertainty_bound
 from .arm.torque_budget import torque_budget
 from .certificate import Assumption, Certificate, Verdict
-from .loop.inertia_ratio import inertia_ratio
-from .loop.loop_rate import loop_rate
 from .motion.admission import tracking_bound
 from .printed.settling_time import settling_time
 from .printed.ultimate_bound import printed_period, ultimate_bound
@@ -43,7 +42,6 @@ def _with_demand(certificate: Certificate[...]) -> Certificate[...]:
 CERTIFICATES: tuple[Certificate[...], ...] = (
     admissibility,
     _with_demand(inertia_ratio),
-    loop_rate,
     tracking_bound,
     _with_demand(robust_torque),
     _with_demand(torque_budget),
@@ -61,7 +59,7 @@ class Certificates:
 
         certified = slidax.certify.certify(scenario)
         certified.holds
-        certified["loop_rate"].bound
+        certified["tracking_bound"].bound
 
     - `scenario`: its name.
     """

@@ -191,16 +191,3 @@ def envelope_width(scenario: Scenario, t: Floats) -> Floats | None:
 
     width = np.asarray(jax.jit(jax.vmap(side))(jnp.asarray(t)))
     return np.broadcast_to(width, (len(t), law.joints))
-
-
-def largest_error_rate(scenario: Scenario, width: Floats) -> Floats:
-    """Return the largest |ė| for which both e and `y = e + c ė` are in the envelope: `2 ρ/c` [N n].
-
-    `c = H - h/2`, with the horizon H of the law. For a law without a horizon H is its period h, so the bound is weak.
-
-    - `width`: larger side of the envelope [N n].
-    """
-    law = scenario.controller
-    h = scenario.period
-    horizon = float(law.horizon) if isinstance(law, SampledData) and law.horizon is not None else h
-    return 2.0 * width / (horizon - 0.5 * h)

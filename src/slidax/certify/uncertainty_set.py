@@ -124,11 +124,6 @@ class UncertainValue:
         """Name in assumptions and messages."""
         return self.path if self.entry is None else f"{self.path}[{self.entry}]"
 
-    def between(self, low: float, high: float) -> UncertainValue:
-        """Return the part of the range from share `low` to share `high`."""
-        ends = [self.lower + share * (self.upper - self.lower) for share in (low, high)]
-        return UncertainValue(self.path, self.entry, *ends)
-
     def moved(self, value: Floats, share: Floats) -> Floats:
         """Return the values [P ...] with this axis at shares of its range [P], from 0 (lower) to 1 (upper)."""
         moved = self.lower + share.reshape(-1, *[1] * self.lower.ndim) * (self.upper - self.lower)

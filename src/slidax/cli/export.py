@@ -155,9 +155,6 @@ def export_web(
         str | None,
         typer.Option("--with", help="Further schemes, comma-separated; `printed` is the scenario's own as printed."),
     ] = None,
-    certify_rate: Annotated[
-        bool, typer.Option(help="Certify the loop rate also for more than three joints, which takes minutes.")
-    ] = False,
     changes: Changes = None,
 ) -> None:
     """Export a page that simulates the closed loop in the browser, with a slider for every parameter.
@@ -171,12 +168,12 @@ def export_web(
         from slidax.scenarios.load import load
 
         if scenario is None:
-            if beside or changes or certify_rate:
-                raise DefinitionError("`--with`, `--certify-rate` and `--set` need one scenario: name it")
+            if beside or changes:
+                raise DefinitionError("`--with` and `--set` need one scenario: name it")
             manifest = web.manifest_of_all()
         else:
             names = [name.strip() for name in (beside or "").split(",") if name.strip()]
-            manifest = web.manifest_of_scenario(load(scenario, parse_changes(changes or [])), names, certify_rate)
+            manifest = web.manifest_of_scenario(load(scenario, parse_changes(changes or [])), names)
         page = web.write_playground(manifest, out)
         sliders = sum(len(setting["tunables"]) for setting in manifest["settings"])
         typer.echo(

@@ -158,8 +158,7 @@ def _write(result: DesignResult, out: Path, json: bool) -> None:
 
     typer.echo("... all certificates", err=True)
     scenario = result.description.build(out.stem)
-    # A bound that does not hold is computed again, for its remedies.
-    known = () if result.rate is None or not result.rate.holds else (result.rate,)
+    known = () if result.bound is None else (result.bound,)
     certificates = Certificates(scenario.name, (*certify(scenario, runs=0, known=known), result.check))
     path = write_design(result, out, certificates)
     if json:
@@ -172,7 +171,7 @@ def _write(result: DesignResult, out: Path, json: bool) -> None:
         }
         print_json(answer)
         return
-    proof = name_proof(result.rate) if result.proof == "bound" else "tested in simulation, without a bound"
+    proof = name_proof(result.bound) if result.proof == "bound" else "tested in simulation, without a bound"
     final = ", ".join(f"{radius:.3g}" for radius in result.choice.final)
     typer.echo(f"Designed, {proof}. The error is within {final} from {result.choice.deadline:g} s on.")
     typer.echo(

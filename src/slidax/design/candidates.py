@@ -93,8 +93,8 @@ class DesignSpace:
     - `has_velocity`: whether velocities are measured.
     - `changes`: of torque in a period that each drive allows [n], N m or N; infinite where it has no such limit.
     - `least_margin`: the smallest u where it is searched for, too [N m]; None where it is not.
-    - `learns`: whether the law learns the inertia.
-    - `along`: whether the law has the form that `tracking_bound` covers: the same loop in all joints, no learning.
+    - `along`: whether the law has the form that `tracking_bound` covers: the same loop in all joints, no learning. If
+      not, it learns the inertia.
     """
 
     base: ScenarioDescription
@@ -107,7 +107,6 @@ class DesignSpace:
     has_velocity: bool
     changes: Floats
     least_margin: float | None = None
-    learns: bool = True
     along: bool = False
 
     @property
@@ -167,10 +166,8 @@ class DesignSpace:
             "estimator": self._estimator(choice),
             "monitor": scheme.sampled_data.monitor.model_copy(update={"share": monitor, "led": monitor}),
         }
-        if not self.learns:
-            sampled["adaptation"] = None
         if self.along:
-            sampled |= {"midpoint": True, "viscous_feedforward": True}
+            sampled |= {"adaptation": None, "midpoint": True, "viscous_feedforward": True}
         changes = {
             "transformation": scheme.transformation.model_copy(
                 update={"performance": performance, "overshoot": choice.overshoot}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from itertools import product
 from os.path import relpath
 from pathlib import Path
 from typing import Any, Literal
@@ -13,7 +14,6 @@ import numpy as np
 
 from slidax.certify.certificate import Verdict
 from slidax.certify.certify import Certificates
-from slidax.certify.loop.fixed_point import JOINTS
 from slidax.certify.statistical import statistical_with_cases
 from slidax.certify.uncertainty_set import start_box
 from slidax.core.errors import DefinitionError
@@ -25,17 +25,9 @@ from slidax.scenarios.scenario import ScenarioDescription
 from slidax.scenarios.yaml_text import dump_commented
 from slidax.studies.search import require_cmaes
 
-from .candidates import LARGEST, DesignPoint, DesignSpace, design_space, template
-from .problem import DesignProblem, Requirements
-from .proof import (
-    DriveDemand,
-    certified_radii,
-    drive_demand,
-    loop_rate_verdict,
-    may_have_bound,
-    tracking_verdict,
-    widen_radii,
-)
+from .candidates import DRIFTS, LARGEST, DesignPoint, DesignSpace, design_space, template
+from .problem import DesignProblem
+from .proof import DriveDemand, certified_radii, drive_demand, tracking_verdict
 from .refusal import Refusal, accuracy_refusal, deadline_refusal, proof_refusal, torque_refusal, torque_step_refusal
 from .search import LEAST_MARGIN, MANY, MOST, SPARE, coarse_search, fine_search, narrowest_envelope
 from .trials import CALM, DRIVEN, OWN, Objective, Trials, WorstCase
@@ -71,10 +63,10 @@ class DesignResult:
     """A law that meets the requirements.
 
     - `description`: the scenario with it.
-    - `proof`: `bound` where `tracking_bound` or `loop_rate` holds in its envelope, else `tested`: in simulation alone.
+    - `proof`: `bound` where `tracking_bound` holds in its envelope, else `tested`: in simulation alone.
     - `frame`, `choice`: its numbers; `worst`: what the worst common case makes of them.
     - `demand`: on the drives and on u; None where no bound was found.
-    - `rate`: verdict of `tracking_bound` or `loop_rate`; None where it has no answer.
+    - `bound`: verdict of `tracking_bound`; None where no bound is required.
     - `check`: of random cases and a search, as the certificate `statistical`.
     - `runs`: that were simulated to find it.
     """
@@ -85,7 +77,7 @@ class DesignResult:
     choice: DesignPoint
     worst: WorstCase
     demand: DriveDemand | None
-    rate: Verdict | None
+    bound: Verdict | None
     check: Verdict
     runs: int
 
@@ -109,8 +101,9 @@ def design(problem: DesignProblem, *, runs: int = RUNS, say: Say = _unheard) -> 
     In closed form: ρ0 from the starts, T as required, u from `robust_torque`, H and the estimator's density in
     proportion to the period, the delay and the drives. Then fifteen pairs of H and density and three surfaces on the
     same eight cases of the set, and from the best of them a search of all these numbers, ϑ and ρ∞ at once; ρ∞ from
-    `loop_rate`, or the smallest that 48 cases held. Last, random cases that were not seen before and a search for
-    the worst one; where one of them left, the second search begins anew with the worst among its cases.
+    `tracking_bound` if a bound is required, or the smallest that 48 cases held. Last, random cases that were not seen
+    before and a search for the worst one; where one of them left, the second search begins anew with the worst among
+    its cases.
 
     - `problem`: as `read_problem` gives it.
     - `runs`: random cases of the check at the end.
@@ -123,6 +116,11 @@ def design(problem: DesignProblem, *, runs: int = RUNS, say: Say = _unheard) -> 
     require_cmaes()
     require_64_bits()
     frame, first = _begin(problem)
+    if frame.along:
+        say("laws with a bound along the motion")
+        first, verdict = law_with_bound(frame, first)
+        if not verdict.holds:
+            return proof_refusal(problem, frame, first, verdict)
     say("what the motion and the set ask of the drives")
     request = _demand(frame, first)
     if request is not None:
@@ -170,34 +168,27 @@ def _begin(problem: DesignProblem) -> tuple[DesignSpace, DesignPoint]:
         delay=Timing(h, problem.sensor.delay, problem.actuator.dead_time).total_delay,
         has_velocity=problem.sensor.has_velocity,
     )
-    frame = _along_motion(frame, requirements) or frame
+    if requirements.proof == "bound":
+        frame = replace(frame, along=True, initial=np.full(frame.initial.shape, NEAR))
     if (frame.shape >= LARGEST * frame.initial).any() and requirements.accuracy != "best":
         frame = replace(frame, initial=np.maximum(frame.initial, frame.shape / LARGEST))
-    learns = requirements.proof != "bound" or (not frame.along and may_have_bound(len(units), learns=True))
-    frame = replace(frame, learns=learns)
     horizon, drift = frame.horizons[2 if len(frame.horizons) > 2 else -1], 1.0
     return frame, DesignPoint(horizon, drift, 1.0, _provisional(frame), requirements.deadline)
 
 
-def _along_motion(frame: DesignSpace, requirements: Requirements) -> DesignSpace | None:
-    """The frame of laws that `tracking_bound` covers, if a bound is required.
+def law_with_bound(frame: DesignSpace, first: DesignPoint) -> tuple[DesignPoint, Verdict]:
+    """The law with the smallest certified error of a grid of H and densities, and its verdict; else the best failing.
 
-    None where it holds for none of the first laws, so that `loop_rate` decides.
+    - `first`: its other numbers.
     """
-    if requirements.proof != "bound":
-        return None
-    initial = np.full(frame.initial.shape, NEAR)
-    along = replace(frame, learns=False, along=True, initial=initial)
-    for horizon in along.horizons[::-2]:
-        first = DesignPoint(horizon, 1.0, 1.0, LARGEST * initial, requirements.deadline)
-        try:
-            verdict = tracking_verdict(along.described(first).build("design"))
-        except DefinitionError:
-            # Such an arm has no law in this form.
-            return None
-        if verdict is None or verdict.holds:
-            return along if verdict is not None else None
-    return None
+    results: list[tuple[bool, float, int]] = []
+    laws: list[tuple[DesignPoint, Verdict]] = []
+    for horizon, drift in product(frame.horizons, DRIFTS):
+        law = replace(first, horizon=horizon, drift=drift, final=LARGEST * frame.initial)
+        verdict = tracking_verdict(frame.described(law).build("design"))
+        results.append((not verdict.holds, float(np.max(verdict.bound.get("error", np.inf))), len(results)))
+        laws.append((replace(law, final=first.final), verdict))
+    return laws[min(results)[2]]
 
 
 def _provisional(frame: DesignSpace) -> Any:
@@ -258,28 +249,29 @@ def _checked(
     """
     best, required = problem.requirements.accuracy == "best", problem.requirements.torque_step
     aim = _aim(problem, trials.frame)
-    along = trials.frame.along
-    proved = along or may_have_bound(trials.frame.initial.size, trials.frame.learns)
     kept: DesignResult | None = None
     for turn in range(TIMES):
-        choice, rate = worst.choice, None
+        choice: DesignPoint = worst.choice
+        bound: Verdict | None = None
         if best and turn:
             wider = np.minimum(SLACK**turn * choice.final, LARGEST * trials.frame.initial)
             choice = replace(choice, final=np.maximum(choice.final, wider))
-        # Where it holds for no radius it does not hold for a law nearby, and an answer for many joints takes a minute.
-        if along or (request is not None and proved):
-            say("the certificate of the loops")
-            choice, rate = _certified(problem, trials, choice)
-        proved = rate is not None and bool(rate.holds)
-        if problem.requirements.proof == "bound" and not proved:
-            return proof_refusal(trials, choice, rate)
+        if trials.frame.along:
+            say("the bound along the motion")
+            choice, bound = _certified(trials.frame, choice, best)
+            if not bound.holds:
+                # The search looks at simulated errors alone, and may leave the laws with a bound.
+                choice, bound = _certified(trials.frame, replace(trials.first, final=choice.final), best)
+                (worst,) = trials.judged([choice], trials.cases(MOST))
+            if not bound.holds:
+                return proof_refusal(problem, trials.frame, choice, bound)
         say(f"{2 * runs} cases that were not seen before")
         description = _described(trials.frame, choice, worst)
         check, hard = statistical_with_cases(description.build("design"), runs, seed=1 + turn)
         wild = 1.0 if required is None else check.bound.get("steady_torque_step", 0.0) / required
         if check.holds is not False and wild <= 1.0:
-            result: Proof = "bound" if proved else "tested"
-            built = DesignResult(description, result, trials.frame, choice, worst, request, rate, check, trials.runs)
+            proof: Proof = "tested" if bound is None else "bound"
+            built = DesignResult(description, proof, trials.frame, choice, worst, request, bound, check, trials.runs)
             kept = built if kept is None or built.spared > kept.spared else kept
             if not best or check.holds is None or built.spared >= ENOUGH:
                 return built
@@ -297,21 +289,14 @@ def _checked(
     return kept or accuracy_refusal(trials, worst, None, check)
 
 
-def _certified(problem: DesignProblem, trials: Trials, choice: DesignPoint) -> tuple[DesignPoint, Verdict | None]:
-    """A law and its verdict of `tracking_bound` or `loop_rate`, with the final radius for which this holds, if any."""
-    verdict = tracking_verdict if trials.frame.along else loop_rate_verdict
+def _certified(frame: DesignSpace, choice: DesignPoint, best: bool) -> tuple[DesignPoint, Verdict]:
+    """A law and its verdict of `tracking_bound`; with `best`, with the smallest final radius for which this holds."""
 
-    def rate_of(choice: DesignPoint) -> Verdict | None:
-        return verdict(trials.frame.described(choice).build("design"))
+    def verdict_of(law: DesignPoint) -> Verdict:
+        return tracking_verdict(frame.described(law).build("design"))
 
-    largest = LARGEST * trials.frame.initial
-    if trials.frame.along and problem.requirements.accuracy == "best":
-        return certified_radii(choice, rate_of, largest) or (choice, rate_of(choice))
-    rate = rate_of(choice)
-    if problem.requirements.accuracy != "best":
-        return choice, rate
-    # An envelope that is wider, and not certified either, is good for nothing.
-    return widen_radii(choice, rate, rate_of, largest) or (choice, rate)
+    wider = certified_radii(choice, verdict_of, LARGEST * frame.initial) if best else None
+    return wider or (choice, verdict_of(choice))
 
 
 def _described(frame: DesignSpace, choice: DesignPoint, worst: WorstCase) -> ScenarioDescription:
@@ -345,35 +330,26 @@ def write_design(result: DesignResult, out: Path, certificates: Certificates) ->
     return path
 
 
-def name_proof(rate: Verdict | None) -> str:
+def name_proof(verdict: Verdict | None) -> str:
     """Name the proof of a design for a verdict that holds: certified if all lines are proved."""
-    if rate is None or rate.grade is None:
+    if verdict is None or verdict.grade is None:
         return "tested"
-    if rate.grade == "A":
-        return f"certified by `{rate.name}`, grade A: all of its lines are proved"
-    return f"tested, with a bound of `{rate.name}`, grade {rate.grade}: its lines: {rate.stands_on}"
+    if verdict.grade == "A":
+        return f"certified by `{verdict.name}`, grade A: all of its lines are proved"
+    return f"tested, with a bound of `{verdict.name}`, grade {verdict.grade}: its lines: {verdict.stands_on}"
 
 
 def _proof(result: DesignResult) -> str:
     check = result.check.bound
-    text = f"Tested in simulation, not proved: {_unproved(result)}."
+    text = "Tested in simulation, not proved: the law learns, and `proof: bound` looks for a law with a bound."
     if result.proof == "bound":
-        name = name_proof(result.rate)
+        name = name_proof(result.bound)
         text = f"{name[0].upper()}{name[1:]}; the certificate file next to this one lists its lines."
     if not check:
         return f"{text} Nothing is uncertain, so that one run shows all."
     return (
         f"{text} {check['runs']} random cases of the set and {check['searched']} of a search for the worst stay "
         f"inside, the worst with {check['worst_margin']:.2g} of the envelope's width to spare."
-    )
-
-
-def _unproved(result: DesignResult) -> str:
-    if may_have_bound(result.frame.initial.size, result.frame.learns):
-        return "`loop_rate` has no bound within such an envelope for this set"
-    return (
-        f"from {JOINTS} joints on `loop_rate` has no bound for a law that learns the inertia; `proof: bound` looks for "
-        "a law that does not"
     )
 
 
@@ -403,10 +379,7 @@ def _comments(result: DesignResult) -> Iterator[tuple[str, str]]:
         drift = f"The disturbance drifts by {choice.drift * 0.8:.2g} % of the rated torque in a second"
         even = f"; the joints' drifts are evened by {choice.even:.2g} of the way." if choice.even else "."
         yield "scheme.sampled_data.estimator", drift + even
-    learning = f"Learning is off: from {JOINTS} joints on no law that learns the inertia has a bound."
-    if frame.along:
-        learning = "Learning is off: `tracking_bound` covers no law that learns."
-    yield "scheme.sampled_data.adaptation", learning
+    yield "scheme.sampled_data.adaptation", "Learning is off: `tracking_bound` covers no law that learns."
     warning = f"Warns before the envelope is left: 1.25 times the share that {MANY} common cases used."
     yield "scheme.sampled_data.monitor", warning
 

@@ -106,7 +106,7 @@ class Requirements(AbstractDescription):
         "largest change of the torque from sample to sample in steady state", "N m or N", "> 0", default=None
     )
     proof: Literal["tested", "bound"] = "tested"
-    """`bound` refuses a law without a bound of `tracking_bound` or `loop_rate`, `tested` takes it and says so."""
+    """`bound` refuses a law without a bound of `tracking_bound`, `tested` takes it and says so."""
 
 
 class TimeDescription(AbstractDescription):

@@ -1,4 +1,4 @@
-"""Certificates of a design: demand on the drives, loop-rate bound, and estimation error against its rule."""
+"""Certificates of a design: demand on the drives, error bound, and estimation error against the loop-rate rule."""
 
 from __future__ import annotations
 
@@ -12,10 +12,7 @@ from slidax.certify.arm.demand import Demand, compute_demand
 from slidax.certify.arm.members import Members
 from slidax.certify.arm.robust_torque import robust_torque
 from slidax.certify.arm.torque_budget import motion_torques, torque_limits
-from slidax.certify.certificate import Verdict
-from slidax.certify.loop.fixed_point import JOINTS, Fineness
-from slidax.certify.loop.loop_rate import loop_rate
-from slidax.certify.loop.set_bound import BEGINNINGS
+from slidax.certify.certificate import Assumption, Verdict
 from slidax.certify.motion.admission import tracking_bound
 from slidax.core.errors import DefinitionError
 from slidax.scenarios.scenario import Scenario
@@ -23,16 +20,6 @@ from slidax.studies.cases import Cases, Values
 
 from .candidates import DesignPoint, Floats
 from .trials import Trials
-
-COARSE = Fineness(halvings=2, width=32)
-"""Of many joints' bounds: a radius is found in less than half the time of `certify`, and is a tenth larger."""
-
-WIDER = (1.02, 1.05, 1.1, 1.2)
-"""The final radius over the one that `loop_rate` asks for, each time that it is widened to it.
-
-The estimation error of a joint moves the others: with a constant factor, the radii of a UR3 stayed just
-too small.
-"""
 
 
 @dataclass(frozen=True)
@@ -66,38 +53,16 @@ def drive_demand(scenario: Scenario) -> DriveDemand:
     return DriveDemand(demand, torque, limit, float(enough["u"]), float(enough["needed"]))
 
 
-def may_have_bound(joints: int, learns: bool) -> bool:
-    """True if `loop_rate` may have a bound: with four joints and more it never had one for a law that learns.
-
-    - `joints`: of the arm.
-    - `learns`: whether the law learns the inertia.
-    """
-    return joints < JOINTS or not learns
-
-
-def loop_rate_verdict(scenario: Scenario) -> Verdict | None:
-    """The certificate `loop_rate` from when the envelope is narrow; None where it has no answer.
-
-    From there the radius that it asks for is the smallest, and soonest found.
+def tracking_verdict(scenario: Scenario) -> Verdict:
+    """The certificate `tracking_bound` along the scenario's motion; failing where it cannot be computed.
 
     - `scenario`: with its law.
     """
     try:
-        return loop_rate(scenario, remedies=False, beginnings=BEGINNINGS[-1:], fineness=COARSE)
-    except DefinitionError:
-        return None
-
-
-def tracking_verdict(scenario: Scenario) -> Verdict | None:
-    """The certificate `tracking_bound` along the scenario's motion; None where it has no answer.
-
-    - `scenario`: with its law.
-    """
-    try:
-        verdict = tracking_bound(scenario)
-    except DefinitionError:
-        return None
-    return None if verdict.holds is None else verdict
+        return tracking_bound(scenario)
+    except DefinitionError as error:
+        lines = (Assumption(str(error), "fails"),)
+        return Verdict(tracking_bound.name, tracking_bound.title, False, None, {}, lines, f"Not certified: {error}.")
 
 
 RADII = (1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0, 11.0, 16.0, 32.0, 64.0)
@@ -105,7 +70,7 @@ RADII = (1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0, 11.0, 16.0, 32.0, 64.0)
 
 
 def certified_radii(
-    choice: DesignPoint, verdict_of: Callable[[DesignPoint], Verdict | None], largest: Floats
+    choice: DesignPoint, verdict_of: Callable[[DesignPoint], Verdict], largest: Floats
 ) -> tuple[DesignPoint, Verdict] | None:
     """A law with final radii within which its verdict holds, and this verdict; None where none was found.
 
@@ -116,43 +81,11 @@ def certified_radii(
     for factor in RADII:
         wider = replace(choice, final=np.minimum(factor * choice.final, largest))
         verdict = verdict_of(wider)
-        if verdict is not None and verdict.holds:
+        if verdict.holds:
             return wider, verdict
         if (factor * choice.final >= largest).all():
             break
     return None
-
-
-def radius_of(verdict: Verdict | None) -> Floats | None:
-    """The smallest final radius of each joint with a bound [n]; None where there is none.
-
-    - `verdict`: of `loop_rate`.
-    """
-    if verdict is None or "required_radius" not in verdict.bound:
-        return None
-    result = np.asarray(verdict.bound["required_radius"], float)
-    return result if np.isfinite(result).all() and (result > 0).all() else None
-
-
-def widen_radii(
-    choice: DesignPoint, rate: Verdict | None, rate_of: Callable[[DesignPoint], Verdict | None], largest: Floats
-) -> tuple[DesignPoint, Verdict] | None:
-    """A law with final radii within which `loop_rate` holds, and its verdict; None where none was found.
-
-    - `choice`: the law, which stays as it is if `loop_rate` holds.
-    - `rate`: what `loop_rate` says of it.
-    - `rate_of`: says the same of others.
-    - `largest`: final radii [n].
-    """
-    for factor in WIDER:
-        radius = radius_of(rate)
-        if rate is None or rate.holds or radius is None:
-            break
-        choice = replace(choice, final=np.maximum(choice.final, factor * radius))
-        if (choice.final > largest).any():
-            return None
-        rate = rate_of(choice)
-    return (choice, rate) if rate is not None and rate.holds else None
 
 
 FEW = 8
@@ -224,17 +157,3 @@ def error_in_cases(trials: Trials, choice: DesignPoint) -> EstimationError:
     arm = trials.problem.robot.build().nominal
     allowed = choice.overshoot * np.asarray(choice.final) / (choice.horizon + delay * h) ** 2
     return EstimationError(arm.joint_names, arm.joint_units, np.max(worst, axis=0), allowed)
-
-
-def error_bound(rate: Verdict, trials: Trials, choice: DesignPoint) -> EstimationError | None:
-    """Return the bound of `loop_rate` on the estimation errors; None without one.
-
-    - `rate`: the certificate's answer.
-    - `trials`: of which arm.
-    - `choice`: the law.
-    """
-    if "w_bar" not in rate.bound:
-        return None
-    arm = trials.problem.robot.build().nominal
-    allowed = choice.overshoot * np.asarray(choice.final) / choice.horizon**2
-    return EstimationError(arm.joint_names, arm.joint_units, np.asarray(rate.bound["w_bar"], float), allowed)

@@ -10,12 +10,15 @@ import numpy as np
 
 from slidax.analysis.cause import Remedy
 from slidax.certify.certificate import Verdict
+from slidax.certify.uncertainty_set import set_ends
 from slidax.core.errors import DefinitionError
+from slidax.scenarios.family import Family
 from slidax.scenarios.load import alter_description
+from slidax.scenarios.scenario import ScenarioDescription
 
-from .candidates import LARGEST, DesignPoint, round_for_file
+from .candidates import LARGEST, DesignPoint, DesignSpace, round_for_file
 from .problem import DesignProblem
-from .proof import DriveDemand, EstimationError, error_bound, error_in_cases, loop_rate_verdict, widen_radii
+from .proof import DriveDemand, EstimationError, certified_radii, error_in_cases, tracking_verdict
 from .search import LEAST_MARGIN, MANY, SPARE
 from .trials import LOAD, Trials, WorstCase
 
@@ -27,6 +30,12 @@ LESS = (0.75, 0.5, 0.25, 0.0)
 
 LATER = (1.25, 1.5, 2.0, 3.0)
 """Times the deadline."""
+
+FINER = (0.3, 0.1, 0.03)
+"""Times the encoders' resolution."""
+
+SLOWER = (1.25, 1.6, 2.0, 3.0)
+"""Times the duration of the motion."""
 
 
 @dataclass(frozen=True)
@@ -145,54 +154,81 @@ def accuracy_refusal(trials: Trials, best: WorstCase, held: WorstCase | None, ch
     return refused(f"{where} cannot be had: {text}", would, missed)
 
 
-def proof_refusal(trials: Trials, choice: DesignPoint, rate: Verdict | None) -> Refusal:
+def proof_refusal(problem: DesignProblem, frame: DesignSpace, choice: DesignPoint, verdict: Verdict) -> Refusal:
     """A bound of the error is required, and there is none.
 
-    - `trials`: of which arm.
-    - `choice`: the law.
-    - `rate`: what `loop_rate` or, along a motion, `tracking_bound` says; None if nothing.
+    - `choice`: the best law. `verdict`: what `tracking_bound` says of it.
     """
-    unproved = Remedy("what is tested in simulation alone", {"requirements.proof": "tested"})
-    if trials.frame.along:
-        reason = "it has no answer for this law" if rate is None else rate.statement.rstrip(".")
-        return refused(f"a bound is required, and `tracking_bound` gives none: {reason}", [unproved])
-    if rate is None:
-        return refused("a bound is required, and `loop_rate` has no answer for this arm", [unproved])
-    missed = error_bound(rate, trials, choice)
-    why = [item for item in ("" if missed is None else missed.in_words(), rate.statement) if item]
-    reason = f"a bound is required, and `loop_rate` gives none: {'; '.join(why)}"
-    return refused(reason, [*_wider(trials, choice, rate), *_told(trials, choice), unproved], missed)
+    description, largest = frame.described(choice), LARGEST * frame.initial
+    best = problem.requirements.accuracy == "best"
+
+    def holds(changes: dict[str, Any]) -> bool:
+        try:
+            changed = replace(frame, base=alter_description(frame.base, changes))
+        except DefinitionError:
+            return False
+        law = replace(choice, final=largest) if best else choice
+        return tracking_verdict(changed.described(law).build("design")).holds is True
+
+    would: list[Remedy] = []
+    if not best:
+        wider = certified_radii(choice, lambda law: tracking_verdict(frame.described(law).build("design")), largest)
+        if wider is not None:
+            radius = round_for_file(wider[0].final)
+            would.append(Remedy(f"an accuracy of {max(radius):.3g}", {"requirements.accuracy": radius}))
+    for remedies in (_payload_told(problem, frame), _finer(description), _slower(problem, description)):
+        would += next(([remedy] for remedy, changes in remedies if holds(changes)), [])
+    would.append(Remedy("what is tested in simulation alone", {"requirements.proof": "tested"}))
+    return refused(f"a bound is required, and `tracking_bound` gives none: {verdict.statement.rstrip('.')}", would)
 
 
-def _wider(trials: Trials, choice: DesignPoint, rate: Verdict) -> Iterator[Remedy]:
-    """Final radii within which there is a bound; where the best are required, such were looked for before."""
-    if trials.problem.requirements.accuracy == "best":
+Changed = Iterator[tuple[Remedy, dict[str, Any]]]
+"""Changes of the requirements, each with the same change of a scenario."""
+
+
+def _payload_told(problem: DesignProblem, frame: DesignSpace) -> Changed:
+    """A law that knows the payload in the middle of its set, where it knew of none."""
+    path, robot = f"robot.plant.{LOAD}", problem.robot.model_dump(exclude_unset=True)
+    if path not in problem.uncertainty or (robot.get("nominal") or {}).get("load") is not None:
         return
-    result = widen_radii(choice, rate, lambda item: _rate_of(trials, item, {}), LARGEST * trials.frame.initial)
-    if result is not None:
-        radius = round_for_file(result[0].final)
-        yield Remedy(f"an accuracy of {max(radius):.3g}", {"requirements.accuracy": radius})
-
-
-def _told(trials: Trials, choice: DesignPoint) -> Iterator[Remedy]:
-    """A law that knows what is at its tip in the middle of the set, where it knew of nothing there."""
-    path, robot = trials.payload, trials.problem.robot.model_dump(exclude_unset=True)
-    if path != f"robot.plant.{LOAD}" or (robot.get("nominal") or {}).get("load") is not None:
-        return
-    mass = float(f"{float(np.mean(trials.cases(MANY)[path][:2])):.3g}")
+    space = Family.of(frame.base).uncertain
+    mass = float(f"{float(np.mean(set_ends(space.sets[path], space.leaves[path]))):.3g}")
     told = {"robot.nominal.load": {**robot["plant"]["load"], "mass": mass}}
-    rate = _rate_of(trials, choice, told)
-    if trials.problem.requirements.accuracy == "best":
-        result = widen_radii(choice, rate, lambda item: _rate_of(trials, item, told), LARGEST * trials.frame.initial)
-        holds = result is not None
-    else:
-        holds = rate is not None and bool(rate.holds)
-    if holds:
-        yield Remedy(f"a law that is told of {mass:g} kg at its tip", told)
+    yield Remedy(f"a law that is told of {mass:g} kg at its tip", told), told
 
 
-def _rate_of(trials: Trials, choice: DesignPoint, changes: dict[str, Any]) -> Verdict | None:
-    return loop_rate_verdict(alter_description(trials.frame.described(choice), changes).build("design"))
+def _finer(description: ScenarioDescription) -> Changed:
+    """Encoders of a finer resolution."""
+    own = np.asarray(description.sensor.resolution, float)
+    for factor in FINER if own.any() else ():
+        value = np.vectorize(lambda number: float(f"{number:.2g}"))(factor * own).tolist()
+        changes = {"sensor.resolution": value}
+        yield Remedy(f"encoders of {np.max(value):.2g}", changes), changes
+
+
+def _slower(problem: DesignProblem, description: ScenarioDescription) -> Changed:
+    """The same way in more time."""
+    block = description.trajectory.model_dump(exclude_unset=True)
+    for factor in SLOWER:
+        changes = {
+            f"trajectory.{name}": (np.asarray(block[name], float) * factor**power).tolist()
+            for name, power in TIMED.items()
+            if isinstance(block.get(name), list | float | int)
+        }
+        if not changes:
+            return
+        told = changes
+        if problem.workspace is not None:
+            speed, acceleration = problem.workspace.speed, problem.workspace.acceleration
+            told = {
+                "workspace.speed": (np.asarray(speed, float) / factor).tolist(),
+                "workspace.acceleration": (np.asarray(acceleration, float) / factor**2).tolist(),
+            }
+        yield Remedy(f"a motion {factor:g} times as long", told), changes
+
+
+TIMED = {"times": 1, "frequency": -1, "rates": -1, "velocity": -1, "acceleration": -2, "jerk": -3}
+"""Numbers of a trajectory that change with its duration, with their power."""
 
 
 def _rates(trials: Trials, best: WorstCase) -> Iterator[Remedy]:

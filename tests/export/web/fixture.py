@@ -55,7 +55,7 @@ def setting(scheme, title, scale, kind, n, description):
     k1 = description["scheme"]["surface"]["k1"]
     delay = {"path": "sensor.delay", "title": "Delay of the measurements", "unit": "periods"}
     statements = [
-        certificate("loop_rate", True, "The period is short enough.", ["scheme"], 0.4, [0.1, 0.2]),
+        certificate("tracking_bound", True, "The period is short enough.", ["scheme"], 0.4, [0.1, 0.2]),
         certificate("torque_budget", False, "The drives may be too weak.", ["robot"], 0.4, [0.1, 0.2]),
         certificate("ultimate_bound", None, "No bound was found.", [], None, None),
     ]

@@ -1,5 +1,4 @@
 from functools import cache
-from importlib import import_module
 
 import numpy as np
 import pytest
@@ -11,8 +10,6 @@ from slidax.export.web import settings as certified
 from slidax.export.web.tunables import tunables_of
 from slidax.scenarios import Scenario, load
 from slidax.scenarios.load import alter
-
-playground = import_module("slidax.export.web.playground")
 
 DECLARED = [item for item in CERTIFICATES if item.reads is not None]
 
@@ -82,33 +79,12 @@ def test_one_that_declares_nothing_stands_on_everything(monkeypatch):
         return Verdict("fresh", "new", True, 0.5, {"bound": [1.0, 2.0]}, (), "It is so.")
 
     monkeypatch.setattr(certified, "CERTIFICATES", (fresh,))
-    monkeypatch.setattr(certified, "certify", lambda scenario, runs, without: [fresh(scenario)])
+    monkeypatch.setattr(certified, "certify", lambda scenario, runs: [fresh(scenario)])
     paths = ["scheme.surface.k1", "robot.plant.masses", "sensor.delay"]
     (light,) = certified.certificates_of(loaded("example-4.1"), paths)
     assert light["reads"] == paths
     assert (light["certificate"], light["title"], light["holds"], light["margin"]) == ("fresh", "new", True, 0.5)
     assert light["words"] == ["bound 2"]
-
-
-def test_a_light_that_was_not_computed_says_so_in_words(monkeypatch):
-    skipped = []
-    monkeypatch.setattr(certified, "certify", lambda scenario, runs, without: skipped.append(without) or [])
-    monkeypatch.setattr(certified, "SLOW", 1)
-    scenario = loaded("example-4.1")
-    monkeypatch.setattr(certified, "CERTIFICATES", tuple(item for item in CERTIFICATES if item.name == "loop_rate"))
-    (light,) = certified.certificates_of(scenario, ["scheme.surface.k1"])
-    assert skipped == [["loop_rate"]]
-    assert light["holds"] is None and "Not computed" in light["statement"] and "2 joints" in light["statement"]
-    assert "--certify-rate" in light["statement"] and light["reads"] == ["scheme.surface.k1"]
-    certified.certificates_of(scenario, ["scheme.surface.k1"], rate=True)
-    assert skipped[1:] == [[]]
-
-
-def test_the_rate_is_certified_of_the_scenarios_own_law_where_it_is_asked_for(monkeypatch):
-    monkeypatch.setattr(playground, "playground", lambda title, settings, arms: [item.rate for item in settings])
-    scenario = load("example-4.1-1khz")
-    assert playground.manifest_of_scenario(scenario, ["printed", "slotine_li"], rate=True) == [True, False, False]
-    assert playground.manifest_of_scenario(scenario) == [False]
 
 
 @pytest.mark.full

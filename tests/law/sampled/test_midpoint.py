@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from slidax.certify.loop.problem import linear_loops
+from slidax.certify.arm.inertia_ratio import linear_loops
 from slidax.core.errors import DefinitionError
 from slidax.core.types import State
 from slidax.law import ComputedTorque, Kalman, KnownJoints, sampled_data

@@ -1,8 +1,7 @@
 """Certificates of an arm with its uncertainty set: inertia and weight bounds, the demand on the loops, and the drives.
 
 `members.py` has the true arms of a set. `demand.py` bounds the disturbances that the joints' loops must compensate
-along the motion; `deviation_bound.py` bounds how much these change by a deviation from the motion. `torque_budget.py`
-and `robust_torque.py` are the certificates.
+along the motion. `inertia_ratio.py`, `torque_budget.py` and `robust_torque.py` are the certificates.
 
 Read first: `arm_motion.py`, `members.py`, `demand.py`.
 """
@@ -10,6 +9,7 @@ Read first: `arm_motion.py`, `members.py`, `demand.py`.
 from .demand import compute_demand as compute_demand
 from .inertia_bounds import ArmConstants as ArmConstants
 from .inertia_bounds import arm_constants as arm_constants
+from .inertia_ratio import inertia_ratio as inertia_ratio
 from .robust_torque import robust_torque as robust_torque
 from .robust_torque import uncertainty_bound as uncertainty_bound
 from .torque_budget import torque_budget as torque_budget

@@ -164,12 +164,6 @@ class NominalModel:
         """Return F̂ [N n], N m or N, at times [N], s, and the reference's velocities [N n]."""
         return self._value_at(self.coulomb, t) * np.tanh(dq / self.smoothing)
 
-    def rotor_at(self, t: Floats) -> Floats:
-        """Return J at times [N n]; zero for a law that does not learn."""
-        if self.rotor is None:
-            return np.zeros((len(t), len(self.coulomb)))
-        return np.array(np.broadcast_to(self._value_at(self.rotor, t), (len(t), self.rotor.shape[-1])))
-
     def _value_at(self, values: Floats, t: Floats) -> Floats:
         if self.times is None:
             return values
@@ -209,19 +203,12 @@ class StateSequence:
 
     - `t`: [N], s.
     - `q`, `dq`, `ddq`: positions, velocities, and the mean acceleration over the period from that time on [N n].
-    - `wanted`: velocities of the reference [N n], if they differ from `dq`.
     """
 
     t: Floats
     q: Floats
     dq: Floats
     ddq: Floats
-    wanted: Floats | None = None
-
-    @property
-    def wanted_dq(self) -> Floats:
-        """Velocities of the reference [N n], at which a law compensates friction."""
-        return self.dq if self.wanted is None else self.wanted
 
     @classmethod
     def of(cls, scenario: Scenario) -> StateSequence:
@@ -232,15 +219,10 @@ class StateSequence:
         q, dq = np.asarray(reference.q), np.asarray(reference.dq)
         return cls(t[:-1], q[:-1], dq[:-1], np.diff(dq, axis=0) / h)
 
-    def shifted(self, q: Floats, dq: Floats) -> StateSequence:
-        """Return the motion with its states shifted by `q` and `dq`, [n] or [N n]."""
-        return StateSequence(self.t, self.q + q, self.dq + dq, self.ddq, self.wanted_dq)
-
     def every(self, instants: int) -> StateSequence:
         """Return about `instants` of the states, evenly spaced."""
         step = max(1, len(self.t) // instants)
-        wanted = self.wanted_dq[::step]
-        return StateSequence(self.t[::step], self.q[::step], self.dq[::step], self.ddq[::step], wanted)
+        return StateSequence(self.t[::step], self.q[::step], self.dq[::step], self.ddq[::step])
 
     def at(self, times: Floats, instants: int) -> StateSequence:
         """Return the states at `instants` samples, then at given times, each with the state of its period.
@@ -253,7 +235,7 @@ class StateSequence:
         periods = np.searchsorted(self.t, times, side="right") - 1
         rows = np.concatenate([spread, np.clip(periods, 0, count - 1)])
         t = np.concatenate([self.t[spread], times])
-        return StateSequence(t, self.q[rows], self.dq[rows], self.ddq[rows], self.wanted_dq[rows])
+        return StateSequence(t, self.q[rows], self.dq[rows], self.ddq[rows])
 
     @cached_property
     def joints(self) -> int:

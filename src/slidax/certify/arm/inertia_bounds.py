@@ -37,20 +37,6 @@ class TrigonometricSeries:
     grid: PostureGrid
     coefficients: Any
 
-    def bound(self) -> Floats:
-        """Return `Σ |c_k|`, an upper bound of |f| [...]."""
-        return np.abs(self.coefficients).sum(axis=0)
-
-    def slopes(self) -> Floats:
-        """Return upper bounds of |∂f/∂q_j| [... n]: `Σ |k_j| |c_k|`; for a prismatic joint Markov's `4 Σ |c_k|/a`."""
-        size = np.abs(self.coefficients)
-        bounds = np.zeros((*size.shape[1:], self.grid.size))
-        for at, joint in enumerate(self.grid.joints):
-            k = np.abs(self.grid.degrees[:, at])
-            weight = k if self.grid.revolute[joint] else 4.0 * (k > 0) / self.grid.half[joint]
-            bounds[..., joint] = np.tensordot(weight, size, axes=1)
-        return bounds
-
 
 @dataclass(frozen=True)
 class PostureGrid:
@@ -122,16 +108,6 @@ class PostureGrid:
         shaped = values.reshape(*[POINTS] * len(self.joints), *values.shape[1:])
         coefficients = np.fft.fftn(shaped, axes=axes) / len(values) if axes else shaped[None]
         return TrigonometricSeries(self, coefficients.reshape(len(values), *values.shape[1:]))
-
-    def rates(self) -> Floats:
-        """Return D_j [n] with `|f(q + e) - f(q)| <= D·|e| sup|f|` and second derivatives within `(D·|e|)² sup|f|`.
-
-        They follow from Bernstein's inequality for a revolute joint, from Markov's for a prismatic one, for degree 2.
-        """
-        rates = np.zeros(self.size)
-        for joint in self.joints:
-            rates[joint] = 2.0 if self.revolute[joint] else 4.0 / self.half[joint]
-        return rates
 
 
 def require_independent_joints(robot: AbstractRobot) -> None:

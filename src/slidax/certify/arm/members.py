@@ -59,12 +59,10 @@ class Members:
 
     - `scenario`: the scenario, whose law is the same for all members.
     - `family`: the set.
-    - `parts`: axes of which only a part is used, each with the shares of its range at the ends of this part.
     """
 
     scenario: Scenario
     family: Family
-    parts: tuple[tuple[int, float, float], ...] = ()
 
     @classmethod
     def of(cls, scenario: Scenario, family: Family | None = None) -> Members:
@@ -82,13 +80,7 @@ class Members:
         for path, uncertainty in space.sets.items():
             if path.split(".")[0] in MOVES:
                 axes += uncertain_values(path, uncertainty, space.leaves[path])
-        for axis, low, high in self.parts:
-            axes[axis] = axes[axis].between(low, high)
         return tuple(axes)
-
-    def within(self, axis: int, low: float, high: float) -> Members:
-        """Return the members in a part of an axis's range, from share `low` to share `high`."""
-        return Members(self.scenario, self.family, (*self.parts, (axis, low, high)))
 
     @cached_property
     def plant(self) -> Plant:

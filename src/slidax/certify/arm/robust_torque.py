@@ -31,15 +31,12 @@ REMEDY_FACTOR = 1.05
 
 
 @certificate(*ROBUST_TORQUE, covers=(*ARM, "sensor", "actuator"))
-def robust_torque(
-    scenario: Scenario, demand: Demand | None = None, *, radius: Any = None, speed: Any = None
-) -> Verdict:
+def robust_torque(scenario: Scenario, demand: Demand | None = None) -> Verdict:
     """Check `u >= ‖M0 w*‖` along the motion, for every member of the set: (44), (45), docs/sampled-data.md.
 
     A law in sampled-data form limits its compensation to u, so that `s⁺ = 0` holds only if u is large enough.
 
     - `demand`: demand of the scenario's set; computed by default.
-    - `radius`, `speed`: bounds of the error and of its rate, [n] or [N n], whose demand is then added.
     """
     bound = robust_bound(scenario)
     if bound is None:
@@ -54,8 +51,6 @@ def robust_torque(
     torque = demand.worst(lumped)
     if demand.jumps is not None:
         torque = torque + np.einsum("kij,kj->ki", np.abs(mass), demand.jumps)
-    if radius is not None and demand.deviation is not None:
-        torque = torque + np.einsum("kij,kj->ki", np.abs(mass), demand.deviation(radius, speed))
     required = np.linalg.norm(torque, axis=1)
     feedforward = np.einsum("kij,kj->ki", mass, motion.ddq) + bias
     u = np.asarray(_bound_values(bound, jnp.asarray(motion.q), jnp.asarray(motion.dq), jnp.asarray(feedforward)))
@@ -63,11 +58,7 @@ def robust_torque(
     k = int(np.argmax(share))
     needed, available = float(required[k]), float(u[k])
     holds = needed <= available
-    at_reference = Assumption(
-        "u and the required torque are taken at the reference"
-        + ("" if radius is None else " and within the stated error"),
-        "assumed" if radius is None else "tested",
-    )
+    at_reference = Assumption("u and the required torque are taken at the reference", "assumed")
     words = "covers" if holds else "does not cover"
     statement = (
         f"u = {available:.4g} N m {words} the {needed:.4g} N m that the model lacks at t = {motion.t[k]:.3g} s: "

@@ -296,6 +296,6 @@ def _other_law(scenario: Scenario) -> Verdict:
     each = np.broadcast_to(np.asarray(deadline), law.joints)
     text = (
         "(48)-(50) apply only in continuous time. For a sampled-data law the guarantee is the envelope: "
-        f"±ρ∞ from t = {joint_values(each)} s on (20), if `loop_rate` holds."
+        f"±ρ∞ from t = {joint_values(each)} s on (20), if `tracking_bound` holds."
     )
     return Verdict(*SETTLING_TIME, None, None, {"deadline": each}, (), text)

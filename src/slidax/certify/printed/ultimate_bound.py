@@ -40,7 +40,7 @@ def ultimate_bound(scenario: Scenario) -> Verdict:
     printed = PrintedLaw.of(scenario)
     layer = None if printed is None else printed.layer
     if printed is None or layer is None:
-        text = "it applies only to a law in printed form with the layer of (51); for sampled data see `loop_rate`"
+        text = "it applies only to a law in printed form with the layer of (51); for sampled data see `tracking_bound`"
         return Verdict(*ULTIMATE_BOUND, None, None, {}, (), text)
     members = [_Member(printed, member, layer) for member in corner_scenarios(scenario)]
     share, mismatch = max(member.share for member in members), max(member.mismatch for member in members)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -369,17 +369,15 @@ FEW = 3
 """Joints up to which a program is compiled in seconds, so that a law gets more than two."""
 
 
-def manifest_of_scenario(scenario: Scenario, compared: Sequence[str] = (), rate: bool = False) -> dict[str, Any]:
+def manifest_of_scenario(scenario: Scenario, compared: Sequence[str] = ()) -> dict[str, Any]:
     """The manifest of one scenario.
 
     - `compared`: names of schemes to compare, and `printed` for the law as printed.
-    - `rate`: compute `loop_rate` for any number of joints, which may take minutes.
 
     Raises DefinitionError if there is no such scheme, or the scenario cannot run in a page.
     """
     description = scenario.description
-    own, *others = settings_of(description, scenario.robot, compared, choices=_choices(description))
-    settings = [replace(own, rate=rate), *others]
+    settings = settings_of(description, scenario.robot, compared, choices=_choices(description))
     return playground(description.title, settings, {scenario.robot: scenario.robot.replace("_", " ")})
 
 

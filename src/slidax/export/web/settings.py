@@ -14,9 +14,7 @@ import jax
 import numpy as np
 from jaxtyping import Array
 
-from slidax.certify.certificate import Verdict
 from slidax.certify.certify import CERTIFICATES, certify
-from slidax.certify.loop.loop_rate import NAME, TITLE
 from slidax.core.errors import DefinitionError, is_traced, nearest_word, plain_name
 from slidax.scenarios.family import UNTRACEABLE, Family, Space, Templates
 from slidax.scenarios.load import validate_text
@@ -92,26 +90,17 @@ def _alone(family: Family, templates: Templates, tunable: Tunable) -> bool:
     return sum(moved) == 1
 
 
-SLOW = 3
-"""Joints up to which the loop-rate certificate takes seconds."""
-
-
-def certificates_of(scenario: Scenario, paths: Sequence[str], rate: bool = False) -> list[dict[str, Any]]:
-    """Verdicts on a scenario, without certificates that need many runs or, for arms of many joints, minutes.
+def certificates_of(scenario: Scenario, paths: Sequence[str]) -> list[dict[str, Any]]:
+    """Verdicts on a scenario, without the certificate that needs many runs.
 
     - `paths`: tunable paths; each light lists those that it depends on.
-    - `rate`: compute the loop-rate certificate for arms of many joints, too.
     """
-    left_out = [NAME] if scenario.plant.robot.joints > SLOW and not rate else []
-    answers = {verdict.name: verdict for verdict in certify(scenario, runs=0, without=left_out)}
     lights = []
-    for certificate in CERTIFICATES:
-        name = certificate.name
-        verdict = answers.get(name) or _not_asked(scenario.plant.robot.joints)
+    for certificate, verdict in zip(CERTIFICATES, certify(scenario, runs=0), strict=True):
         data = verdict.as_json()
         lights.append(
             {
-                "certificate": name,
+                "certificate": certificate.name,
                 "title": verdict.title,
                 "holds": verdict.holds,
                 "since": data["since"],
@@ -124,14 +113,6 @@ def certificates_of(scenario: Scenario, paths: Sequence[str], rate: bool = False
             }
         )
     return lights
-
-
-def _not_asked(joints: int) -> Verdict:
-    text = (
-        f"Not computed for this page: for {joints} joints it takes minutes. Download the scenario and run "
-        "`slidax certify FILE`, or make the page by `slidax export web FILE --certify-rate --out DIR`."
-    )
-    return Verdict(NAME, TITLE, None, None, {}, (), text)
 
 
 def _brief(value: Any) -> bool:
@@ -160,7 +141,6 @@ class PageSetting:
     - `title`: of the scheme.
     - `kind`: "ours", "printed" or "rival".
     - `note`: a line next to its title.
-    - `rate`: compute `loop_rate` for any number of joints, which may take minutes.
     """
 
     description: ScenarioDescription
@@ -170,7 +150,6 @@ class PageSetting:
     kind: str = "ours"
     choices: Sequence[ProgramChoice] = ()
     note: str = ""
-    rate: bool = False
 
     def build(self) -> BuiltSetting:
         """Build its programs and tunables.
@@ -256,9 +235,7 @@ class BuiltSetting:
     def beside(self) -> dict[str, Any]:
         """The law in C, and the certificates unless it is a rival."""
         paths = [*(choice.path for choice in self.setting.choices), *(tunable.path for tunable in self.tunables)]
-        certified = (
-            [] if self.setting.kind == "rival" else certificates_of(self.templates.built, paths, self.setting.rate)
-        )
+        certified = [] if self.setting.kind == "rival" else certificates_of(self.templates.built, paths)
         return {**c_files(self.family, self.templates, self.tunables), "certificates": certified}
 
 

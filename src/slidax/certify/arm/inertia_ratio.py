@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from slidax.analysis.cause import Remedy
+from slidax.analysis.run_record import joint_loops
+from slidax.law.implicit_steps import AbstractSurfaceStep
 from slidax.law.joint_learning import JointLearning
 from slidax.law.joint_loop import LinearLoop
 from slidax.law.sampled.controller import SampledData
 from slidax.scenarios.scenario import Scenario
 
-from ..arm.demand import Demand
-from ..arm.learned_demand import learned_ratios, learns_inertia
 from ..certificate import ARM, Assumption, Verdict, certificate
-from .coupled_loop import CoupledMaps
-from .problem import linear_loops
+from ..sampled_scenario import Floats
+from .arm_motion import INSTANTS, NominalModel, StateSequence, inertia_ratios
+from .demand import Demand
+from .learned_model import learned_model, learns_inertia
+from .members import Members
 
 NAME, TITLE = "inertia_ratio", "the joints' loops are stable for the set's inertias"
 
@@ -26,6 +29,9 @@ MATRICES = 240
 
 BETWEEN = 32
 """Number of κ tried in a range, evenly spaced in the logarithm."""
+
+MOST_ARMS = 16
+"""Largest number of members at ends of the set in inertia, each with its own learned model."""
 
 
 @certificate(NAME, TITLE, covers=ARM)
@@ -38,7 +44,7 @@ def inertia_ratio(scenario: Scenario, demand: Demand) -> Verdict:
     problem = linear_loops(scenario)
     if isinstance(problem, str):
         return Verdict(NAME, TITLE, None, None, {}, [], f"not applicable: {problem}")
-    law, _, loops = problem
+    law, loops = problem
     delay = scenario.description.timing.total_delay
     ranges = np.array([loop.stable_range(delay) for loop in loops]).T
     low, high = np.asarray(demand.kappa)
@@ -87,6 +93,59 @@ def inertia_ratio(scenario: Scenario, demand: Demand) -> Verdict:
     return Verdict(NAME, TITLE, holds, margin, bound, assumptions, says, remedies)
 
 
+def linear_loops(scenario: Scenario) -> tuple[SampledData, tuple[LinearLoop, ...]] | str:
+    """Return the law and its linear joint loops; or the reason why it has none."""
+    law = scenario.controller
+    if not isinstance(law, SampledData):
+        return "the scheme is not in sampled-data form"
+    if not isinstance(law.step, AbstractSurfaceStep) or law.horizon is None:
+        return "the law does not plan over a horizon"
+    if law.midpoint or law.viscous_feedforward:
+        return "the law evaluates its model at mid-period, or compensates viscous friction: see `tracking_bound`"
+    if scenario.description.sensor.instrument is not None:
+        return "the sensor is no encoder"
+    loops = joint_loops(scenario)
+    linear = tuple(loop for loop in loops if loop is not None)
+    if len(linear) < len(loops):
+        return f"the estimator `{type(law.estimator).__name__}` is not linear"
+    return law, linear
+
+
+def coupled_radius(loops: Sequence[LinearLoop], matrix: Floats, delay: float) -> float:
+    """Return the largest modulus of the joints' loops together, `ë = K a` with the commands a of all joints.
+
+    - `loops`: with one horizon. `matrix`: K [n n]. `delay`: the true one [periods].
+    """
+    n = len(loops)
+    still, moved = ([loop.maps(kappa, delay).step for loop in loops] for kappa in (0.0, 1.0))
+    own = len(still[0])
+    step = np.zeros((n, own, n, own))
+    for j in range(n):
+        step[j, :, j] = still[j]
+        step[:, :, j] += matrix[:, j, None, None] * (moved[j] - still[j])
+    return float(np.max(np.abs(np.linalg.eigvals(step.reshape(n * own, n * own)))))
+
+
+def learned_ratios(scenario: Scenario) -> Floats:
+    """Return K with learned models at instants of the motion [I n n].
+
+    The model of the scenario's own arm is the one learned in a run; those of members at ends of the set have each
+    joint's mean inertia.
+    """
+    members, motion = Members.of(scenario), StateSequence.of(scenario)
+    belief = NominalModel.of(scenario, members.plant)
+    run = scenario.replace(outside="recover").simulate(log_every=max(1, len(motion.t) // INSTANTS), progress=False)
+    log = run.log
+    assert log is not None
+    valid = np.asarray(log.valid)
+    rotor, coulomb = (np.asarray(log.signals[name])[valid] for name in ("rotor", "coulomb"))
+    own = replace(belief, rotor=rotor, coulomb=coulomb, times=np.asarray(log.t)[valid])
+    arms = members.plants(members.ends(most=MOST_ARMS))
+    matrices = [inertia_ratios([members.plant], [own], motion, INSTANTS)[2]]
+    matrices.append(inertia_ratios(arms, [learned_model(scenario, belief, arm, motion) for arm in arms], motion)[2])
+    return np.concatenate(matrices)
+
+
 @dataclass(frozen=True)
 class _Together:
     """Stability of the coupled loop.
@@ -114,7 +173,7 @@ def _together(scenario: Scenario, loops: Sequence[LinearLoop], demand: Demand, d
     matrices = np.unique(np.round(matrices_all, 12), axis=0)
     far = np.argsort(-np.abs(matrices - np.eye(len(loops))).max(axis=(1, 2)), kind="stable")
     which = np.unique(np.concatenate([far[: MATRICES // 2], far[:: max(1, len(far) // (MATRICES // 2))]]))
-    radius = max(CoupledMaps.of(loops, matrices[k], delay).radius for k in which)
+    radius = max(coupled_radius(loops, matrices[k], delay) for k in which)
     text = f"the coupled loop has a modulus below 1 for {len(which)} constant K of members on the motion"
     text += ", initial and learned" if learnt else ""
     says = f"together the joints' loops have a modulus of {radius:.4g} a period, and do not settle"

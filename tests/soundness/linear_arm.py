@@ -1,7 +1,5 @@
 """An arm of constant inertia, a law on it, and disturbances that change each period."""
 
-from collections.abc import Sequence
-
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -15,7 +13,6 @@ from slidax.motions import ConstantPosture
 from slidax.plant import AbstractDisturbance
 from slidax.scenarios import Scenario, load
 from slidax.simulation import Plant
-from tests.soundness.batches import simulated
 
 
 class LinearArm(AbstractRobot):
@@ -101,37 +98,14 @@ def scenario(
     )
 
 
-def demand(
-    case: Scenario, *, stray: float | np.ndarray, kappa: tuple[float, float], coupling: float | np.ndarray
-) -> Demand:
-    """The demand of any disturbance within a bound, and of an inertia error."""
+def demand(case: Scenario) -> Demand:
+    """The demand of an arm that its law knows."""
     times = np.arange(round(case.t1 / case.period) + 1) * case.period
     n = case.controller.joints
     return Demand(
         times=times,
         disturbance=np.zeros((1, times.size, n)),
-        stray=np.broadcast_to(stray, (times.size, n)),
-        kappa=np.array([[kappa[0]] * n, [kappa[1]] * n]),
-        coupling=coupling * (1.0 - np.eye(n)),
+        kappa=np.ones((2, n)),
+        coupling=np.zeros((n, n)),
         assumptions=(),
     )
-
-
-def errors(ones: Sequence[Scenario], inertias: np.ndarray, pushes: np.ndarray) -> np.ndarray:
-    """e of many runs of each law [laws m N n]."""
-    first = ones[0]
-    believed = np.stack([np.asarray(case.controller.nominal.inertia) for case in ones])
-    torques = np.einsum("lij,lmkj->lmki", believed, pushes)
-    starts = np.stack([np.asarray(case.state0.q) for case in ones])
-    starts = np.repeat(starts[:, None], inertias.shape[1], axis=1)
-
-    def parts(law, values):
-        inertia, torque, q = values
-        plant = Plant(LinearArm(inertia), Changing(torque, first.period), first.plant.sensor)
-        return plant, law, first.trajectory, State(q=q, dq=jnp.zeros(law.joints))
-
-    stepping = first.replace(outside="recover", substeps=4).stepping
-    laws = [case.controller for case in ones]
-    run = simulated(laws, (inertias, torques, starts), parts, t1=first.t1, stepping=stepping)
-    e = np.asarray(run.log.e)
-    return e.reshape(*inertias.shape[:2], *e.shape[1:])
