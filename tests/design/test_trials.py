@@ -12,6 +12,7 @@ from ruamel.yaml import YAML
 
 from slidax.design import read_problem
 from slidax.design.candidates import DesignPoint
+from slidax.design.design import _begin
 from slidax.design.proof import error_in_cases
 from slidax.design.trials import BEYOND, Trials
 from tests.design.test_requirements import EXAMPLES
