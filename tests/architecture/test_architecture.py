@@ -10,6 +10,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import is_dataclass
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -103,6 +104,19 @@ def test_public_things_have_a_docstring_whose_lists_name_what_exists(room):
         if stale or not text:
             wrong[thing.__qualname__] = sorted(stale) or "no docstring"
     assert not wrong
+
+
+def test_public_functions_take_a_path_as_text_too():
+    """By their annotations; mypy holds the bodies to them."""
+    narrow = [
+        f"{thing.__qualname__}({name})"
+        for room in PACKAGES
+        for thing in documented(room)
+        if not is_dataclass(thing)
+        for name, kind in getattr(thing if inspect.isfunction(thing) else thing.__init__, "__annotations__", {}).items()
+        if name != "return" and re.search(r"\bPath\b", str(kind)) and not re.search(r"\bstr\b", str(kind))
+    ]
+    assert not narrow
 
 
 @pytest.mark.parametrize("room", PACKAGES)

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import slidax as sx
+from examples.own_laws import LAWS, PDPlus
 from slidax.analysis import linearise, steady_error
-from slidax.core import DefinitionError, PerJoint, Scalar, matvec, parameter
+from slidax.core import DefinitionError, PerJoint, parameter
 from slidax.export import export_c
 from slidax.export.golden_samples import answer, random_samples
 from slidax.law import AbstractModelBased
@@ -19,76 +20,9 @@ from slidax.studies.statistics import clopper_pearson
 from .exported import COMPILERS, Exported, compiled, needs_a_compiler, run
 
 
-class PDPlus(AbstractModelBased):
-    """`τ = M0(q) q̈_d + C0(q, q̇) q̇_d + G0(q) - Kp e - Kd ė`.
-
-    Source: Paden and Panja, Int. J. Control 47, 1988.
-    """
-
-    kp: PerJoint = parameter("diagonal of Kp", "N m/rad", "> 0", default=400.0)
-    kd: PerJoint = parameter("diagonal of Kd", "N m s/rad", "> 0", default=100.0)
-
-    def __call__(self, t, state, now, following, memory):
-        e, de = state.q - now.q, state.dq - now.dq
-        arm = self.nominal
-        tau = (
-            matvec(arm.mass(state.q), now.ddq) + matvec(arm.coriolis(state.q, state.dq), now.dq) + arm.gravity(state.q)
-        )
-        return sx.Command(tau=tau - self.kp * e - self.kd * de, memory=memory, signals={"e": e})
-
-
-class IntegralSlidingMode(AbstractModelBased):
-    """`τ = M0 (q̈_d - kp e - kd ė - ρ tanh(s/δ)) + C0 q̇ + G0`, `s = ė + kd e + kp z`, `ż = e`, `s(0) = 0`.
-
-    Source: Utkin and Shi, IEEE CDC 1996, with a boundary layer.
-    """
-
-    kp: PerJoint = parameter("kp", "1/s²", "> 0", default=100.0)
-    kd: PerJoint = parameter("kd", "1/s", "> 0", default=20.0)
-    gain: PerJoint = parameter("ρ", "rad/s²", "> 0", default=5.0)
-    layer: PerJoint = parameter("δ", "rad/s", "> 0", default=0.05)
-
-    def init(self, t, state, reference):
-        e, de = state.q - reference.q, state.dq - reference.dq
-        return -(de + self.kd * e) / self.kp
-
-    def __call__(self, t, state, now, following, memory):
-        e, de = state.q - now.q, state.dq - now.dq
-        s = de + self.kd * e + self.kp * memory
-        u = now.ddq - self.kp * e - self.kd * de - self.gain * jnp.tanh(s / self.layer)
-        tau = matvec(self.nominal.mass(state.q), u) + self.nominal.bias(state.q, state.dq)
-        return sx.Command(tau=tau, memory=memory, signals={"s": s}, rate=e)
-
-
-class TimeDelayControl(AbstractModelBased):
-    """`τ(k) = τ(k-1) + M̄ (q̈_d - kp e - kd ė - (q̇(k) - q̇(k-1))/h)`: the last sample replaces the arm's model.
-
-    Source: Youcef-Toumi and Ito, J. Dyn. Sys. Meas. Control 112, 1990.
-    """
-
-    interval: Scalar = parameter("h", "s", "> 0", default=1e-3)
-    inertia: PerJoint = parameter("M̄", "kg m²", "> 0", default=2.0)
-    kp: PerJoint = parameter("kp", "1/s²", "> 0", default=100.0)
-    kd: PerJoint = parameter("kd", "1/s", "> 0", default=20.0)
-    limit: PerJoint = parameter("torque of the drives, which stops the sum", "N m", "> 0", default=60.0)
-
-    def init(self, t, state, reference):
-        return self.nominal.gravity(state.q), state.dq
-
-    def __call__(self, t, state, now, following, memory):
-        tau, dq = memory
-        e, de, ddq = state.q - now.q, state.dq - now.dq, (state.dq - dq) / self.interval
-        tau = tau + self.inertia * (now.ddq - self.kp * e - self.kd * de - ddq)
-        tau = jnp.clip(tau, -self.limit, self.limit)
-        return sx.Command(tau=tau, memory=(tau, state.dq), signals={"ddq": ddq})
-
-
 def scenario_of(law):
     scenario = sx.scenarios.load("example-4.1-1khz", {"simulation.t1": 5.0})
     return scenario.replace(controller=law(scenario.controller.nominal))
-
-
-LAWS = [PDPlus, IntegralSlidingMode, TimeDelayControl]
 
 
 @needs_a_compiler
@@ -123,7 +57,7 @@ def sampled():
 
 @needs_a_compiler
 def test_its_c_project_answers_its_golden_samples_and_is_loaded_in_python(sampled, tmp_path):
-    export_c(sampled, tmp_path, name="law")
+    export_c(sampled, str(tmp_path), name="law")
     sources = ("slidax_law.c", "slidax_law_scenario.c", "test_law.c")
     compiled(COMPILERS[0], tmp_path, "-O2", *sources, "-o", "test_law", "-lm")
     message = run(tmp_path, "./test_law")
@@ -214,9 +148,10 @@ def test_code_that_the_tracer_cannot_do_is_named_with_its_line_and_remedy(law, t
         export_c(scenario, tmp_path, name="law")
     messages = [str(export.value)]
     if law is not Sorts:  # XLA can sort.
-        with pytest.raises(DefinitionError) as simulation:
-            scenario.simulate()
-        messages.append(str(simulation.value))
+        for engine in ("auto", "xla"):
+            with pytest.raises(DefinitionError) as simulation:
+                scenario.replace(engine=engine).simulate()
+            messages.append(str(simulation.value))
     for message in messages:
         assert REMEDIES[law] in message and "\n" not in message
         assert re.search(rf"line \d+ of {re.escape(__file__)}, in `{law.__name__}\.(effort|init)`", message)

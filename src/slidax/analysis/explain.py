@@ -154,13 +154,14 @@ SCENARIO, LOG = "scenario.yaml", "log.parquet"
 """The files of a saved run."""
 
 
-def read_saved(saved: Path) -> tuple[Scenario, dict[str, np.ndarray], bool]:
+def read_saved(saved: str | Path) -> tuple[Scenario, dict[str, np.ndarray], bool]:
     """The scenario of a saved run, its log as flat columns, and True if the log has every sample.
 
     - `saved`: a folder that `slidax run --out` has written, or an MCAP file.
 
     Raises DefinitionError if a file is missing or not from slidax, or the package that reads it is not installed.
     """
+    saved = Path(saved)
     if saved.suffix == ".mcap":
         log = read_mcap(saved)
         if not log.complete:

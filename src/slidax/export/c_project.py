@@ -350,7 +350,7 @@ STEP = {
 
 def export_c(
     scenario: Scenario,
-    out: Path,
+    out: str | Path,
     *,
     name: str | None = None,
     single: bool = False,
@@ -370,7 +370,7 @@ def export_c(
     exported = project(scenario, name=name, single=single, command=command, with_golden=golden)
     write_files(exported, out, FILES if golden else STEP)
     with writing(out):
-        write_text(out / "law.json", json.dumps(describe_law(exported), indent=1) + "\n")
+        write_text(Path(out, "law.json"), json.dumps(describe_law(exported), indent=1) + "\n")
     return exported
 
 
@@ -410,7 +410,7 @@ def _described(these: list[Member], exported: CProject) -> list[dict[str, Any]]:
     ]
 
 
-def write_files(exported: CProject, out: Path, templates: Mapping[str, str], **values: Any) -> None:
+def write_files(exported: CProject, out: str | Path, templates: Mapping[str, str], **values: Any) -> None:
     """Write files from templates to the folder `out`.
 
     - `templates`: file names by template; `{prefix}` and `{name}` in them stand for the law's.
@@ -420,16 +420,16 @@ def write_files(exported: CProject, out: Path, templates: Mapping[str, str], **v
     """
     with writing(out):
         for template, file in templates.items():
-            path = out / file.format(prefix=exported.prefix, name=exported.name)
+            path = Path(out, file.format(prefix=exported.prefix, name=exported.name))
             path.parent.mkdir(parents=True, exist_ok=True)
             write_text(path, render(template, {"x": exported, **values}))
 
 
 @contextmanager
-def writing(out: Path) -> Iterator[None]:
+def writing(out: str | Path) -> Iterator[None]:
     """Create the folder `out`, and raise a DefinitionError where it or a file in it cannot be written."""
     try:
-        out.mkdir(parents=True, exist_ok=True)
+        Path(out).mkdir(parents=True, exist_ok=True)
         yield
     except OSError as error:
         raise DefinitionError(f"cannot write the project to `{out}`: {error_reason(error)}") from None

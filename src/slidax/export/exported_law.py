@@ -24,7 +24,7 @@ class ExportedLaw(MutableMapping[str, np.ndarray]):
     - `library`: its compiled code.
     """
 
-    def __init__(self, folder: Path, about: dict[str, Any], library: ctypes.CDLL) -> None:
+    def __init__(self, folder: str | Path, about: dict[str, Any], library: ctypes.CDLL) -> None:
         self.folder, self.about, self._library = folder, about, library
         self._real = C_TYPES[about["real"]]
         self._vector, self._reference = self._real * self.joints, self._real * (3 * self.joints)

@@ -199,7 +199,7 @@ class ExportedFmu:
 
 def export_fmu(
     scenario: Scenario,
-    out: Path,
+    out: str | Path,
     *,
     name: str | None = None,
     fmi: int = 3,
@@ -217,6 +217,7 @@ def export_fmu(
     """
     if fmi not in VERSIONS:
         raise DefinitionError(f"FMI version must be 3 or 2; got {fmi}")
+    out = Path(out)
     if out.suffix != ".fmu":
         raise DefinitionError(f"the name of an FMU must end in .fmu; got `{out}`")
     machines = choose_platforms(platforms)

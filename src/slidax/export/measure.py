@@ -37,8 +37,9 @@ class StepSize(NamedTuple):
         return ", ".join(parts)
 
 
-def measure_step(exported: CProject, folder: Path) -> StepSize:
+def measure_step(exported: CProject, folder: str | Path) -> StepSize:
     """Measure an exported step in `folder`, as far as this machine has the tools."""
+    folder = Path(folder)
     source = folder / f"{exported.prefix}.c"
     lines = len(source.read_text(encoding="utf-8").splitlines())
     compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")

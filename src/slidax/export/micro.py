@@ -33,7 +33,7 @@ TYPES = {"b1": "?", "u32": "<u4", "i32": "<i4", "i64": "<i8", "u64": "<u8"}
 
 
 def export_micro(
-    scenario: Scenario, out: Path, *, name: str | None = None, single: bool = False, command: str = ""
+    scenario: Scenario, out: str | Path, *, name: str | None = None, single: bool = False, command: str = ""
 ) -> CProject:
     """Write a scenario's law as a project for Cortex-M and RISC-V; existing files of the same names are overwritten.
 
@@ -45,7 +45,7 @@ def export_micro(
     exported = project(scenario, name=name, single=single, command=command)
     write_files(exported, out, FILES, steps=STEPS, targets=TARGETS)
     with writing(out):
-        write_bytes(out / "golden.bin", golden_bytes(exported))
+        write_bytes(Path(out, "golden.bin"), golden_bytes(exported))
     return exported
 
 

@@ -328,7 +328,7 @@ def write_arm(identification: Identification, robot: Mapping[str, Any], path: st
         raise DefinitionError(f"cannot write the file `{path}`: {error_reason(error)}") from None
 
 
-def arm_as_yaml(identification: Identification, robot: Mapping[str, Any], folder: Path = Path()) -> str:
+def arm_as_yaml(identification: Identification, robot: Mapping[str, Any], folder: str | Path = Path()) -> str:
     """The text of the file that `write_arm` writes.
 
     - `identification`, `robot`: as in `write_arm`.

@@ -107,7 +107,7 @@ SIMULATING = 0.75
 
 
 def reproduce(
-    out: Path,
+    out: str | Path,
     disturbance: str = "both",
     progress: Progress | None = None,
     *,
@@ -129,6 +129,7 @@ def reproduce(
         raise DefinitionError(f"`disturbance` must be one of {known}; got {in_short(disturbance)}")
     tell = progress or (lambda stage, fraction: None)
     started = time.perf_counter()
+    out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
 
     runs = simulate_all(CHOICES[disturbance], changes or {}, lambda stage, done: tell(stage, SIMULATING * done))

@@ -199,7 +199,7 @@ ACROSS = 5
 
 
 def write_comparison(
-    rivals: Mapping[str, Rival], out: Path, *, also: Sequence[Metric[Any]] = (), command: str = ""
+    rivals: Mapping[str, Rival], out: str | Path, *, also: Sequence[Metric[Any]] = (), command: str = ""
 ) -> Path:
     """Write `report.html`, `figures/*.svg` and `results.json` to the folder `out`, and return the page's path.
 
@@ -225,7 +225,7 @@ def write_comparison(
         verdict=comparison_verdict(rivals),
         tables=_tables(list(rivals)),
         groups=[(metric, list(group)) for metric, group in groupby(rows, key=lambda row: row.metric)],
-        pictures=_pictures(rivals, rows, out / "figures"),
+        pictures=_pictures(rivals, rows, Path(out, "figures")),
         undrawn=[name for name in rivals if name not in _drawable(rivals)],
         parameters={name: parameters(rival.scenario) for name, rival in rivals.items()},
         seconds=sum(timing.compile_s + timing.run_s for timing in timings),

@@ -17,8 +17,9 @@ from slidax.simulation.parquet import require_pyarrow
 from slidax.simulation.run import Run, columns_of
 
 
-def write_scenario(description: ScenarioDescription, path: Path) -> None:
+def write_scenario(description: ScenarioDescription, path: str | Path) -> None:
     """Write a validated `description` to `path` as YAML that runs from anywhere: its file names are absolute."""
+    path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     parts = {name: _with_whole_paths(getattr(description, name)) for name in ("robot", "trajectory")}
     write_text(path, as_yaml(description.model_copy(update=parts)))
@@ -68,7 +69,7 @@ def columns(run: Run) -> dict[str, np.ndarray]:
     return {name: values for name, (values, _) in columns_of(run, numbered).items()}
 
 
-def write_log(run: Run, path: Path) -> None:
+def write_log(run: Run, path: str | Path) -> None:
     """Write the log of a `run` to `path` as Parquet, with the joints' units in its metadata.
 
     Raises DefinitionError if the run has no log or pyarrow is not installed.
@@ -77,6 +78,7 @@ def write_log(run: Run, path: Path) -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
+    path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     table = pa.table(columns(run))
     units = {"joint_units": ", ".join(run.joint_units), "period": f"{float(run.period)!r} s", "t": "s"}

@@ -92,11 +92,12 @@ def _processor() -> str:
     return platform.processor() or "unknown"
 
 
-def write_page(out: Path, template: str, *, data: Mapping[str, Any] | None = None, **values: Any) -> Path:
+def write_page(out: str | Path, template: str, *, data: Mapping[str, Any] | None = None, **values: Any) -> Path:
     """Write a page to `out/report.html` and its `data` as JSON to files by name in `out`; return the page's path.
 
     - `template`, `values`: as for `render`; versions and machine are added.
     """
+    out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
     for name, content in (data or {}).items():
         write_text(out / name, json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False) + "\n")
@@ -151,8 +152,9 @@ class Picture:
     width: float
 
 
-def picture(figure: Figure, folder: Path, name: str, title: str, caption: str) -> Picture:
+def picture(figure: Figure, folder: str | Path, name: str, title: str, caption: str) -> Picture:
     """Write a `figure` to `folder/name.svg` and return it with `title` and `caption` (plain text) for a page."""
+    folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     svg = to_svg(figure, name)
     write_text(folder / f"{name}.svg", svg)

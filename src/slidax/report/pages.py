@@ -43,7 +43,7 @@ def tip_paths(robot: AbstractRobot, run: Run) -> tuple[np.ndarray, np.ndarray]:
 
 
 def write_run_report(
-    scenario: Scenario, run: Run, out: Path, *, also: Sequence[Metric[Any]] = (), command: str = ""
+    scenario: Scenario, run: Run, out: str | Path, *, also: Sequence[Metric[Any]] = (), command: str = ""
 ) -> Path:
     """Write `report.html` and `figures/*.svg` to the folder `out`, and return the page's path.
 
@@ -52,7 +52,7 @@ def write_run_report(
     - `command`: command line, for the page.
     """
     metrics = [m for m in (*metrics_of(run), *also) if m.per_joint and m.source in scenario.description.source]
-    overview, pictures = _run_pictures(scenario, run, out / "figures")
+    overview, pictures = _run_pictures(scenario, run, Path(out, "figures"))
     return write_page(
         out,
         "run.html.j2",
@@ -127,7 +127,7 @@ def _run_pictures(scenario: Scenario, run: Run, folder: Path) -> tuple[Picture |
 
 
 def write_study_report(
-    study: AbstractStudy, result: AbstractResult, out: Path, *, seconds: float, command: str = ""
+    study: AbstractStudy, result: AbstractResult, out: str | Path, *, seconds: float, command: str = ""
 ) -> Path:
     """Write `report.html`, `figures/*.svg`, `results.json` and scenarios to the folder `out`; return the page's path.
 
@@ -136,9 +136,9 @@ def write_study_report(
     """
     scenarios = result.scenarios()
     for name, description in scenarios.items():
-        write_scenario(description, out / f"{name}.yaml")
+        write_scenario(description, Path(out, f"{name}.yaml"))
     sections = [
-        (section, [_picture(chart, out / "figures") for chart in section.figures]) for section in result.sections()
+        (section, [_picture(chart, Path(out, "figures")) for chart in section.figures]) for section in result.sections()
     ]
     return write_page(
         out,
@@ -165,7 +165,7 @@ if TYPE_CHECKING:
 
 
 def write_certificate_report(
-    scenario: Scenario, certificates: Certificates, out: Path, *, seconds: float, command: str = ""
+    scenario: Scenario, certificates: Certificates, out: str | Path, *, seconds: float, command: str = ""
 ) -> Path:
     """Write `report.html`, `figures/*.svg` and `certificate.json` to the folder `out`, and return the page's path.
 
@@ -178,7 +178,7 @@ def write_certificate_report(
         data={"certificate.json": certificates.as_json()},
         scenario=scenario,
         certificates=certificates,
-        pictures=_certificate_pictures(scenario, certificates, out / "figures"),
+        pictures=_certificate_pictures(scenario, certificates, Path(out, "figures")),
         parameters={"The scenario": as_yaml(scenario.description)},
         seconds=seconds,
         command=command,
@@ -240,7 +240,7 @@ LOOP_PLACES = {
 
 
 def write_linear_report(
-    scenario: Scenario, linear: LinearisedLoop, out: Path, *, seconds: float, command: str = ""
+    scenario: Scenario, linear: LinearisedLoop, out: str | Path, *, seconds: float, command: str = ""
 ) -> Path:
     """Write `report.html`, `figures/*.svg` and `linear.json` to the folder `out`, and return the page's path.
 
@@ -258,7 +258,7 @@ def write_linear_report(
         together={where: linear.simultaneous_margins(where) for where in LOOP_PLACES} if has_margins else {},
         places=LOOP_PLACES,
         joints=short_names(linear.joint_names),
-        pictures=_loop_pictures(linear, out / "figures") if has_margins else [],
+        pictures=_loop_pictures(linear, Path(out, "figures")) if has_margins else [],
         parameters={"The scenario": as_yaml(scenario.description)},
         seconds=seconds,
         command=command,
@@ -283,14 +283,14 @@ def _loop_pictures(linear: LinearisedLoop, folder: Path) -> list[Picture]:
     return pictures
 
 
-def write_identification_report(identification: Identification, out: Path, *, command: str = "") -> Path:
+def write_identification_report(identification: Identification, out: str | Path, *, command: str = "") -> Path:
     """Write `report.html` and `figures/*.svg` for an `identification` to the folder `out`; return the page's path.
 
     - `command`: command line, for the page.
     """
     torque = picture(
         figures.identified_torques(identification),
-        out / "figures",
+        Path(out, "figures"),
         "identified-torques",
         "Torques",
         "Measured and predicted torques in the filter's band, and their difference. The shaded part was held out.",

@@ -198,7 +198,7 @@ class Draft:
     notes: tuple[str, ...]
 
 
-def draft(robot: str | Path, rate: float = 1000.0, *, tip: str | None = None, folder: Path = Path()) -> Draft:
+def draft(robot: str | Path, rate: float = 1000.0, *, tip: str | None = None, folder: str | Path = Path()) -> Draft:
     """Return a scenario for an arm that runs as it is, with comments for editing.
 
     - `robot`: name of a built-in arm, path of a URDF or MJCF file, or a module of robot_descriptions.
@@ -210,7 +210,7 @@ def draft(robot: str | Path, rate: float = 1000.0, *, tip: str | None = None, fo
     """
     if not (math.isfinite(rate) and SLOWEST <= rate <= FASTEST):
         raise DefinitionError(f"the rate must be {SLOWEST:g} to {FASTEST:g} Hz; got {rate:g}")
-    arm, block, notes = _arm(str(robot), tip, folder)
+    arm, block, notes = _arm(str(robot), tip, Path(folder))
     ratings = ratings_of(arm)
     home = home_of(arm, ratings)
     motion = motion_about(arm, ratings, home)

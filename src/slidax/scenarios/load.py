@@ -68,7 +68,7 @@ def read_description(scenario: str | Path) -> ScenarioDescription:
     return parse(_read(scenario)[1], folder=_folder(scenario))
 
 
-def parse(text: str, changes: dict[str, Any] | None = None, *, folder: Path = Path()) -> ScenarioDescription:
+def parse(text: str, changes: dict[str, Any] | None = None, *, folder: str | Path = Path()) -> ScenarioDescription:
     """Return the validated description in a YAML text.
 
     - `changes`: new values by dotted path, set before validation, as in `load`.
@@ -76,7 +76,7 @@ def parse(text: str, changes: dict[str, Any] | None = None, *, folder: Path = Pa
 
     Raises DefinitionError with the path of the first invalid field.
     """
-    return validate_text(read_yaml(text), changes, folder=folder)
+    return validate_text(read_yaml(text), changes, folder=Path(folder))
 
 
 def validate_text(

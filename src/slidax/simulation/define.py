@@ -10,6 +10,7 @@ import jax
 import numpy as np
 from jaxtyping import Array
 
+from slidax.codegen.trace.tracing import located_tracing_errors
 from slidax.core.errors import DefinitionError, count_noun, each_of, is_traced, require_joints
 from slidax.core.joint_names import joint_label, quote_names
 from slidax.core.tracing import require_64_bits
@@ -205,7 +206,8 @@ def require_log_fits(loop: ClosedLoop, state0: State, rows: int) -> None:
     """Raise a DefinitionError if a log with this number of rows would be too large."""
     if rows <= SMALL:
         return
-    line = eqx.filter_eval_shape(lambda: sample(loop, begin(loop, state0)[0])[1])
+    with located_tracing_errors():
+        line = eqx.filter_eval_shape(lambda: sample(loop, begin(loop, state0)[0])[1])
     size = rows * sum(math.prod(leaf.shape) * leaf.dtype.itemsize for leaf in jax.tree.leaves(line))
     if size > MOST_BYTES:
         raise DefinitionError(

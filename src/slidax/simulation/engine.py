@@ -12,6 +12,7 @@ from typing import Any, Literal, NamedTuple, Protocol, TypeVar, get_args
 
 from slidax.codegen import cuda, llvm
 from slidax.codegen.ir import NoNativeCodeError
+from slidax.codegen.trace.tracing import located_tracing_errors
 from slidax.core.errors import DefinitionError, short_repr
 from slidax.core.types import State
 
@@ -114,7 +115,8 @@ def native_or_xla(
 
     - `requested`, `chosen`: names of engines; `chosen` comes from `engine_for` or `engine_for_batch`.
 
-    Raises NoNativeCodeError if the requested engine itself has no code for a part.
+    Raises NoNativeCodeError if the requested engine itself has no code for a part, and DefinitionError with the line
+    whose code depends on the values of arrays.
     """
     if chosen != "xla":
         try:
@@ -123,7 +125,8 @@ def native_or_xla(
             if requested == chosen:
                 raise
             _warn("xla", f"there is {error.message}", stacklevel)
-    return xla()
+    with located_tracing_errors():
+        return xla()
 
 
 def _warn(engine: str, reason: str, stacklevel: int) -> None:

@@ -31,7 +31,7 @@ def require_pyarrow(doing: str) -> None:
         raise DefinitionError(f"{doing} needs pyarrow, which is not installed: pip install 'slidax[parquet]'") from None
 
 
-def read_columns(path: Path) -> dict[str, np.ndarray]:
+def read_columns(path: str | Path) -> dict[str, np.ndarray]:
     """Read all columns of a Parquet file, by name and in the file's order.
 
     - `path`: the file, such as the `log.parquet` of a saved run.
@@ -39,7 +39,7 @@ def read_columns(path: Path) -> dict[str, np.ndarray]:
     Raises DefinitionError if the file cannot be read, is not Parquet, has two columns with the same name or a column
     without numbers, or pyarrow is missing.
     """
-    table = read_table(path)
+    table = read_table(Path(path))
     return {name: np.asarray(table.column(name)) for name in table.column_names}
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -259,7 +260,7 @@ class Compare(AbstractStudy):
         tables: dict[str, Columns] = {}
         computed, seconds, missing = 0, 0.0, 0
         for name, family in families.items():
-            own = how if how.out is None else replace(how, out=how.out / name)
+            own = how if how.out is None else replace(how, out=Path(how.out, name))
             runner = self.runner(family, own)
             try:
                 tables[name] = runner.rows(0, cases)

@@ -47,7 +47,7 @@ def read_study(path: str | Path, changes: dict[str, Any] | None = None) -> Abstr
     return study_of(read_yaml_file(path, "the study file"), changes, folder=path.parent)
 
 
-def study_of(data: Any, changes: dict[str, Any] | None = None, *, folder: Path = Path()) -> AbstractStudy:
+def study_of(data: Any, changes: dict[str, Any] | None = None, *, folder: str | Path = Path()) -> AbstractStudy:
     """Build a study from a mapping.
 
     - `data`: mappings, lists and values.
@@ -62,9 +62,9 @@ def study_of(data: Any, changes: dict[str, Any] | None = None, *, folder: Path =
     data = {**data, **(changes or {})}
     scenario = data.get("scenario")
     if isinstance(scenario, str) and Path(scenario).suffix in (".yaml", ".yml"):
-        data["scenario"] = str(folder / scenario)
+        data["scenario"] = str(Path(folder, scenario))
     try:
-        result: AbstractStudy = TypeAdapter(AnyStudy).validate_python(data, context={"folder": folder})
+        result: AbstractStudy = TypeAdapter(AnyStudy).validate_python(data, context={"folder": Path(folder)})
     except ValidationError as error:
         raise validation_error(error, data) from None
     return result

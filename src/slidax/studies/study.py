@@ -174,7 +174,7 @@ class RunOptions:
     - `part`: the chunks to compute here, in a folder shared with other processes; None for all.
     """
 
-    out: Path | None = None
+    out: str | Path | None = None
     resume: bool = False
     pool: AbstractPool = field(default_factory=LocalPool)
     begin: Progress = ignore_progress
@@ -252,7 +252,7 @@ class AbstractStudy(AbstractDescription):
             text = self.model_dump(mode="json", include={"study", *self.of_rows})
             identity = {**text, **task.content, "chunk": chunk, "made_by": how.made_by}
             # A process that computes a part continues the folder of the others.
-            store = Store(how.out, identity, resume=how.resume or how.part is not None, notes=COLUMNS)
+            store = Store(Path(how.out), identity, resume=how.resume or how.part is not None, notes=COLUMNS)
         return Runner(task, chunk, store, how.pool, how.progress, how.part)
 
     def require_parts(self, how: RunOptions) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -434,7 +435,7 @@ class Tune(AbstractStudy):
     def _today(self, how: RunOptions, known: Values, unseen: Values) -> Columns:
         """Rows of the current gains on all cases."""
         family = self.family()
-        runner = self.runner(family, replace(how, out=None if how.out is None else how.out / "today"))
+        runner = self.runner(family, replace(how, out=None if how.out is None else Path(how.out, "today")))
         both = {path: np.concatenate([known[path], unseen[path]]) for path in known}
         # Without uncertainty a single run serves as training and held-out case.
         columns = runner.rows(0, both) if both else runner.rows(0, {})

@@ -90,7 +90,7 @@ class UrdfDrawing:
             yield Shape(link, shape.tag, at, np.array(numbers), colour)
 
 
-def urdf_drawing(path: Path) -> UrdfDrawing:
+def urdf_drawing(path: str | Path) -> UrdfDrawing:
     """Read a URDF file for drawing.
 
     Raises DefinitionError if it is not readable, or its links do not form a tree.

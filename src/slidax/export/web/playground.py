@@ -396,16 +396,14 @@ def _choices(description: ScenarioDescription) -> list[ProgramChoice]:
     ]
 
 
-def write_playground(manifest: Mapping[str, Any], out: Path) -> Path:
+def write_playground(manifest: Mapping[str, Any], out: str | Path) -> Path:
     """Write the page of a manifest to the folder `out`; return its path.
 
     Raises DefinitionError if it cannot be written.
     """
-    pass
-
-    page = out / PAGE_FILE
+    page = Path(out, PAGE_FILE)
     try:
-        out.mkdir(parents=True, exist_ok=True)
+        page.parent.mkdir(parents=True, exist_ok=True)
         write_text(page, page_text(manifest))
     except OSError as error:
         raise DefinitionError(f"cannot write the page to `{out}`: {error_reason(error)}") from None

@@ -272,7 +272,7 @@ class LogWriter:
 
     def __init__(
         self,
-        path: Path | None,
+        path: str | Path | None,
         channels: Channels,
         metadata: Mapping[str, str],
         attachments: Mapping[str, bytes],
@@ -303,7 +303,7 @@ class LogWriter:
                 disable_seeking=True,
                 compression_threads=0,
             )
-            self._sink = _Sink(path)
+            self._sink = _Sink(Path(path))
             self._file = foxglove.open_mcap(self._sink, context=context, writer_options=options)
             self._file.write_metadata(METADATA, {**metadata, "channels": channels.as_text()})
             for name, content in attachments.items():
@@ -407,11 +407,12 @@ class SavedLog:
         return {name: content for name, content in self.attachments.items() if name != SCENARIO}
 
 
-def read_mcap(path: Path) -> SavedLog:
+def read_mcap(path: str | Path) -> SavedLog:
     """Read a log written by slidax.
 
     Raises DefinitionError if it cannot be read, is damaged, is from another writer, or mcap is not installed.
     """
+    path = Path(path)
     contents = read_contents(path)
     metadata: dict[str, str] | None = None
     attachments: dict[str, bytes] = {}

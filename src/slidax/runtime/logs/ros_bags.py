@@ -38,7 +38,7 @@ class JointStates:
     notes: tuple[str, ...] = ()
 
 
-def read_joint_states(path: Path, topic: str | None = None, joints: Sequence[str] = ()) -> JointStates:
+def read_joint_states(path: str | Path, topic: str | None = None, joints: Sequence[str] = ()) -> JointStates:
     """Return the joint states in an MCAP file from any writer.
 
     - `topic`: the topic; by default `/joint_states`, or the only topic whose first messages have the joints.
@@ -49,6 +49,7 @@ def read_joint_states(path: Path, topic: str | None = None, joints: Sequence[str
     """
     require_reader()
     decode = decoder()
+    path = Path(path)
     contents = read_contents(path, TYPES)
     notes = () if contents.complete else ("the file is incomplete or damaged: it is read up to the damage",)
     return choose_topic(f"`{path.name}`", contents.bodies, contents.topics, topic, joints, decode, notes)
@@ -155,7 +156,7 @@ LONGEST_MESSAGE = MEGABYTE
 """Largest size of a joint-state message [bytes]."""
 
 
-def read_bag(path: Path, topic: str | None = None, joints: Sequence[str] = ()) -> JointStates:
+def read_bag(path: str | Path, topic: str | None = None, joints: Sequence[str] = ()) -> JointStates:
     """Return the joint states in a `ros2 bag` folder, or in one of its `.db3` databases.
 
     Reads MCAP and SQLite storage, also compressed with zstd. Without a readable `metadata.yaml`, which ros2 bag writes
@@ -166,6 +167,7 @@ def read_bag(path: Path, topic: str | None = None, joints: Sequence[str] = ()) -
     Raises DefinitionError if the bag cannot be read, has no such messages, or a package is missing.
     """
     decode = decoder()
+    path = Path(path)
     source = f"`{path.name}`"
     notes: list[str] = []
     bodies: dict[str, list[bytes]] = {}

@@ -198,7 +198,7 @@ class BenchmarkRound:
         return BenchmarkRound({name: short(task) for name, task in self.tasks.items()}, self.entries, 4)
 
     def run(
-        self, out: Path | None, processes: int | None = None, on_result: OnResult = lambda *_: None
+        self, out: str | Path | None, processes: int | None = None, on_result: OnResult = lambda *_: None
     ) -> RoundResults:
         """Run every entry on every task; results that are already in the folder are read.
 
@@ -258,8 +258,8 @@ class BenchmarkRound:
         }
 
     @staticmethod
-    def _path(out: Path, name: str, entry: BenchmarkEntry) -> Path:
-        return out / "runs" / name / f"{entry.file}.json"
+    def _path(out: str | Path, name: str, entry: BenchmarkEntry) -> Path:
+        return Path(out, "runs", name) / f"{entry.file}.json"
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,127 @@
+"""Five laws of the literature as a user writes them: `tests/export/test_own_laws.py` exports them to C."""
+
+import jax.numpy as jnp
+
+import slidax as sx
+from slidax.core import PerJoint, Scalar, matvec, parameter
+from slidax.law import AbstractModelBased
+
+
+class PDPlus(AbstractModelBased):
+    """`τ = M0(q) q̈_d + C0(q, q̇) q̇_d + G0(q) - Kp e - Kd ė`.
+
+    Source: Paden and Panja, Int. J. Control 47, 1988.
+    """
+
+    kp: PerJoint = parameter("diagonal of Kp", "N m/rad", "> 0", default=400.0)
+    kd: PerJoint = parameter("diagonal of Kd", "N m s/rad", "> 0", default=100.0)
+
+    def __call__(self, t, state, now, following, memory):
+        arm, e, de = self.nominal, state.q - now.q, state.dq - now.dq
+        tau = matvec(arm.mass(state.q), now.ddq) + matvec(arm.coriolis(state.q, state.dq), now.dq)
+        tau = tau + arm.gravity(state.q) - self.kp * e - self.kd * de
+        return sx.Command(tau=tau, memory=memory, signals={"e": e})
+
+
+class IntegralSlidingMode(AbstractModelBased):
+    """`τ = M0 (q̈_d - kp e - kd ė - ρ tanh(s/δ)) + C0 q̇ + G0`, `s = ė + kd e + kp z`, `ż = e`, `s(0) = 0`.
+
+    Source: Utkin and Shi, IEEE CDC 1996, with a boundary layer.
+    """
+
+    kp: PerJoint = parameter("kp", "1/s²", "> 0", default=100.0)
+    kd: PerJoint = parameter("kd", "1/s", "> 0", default=20.0)
+    gain: PerJoint = parameter("ρ", "rad/s²", "> 0", default=5.0)
+    layer: PerJoint = parameter("δ", "rad/s", "> 0", default=0.05)
+
+    def init(self, t, state, reference):
+        e, de = state.q - reference.q, state.dq - reference.dq
+        return -(de + self.kd * e) / self.kp
+
+    def __call__(self, t, state, now, following, memory):
+        e, de = state.q - now.q, state.dq - now.dq
+        s = de + self.kd * e + self.kp * memory
+        u = now.ddq - self.kp * e - self.kd * de - self.gain * jnp.tanh(s / self.layer)
+        tau = matvec(self.nominal.mass(state.q), u) + self.nominal.bias(state.q, state.dq)
+        return sx.Command(tau=tau, memory=memory, signals={"s": s}, rate=e)
+
+
+class TimeDelayControl(AbstractModelBased):
+    """`τ(k) = τ(k-1) + M̄ (q̈_d - kp e - kd ė - (q̇(k) - q̇(k-1))/h)`: the last sample replaces the arm's model.
+
+    Source: Youcef-Toumi and Ito, J. Dyn. Sys. Meas. Control 112, 1990.
+    """
+
+    interval: Scalar = parameter("h", "s", "> 0", default=1e-3)
+    inertia: PerJoint = parameter("M̄", "kg m²", "> 0", default=2.0)
+    kp: PerJoint = parameter("kp", "1/s²", "> 0", default=100.0)
+    kd: PerJoint = parameter("kd", "1/s", "> 0", default=20.0)
+    limit: PerJoint = parameter("torque of the drives, which stops the sum", "N m", "> 0", default=60.0)
+
+    def init(self, t, state, reference):
+        return self.nominal.gravity(state.q), state.dq
+
+    def __call__(self, t, state, now, following, memory):
+        tau, dq = memory
+        e, de, ddq = state.q - now.q, state.dq - now.dq, (state.dq - dq) / self.interval
+        tau = tau + self.inertia * (now.ddq - self.kp * e - self.kd * de - ddq)
+        tau = jnp.clip(tau, -self.limit, self.limit)
+        return sx.Command(tau=tau, memory=(tau, state.dq), signals={"ddq": ddq})
+
+
+class Rise(AbstractModelBased):
+    """Robust integral of the sign of the error: `τ = τ_d - (ks + 1) e2 - ν`, `e2 = ė + α1 e`.
+
+    `ν̇ = (ks + 1) α2 e2 + β sgn(e2)`, `ν(0) = -(ks + 1) e2(0)`; τ_d is the model's torque along the reference.
+    Source: Xian, Dawson, de Queiroz and Chen, IEEE Trans. Autom. Control 49, 2004; τ_d as in Patre, MacKunis, Makkar
+    and Dixon, IEEE Trans. Control Syst. Technol. 16, 2008. Here `e = q - q_d`.
+    """
+
+    ks: PerJoint = parameter("ks", "N m s/rad", "> 0", default=60.0)
+    alpha1: PerJoint = parameter("α1", "1/s", "> 0", default=8.0)
+    alpha2: PerJoint = parameter("α2", "1/s", "> 0", default=8.0)
+    beta: PerJoint = parameter("β", "N m/s", "> 0", default=20.0)
+    limit: PerJoint = parameter("torque of the drives, which stops the integral", "N m", "> 0", default=60.0)
+
+    def init(self, t, state, reference):
+        return -(self.ks + 1.0) * (state.dq - reference.dq + self.alpha1 * (state.q - reference.q))
+
+    def __call__(self, t, state, now, following, memory):
+        e2 = state.dq - now.dq + self.alpha1 * (state.q - now.q)
+        along = matvec(self.nominal.mass(now.q), now.ddq) + self.nominal.bias(now.q, now.dq)
+        rate = (self.ks + 1.0) * self.alpha2 * e2 + self.beta * jnp.sign(e2)
+        tau = along - (self.ks + 1.0) * e2 - memory
+        rate = jnp.where(jnp.abs(tau) < self.limit, rate, 0.0)
+        return sx.Command(tau=tau, memory=memory, signals={"e2": e2}, rate=rate)
+
+
+class L1Adaptive(AbstractModelBased):
+    """`τ = M0 (u - η) + C0 q̇ + G0`, `u = q̈_d - kp e - kd ė`: a fast estimate σ̂ of the disturbance, filtered to η.
+
+    Predictor `x̂' = -kp e - kd ė - η + σ̂ - a (x̂ - ė)`, estimate `σ̂ = -a (x̂ - ė) / (exp(a h) - 1)` at each sample,
+    filter `η' = ω (σ̂ - η)`. Source: Hovakimyan and Cao, L1 Adaptive Control Theory, SIAM 2010,
+    piecewise-constant adaptive law.
+    """
+
+    interval: Scalar = parameter("h", "s", "> 0", default=1e-3)
+    kp: PerJoint = parameter("kp", "1/s²", "> 0", default=100.0)
+    kd: PerJoint = parameter("kd", "1/s", "> 0", default=20.0)
+    predictor: PerJoint = parameter("a", "1/s", "> 0", default=10.0)
+    bandwidth: PerJoint = parameter("ω", "rad/s", "> 0", default=60.0)
+    bound: PerJoint = parameter("bound of |σ̂|", "rad/s²", "> 0", default=10.0)
+
+    def init(self, t, state, reference):
+        return state.dq - reference.dq, jnp.zeros_like(state.q)
+
+    def __call__(self, t, state, now, following, memory):
+        (predicted, eta), h, a = memory, self.interval, self.predictor
+        e, de = state.q - now.q, state.dq - now.dq
+        u, growth = -self.kp * e - self.kd * de, jnp.expm1(a * h)
+        sigma = jnp.clip(-a * (predicted - de) / growth, -self.bound, self.bound)
+        ahead = de + ((predicted - de) + growth / a * (u - eta + sigma)) / (growth + 1.0)
+        filtered = eta - jnp.expm1(-self.bandwidth * h) * (sigma - eta)
+        tau = matvec(self.nominal.mass(state.q), now.ddq + u - filtered) + self.nominal.bias(state.q, state.dq)
+        return sx.Command(tau=tau, memory=(ahead, filtered), signals={"sigma": sigma})
+
+
+LAWS = (PDPlus, IntegralSlidingMode, TimeDelayControl, Rise, L1Adaptive)
