@@ -122,7 +122,7 @@ def measure_studio() -> None:
         ("processes that were replaced", f"{clicking.restarts}"),
         ("tracebacks, errors in the console, hung jobs, processes left, bytes outside", f"{len(clicking.faults)}"),
     ]
-    table = "\n".join(["| what | how much |", "|---|---:|", *(f"| {what} | {much} |" for what, much in rows)])
+    table = "\n".join(["| quantity | value |", "|---|---:|", *(f"| {what} | {much} |" for what, much in rows)])
     print(table, *clicking.faults, sep="\n")
     print(dict(clicking.actions), dict(clicking.answers), dict(clicking.jobs), sep="\n", file=sys.stderr)
     if not clicking.faults and options.time >= 1200.0:
@@ -159,7 +159,7 @@ def newcomer_steps(wheel: Path) -> list[Step]:
         Step("an arm of your own", "slidax new --robot my-arm.urdf --out my-arm.yaml"),
         Step("its run, with a report", "slidax run my-arm.yaml --out report"),
         Step("a law designed for it", "slidax design requirements.yaml --out designed.yaml --runs 32"),
-        Step("what is promised", "slidax certify designed.yaml", (0, 4)),
+        Step("its certificates", "slidax certify designed.yaml", (0, 4)),
         Step("its C", "slidax export c designed.yaml --out law"),
         Step("compiled", "cmake -S law -B build -DCMAKE_BUILD_TYPE=Release && cmake --build build"),
         Step("compared with Python", "ctest --test-dir build --output-on-failure"),
@@ -424,7 +424,7 @@ def by_others(cases: Sequence[BadFile], readers: Sequence[Callable[[str], object
 def bad_files_table(rows: Sequence[Sequence[str]]) -> str:
     """A row for each case: title, outcomes of MuJoCo and Pinocchio, message of slidax."""
     lines = [f"| {title} | {OUTCOMES[a]} | {OUTCOMES[b]} | {message} |" for title, a, b, message in rows]
-    return "\n".join(["| what is wrong | MuJoCo | Pinocchio | slidax says |", "|---|---|---|---|", *lines])
+    return "\n".join(["| fault | MuJoCo | Pinocchio | slidax says |", "|---|---|---|---|", *lines])
 
 
 def bad_files_counts(by_format: dict[str, Sequence[Sequence[str]]]) -> str:
