@@ -36,7 +36,22 @@ class AbstractMotion(AbstractPart):
         return Reference(q=q, dq=dq, ddq=ddq)
 
 
-class ConstantPosture(AbstractMotion):
+Rows = NDArray[np.float64]
+
+
+class AbstractSmoothMotion(AbstractMotion):
+    """A motion whose derivatives of all orders have closed forms and bounds."""
+
+    @abstractmethod
+    def derivative(self, t: Rows, order: int) -> Rows:
+        """Return a derivative at times [N n]; order 0 is the position."""
+
+    @abstractmethod
+    def largest_derivative(self, since: Rows, order: int) -> Rows:
+        """Return a bound of |derivative| of an order >= 1 at all times from each of some times on [N n]."""
+
+
+class ConstantPosture(AbstractSmoothMotion):
     """`q_d(t) = c`."""
 
     kind = "constant"
@@ -51,8 +66,14 @@ class ConstantPosture(AbstractMotion):
     def position(self, t: Scalar) -> Vector:
         return self.value + 0.0 * t * jnp.zeros_like(self.value)
 
+    def derivative(self, t: Rows, order: int) -> Rows:
+        return np.ones((len(t), 1)) * (np.asarray(self.value, float) if order == 0 else np.zeros(len(self.value)))
 
-class Sinusoid(AbstractMotion):
+    def largest_derivative(self, since: Rows, order: int) -> Rows:
+        return np.zeros((len(since), len(self.value)))
+
+
+class Sinusoid(AbstractSmoothMotion):
     """`q_d(t) = c + a sin(ω t + φ)`, per joint. Example 4.2 follows one."""
 
     title = "A sinusoid per joint."
@@ -65,12 +86,21 @@ class Sinusoid(AbstractMotion):
     def position(self, t: Scalar) -> Vector:
         return self.offset + self.amplitude * jnp.sin(self.frequency * t + self.phase)
 
+    def derivative(self, t: Rows, order: int) -> Rows:
+        offset, frequency, phase = (np.asarray(item, float) for item in (self.offset, self.frequency, self.phase))
+        wave = np.sin(frequency * t[:, None] + (phase + 0.5 * np.pi * order))
+        return (offset if order == 0 else 0.0 * offset) + np.asarray(self.amplitude) * frequency**order * wave
+
+    def largest_derivative(self, since: Rows, order: int) -> Rows:
+        size = np.abs(np.asarray(self.amplitude)) * np.abs(np.asarray(self.frequency)) ** order
+        return np.broadcast_to(size, (len(since), len(self.offset)))
+
 
 MOST_TERMS = 50
 """Most terms in a sum: machine code computes them one by one."""
 
 
-class ExponentialSum(AbstractMotion):
+class ExponentialSum(AbstractSmoothMotion):
     """`q_d(t) = c + Σ_k a_k exp(-λ_k t)`: a smooth move that comes to rest at c. Example 4.1 follows one."""
 
     title = "A sum of decaying exponentials."
@@ -93,6 +123,15 @@ class ExponentialSum(AbstractMotion):
 
     def position(self, t: Scalar) -> Vector:
         return self.offset + jnp.sum(self.amplitudes * jnp.exp(-self.rates * t)[:, None], axis=0)
+
+    def derivative(self, t: Rows, order: int) -> Rows:
+        rates, amplitudes = np.asarray(self.rates, float), np.asarray(self.amplitudes, float)
+        terms = np.exp(-rates * t[:, None]) * (-rates) ** order @ amplitudes
+        return terms + np.asarray(self.offset, float) if order == 0 else terms
+
+    def largest_derivative(self, since: Rows, order: int) -> Rows:
+        rates = np.asarray(self.rates, float)
+        return np.asarray(np.exp(-rates * since[:, None]) * rates**order @ np.abs(np.asarray(self.amplitudes, float)))
 
 
 NEGLIGIBLE = 1e-13

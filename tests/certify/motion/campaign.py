@@ -66,7 +66,7 @@ class Target:
         certified = certified_path(
             law.arm, motion, law.loop, law.uncertainty, bodies=law.bodies, hand_over=law.hand_over
         )
-        drives = drive_bounds(law.arm, motion, certified.solution)
+        drives = drive_bounds(law.arm, certified.solution)
         values = {
             "error": certified.bounds.error,
             "velocity": certified.bounds.velocity,

@@ -129,8 +129,8 @@ def knotted(arm: Any, rng: np.random.Generator, share: float, acceleration: floa
 
 def desired(motion: Any, period: float, slots: int, sub: int, delay: int) -> np.ndarray:
     """Positions and velocities at substeps [(slots + delay + 1) sub + 1, 2, n]."""
-    from slidax.certify.motion.path_cells import Pieces
+    from slidax.certify.motion.path_cells import pieces_of
 
     t = np.arange((slots + delay + 1) * sub + 1) * (period / sub)
-    values = Pieces.of(motion).at(t)
+    values = pieces_of(motion, float(t[-1])).at(t)
     return np.stack(values[:2], axis=1)

@@ -26,7 +26,7 @@ def case(name: str, seed: int) -> tuple[Any, Any, CertifiedPath, DriveBounds]:
     motion = short(arm, seed, 0.3)
     certified = certified_path(arm, motion, loop, uncertainty(0.02, resolution=resolution))
     assert certified.bounds.verified
-    return arm, motion, certified, drive_bounds(arm, motion, certified.solution)
+    return arm, motion, certified, drive_bounds(arm, certified.solution)
 
 
 def seen(
@@ -93,10 +93,10 @@ def test_the_shares_of_a_step_add_up() -> None:
 
 
 def test_the_verdict_separates_torque_and_step() -> None:
-    arm, motion, certified, _ = case("fast", 0)
-    verdict = drive_verdict(arm, motion, certified)
+    arm, _, certified, _ = case("fast", 0)
+    verdict = drive_verdict(arm, certified)
     assert verdict.holds is False
     assert [line.status for line in verdict.assumptions] == ["proved", "fails"]
     assert "encoder" in verdict.statement
-    easy = drive_verdict(arm, motion, certified, torque=500.0, torque_rate=1e5)
+    easy = drive_verdict(arm, certified, torque=500.0, torque_rate=1e5)
     assert easy.holds and easy.grade == "A" and easy.margin is not None and easy.margin > 0.0

@@ -151,7 +151,7 @@ def test_no_attack_passes_the_bounds_of_a_sliding_mode_law(name: str) -> None:
     assert np.max(certified.bounds.terms["hand-over"]) > 1e-4
     ratios = attack(arm, motion, certified, rng, 9, at_the_edge(0.03), plan=plan)
     assert 0.1 < np.max(ratios) <= 1.0
-    drives = drive_bounds(arm, motion, certified.solution)
+    drives = drive_bounds(arm, certified.solution)
     for run in range(4):
         torque = seen(arm, motion, certified, rng, run, plan)
         step = np.abs(np.diff(torque, axis=0, prepend=torque[:1]))

@@ -72,7 +72,7 @@ def still(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, dddq: np.ndarray | Non
     """Cells of no length at some states."""
     nothing = np.zeros_like(q)
     jerk = nothing if dddq is None else dddq
-    return PathCells(1e-9, 1, q, dq, ddq, jerk, np.abs(dq), np.abs(ddq), np.abs(jerk), nothing, nothing, True)
+    return PathCells(1e-9, 1, q, dq, ddq, jerk, np.abs(dq), np.abs(ddq), np.abs(jerk), nothing, nothing, None, None)
 
 
 def largest(columns: np.ndarray, mass: np.ndarray) -> np.ndarray:

@@ -22,6 +22,7 @@ from .certified_law import CertifiedLaw
 from .drive_limits import DriveBounds, drive_bounds
 from .law_limits import law_lines, plan_lines
 from .parameter_sets import INERTIAL
+from .path_cells import AbstractPieces, pieces_of
 from .tracking_bound import NAME, TITLE, WIDEST, CertifiedPath, certified_path, verdict_of
 
 Floats = NDArray[np.float64]
@@ -126,14 +127,14 @@ def tracking_bound(scenario: Scenario) -> Verdict:
     """Bound the tracking error along the scenario's motion, for its whole uncertainty set (docs/any-motion.md).
 
     - `scenario`: with computed torque or a sliding-mode law in sampled-data form, the same loop in all joints, and a
-      motion of polynomials.
+      motion of polynomials, a sinusoid or exponentials.
     """
     try:
         law = certified_law(scenario)
-        motion = piecewise(scenario.trajectory)
+        pieces_of(scenario.trajectory, scenario.t1)
     except DefinitionError as error:
         return Verdict(NAME, TITLE, None, None, {}, (), f"not applicable: {error}")
-    return judge_motion(law, motion, allowed_error(scenario)).verdict
+    return judge_motion(law, scenario.trajectory, allowed_error(scenario), scenario.t1).verdict
 
 
 @lru_cache(maxsize=4)
@@ -143,15 +144,12 @@ def certified_law(scenario: Scenario) -> CertifiedLaw:
 
 
 def piecewise(motion: AbstractMotion) -> AbstractPiecewisePolynomial:
-    """Return the motion as a piecewise polynomial.
+    """Return the motion as a piecewise polynomial, which can be slowed down.
 
     Raises DefinitionError for another motion.
     """
     if not isinstance(motion, AbstractPiecewisePolynomial):
-        raise DefinitionError(
-            f"a bound along a motion needs piecewise polynomials that end at rest; got `{type(motion).__name__}`: set "
-            "`trajectory.kind` to `quintic`, `minimum_jerk`, `csv` or `joint_trajectory`"
-        )
+        raise DefinitionError(f"needs piecewise polynomials that end at rest; got `{type(motion).__name__}`")
     return motion
 
 
@@ -240,19 +238,24 @@ def slowed(motion: AbstractPiecewisePolynomial, factor: float) -> AbstractPiecew
     )
 
 
-def judge_motion(law: CertifiedLaw, motion: AbstractPiecewisePolynomial, allowed: Any = None) -> MotionVerdict:
+def judge_motion(
+    law: CertifiedLaw, motion: AbstractMotion, allowed: Any = None, until: float | None = None
+) -> MotionVerdict:
     """Return the bound along a motion with all that it stands on.
 
     - `allowed`: largest error, one number or [n], rad or m; None for any that has a bound.
+    - `until`: time up to which a motion without an end is bounded [s].
     """
-    limits = _passed_ranges(law, motion)
-    certified = certified_path(law.arm, motion, law.loop, law.uncertainty, bodies=law.bodies, hand_over=law.hand_over)
+    certified = certified_path(
+        law.arm, motion, law.loop, law.uncertainty, bodies=law.bodies, hand_over=law.hand_over, until=until
+    )
+    limits = _passed_ranges(law, certified.path.cells.pieces)
     verdict = verdict_of(certified, law.arm, allowed, law.premises)
     if verdict.holds is False:
         limits.insert(0, _error_limit(law, certified, verdict, allowed))
     if not certified.bounds.verified:
         return MotionVerdict(verdict, tuple(limits))
-    drives = drive_bounds(law.arm, motion, certified.solution)
+    drives = drive_bounds(law.arm, certified.solution)
     lines, passed = _drive_lines(law, certified, drives)
     limits += passed
     failing = [f"{limit}" for limit in limits if limit.what != "torque step"]
@@ -275,7 +278,7 @@ def judge_motion(law: CertifiedLaw, motion: AbstractPiecewisePolynomial, allowed
             "torque_step": drives.step.max(axis=0),
             "disturbance": certified.bounds.outputs["estimate"].max(axis=0),
         },
-        (*verdict.assumptions, *law_lines(law, motion, certified), *planned, *lines, *texts),
+        (*verdict.assumptions, *law_lines(law, certified), *planned, *lines, *texts),
         statement,
     )
     return MotionVerdict(answer, tuple(limits))
@@ -292,7 +295,7 @@ def _error_limit(law: CertifiedLaw, certified: CertifiedPath, verdict: Verdict, 
     return MotionLimit(law.arm.joint_names[joint], float(certified.path.cells.centres[cell]), "error", value, largest)
 
 
-def _passed_ranges(law: CertifiedLaw, motion: AbstractPiecewisePolynomial) -> list[MotionLimit]:
+def _passed_ranges(law: CertifiedLaw, motion: AbstractPieces) -> list[MotionLimit]:
     """Positions and speeds beyond the arm's own limits."""
     limits, passed = law.arm.limits, []
     for order, what, low, high in (

@@ -79,6 +79,9 @@ class CertifiedLaw:
         start_error, start_speed = _start(scenario, [state for _, _, state in ends])
         if start_speed.any() and not isinstance(_behind_delay(plants[0].sensor), DifferencedEncoders):
             raise DefinitionError("a bound along a motion needs an arm that starts at rest: set `start.dq` to 0")
+        reference = scenario.trajectory.reference(jnp.zeros(()))
+        if np.any(np.asarray(reference.dq)) and isinstance(_behind_delay(plants[0].sensor), DifferencedEncoders):
+            premises = (*premises, Assumption("the arm's velocity at the start is known", "assumed"))
         uncertainty = ArmUncertainty(
             _region(scenario, arm, bodies, plants[0]),
             coulomb=np.maximum(*(np.asarray(robot.coulomb, float) for robot in robots)),
@@ -160,6 +163,11 @@ def _encoders(sensor: AbstractSensor | None, law: SampledData) -> tuple[Floats, 
     if not isinstance(sensor, Encoders | DifferencedEncoders):
         raise DefinitionError(
             f"a bound along a motion covers encoders; got `{type(sensor).__name__}`: leave out `sensor.instrument`"
+        )
+    if isinstance(sensor, Encoders) and np.any(np.asarray(sensor.velocity_noise)):
+        raise DefinitionError(
+            "a bound along a motion needs a first velocity without noise: set `sensor.velocity: differenced`, since a "
+            "Kalman filter uses no other measured velocity"
         )
     noise = np.broadcast_to(np.asarray(sensor.position_noise, float), law.joints)
     resolution = np.broadcast_to(np.asarray(sensor.resolution, float), law.joints) + 2.0 * SIGMAS * noise

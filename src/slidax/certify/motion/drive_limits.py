@@ -13,16 +13,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
 from slidax.arms.articulated import Articulated
-from slidax.motions.trajectory import AbstractPiecewisePolynomial
 
 from ..certificate import Assumption, Verdict
 from .fixed_point import USED, Bounds, Problem, spreads_of
 from .lagged_sums import Lags
-from .path_cells import PathCells, Pieces
+from .path_cells import PathCells
 from .path_norms import size_in
 from .path_tube import Cell
 from .tracking_bound import CertifiedPath
@@ -53,13 +53,13 @@ class DriveBounds:
     step_terms: Mapping[str, Floats]
 
 
-def drive_bounds(arm: Articulated, motion: AbstractPiecewisePolynomial, solution: Solution) -> DriveBounds:
+def drive_bounds(arm: Articulated, solution: Solution) -> DriveBounds:
     """Return the bounds of torque and step along a path with verified error bounds.
 
-    - `arm`: the nominal arm; `motion`: that of the bounds.
+    - `arm`: the nominal arm.
     """
     problem, bounds = solution.problem, solution.bounds
-    planned, planned_step = planned_torques(arm, motion, problem.path.cells)
+    planned, planned_step = planned_torques(arm, problem.path.cells)
     torques = Torques(problem, bounds)
     by_size = np.einsum("nij,nj->ni", problem.at.inertia, bounds.outputs["command"])
     command = np.minimum(by_size, np.asarray(sum(torques.commanded("command").values())))
@@ -71,10 +71,13 @@ def drive_bounds(arm: Articulated, motion: AbstractPiecewisePolynomial, solution
     return DriveBounds(torque, step + sum(more.values()), planned, planned_step, {**shares, **more})
 
 
-def planned_torques(arm: Articulated, motion: AbstractPiecewisePolynomial, cells: PathCells) -> tuple[Floats, Floats]:
-    """Return the largest torque of the plan, as the law computes it, and its largest step, in each cell [N n]."""
+def planned_torques(arm: Articulated, cells: PathCells) -> tuple[Floats, Floats]:
+    """Return the largest torque of the plan, as the law computes it, and its largest step, in each cell [N n].
+
+    Before the first one the nominal arm is held, at rest or in uniform motion.
+    """
     h, count = cells.period, len(cells.q) * cells.per_cell
-    q, dq, *_ = Pieces.of(motion).at(np.asarray(np.arange(count + 2) * h, float))
+    q, dq, *_ = cells.pieces.at(np.asarray(np.arange(count + 2) * h, float))
     mean = np.diff(dq, axis=0) / h
     middle_q = q[:-1] + 0.5 * h * dq[:-1] + 0.125 * h * h * mean
     middle_dq = dq[:-1] + 0.5 * h * mean
@@ -83,7 +86,8 @@ def planned_torques(arm: Articulated, motion: AbstractPiecewisePolynomial, cells
     batches = zip(*(part.reshape(-1, BATCH, arm.joints) for part in parts), strict=True)
     torque = np.concatenate([_torques(arm, *batch) for batch in batches])[: count + 1]
     torque = torque + np.asarray(arm.viscous) * middle_dq
-    step = np.abs(np.diff(torque, axis=0, prepend=torque[:1]))
+    held = np.asarray(arm.bias(jnp.asarray(q[0]), jnp.asarray(dq[0])))
+    step = np.abs(np.diff(torque, axis=0, prepend=held[None]))
     # A step counts in both cells that it joins.
     step = np.maximum(step[:-1], step[1:])
     shape = (len(cells.q), cells.per_cell, -1)
@@ -249,7 +253,6 @@ class Torques:
 
 def drive_verdict(
     arm: Articulated,
-    motion: AbstractPiecewisePolynomial,
     certified: CertifiedPath,
     *,
     torque: Any = None,
@@ -262,7 +265,7 @@ def drive_verdict(
     if not certified.bounds.verified:
         return Verdict(NAME, TITLE, None, None, {}, (), "not applicable: the tracking error has no bound")
     limits = arm.limits
-    bounds = drive_bounds(arm, motion, certified.solution)
+    bounds = drive_bounds(arm, certified.solution)
     times, h = certified.path.cells.centres, certified.loop.period
     allowed = {
         "torque": np.broadcast_to(np.asarray(limits.torque if torque is None else torque, float), (arm.joints,)),

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from slidax.law.sampled.controller import STRONGEST
-from slidax.motions.trajectory import AbstractPiecewisePolynomial
 
 from ..certificate import Assumption
 from .certified_law import CertifiedLaw
@@ -14,7 +13,7 @@ from .hand_over import HandOver
 from .tracking_bound import CertifiedPath
 
 
-def law_lines(law: CertifiedLaw, motion: AbstractPiecewisePolynomial, certified: CertifiedPath) -> list[Assumption]:
+def law_lines(law: CertifiedLaw, certified: CertifiedPath) -> list[Assumption]:
     """Return the assumptions that the gate accepts each sample, and that no bound of the law's estimates acts.
 
     Of the conditions of `MeasurementGate`, those without velocities: a position may be out of range, too far from the
@@ -25,6 +24,7 @@ def law_lines(law: CertifiedLaw, motion: AbstractPiecewisePolynomial, certified:
         np.broadcast_to(np.asarray(value, float), n)
         for value in (gate.q_max, gate.speed, gate.acceleration, gate.spread)
     )
+    motion = certified.path.cells.pieces
     bounds, noise = certified.bounds, np.asarray(certified.inputs.resolution)
     fastest = motion.extremes(1).size + bounds.velocity.max(axis=0)
     position = motion.extremes(0).size + bounds.error.max(axis=0) + 0.5 * noise

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slidax.core.errors import DefinitionError
-from slidax.motions.trajectory import AbstractMotion, AbstractPiecewisePolynomial, derivative_coefficients
+from slidax.motions.trajectory import (
+    AbstractMotion,
+    AbstractPiecewisePolynomial,
+    AbstractSmoothMotion,
+    Extremes,
+    derivative_coefficients,
+)
 
 Floats = NDArray[np.float64]
 
@@ -22,14 +29,14 @@ SHORTEST_CELL, LONGEST_CELL = 0.005, 0.028
 
 @dataclass(frozen=True, eq=False)
 class PathCells:
-    """A motion in N cells of equal length, followed by rest.
+    """A motion in N cells of equal length, followed by rest or up to an end.
 
     - `period`: h [s]; `per_cell`: periods in a cell.
     - `q`, `dq`, `ddq`, `dddq`: the motion at the centre of each cell [N n].
     - `speed`, `acceleration`, `jerk`: largest sizes in each cell, for all of its times [N n].
     - `jump`: sum of the acceleration's jumps in each cell [N n], at knots.
     - `pulse`: largest miss of the position after a period under the mean acceleration [N n], rad or m.
-    - `proved`: True if the sizes hold between the samples; False for a motion that is known at samples only.
+    - `until`: time up to which the cells are those of the motion [s]; None if it ends at rest, for all times.
     """
 
     period: float
@@ -43,7 +50,8 @@ class PathCells:
     jerk: Floats
     jump: Floats
     pulse: Floats
-    proved: bool
+    pieces: AbstractPieces = field(repr=False)
+    until: float | None
 
     @property
     def moving(self) -> int:
@@ -62,22 +70,28 @@ class PathCells:
         return np.asarray((np.arange(len(self.q)) + 0.5) * (self.period * self.per_cell), float)
 
     @classmethod
-    def of(cls, motion: AbstractMotion, period: float, *, per_cell: int | None = None, rest: float = 0.1) -> PathCells:
+    def of(
+        cls,
+        motion: AbstractMotion,
+        period: float,
+        *,
+        per_cell: int | None = None,
+        rest: float = 0.1,
+        until: float | None = None,
+    ) -> PathCells:
         """Cut a motion into cells.
 
-        - `motion`: ends at rest; the sample times are the multiples of the period.
+        - `motion`: the sample times are the multiples of the period.
         - `per_cell`: periods in a cell; None: by the speed of the motion.
-        - `rest`: time at rest after it that is looked at [s].
+        - `rest`: time at rest after a motion that ends which is looked at [s].
+        - `until`: time up to which a motion without an end is looked at [s].
 
-        Raises DefinitionError if the motion is no piecewise polynomial, or does not end.
+        Raises DefinitionError as `pieces_of` does.
         """
-        if not isinstance(motion, AbstractPiecewisePolynomial):
-            raise DefinitionError(
-                f"a bound along a motion needs piecewise polynomials, as from `Tabulated`; got {type(motion).__name__}"
-            )
-        pieces = Pieces.of(motion)
+        pieces = pieces_of(motion, until)
         per_cell = per_cell or pieces.per_cell(period)
-        end = float(pieces.knots[-1]) + rest
+        ends = isinstance(pieces, Pieces)
+        end = float(pieces.knots[-1]) + (rest if ends else 0.0)
         count = int(np.ceil(end / (period * per_cell) - 1e-9))
         ticks = np.asarray(np.arange(count * per_cell + 1) * period, float)
         centres = np.asarray((np.arange(count) + 0.5) * (period * per_cell), float)
@@ -98,12 +112,101 @@ class PathCells:
             jerk,
             pieces.jumps(count, period * per_cell),
             pulse,
-            True,
+            pieces,
+            None if ends else end,
         )
 
 
+class AbstractPieces(ABC):
+    """A motion with bounds of its derivatives.
+
+    - `knots`: times at which its acceleration may jump, from the first to the last that is looked at [s].
+    """
+
+    knots: Floats
+
+    @abstractmethod
+    def at(self, t: Floats) -> list[Floats]:
+        """Return positions and three derivatives [N n] at the times."""
+
+    @abstractmethod
+    def jumps(self, count: int, length: float) -> Floats:
+        """Return the sum of the acceleration's jumps in each of `count` cells of a `length` [N n]."""
+
+    @abstractmethod
+    def sizes(self, ticks: Floats, per_cell: int) -> list[Floats]:
+        """Return bounds of |dq|, |ddq| and |dddq| in each cell [N n], of so many ticks each."""
+
+    @abstractmethod
+    def extremes(self, order: int) -> Extremes:
+        """Return bounds of a derivative's extremes; order 0 is the position."""
+
+    def per_cell(self, period: float) -> int:
+        """Return a number of periods for a cell, by the speed of the motion."""
+        t = np.linspace(self.knots[0], self.knots[-1], 400)
+        fastest = float(np.max(np.sum(np.abs(self.at(t)[1]), axis=1)))
+        length = np.clip(CELL_TRAVEL / max(fastest, 1e-9), SHORTEST_CELL, LONGEST_CELL)
+        return max(1, round(float(length) / period))
+
+
+def pieces_of(motion: AbstractMotion, until: float | None = None) -> AbstractPieces:
+    """Return a motion with bounds of its derivatives.
+
+    - `until`: time up to which a motion without an end is looked at [s].
+
+    Raises DefinitionError for a motion of another kind, or without an end or `until`.
+    """
+    if isinstance(motion, AbstractPiecewisePolynomial):
+        return Pieces.of(motion)
+    if not isinstance(motion, AbstractSmoothMotion):
+        raise DefinitionError(
+            f"a bound along a motion needs polynomials, a sinusoid or exponentials; got `{type(motion).__name__}`: set "
+            "`trajectory.kind` to `quintic`, `minimum_jerk`, `csv` or `joint_trajectory`"
+        )
+    if until is None:
+        raise DefinitionError(f"`{type(motion).__name__}` has no end: give `until`, the time up to which to bound it")
+    return SmoothPieces(motion, np.array([0.0, until]))
+
+
 @dataclass(frozen=True, eq=False)
-class Pieces:
+class SmoothPieces(AbstractPieces):
+    """A smooth motion from time 0 to an end. Before it the reference moves on uniformly."""
+
+    motion: AbstractSmoothMotion
+    knots: Floats
+
+    def at(self, t: Floats) -> list[Floats]:
+        return [self.motion.derivative(t, order) for order in range(4)]
+
+    def jumps(self, count: int, length: float) -> Floats:
+        first = np.abs(self.motion.derivative(np.zeros(1), 2))
+        return np.concatenate([first, np.zeros((count - 1, first.shape[1]))])
+
+    def sizes(self, ticks: Floats, per_cell: int) -> list[Floats]:
+        results = []
+        for order in (1, 2, 3):
+            value, apart = np.abs(self.motion.derivative(ticks, order)), self._apart(ticks, order)
+            value = np.maximum(value[:-1], value[1:]) + apart
+            results.append(value.reshape(-1, per_cell, value.shape[1]).max(axis=1))
+        return results
+
+    def extremes(self, order: int) -> Extremes:
+        t = np.linspace(self.knots[0], self.knots[-1], max(2, round((self.knots[-1] - self.knots[0]) / FINE) + 1))
+        values, apart = self.motion.derivative(t, order), self._apart(t, order).max(axis=0)
+        low, high = values.argmin(axis=0), values.argmax(axis=0)
+        return Extremes(values.min(axis=0) - apart, values.max(axis=0) + apart, t[low], t[high])
+
+    def _apart(self, ticks: Floats, order: int) -> Floats:
+        """Bound of a derivative's departure from its chord between two ticks: Δ²/8 times its second derivative."""
+        return np.asarray(np.diff(ticks)[:, None] ** 2 / 8.0 * self.motion.largest_derivative(ticks[:-1], order + 2))
+
+
+FINE = 1e-3
+"""s: spacing of the times at which extremes of a smooth motion are computed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces(AbstractPieces):
     """A piecewise polynomial motion, at rest outside of its knots.
 
     - `knots`: [k+1], s; `coefficients`: highest power first, [powers k n].
@@ -111,6 +214,7 @@ class Pieces:
 
     knots: Floats
     coefficients: Floats
+    motion: AbstractPiecewisePolynomial
 
     @classmethod
     def of(cls, motion: AbstractPiecewisePolynomial) -> Pieces:
@@ -118,7 +222,10 @@ class Pieces:
         knots, coefficients = np.asarray(motion.times, float), np.asarray(motion.coefficients, float)
         if knots[0] < -1e-12:
             raise DefinitionError(f"the motion must not start before 0 s; got {knots[0]:g} s")
-        return cls(knots, coefficients)
+        return cls(knots, coefficients, motion)
+
+    def extremes(self, order: int) -> Extremes:
+        return self.motion.extremes(order)
 
     def at(self, t: Floats, last: bool = False) -> list[Floats]:
         """Return positions and three derivatives [N n] at the times.
@@ -135,15 +242,7 @@ class Pieces:
             values.append(value if order == 0 else np.where(inside[:, None], value, 0.0))
         return values
 
-    def per_cell(self, period: float) -> int:
-        """Return a number of periods for a cell, by the speed of the motion."""
-        t = np.linspace(self.knots[0], self.knots[-1], 400)
-        fastest = float(np.max(np.sum(np.abs(self.at(t)[1]), axis=1)))
-        length = np.clip(CELL_TRAVEL / max(fastest, 1e-9), SHORTEST_CELL, LONGEST_CELL)
-        return max(1, round(float(length) / period))
-
     def jumps(self, count: int, length: float) -> Floats:
-        """Return the sum of the acceleration's jumps in each cell [N n]."""
         before, after = self.at(self.knots, last=True)[2], self.at(self.knots)[2]
         # The first knot has rest before it.
         before[0] = 0.0

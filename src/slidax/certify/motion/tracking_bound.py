@@ -145,14 +145,16 @@ def certified_path(
     *,
     bodies: BodyPoints | None = None,
     hand_over: HandOver | None = None,
+    until: float | None = None,
 ) -> CertifiedPath:
     """Compute the error bounds along a motion.
 
     - `arm`: the nominal arm that the law knows, with its payload.
-    - `motion`: ends at rest; a piecewise polynomial.
+    - `motion`: a piecewise polynomial that ends at rest, or a smooth motion.
     - `loop`: of every joint.
     - `bodies`: of the arm, if they are known already.
     - `hand_over`: the plan of a law with a sliding surface; None for computed torque.
+    - `until`: time up to which a motion without an end is bounded [s].
 
     Raises DefinitionError if an argument is invalid, or the loop is unstable for an arm of the band.
     """
@@ -160,10 +162,12 @@ def certified_path(
     bodies = bodies or BodyPoints.of(arm)
     region = uncertainty.region(bodies)
     rest = 2.0 * memory(loop, region.p)
-    cells = PathCells.of(motion, loop.period, rest=rest)
+    cells = PathCells.of(motion, loop.period, rest=rest, until=until)
+    if uncertainty.settled and np.any(cells.pieces.at(np.zeros(1))[1]):
+        raise DefinitionError("`ArmUncertainty.settled` needs a motion that starts at rest; got one that moves at 0 s")
     for finer in (1, FINER):
         if finer > 1:
-            cells = PathCells.of(motion, loop.period, per_cell=max(1, cells.per_cell // finer), rest=rest)
+            cells = PathCells.of(motion, loop.period, per_cell=max(1, cells.per_cell // finer), rest=rest, until=until)
         path = Path.of(bodies, region, cells)
         along = None if hand_over is None else hand_over.along(cells)
         solution = bounds_along(loop, path, inputs, cap=WIDEST, hand_over=along)
@@ -237,9 +241,10 @@ def verdict_of(
         margin = float(np.min(1.0 - error / limit))
         holds = margin >= 0.0
     unit = arm.joint_units[joint]
+    times = "of the motion and of the rest after it" if cells.until is None else f"up to {cells.until:.6g} s"
     statement = (
         f"For every arm within {certified.path.region.title}, no joint's error is larger than {joint_values(error)} "
-        f"{unit} at any time of the motion and of the rest after it. The largest is that of {where}, mostly by "
+        f"{unit} at any time {times}. The largest is that of {where}, mostly by "
         f"{dominating} ({100 * terms[dominating] / max(sum(terms.values()), 1e-300):.0f} %)."
     )
     bound = {
