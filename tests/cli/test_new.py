@@ -1,6 +1,13 @@
+import numpy as np
+import pytest
+
 from slidax import scenarios
+from slidax.design.problem import read_problem
+from tests.documentation.pages import ROOT
 
 from .commands import in_process
+
+SMALL_ARM = ROOT / "examples" / "robots" / "small_arm.urdf"
 
 
 def test_a_ready_robot_becomes_a_file_that_is_valid(tmp_path):
@@ -13,3 +20,41 @@ def test_a_ready_robot_becomes_a_file_that_is_valid(tmp_path):
 
 def test_scenario_without_a_file_is_printed():
     assert in_process("new", "--robot", "panda").output.startswith("title: panda")
+
+
+def test_requirements_of_a_file_are_read_by_design_and_cover_the_payload(tmp_path, monkeypatch):
+    pytest.importorskip("mujoco")
+    monkeypatch.chdir(tmp_path)
+    arm = SMALL_ARM.read_text(encoding="utf-8")
+    (tmp_path / "arm.urdf").write_text(arm, encoding="utf-8")
+    answer = in_process(
+        "new", "--robot", "arm.urdf", "--payload", "0.4", "--requirements", "--out", "needs.yaml", code=0
+    )
+    assert "slidax design needs.yaml --out needs-law.yaml" in answer.output
+    problem = read_problem(tmp_path / "needs.yaml")
+    assert problem.uncertainty["robot.plant.load.mass"].between == [0.0, 0.4]
+    arms = problem.robot.build()
+    np.testing.assert_allclose(arms.true.armature, 0.002 * np.asarray(arms.nominal.limits.torque))
+    assert problem.robot.plant.load.mass == 0.4
+
+
+@pytest.mark.full
+def test_requirements_of_a_file_become_a_law(tmp_path):
+    needs, law = tmp_path / "needs.yaml", tmp_path / "law.yaml"
+    in_process("new", "--robot", str(SMALL_ARM), "--payload", "0.4", "--requirements", "--out", str(needs), code=0)
+    assert "Designed" in in_process("design", str(needs), "--out", str(law), "--runs", "16", code=0).output
+    assert scenarios.load(law).simulate().outcome.ok
+
+
+def test_a_payload_that_the_drives_cannot_hold_is_refused_with_the_joint():
+    answer = in_process("new", "--robot", "panda", "--payload", "30", code=2)
+    assert "panda_joint6" in answer.output and "at most 80% is allowed" in answer.output
+
+
+def test_a_locked_joint_is_not_part_of_the_arm(tmp_path):
+    pytest.importorskip("mujoco")
+    out = tmp_path / "arm.yaml"
+    in_process("new", "--robot", str(SMALL_ARM), "--locked", "elbow=0.5", "--out", str(out), code=0)
+    scenario = scenarios.load(out)
+    assert scenario.controller.nominal.joint_names == ("turntable", "shoulder", "wrist")
+    assert scenarios.named_robot(str(out))[0].joint_names == ("turntable", "shoulder", "wrist")

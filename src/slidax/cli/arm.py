@@ -17,6 +17,7 @@ from .common import (
     errors_as_lines,
     named_arm,
     numbers,
+    positions,
     prepare,
     print_json,
     say_note,
@@ -31,13 +32,22 @@ def new(
     ],
     rate: Annotated[float, typer.Option(help="Sampling rate of the controller [Hz].")] = 1000.0,
     out: Annotated[Path | None, typer.Option(help="YAML file for the scenario; default: print it.")] = None,
-    tip: Annotated[str | None, typer.Option(help="Link at the arm's tip; default: found automatically.")] = None,
+    payload: Annotated[
+        float, typer.Option(help="Mass at the tip [kg] that the controller does not know.", min=0.0)
+    ] = 0.0,
+    tip: Annotated[
+        str | None, typer.Option(help="Link, body or site of the tip; default: found automatically.")
+    ] = None,
+    locked: Locked = None,
+    requirements: Annotated[
+        bool, typer.Option("--requirements", help="Write a requirements file for `slidax design` instead.")
+    ] = False,
 ) -> None:
     """Write a commented scenario that runs, for any arm.
 
     Home position, motion, torques, envelope and estimator follow from the arm's data. Missing data and placeholders,
     such as 300 N m on every joint, are replaced by assumptions, which are printed and written into the file. Grippers,
-    cameras and heads are locked.
+    cameras and heads are locked. `slidax excite` and `slidax identify` take the written file as their robot.
     """
     with errors_as_lines():
         prepare()
@@ -46,17 +56,28 @@ def new(
         from slidax.scenarios.draft import draft
 
         if out is not None and out.suffix not in (".yaml", ".yml"):
-            raise DefinitionError(f"a scenario file needs the ending .yaml; got `{out}`")
+            raise DefinitionError(f"the file needs the ending .yaml; got `{out}`")
         if out is not None and out.exists():
             raise DefinitionError(f"`{out}` exists already: give another name, or remove it")
-        scenario = draft(robot, rate, tip=tip, folder=Path() if out is None else out.parent)
+        scenario = draft(
+            robot,
+            rate,
+            tip=tip,
+            locked=positions("--locked", locked or []),
+            payload=payload,
+            requirements=requirements,
+            folder=Path() if out is None else out.parent,
+        )
         if out is None:
             typer.echo(scenario.text, nl=False)
         else:
             write_text(out, scenario.text)
         for note in scenario.notes:
             typer.echo(f"assumed: {note}", err=True)
-        if out is not None:
+        if out is not None and requirements:
+            law = out.with_name(f"{out.stem}-law.yaml")
+            typer.echo(f"The requirements are in {out}; next: slidax design {out} --out {law}", err=True)
+        elif out is not None:
             typer.echo(f"The scenario is in {out}; next: slidax run {out}", err=True)
 
 

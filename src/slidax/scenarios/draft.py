@@ -15,14 +15,14 @@ import numpy as np
 from slidax.arms.articulated import Articulated
 from slidax.arms.built_in import built_in_arm, built_in_names
 from slidax.arms.coupled import Coupled
-from slidax.arms.files.find_arm import ArmInFile, find_arm
+from slidax.arms.files.find_arm import find_arm
 from slidax.arms.files.mjcf import from_mjcf
 from slidax.arms.files.robot_descriptions import description_file, is_description
 from slidax.arms.files.urdf import from_urdf
 from slidax.core.errors import DefinitionError, DefinitionWarning, nearest_word
 from slidax.simulation.states import Numbers
 
-from .draft_choices import Motion, Ratings, home_of, motion_about, ratings_of
+from .draft_choices import Motion, Ratings, home_of, motion_about, ratings_of, tip_share
 from .load import parse
 from .scenario import Scenario
 from .yaml_text import dump_commented
@@ -59,6 +59,7 @@ class Choices:
 
     - `block`: the description of the robot.
     - `rate`: Hz.
+    - `payload`: mass at the tip that the law does not know, kg.
     - `notes`: assumptions.
     """
 
@@ -68,6 +69,7 @@ class Choices:
     ratings: Ratings
     home: Numbers
     motion: Motion
+    payload: float
     notes: tuple[str, ...]
 
 
@@ -83,15 +85,8 @@ def draft_text(chosen: Choices) -> str:
     narrow = [RADIUS * period * WIDTH[unit] for unit in units]
     values = {
         "title": f"{chosen.arm.name} at {chosen.rate:g} Hz",
-        "robot": {**chosen.block, "plant": {"armature": _row(_rotors(chosen))}},
-        "trajectory": {
-            "kind": "sinusoid",
-            "offset": _row(chosen.home),
-            "amplitude": _row(motion.amplitude),
-            "frequency": _row(motion.frequency),
-        },
-        "sensor": {"resolution": RESOLUTION, "velocity": "differenced", "delay": 1},
-        "actuator": {"torque": _row(ratings.torque), "rate": _row(RATE * ratings.torque)},
+        "robot": {**chosen.block, "plant": {"armature": _row(_rotors(chosen)), **_load(chosen)}},
+        **_task(chosen),
         "start": {"q": _row(motion.start)},
         "scheme": {
             "name": "cftsmppc",
@@ -122,6 +117,79 @@ def draft_text(chosen: Choices) -> str:
     return dump_commented(values, _comments(chosen))
 
 
+def _task(chosen: Choices) -> dict[str, Any]:
+    """Blocks for the motion, the sensors and the drives."""
+    motion, torque = chosen.motion, chosen.ratings.torque
+    return {
+        "trajectory": {
+            "kind": "sinusoid",
+            "offset": _row(chosen.home),
+            "amplitude": _row(motion.amplitude),
+            "frequency": _row(motion.frequency),
+        },
+        "sensor": {"resolution": RESOLUTION, "velocity": "differenced", "delay": 1},
+        "actuator": {"torque": _row(torque), "rate": _row(RATE * torque)},
+    }
+
+
+def _load(chosen: Choices) -> dict[str, Any]:
+    return {"load": {"mass": _number(chosen.payload)}} if chosen.payload else {}
+
+
+FRICTION = 0.01
+"""Coulomb friction of a new requirements file, as a share of the torque limit."""
+
+
+def requirements_text(chosen: Choices) -> str:
+    """Return the text of a requirements file for `slidax design`."""
+    torque = chosen.ratings.torque
+    friction = _row(FRICTION * torque)
+    payload = {"robot.plant.load.mass": {"between": [0, _number(chosen.payload)]}} if chosen.payload else {}
+    values = {
+        "title": f"{chosen.arm.name} at {chosen.rate:g} Hz",
+        "robot": {
+            **chosen.block,
+            "plant": {"armature": _row(_rotors(chosen)), "coulomb": friction, **_load(chosen)},
+        },
+        **_task(chosen),
+        "simulation": {"period": float(f"{1.0 / chosen.rate:.9g}"), "substeps": SUBSTEPS},
+        "uncertainty": {
+            **payload,
+            "robot.plant.mass_factor": {"around": "10 %"},
+            "robot.plant.armature": {"around": "50 %", "each": "joint"},
+            "robot.plant.coulomb": {"around": "50 %", "each": "joint"},
+            "start.q": {"around": 0.05 * min(WIDTH[unit] for unit in chosen.arm.joint_units), "each": "joint"},
+        },
+        "requirements": {"deadline": 2.0, "accuracy": "best"},
+    }
+    shared = [(path, text) for path, text in _comments(chosen) if path in ("robot", "trajectory", "sensor", "actuator")]
+    own = [
+        (
+            "robot.plant",
+            f"The true arm: rotor inertias of {ROTORS:g} kg m² per N m, unless the robot's file has them, and Coulomb "
+            f"friction of {FRICTION:.0%} of the torque limits. The law does not know them.{_payload_frame(chosen)}",
+        ),
+        ("uncertainty", "Assumed ranges: replace them by yours. The design is tested in random cases of them all."),
+        (
+            "requirements",
+            "The error is within its final radius from the deadline [s] on. `best` is the smallest radius that holds; "
+            "a number [rad or m] is a requirement. `proof: bound` asks for a certified bound.",
+        ),
+    ]
+    return dump_commented(values, shared + own)
+
+
+def _payload_frame(chosen: Choices) -> str:
+    """Sentence about the frame of the payload."""
+    if not chosen.payload:
+        return ""
+    frame = f"the tip `{chosen.block['tip']}`" if "tip" in chosen.block else "the flange"
+    return (
+        f" Its payload of {chosen.payload:g} kg has its center of mass at the origin of {frame}; load: {{center: [x, "
+        "y, z]}} moves it [m]."
+    )
+
+
 def _rotors(chosen: Choices) -> Numbers:
     """Rotor inertias of the simulated arm: those of the robot's file, or else from the torque."""
     rotors = np.asarray(chosen.arm.armature)
@@ -137,13 +205,13 @@ def _comments(chosen: Choices) -> Iterator[tuple[str, str]]:
         f"Differences of the true arm that the law does not know: rotor inertias of {ROTORS:g} kg m² per N m, unless "
         "the robot's file has them. More examples: mass_factor: 0.85, coulomb: 0.5, load: {mass: 1.0, center: [0.0, "
         "0.0, 0.05]}. The law learns the rotor inertias, unless nominal: {armature: ...} has them (kg m², on the "
-        "joint's side).",
+        f"joint's side).{_payload_frame(chosen)}",
     )
     yield (
         "trajectory",
         f"Joints {', '.join(chosen.arm.joint_names)}: around a posture inside their ranges, away from singularities, "
-        f"with up to {int(100 * max(chosen.motion.burden))} % of the torque limits below for a payload of 20 % of the "
-        "arm's mass.",
+        f"with up to {int(100 * max(chosen.motion.burden))} % of the torque limits below for a payload of "
+        f"{int(100 * tip_share(chosen.arm, chosen.payload))} % of the arm's mass.",
     )
     yield "sensor", "Rounded positions without velocities, delayed by one period."
     yield (
@@ -198,46 +266,72 @@ class Draft:
     notes: tuple[str, ...]
 
 
-def draft(robot: str | Path, rate: float = 1000.0, *, tip: str | None = None, folder: str | Path = Path()) -> Draft:
+def draft(
+    robot: str | Path,
+    rate: float = 1000.0,
+    *,
+    tip: str | None = None,
+    locked: Mapping[str, float] | None = None,
+    payload: float = 0.0,
+    requirements: bool = False,
+    folder: str | Path = Path(),
+) -> Draft:
     """Return a scenario for an arm that runs as it is, with comments for editing.
 
     - `robot`: name of a built-in arm, path of a URDF or MJCF file, or a module of robot_descriptions.
     - `rate`: loop rate, Hz.
     - `tip`: link, body or site at the end of the arm; None to search for it.
+    - `locked`: further joints that do not move, with their positions [rad or m].
+    - `payload`: mass at the tip of the simulated arm that the law does not know, kg.
+    - `requirements`: True for a requirements file of `slidax design` in place of a scenario.
     - `folder`: folder of the scenario file, to which the robot file's path is relative.
 
-    Raises DefinitionError if the robot does not exist, the file has no single arm, or the rate is out of range.
+    Raises DefinitionError if the robot does not exist, the file has no single arm, the rate is out of range, or the
+    arm cannot hold the payload.
     """
     if not (math.isfinite(rate) and SLOWEST <= rate <= FASTEST):
         raise DefinitionError(f"the rate must be {SLOWEST:g} to {FASTEST:g} Hz; got {rate:g}")
-    arm, block, notes = _arm(str(robot), tip, Path(folder))
+    if not (math.isfinite(payload) and payload >= 0):
+        raise DefinitionError(f"the payload must be >= 0 kg; got {payload:g}")
+    arm, block, notes = _arm(str(robot), tip, dict(locked or {}), Path(folder))
     ratings = ratings_of(arm)
-    home = home_of(arm, ratings)
-    motion = motion_about(arm, ratings, home)
+    share = tip_share(arm, payload)
+    home = home_of(arm, ratings, share)
+    motion = motion_about(arm, ratings, home, share)
     notes = (*notes, *ratings.notes)
-    return Draft(draft_text(Choices(arm, block, rate, ratings, home, motion, notes)), notes)
+    chosen = Choices(arm, block, rate, ratings, home, motion, payload, notes)
+    return Draft(requirements_text(chosen) if requirements else draft_text(chosen), notes)
 
 
-def new(robot: str | Path, rate: float = 1000.0, *, tip: str | None = None) -> Scenario:
+def new(
+    robot: str | Path,
+    rate: float = 1000.0,
+    *,
+    tip: str | None = None,
+    locked: Mapping[str, float] | None = None,
+    payload: float = 0.0,
+) -> Scenario:
     """Return a scenario for an arm that runs, as `slidax new` writes it.
 
         scenario = slidax.new("arm.urdf", rate=500)
 
-    - `robot`, `rate`, `tip`: as in `draft`. A warning lists the assumptions in place of missing data.
+    - `robot`, `rate`, `tip`, `locked`, `payload`: as in `draft`. A warning lists assumptions in place of missing data.
 
     Raises DefinitionError as `draft` does.
     """
-    drafted = draft(robot, rate, tip=tip)
+    drafted = draft(robot, rate, tip=tip, locked=locked, payload=payload)
     if drafted.notes:
         warnings.warn(f"assumed: {'; '.join(drafted.notes)}", DefinitionWarning, stacklevel=2)
     return parse(drafted.text).build(Path(robot).stem)
 
 
-def _arm(robot: str, tip: str | None, folder: Path) -> tuple[Articulated, dict[str, Any], tuple[str, ...]]:
+def _arm(
+    robot: str, tip: str | None, locked: dict[str, float], folder: Path
+) -> tuple[Articulated, dict[str, Any], tuple[str, ...]]:
     """The arm, the scenario's `robot`, and notes about it."""
     if robot in built_in_names():
-        if tip is not None:
-            raise DefinitionError(f"`{robot}` has its tip; `tip` is for robot files")
+        if tip is not None or locked:
+            raise DefinitionError(f"`{robot}` has its tip and joints; `tip` and `locked` are for robot files")
         return built_in_arm(robot).robot, {"kind": robot}, ()
     notes: list[str] = []
     path = Path(robot)
@@ -254,7 +348,7 @@ def _arm(robot: str, tip: str | None, folder: Path) -> tuple[Articulated, dict[s
     read = from_urdf if kind == "urdf" else from_mjcf
     with warnings.catch_warnings(record=True) as assumed:
         warnings.simplefilter("always")
-        arm = read(path, tip=chain.tip, locked=chain.locked, inertias="nearest")
+        arm = read(path, tip=chain.tip, locked=chain.locked | locked, inertias="nearest")
     if isinstance(arm, Coupled):
         raise DefinitionError(_with_followers(arm, kind, path, chain.tip))
     messages = [str(warning.message).removeprefix(f"{path}: ") for warning in assumed]
@@ -262,9 +356,13 @@ def _arm(robot: str, tip: str | None, folder: Path) -> tuple[Articulated, dict[s
     notes += [message.rpartition("; ")[2] for message in changed]
     notes += [message for message in messages if message.endswith("left out")]
     block: dict[str, Any] = {"kind": kind, "file": relpath(path, folder), "tip": chain.tip}
-    if chain.locked:
-        block["locked"] = {name: float(f"{value:.6g}") for name, value in chain.locked.items()}
-        notes.append(_held(chain))
+    if chain.locked or locked:
+        block["locked"] = {name: float(f"{value:.6g}") for name, value in (chain.locked | locked).items()}
+    if held := [name for name in chain.locked if name not in locked]:
+        notes.append(
+            f"{', '.join(held)}: not part of the arm with tip `{chain.tip}`; held at the position in its range nearest "
+            "to 0"
+        )
     if changed:
         block["inertias"] = "nearest"
     return arm, block, tuple(notes)
@@ -279,11 +377,4 @@ def _with_followers(arm: Coupled, kind: str, path: Path, tip: str) -> str:
     return (
         f"joint `{follower}` of `{path}` follows another joint, and `slidax new` chooses no motion for such an arm; "
         f"{shorter}write the scenario by hand with `robot: {{kind: {kind}, file: {path.name}, tip: {tip}}}`"
-    )
-
-
-def _held(chain: ArmInFile) -> str:
-    return (
-        f"{', '.join(chain.locked)}: not part of the arm with tip `{chain.tip}`; held at the position in its range "
-        "nearest to 0"
     )

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slidax.arms.articulated import Articulated
-from slidax.core.errors import as_array
+from slidax.core.errors import DefinitionError, as_array
 from slidax.simulation.states import Numbers, States, spread_in_box, states_of
 
 
@@ -175,12 +175,17 @@ HELD = 0.5
 """Share of the torque limit for holding a posture above which the posture has a high cost."""
 
 
-def home_of(arm: Articulated, ratings: Ratings) -> Numbers:
-    """Return a home posture [n], rad or m.
+def tip_share(arm: Articulated, payload: float) -> float:
+    """Mass at the tip for which motions are chosen, as a share of the moving mass: the `payload` [kg], at least 0.2."""
+    return max(TIP_SHARE, payload / float(np.sum(np.asarray(arm.masses))))
+
+
+def home_of(arm: Articulated, ratings: Ratings, share: float = TIP_SHARE) -> Numbers:
+    """Return a home posture [n], rad or m, for a `share` of the moving mass at the tip.
 
     It is the best of 2000 postures spread over the inner half of the ranges, the middle and 0. The cost counts the
-    share of the torque limits that holds the arm with 20 % of its mass at the tip, the nearness to a singularity, the
-    distance from 0, and the depth of links below the base.
+    share of the torque limits that holds the arm with this payload, the nearness to a singularity, the distance from
+    0, and the depth of links below the base.
     """
     middle, half = 0.5 * (ratings.lower + ratings.upper), 0.5 * (ratings.upper - ratings.lower)
     wide = np.where(np.array(arm.joint_units) == "rad", np.minimum(half, 2.0), half)
@@ -190,7 +195,7 @@ def home_of(arm: Articulated, ratings: Ratings) -> Numbers:
     near = np.where(np.abs(middle) < half, zero, middle)
     postures = np.concatenate([[middle, zero], near + spread_in_box(-0.75 * wide, 0.75 * wide, COUNT)])
     postures = np.clip(postures, ratings.lower + room, ratings.upper - room)
-    states = states_of(with_tip_mass(arm, TIP_SHARE), postures)
+    states = states_of(with_tip_mass(arm, share), postures)
     assert states.positions is not None
     weight, points, tips = states.bias, states.positions, states.tip
     burden = (np.abs(weight) / ratings.torque).max(axis=1)
@@ -244,6 +249,9 @@ FREQUENCY = (2.0, 2.4)
 RANGE_SHARE, VELOCITY_SHARE, TORQUE_SHARE = 0.5, 0.4, 0.65
 """Largest shares of the range around the home posture, and of the limits, that the motion uses."""
 
+HOLDABLE = 0.8
+"""Largest share of a torque limit that may hold a payload."""
+
 START = 0.2
 """rad: initial distance from the motion; a fifth of this number in m for a prismatic joint."""
 
@@ -254,7 +262,7 @@ class Motion:
 
     - `amplitude`, `frequency`: [n], rad or m, rad/s.
     - `start`: positions at t = 0 [n].
-    - `burden`: largest share of each torque limit in use, with 20 % of the arm's mass at the tip [n].
+    - `burden`: largest share of each torque limit in use, with the payload [n].
     """
 
     amplitude: Numbers
@@ -263,8 +271,13 @@ class Motion:
     burden: Numbers
 
 
-def motion_about(arm: Articulated, ratings: Ratings, home: Numbers) -> Motion:
-    """Return the motion about a home posture [n], slower and smaller until it is within the ratings."""
+def motion_about(arm: Articulated, ratings: Ratings, home: Numbers, share: float = TIP_SHARE) -> Motion:
+    """Return the motion about a home posture [n], slower and smaller until it is within the ratings.
+
+    - `share`: payload as a share of the moving mass.
+
+    Raises DefinitionError if a drive cannot hold the payload.
+    """
     units = arm.joint_units
     left = np.minimum(home - ratings.lower, ratings.upper - home)
     amplitude = np.minimum([AMPLITUDE[unit] for unit in units], RANGE_SHARE * left)
@@ -273,9 +286,16 @@ def motion_about(arm: Articulated, ratings: Ratings, home: Numbers) -> Motion:
     frequency = np.concatenate([frequency[::2], frequency[1::2]])
     slower = np.minimum(1.0, VELOCITY_SHARE * ratings.velocity / (amplitude * frequency))
     frequency = frequency * slower
-    carrying = with_tip_mass(arm, TIP_SHARE)
+    carrying = with_tip_mass(arm, share)
     times = np.linspace(0.0, 12.0, 600)[:, None]
     held = np.abs(states_of(carrying, home[None]).bias[0]) / ratings.torque
+    if share > TIP_SHARE and held.max() > HOLDABLE:
+        joint = int(np.argmax(held))
+        raise DefinitionError(
+            f"the payload of {share * float(np.sum(np.asarray(arm.masses))):.3g} kg takes {held[joint]:.0%} of the "
+            f"torque limit of joint `{arm.joint_names[joint]}` to hold; at most {HOLDABLE:.0%} is allowed: name a "
+            "lighter payload, or an arm with larger torque limits"
+        )
     allowed = np.maximum(TORQUE_SHARE, held.max() + 0.1)
     pace = 1.0
     for _ in range(12):
