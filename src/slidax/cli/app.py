@@ -73,7 +73,16 @@ export.command("web", epilog="Example:  slidax export web panda-payload --with p
 
 
 @app.callback(invoke_without_command=True)
-def _top(version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False) -> None:
+def _top(
+    version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
+    allow_code: Annotated[
+        bool, typer.Option("--allow-code", help="Import classes of your own that a file names as `module:Class`.")
+    ] = False,
+) -> None:
+    if allow_code:
+        from slidax.scenarios.own_code import allow_code as allow
+
+        allow()
     if version:
         import slidax
 

@@ -19,5 +19,6 @@ from .load import parse as parse
 from .load import portable_text as portable_text
 from .load import restore as restore
 from .named_robot import named_robot as named_robot
+from .own_code import allow_code as allow_code
 from .scenario import Scenario as Scenario
 from .scenario import ScenarioDescription as ScenarioDescription

@@ -6,17 +6,28 @@ import functools
 import inspect
 import math
 import typing
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Union
 
 import equinox as eqx
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    SerializeAsAny,
+    WrapValidator,
+    create_model,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError
 
 from slidax.core.errors import DefinitionError, each_of, locate_errors, nearest_word, plain_name
 from slidax.core.parameter import REQUIRED, Parameter, Range, parameters_of
 from slidax.core.part import kind_of, members_of
+
+from .own_code import own_class
 
 Numbers = Annotated[float | list[float], Field(union_mode="left_to_right")]
 """One number for all joints, or one per joint."""
@@ -139,11 +150,9 @@ def build_parts(where: str, value: Any) -> Any:
     )
 
 
-@functools.cache
 def description_of(part: type) -> type[PartDescription]:
     """Return the description of a part's class, with a required `kind`."""
-    kind = kind_of(part)
-    return _model(part, part.__name__, {"kind": (Literal[kind], Field(description="Kind of the part."))})
+    return _description_as(kind_of(part), part)
 
 
 def preset_of(
@@ -181,7 +190,32 @@ def union_of(family: type, *instead: type[AbstractDescription], default: type[Pa
     }
     for model in (*instead, *([default] if default else [])):
         models[typing.get_args(model.model_fields["kind"].annotation)[0]] = model
-    return Annotated[Union[tuple(models.values())], Field(discriminator="kind")]  # noqa: UP007
+    options = (Field(discriminator="kind"), SerializeAsAny(), WrapValidator(_own_part(family)))  # type: ignore[type-arg]
+    return Annotated[Union[tuple(models.values())], *options]  # noqa: UP007
+
+
+def _own_part(family: type) -> Any:
+    """Validator of a part of a `family`, whose kind may be the `module:Class` of a user's own class."""
+
+    def validated(value: Any, others: Callable[[Any], Any], info: Any) -> Any:
+        kind = value.get("kind") if isinstance(value, dict) else getattr(value, "kind", None)
+        if not isinstance(kind, str) or ":" not in kind or isinstance(value, PartDescription):
+            return value if isinstance(value, PartDescription) else others(value)
+        try:
+            part = own_class(kind, family, (info.context or {}).get("folder", ""))
+            if not is_nameable(part, family):
+                raise DefinitionError(f"a parameter of `{kind}` has no form in a file: give it a default")
+        except DefinitionError as error:
+            raise PydanticCustomError("own_part", "{message}", {"message": error.message}) from None
+        return _description_as(kind, part).model_validate(value, context=info.context)
+
+    return validated
+
+
+@functools.cache
+def _description_as(kind: str, part: type) -> type[PartDescription]:
+    """Description of a part under a name in files."""
+    return _model(part, part.__name__, {"kind": (Literal[kind], Field(description="Kind of the part."))})
 
 
 def is_nameable(part: type, family: type) -> bool:

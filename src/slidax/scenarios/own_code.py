@@ -1,0 +1,52 @@
+"""Classes of a user's own that a scenario file names, imported only where that is allowed."""
+
+from __future__ import annotations
+
+import os
+import sys
+from importlib import import_module
+from pathlib import Path
+
+from slidax.core.errors import DefinitionError, plain_name
+from slidax.core.part import AbstractPart
+
+VARIABLE = "SLIDAX_ALLOW_CODE"
+"""Environment variable that allows it, so that the processes of a study have it too."""
+
+
+def allow_code() -> None:
+    """Allow scenario files to name classes of your own, such as `kind: my_module:MySurface`.
+
+    Importing a module runs its code: allow it only for files that you trust. `slidax --allow-code` does the same for a
+    command.
+    """
+    os.environ[VARIABLE] = "1"
+
+
+def own_class(name: str, family: type, folder: str | Path) -> type[AbstractPart]:
+    """Import the part that a file names as `module:Class`.
+
+    - `family`: abstract class of the part.
+    - `folder`: folder of the file, where the module is searched first, then in the current folder.
+
+    Raises DefinitionError if this is not allowed, the import fails, or the class is of another family.
+    """
+    shown = plain_name(name)
+    if os.environ.get(VARIABLE) != "1":
+        raise DefinitionError(
+            f"`{shown}` names code of your own, which is imported only if you allow it: `slidax --allow-code COMMAND`, "
+            "or `slidax.scenarios.allow_code()` in Python"
+        )
+    module, _, attribute = name.partition(":")
+    places = [str(Path(place).resolve()) for place in (folder, Path())]
+    sys.path[:0] = places
+    try:
+        part = getattr(import_module(module), attribute)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise DefinitionError(f"cannot import `{shown}` from {' or '.join(dict.fromkeys(places))}: {error}") from None
+    finally:
+        for place in places:
+            sys.path.remove(place)
+    if not (isinstance(part, type) and issubclass(part, family) and issubclass(part, AbstractPart)):
+        raise DefinitionError(f"`{shown}` must be a class derived from `{family.__name__}`")
+    return part
