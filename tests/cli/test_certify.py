@@ -43,3 +43,13 @@ def test_exit_code_is_0_if_all_certificates_hold(monkeypatch):
     outside = in_process(*words, "--set", "start.q=[-1, 2.5]", code=4)
     assert "✗ Not certified: admissibility." in outside.stdout and "joint 1 begins" in outside.stdout
     assert "--set 'scheme.transformation.performance.initial=[1.5,0.6]'" in outside.stdout
+
+
+def test_each_certificate_announces_itself_for_the_progress_bar(monkeypatch):
+    from slidax import scenarios
+    from slidax.certify import certify
+
+    only(monkeypatch, admissibility)
+    begun = []
+    certify(scenarios.load("example-4.2"), runs=0, begin=lambda name, total: begun.append((name, total)))
+    assert begun == [("admissibility", 1)]

@@ -1,3 +1,4 @@
+import io
 import json
 from dataclasses import replace
 
@@ -90,3 +91,22 @@ def test_one_that_came_back_is_a_bad_end_of_the_comparison_too():
     result = in_process("compare", "example-4.1-1khz", "--schemes", "cftsmppc,ftsmppc", *outside, "--json", code=3)
     actual = json.loads(result.stdout)["schemes"]["ftsmppc"]
     assert actual["outcome"] == "recovered" and 0 < actual["stopped"]["back"] < 2
+
+
+def test_the_terminal_shows_the_scheme_that_runs_and_pipes_show_nothing():
+    from rich.console import Console
+
+    from slidax.cli.common import stage_bar
+
+    with pytest.MonkeyPatch.context() as patch:
+        shown = io.StringIO()
+        patch.setattr("rich.console.Console", lambda **_: Console(file=shown, force_terminal=True, width=100))
+        with stage_bar() as begin:
+            begin("cftsmppc", 2)
+            begin("pid", 2)
+        assert "pid" in shown.getvalue() and "1/2" in shown.getvalue()
+        piped = io.StringIO()
+        patch.setattr("rich.console.Console", lambda **_: Console(file=piped))
+        with stage_bar() as begin:
+            begin("cftsmppc", 2)
+        assert piped.getvalue() == ""

@@ -98,6 +98,7 @@ def certify(
     seed: int = 0,
     without: Sequence[str] = (),
     known: Sequence[Verdict] = (),
+    begin: Callable[[str, int], None] = lambda name, total: None,
 ) -> Certificates:
     """Certify a scenario with its block `uncertainty`.
 
@@ -105,6 +106,7 @@ def certify(
     - `seed`: seed of these runs.
     - `without`: names of certificates to leave out.
     - `known`: verdicts of this scenario that were computed before; they are returned unchanged.
+    - `begin`: called before each certificate with its name and the number of certificates.
 
     Raises DefinitionError if the scenario was changed in Python and no longer agrees with its description, if its block
     `uncertainty` is invalid, or if JAX computes with 32 bits.
@@ -122,9 +124,11 @@ def certify(
     if runs:
         judges.append((statistical.__name__, lambda scenario: statistical(scenario, runs, seed)))
     verdicts = {verdict.name: verdict for verdict in known}
-    return Certificates(
-        scenario.name, tuple(verdicts.get(name) or _verdict(name, judge, scenario) for name, judge in judges)
-    )
+    for name, judge in judges:
+        if name not in verdicts:
+            begin(name, len(judges))
+            verdicts[name] = _verdict(name, judge, scenario)
+    return Certificates(scenario.name, tuple(verdicts[name] for name, _ in judges))
 
 
 def _verdict(name: str, certificate: Callable[[Scenario], Verdict], scenario: Scenario) -> Verdict:

@@ -6,7 +6,7 @@ import os
 import shlex
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from enum import StrEnum
 from pathlib import Path
@@ -217,6 +217,43 @@ class _Warnings:
             self._cache_reported = True
             reason = text.partition("': ")[2].partition("\n")[0]
             say_warning(f"cannot cache compiled programs in `{folder}` ({reason}): the next command compiles again")
+
+
+@contextmanager
+def stage_bar() -> Iterator[Callable[[str, int], None]]:
+    """Progress bar on a terminal: each call has the name of the stage that begins and the number of all stages.
+
+    It shows the time left, as estimated from the finished stages.
+    """
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    console = Console(stderr=True)
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left:"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("compiling", total=None)
+        begun = 0
+
+        def begin(name: str, total: int) -> None:
+            nonlocal begun
+            bar.update(task, description=name, completed=begun, total=total)
+            begun += 1
+
+        yield begin
 
 
 def parse_changes(changes: list[str]) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .common import Changes, Named, command_line, errors_as_lines, parse_changes, prepare
+from .common import Changes, Named, command_line, errors_as_lines, parse_changes, prepare, stage_bar
 
 if TYPE_CHECKING:
     from slidax.scenarios.scenario import Scenario
@@ -167,13 +167,14 @@ def export_web(
         from slidax.export import web
         from slidax.scenarios.load import load
 
-        if scenario is None:
-            if beside or changes:
-                raise DefinitionError("`--with` and `--set` need one scenario: name it")
-            manifest = web.manifest_of_all()
-        else:
-            names = [name.strip() for name in (beside or "").split(",") if name.strip()]
-            manifest = web.manifest_of_scenario(load(scenario, parse_changes(changes or [])), names)
+        if scenario is None and (beside or changes):
+            raise DefinitionError("`--with` and `--set` need one scenario: name it")
+        names = [name.strip() for name in (beside or "").split(",") if name.strip()]
+        with stage_bar() as begin:
+            if scenario is None:
+                manifest = web.manifest_of_all(begin)
+            else:
+                manifest = web.manifest_of_scenario(load(scenario, parse_changes(changes or [])), names, begin)
         page = web.write_playground(manifest, out)
         sliders = sum(len(setting["tunables"]) for setting in manifest["settings"])
         typer.echo(

@@ -8,7 +8,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .common import AsJson, Changes, Named, command_line, errors_as_lines, parse_changes, prepare, print_json, say_where
+from .common import (
+    AsJson,
+    Changes,
+    Named,
+    command_line,
+    errors_as_lines,
+    parse_changes,
+    prepare,
+    print_json,
+    say_where,
+    stage_bar,
+)
 
 NOT_CERTIFIED = 4
 """Exit code if a certificate does not hold."""
@@ -40,7 +51,8 @@ def certify(
 
         started = time.perf_counter()
         parts = load(scenario, parse_changes(changes or []))
-        certificates = certified(parts, runs=runs, seed=seed)
+        with stage_bar() as begin:
+            certificates = certified(parts, runs=runs, seed=seed, begin=begin)
         if out is not None:
             from slidax.report.pages import write_certificate_report
 
@@ -142,7 +154,12 @@ def design(
         problem = read_problem(requirements)
         if out.exists() and out.samefile(requirements):
             raise DefinitionError(f"`{out}` is the requirements file: write the scenario to another file")
-        result = designed(problem, runs=runs, say=lambda step: typer.echo(f"... {step}", err=True))
+        started = time.perf_counter()
+        result = designed(
+            problem,
+            runs=runs,
+            say=lambda step: typer.echo(f"... {step} ({time.perf_counter() - started:.0f} s so far)", err=True),
+        )
         if isinstance(result, Refusal):
             if json:
                 print_json(result.as_json())
@@ -159,7 +176,9 @@ def _write(result: DesignResult, out: Path, json: bool) -> None:
     typer.echo("... all certificates", err=True)
     scenario = result.description.build(out.stem)
     known = () if result.bound is None else (result.bound,)
-    certificates = Certificates(scenario.name, (*certify(scenario, runs=0, known=known), result.check))
+    with stage_bar() as begin:
+        verdicts = certify(scenario, runs=0, known=known, begin=begin)
+    certificates = Certificates(scenario.name, (*verdicts, result.check))
     path = write_design(result, out, certificates)
     if json:
         answer = {

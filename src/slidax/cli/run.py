@@ -24,6 +24,7 @@ from .common import (
     print_json,
     say_warning,
     say_where,
+    stage_bar,
 )
 
 if TYPE_CHECKING:
@@ -262,7 +263,11 @@ def compare(
         values = parse_changes(changes or [])
         parts = _switched(scenario, schemes, values)
         judge = _judge(scenario, values)
-        rivals = {name: Rival.simulated(each, judge, logged=out is not None) for name, each in parts.items()}
+        rivals = {}
+        with stage_bar() as begin:
+            for name, each in parts.items():
+                begin(name, len(parts))
+                rivals[name] = Rival.simulated(each, judge, logged=out is not None)
         if out is not None:
             write_comparison(rivals, out, also=INDICES, command=command_line())
         if json:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -169,17 +169,28 @@ NOTHING: dict[str, Any] = {"c_files": None, "c_parameters": None, "certificates"
 
 
 def playground(
-    title: str, settings: Sequence[PageSetting], arms: dict[str, str], *, promised: bool = True
+    title: str,
+    settings: Sequence[PageSetting],
+    arms: dict[str, str],
+    *,
+    promised: bool = True,
+    begin: Callable[[str, int], None] = lambda name, total: None,
 ) -> dict[str, Any]:
     """The manifest of a page.
 
     - `settings`: the first is shown first.
     - `arms`: titles of the arms, by their labels.
     - `promised`: include the law in C and its certificates, which take most of the time.
+    - `begin`: called before each law with its name and the number of laws.
 
     Raises DefinitionError if a setting is invalid or cannot run in a page.
     """
-    built = [setting.build() for setting in settings]
+    built, entries = [], []
+    for setting in settings:
+        begin(f"{setting.arm}, {setting.scheme}", len(settings))
+        law = setting.build()
+        built.append(law)
+        entries.append({**law.entry(), **(law.beside() if promised else NOTHING)})
     programs = {program.entry["id"]: dict(program.entry) for setting in built for _, program in setting.programs}
     first = settings[0]
     return {
@@ -189,7 +200,7 @@ def playground(
         "first": {"arm": first.arm, "scheme": first.scheme},
         "arms": [_arm(label, name, built) for label, name in arms.items()],
         "programs": list(programs.values()),
-        "settings": [{**setting.entry(), **(setting.beside() if promised else NOTHING)} for setting in built],
+        "settings": entries,
     }
 
 
@@ -279,14 +290,14 @@ ARMS = (
 """In the order of display."""
 
 
-def manifest_of_all() -> dict[str, Any]:
-    """The manifest of the playground."""
+def manifest_of_all(begin: Callable[[str, int], None] = lambda name, total: None) -> dict[str, Any]:
+    """The manifest of the playground; `begin` as in `playground`."""
     settings = [
         setting
         for shown in ARMS
         for setting in settings_of(shown.description, shown.arm, [PRINTED, *shown.gains], shown.gains, shown.choices)
     ]
-    return playground(TITLE, settings, {shown.arm: shown.title for shown in ARMS})
+    return playground(TITLE, settings, {shown.arm: shown.title for shown in ARMS}, begin=begin)
 
 
 PAGE = resources.files(str(__package__)) / "page"
@@ -369,16 +380,20 @@ FEW = 3
 """Joints up to which a program is compiled in seconds, so that a law gets more than two."""
 
 
-def manifest_of_scenario(scenario: Scenario, compared: Sequence[str] = ()) -> dict[str, Any]:
+def manifest_of_scenario(
+    scenario: Scenario, compared: Sequence[str] = (), begin: Callable[[str, int], None] = lambda name, total: None
+) -> dict[str, Any]:
     """The manifest of one scenario.
 
     - `compared`: names of schemes to compare, and `printed` for the law as printed.
+    - `begin`: as in `playground`.
 
     Raises DefinitionError if there is no such scheme, or the scenario cannot run in a page.
     """
     description = scenario.description
     settings = settings_of(description, scenario.robot, compared, choices=_choices(description))
-    return playground(description.title, settings, {scenario.robot: scenario.robot.replace("_", " ")})
+    arms = {scenario.robot: scenario.robot.replace("_", " ")}
+    return playground(description.title, settings, arms, begin=begin)
 
 
 def _choices(description: ScenarioDescription) -> list[ProgramChoice]:
