@@ -52,7 +52,7 @@ def test_of_a_grid_the_law_with_the_smallest_error_that_holds_is_taken(tmp_path,
     monkeypatch.setattr(design, "tracking_verdict", verdict_of)
     frame = frame_of(tmp_path)
     law, verdict = law_with_bound(frame, LAW)
-    assert verdict.holds and (law.horizon, law.drift) == (0.006, 1.0) and len(set(tried)) == 15
+    assert verdict.holds and (law.horizon, law.drift) == (0.006, 1.0) and len(set(tried)) == 21
     assert law.final is LAW.final
 
 

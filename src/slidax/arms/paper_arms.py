@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import ClassVar
 
 import jax.numpy as jnp
@@ -11,7 +12,47 @@ from slidax.core.parameter import parameter
 from slidax.core.tracing import barrier
 from slidax.core.types import Matrix, Scalar, Vector
 
-from .arm import AbstractRobot
+from .arm import AbstractRobot, JointLimits, Payload
+from .articulated import Articulated
+
+
+def _point_masses(
+    robot: TwoLink | Scara,
+    turns: Array,
+    places: Array,
+    centers: Array,
+    armature: Array,
+    down: Sequence[float],
+) -> Articulated:
+    """Return a chain with one point mass for each link.
+
+    - `turns`, `places`: each joint's axes and position in the last one's frame [n 3 3], [n 3].
+    - `centers`: of the masses and, in its last row, of the tip [n 3]. `armature`: [n]. `down`: gravity's direction [3].
+    """
+    n = robot.joints
+    nothing, unlimited = jnp.zeros(n), jnp.full(n, jnp.inf)
+    return Articulated(
+        rotations=turns,
+        translations=places,
+        masses=robot.masses,
+        centers=centers,
+        inertias=jnp.zeros((n, 3, 3)),
+        armature=armature,
+        viscous=nothing,
+        coulomb=nothing,
+        smoothing=jnp.ones(()),
+        gravity_vector=robot.gravity_acceleration * jnp.asarray(down),
+        tip_rotation=jnp.eye(3),
+        tip_translation=centers[-1],
+        payload=Payload(),
+        limits=JointLimits(-unlimited, unlimited, unlimited, unlimited, unlimited),
+        name=robot.title,
+        joint_names=robot.joint_names,
+        link_names=tuple(f"link {k + 1}" for k in range(n)),
+        parents=tuple(range(-1, n - 1)),
+        tip_joint=n - 1,
+        joint_units=robot.joint_units,
+    )
 
 
 class TwoLink(AbstractRobot):
@@ -82,6 +123,13 @@ class TwoLink(AbstractRobot):
         zero, unit = jnp.zeros_like(c), jnp.ones_like(c)
         return jnp.array([[c, -s, zero], [s, c, zero], [zero, zero, unit]]), self.tip(q)
 
+    def rigid_links(self) -> Articulated:
+        """Return the same arm as a chain of rigid links, I1 and I2 as rotors."""
+        l1, l2 = self.lengths
+        places = jnp.array([[0.0, 0.0, 0.0], [l1, 0.0, 0.0]])
+        centers = jnp.array([[l1, 0.0, 0.0], [l2, 0.0, 0.0]])
+        return _point_masses(self, jnp.tile(jnp.eye(3), (2, 1, 1)), places, centers, self.inertias, [0.0, -1.0, 0.0])
+
 
 class Scara(AbstractRobot):
     """A SCARA arm with point masses at the link ends; the prismatic axis points down.
@@ -139,3 +187,11 @@ class Scara(AbstractRobot):
         c, s = jnp.cos(q[0] + q[1]), jnp.sin(q[0] + q[1])
         zero, unit = jnp.zeros_like(c), jnp.ones_like(c)
         return jnp.array([[c, -s, zero], [s, c, zero], [zero, zero, unit]]), self.tip(q)
+
+    def rigid_links(self) -> Articulated:
+        """Return the same arm as a chain of rigid links."""
+        l1, l2 = self.lengths
+        turns = jnp.array([jnp.eye(3), jnp.eye(3), jnp.diag(jnp.array([1.0, -1.0, -1.0]))])
+        places = jnp.array([[0.0, 0.0, 0.0], [l1, 0.0, 0.0], [l2, 0.0, 0.0]])
+        centers = jnp.array([[l1, 0.0, 0.0], [l2, 0.0, 0.0], [0.0, 0.0, 0.0]])
+        return _point_masses(self, turns, places, centers, jnp.zeros(3), [0.0, 0.0, -1.0])

@@ -18,6 +18,9 @@ Floats = NDArray[np.floating[Any]]
 HORIZONS = (6.0, 9.0, 14.0, 20.0, 28.0)
 """H that are tried, in periods, or in ms where a period is shorter than that."""
 
+LONG_HORIZONS = (40.0, 56.0)
+"""Further H that are tried for a bound, which needs less torque the longer H is."""
+
 DRIFTS = (0.25, 1.0, 4.0)
 """Times the drift of the disturbance that `slidax new` takes: the torque density goes with its square."""
 
@@ -122,8 +125,8 @@ class DesignSpace:
     @property
     def horizons(self) -> tuple[float, ...]:
         """H that are tried first [s]."""
-        unit = max(self.period, 1e-3)
-        return tuple(sorted({round(max(count * unit, self.least), 9) for count in HORIZONS}))
+        unit, counts = max(self.period, 1e-3), (*HORIZONS, *LONG_HORIZONS) if self.along else HORIZONS
+        return tuple(sorted({round(max(count * unit, self.least), 9) for count in counts}))
 
     def density(self, drift: float, even: float = 0.0) -> Floats:
         """The torque density of the Kalman filter of each joint, `(drift √density)²` [n], (N m/s)² s.
@@ -167,7 +170,8 @@ class DesignSpace:
             "monitor": scheme.sampled_data.monitor.model_copy(update={"share": monitor, "led": monitor}),
         }
         if self.along:
-            sampled |= {"adaptation": None, "midpoint": True, "viscous_feedforward": True}
+            viscous = hasattr(self.base.robot.build().nominal, "viscous")
+            sampled |= {"adaptation": None, "midpoint": True, "viscous_feedforward": viscous}
         changes = {
             "transformation": scheme.transformation.model_copy(
                 update={"performance": performance, "overshoot": choice.overshoot}

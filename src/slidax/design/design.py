@@ -99,7 +99,7 @@ def design(problem: DesignProblem, *, runs: int = RUNS, say: Say = _unheard) -> 
     """The law for an arm and its task, by the certificates where they have an answer, else by simulated cases.
 
     In closed form: ρ0 from the starts, T as required, u from `robust_torque`, H and the estimator's density in
-    proportion to the period, the delay and the drives. Then fifteen pairs of H and density and three surfaces on the
+    proportion to the period, the delay and the drives. Then a grid of H and density and three surfaces on the
     same eight cases of the set, and from the best of them a search of all these numbers, ϑ and ρ∞ at once; ρ∞ from
     `tracking_bound` if a bound is required, or the smallest that 48 cases held. Last, random cases that were not seen
     before and a search for the worst one; where one of them left, the second search begins anew with the worst among
@@ -177,16 +177,20 @@ def _begin(problem: DesignProblem) -> tuple[DesignSpace, DesignPoint]:
 
 
 def law_with_bound(frame: DesignSpace, first: DesignPoint) -> tuple[DesignPoint, Verdict]:
-    """The law with the smallest certified error of a grid of H and densities, and its verdict; else the best failing.
+    """The law with the smallest certified error of a grid of H and densities, and its verdict.
+
+    Where none holds, a failing one: that with the fewest failing lines, and the longest H.
 
     - `first`: its other numbers.
     """
-    results: list[tuple[bool, float, int]] = []
+    results: list[tuple[int, float, int]] = []
     laws: list[tuple[DesignPoint, Verdict]] = []
     for horizon, drift in product(frame.horizons, DRIFTS):
         law = replace(first, horizon=horizon, drift=drift, final=LARGEST * frame.initial)
         verdict = tracking_verdict(frame.described(law).build("design"))
-        results.append((not verdict.holds, float(np.max(verdict.bound.get("error", np.inf))), len(results)))
+        failing = 0 if verdict.holds else 1 + sum(line.status == "fails" for line in verdict.assumptions)
+        error = float(np.max(verdict.bound["error"])) if verdict.holds else -horizon
+        results.append((failing, error, len(results)))
         laws.append((replace(law, final=first.final), verdict))
     return laws[min(results)[2]]
 

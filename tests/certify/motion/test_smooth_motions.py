@@ -106,6 +106,12 @@ def test_simulated_arms_that_start_in_motion_stay_within_the_bound():
         assert (np.abs(np.diff(np.asarray(log.tau), axis=0)).max(axis=0) < verdict.bound["torque_step"]).all()
 
 
+def test_a_start_with_another_velocity_is_refused_with_the_one_that_is_covered():
+    still = sx.scenarios.load(PANDA, {**MOVING, "start.dq": [0.0] * 7})
+    refused = tracking_bound(still)
+    assert refused.holds is None and "set `start.dq` to [0.8, 0.72" in refused.statement
+
+
 def test_a_velocity_sensor_with_noise_is_refused_with_a_remedy_that_works():
     noisy = {**MOVING, "sensor": {"resolution": 1e-6, "velocity": "measured", "velocity_noise": 1e-3, "delay": 1}}
     refused = tracking_bound(sx.scenarios.load(PANDA, noisy))

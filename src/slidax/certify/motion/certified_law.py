@@ -24,10 +24,13 @@ from .body_points import BodyPoints
 from .hand_over import HandOver
 from .joint_loop import JointLoop
 from .parameter_region import BodyBand, ParameterRegion, ball_region, joined_regions
-from .parameter_sets import numbers_regions
+from .parameter_sets import numbers_regions, rigid_links
 from .tracking_bound import ArmUncertainty
 
 Floats = NDArray[np.float64]
+
+ROUNDING = 1e-9
+"""rad/s or m/s: velocities of this size are due to rounding."""
 
 SIGMAS = 6.0
 """Standard deviations within which normal noise of the encoders is assumed to stay."""
@@ -68,19 +71,26 @@ class CertifiedLaw:
                 "a bound along a motion needs a law in sampled-data form: set `scheme.sampled_data` and "
                 "`simulation.mode: held`"
             )
-        loop, arm = JointLoop.of(law), law.nominal
-        if not isinstance(arm, Articulated):
-            raise DefinitionError(f"a bound along a motion needs an arm of rigid links; got a {type(arm).__name__}")
+        loop, arm = JointLoop.of(law), rigid_links(law.nominal)
         ends = _ends(scenario)
         plants, robots = [plant for plant, _, _ in ends], [robot for _, robot, _ in ends]
+        for name in ("rotations", "translations", "gravity_vector"):
+            if any(np.any(np.asarray(getattr(each, name)) != np.asarray(getattr(arm, name))) for each in robots):
+                raise DefinitionError(
+                    "a bound along a motion needs a true arm with the joints and the gravity of the nominal one: set "
+                    "`robot.nominal.lengths` and `robot.nominal.gravity_acceleration` to those under `robot.plant`"
+                )
         bodies = BodyPoints.of(arm)
         resolution, premises = _encoders(plants[0].sensor, law)
         torque, rate = _drives(plants, law)
         start_error, start_speed = _start(scenario, [state for _, _, state in ends])
-        if start_speed.any() and not isinstance(_behind_delay(plants[0].sensor), DifferencedEncoders):
-            raise DefinitionError("a bound along a motion needs an arm that starts at rest: set `start.dq` to 0")
-        reference = scenario.trajectory.reference(jnp.zeros(()))
-        if np.any(np.asarray(reference.dq)) and isinstance(_behind_delay(plants[0].sensor), DifferencedEncoders):
+        speed = np.asarray(scenario.trajectory.reference(jnp.zeros(())).dq, float)
+        if np.any(start_speed > ROUNDING):
+            raise DefinitionError(
+                f"a bound along a motion needs a start with the motion's velocity: set `start.dq` to {speed.tolist()}"
+            )
+        differenced = isinstance(_behind_delay(plants[0].sensor), DifferencedEncoders)
+        if differenced and np.any(np.abs(speed) > ROUNDING):
             premises = (*premises, Assumption("the arm's velocity at the start is known", "assumed"))
         uncertainty = ArmUncertainty(
             _region(scenario, arm, bodies, plants[0]),
@@ -108,10 +118,7 @@ def _ends(scenario: Scenario) -> list[tuple[Plant, Articulated, Any]]:
             plant, _, _, state, *_ = family.parts(family.templates(values), values)
         if not isinstance(plant, Plant):
             raise DefinitionError("a bound along a motion is of slidax's own plant: leave out `simulation.mujoco`")
-        if not isinstance(plant.robot, Articulated):
-            kind = type(plant.robot).__name__
-            raise DefinitionError(f"a bound along a motion needs an arm of rigid links; got a {kind}")
-        both.append((plant, plant.robot, state))
+        both.append((plant, rigid_links(plant.robot), state))
     return both
 
 

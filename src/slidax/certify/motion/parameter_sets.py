@@ -13,11 +13,14 @@ With `w_k` in proportion to the size of D_k, equal rows are one row, and empty r
 
 from __future__ import annotations
 
+from typing import Any
+
 import equinox as eqx
 import numpy as np
 from numpy.typing import NDArray
 
 from slidax.arms.articulated import Articulated
+from slidax.arms.paper_arms import Scara, TwoLink
 from slidax.core.errors import DefinitionError
 from slidax.identify.band import arm_parameters
 from slidax.identify.mass_bound import MassBound
@@ -33,7 +36,9 @@ from .parameter_region import ParameterRegion, ball_region
 
 Floats = NDArray[np.float64]
 
-INERTIAL = tuple(f"robot.plant.{name}" for name in ("mass_factor", "inertia_factor", "armature", "load"))
+INERTIAL = tuple(
+    f"robot.plant.{name}" for name in ("mass_factor", "inertia_factor", "armature", "load", "masses", "inertias")
+)
 """Paths of numbers that change inertial parameters."""
 
 POINTS = 3
@@ -69,14 +74,24 @@ def numbers_regions(scenario: Scenario, arm: Articulated, plant: Plant) -> list[
     return regions
 
 
+def rigid_links(robot: Any) -> Articulated:
+    """Return an arm as one of rigid links, which the built-in arms of the paper have as well.
+
+    Raises DefinitionError for another arm.
+    """
+    if isinstance(robot, TwoLink | Scara):
+        return robot.rigid_links()
+    if not isinstance(robot, Articulated):
+        raise DefinitionError(f"a bound along a motion needs an arm of rigid links; got a {type(robot).__name__}")
+    return robot
+
+
 def true_parameters(plant: Plant) -> Floats:
     """Return the inertial parameters of a true arm with its payload [11n].
 
     Raises DefinitionError if the payload comes or goes, or the arm is not one of rigid links.
     """
-    robot, load = plant.robot, plant.load
-    if not isinstance(robot, Articulated):
-        raise DefinitionError(f"a bound along a motion needs an arm of rigid links; got a {type(robot).__name__}")
+    robot, load = rigid_links(plant.robot), plant.load
     if load is not None:
         if float(load.attached) > 0.0 or np.isfinite(float(load.released)):
             raise DefinitionError(

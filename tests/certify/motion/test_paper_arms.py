@@ -1,0 +1,73 @@
+"""The paper's arms under `tracking_bound`, as chains of rigid links."""
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import slidax as sx
+from slidax.certify.motion.admission import tracking_bound
+from slidax.scenarios.family import Family
+from tests.paper_examples import SCARA, TWO_LINK
+
+
+@pytest.mark.parametrize("arm", [TWO_LINK, SCARA], ids=["two links", "scara"])
+def test_rigid_links_have_the_closed_form_of_the_arm(arm):
+    links = arm.rigid_links()
+    assert (links.joint_units, links.joint_names) == (arm.joint_units, arm.joint_names)
+    for q, dq in jnp.asarray(np.random.default_rng(0).uniform(-3.0, 3.0, (5, 2, arm.joints))):
+        pairs = [(links.mass(q), arm.mass(q)), (links.bias(q, dq), arm.bias(q, dq)), (links.tip(q), arm.tip(q))]
+        for value, expected in pairs:
+            np.testing.assert_allclose(value, expected, rtol=1e-12, atol=1e-12)
+
+
+NEAR: dict[str, Any] = {
+    "scheme": {
+        "name": "computed_torque",
+        "horizon": 0.03,
+        "sampled_data": {
+            "midpoint": True,
+            "adaptation": None,
+            "estimator": {"kind": "kalman", "acceleration_density": 1.0},
+        },
+    },
+    "sensor": {"resolution": 1e-5, "velocity": "differenced", "delay": 1},
+    "simulation.t1": 0.5,
+    "start.q": [0.2, 2.0],
+    "start.dq": [0.0, 0.0],
+    "robot.nominal": {},
+    "disturbance.terms": [{"kind": "harmonic", "amplitude": [2.0, 1.0], "frequency": [1.0, 2.0]}],
+    "actuator.torque": 200.0,
+    "uncertainty": {
+        "robot.plant.masses": {"around": "5 %", "each": "joint"},
+        "robot.plant.inertias": {"around": "5 %", "each": "joint"},
+    },
+}
+
+
+def test_simulated_arms_of_the_set_stay_within_the_bound():
+    scenario = sx.scenarios.load("example-4.1-1khz", NEAR)
+    verdict = tracking_bound(scenario)
+    assert verdict.holds, verdict.statement
+    family = Family.of(scenario.description)
+    corners = family.uncertain.values(np.array([[0.0] * 4, [1.0 - 1e-12] * 4, [0.0, 1.0 - 1e-12] * 2]))
+    worst = np.zeros(2)
+    for k in range(3):
+        log = family.scenario({path: values[k] for path, values in corners.items()}, "arm").simulate().log
+        worst = np.maximum(worst, np.abs(np.asarray(log.e)).max(axis=0))
+    assert (worst <= verdict.bound["error"]).all() and (worst > 0.1 * verdict.bound["error"]).all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"robot.nominal": {"lengths": [1.01, 0.8]}}, "`robot.nominal.lengths`"),
+        ({"uncertainty": {"robot.plant.lengths": {"around": "1 %", "each": "entry"}}}, "`robot.plant.lengths`"),
+        ({"uncertainty": {"robot.plant.gravity_acceleration": {"between": [9.7, 9.9]}}}, "gravity_acceleration"),
+    ],
+    ids=["other lengths", "uncertain lengths", "uncertain gravity"],
+)
+def test_what_the_bound_does_not_cover_is_refused_by_name(changes, named):
+    verdict = tracking_bound(sx.scenarios.load("example-4.1-1khz", {**NEAR, **changes}))
+    assert verdict.holds is None and named in verdict.statement
