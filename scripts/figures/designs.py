@@ -108,6 +108,7 @@ def of_examples() -> Any:
         ("two-link", 1000.0, noisy),
         ("panda", 1000.0, None),
         ("panda-along", 1000.0, None),
+        ("two-link-along", 1000.0, None),
     ):
         file = DESIGNS / f"{name}.yaml"
         data = yaml.safe_load(file.read_text(encoding="utf-8"))
