@@ -83,7 +83,7 @@ class MetricRow:
 
     - `values`: by scheme, in `unit`; None where there is none.
     - `best`: the schemes with the least value, among the runs that reached their end.
-    - `metric`, `joint`: which.
+    - `metric`, `joint`: the metric, and the joint's name.
     """
 
     metric: Metric[Any]
@@ -127,16 +127,16 @@ def comparison_verdict(rivals: Mapping[str, Rival]) -> RunVerdict:
     """
     judged = any(rival.outside is not None for rival in rivals.values())
     kept = [name for name, rival in rivals.items() if rival.run.outcome.ok and (not judged or rival.outside == 0)]
-    place = "inside the envelope" if judged else "finite to the end"
+    where = "inside the envelope" if judged else "finite to the end"
     listed = ", ".join(f"`{name}`" for name in kept)
     if len(kept) == len(rivals):
         who = {1: f"{listed} stays", 2: "Both schemes stay"}.get(len(kept), f"All {len(kept)} schemes stay")
-        sentence = f"{who} {place}."
+        sentence = f"{who} {where}."
     elif kept:
         verb = "stays" if len(kept) == 1 else "stay"
-        sentence = f"{len(kept)} of {len(rivals)} schemes {verb} {place}: {listed}."
+        sentence = f"{len(kept)} of {len(rivals)} schemes {verb} {where}: {listed}."
     else:
-        sentence = f"No scheme stays {place}."
+        sentence = f"No scheme stays {where}."
     return RunVerdict(bool(kept), sentence, tuple(_leaders({name: rivals[name].run for name in kept})))
 
 
@@ -185,7 +185,7 @@ def _result(rival: Rival, also: Sequence[Metric[Any]]) -> dict[str, Any]:
 
 
 def _least(values: Mapping[str, float | None], among: list[str]) -> frozenset[str]:
-    """Empty if there is only one scheme, or all values are equal."""
+    """Return the schemes with the least value; none if there is only one scheme, or all values are equal."""
     known = {name: value for name in among if (value := values[name]) is not None}
     if len(values) < 2 or not known:
         return frozenset()

@@ -37,8 +37,8 @@ def tip_paths(robot: AbstractRobot, run: Run) -> tuple[np.ndarray, np.ndarray]:
     """
     if run.log is None:
         raise DefinitionError("the path of the tip needs the log of the run; simulate with `log_every=10`, not None")
-    places = eqx.filter_jit(eqx.filter_vmap(robot.tip))
-    actual, desired = (places(jnp.asarray(q)) for q in (run.log.state.q, run.log.reference.q))
+    tips = eqx.filter_jit(eqx.filter_vmap(robot.tip))
+    actual, desired = (tips(jnp.asarray(q)) for q in (run.log.state.q, run.log.reference.q))
     return np.asarray(actual), np.asarray(desired)
 
 
@@ -233,7 +233,7 @@ def _bounds(certificates: Certificates, t1: float) -> dict[str, tuple[np.ndarray
 if TYPE_CHECKING:
     from slidax.analysis.linearise import LinearisedLoop
 
-LOOP_PLACES = {
+LOOP_POINTS = {
     "torque": "broken at the torque, between law and drives",
     "measurement": "broken at the measured positions",
 }
@@ -254,9 +254,9 @@ def write_linear_report(
         data={"linear.json": linear.as_json()},
         scenario=scenario,
         linear=linear,
-        margins={where: linear.margins(where) for where in LOOP_PLACES} if has_margins else {},
-        together={where: linear.simultaneous_margins(where) for where in LOOP_PLACES} if has_margins else {},
-        places=LOOP_PLACES,
+        margins={where: linear.margins(where) for where in LOOP_POINTS} if has_margins else {},
+        together={where: linear.simultaneous_margins(where) for where in LOOP_POINTS} if has_margins else {},
+        points=LOOP_POINTS,
         joints=short_names(linear.joint_names),
         pictures=_loop_pictures(linear, Path(out, "figures")) if has_margins else [],
         parameters={"The scenario": as_yaml(scenario.description)},
@@ -270,7 +270,7 @@ def _loop_pictures(linear: LinearisedLoop, folder: Path) -> list[Picture]:
     omega = np.geomspace(1e-4, 0.99, 800) * np.pi / linear.system.period
     names = short_names(linear.joint_names)
     pictures = []
-    for where, title in LOOP_PLACES.items():
+    for where, title in LOOP_POINTS.items():
         closed = linear.closed_loop(where).response(omega)
         loops = {name: -closed[:, k, k] / (1.0 + closed[:, k, k]) for k, name in enumerate(names)}
         caption = "Open loop of each joint with the other joints closed, up to half of the sampling frequency."

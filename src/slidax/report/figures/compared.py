@@ -314,11 +314,9 @@ def compared_tip_paths(paths: Mapping[str, np.ndarray], desired: np.ndarray) -> 
         axes.plot(*every_nth(goal[:, [across, up]], 300).T, **DESIRED, zorder=1.8)
         for path, look in zip(paths.values(), LOOKS, strict=False):
             # A straying path is cut one size outside the picture, where the cut is out of sight.
-            places = np.clip(np.asarray(path), low - spans.max(), high + spans.max())[:, [across, up]]
-            axes.plot(
-                *_with_its_beginning(places, POINTS // (3 * len(paths) * len(views))).T, **{**look, "linewidth": 1.0}
-            )
-            axes.plot(*places[0], marker="o", markersize=4.5, markerfacecolor="white", markeredgecolor="0.2", zorder=4)
+            points = np.clip(np.asarray(path), low - spans.max(), high + spans.max())[:, [across, up]]
+            axes.plot(*_thin_path(points, POINTS // (3 * len(paths) * len(views))).T, **{**look, "linewidth": 1.0})
+            axes.plot(*points[0], marker="o", markersize=4.5, markerfacecolor="white", markeredgecolor="0.2", zorder=4)
         axes.set_aspect("equal", adjustable="box")
         axes.set_xlim(low[across], high[across])
         axes.set_ylim(low[up], high[up])
@@ -331,7 +329,7 @@ def compared_tip_paths(paths: Mapping[str, np.ndarray], desired: np.ndarray) -> 
 
 
 def _box(paths: list[np.ndarray], goal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The corners of the figure: all positions no farther out than the desired path is large."""
+    """The corners of the picture: a path may exceed the desired one by at most the desired path's size."""
     reach = np.ptp(goal, axis=0).max() or 1.0
     low, high = goal.min(axis=0), goal.max(axis=0)
     for path in paths:
@@ -341,13 +339,13 @@ def _box(paths: list[np.ndarray], goal: np.ndarray) -> tuple[np.ndarray, np.ndar
     return low - gap, high + gap
 
 
-def _with_its_beginning(places: np.ndarray, most: int) -> np.ndarray:
-    """Fewer points, half of them evenly along the path and half along time."""
-    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
+def _thin_path(points: np.ndarray, most: int) -> np.ndarray:
+    """Select points of a path, half of them evenly along its length and half evenly in time."""
+    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     each = min(200, most)
-    even = np.searchsorted(way, np.linspace(0.0, way[-1], each)).clip(0, len(places) - 1)
-    chosen = np.unique(np.concatenate([even, np.linspace(0, len(places) - 1, each).round().astype(int)]))
-    return places[chosen]
+    even = np.searchsorted(way, np.linspace(0.0, way[-1], each)).clip(0, len(points) - 1)
+    chosen = np.unique(np.concatenate([even, np.linspace(0, len(points) - 1, each).round().astype(int)]))
+    return points[chosen]
 
 
 HATCHES = ("", "////", "----", "xxxx", "\\\\\\\\", "||||", "++++", "//", "--", "\\\\", "xx", "||", "-|")
@@ -383,11 +381,11 @@ def metric_bars(
     for i, (name, row) in enumerate(zip(values, drawn, strict=True)):
         color = LOOKS[i]["color"]
         skin = {"facecolor": color if i == 0 else "white", "edgecolor": color, "hatch": HATCHES[i], "linewidth": 0.8}
-        places = np.arange(table.shape[1]) + (i - 0.5 * (len(table) - 1)) * width
+        positions = np.arange(table.shape[1]) + (i - 0.5 * (len(table) - 1)) * width
         there = np.isfinite(row)
-        axes.bar(places[there], row[there] - low, 0.86 * width, bottom=low, **skin)
-        for place in places[~there]:
-            axes.annotate("–", (place, low), xytext=(0, 3), textcoords="offset points", ha="center", color=color)
+        axes.bar(positions[there], row[there] - low, 0.86 * width, bottom=low, **skin)
+        for position in positions[~there]:
+            axes.annotate("–", (position, low), xytext=(0, 3), textcoords="offset points", ha="center", color=color)
         handles.append(Patch(**skin, label=name))
     axes.set_yscale("log")
     axes.set_ylim(low, high)

@@ -45,11 +45,11 @@ def envelope_share(run: Run, *, ax: Axes | None = None) -> Figure:
     axes.set_ylabel("error / bound  [%]")
     use_time_axis(axes, float(t[0]), float(t[-1]))
     axes.text(float(t[-1]), 101.0, "envelope ", ha="right", va="bottom", color=BOUND["color"], fontsize=8.0)
-    place = float(min(shares[worst, nearest], high))
+    height = float(min(shares[worst, nearest], high))
     side = ("left", 6) if t[worst] < 0.7 * t[-1] else ("right", -6)
     axes.annotate(
         f"{names[nearest]}: {shares[worst, nearest]:.3g} % at {t[worst]:.3g} s",
-        (float(t[worst]), place),
+        (float(t[worst]), height),
         xytext=(side[1], 2),
         textcoords="offset points",
         ha=side[0],

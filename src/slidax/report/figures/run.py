@@ -201,9 +201,9 @@ def _draw(axes: Axes, actual: np.ndarray, desired: np.ndarray) -> None:
     axes.plot(*actual.T, **{**LINES[0], "linewidth": 1.5})
     axes.plot(*desired.T, **{**LINES[1], "linewidth": 1.1})
     for path, line in ((actual, LINES[0]), (desired, LINES[1])):
-        for place, shape in zip((path[0], path[-1]), MARKS.values(), strict=True):
+        for point, shape in zip((path[0], path[-1]), MARKS.values(), strict=True):
             mark: dict[str, Any] = {"markersize": 5.0, "markerfacecolor": "white", "markeredgecolor": line["color"]}
-            axes.plot(*place, marker=shape, linestyle="none", **mark, zorder=4)
+            axes.plot(*point, marker=shape, linestyle="none", **mark, zorder=4)
     axes.set_aspect("equal", adjustable="box")
     axes.margins(0.08)
 

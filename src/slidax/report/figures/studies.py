@@ -131,18 +131,18 @@ def intervals(names: Sequence[str], values: Mapping[str, np.ndarray]) -> Figure:
     """
     figure = Figure(figsize=(WIDTH, 0.26 * len(names) + 0.85), layout="constrained")
     panels = figure.subplots(1, max(len(values), 1), squeeze=False, sharey=True)[0]
-    places = np.arange(len(names))[::-1]
+    rows = np.arange(len(names))[::-1]
     for panel, (label, numbers) in zip(panels, values.items(), strict=False):
         low, middle, high = np.asarray(numbers, float).T
         reach = np.nan_to_num(np.array([middle - low, high - middle]))
         panel.errorbar(
-            middle, places, xerr=np.maximum(reach, 0.0), fmt="o", color=LINES[0]["color"], markersize=3.5, linewidth=1.0
+            middle, rows, xerr=np.maximum(reach, 0.0), fmt="o", color=LINES[0]["color"], markersize=3.5, linewidth=1.0
         )
         panel.axvline(0.0, **BOUND)
         panel.set_xlabel(label)
         panel.margins(x=0.08, y=0.3)
         panel.grid(False, axis="y")
-    panels[0].set_yticks(places, list(names))
+    panels[0].set_yticks(rows, list(names))
     return figure
 
 
@@ -277,15 +277,15 @@ def variance_shares(
     """
     figure = Figure(figsize=(5.4, 0.42 * len(names) + 0.9), layout="constrained")
     axes = figure.subplots()
-    places = np.arange(len(names))[::-1]
+    rows = np.arange(len(names))[::-1]
     looks = ((0.18, first, halves[0], LINES[0]["color"], "by itself"), (-0.18, total, halves[1], "white", "in all"))
     handles = []
     for shift, values, half, color, label in looks:
         skin = {"facecolor": color, "edgecolor": LINES[0]["color"], "linewidth": 0.8}
         width = np.clip(values, 0.0, None)
-        axes.barh(places + shift, width, 0.32, xerr=half, error_kw={"linewidth": 0.7, "ecolor": "0.35"}, **skin)
+        axes.barh(rows + shift, width, 0.32, xerr=half, error_kw={"linewidth": 0.7, "ecolor": "0.35"}, **skin)
         handles.append(Patch(**skin, label=label))
-    axes.set_yticks(places, list(names))
+    axes.set_yticks(rows, list(names))
     axes.set_xlim(0.0, max(1.0, float(np.max(np.maximum(first, total) + np.maximum(*halves), initial=0.0))))
     axes.set_xlabel("share of the variance")
     axes.tick_params(axis="y", length=0)
@@ -295,12 +295,11 @@ def variance_shares(
 
 
 class RankingLine(NamedTuple):
-    """A scheme.
+    """A scheme in the table of a benchmark.
 
-    - `name`: of it.
-    - `share`, `lower`, `upper`: with its interval, of 1.
+    - `share`, `lower`, `upper`: share of cases inside the tolerance band, with its interval, in [0, 1].
     - `error`: > 0; None where there is none.
-    - `leads`: whether it is filled.
+    - `leads`: True to fill its dot.
     """
 
     name: str
@@ -325,15 +324,15 @@ def benchmark_table(lines: Sequence[RankingLine], share: str, error: str) -> Fig
     figure = Figure(figsize=(WIDTH, 0.7 + 0.17 * len(lines)), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True, width_ratios=(3, 2))
     color = LINES[0]["color"]
-    for place, line in enumerate(lines):
+    for row, line in enumerate(lines):
         filled = color if line.leads else "white"
         dot = {"marker": "o", "markersize": 4, "color": color, "markerfacecolor": filled, "linestyle": "none"}
-        left.plot([100 * line.lower, 100 * line.upper], [place, place], color=color, linewidth=0.9)
-        left.plot([100 * line.share], [place], **dot)
+        left.plot([100 * line.lower, 100 * line.upper], [row, row], color=color, linewidth=0.9)
+        left.plot([100 * line.share], [row], **dot)
         if line.error is not None and np.isfinite(line.error) and line.error > 0:
-            right.plot([line.error], [place], **dot)
+            right.plot([line.error], [row], **dot)
         else:
-            right.annotate("–", (0.02, place), xycoords=("axes fraction", "data"), va="center", color=color)
+            right.annotate("–", (0.02, row), xycoords=("axes fraction", "data"), va="center", color=color)
     left.set_yticks(range(len(lines)), [line.name for line in lines])
     left.set_ylim(len(lines) - 0.4, -0.6)
     left.set_xlim(-2, 102)

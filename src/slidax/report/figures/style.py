@@ -48,7 +48,7 @@ def drawn_by(settings: Any) -> Callable[[Callable[Given, Drawn]], Callable[Given
             with rc_context(settings):
                 figure: Any = draw(*args, **kwargs)
             if isinstance(figure, Figure):
-                # Here, in the one place that all figures pass, and not where each is made.
+                # Here, where every figure passes, and not in each function that draws one.
                 figure.__class__ = NotebookFigure
                 figure.settings = settings  # type: ignore[attr-defined]
             return figure
@@ -103,8 +103,8 @@ STYLE: Any = {
     "figure.dpi": 100.0,
     "savefig.dpi": 200.0,
 }
-"""Settings of matplotlib that hold while a figure is drawn. Text becomes paths in an SVG, so that it looks the same
-without the typeface.
+"""Settings of matplotlib while a figure is drawn. Text becomes paths in an SVG, so that it looks the same where the
+typeface is missing.
 """
 
 WIDTH = 6.9
