@@ -24,7 +24,7 @@ def written(tmp_path_factory):
     return result, folder / "arm.yaml"
 
 
-def test_the_file_has_each_number_under_its_path_and_its_uncertainty_as_sets(written):
+def test_arm_file_has_each_parameter_and_its_uncertainty_set(written):
     result, path = written
     data = YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
     for parameter in result.parameters:
@@ -38,7 +38,7 @@ def test_the_file_has_each_number_under_its_path_and_its_uncertainty_as_sets(wri
     assert len(data["torque_offset"]["value"]) == 6
 
 
-def test_a_scenario_takes_it_as_its_robot(written):
+def test_a_scenario_uses_an_arm_file_as_its_robot(written):
     result, path = written
     scenario = sx.scenarios.load("ur5e-payload", {"robot.kind": "identified", "robot.file": str(path)})
     nominal, true = scenario.controller.nominal, scenario.plant.robot
@@ -53,7 +53,7 @@ def test_a_scenario_takes_it_as_its_robot(written):
     np.testing.assert_allclose(other.coulomb, result.robot.coulomb, rtol=1e-8)
 
 
-def test_links_come_back_from_the_file_too(tmp_path):
+def test_identified_links_are_read_back_from_the_arm_file(tmp_path):
     result = identify(recorded(true_arm()), sx.arms.ur5e(), links=True)
     write_arm(result, ARM, tmp_path / "arm.yaml")
     arm, _ = named_robot(str(tmp_path / "arm.yaml"))
@@ -112,6 +112,6 @@ def test_the_commands_go_from_a_robot_to_a_motion_and_from_a_log_to_an_arm(tmp_p
         (("excite", "ur5e", "--out", "no/such/motion.csv", "--share", "2"), "`share`"),
     ],
 )
-def test_a_command_that_cannot_be_done_is_one_line(command, words):
+def test_invalid_commands_print_one_line(command, words):
     result = in_process(*command)
     assert result.exit_code == 2 and words in result.output and len(result.output.strip().splitlines()) == 1

@@ -129,7 +129,7 @@ def test_topic_that_has_the_arms_joints_is_taken(tmp_path, topic, others, case):
     assert_read(read_log(path, ARM), f"reading topic `{topic}`")
 
 
-def test_of_several_topics_the_user_says_which(tmp_path):
+def test_several_topics_with_the_arms_joints_need_a_choice(tmp_path):
     topics = {"/left/joint_states": arm_messages(q=Q + 1), "/right/joint_states": arm_messages()}
     path = write_mcap(tmp_path / "a.mcap", topics)
     with pytest.raises(DefinitionError, match=r"2 topics, `/left/joint_states`, `/right/joint_states`.*--topic"):
@@ -137,7 +137,7 @@ def test_of_several_topics_the_user_says_which(tmp_path):
     assert_read(read_log(path, ARM, topic="/right/joint_states"))
 
 
-def test_topic_that_is_not_there_is_refused_with_those_that_are(tmp_path):
+def test_missing_topic_is_refused_with_the_existing_ones(tmp_path):
     path = bag(tmp_path, arm_messages())
     with pytest.raises(DefinitionError, match="did you mean `/joint_states`"):
         read_log(path, ARM, topic="/joint_state")
@@ -226,7 +226,7 @@ def test_folder_of_ros2_bag_is_read(tmp_path, storage, form):
     assert_read(read_log(folder, ARM), *([] if form in ("listed", "packed") else ["no readable `metadata.yaml`"]))
 
 
-def test_messages_that_are_packed_one_by_one_are_read(tmp_path):
+def test_individually_compressed_messages_are_read(tmp_path):
     pytest.importorskip("rosbags")
     zstandard = pytest.importorskip("zstandard")
     messages = [zstandard.compress(message) for message in arm_messages()]
@@ -245,7 +245,7 @@ def test_folder_that_is_no_bag_is_refused(tmp_path):
     shutil.rmtree(tmp_path)
 
 
-def test_database_of_something_else_is_refused(tmp_path):
+def test_database_that_is_no_bag_is_refused(tmp_path):
     pytest.importorskip("rosbags")
     base = sqlite3.connect(tmp_path / "a.db3")
     base.execute("CREATE TABLE messages(x)")

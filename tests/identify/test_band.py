@@ -117,7 +117,7 @@ def test_mass_bound_is_homogeneous_and_monotone_in_refinement():
 
 
 @pytest.mark.parametrize("name", ["three_link", "ur5e", "panda"])
-def test_parameters_that_no_torque_shows_do_not_change_the_mass_bound(name):
+def test_unidentifiable_parameters_do_not_change_the_mass_bound(name):
     arm = arm_with_drives(name)
     base, scale = base_parameters(arm)
     rng = np.random.default_rng(2)
@@ -197,7 +197,7 @@ def three_link():
     return arm, estimate, band_of(arm, estimate)
 
 
-def test_all_statements_of_a_band_hold_at_once_as_often_as_it_says(three_link):
+def test_statements_of_a_band_hold_jointly_with_its_probability(three_link):
     arm, estimate, band = three_link
     n, count = arm.joints, 1500
     factor = np.linalg.cholesky(estimate.covariance)
@@ -235,7 +235,7 @@ def test_a_larger_covariance_gives_a_wider_band(three_link):
     np.testing.assert_allclose(wider.deviations @ wider.deviations.T, 4.0 * band.deviations @ band.deviations.T)
 
 
-def test_standard_errors_are_right_for_noise_that_is_correlated():
+def test_standard_errors_are_correct_for_correlated_noise():
     # 40 s at 30 Hz, six columns of 30 harmonics each, noise with a time constant of 0.3 s.
     k, rate, runs = 1200, 30.0, 400
     angle = 2.0 * np.pi * 0.1 * np.outer(np.arange(k) / rate, np.arange(1, 31))
@@ -279,13 +279,13 @@ def covered(result, arm):
 
 
 @pytest.mark.full
-def test_truth_lies_in_the_band_of_93_to_99_of_100_logs():
+def test_true_arm_lies_in_the_band_of_93_to_99_of_100_logs():
     arm, known = arm_with_drives("three_link"), sx.arms.from_urdf("tests/identify/three_link.urdf")
     inside = [covered(identify(log_of(arm, seed), known, links=True), arm) for seed in range(200)]
     assert 0.93 <= np.mean(inside) <= 0.99
 
 
-def test_truth_lies_in_the_band_of_a_few_logs():
+def test_true_arm_lies_in_the_band_of_a_few_logs():
     arm, known = arm_with_drives("three_link"), sx.arms.from_urdf("tests/identify/three_link.urdf")
     results = [identify(log_of(arm, seed), known, links=True) for seed in (1, 2, 3)]
     assert sum(covered(result, arm) for result in results) >= 2
@@ -299,7 +299,7 @@ def test_a_longer_log_makes_the_band_narrower():
     assert not short.links and "exact links" in str(short)
 
 
-def test_the_file_of_an_arm_has_its_band_as_an_uncertainty_set(tmp_path):
+def test_arm_file_has_the_band_as_an_uncertainty_set(tmp_path):
     arm, known = arm_with_drives("three_link"), sx.arms.from_urdf("tests/identify/three_link.urdf")
     result = identify(log_of(arm, 0), known, links=True)
     write_arm(result, {"kind": "urdf", "file": "tests/identify/three_link.urdf"}, tmp_path / "arm.yaml")

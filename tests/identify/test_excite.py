@@ -39,12 +39,12 @@ def test_positions_velocities_and_torques_keep_their_share_of_the_limits(motion)
     assert (motion.share[:3].max(axis=0) > 0.7 * 0.98).all()
 
 
-def test_the_velocity_is_the_positions_slope(motion):
+def test_velocity_is_the_derivative_of_the_position(motion):
     slope = np.gradient(motion.motion.q, motion.t, axis=0)[2:-2]
     np.testing.assert_allclose(slope, motion.motion.dq[2:-2], atol=0.02)
 
 
-def test_a_scenario_reads_the_file(motion, tmp_path):
+def test_a_scenario_reads_the_excitation_file(motion, tmp_path):
     motion.write(tmp_path / "motion.csv")
     read = Tabulated.from_csv(tmp_path / "motion.csv", joints=list(ARM.joint_names), velocity=ARM.limits.velocity)
     assert float(read.until) == pytest.approx(10.0)

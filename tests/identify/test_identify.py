@@ -14,7 +14,7 @@ def identified():
     return identify(recorded(true_arm(), offset=0.2, lag=2e-3), sx.arms.ur5e())
 
 
-def test_rotors_friction_and_payload_are_found_to_what_the_noise_allows(identified):
+def test_rotors_friction_and_payload_are_identified_up_to_the_noise(identified):
     arm = true_arm()
     for name in ("armature", "coulomb", "viscous"):
         off = identified.values(name) - np.asarray(getattr(arm, name))
@@ -26,11 +26,11 @@ def test_rotors_friction_and_payload_are_found_to_what_the_noise_allows(identifi
     np.testing.assert_allclose(center, PAYLOAD.center, atol=5e-3)
 
 
-def test_the_time_by_which_torques_lag_is_found(identified):
+def test_torque_delay_is_identified(identified):
     assert identified.lag == pytest.approx(2e-3, abs=5e-4) and abs(identified.lag - 2e-3) < 4.0 * identified.lag_error
 
 
-def test_the_identified_arm_has_these_numbers_and_predicts_the_part_that_was_held_out(identified):
+def test_identified_arm_has_the_estimates_and_predicts_the_held_out_part(identified):
     np.testing.assert_array_equal(identified.robot.armature, identified.values("armature"))
     assert float(identified.robot.payload.mass) == identified.values("payload.mass")[0]
     assert (identified.held_out_rms < 0.1 * identified.measured_rms).all()
@@ -38,7 +38,7 @@ def test_the_identified_arm_has_these_numbers_and_predicts_the_part_that_was_hel
     assert not identified.unseen or {parameter.name.split(".")[0] for parameter in identified.unseen} == {"payload"}
 
 
-def test_intervals_hold_the_truth_about_as_often_as_they_say():
+def test_confidence_intervals_have_about_their_stated_coverage():
     arm, inside = true_arm(), []
     for seed in range(8):
         result = identify(recorded(arm, seconds=8.0, noise=0.02, seed=seed), sx.arms.ur5e(), cut_off=8.0)
@@ -48,7 +48,7 @@ def test_intervals_hold_the_truth_about_as_often_as_they_say():
     assert 0.88 <= np.mean(inside) <= 0.995
 
 
-def test_a_joint_that_stands_is_said_to_be_unseen_by_name():
+def test_joint_at_rest_is_reported_as_not_excited_by_name():
     log = recorded(true_arm(), still=(5,))
     identified = identify(log, sx.arms.ur5e())
     unseen = {(parameter.name, parameter.joint) for parameter in identified.unseen}
@@ -59,7 +59,7 @@ def test_a_joint_that_stands_is_said_to_be_unseen_by_name():
     assert identified.unseen_directions >= 3
 
 
-def test_links_that_are_wrong_in_the_file_are_found_as_far_as_they_show():
+def test_wrong_links_are_corrected_in_their_identifiable_parameters():
     arm = true_arm()
     off = identify(recorded(arm), sx.arms.Mismatch(mass_factor=0.8).applied(sx.arms.ur5e()), links=True)
     wrong = identify(recorded(arm), sx.arms.Mismatch(mass_factor=0.8).applied(sx.arms.ur5e()))
@@ -71,7 +71,7 @@ def test_links_that_are_wrong_in_the_file_are_found_as_far_as_they_show():
         assert mass > 0 and moments[0] > 0 and moments[0] + moments[1] >= moments[2] * (1 - 1e-9)
 
 
-def test_an_empty_hand_gets_a_payload_that_a_body_can_have():
+def test_payload_estimate_of_an_empty_hand_is_physically_consistent():
     identified = identify(recorded(sx.arms.ur5e(), noise=0.05), sx.arms.ur5e())
     load = identified.robot.payload
     assert 0.0 <= float(load.mass) < 0.2 and np.linalg.eigvalsh(np.asarray(load.inertia)).min() >= 0.0
@@ -103,7 +103,7 @@ def test_unusable_log_is_refused_with_the_reason(changed, words):
 
 
 @pytest.mark.full
-def test_a_log_of_20_s_shows_rotors_friction_and_payload():
+def test_log_of_20_s_identifies_rotors_friction_and_payload():
     pytest.importorskip("mujoco")
     changes = {
         "robot.plant.mass_factor": 1.0,

@@ -133,7 +133,7 @@ def echoed(path, names):
     return path
 
 
-def test_names_in_columns_say_which_joint_the_numbers_are_of(tmp_path):
+def test_column_names_assign_values_to_joints(tmp_path):
     path = echoed(tmp_path / "a.csv", ["wrist", "shoulder", "elbow"])
     assert_read(read_log(path, ARM))
     path.write_text(path.read_text()[::-1].replace("wrist"[::-1], "wirst"[::-1], 1)[::-1])
@@ -141,7 +141,7 @@ def test_names_in_columns_say_which_joint_the_numbers_are_of(tmp_path):
         read_log(path, ARM)
 
 
-def test_names_in_a_list_say_which_joint_the_numbers_are_of(tmp_path):
+def test_name_list_assigns_values_to_joints(tmp_path):
     """As bagpy writes it."""
     order = [2, 0, 1]
     titles = ["Time", "name", *numbered("position", "{word}_{k}", 0), *numbered("effort", "{word}_{k}", 0)]
@@ -177,7 +177,7 @@ def test_numbers_that_skip_a_joint_are_refused(tmp_path):
     assert_read(read_log(tmp_path / "a.csv", ARM, columns=parse_columns(["q=q_1,q_2,q_4,tau=tau_1,tau_2,tau_4"])))
 
 
-def test_of_two_columns_called_alike_the_measured_one_is_taken(tmp_path):
+def test_measured_column_is_preferred_to_a_command_of_the_same_name(tmp_path):
     titles = [
         "time",
         *numbered("q", "cmd.{word}[{k}]"),
@@ -187,7 +187,7 @@ def test_of_two_columns_called_alike_the_measured_one_is_taken(tmp_path):
     assert_read(read_log(write(tmp_path / "a.csv", titles, np.column_stack([T, Q + 1, Q, TAU])), ARM))
 
 
-def test_of_two_arms_in_one_table_the_user_says_which(tmp_path):
+def test_table_with_two_arms_needs_a_choice(tmp_path):
     titles = ["time", *(f"{side}.{word}{k}" for side in ("left", "right") for word in ("q", "tau") for k in (1, 2, 3))]
     path = write(tmp_path / "a.csv", titles, np.column_stack([T, Q + 1, TAU + 1, Q, TAU]))
     with pytest.raises(DefinitionError, match=r"several columns for `q`: `left.q`, `right.q`.*`--columns q=left.q`"):
@@ -237,13 +237,13 @@ def test_two_columns_of_one_joint_are_not_guessed(tmp_path):
     ("time", "factor"),
     [("time [ms]", 1e-3), ("time_us", 1e-6), ("timestamp_ns", 1e-9), ("t (s)", 1.0), ("%time", 1e-9)],
 )
-def test_unit_in_the_title_of_the_times_is_obeyed(tmp_path, time, factor):
+def test_time_unit_in_a_column_title_is_applied(tmp_path, time, factor):
     log = read_log(write(tmp_path / "a.csv", [time, *PLAIN[1:]], np.column_stack([T / factor, Q, TAU])), ARM)
     np.testing.assert_allclose(log.t, T, atol=1e-9)
     assert len(log.notes) == (factor != 1.0)
 
 
-def test_units_in_the_other_titles_are_obeyed(tmp_path):
+def test_units_in_other_column_titles_are_applied(tmp_path):
     titles = ["time", *numbered("q", "{word}_{k} [deg]"), *numbered("tau", "{word}_{k} (mN m)")]
     path = write(tmp_path / "a.csv", titles, np.column_stack([T, np.rad2deg(Q), 1e3 * TAU]))
     log = read_log(path, ARM)
@@ -252,7 +252,7 @@ def test_units_in_the_other_titles_are_obeyed(tmp_path):
     assert len(log.notes) == 2
 
 
-def test_unit_that_is_none_of_the_quantity_is_refused(tmp_path):
+def test_unit_of_another_quantity_is_refused(tmp_path):
     titles = ["time", *PLAIN[1:4], *numbered("tau", "{word}_{k} [A]")]
     with pytest.raises(DefinitionError, match=r"column `tau_1 \[A\]` is in `A`, an unknown unit of `tau`"):
         read_log(write(tmp_path / "a.csv", titles), ARM)
@@ -324,7 +324,7 @@ def with_entry(text):
     ],
     ids=["hole", "word", "underscore", "short", "long", "cut", "header alone", "no header", "zeros"],
 )
-def test_place_and_remedy_of_a_wrong_entry_are_named(tmp_path, row, damage, words):
+def test_position_and_remedy_of_a_wrong_entry_are_named(tmp_path, row, damage, words):
     path = write(tmp_path / "a.csv", PLAIN)
     lines = path.read_text().splitlines()
     lines[row] = damage(lines[row])
@@ -334,7 +334,7 @@ def test_place_and_remedy_of_a_wrong_entry_are_named(tmp_path, row, damage, word
     assert len(str(error.value).splitlines()) == 1
 
 
-def test_hole_in_a_column_that_is_not_needed_does_no_harm(tmp_path):
+def test_gap_in_an_unused_column_is_ignored(tmp_path):
     path = write(tmp_path / "a.csv", [*PLAIN, "mode"], np.column_stack([T, Q, TAU, T]))
     path.write_text("\n".join(f"{line.rpartition(',')[0]}," for line in path.read_text().splitlines()) + "\n")
     path.write_text(path.read_text().replace("tau_3,", "tau_3,mode", 1))
@@ -379,7 +379,7 @@ def test_parquet_timestamps_are_read_by_their_unit(tmp_path, unit):
     assert f"timestamp[{unit if unit != 's' else 'ms'}" in log.notes[0]
 
 
-def test_parquet_types_are_converted_knowingly(tmp_path):
+def test_numeric_parquet_types_are_converted_and_others_refused(tmp_path):
     columns = {"time": pa.array(T), **dict(zip(PLAIN[1:], map(pa.array, np.column_stack([Q, TAU]).T), strict=True))}
     columns["q_1"] = columns["q_1"].cast(pa.decimal128(20, 12))
     columns["q_2"] = columns["q_2"].dictionary_encode()
@@ -396,7 +396,7 @@ def test_parquet_types_are_converted_knowingly(tmp_path):
         read_log(tmp_path / "a.parquet", ARM)
 
 
-def test_names_in_a_parquet_list_say_which_joint_the_numbers_are_of(tmp_path):
+def test_name_list_in_parquet_assigns_values_to_joints(tmp_path):
     names, places = ["wrist", "finger", "shoulder", "elbow"], [2, 0, 0, 1]
     columns = {"time": T, "position": Q[:, places].tolist(), "effort": TAU[:, places].tolist()}
     pq.write_table(pa.table({**columns, "name": [names] * K}), tmp_path / "a.parquet")

@@ -63,7 +63,7 @@ def test_joint_states_are_read_in_the_arms_order(tmp_path, lines):
     np.testing.assert_allclose(read.t, LOG.t, atol=1e-6)
 
 
-def test_our_own_log_is_read(tmp_path):
+def test_log_written_by_slidax_is_read(tmp_path):
     pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     dq = np.gradient(LOG.q, LOG.t, axis=0)
     parts = {"q": LOG.q, "dq": dq, "q_d": LOG.q, "e": 0.0 * LOG.q, "tau": LOG.tau, "s": LOG.q}

@@ -28,7 +28,7 @@ ARMS = [
 
 
 @pytest.mark.parametrize("arm", ARMS)
-def test_the_columns_times_the_parameters_are_the_arms_own_torque(arm):
+def test_regressor_times_parameters_is_the_arms_torque(arm):
     arm = eqx.tree_at(lambda robot: robot.payload, arm, PAYLOAD)
     motion = JointMotion(*np.random.default_rng(1).normal(size=(3, 4, arm.joints)))
     links, load = parameters_of_links(arm), parameters_of_payload(PAYLOAD)
@@ -40,7 +40,7 @@ def test_the_columns_times_the_parameters_are_the_arms_own_torque(arm):
     np.testing.assert_allclose(rigid_torque(arm, motion, links, load), torque, rtol=1e-9, atol=1e-9)
 
 
-def test_a_body_comes_back_from_its_parameters():
+def test_a_body_is_recovered_from_its_parameters():
     phi = parameters_of_payload(PAYLOAD)
     mass, center, inertia = body_of_parameters(phi)
     np.testing.assert_allclose(parameters_of_body(mass, center, inertia), phi, rtol=1e-12)
@@ -58,12 +58,12 @@ def information(seed):
     return half @ half.T * 100.0 + np.eye(10)
 
 
-def test_consistent_parameters_stay_to_the_bit():
+def test_physically_consistent_parameters_stay_bit_for_bit():
     np.testing.assert_array_equal(consistent_parameters(GOOD, information(0), (0,), NONE, INSIDE), GOOD)
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_inconsistent_parameters_move_to_the_best_point_of_the_boundary(seed):
+def test_inconsistent_parameters_become_the_best_point_of_the_boundary(seed):
     weigh, bad = information(seed), GOOD.copy()
     bad[4] = -0.05
     nearest = consistent_parameters(bad, weigh, (0,), NONE, INSIDE)
@@ -79,7 +79,7 @@ def test_inconsistent_parameters_move_to_the_best_point_of_the_boundary(seed):
             assert (other - bad) @ weigh @ (other - bad) > cost - 1e-4 * (1.0 + cost)
 
 
-def test_numbers_that_cannot_be_negative_go_to_zero_and_the_others_follow():
+def test_negative_estimates_become_zero_and_the_others_are_refitted():
     weigh = np.array([[2.0, 1.0], [1.0, 2.0]]) * 1e4
     nearest = consistent_parameters(np.array([-1.0, 3.0]), weigh, (), np.array([True, False]), np.array([1.0, 1.0]))
     assert 0 < nearest[0] < 1e-3

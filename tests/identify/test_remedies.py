@@ -98,13 +98,13 @@ def test_a_time_that_is_not_finite_is_named_with_its_sample(tmp_path, time):
     assert len(lines) == 1 and f"the time of sample 300 of `log.csv` is not finite: it is {time}" in lines[0]
 
 
-def test_velocities_that_are_all_0_are_left_out(tmp_path):
+def test_velocities_that_are_all_zero_are_ignored(tmp_path):
     plain, zero = (identified(replace(LOG, dq=dq), tmp_path) for dq in (None, 0.0 * LOG.q))
     assert zero.exit_code == 0 and "is 0 throughout" in zero.output
     assert friction(plain.output) == friction(zero.output)
 
 
-def test_a_held_joint_that_trembles_is_no_reason_to_refuse(tmp_path):
+def test_trembling_of_a_held_joint_is_accepted(tmp_path):
     log = log_of(held=(0,))
     rng = np.random.default_rng(0)
     q = log.q.copy()
@@ -116,7 +116,7 @@ def test_a_held_joint_that_trembles_is_no_reason_to_refuse(tmp_path):
     np.testing.assert_allclose(friction(result.output)[1:], COULOMB[1:], rtol=0.05)
 
 
-def test_a_gap_is_told_with_its_place_and_the_friction_stays_right(tmp_path):
+def test_gap_is_reported_with_its_time_and_friction_stays_correct(tmp_path):
     keep = (LOG.t < 5.0) | (LOG.t > 7.0)
     result = identified(LOG.rows(keep), tmp_path)
     assert result.exit_code == 0 and re.search(r"has a gap, the longest of 2.0\d s at 4.99 s", result.output)
@@ -131,7 +131,7 @@ def with_moment(tmp_path, moment):
 
 
 @pytest.mark.filterwarnings("ignore:.*changed to the nearest")
-def test_an_inertia_of_no_body_is_refused_with_an_option_of_this_command(tmp_path):
+def test_impossible_inertia_is_refused_with_an_option_of_identify(tmp_path):
     robot = with_moment(tmp_path, 0.005)
     refused = identified(LOG, tmp_path, robot=robot)
     assert refused.exit_code == 2 and " `--inertias nearest` takes" in refused.output
@@ -139,7 +139,7 @@ def test_an_inertia_of_no_body_is_refused_with_an_option_of_this_command(tmp_pat
 
 
 @pytest.mark.filterwarnings("always:.*changed to the nearest")
-def test_a_rounded_inertia_is_read_and_the_warning_has_an_option_of_this_command(tmp_path):
+def test_rounded_inertia_is_read_and_its_warning_names_an_option_of_identify(tmp_path):
     """By 0.25 %: 0.00402 kg m² are 0.00002 more than the sum of the others."""
     robot = with_moment(tmp_path, 0.00402)
     result = identified(LOG, tmp_path, robot=robot)
@@ -164,7 +164,7 @@ def test_lists_of_a_wrong_length_or_sign_are_one_line(tmp_path):
         assert refused.exit_code == 2 and words in refused.output.replace("\n", " "), refused.output
 
 
-def test_a_joint_that_follows_is_held_where_the_message_says(tmp_path):
+def test_follower_joint_is_held_at_the_position_in_the_message(tmp_path):
     text = FILE.read_text()
     follows = re.sub(r'(<joint name="wrist".*?)</joint>', r'\1<mimic joint="elbow"/></joint>', text, flags=re.S)
     assert follows != text

@@ -47,7 +47,7 @@ def test_compiled_and_eager_agree(actuator):
 
 
 @EVERY
-def test_a_batch_over_parameters_and_commands_is_the_loop_over_them(actuator):
+def test_a_batch_over_parameters_and_commands_equals_a_loop(actuator):
     inputs = [jax.tree.map(lambda x, f=factor: x * f, (actuator, COMMANDS)) for factor in (0.5, 1.0, 2.0)]
     looped = [delivered(*each) for each in inputs]
     many, looped = (jax.tree.map(lambda *parts: jnp.stack(parts), *each) for each in (inputs, looped))
@@ -60,7 +60,7 @@ def test_the_same_call_gives_the_same_bits(actuator):
 
 
 @EVERY
-def test_the_memory_keeps_its_tree_its_shapes_and_its_kinds(actuator):
+def test_memory_keeps_its_tree_structure_shapes_and_types(actuator):
     memory = actuator.init(jnp.zeros(2))
     after = actuator.set(COMMANDS[0], PERIOD, memory)[1]
     assert_same_form(after, memory)
@@ -84,7 +84,7 @@ def test_delivered_torque_lies_between_set_commands(actuator):
 
 
 @EVERY
-def test_a_period_ends_where_the_next_begins_unless_a_command_takes_over_there(actuator):
+def test_torque_is_continuous_between_periods_unless_a_new_command_acts(actuator):
     """With a lag always, and without one too if the dead time is not whole."""
     _, (start, _, end) = delivered(actuator)
     continuous = (np.asarray(actuator.time_constant) > 0) | (actuator.change > 0)
@@ -93,14 +93,14 @@ def test_a_period_ends_where_the_next_begins_unless_a_command_takes_over_there(a
 
 
 @EVERY
-def test_a_constant_command_is_delivered_in_the_end(actuator):
+def test_a_constant_command_is_delivered_eventually(actuator):
     _, moments = delivered(actuator, jnp.tile(jnp.array([7.0, -1.5]), (200, 1)))
     for moment in moments:
         np.testing.assert_allclose(moment[-1], [7.0, -1.5], rtol=1e-12)
 
 
 @EVERY
-def test_the_future_has_no_influence(actuator):
+def test_delivered_torque_does_not_depend_on_later_commands(actuator):
     other = COMMANDS.at[10:].set(0.0)
     for a, b in zip(jax.tree.leaves(delivered(actuator)), jax.tree.leaves(delivered(actuator, other)), strict=True):
         np.testing.assert_array_equal(a[:10], b[:10])
@@ -108,7 +108,7 @@ def test_the_future_has_no_influence(actuator):
 
 @pytest.mark.parametrize("size", [0.0, 5e-324, 1e-160, 1e150, 1e307])
 @EVERY
-def test_whatever_is_commanded_the_torque_is_finite(actuator, size):
+def test_torque_is_finite_for_any_command(actuator, size):
     commands = size * jnp.tile(jnp.array([[1.0, -1.0], [-1.0, 1.0]]), (10, 1))
     assert_finite(delivered(actuator, commands))
 

@@ -30,14 +30,14 @@ def experience(scale=1.0):
 
 
 @every("adaptation", ADAPTATIONS)
-def test_the_memory_is_the_same_tree_after_a_sample(adaptation):
+def test_memory_keeps_its_tree_structure_after_a_sample(adaptation):
     before = adaptation.init(FIRST)
     after = adaptation(experience(), before)
     assert_same_form(before, after)
 
 
 @every("adaptation", ADAPTATIONS)
-def test_the_believed_arm_can_be_whatever_was_seen(adaptation):
+def test_learnt_inertia_is_positive_definite_after_any_samples(adaptation):
     generator = np.random.default_rng(11)
     torque = generator.choice([-30.0, 0.0, 30.0], (400, 2))
     q, dq = motion(torque, 0.01, 1.0, generator.normal(0.0, 30.0, (400, 2)), fine=1)
@@ -68,7 +68,7 @@ def test_friction_opposes_the_motion_and_is_odd(adaptation):
 
 @every("adaptation", ADAPTATIONS)
 @pytest.mark.parametrize("explicit", [False, True])
-def test_laws_with_a_model_can_have_it(adaptation, explicit):
+def test_model_based_laws_accept_every_adaptation(adaptation, explicit):
     law = ComputedTorque(TWO_LINK, 100.0, 20.0) if explicit else law_4_1()
     stepped = sampled_data(law, period=1e-3, adaptation=adaptation)
     reference = Reference(q=[0.1, 0.0])

@@ -111,7 +111,7 @@ def test_compiled_and_eager_agree(case):
 
 
 @SLOPED
-def test_a_batch_over_any_gain_is_the_loop_over_it(case, sloped):
+def test_a_batch_over_any_gain_equals_a_loop(case, sloped):
     point = at(case, 1.0, near(case, 1.0))
     looped = [compiled(scaled(case.controller, factor), point).tau for factor in FACTORS]
     np.testing.assert_allclose(sloped[0][: len(FACTORS)], looped, rtol=1e-9)
@@ -138,7 +138,7 @@ def test_gradients_by_all_gains_and_by_the_state_are_finite_also_without_any_err
 
 
 @SLOPED
-def test_the_torque_is_not_indifferent_to_its_gains(case, sloped):
+def test_nearly_every_gain_changes_the_first_torque(case, sloped):
     """Wherever a gain stands idle at one state, it acts at another: here every leaf but a few at the start."""
     reference = case.trajectory.reference(jnp.zeros(()))
     assert float(jnp.abs(case.start.q - reference.q).max()) > 0
@@ -165,7 +165,7 @@ def test_the_gradient_by_each_gain_matches_differences(case, sloped):
 
 
 @EVERY
-def test_the_memory_and_its_rate_keep_its_tree_shapes_and_types(case):
+def test_memory_and_its_rate_keep_tree_structure_shapes_and_types(case):
     point = at(case, 0.5, near(case, 0.5))
     before = case.controller.init(jnp.zeros(()), point.start, point.first)
     command = compiled(case.controller, point)
@@ -183,7 +183,7 @@ def test_the_scheme_commands_one_torque_per_joint_of_its_arm(case):
 
 
 @EVERY
-def test_the_start_lies_inside_the_envelope_that_the_scheme_promises(case):
+def test_the_start_lies_inside_the_schemes_envelope(case):
     reference = case.trajectory.reference(jnp.zeros(()))
     memory = case.controller.init(jnp.zeros(()), case.start, reference)
     envelope = case.controller.envelope(jnp.zeros(()), memory)

@@ -26,14 +26,14 @@ def test_two_disturbances_add(disturbance):
 
 
 @every("disturbance", DISTURBANCES)
-def test_a_disturbance_scales_from_both_sides(disturbance):
+def test_a_factor_scales_a_disturbance_from_left_and_right(disturbance):
     np.testing.assert_array_equal(force(2.5 * disturbance), 2.5 * force(disturbance))
     np.testing.assert_array_equal(force(disturbance * 2.5), 2.5 * force(disturbance))
     assert np.any(force(disturbance) != 0)
 
 
 @every("disturbance", DISTURBANCES)
-def test_the_factor_zero_switches_it_off(disturbance):
+def test_factor_zero_switches_a_disturbance_off(disturbance):
     np.testing.assert_array_equal(force(0.0 * disturbance), 0.0)
 
 
@@ -87,7 +87,7 @@ def between(disturbance, other):
 
 
 @every("disturbance", DISTURBANCES)
-def test_the_force_stays_as_near_to_its_chord_as_its_class_says_over_a_box_of_its_numbers(disturbance):
+def test_chord_deviation_bounds_the_force_for_all_parameters_in_a_box(disturbance):
     random = np.random.default_rng(4)
     other = jax.tree.map(lambda leaf: leaf * random.uniform(0.5, 2.0, leaf.shape), disturbance)
     lower, upper = between(disturbance, other)
@@ -100,7 +100,7 @@ def test_the_force_stays_as_near_to_its_chord_as_its_class_says_over_a_box_of_it
 
 
 @every("disturbance", DISTURBANCES)
-def test_the_bound_between_samples_adds_up_over_equal_parts_and_grows_with_the_box(disturbance):
+def test_chord_deviation_adds_up_over_equal_terms_and_grows_with_the_box(disturbance):
     dense = moving(1)
     samples = sampled(dense)
     whole = disturbance.chord_deviation(disturbance, samples)
@@ -110,7 +110,7 @@ def test_the_bound_between_samples_adds_up_over_equal_parts_and_grows_with_the_b
     assert (disturbance.chord_deviation(upper, samples) >= whole - 1e-12).all()
 
 
-def test_a_short_pulse_holds_one_of_its_breakpoints():
+def test_a_short_pulse_has_a_breakpoint_inside():
     random = np.random.default_rng(7)
     for start, length in zip(random.uniform(0, 2, 20), 10 ** random.uniform(-6, -1, 20), strict=True):
         pulse = Scaled(Sum((Constant([1.0, 1.0]), Step([3.0, -1.0], start, start + length))), -2.0)

@@ -56,7 +56,7 @@ def test_compiled_and_eager_agree(estimator):
 
 
 @EVERY
-def test_a_batch_over_parameters_is_the_loop_over_them(estimator):
+def test_a_batch_over_parameters_equals_a_loop(estimator):
     acceleration, inputs = jnp.array([400.0, -500.0]), []
     for factor in (0.25, 0.5, 1.0):
         inputs += [jax.tree.map(lambda x, f=factor: x * f, estimator)]
@@ -74,7 +74,7 @@ def test_the_same_call_gives_the_same_bits(estimator):
 
 
 @EVERY
-def test_the_memory_keeps_its_tree_its_shapes_and_its_kinds(estimator):
+def test_memory_keeps_its_tree_structure_shapes_and_types(estimator):
     memory, after = estimator.init(MEASURED), answer(estimator)[1]
     assert_same_form(after, memory)
 
@@ -82,7 +82,7 @@ def test_the_memory_keeps_its_tree_its_shapes_and_its_kinds(estimator):
 @pytest.mark.parametrize("missed", [False, True])
 @pytest.mark.parametrize("size", [0.0, 5e-324, 1e-160, 1e-3, 1e16, 1e150, 1e280])
 @EVERY
-def test_whatever_is_measured_the_estimate_is_finite(estimator, size, missed):
+def test_estimate_is_finite_for_any_measurement(estimator, size, missed):
     for signs in ([1.0, -1.0], [-1.0, 1.0]):
         far = size * jnp.asarray(signs)
         measured, none = State(q=far, dq=far), jnp.zeros(2)
@@ -107,7 +107,7 @@ def test_gradients_by_parameters_measurements_and_predictions_are_finite(estimat
 
 
 @EVERY
-def test_numbers_are_arrays_that_a_batch_can_vary(estimator):
+def test_parameters_are_arrays_that_a_batch_can_vary(estimator):
     assert_float_leaves(estimator)
 
 
@@ -173,7 +173,7 @@ def test_a_long_gap_keeps_the_disturbance_and_takes_the_measured_position(estima
 
 
 @EVERY
-def test_after_a_gap_with_a_push_that_nobody_knew_the_velocity_is_nearer_than_the_prediction(estimator):
+def test_after_a_gap_with_an_unknown_disturbance_the_velocity_beats_the_prediction(estimator):
     true = accelerated(PUSH)
     for elapsed in (jnp.asarray(0.002), jnp.asarray(0.02), jnp.asarray(0.5)):
         last = Estimate(state=true(jnp.asarray(0.5)), disturbance=jnp.zeros(2))
@@ -184,13 +184,13 @@ def test_after_a_gap_with_a_push_that_nobody_knew_the_velocity_is_nearer_than_th
 
 
 @EVERY
-def test_each_joint_is_estimated_by_itself(estimator):
+def test_each_joint_is_estimated_independently(estimator):
     other = arrays_of([MEASURED.q[0], 7.0], [MEASURED.dq[0], -7.0])
     for a, b in zip(jax.tree.leaves(answer(estimator)), jax.tree.leaves(answer(estimator, other)), strict=True):
         assert a[0] == b[0]
 
 
 @every("estimator", OF_POSITIONS, full=ESTIMATORS_LIKE_OTHERS)
-def test_estimators_of_positions_do_not_look_at_measured_velocities(estimator):
+def test_position_estimators_ignore_measured_velocities(estimator):
     other = arrays_of(MEASURED.q, [50.0, -50.0])
     assert_same(answer(estimator, other), answer(estimator))

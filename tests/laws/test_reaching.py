@@ -24,7 +24,7 @@ def terms(reaching, s):
 
 
 @EVERY
-def test_power_and_direction_push_along_s(reaching):
+def test_power_and_direction_have_the_signs_of_s(reaching):
     for pushed, opposite in zip(terms(reaching, S), terms(reaching, -S), strict=True):
         assert np.all(np.sum(np.asarray(S) * np.asarray(pushed), axis=1) > 0)
         np.testing.assert_allclose(opposite, -pushed, rtol=1e-13)
@@ -50,7 +50,7 @@ def test_the_direction_is_parallel_to_s(reaching):
 
 
 @EVERY
-def test_at_zero_both_are_zero_with_finite_gradients(reaching):
+def test_power_and_direction_at_zero_are_zero_with_finite_gradients(reaching):
     assert all(isinstance(leaf, jax.Array) and leaf.dtype == float for leaf in jax.tree.leaves(reaching))
     for name in ("continuous_term", "switching_direction"):
 
@@ -103,7 +103,7 @@ def test_the_implicit_step_solves_its_equation_in_every_case(reaching):
 
 
 @every("reaching", IMPLICIT, full=REACHING_LIKE_OTHERS)
-def test_the_implicit_step_stays_at_zero_exactly_where_the_push_is_within_u(reaching):
+def test_the_implicit_step_stays_at_zero_exactly_where_the_disturbance_is_within_u(reaching):
     if isinstance(reaching, SaturatedReaching) or reaching.layer > 0:
         np.testing.assert_array_equal(implicit(reaching, s=0.0 * STARTS), 0.0)
         return
@@ -114,7 +114,7 @@ def test_the_implicit_step_stays_at_zero_exactly_where_the_push_is_within_u(reac
 
 
 @every("reaching", IMPLICIT, full=REACHING_LIKE_OTHERS)
-def test_the_implicit_step_brings_any_two_starts_together_in_the_metric(reaching):
+def test_the_implicit_step_never_widens_a_distance_in_the_metric(reaching):
     """The resolvent of a monotone map does not widen a distance: no step can overshoot."""
     first, second = implicit(reaching), implicit(reaching, s=-0.7 * STARTS[::-1])
     before = np.asarray(STARTS + 0.7 * STARTS[::-1])
@@ -151,7 +151,7 @@ def test_a_full_gain_matrix_has_no_implicit_step():
 
 
 @every("bound", BOUNDS)
-def test_a_bound_is_one_positive_number_that_no_torque_or_state_lessens(bound):
+def test_a_torque_bound_is_a_positive_scalar_that_grows_with_torque_and_state(bound):
     """It has finite derivatives, also at rest without a torque, and compiles to the same number."""
     rest = State(q=jnp.zeros(2), dq=jnp.zeros(2))
     least = bound(rest, jnp.zeros(2))

@@ -149,7 +149,7 @@ def test_units_fit_the_joints(robot):
 
 
 @EVERY
-def test_the_arm_looks_the_same_after_a_full_turn(robot, states, mechanical):
+def test_the_arm_is_unchanged_by_a_full_turn_of_a_joint(robot, states, mechanical):
     q, dq, tau = states
     turn = jnp.asarray([2 * np.pi if unit == "rad" else 0.0 for unit in robot.joint_units])
     turned = mechanics(robot, q + turn, dq, tau)

@@ -74,7 +74,7 @@ def assert_settled(run: Run, error: float) -> None:
 
 
 @pytest.mark.parametrize(("arm", "scheme"), pairs(0))
-def test_at_the_arms_rate_it_settles_within_its_limits_also_after_lost_samples(arm, scheme):
+def test_sampled_schemes_settle_within_the_limits_also_after_lost_samples(arm, scheme):
     """With exact sensors, an arm that is not the nominal one, a disturbance or a payload, and one period of delay."""
     name = ARMS[arm] if arm == "panda" else f"{ARMS[arm]}-1khz"
     outage = {"outages": [{"start": START, "samples": LOST}]}
@@ -96,7 +96,7 @@ def test_at_the_arms_rate_it_settles_within_its_limits_also_after_lost_samples(a
 
 
 @pytest.mark.parametrize(("arm", "scheme"), pairs(1))
-def test_as_it_is_printed_it_settles_on_the_arm_that_it_is_made_for(arm, scheme):
+def test_printed_schemes_settle_on_the_arm_of_their_source(arm, scheme):
     changes: dict[str, Any] = {"simulation.t1": 4.0, "simulation.period": 2e-4}
     if (arm, scheme) in UNDISTURBED:
         changes["disturbance.scale"] = 0.0

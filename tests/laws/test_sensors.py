@@ -63,13 +63,13 @@ def test_compiled_and_eager_agree(sensor):
 
 
 @EVERY
-def test_a_batch_over_motions_is_the_loop_over_them(sensor):
+def test_a_batch_over_motions_equals_a_loop_over_motions(sensor):
     many = measured_of_many(stacked([sensor] * 3), SHIFTS)
     assert_same(many, stacked([measured(sensor, shift) for shift in SHIFTS]), rtol=1e-11)
 
 
 @every("sensor", BY_CHANCE, full=(*LIKE_OTHERS, "all_at_once"))
-def test_a_batch_over_seeds_is_the_loop_over_them_and_each_seed_measures_otherwise(sensor):
+def test_a_batch_over_seeds_equals_a_loop_and_seeds_differ(sensor):
     sensors = [eqx.tree_at(lambda sensor: sensor.seed, sensor, jnp.asarray(seed)) for seed in range(3)]
     looped = stacked([measured(sensor, SHIFTS[0]) for sensor in sensors])
     assert_same(measured_of_many(stacked(sensors), jnp.zeros(3)), looped, rtol=1e-11)
@@ -92,7 +92,7 @@ def test_the_first_sample_arrives_and_is_near_the_truth(sensor):
 
 
 @EVERY
-def test_the_memory_keeps_its_tree_its_shapes_and_its_kinds(sensor):
+def test_memory_keeps_its_tree_structure_shapes_and_types(sensor):
     memory = sensor.init(moving(jnp.zeros(())))
     after = sensor(jnp.asarray(0), moving(jnp.zeros(())), PERIOD, memory)[1]
     assert_same_form(after, memory)
@@ -100,7 +100,7 @@ def test_the_memory_keeps_its_tree_its_shapes_and_its_kinds(sensor):
 
 @pytest.mark.parametrize("size", [0.0, 5e-324, 1e-160, 1e16, 1e150, 1e280])
 @EVERY
-def test_whatever_the_state_the_measurement_is_finite(sensor, size):
+def test_measurement_is_finite_for_any_state(sensor, size):
     assert_finite(measured_of_jumps(sensor, jnp.asarray(size)))
 
 
@@ -110,7 +110,7 @@ def test_gradients_by_parameters_and_states_are_finite(sensor):
 
 
 @EVERY
-def test_numbers_are_arrays_that_a_batch_can_vary(sensor):
+def test_parameters_are_arrays_that_a_batch_can_vary(sensor):
     assert all(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(sensor))
 
 

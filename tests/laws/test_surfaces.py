@@ -47,7 +47,7 @@ def test_the_slope_is_the_derivative_of_phi(surface):
 
 
 @EVERY
-def test_joints_do_not_mix(surface):
+def test_each_joints_phi_depends_on_its_own_error_alone(surface):
     jacobian = jax.jit(jax.jacfwd(lambda eps: phi(surface, eps)))(jnp.array([0.3, -0.004]))
     np.testing.assert_array_equal(jacobian - np.diag(np.diagonal(jacobian)), 0.0)
 

@@ -22,7 +22,7 @@ def blocks(language: str) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", PAGE, re.DOTALL)
 
 
-def test_the_program_prints_what_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
+def test_program_on_the_page_prints_the_output_on_the_page(capsys: pytest.CaptureFixture[str]) -> None:
     exec(compile(blocks("python")[0], "trajectories.md", "exec"), {})
     assert capsys.readouterr().out == blocks("text")[0]
 
@@ -40,10 +40,10 @@ def test_the_scenarios_on_the_page_can_be_built_from_the_files_on_it(
     np.testing.assert_array_equal(csv.times, [0.0, 1.2, 2.0])
 
 
-def test_the_message_on_the_page_is_read() -> None:
+def test_ros_message_on_the_page_is_read() -> None:
     assert float(Tabulated.from_joint_trajectory(blocks("json")[0]).until) == 2.0
 
 
-def test_every_kind_is_on_the_page() -> None:
+def test_every_trajectory_kind_is_on_the_page() -> None:
     kinds = TypeAdapter(TrajectoryDescription).json_schema()["discriminator"]["mapping"]
     assert all(f"| `{kind}` |" in PAGE for kind in kinds)

@@ -50,7 +50,7 @@ def test_the_motion_stands_still_outside_its_times():
 
 @settings(max_examples=25)
 @given(st.floats(-5, 5), st.floats(0.1, 50.0), st.floats(-3, 3), st.floats(-3, 3))
-def test_between_two_waypoints_it_is_the_quintic_of_flash_and_hogan(start, duration, q0, q1):
+def test_motion_between_two_waypoints_is_the_quintic_of_flash_and_hogan(start, duration, q0, q1):
     motion = MinimumJerk.through([start, start + duration], [[q0], [q1]])
     t = np.linspace(start, start + duration, 41)
     z = (t - start) / duration
@@ -85,7 +85,7 @@ def test_long_motions_with_many_waypoints_stay_accurate():
     np.testing.assert_allclose(derivative(motion, 0, times), waypoints, atol=1e-9)
 
 
-def test_too_many_waypoints_to_search_the_times_of_are_refused():
+def test_too_many_waypoints_for_a_search_of_times_are_refused():
     rows = [[float(k % 2)] for k in range(1001)]
     with pytest.raises(DefinitionError, match=r"at most 100 waypoints; got 1001; pass times to"):
         MinimumJerk.within(rows, velocity=1.0, acceleration=1.0)

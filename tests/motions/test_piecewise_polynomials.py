@@ -34,7 +34,7 @@ def test_at_a_knot_the_motion_is_the_piece_that_begins_there(motion, order):
 
 
 @every("motion", PIECEWISE)
-def test_before_the_first_knot_and_from_the_last_on_it_stands_still(motion):
+def test_motion_stands_still_before_the_first_and_after_the_last_knot(motion):
     first, last = float(motion.times[0]), float(motion.times[-1])
     outside = np.array([first - 5.0, first - 1e-9, last, last + 1e-9, last + 100.0])
     for order in (1, 2):

@@ -24,7 +24,7 @@ def dense(motion, order):
 
 
 @pytest.mark.parametrize("jerk", [None, JERK])
-def test_no_limit_is_passed_anywhere_and_one_is_reached(jerk):
+def test_no_limit_is_exceeded_and_one_is_reached(jerk):
     motion = MinimumJerk.within(PATH, velocity=SPEED, acceleration=ACCELERATION, jerk=jerk)
     limits = {1: SPEED, 2: ACCELERATION} | ({} if jerk is None else {3: jerk})
     for order, limit in limits.items():
@@ -54,7 +54,7 @@ def test_between_two_waypoints_the_time_is_that_of_the_closed_form(distance, vel
     assert float(motion.until) == pytest.approx(expected, rel=1e-9)
 
 
-def test_the_joint_that_needs_longest_sets_the_time_of_all():
+def test_slowest_joint_sets_the_time_of_all():
     both = MinimumJerk.within([[0.0, 0.0], [1.0, 2.0]], velocity=[1.0, 1.0], acceleration=np.inf)
     assert float(both.until) == pytest.approx(15 / 8 * 2.0)
     np.testing.assert_allclose(both.extremes(1).size, [0.5, 1.0])

@@ -87,12 +87,12 @@ def test_names_match_without_regard_to_case_spaces_and_quotation_marks(titles, j
     same(Tabulated.from_csv(text, joints=joints), Tabulated.through([0.0, 1.0], [[2.0, 1.0], [5.0, 3.0]]))
 
 
-def test_names_that_become_alike_match_exactly_or_not_at_all():
+def test_column_names_that_differ_only_in_punctuation_match_exactly_or_not_at_all():
     with pytest.raises(DefinitionError, match="lacks the joint `B-1`"):
         Tabulated.from_csv("time,b_1,b.1,c\n0,1,2,3\n1,2,3,4\n", joints=["c", "B-1"])
 
 
-def test_numbers_in_a_name_stay_apart():
+def test_separate_numbers_in_a_joint_name_are_not_joined():
     """The first joint of the first finger is not joint 11."""
     with pytest.raises(DefinitionError, match="lacks the joint `joint_11`"):
         Tabulated.from_csv("time,joint_1_1\n0,1\n1,2\n", joints=["joint_11"])
@@ -107,7 +107,7 @@ def test_joints_without_names_take_the_columns_in_order_and_a_warning_says_so():
         same(Tabulated.from_csv(CSV, joints=["joint 1", "joint 2"]), Tabulated.through(TIMES, PLACES))
 
 
-def test_units_in_the_titles_are_obeyed():
+def test_units_in_column_titles_are_applied():
     titles = "time [ms],shoulder (deg),elbow [\u00b0],shoulder.velocity [deg/s],elbow.velocity [rpm]"
     columns = [
         1e3 * TIMES,
@@ -145,7 +145,7 @@ def test_units_of_velocities_and_positions_agree(titles, words):
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
-def test_times_in_another_unit_are_suspected_where_the_motion_is_too_slow_and_read_where_it_is_given(unit, factor):
+def test_times_in_another_unit_cause_a_warning_and_are_read_with_time_unit(unit, factor):
     t = np.linspace(0.0, 2.0, 101)
     q = 0.4 * (1 - np.cos(np.pi * t / 2))
     text = "time,a\n" + "\n".join(f"{factor * x:.9g},{y:.9g}" for x, y in zip(t, q, strict=True))
@@ -177,7 +177,7 @@ def test_lines_without_entries_are_left_out():
     same(Tabulated.from_csv(CSV + ",,\n ,,\n"), Tabulated.from_csv(CSV))
 
 
-def test_limits_go_with_the_joints_of_the_robot():
+def test_limits_follow_the_robots_joint_order():
     with pytest.raises(DefinitionError, match=r"the text: joint `shoulder` would go to -0.3.*below its limit of -0.2"):
         Tabulated.from_csv(CSV, joints=["elbow", "shoulder"], lower=[-1.0, -0.2])
 
@@ -206,7 +206,7 @@ def test_a_ros_message_is_read_from_a_mapping_a_text_and_a_file(tmp_path, column
         same(Tabulated.from_joint_trajectory(source), expected)
 
 
-def test_empty_lists_in_a_message_mean_that_there_is_nothing():
+def test_empty_lists_in_a_message_count_as_missing():
     given = message(1)
     for point in given["points"]:
         point |= {"velocities": [], "accelerations": [], "effort": []}

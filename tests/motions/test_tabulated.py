@@ -33,7 +33,7 @@ def test_positions_and_velocities_give_the_cubics_of_scipy():
         np.testing.assert_allclose(derivative(motion, order, t), cubic(t, order), atol=1e-11)
 
 
-def test_accelerations_too_give_quintics_that_have_them_on_both_sides_of_each_row():
+def test_accelerations_give_quintics_with_these_accelerations_at_each_row():
     motion = Tabulated.through(TIMES, PLACES, SPEEDS, CURVES)
     h = 1e-10
     for order, rows in enumerate((PLACES, SPEEDS, CURVES)):
@@ -42,7 +42,7 @@ def test_accelerations_too_give_quintics_that_have_them_on_both_sides_of_each_ro
 
 
 @pytest.mark.parametrize("columns", [1, 2, 3])
-def test_a_motion_is_found_again_in_its_own_samples(columns):
+def test_samples_of_a_motion_reproduce_the_motion(columns):
     """The error is that of the interpolation, and so small where the rows are dense."""
     original = MinimumJerk.through(TIMES, PLACES)
     t, q, dq, ddq = sampled(original, 401)
@@ -94,7 +94,7 @@ def test_jump_error_names_row_joint_time_size_and_remedy():
     assert "add rows in which it changes" in sentence and "`MinimumJerk.within`" in sentence
 
 
-def test_acceleration_limit_decides_if_given():
+def test_acceleration_limit_decides_on_a_jump():
     t = np.linspace(0.0, 2.0, 41)
     q = 0.2 * np.sin(2 * t)[:, None]
     with pytest.raises(DefinitionError, match=r"if the arm reaches ([0-9.]+) rad/s²") as refused:

@@ -33,14 +33,14 @@ def test_one_joint_takes_the_time_of_the_trapezoid_or_the_triangle(distance, vel
     assert motion.extremes(2).size[0] == pytest.approx(acceleration, rel=1e-9)
 
 
-def test_with_a_limit_of_jerk_it_is_the_s_curve_that_reaches_all_three():
+def test_jerk_limit_gives_the_s_curve_that_reaches_all_three_limits():
     motion = Trapezoidal.through([[0.0], [3.0]], velocity=1.0, acceleration=2.0, jerk=20.0)
     assert float(motion.until) == pytest.approx(3.0 / 1.0 + 1.0 / 2.0 + 2.0 / 20.0, rel=1e-9)
     np.testing.assert_allclose([motion.extremes(order).size[0] for order in (1, 2, 3)], [1.0, 2.0, 20.0], rtol=1e-9)
 
 
 @pytest.mark.parametrize("jerk", [math.inf, JERK])
-def test_no_limit_is_passed_anywhere_and_one_is_reached_in_every_segment(jerk):
+def test_no_limit_is_exceeded_and_every_segment_reaches_a_limit(jerk):
     motion = Trapezoidal.through(PATH, velocity=SPEED, acceleration=ACCELERATION, jerk=jerk)
     t = np.linspace(0.0, float(motion.until), 20_001)[:-1]
     for order, limit in ((1, SPEED), (2, ACCELERATION), (3, np.broadcast_to(jerk, 3))):
@@ -61,7 +61,7 @@ def test_all_joints_arrive_together_when_the_slowest_can():
     assert np.all(shortly_before > 0)
 
 
-def test_alike_limits_lead_along_a_straight_line():
+def test_equal_limits_give_a_straight_line():
     motion = Trapezoidal.through([[0.0, 0.0], [1.0, -0.5]], velocity=1.0, acceleration=2.0)
     place = derivative(motion, 0, np.linspace(0.0, float(motion.until), 101))
     np.testing.assert_allclose(place[:, 1], -0.5 * place[:, 0], atol=1e-12)

@@ -50,7 +50,7 @@ def work(monkeypatch, number, sent):
 
 
 @pytest.mark.parametrize(("number", "late", "taken"), [(0, -1_000_000, 0), (0, 1_000_000, None), (1, -1, 1)])
-def test_a_command_is_taken_at_its_tick_if_it_was_sent_before_it(monkeypatch, number, late, taken):
+def test_a_command_is_used_at_its_tick_only_if_sent_before_that_tick(monkeypatch, number, late, taken):
     reason, counts, came = work(monkeypatch, number, late)
     assert [k for k, it_came, _ in came if it_came] == ([] if taken is None else [taken])
     # After 20 ticks without one it brakes, and that it rests is its end.
@@ -59,7 +59,7 @@ def test_a_command_is_taken_at_its_tick_if_it_was_sent_before_it(monkeypatch, nu
     assert (reason, counts["ticks"], counts["held"]) == ("no command", ticks, ticks - (taken is not None))
 
 
-def test_arm_brakes_at_the_first_tick_at_which_the_law_asks_for_a_stop(monkeypatch):
+def test_arm_brakes_at_the_first_tick_with_a_stop_request(monkeypatch):
     reason, counts, came = work(monkeypatch, 0, None)
     assert came == [(0, False, True)]
     assert (reason, counts["ticks"], counts["held"]) == ("stop requested", 1, 0)

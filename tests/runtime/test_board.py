@@ -12,7 +12,7 @@ def shared(size):
     return sides
 
 
-def test_the_newest_message_arrives_whole_and_with_its_number():
+def test_mailbox_returns_the_newest_complete_message_and_its_number():
     here, there = (Mailbox(memory, 24) for memory in shared(Mailbox.size(24)))
     here.clear()
     assert there.get() == -2
@@ -22,7 +22,7 @@ def test_the_newest_message_arrives_whole_and_with_its_number():
         assert there.get() == number and (there.message == number + 1).all()
 
 
-def test_a_message_that_is_written_just_now_is_none():
+def test_mailbox_ignores_a_message_that_is_being_written():
     memory, other = shared(Mailbox.size(24))
     here, there = Mailbox(memory, 24), Mailbox(other, 24)
     here.clear()
@@ -38,7 +38,7 @@ def test_a_message_that_is_written_just_now_is_none():
     assert there.get() == -2
 
 
-def test_all_rows_of_a_ring_are_read_once_and_lost_ones_are_counted():
+def test_ring_delivers_each_row_once_and_counts_lost_rows():
     here, there = (Ring(memory, 8, 256) for memory in shared(Ring.size(8, 256)))
     numbers = []
     for number in range(150):
@@ -53,7 +53,7 @@ def test_all_rows_of_a_ring_are_read_once_and_lost_ones_are_counted():
     assert late == list(range(650 - len(late), 650)) and there.lost == 500 - len(late) > 0
 
 
-def test_nobody_wakes_up_early():
+def test_sleeper_never_wakes_up_early():
     sleeper = Sleeper()
     for wait in (0, 100_000, 2_000_000):
         due = now() + wait

@@ -55,7 +55,7 @@ def written(path, rng, *, close=True):
     return law, arm, writer
 
 
-def test_what_was_written_is_read_back_in_the_same_bits(tmp_path):
+def test_log_is_read_back_bit_for_bit(tmp_path):
     law, arm, _ = written(tmp_path / "log.mcap", np.random.default_rng(1))
     read = read_mcap(tmp_path / "log.mcap")
     assert read.complete and read.channels == CHANNELS and read.metadata["scenario"] == "x"
@@ -66,7 +66,7 @@ def test_what_was_written_is_read_back_in_the_same_bits(tmp_path):
             np.testing.assert_array_equal(actual[name], column)
 
 
-def test_a_message_is_what_other_software_reads_in_it():
+def test_other_software_reads_the_same_message():
     rng = np.random.default_rng(2)
     message = Message(
         "/x",
@@ -94,7 +94,7 @@ def test_a_message_is_what_other_software_reads_in_it():
     assert (decode(packed[0]).header.stamp.sec, decode(packed[0]).header.stamp.nanosec) == (1, 500_000_000)
 
 
-def test_joint_states_are_read_by_that_software_too(tmp_path):
+def test_other_software_reads_joint_states(tmp_path):
     law, _, _ = written(tmp_path / "log.mcap", np.random.default_rng(3))
     messages = list(read_joint_states(tmp_path / "log.mcap").messages)
     assert len(messages) == ROWS and messages[5]["name"] == ["shoulder", "élbow"]
@@ -103,7 +103,7 @@ def test_joint_states_are_read_by_that_software_too(tmp_path):
     assert messages[5]["header"]["stamp"] == {"sec": 1_700_000_000, "nanosec": 5_000_000}
 
 
-def test_a_file_that_breaks_off_is_read_as_far_as_it_goes(tmp_path):
+def test_truncated_log_is_read_up_to_its_end(tmp_path):
     law, _, writer = written(tmp_path / "log.mcap", np.random.default_rng(4), close=False)
     body = (tmp_path / "log.mcap").read_bytes()
     read = read_mcap(tmp_path / "log.mcap")
@@ -125,7 +125,7 @@ def test_a_file_that_breaks_off_is_read_as_far_as_it_goes(tmp_path):
     ("content", "words"),
     [(b"", "is no MCAP file"), (b"t,q1\n0,1\n", "is no MCAP file"), (None, "cannot read the file")],
 )
-def test_what_is_no_log_is_said(tmp_path, content, words):
+def test_file_that_is_no_log_is_refused(tmp_path, content, words):
     if content is not None:
         (tmp_path / "log.mcap").write_bytes(content)
     with pytest.raises(DefinitionError, match=words):
@@ -133,7 +133,7 @@ def test_what_is_no_log_is_said(tmp_path, content, words):
 
 
 @pytest.mark.parametrize("command", ["replay", "explain"])
-def test_a_log_whose_scenario_is_no_text_is_refused_in_one_line(tmp_path, command):
+def test_log_whose_scenario_is_not_text_is_refused_in_one_line(tmp_path, command):
     path = tmp_path / "flip.mcap"
     writer = LogWriter(path, CHANNELS, {"scenario": "x"}, {"scenario.yaml": b"title: n\xefne"}, start=0)
     writer.close()
@@ -144,7 +144,7 @@ def test_a_log_whose_scenario_is_no_text_is_refused_in_one_line(tmp_path, comman
     assert "no UTF-8 text" in lines[0]
 
 
-def test_a_log_of_others_is_not_taken_for_ours(tmp_path):
+def test_log_of_other_software_is_refused(tmp_path):
     import foxglove
 
     context = foxglove.Context()
@@ -169,7 +169,7 @@ def test_a_log_of_others_is_not_taken_for_ours(tmp_path):
         ("mcap_ros2.decoder", read_joint_states),
     ],
 )
-def test_without_the_package_there_is_one_line_with_the_remedy(tmp_path, monkeypatch, package, call):
+def test_missing_package_is_reported_in_one_line_with_the_remedy(tmp_path, monkeypatch, package, call):
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(DefinitionError, match=r"which is not installed: pip install 'slidax\[log\]'"):
         call(tmp_path / "x.mcap")
@@ -194,7 +194,7 @@ def test_live_data_has_the_channels_of_the_log():
         writer.close()
 
 
-def test_bits_are_told_by_their_names():
+def test_status_bits_are_listed_by_name():
     assert names_of_bits(("BAD", "LATE"), 2) == ["LATE"]
     assert names_of_bits(("BAD", "LATE"), 3) == ["BAD", "LATE"]
 
