@@ -85,7 +85,7 @@ def test_cause_of_a_seeded_fault_is_named_and_its_remedy_holds(which):
     assert (first.finding.name, first.tried, first.holds) == (SEEDED[which][2], True, True), first.sentence()
 
 
-def test_the_inertia_of_a_joint_is_seen_in_the_log_within_a_few_percent():
+def test_the_inertia_of_a_joint_is_estimated_from_the_log_within_a_few_percent():
     scenario = seeded("too light a model")
     record = RunRecord.of(scenario, scenario.simulate(log_every=1))
     true = scenario.plant.robot.mass(scenario.state0.q)[6, 6]
@@ -93,7 +93,7 @@ def test_the_inertia_of_a_joint_is_seen_in_the_log_within_a_few_percent():
     assert estimate.inertia[6] == pytest.approx(float(true), rel=0.1) and estimate.coherence[6] > 0.95
 
 
-def test_an_inertia_that_was_learnt_is_not_blamed():
+def test_a_learnt_inertia_is_not_named_as_a_cause():
     """The model is 20 times too light, the law has learnt so, and it is what it learnt that counts."""
     scenario = load("panda-payload", {"robot.nominal.armature": 0.0, "robot.plant.armature": 0.1})
     record = RunRecord.of(scenario, scenario.simulate(log_every=1))
@@ -104,19 +104,19 @@ def test_an_inertia_that_was_learnt_is_not_blamed():
 
 
 @pytest.mark.full
-def test_the_delay_is_seen_in_the_log():
+def test_the_delay_is_estimated_from_the_log():
     scenario = seeded("delay")
     record = RunRecord.of(scenario, scenario.simulate(log_every=1))
     assert abs(estimate_from_log(record).delay - 4.0) <= 0.5
 
 
-def test_the_encoders_steps_are_found_in_their_readings():
+def test_the_encoder_resolution_is_estimated_from_the_log():
     q = np.cumsum(np.random.default_rng(0).normal(scale=5e-3, size=(500, 2)), axis=0)
     q[:, 0] = 1e-3 * np.round(q[:, 0] / 1e-3)
     np.testing.assert_allclose(encoder_resolution(q), [1e-3, 0.0], rtol=1e-9)
 
 
-def test_without_delay_and_estimate_the_loop_bears_what_the_derivation_says():
+def test_without_delay_and_estimate_the_tolerated_inertia_ratio_is_the_derived_one():
     """`κ < 4/(r (4 - r))`, docs/sampled-data.md."""
     for periods in (1.0, 3.0, 12.0):
         loop = LinearLoop(h=1e-3, horizon=periods, believed=0.0, gains=(0.0, 0.0, 0.0), measures_velocity=True)
@@ -132,12 +132,12 @@ def test_an_exact_model_is_stable_with_the_kalman_filter_at_any_delay_that_is_kn
         assert loop.radius() < 1.0 and loop.radius(1.0, delay + 8.0) > 1.0
 
 
-def test_a_run_that_holds_has_nothing_to_explain():
+def test_a_run_inside_its_envelope_has_nothing_to_explain():
     scenario = load("example-4.1-1khz", UNLEARNT | {"simulation.t1": 1.0})
     assert explain(scenario, scenario.simulate(log_every=1)) == []
 
 
-def test_a_margin_that_the_file_leaves_out_is_raised_from_what_was_found_for_the_arm():
+def test_a_default_margin_is_raised_from_its_computed_value():
     scenario = load("panda-payload", {"scheme.bound.margin": None, "simulation.t1": 0.1})
     record = RunRecord.of(scenario, scenario.simulate(log_every=1))
     first = _cover_remedies(record, covers=10.0, lacks=20.0)[0]
@@ -175,7 +175,7 @@ def test_likely_failure_is_reported_before_the_run(which, words):
     assert any(words in sentence for sentence in forecast(seeded(which)))
 
 
-def test_a_fast_estimator_is_doubted_where_its_noise_needs_the_drives_rate():
+def test_a_fast_estimator_is_named_as_a_cause_where_noise_needs_the_torque_rate():
     density = "scheme.sampled_data.estimator.torque_density"
     (doubt,) = forecast(load("panda-payload", {density: 1e4}))
     assert "so fast" in doubt and "rate limit" in doubt
@@ -216,15 +216,15 @@ def finding(swung, force):
     return ContactCause().finding(record)
 
 
-def test_a_force_that_comes_at_once_is_a_contact(swung):
+def test_a_sudden_force_is_diagnosed_as_contact(swung):
     force = np.where(swung[1][:, None] > 1.5, np.array([0.0, 0.0, 30.0]), 0.0)
     contact = finding(swung, force)
     assert contact is not None and contact.numbers["force"] == pytest.approx(30.0, rel=0.05)
 
 
-def test_payload_inertia_in_a_sudden_motion_is_no_contact(swung):
+def test_payload_inertia_in_a_sudden_motion_is_not_diagnosed_as_contact(swung):
     assert finding(swung, -3.0 * swung[4]) is None
 
 
-def test_force_of_a_payload_heavier_than_the_arm_is_a_contact(swung):
+def test_force_of_a_payload_heavier_than_the_arm_is_diagnosed_as_contact(swung):
     assert finding(swung, -300.0 * swung[4]) is not None

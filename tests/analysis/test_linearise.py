@@ -53,7 +53,7 @@ def off_by(changes: dict[str, Any], at: float) -> float:
         pytest.param({"scheme.name": "computed_torque"}, 5.0, 1e-9, marks=pytest.mark.full),
     ],
 )
-def test_the_derivative_is_that_of_the_simulated_sample(changes, at, close):
+def test_the_derivative_agrees_with_differences_of_the_simulated_step(changes, at, close):
     assert off_by(changes, at) < close
 
 
@@ -76,7 +76,7 @@ def test_derivative_error_is_reported(linearised):
     assert linearised.system.input_units[:2] == ("N m", "N m") and len(linearised.system.inputs) == 2 * len(INPUTS)
 
 
-def test_a_perturbed_run_is_that_of_the_linear_system(linearised):
+def test_a_perturbed_run_agrees_with_the_linear_system(linearised):
     """A push of the first joint that is small enough: a tenth of a second of the simulation itself."""
     push = 1e-6
     disturbance = {"scale": 1.0, "terms": [{"kind": "step", "value": [push, 0.0], "start": 0.5}]}
@@ -91,7 +91,7 @@ def test_a_perturbed_run_is_that_of_the_linear_system(linearised):
 
 
 @pytest.mark.parametrize("where", ["torque", "measurement"])
-def test_at_its_gain_margin_the_loop_is_at_the_edge(linearised, where):
+def test_at_its_gain_margin_the_loop_is_marginally_stable(linearised, where):
     """With another gain at the place where it was broken, the loop's own eigenvalues say when it is unstable."""
     closed = linearised.closed_loop(where)
     for joint, margin in enumerate(linearised.margins(where)):
@@ -134,7 +134,7 @@ def test_a_delay_as_long_as_the_margin_makes_the_loop_unstable(linearised):
     assert radius(int(np.floor(periods))) < 1.0 <= radius(int(np.ceil(periods)))
 
 
-def test_the_open_loop_closed_again_is_the_loop(linearised):
+def test_closing_the_open_loop_gives_the_closed_loop(linearised):
     opened = linearised.loop_gain("torque", 1)
     again = opened.a + opened.b @ -opened.c
     closed = np.sort_complex(linearised.system.eigenvalues)
@@ -161,7 +161,7 @@ def of_heavy_rotors(kappa: float, delay: int) -> Scenario:
 
 @pytest.mark.full
 @pytest.mark.parametrize("delay", [0, 1])
-def test_the_inertia_that_it_bears_is_that_of_the_one_joint_theory(delay, monkeypatch, request):
+def test_the_tolerated_inertia_ratio_agrees_with_the_theory_of_one_joint(delay, monkeypatch, request):
     monkeypatch.chdir(request.config.rootpath)
     low, high = LinearLoop.of(of_heavy_rotors(1.0, delay).controller, 1).stable_range()
     for kappa, stable in ((0.85 * low, False), (1.15 * low, True), (0.8 * high, True), (1.25 * high, False)):
@@ -229,7 +229,7 @@ def test_notes_list_the_parts_left_out():
 
 
 @pytest.mark.full
-def test_learning_that_stands_still_is_no_state(linearised):
+def test_frozen_learning_adds_no_state(linearised):
     """With what was learnt as known from the start the loop is the same."""
     learning = linearise(
         scenarios.load("example-4.1-1khz", {**SHORT, "scheme.sampled_data.adaptation": {"kind": "joint_learning"}})
@@ -250,7 +250,7 @@ def test_loop_without_a_derivative_is_refused(changes, at, message):
         linearise(scenarios.load("example-4.1-1khz", changes), at)
 
 
-def test_the_parts_have_names(linearised):
+def test_the_states_and_signals_have_names(linearised):
     part = linearised.system.select("torque[joint 2]", ["error", "torque[joint 1]"])
     assert part.outputs == ("error[joint 1]", "error[joint 2]", "torque[joint 1]")
     with pytest.raises(DefinitionError, match="did you mean `torque`"):
@@ -277,7 +277,7 @@ def test_margins_agree_with_python_control(linearised):
     np.testing.assert_allclose(steps[:, 0, 1], expected.outputs[0, 1], atol=1e-12)
 
 
-def test_the_loop_itself_is_not_changed():
+def test_linearising_does_not_change_the_loop():
     loop, carry, _ = operating_point(scenarios.load("example-4.1-1khz", SHORT), 0.1)
     assert isinstance(loop, ClosedLoop) and int(carry.k) == 100
     assert dataclasses.is_dataclass(period_map(loop, carry))

@@ -119,7 +119,7 @@ def test_each_run_of_a_batch_has_the_metrics_of_the_single_run(engine):
     json.dumps(summary, allow_nan=False)
 
 
-def test_a_record_says_what_a_metric_is_once_for_all_tables():
+def test_a_metric_record_defines_title_unit_and_meaning_for_all_tables():
     """A metric that is only declared here is in the summary, the terminal's table, the comparison and the report."""
 
     @analysis.metric("largest error", "{position}", bars=True, brief=True)
@@ -151,7 +151,7 @@ def test_every_metric_has_a_title_a_unit_and_a_meaning_of_its_own():
     assert analysis.iae.units(scara) == ["rad s", "rad s", "m s"]
 
 
-def test_a_run_without_a_good_sample_has_no_number_that_means_nothing():
+def test_a_run_without_a_valid_sample_has_no_meaningless_metric():
     start = scenarios.load("example-4.1", {"simulation.t1": 0.01}).simulate(log_every=None)
     empty = eqx.tree_at(lambda r: r.tally, start, Tally.empty(2, 5))
     text = json.dumps(analysis.summary(empty, indices.INDICES), allow_nan=False)
@@ -168,7 +168,7 @@ def test_a_run_without_a_good_sample_has_no_number_that_means_nothing():
         (("only_joint",), ["only_joint"]),
     ],
 )
-def test_names_of_joints_lose_the_words_that_all_have(names, short):
+def test_joint_names_are_shortened_by_their_common_words(names, short):
     assert analysis.short_names(names) == short
 
 
@@ -189,7 +189,7 @@ def test_a_run_that_ends_early_has_no_steady_values_but_keeps_the_others():
     assert '"steady_error": null' in text
 
 
-def test_of_a_run_that_goes_on_outside_all_samples_count_and_the_margin_is_negative():
+def test_a_run_that_continues_outside_counts_all_samples_and_has_a_negative_margin():
     changes = {"start.q": [-0.8, 2.9], "simulation.t1": 1.0}
     run = scenarios.load("example-4.1-1khz", changes).simulate(log_every=1)
     assert run.outcome.kind == "recovered"
@@ -215,7 +215,7 @@ def run():
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_log_has_the_same_columns_in_both(run, kind):
+def test_a_log_has_the_same_columns_in_pandas_and_polars(run, kind):
     pytest.importorskip(kind)
     frame = run.frame(kind)
     assert list(frame.columns) == list(run.units())
@@ -255,7 +255,7 @@ def test_many_runs_are_numbered_and_rows_of_studies_have_units(kind):
         assert frame.attrs["units"] == {"row": "", "margin": "", "steady_error": "rad or m"}
 
 
-def test_another_library_is_refused(monkeypatch):
+def test_a_data_frame_of_another_library_is_refused(monkeypatch):
     with pytest.raises(DefinitionError, match='must be "pandas" or "polars"'):
         inspect.unwrap(data_frame)({}, "arrow")
     monkeypatch.setitem(__import__("sys").modules, "polars", None)
@@ -277,7 +277,7 @@ def sums(run: Run) -> dict[str, Any]:
     return {metric.key: jnp.sum(jnp.asarray(metric(run))) for metric in SMOOTH}
 
 
-def test_every_metric_that_does_not_count_has_the_slope_that_differences_show():
+def test_the_gradient_of_every_continuous_metric_matches_differences():
     at, h = jnp.asarray(1.0), 1e-5
     _, slopes = jax.jit(lambda x: jax.jvp(lambda x: sums(simulate(*define(x), **HOW)), (x,), (jnp.ones(()),)))(at)
     high, low = (sums(simulate(*define(at + shift), **HOW)) for shift in (h, -h))
@@ -288,7 +288,7 @@ def test_every_metric_that_does_not_count_has_the_slope_that_differences_show():
 
 
 @pytest.mark.full
-def test_reverse_mode_and_our_own_gradient_agree_on_a_metric():
+def test_reverse_mode_and_native_gradients_of_a_metric_agree():
     def total(run: Run) -> Any:
         return jnp.sum(jnp.asarray(analysis.rms_error(run)))
 
@@ -318,7 +318,7 @@ def test_a_metric_that_counts_samples_is_refused_by_name(metric):
         traced(metric)
 
 
-def test_a_metric_of_the_user_that_computes_by_numpy_is_refused_by_name():
+def test_a_user_metric_in_numpy_is_refused_by_name():
     @analysis.metric("largest error", "{position}")
     def largest(run: Run) -> np.ndarray:
         """`max |e|`."""
@@ -329,6 +329,6 @@ def test_a_metric_of_the_user_that_computes_by_numpy_is_refused_by_name():
     np.testing.assert_array_equal(largest(finished()), analysis.steady_error(finished()))
 
 
-def test_the_root_of_an_error_of_zero_has_a_slope_of_zero():
+def test_the_rms_of_a_zero_error_has_gradient_zero():
     assert float(jax.grad(lambda x: safe_sqrt(jnp, x * x))(0.0)) == 0.0
     assert float(jax.grad(lambda x: safe_sqrt(jnp, x * x))(-2.0)) == -1.0

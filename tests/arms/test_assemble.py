@@ -203,7 +203,7 @@ def test_fixed_joints_need_no_axis_and_no_limits():
     assert Joint("flange", "fixed", None, "tool", axis=np.zeros(3), lower=0.0, upper=0.0, torque=0.0).mass == 0
 
 
-def test_a_link_without_mass_is_taken_between_heavy_ones_or_with_an_armature():
+def test_a_massless_link_is_accepted_between_heavy_links_or_with_an_armature():
     massless = still(name="shoulder", link="upper arm")
     elbow = a_joint(parent="shoulder", axis=np.array([0.0, 1.0, 0.0]), translation=np.array([0.4, 0.0, 0.0]))
     arm = assemble([massless, elbow], tip="forearm")
@@ -222,7 +222,7 @@ def test_points_and_thin_rods_can_be_fixed_to_a_link():
     np.testing.assert_allclose(arm.inertias, [np.diag([0.03, 0.14 + across, 0.15 + across])], atol=1e-17)
 
 
-def test_assembled_arm_has_the_numbers_of_its_joints():
+def test_assembled_arm_has_the_parameters_of_its_joints():
     numbers = {"lower": -0.5, "upper": 0.7, "velocity": 2.0, "torque": 9.0, "torque_rate": 800.0}
     rubbing = {"armature": 0.1, "viscous": 0.3, "coulomb": 0.4}
     slide = a_joint(name="slide", link="sledge", kind="prismatic", parent="elbow", axis=np.array([1.0, 0.0, 0.0]))
@@ -239,7 +239,7 @@ def test_assembled_arm_has_the_numbers_of_its_joints():
     assert float(arm.payload.mass) == 0.0
 
 
-def test_a_link_with_nothing_fixed_to_it_keeps_its_numbers_to_the_last_digit():
+def test_a_link_without_fixed_parts_keeps_its_parameters_bit_for_bit():
     skew = np.array([[0.7, 0.1, -0.2], [0.1, 0.7, 0.3], [-0.2, 0.3, 0.7]])
     elbow = a_joint(mass=0.646926, center=np.array([-0.003141, -0.02872, 0.003495]), inertia=skew)
     arm = assemble([elbow, FLANGE], **TIP)
@@ -278,7 +278,7 @@ def described_at_zero(joints: list[Joint], sliding: dict[str, float]) -> dict[st
     return {name: frame for name, frame in frames.items() if name is not None}
 
 
-def test_each_joint_turns_about_the_z_axis_of_its_frame_where_its_axis_was():
+def test_each_joint_turns_about_z_of_its_frame_along_its_original_axis():
     joints = tree_joints()
     arm, described = assemble(joints, tip="camera_link"), described_at_zero(joints, {})
     for (rotation, place), name in zip(at_zero(arm), arm.joint_names, strict=True):

@@ -37,7 +37,7 @@ def test_invalid_files_are_errors_that_name_the_element(read, case, tmp_path, mo
 
 
 @pytest.mark.parametrize(("read", "text"), GOOD)
-def test_base_file_of_the_invalid_ones_is_valid(read, text):
+def test_base_file_of_the_invalid_variants_is_valid(read, text):
     assert read(text).joint_names == ("shoulder", "elbow")
 
 
@@ -87,7 +87,7 @@ def test_without_mujoco_the_error_says_what_to_install(read, text, monkeypatch):
         read(text)
 
 
-def test_mujocos_own_warnings_are_as_before():
+def test_warning_handler_of_mujoco_is_restored():
     def mine(message: str) -> None:
         pass
 

@@ -71,12 +71,12 @@ def test_inverse_inertia_eigenvalues_agree_with_table_1():
     assert eigenvalues.max() == pytest.approx(0.197, abs=5e-4)
 
 
-def test_the_nominal_arm_is_off_by_a_fifth():
+def test_the_nominal_inertia_is_off_by_a_fifth():
     angles = jnp.stack([jnp.zeros(91), jnp.linspace(-np.pi, np.pi, 91)], axis=1)
     true, nominal = jax.vmap(TWO_LINK.mass)(angles), jax.vmap(TWO_LINK_NOMINAL.mass)(angles)
     mismatch = np.linalg.solve(true, nominal) - np.eye(2)
     assert np.linalg.norm(mismatch, ord=2, axis=(1, 2)).max() == pytest.approx(0.2, abs=1e-3)
 
 
-def test_gravity_is_9_8_unless_another_is_given():
+def test_default_gravity_is_9_8():
     assert float(TwoLink([1.0, 1.0], [1.0, 1.0], [0.0, 0.0]).gravity_acceleration) == 9.8

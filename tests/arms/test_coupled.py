@@ -93,7 +93,7 @@ def test_rotor_inertia_and_friction_act_on_the_leader():
     assert float(read(FOLLOWED, armature=0.3).arm.armature[1]) == 0.0
 
 
-def test_a_follower_is_held_by_locked(pair):
+def test_the_option_locked_holds_a_follower(pair):
     assert from_urdf(FOLLOWED, locked={"elbow": 0.5}).joint_names == ("shoulder",)
 
 
@@ -124,7 +124,7 @@ def test_leader_outside_the_arm_is_a_joint_if_a_follower_carries_the_tip():
     np.testing.assert_allclose(arm.positions(jnp.array([-0.4, 0.3])), [-0.4, 0.6, 0.3])
 
 
-def test_followers_of_followers_have_the_product_of_the_ratios():
+def test_chained_followers_have_the_product_of_the_ratios():
     chain = joint(
         "revolute", "wrist", "tool", "spare", '<axis xyz="0 1 0"/><mimic joint="elbow" multiplier="3" offset="1"/>'
     )
@@ -158,7 +158,7 @@ def test_invalid_followers_are_errors(following, named):
         couple(small_tree(), following)
 
 
-def test_ranges_without_anything_in_common_are_refused():
+def test_disjoint_ranges_of_leader_and_follower_are_refused():
     arm = from_urdf(changed(GOOD, LIMIT, limit(lower="2", upper="3")))
     with pytest.raises(
         DefinitionError, match=r"range of joint `elbow` and that of joint `shoulder`.*nothing in common"
@@ -166,7 +166,7 @@ def test_ranges_without_anything_in_common_are_refused():
         couple(arm, {"elbow": ("shoulder", -1.0, 0.0)})
 
 
-def test_a_prismatic_joint_may_follow_one_that_turns():
+def test_a_prismatic_joint_may_follow_a_revolute_joint():
     text = changed(FOLLOWED, ELBOW, ELBOW.replace("revolute", "prismatic"))
     arm = read(text, limits=False)
     assert arm.joint_units == ("rad",)

@@ -109,7 +109,7 @@ def test_fixed_link_gets_the_nearest_inertia_too():
     np.testing.assert_allclose(arm.inertias, expected.inertias, rtol=1e-12, atol=1e-14)
 
 
-def test_balanceinertia_is_left_to_mujoco():
+def test_balanceinertia_is_applied_by_mujoco():
     text = changed(
         bad_mjcf.GOOD,
         bad_mjcf.INERTIAL,
@@ -162,12 +162,12 @@ def test_strict_refuses_what_is_otherwise_replaced_and_reads_a_plate(read, text_
 
 
 @pytest.mark.parametrize("moments", ["-0.0005 0.1 0.1", "0.1 -0.0005 0.1", "-0.0002 0.1 0.101"])
-def test_a_negative_moment_is_refused_however_small_the_change_is(moments):
+def test_a_negative_moment_is_refused_even_if_the_correction_is_small(moments):
     with pytest.raises(DefinitionError, match="`fore` must be positive definite"):
         from_urdf(changed(GOOD, INERTIA, inertia(*moments.split())))
 
 
-def test_link_beyond_the_bound_is_an_error_next_to_one_within_it():
+def test_one_link_beyond_the_bound_is_refused_among_valid_links():
     text = changed(GOOD, INERTIA, inertia("0.04901", "0.04901", "0.1"), TOOL, FLAT_TOOL)
     with pytest.raises(DefinitionError, match="link `tool` is of no rigid body"):
         from_urdf(text)

@@ -132,7 +132,7 @@ def test_impossible_payloads_are_errors_that_name_the_field(fields, message):
         Payload(**fields)
 
 
-def test_a_ball_has_the_same_moment_about_every_axis():
+def test_a_spherical_payload_has_the_same_moment_about_every_axis():
     np.testing.assert_array_equal(Payload(1.0, inertia=0.02).inertia, 0.02 * np.eye(3))
 
 
@@ -173,7 +173,7 @@ def test_an_arm_with_a_payload_moves_as_one_with_a_heavier_last_link():
     assert np.abs(expected.mass - by_slidax(arm(), states()).mass).max() > 0.1
 
 
-def test_a_factor_on_all_masses_is_one_on_inertia_matrix_and_bias():
+def test_a_factor_on_all_masses_scales_inertia_matrix_and_bias():
     still = Mismatch(armature=0.0).applied(arm())
     light, plain = (by_slidax(robot, states()) for robot in (Mismatch(mass_factor=0.85).applied(still), still))
     expected = Motion(

@@ -127,7 +127,7 @@ def test_friction_of_a_random_tree_agrees_with_mujoco(seed):
     np.testing.assert_array_equal(arm.coulomb, model.dof_frictionloss[at])
 
 
-def test_arm_has_the_numbers_of_the_file():
+def test_arm_has_the_parameters_of_the_mjcf():
     arm = from_mjcf(GOOD)
     assert arm.name == "arm" and arm.link_names == ("upper", "fore")
     np.testing.assert_allclose(arm.limits.lower, np.deg2rad([-100.0, -60.0]), rtol=1e-14)
@@ -156,11 +156,11 @@ def test_a_reference_shifts_the_positions_of_a_joint():
         ("", np.inf),
     ],
 )
-def test_the_torque_limit_is_what_the_actuators_can_give(actuator, torque):
+def test_the_torque_limit_is_that_of_the_actuators(actuator, torque):
     assert float(from_mjcf(changed(GOOD, MOTOR, actuator)).limits.torque[1]) == torque
 
 
-def test_gravity_is_the_files_unless_another_is_given():
+def test_default_gravity_is_that_of_the_file():
     moon = changed(GOOD, OPTION, '<option gravity="0 0 -1.62"/>')
     np.testing.assert_array_equal(from_mjcf(moon).gravity_vector, [0.0, 0.0, -1.62])
     np.testing.assert_array_equal(from_mjcf(moon, gravity=(0.0, 0.0, -9.8)).gravity_vector, [0.0, 0.0, -9.8])
@@ -176,13 +176,13 @@ def test_unsupported_features_of_held_joints_are_ignored():
     assert float(arm.masses[0]) == 3.25
 
 
-def test_mujocos_warnings_are_passed_on():
+def test_warnings_of_mujoco_are_passed_on():
     twin = changed(GOOD, ELBOW, ELBOW + '<joint name="twin" axis="0 1 0"/>')
     with pytest.warns(UserWarning, match="arm: MuJoCo says: Inertia matrix is too close to singular"):
         assert from_mjcf(twin, locked={"twin": 0.0}).joint_names == ("shoulder", "elbow")
 
 
-def test_bodies_and_joints_without_a_name_get_one_and_may_share_one():
+def test_unnamed_bodies_and_joints_get_names_and_may_share_a_name():
     arm = from_mjcf(changed(GOOD, FORE, '<body pos="0.4 0 0">', 'name="elbow" ', "", MOTOR, ""))
     assert arm.joint_names == ("shoulder", "joint 1") and arm.link_names == ("upper", "body 3")
     arm = from_mjcf(changed(GOOD, FORE, FORE.replace("fore", "elbow")), tip="elbow")
@@ -224,7 +224,7 @@ def test_mesh_that_defines_an_inertia_is_read(tmp_path):
         from_mjcf(path, meshes=False)
 
 
-def test_a_file_may_include_and_attach_others(tmp_path):
+def test_an_mjcf_file_may_include_and_attach_others(tmp_path):
     body = GOOD[GOOD.index("<worldbody>") : GOOD.index("</worldbody>") + len("</worldbody>")]
     (tmp_path / "arm.xml").write_text(f"<mujoco>{body}</mujoco>".replace('class="strong" ', ""))
     path = tmp_path / "scene.xml"

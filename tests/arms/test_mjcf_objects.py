@@ -54,7 +54,7 @@ def test_an_object_that_is_tied_to_the_arm_is_refused():
         from_mjcf(tied)
 
 
-def test_two_arms_in_one_scene_need_the_tip_and_the_other_is_left_out():
+def test_two_arms_in_one_scene_need_the_tip_and_one_is_omitted():
     two = scene(DOOR)
     with pytest.raises(DefinitionError, match="say tip=NAME; fore, door carry no other"):
         from_mjcf(two)

@@ -78,7 +78,7 @@ ARMS = {"panda", "ur5e", "iiwa14", "xarm7", "gen3"}
 """One word here enrols a new file."""
 
 
-def test_every_file_has_a_function_of_its_name():
+def test_every_arm_file_has_a_function_of_its_name():
     assert set(FILES) == ARMS == set(arms.built_in_names())
     for name in ARMS:
         make = getattr(arms, name)
@@ -88,7 +88,7 @@ def test_every_file_has_a_function_of_its_name():
         assert make().joints == len(FILES[name]["joints"])
 
 
-def test_a_further_file_is_a_further_arm(tmp_path, monkeypatch):
+def test_an_added_arm_file_is_a_new_arm(tmp_path, monkeypatch):
     text = (FOLDER / "ur5e.yaml").read_text(encoding="utf-8")
     (tmp_path / "scratch.yaml").write_text(text.replace("title: Universal Robots UR5e", "title: Scratch arm"))
     monkeypatch.setattr(sys.modules["slidax.arms.built_in"], "FILES", tmp_path)
@@ -105,7 +105,7 @@ def test_unknown_arm_is_an_error_with_the_nearest_name():
 
 
 @every_arm
-def test_a_file_has_its_keys_and_no_others(name):
+def test_an_arm_file_has_exactly_the_known_keys(name):
     description = FILES[name]
     assert set(description) == KEYS
     assert description["name"] == name
@@ -129,21 +129,21 @@ def test_the_joints_are_one_chain_from_the_base_to_the_tip(name):
 
 
 @every_arm
-def test_the_posture_of_rest_is_within_the_limits(name):
+def test_the_home_posture_is_within_the_limits(name):
     lower, upper = limits(FILES[name])
     assert np.all(lower < FILES[name]["home"])
     assert np.all(upper > FILES[name]["home"])
 
 
 @every_arm
-def test_an_arm_can_hold_itself_everywhere(name):
+def test_an_arm_can_hold_its_weight_in_every_posture(name):
     torque = [joint["torque"] for joint in FILES[name]["joints"]]
     for q in postures(FILES[name]):
         assert np.all(np.abs(gravity_torques(FILES[name], q)) < torque)
 
 
 @pytest.mark.parametrize("name", ["panda", "ur5e", "iiwa14", "xarm7"])
-def test_at_rest_the_flange_looks_down(name):
+def test_in_the_home_posture_the_flange_points_down(name):
     rotation, _ = frames(FILES[name], FILES[name]["home"])[-1]
     np.testing.assert_allclose(rotation @ [0, 0, 1], [0, 0, -1], atol=2e-3)
 

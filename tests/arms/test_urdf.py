@@ -41,7 +41,7 @@ def test_paper_arms_agree_with_their_files(read, file, printed):
         np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12)
 
 
-def test_arm_has_the_numbers_of_the_file():
+def test_arm_has_the_parameters_of_the_urdf():
     arm = from_urdf(GOOD)
     assert (arm.name, arm.joint_names, arm.link_names) == ("arm", ("shoulder", "elbow"), ("upper", "fore"))
     limits = {"lower": [-2.0, -1.0], "upper": [2.5, 1.5], "torque": [50.0, 20.0], "velocity": [3.0, 4.0]}
@@ -75,7 +75,7 @@ SAME = {
 
 
 @pytest.mark.parametrize("name", SAME)
-def test_texts_that_describe_the_same_arm_give_the_same_numbers(name, tmp_path):
+def test_equivalent_urdf_texts_give_the_same_arm(name, tmp_path):
     text, good = SAME[name], from_urdf(GOOD)
     accuracy = 1e-14 if name == "a longer axis" else 0.0
     (tmp_path / "arm.urdf").write_text(text)
@@ -86,19 +86,19 @@ def test_texts_that_describe_the_same_arm_give_the_same_numbers(name, tmp_path):
             np.testing.assert_allclose(numbers, getattr(good, field), rtol=accuracy, atol=accuracy)
 
 
-def test_without_an_axis_a_joint_turns_about_x():
+def test_default_joint_axis_is_x():
     about_x = from_urdf(changed(GOOD, AXIS, '<axis xyz="1 0 0"/>'))
     np.testing.assert_array_equal(from_urdf(changed(GOOD, AXIS, "")).rotations, about_x.rotations)
 
 
-def test_a_continuous_joint_needs_no_limits_and_has_no_ends():
+def test_a_continuous_joint_has_no_position_limits():
     arm = from_urdf(changed(GOOD, ELBOW, ELBOW.replace("revolute", "continuous"), LIMIT, ""))
     assert np.isneginf(arm.limits.lower[1]) and np.isposinf(arm.limits.upper[1]) and np.isposinf(arm.limits.torque[1])
     arm = from_urdf(changed(GOOD, ELBOW, ELBOW.replace("revolute", "continuous")))
     assert np.isposinf(arm.limits.upper[1]) and arm.limits.torque[1] == 20.0
 
 
-def test_bad_limits_do_not_matter_where_they_are_not_read():
+def test_invalid_limits_are_ignored_where_they_are_not_read():
     arm = from_urdf(changed(GOOD, LIMIT, ""), limits=False)
     assert np.isposinf(arm.limits.torque).all() and np.isneginf(arm.limits.lower).all()
     for text in ("", limit(velocity="-7")):
@@ -121,7 +121,7 @@ NOT_GIVEN = [
 
 
 @pytest.mark.parametrize(("values", "missing", "infinite"), NOT_GIVEN)
-def test_a_limit_that_is_not_given_is_infinite_and_the_others_are_read(values, missing, infinite):
+def test_a_missing_limit_is_infinite_and_the_others_are_read(values, missing, infinite):
     expected = {"lower": -1.0, "upper": 1.5, "velocity": 4.0, "torque": 20.0} | infinite
     with pytest.warns(DefinitionWarning) as caught:
         arm = from_urdf(changed(GOOD, LIMIT, limit(**values)))
@@ -145,13 +145,13 @@ def test_one_warning_names_all_joints_without_a_limit_and_the_file(tmp_path):
 
 
 @pytest.mark.parametrize(("values", "ends"), [({"lower": None}, (0.0, 1.5)), ({"upper": None}, (-1.0, 0.0))])
-def test_one_end_alone_has_the_other_at_0_as_the_standard_says(values, ends):
+def test_a_missing_end_of_a_range_is_0_by_the_standard(values, ends):
     limits = from_urdf(changed(GOOD, LIMIT, limit(**values))).limits
     assert (float(limits.lower[1]), float(limits.upper[1])) == ends
 
 
 @pytest.mark.parametrize("values", [{"lower": None, "upper": "-1"}, {"lower": "1", "upper": None}])
-def test_one_end_alone_beyond_0_is_refused(values):
+def test_a_single_end_beyond_0_is_refused(values):
     with pytest.raises(DefinitionError, match="`elbow` must have lower < upper"):
         from_urdf(changed(GOOD, LIMIT, limit(**values)))
 
@@ -163,7 +163,7 @@ def test_a_joint_that_mimics_a_locked_one_is_held_with_it():
         from_urdf(text, locked={"shoulder": 0.25})
 
 
-def test_armature_is_one_number_or_one_for_each_joint_or_by_name():
+def test_armature_is_a_number_or_a_list_or_a_mapping_by_joint():
     np.testing.assert_array_equal(from_urdf(GOOD, armature=0.5).armature, [0.5, 0.5])
     np.testing.assert_array_equal(from_urdf(GOOD, armature=np.array([1.0, 2.0])).armature, [1.0, 2.0])
     np.testing.assert_array_equal(from_urdf(GOOD, armature={"elbow": 3.0}).armature, [0.0, 3.0])
@@ -202,7 +202,7 @@ def test_a_mesh_is_found_next_to_the_file_and_in_packages_and_is_not_read(tmp_pa
     assert from_urdf(with_mesh("package://lost/fore.dae")).joints == 2
 
 
-def test_the_tip_is_the_only_moving_link_that_carries_none_or_any_that_moves():
+def test_default_tip_is_the_only_leaf_and_any_moving_link_can_be_the_tip():
     plate = '<joint name="to the plate" type="fixed"><parent link="base"/><child link="plate"/></joint>'
     arm = from_urdf(changed(GOOD, "</robot>", f'{plate}<link name="plate"/></robot>'))
     np.testing.assert_array_equal(arm.tip_translation, from_urdf(GOOD, tip="tool").tip_translation)

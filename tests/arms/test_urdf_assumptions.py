@@ -87,7 +87,7 @@ def test_one_warning_lists_all_owners_of_a_fault():
 
 
 @pytest.mark.parametrize(("velocity", "effort"), [("-1", "20"), ("4", "-1"), ("-1.0", "-1")])
-def test_a_limit_of_minus_1_is_not_given(velocity, effort):
+def test_a_limit_of_minus_1_counts_as_missing(velocity, effort):
     with pytest.warns(DefinitionWarning) as caught:
         arm = from_urdf(changed(GOOD, LIMIT, limit(velocity=velocity, effort=effort)))
     assert float(arm.limits.velocity[1]) == (np.inf if velocity.startswith("-") else 4.0)
@@ -130,7 +130,7 @@ def test_a_quaternion_turns_a_frame_as_its_angles_do(angles):
 
 
 @pytest.mark.parametrize("moment", ["-4e-22", "0", "4e-22"])
-def test_a_thin_rod_is_a_body_and_rounding_below_0_is_0(moment):
+def test_a_thin_rod_is_accepted_and_a_moment_rounded_below_0_is_0(moment):
     arm = from_urdf(changed(GOOD, INERTIA, inertia(moment, "0.0125", "0.0125")))
     np.testing.assert_allclose(np.linalg.eigvalsh(arm.inertias[1]), [0.0, 0.0125, 0.0125], rtol=0, atol=1e-15)
 
@@ -175,7 +175,7 @@ def test_invalid_mimic_outside_the_arm_is_held(leader):
     assert arm.joint_names == ("shoulder", "elbow")
 
 
-def test_a_mimic_of_a_fixed_joint_is_held_at_its_offset():
+def test_a_joint_that_mimics_a_fixed_joint_is_held_at_its_offset():
     with pytest.warns(
         DefinitionWarning, match="`cylinder` mimics joint `flange`, which does not move: it is held at 0.2"
     ):

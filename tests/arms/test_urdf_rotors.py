@@ -35,12 +35,12 @@ def test_a_rotor_moves_with_its_joint_as_the_square_of_the_reduction(form):
     assert np.diag(read.mass(q) - without.mass(q)) == pytest.approx([0.0, 0.2, 0.25, 0.0])
 
 
-def test_an_armature_of_the_caller_replaces_the_files(tmp_path):
+def test_an_armature_argument_replaces_the_files_armature(tmp_path):
     text = arm(more=transmission(ROS, "j2", 2e-5, 100))
     assert np.asarray(arms.from_urdf(text, armature={"j1": 0.3}).armature).tolist() == [0.3, 0.0, 0.0, 0.0]
 
 
-def test_a_transmission_without_an_inertia_says_nothing():
+def test_a_transmission_without_an_inertia_adds_no_armature():
     text = arm(more=ROS.format(i=1, joint="j2", ratio=100, inertia="").replace("<motorInertia></motorInertia>", ""))
     assert not np.asarray(arms.from_urdf(text).armature).any()
 
@@ -54,12 +54,12 @@ def test_a_transmission_without_an_inertia_says_nothing():
         (ROS.format(i=1, joint='j2"/><joint name="j3', ratio=2, inertia=1e-5), "couples several joints or actuators"),
     ],
 )
-def test_a_rotor_that_makes_no_sense_is_refused_by_name(more, message):
+def test_an_invalid_rotor_is_refused_by_name(more, message):
     with pytest.raises(DefinitionError, match=message):
         arms.from_urdf(arm(more=more))
 
 
-def test_a_new_scenario_has_the_files_rotors_and_assumes_the_others(tmp_path):
+def test_a_new_scenario_has_the_files_rotors_and_assumes_missing_ones(tmp_path):
     path = tmp_path / "four.urdf"
     path.write_text(arm(more=transmission(ROS, "j2", 2e-5, 100)))
     (tmp_path / "four.yaml").write_text(draft(path, folder=tmp_path).text)
@@ -81,7 +81,7 @@ def descriptions(tmp_path, monkeypatch):
     return module
 
 
-def test_a_name_of_robot_descriptions_is_its_file(descriptions, tmp_path):
+def test_a_robot_descriptions_name_loads_its_file(descriptions, tmp_path):
     new = draft("four_description", folder=tmp_path)
     assert "file: four.urdf" in new.text and "robot_descriptions" in new.notes[0]
     assert named_robot("four_description")[1] == {"kind": "urdf", "file": descriptions.URDF_PATH}

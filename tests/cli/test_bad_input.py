@@ -188,7 +188,7 @@ def test_invalid_request_is_one_line_and_writes_nothing(arguments, words, tmp_pa
 
 
 @pytest.mark.parametrize("name", ["", ".", "..", "a.b.c", "ü\n", "x" * 10000, "\x1b[31m", "schemes."])
-def test_odd_names_of_parts_are_one_line(name):
+def test_unusual_part_names_are_refused_in_one_line(name):
     assert_one_line(["there is no part"], "list", name)
 
 
@@ -213,7 +213,7 @@ TEXTS = {
 @pytest.mark.parametrize(
     "kind", [pytest.param(kind, marks=[pytest.mark.full] if kind == "bottomless" else []) for kind in TEXTS]
 )
-def test_file_that_is_no_scenario_is_one_line(kind, tmp_path):
+def test_file_that_is_no_scenario_is_refused_in_one_line(kind, tmp_path):
     text, words = TEXTS[kind]
     path = tmp_path / "odd.yaml"
     path.write_bytes(text)
@@ -230,7 +230,7 @@ def test_table_with_an_open_quotation_mark_is_named_with_its_line(tmp_path):
     assert_one_line(words, "run", "example-4.1", "--set", f"trajectory={{kind: csv, file: '{path}'}}")
 
 
-def test_folder_and_link_to_nowhere_are_one_line(tmp_path):
+def test_folder_and_broken_link_are_refused_in_one_line(tmp_path):
     (tmp_path / "folder.yaml").mkdir()
     (tmp_path / "loop.yaml").symlink_to(tmp_path / "loop.yaml")
     (tmp_path / "gone.yaml").symlink_to(tmp_path / "nowhere")
@@ -243,12 +243,12 @@ def test_folder_and_link_to_nowhere_are_one_line(tmp_path):
     [("run", "example-4.1-1khz", "--set", "simulation.t1=0.01"), ("export", "c", "example-4.1-1khz"), ("demo",)],
     ids=lambda words: " ".join(words[:2]),
 )
-def test_file_in_place_of_a_folder_is_one_line(arguments, tmp_path):
+def test_file_in_place_of_a_folder_is_refused_in_one_line(arguments, tmp_path):
     (tmp_path / "taken").write_text("a file")
     assert_one_line(["cannot write", "taken"], *arguments, "--out", str(tmp_path / "taken"))
 
 
-def test_crash_of_a_foreign_library_is_one_line(monkeypatch, tmp_path):
+def test_crash_of_a_foreign_library_is_reported_in_one_line(monkeypatch, tmp_path):
     class PanicException(BaseException):
         """As PyO3 raises it."""
 

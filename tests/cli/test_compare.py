@@ -56,7 +56,7 @@ def test_exit_code_is_3_if_no_run_reaches_its_end():
 
 
 @pytest.mark.full
-def test_one_good_end_is_enough(tmp_path):
+def test_exit_code_is_0_if_one_run_reaches_its_end(tmp_path):
     """An envelope that narrows too soon belongs to the one scheme; the other has none."""
     file, out = tmp_path / "hasty.yaml", tmp_path / "out"
     hasty = scenarios.load("example-4.1", {"scheme.performance.deadline": 0.05, "simulation.t1": 0.5})
@@ -68,7 +68,7 @@ def test_one_good_end_is_enough(tmp_path):
     assert "The report is in" in result.stdout and (out / "report.html").exists()
 
 
-def test_at_1_khz_all_are_compared_in_their_sampled_data_form():
+def test_at_1_khz_all_schemes_are_compared_in_sampled_data_form():
     names = "cftsmppc,ftsmppc,ftsmc,sfsmc,slotine_li,computed_torque"
     result = in_process("compare", "example-4.1-1khz", "--schemes", names, "--json", code=0)
     schemes = json.loads(result.stdout)["schemes"]
@@ -86,7 +86,7 @@ def test_at_1_khz_all_are_compared_in_their_sampled_data_form():
     assert [schemes[name]["metrics"]["envelope_violations"] for name in ("cftsmppc", "ftsmppc")] == [0, 0]
 
 
-def test_one_that_came_back_is_a_bad_end_of_the_comparison_too():
+def test_a_run_that_left_and_came_back_is_not_a_good_end():
     outside = ("--set", "start.q=[-0.8,2.9]", "--set", "simulation.t1=2")
     result = in_process("compare", "example-4.1-1khz", "--schemes", "cftsmppc,ftsmppc", *outside, "--json", code=3)
     actual = json.loads(result.stdout)["schemes"]["ftsmppc"]

@@ -21,7 +21,7 @@ def test_the_demo_shows_three_laws_and_writes_a_page(tmp_path):
     assert "computed torque + PD" in page and "nan" not in shown.stdout.lower()
 
 
-def test_the_package_runs_as_a_module_and_on_a_terminal_of_few_letters():
+def test_the_package_runs_as_a_module_and_on_an_ascii_terminal():
     printed = subprocess.run(
         [sys.executable, "-m", "slidax", "list", "schemes"],
         env=os.environ | {"PYTHONIOENCODING": "ascii", "PYTHONPATH": os.pathsep.join(sys.path)},

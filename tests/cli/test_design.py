@@ -37,7 +37,7 @@ def requirements(tmp_path):
 
 
 @pytest.mark.full
-def test_what_it_writes_runs_as_it_is_and_holds_in_cases_that_it_has_not_seen(requirements, tmp_path, monkeypatch):
+def test_a_designed_scenario_runs_and_holds_in_unseen_cases(requirements, tmp_path, monkeypatch):
     # Fewer of everything; the certificates have tests of their own.
     monkeypatch.setattr(search, "SLOPES", (1.0, 2.0))
     monkeypatch.setattr(importlib.import_module("slidax.certify.certify"), "CERTIFICATES", (admissibility,))

@@ -9,7 +9,7 @@ LIGHT = [
 ]
 
 
-def test_a_saved_run_is_explained_and_its_remedy_can_be_typed(tmp_path):
+def test_a_saved_run_is_explained_and_its_remedy_is_a_valid_command(tmp_path):
     ran = in_process("run", "panda-payload", *LIGHT, "--out", str(tmp_path), code=3)
     assert "Most likely: joint 7" in ran.stderr and "tried, the run holds" in ran.stderr
     assert "its loop is stable for" in ran.stderr.partition("left its envelope")[0]

@@ -14,7 +14,7 @@ def manifest_in(folder):
 
 
 @pytest.mark.full
-def test_a_scenario_becomes_one_file_that_says_what_is_in_it(tmp_path):
+def test_a_scenario_becomes_one_page_and_its_content_is_printed(tmp_path):
     done = in_process(
         *("export", "web", "example-4.1-1khz", "--with", "printed,slotine_li"),
         *("--set", "simulation.t1=1", "--set", "scheme.surface.k1=0.4", "--out", str(tmp_path / "site")),

@@ -53,20 +53,20 @@ def assert_whole(folder, size):
 
 
 @pytest.mark.full
-def test_a_report_that_does_not_fit_is_named(tmp_path):
+def test_a_report_on_a_full_disk_is_named(tmp_path):
     line = refused(20_000, "run", "example-4.1-1khz", "--set", "simulation.t1=0.1", "--out", str(tmp_path / "out"))
     assert str(tmp_path / "out") in line
     assert_whole(tmp_path, 20_000)
 
 
-def test_a_project_that_does_not_fit_is_named(tmp_path):
+def test_a_project_on_a_full_disk_is_named(tmp_path):
     assert "cannot write the project to" in refused(
         6_000, "export", "c", "example-4.1-1khz", "--out", str(tmp_path / "c")
     )
     assert_whole(tmp_path, 6_000)
 
 
-def test_a_study_that_does_not_fit_says_what_is_kept_and_goes_on(tmp_path, monkeypatch):
+def test_a_study_on_a_full_disk_reports_saved_rows_and_resumes(tmp_path, monkeypatch):
     file, out = tmp_path / "study.yaml", tmp_path / "out"
     file.write_text(STUDY, encoding="utf-8")
     for name in ("LEAST", "MOST"):
@@ -87,7 +87,7 @@ def test_a_study_that_does_not_fit_says_what_is_kept_and_goes_on(tmp_path, monke
     assert read_rows(out)["row"].tolist() == list(range(128))
 
 
-def test_a_full_cache_is_told_once_and_a_damaged_one_is_emptied(tmp_path, monkeypatch, capsys):
+def test_a_full_cache_is_reported_once_and_a_damaged_one_is_emptied(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     folder = tmp_path / "slidax" / f"xla-{jax.__version__}"
     folder.mkdir(parents=True)

@@ -30,13 +30,13 @@ def test_example_4_1_gives_the_known_numbers():
     assert metrics["envelope_violations"] == 0 and min(metrics["envelope_margin"]) > 0
 
 
-def test_example_4_2_with_its_disturbance_has_not():
+def test_example_4_2_with_its_disturbance_misses_the_printed_numbers():
     metrics = answered("example-4.2")["metrics"]
     np.testing.assert_allclose(metrics["steady_error"], [5.04e-7, 6.58e-7, 7.80e-7], rtol=0.01)
     np.testing.assert_allclose(metrics["peak_torque"], [9.54, 8.65, 14.43], rtol=0.001)
 
 
-def test_the_json_has_every_field_that_was_promised():
+def test_the_json_has_every_documented_field():
     answer = answered("example-4.1", "--set", "simulation.t1=0.1")
     assert list(answer) == [
         *("scenario", "robot", "scheme", "n", "period", "t1", "outcome", "stopped", "metrics", "timing")
@@ -65,14 +65,14 @@ def test_a_run_that_must_leave_its_envelope_exits_with_3_and_no_nan(mode):
     assert "Joint 1 left its envelope at t = " in result.stderr
 
 
-def test_another_scheme_by_name_takes_the_place_of_the_files():
+def test_another_scheme_by_name_replaces_the_files_scheme():
     answer = answered("example-4.1", "--set", "scheme.reaching.layer=0.05", "--set", "scheme.name=ftsmc")
     assert (answer["scheme"], answer["outcome"]) == ("ftsmc", "ok")
     assert answer["metrics"]["envelope_violations"] is None
     np.testing.assert_allclose(answer["metrics"]["steady_error"], [1.99e-4, 3.77e-4], rtol=0.01)
 
 
-def test_a_run_that_left_its_envelope_and_came_back_exits_with_3_and_says_all_of_it():
+def test_a_run_that_left_and_came_back_exits_with_3_and_reports_both():
     result = in_process(
         *("run", "example-4.1-1khz", "--json", "--set", "start.q=[-0.8,2.9]", "--set", "simulation.t1=4"), code=3
     )

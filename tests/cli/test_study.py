@@ -38,7 +38,7 @@ def test_a_study_is_written_resumed_and_its_rows_become_scenarios(tmp_path):
     assert in_process("study", str(file), "--out", str(out), "--case", "80").exit_code == 2
 
 
-def test_ctrl_c_says_how_to_go_on(tmp_path, monkeypatch):
+def test_ctrl_c_prints_the_command_that_resumes(tmp_path, monkeypatch):
     file = tmp_path / "study.yaml"
     file.write_text(TEXT, encoding="utf-8")
 
@@ -58,7 +58,7 @@ def test_ctrl_c_says_how_to_go_on(tmp_path, monkeypatch):
         (["{file}", "--cluster", "farm"], "local:2"),
     ],
 )
-def test_what_cannot_be_done_is_one_line(tmp_path, words, text):
+def test_invalid_study_commands_are_refused_in_one_line(tmp_path, words, text):
     file = tmp_path / "study.yaml"
     file.write_text(TEXT, encoding="utf-8")
     done = in_process("study", *(word.format(file=file) for word in words), code=2)

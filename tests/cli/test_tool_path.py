@@ -61,7 +61,7 @@ def test_a_run_without_a_tool_has_no_such_metric_and_no_such_cost():
 
 @pytest.mark.full
 @pytest.mark.parametrize("engine", ["native", "xla"])
-def test_of_many_runs_each_has_its_own(file, engine):
+def test_each_run_of_a_batch_has_its_own_tool_error(file, engine):
     scenario = sx.scenarios.load(file, {"simulation.t1": 0.2, "simulation.engine": engine})
     starts = np.array([[0.4, 1.2], [0.42, 1.19], [0.38, 1.25]])
 
@@ -75,7 +75,7 @@ def test_of_many_runs_each_has_its_own(file, engine):
 
 
 @pytest.mark.full
-def test_table_json_and_report_say_it(file, tmp_path):
+def test_table_json_and_report_have_the_tool_error(file, tmp_path):
     done = in_process("run", str(file), "--json", "--out", str(tmp_path / "report"), code=0)
     metrics = json.loads(done.stdout)["metrics"]
     error, turn = metrics["tool_error"], metrics["tool_turn"]

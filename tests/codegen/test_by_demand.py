@@ -28,7 +28,7 @@ def levels(monkeypatch):
     return levels
 
 
-def test_code_is_made_well_once_it_was_asked_for_enough_turns(levels):
+def test_code_is_optimised_after_enough_iterations(levels):
     code = llvm.ByDemand(scaled())
     first = code.kernel(kernel.WORTHWHILE_ITERATIONS[1] // 2)
     assert first.quick and code.kernel(1) is first
@@ -38,29 +38,29 @@ def test_code_is_made_well_once_it_was_asked_for_enough_turns(levels):
 
 
 @pytest.mark.parametrize("lanes", [1, 8])
-def test_one_long_run_gets_good_code_at_once(levels, lanes):
+def test_one_long_run_gets_optimised_code_at_once(levels, lanes):
     assert not llvm.ByDemand(scaled(), lanes).kernel(kernel.WORTHWHILE_ITERATIONS[lanes]).quick
     assert levels == [machine.OPTIMISED]
 
 
-def test_good_code_of_another_time_is_taken(levels):
+def test_cached_optimised_code_is_used(levels):
     llvm.compile(scaled())
     assert not llvm.ByDemand(scaled()).kernel(1).quick
     assert levels == [machine.OPTIMISED]
 
 
-def test_a_folder_that_may_not_be_looked_into_stops_nobody(levels, monkeypatch, tmp_path):
+def test_an_inaccessible_cache_folder_does_not_stop_a_run(levels, monkeypatch, tmp_path):
     # Another user's folder, as in a container: a name that is too long is refused to root as well.
     monkeypatch.setattr(machine, "folder", lambda: tmp_path / ("a" * 300))
     assert llvm.ByDemand(scaled()).kernel(1).quick
 
 
-def test_a_program_whose_values_might_fill_a_threads_stack_is_made_well(levels, monkeypatch):
+def test_a_program_that_may_overflow_a_threads_stack_is_optimised(levels, monkeypatch):
     monkeypatch.setattr(kernel, "STACK_LIMIT", 8)
     assert not llvm.ByDemand(scaled()).kernel(1).quick
 
 
-def test_stack_of_quick_code_is_less_than_its_values_are_counted_for(monkeypatch):
+def test_stack_of_quick_code_is_below_its_estimate(monkeypatch):
     programs, init = [], kernel.Kernel.__init__
 
     def noted(self, program, lanes, **how):
@@ -84,7 +84,7 @@ def test_stack_of_quick_code_is_less_than_its_values_are_counted_for(monkeypatch
 @pytest.mark.parametrize("lanes", [1, 8])
 @pytest.mark.parametrize("kind", ["f64", "f32"])
 @pytest.mark.parametrize("op", ELEMENTARY)
-def test_a_function_that_is_called_gives_the_bits_of_the_one_that_is_written_out(op, kind, lanes):
+def test_a_called_elementary_function_has_the_bits_of_its_expansion(op, kind, lanes):
     b = Builder()
     inputs = [b.input(f"x{k}", kind, (), varying=True).item() for k in range(2 if op in ("pow", "atan2") else 1)]
     value = b.apply(op, *inputs, type=kind)
@@ -103,7 +103,7 @@ def test_a_function_that_is_called_gives_the_bits_of_the_one_that_is_written_out
 
 
 @pytest.mark.parametrize("lanes", [1, 8])
-def test_runs_have_the_same_bits_by_quick_code(monkeypatch, lanes):
+def test_runs_with_quick_code_have_the_same_bits(monkeypatch, lanes):
     scenario = scenarios.load("example-4.1-1khz")
     starts = scenario.state0.q + jnp.array([[0.0], [1e-3]])
 

@@ -101,7 +101,7 @@ def test_c_computes_what_jax_computes(name, in_c):
 
 @needs_a_compiler
 @pytest.mark.parametrize("name", ELEMENTARY)
-def test_functions_are_those_of_the_math_library(name, in_c):
+def test_elementary_functions_call_the_math_library(name, in_c):
     ours, theirs = in_c
     assert_close(ours[name], theirs[name], rtol=4e-15, atol=0)
 
@@ -113,7 +113,7 @@ def test_two_compilers_agree(in_c, tmp_path):
 
 
 @needs_a_compiler
-def test_a_program_of_floats_has_no_double(tmp_path):
+def test_a_single_precision_program_has_no_double(tmp_path):
     names = [name for name in CASES if name not in BITS]
     function, args = all_at_once(names)
     assert "double" not in c_code(trace(function, args), real="float")
@@ -123,7 +123,7 @@ def test_a_program_of_floats_has_no_double(tmp_path):
 
 
 @needs_a_compiler
-def test_the_inverse_error_function_is_exact_to_both_ends(tmp_path):
+def test_the_inverse_error_function_is_accurate_to_both_ends(tmp_path):
     x = np.array([0.0, 1e-300, 1e-9, -0.3, 0.4999, 0.5, 0.97, 1 - 1e-9, -1 + 1e-16, 1.0, -1.0, 2.0, np.nan])
     ours = compiled(trace(lax.erf_inv, jnp.asarray(x)), tmp_path, compiler=COMPILERS[0], flags=GUARDS)([x])
     np.testing.assert_allclose(ours[0], scipy.special.erfinv(x), rtol=1e-14, atol=0)
@@ -170,7 +170,7 @@ def paper_law():
 
 
 @needs_a_compiler
-def test_the_law_of_the_paper_is_the_same_in_c(tmp_path):
+def test_the_law_of_the_paper_agrees_in_c(tmp_path):
     function, args = paper_law()
     call = compiled(trace(function, *args), tmp_path, compiler=COMPILERS[0])
     leaves, tree = jax.tree.flatten(args)
@@ -182,7 +182,7 @@ def test_the_law_of_the_paper_is_the_same_in_c(tmp_path):
             np.testing.assert_allclose(ours, their[k], rtol=1e-12, atol=1e-13)
 
 
-def test_the_law_of_the_paper_is_short_and_keeps_its_words():
+def test_the_law_of_the_paper_is_short_in_c_and_keeps_its_names():
     function, args = paper_law()
     text = c_code(trace(function, *args, names=["parameters", "t", "measured", "reference", "memory"]))
     assert text.count("\n") < 300

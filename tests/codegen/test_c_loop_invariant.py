@@ -20,7 +20,7 @@ def split(function, *args):
     return "\n".join(first.lines), "\n".join(statements(program, outputs, read, precomputed=places).lines)
 
 
-def test_what_follows_from_parameters_is_computed_apart():
+def test_values_of_parameters_alone_are_precomputed():
     derived, step = split(lambda p, x: jnp.exp(p[0]) * x + p[1] * 2.0, jnp.ones(2), jnp.ones(()))
     assert "exp(p[0])" in derived
     assert "exp" not in step
@@ -28,13 +28,13 @@ def test_what_follows_from_parameters_is_computed_apart():
     assert "2.0 * p[1]" in step, "a product is not worth a place in memory"
 
 
-def test_what_follows_cheaply_from_what_is_kept_is_not_kept_too():
+def test_cheap_functions_of_stored_values_are_not_stored():
     derived, step = split(lambda p, x: (jnp.exp(p[0]) * x, 2.0 * jnp.exp(p[0]) + x), jnp.ones(2), jnp.ones(()))
     assert derived.count("workspace->") == 1
     assert "2.0 * workspace->kept0" in step
 
 
-def test_what_follows_from_parameters_is_found_in_branches_and_loops_too():
+def test_values_of_parameters_are_precomputed_from_branches_and_loops():
     def law(p, x):
         inside = lambda: lax.fori_loop(0, 3, lambda i, a: a * jnp.exp(p[0]), x)  # noqa: E731
         return lax.cond(x > 0.0, inside, lambda: x)
@@ -45,14 +45,14 @@ def test_what_follows_from_parameters_is_found_in_branches_and_loops_too():
     assert "x[" not in derived
 
 
-def test_a_loop_over_parameters_alone_lasts():
+def test_a_loop_over_parameters_alone_is_precomputed():
     law = lambda p, x: x * lax.fori_loop(0, 30, lambda i, a: 0.5 * (a + p[1] / a), p[0])  # noqa: E731
     derived, step = split(law, jnp.ones(2), jnp.ones(()))
     assert "for (" in derived
     assert "for (" not in step
 
 
-def test_a_loop_that_a_branch_keeps_from_going_on_for_ever_stays_in_it():
+def test_a_loop_that_may_be_endless_stays_in_its_branch():
     def law(p, x):
         halved = lambda: lax.while_loop(lambda a: a > 1.0, lambda a: a * p[1], p[0])  # noqa: E731
         return lax.cond(x > 0.0, halved, lambda: x)
@@ -62,7 +62,7 @@ def test_a_loop_that_a_branch_keeps_from_going_on_for_ever_stays_in_it():
     assert "while (" in step
 
 
-def test_an_index_that_a_branch_guards_is_not_read_elsewhere():
+def test_a_guarded_index_is_read_only_inside_its_branch():
     b = Builder()
     table = b.input("table", "f64", (3,))
     index, x = b.input("index", "i64", ())[()], b.input("x", "f64", ())[()]

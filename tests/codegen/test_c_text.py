@@ -23,7 +23,7 @@ def named(builder, count):
     return inputs, text
 
 
-def test_an_output_may_lie_where_an_input_was_and_one_that_stays_is_not_assigned():
+def test_an_output_may_share_memory_with_an_input_and_is_not_assigned_if_unchanged():
     b = Builder()
     x = b.input("x", "f64", (2,))
 
@@ -77,7 +77,7 @@ def test_parentheses_are_only_where_they_are_needed():
     ("number", "text"),
     [(0.5, "0.5"), (1.0, "1.0"), (0.001, "1e-3"), (-2.5, "-2.5"), (1e6, "1e6"), (0.0, "0.0"), (100.0, "100.0")],
 )
-def test_numbers_are_as_short_as_they_can_be(number, text):
+def test_numbers_have_their_shortest_form(number, text):
     assert Dialect().number(number, "f64") == text
     assert Dialect("float").number(number, "f64") == text + "f"
 
@@ -99,7 +99,7 @@ def test_a_limit_beyond_floats_stays_a_finite_limit(number, text):
     assert Dialect("float").number(number, "f64") == text
 
 
-def test_what_is_used_once_is_written_where_it_is_used():
+def test_values_used_once_are_written_inline():
     b = Builder()
     (x, y), text = named(b, 2)
     product = b.apply("mul", x, y)

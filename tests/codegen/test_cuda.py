@@ -70,7 +70,7 @@ needs_nvcc = pytest.mark.skipif(not shutil.which("nvcc"), reason="nvcc is not in
 
 @needs_gxx
 @pytest.mark.parametrize(("real", "accuracy"), [("double", 1e-13), ("float", 2e-5)])
-def test_each_thread_computes_its_own_run(real, accuracy, tmp_path):
+def test_each_cuda_thread_computes_its_own_run(real, accuracy, tmp_path):
     done = batch(pendulum(), pendulum_arrays(), RUNS, STEPS // 4, tmp_path, real)
     assert_pendulum(*done, accuracy)
 
@@ -93,7 +93,7 @@ def test_random_programs_give_the_same_bits_as_machine_code(tmp_path):
 
 @needs_nvcc
 @pytest.mark.parametrize("real", ["double", "float"])
-def test_nvcc_takes_it(real, tmp_path):
+def test_nvcc_compiles_the_kernel(real, tmp_path):
     program = RandomProgram(12, varying=True).finish()
     source = tmp_path / "kernel.cu"
     for kernel in (pendulum(), program):
@@ -103,7 +103,7 @@ def test_nvcc_takes_it(real, tmp_path):
         assert done.returncode == 0, done.stderr
 
 
-def test_a_wrong_array_is_told_by_its_name():
+def test_a_wrong_array_is_reported_by_its_name():
     program = pendulum()
     start, *shared = pendulum_arrays()
     with pytest.raises(DefinitionError, match=r"`state.start` must be float64 of shape \[5, 2\]; got float64 of shape"):
@@ -114,14 +114,14 @@ def test_a_wrong_array_is_told_by_its_name():
         pack_inputs(program, [start], RUNS, "double")
 
 
-def test_without_a_card_the_remedy_is_told():
+def test_without_a_gpu_the_remedy_is_named():
     if cuda.card_available():
         pytest.skip("there is a card")
     with pytest.raises(DefinitionError, match=r"slidax\[cuda\]|driver|on the CPU"):
         cuda.compile_cuda(pendulum())
 
 
-def test_on_a_card_all_runs_are_computed():
+def test_a_gpu_computes_all_runs():
     if not cuda.card_available():
         pytest.skip("CuPy or a card is missing")
     assert_pendulum(*cuda.compile_cuda(pendulum()).batch(pendulum_arrays(), RUNS, STEPS // 4), 1e-12)

@@ -41,7 +41,7 @@ def _type(array):
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_random_programs_give_the_interpreters_bits_whatever_the_lanes(seed):
+def test_random_programs_have_the_interpreters_bits_for_any_number_of_lanes(seed):
     program = RandomProgram(seed, size=16).finish()
     chance = np.random.default_rng(seed)
     varies = [bool(chance.integers(2)) for _ in program.inputs]
@@ -55,7 +55,7 @@ def test_random_programs_give_the_interpreters_bits_whatever_the_lanes(seed):
 
 
 @pytest.mark.parametrize("level", [0, 1])
-def test_they_are_the_same_bits_at_every_level_of_llvm(monkeypatch, level):
+def test_results_have_the_same_bits_at_every_optimisation_level(monkeypatch, level):
     """The tests of a day compile at level 0, where LLVM is three times as fast."""
     monkeypatch.setattr(machine, "OPTIMISED", level)
     host.cache_clear()
@@ -82,7 +82,7 @@ def test_the_smaller_and_the_larger_of_nan_and_a_number_are_nan(lanes, type):
 
 
 @pytest.mark.parametrize("lanes", LANES)
-def test_a_float_becomes_the_nearest_integer_that_there_is_towards_zero(lanes):
+def test_a_float_is_rounded_towards_zero_and_saturates_as_integer(lanes):
     x = np.array([1.9, -1.9, 1e300, -1e300, NAN, INF, -INF, 2.0**31, -0.5])
     for type in ("i64", "i32", "u32"):
         ends = np.iinfo(DTYPES[type])
@@ -115,7 +115,7 @@ def test_shifting_out_all_bits_leaves_none_or_the_sign(lanes):
 
 
 @pytest.mark.parametrize("type", ["f64", "f32"])
-def test_functions_that_are_not_written_out_are_those_of_the_c_library(type):
+def test_functions_without_expansion_are_those_of_the_c_library(type):
     x = np.linspace(-0.9, 0.9, RUNS).astype(DTYPES[type])
     for op in ("tan", "tanh", "erf", "asin"):
         many, one = (per_run(lambda b, x, op=op: b.apply(op, x), type, x, lanes=lanes) for lanes in (8, 1))
@@ -124,7 +124,7 @@ def test_functions_that_are_not_written_out_are_those_of_the_c_library(type):
 
 
 @pytest.mark.parametrize("lanes", LANES)
-def test_truth_values_come_in_and_go_out_as_bytes(lanes):
+def test_booleans_are_bytes_in_inputs_and_outputs(lanes):
     x, y = np.array([[True, True], [True, False], [False, True], [False, False]] * 3).T.copy()
     done = per_run(lambda b, x, y: b.apply("and", x, b.apply("not", y)), "b1", x, y, lanes=lanes)
     assert done.dtype == np.bool_ and done.tolist() == (x & ~y).tolist()
@@ -142,7 +142,7 @@ def loop_over_time(b, count, body, *start):
     return b.loop([zero, *start], lambda carried: b.apply("lt", carried[0], last), turn, last)[1:]
 
 
-def test_what_depends_on_time_alone_is_computed_once_for_all_runs():
+def test_values_of_time_alone_are_computed_once_for_all_runs():
     b = Builder()
     gain, speed = b.input("gain", "f64", (), varying=True).item(), b.input("speed", "f64", ()).item()
     wave = []
@@ -161,7 +161,7 @@ def test_what_depends_on_time_alone_is_computed_once_for_all_runs():
     assert "call double @llvm.sqrt.f64" in text and "llvm.sqrt.v8f64" not in text
 
 
-def test_runs_that_leave_a_loop_at_different_times_hold_what_they_had():
+def test_runs_that_leave_a_loop_early_keep_their_values():
     b = Builder()
     limit = b.input("limit", "f64", (), varying=True).item()
     one = b.constant(1.0, "f64")
@@ -181,7 +181,7 @@ def test_runs_that_leave_a_loop_at_different_times_hold_what_they_had():
         np.testing.assert_array_equal(y, np.stack([turns, 2.0**turns], axis=1))
 
 
-def test_a_side_of_a_branch_that_no_run_takes_is_jumped_over():
+def test_a_side_of_a_branch_that_no_run_takes_is_skipped():
     b = Builder()
     x = b.input("x", "f64", (), varying=True).item()
     table = b.input("table", "f64", (4,))
@@ -202,7 +202,7 @@ def test_a_side_of_a_branch_that_no_run_takes_is_jumped_over():
 
 
 @pytest.mark.parametrize("size", [1, 3, 8, 21])
-def test_each_run_has_the_rows_that_it_wanted_where_it_wanted_them(size):
+def test_each_run_logs_its_own_rows(size):
     b = Builder()
     x = b.input("x", "f64", (size,), varying=True)
     every = b.input("every", "i64", (), varying=True).item()
@@ -245,7 +245,7 @@ def test_one_run_is_called_with_arrays_of_its_own_shapes(lanes):
 
 @pytest.mark.parametrize("lanes", LANES)
 @pytest.mark.parametrize("runs", [1, 7, 8, 200])
-def test_neither_threads_nor_the_last_group_change_a_batch(runs, lanes):
+def test_a_batch_does_not_depend_on_threads_or_group_size(runs, lanes):
     x = np.random.default_rng(runs).normal(size=(2, runs)).T  # not contiguous
     kernel = llvm.compile(scaled(), lanes)
     for threads in (1, 3, None):

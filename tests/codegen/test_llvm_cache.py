@@ -12,7 +12,7 @@ from slidax.codegen.llvm import machine
 from .test_llvm import scaled
 
 
-def test_same_program_is_compiled_once(folder, compilations):
+def test_the_same_program_is_compiled_once(folder, compilations):
     assert computed(scaled()) == computed(scaled()) == [3.0, 6.0]
     assert len(compilations) == 1
     (kept,) = folder.iterdir()
@@ -21,7 +21,7 @@ def test_same_program_is_compiled_once(folder, compilations):
     assert len(compilations) == 2
 
 
-def test_a_damaged_file_is_made_anew(folder):
+def test_a_damaged_cache_file_is_compiled_again(folder):
     llvm.compile(scaled())
     (kept,) = folder.iterdir()
     whole = kept.read_bytes()
@@ -30,7 +30,7 @@ def test_a_damaged_file_is_made_anew(folder):
     assert kept.read_bytes() == whole
 
 
-def test_a_disk_that_takes_nothing_stops_nobody(folder):
+def test_a_disk_that_cannot_be_written_does_not_stop_a_run(folder):
     folder.write_text("no folder")
     assert computed(scaled()) == [3.0, 6.0]
 
@@ -57,14 +57,14 @@ def compilations(monkeypatch):
     return texts
 
 
-def test_the_folder_and_its_files_are_for_their_owner_alone(folder):
+def test_the_cache_is_accessible_to_its_owner_alone(folder):
     llvm.compile(scaled())
     (kept,) = folder.iterdir()
     assert folder.stat().st_mode & 0o777 == 0o700
     assert kept.stat().st_mode & 0o777 == 0o600
 
 
-def test_a_folder_of_the_users_own_that_was_open_is_closed(folder, compilations):
+def test_an_open_cache_folder_of_the_user_is_closed_to_others(folder, compilations):
     folder.mkdir(mode=0o700)
     folder.chmod(0o777)
     assert computed(scaled()) == [3.0, 6.0]
@@ -125,7 +125,7 @@ def test_no_symbolic_link_is_followed(folder, compilations, tmp_path):
     assert len(compilations) == 3
 
 
-def test_a_file_under_the_name_of_another_is_not_run(folder, compilations):
+def test_a_cache_file_under_another_files_name_is_not_run(folder, compilations):
     llvm.compile(scaled())
     (first,) = folder.iterdir()
     llvm.compile(reversed_outputs(scaled()))
@@ -136,7 +136,7 @@ def test_a_file_under_the_name_of_another_is_not_run(folder, compilations):
 
 
 @pytest.mark.parametrize("what", ["another program's code", "no code at all"])
-def test_kept_code_that_does_not_fit_is_named_and_compiled_anew(folder, compilations, monkeypatch, what):
+def test_cached_code_of_another_program_is_named_and_compiled_again(folder, compilations, monkeypatch, what):
     keys, store = [], machine.store_code
     monkeypatch.setattr(machine, "store_code", lambda key, body: (keys.append(key), store(key, body)))
     llvm.compile(scaled())

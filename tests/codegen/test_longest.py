@@ -35,7 +35,7 @@ def only_loop(program):
     return next(value for value in program.walk() if isinstance(value, Loop))
 
 
-def test_a_loop_that_counts_itself_has_a_bound():
+def test_a_loop_that_counts_up_to_a_constant_has_a_bound():
     program = halving(20)
     assert count_iterations(only_loop(program)) == 20
     assert count_iterations(only_loop(halving(20, start=5))) == 15
@@ -45,14 +45,14 @@ def test_a_loop_that_counts_itself_has_a_bound():
 
 
 @pytest.mark.parametrize("other", [{"step": 2}, {"step": 0}, {"step": -1}, {"compared": "gt"}])
-def test_a_loop_that_counts_otherwise_has_none(other):
+def test_a_loop_without_a_counter_has_no_bound(other):
     program = halving(20, **other)
     assert count_iterations(only_loop(program)) is None
     assert count_operations(program) is None
 
 
 @pytest.mark.parametrize(("x", "turns_taken"), [(1e30, 20), (4.0, 2), (0.5, 0)])
-def test_it_is_what_a_run_that_goes_on_to_the_end_takes(monkeypatch, x, turns_taken):
+def test_the_operation_count_is_that_of_the_longest_run(monkeypatch, x, turns_taken):
     computed, original = [], interpreter._Run.computed
     monkeypatch.setattr(interpreter._Run, "computed", lambda run, value: computed.append(value) or original(run, value))
     program = halving(20)
@@ -62,7 +62,7 @@ def test_it_is_what_a_run_that_goes_on_to_the_end_takes(monkeypatch, x, turns_ta
     assert (taken == most) if turns_taken == 20 else (taken == most - (20 - turns_taken) * 5)
 
 
-def test_a_branch_is_its_longer_side_and_a_function_is_all_that_it_does():
+def test_a_branch_counts_its_longer_side_and_a_call_its_function():
     b = Builder()
     x = b.input("x", "f64", ())[()]
     left = b.branch(

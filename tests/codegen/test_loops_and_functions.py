@@ -39,11 +39,11 @@ def test_one_operation_on_an_array_is_a_loop():
     ]
 
 
-def test_columns_and_reversed_rows_are_found_by_a_rule():
+def test_columns_and_reversed_rows_become_index_expressions():
     assert "out[i] = x[3 * i + 1] * y[6 - i];" in written(lambda a, x: a[:, 1] * x[::-1], jnp.ones((N, 3)), jnp.ones(N))
 
 
-def test_what_hangs_on_the_element_before_stays_in_order():
+def test_recurrences_stay_in_order():
     text = written(lambda x: jnp.cumsum(jnp.sin(x)), jnp.ones(N))
     assert len([line for line in text if line.startswith("for")]) <= 1
     sums = [line for line in text if "sin(" in line]
@@ -51,7 +51,7 @@ def test_what_hangs_on_the_element_before_stays_in_order():
     assert text.index(sums[1]) < text.index(sums[2])
 
 
-def test_a_sum_over_those_before_is_a_loop_once_it_lies_in_an_array():
+def test_a_partial_sum_in_an_array_becomes_a_loop():
     def sums(x):
         partial = [jnp.sin(x[0])]
         for k in range(1, N):
@@ -64,7 +64,7 @@ def test_a_sum_over_those_before_is_a_loop_once_it_lies_in_an_array():
     assert text[6:] == ["for (size_t i = 0; i < 7; ++i) {", "out[i] = 2.0 * partial[i];", "}"]
 
 
-def test_what_one_joint_computes_otherwise_lies_beside_the_others():
+def test_a_joint_with_another_formula_stays_in_the_array_of_all():
     def function(x, y):
         others = jnp.concatenate([jnp.sin(x[:-1]) + y[1:], x[-1:] - y[:1]])
         turned = jnp.tanh(others)
@@ -76,7 +76,7 @@ def test_what_one_joint_computes_otherwise_lies_beside_the_others():
     assert not any(line.startswith("out[6]") for line in text)
 
 
-def test_what_is_asked_of_all_elements_is_asked_in_a_loop_or_by_a_function():
+def test_conditions_on_all_elements_become_a_loop_or_a_function_call():
     def function(x, low):
         return jnp.all(jnp.isfinite(x)), jnp.any(jnp.abs(x) * 2.0 + low > low * low), jnp.any(x > low) & (low[0] > 0)
 
@@ -100,7 +100,7 @@ def assigned(*pairs):
     return text_of(builder.program, [(to, zero if of is None else inputs[of]) for to, of in pairs], ["memory->x"])
 
 
-def test_what_only_moves_is_moved_at_once_and_never_over_what_is_still_read():
+def test_block_moves_use_memcpy_and_never_overwrite_unread_values():
     assert assigned(*[(f"y[{k}]", k + 2) for k in range(4)], *[(f"z[{k}]", None) for k in range(9)]) == [
         "memcpy(y, &memory->x[2], 4 * sizeof y[0]);",
         "memset(z, 0, 9 * sizeof z[0]);",
@@ -116,7 +116,7 @@ def test_what_only_moves_is_moved_at_once_and_never_over_what_is_still_read():
     assert shifted == ["for (size_t i = 0; i < 6; ++i) {", "memory->x[i] = memory->x[i + 1];", "}"]
 
 
-def test_what_others_read_is_written_after_them():
+def test_values_are_overwritten_after_their_last_read():
     builder = Builder()
     x = builder.input("x", "f64", (8,))
     double = [builder.apply("add", element, element) for element in x]
@@ -138,7 +138,7 @@ def _short(x):
     return x + 1.0
 
 
-def test_a_long_function_that_is_called_twice_is_one():
+def test_a_long_function_called_twice_is_shared():
     library = Library()
     program = trace(lambda x, y: _long(x, y) + _long(_short(x), y), jnp.ones(N), jnp.ones(N), library=library)
     calls = [value for value in program.walk() if isinstance(value, Call)]
@@ -147,7 +147,7 @@ def test_a_long_function_that_is_called_twice_is_one():
     assert [function.name for function in functions(program)] == ["long"]
 
 
-def test_the_same_call_is_made_once_and_known_numbers_are_no_arguments():
+def test_equal_calls_are_merged_and_constants_are_not_passed():
     library = Library()
 
     def function(x):
@@ -160,12 +160,12 @@ def test_the_same_call_is_made_once_and_known_numbers_are_no_arguments():
     assert [function.name for function in functions(again)] == ["long"]
 
 
-def test_without_a_library_all_is_written_out():
+def test_without_a_library_all_functions_are_inlined():
     program = trace(lambda x: _long(x, x), jnp.ones(N))
     assert not functions(program)
 
 
-def test_blocks_that_follow_each_other_share_their_stack():
+def test_consecutive_blocks_share_their_stack():
     lines = []
     for k in range(3):
         lines += [CodeLine(1, f"double a{k}[40];", f"part {k}"), CodeLine(1, f"f(a{k});", f"part {k}")]
@@ -175,7 +175,7 @@ def test_blocks_that_follow_each_other_share_their_stack():
     assert sum(line.text == "{" for line in blocks) == 3
 
 
-def test_what_is_needed_after_a_block_is_declared_before_it():
+def test_variables_needed_after_a_block_are_declared_before_it():
     lines = [
         CodeLine(1, "double a[40];", "one"),
         CodeLine(1, "const double s = f(a);", "one"),

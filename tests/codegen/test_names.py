@@ -73,7 +73,7 @@ def test_value_has_the_name_that_the_source_gives_it(law, expected):
     assert firm >= expected if law is entries_of_a_list else firm == expected
 
 
-def test_of_all_that_a_call_makes_its_result_has_the_name():
+def test_only_the_result_of_a_call_gets_the_name():
     def law(x):
         rest = jnp.mod(x, 0.3)
         return rest * rest
@@ -86,7 +86,7 @@ def test_of_all_that_a_call_makes_its_result_has_the_name():
     assert [name.text for name in map(names.of, program.walk()) if name].count("rest") == 1
 
 
-def test_a_derivative_does_not_take_the_name_of_what_it_is_of():
+def test_a_derivative_does_not_get_the_name_of_its_function():
     def position(t):
         swing = jnp.sin(t * 2.0)
         return swing
@@ -100,7 +100,7 @@ def test_a_derivative_does_not_take_the_name_of_what_it_is_of():
     assert swing == ["sin"]
 
 
-def test_the_operands_of_an_expression_lend_their_names():
+def test_unnamed_expressions_are_named_after_their_operands():
     def law(t):
         rate = jax.grad(lambda t: jnp.sin(t) * t)(t)
         return 1.0 / rate
@@ -115,21 +115,21 @@ def test_chosen_names_come_first():
     assert Names(program, {value: "tau"}).of(value).text == "tau"
 
 
-def test_inputs_are_told_apart_by_as_little_as_it_takes():
+def test_inputs_have_the_shortest_distinct_names():
     program = trace(lambda a, b: a["q"] * b["q"] * b["k"], {"q": X}, {"q": X, "k": X[0]}, names=["state", "gains"])
     names = Names(program)
     inputs = [names.of(value).text for value in program.body.values if value.op == "input"]
     assert inputs == ["q_1", "q_2", "k", "gains_q_1", "gains_q_2"]
 
 
-def test_a_comment_tells_the_formula_of_the_innermost_function():
+def test_a_comment_has_the_formula_of_the_innermost_function():
     program = trace(lambda x: halves(x)[1] * 2.0, X[0])
     names = Names(program)
     about = [names.about(value) for value in program.walk() if value.op in ("mul", "sin")]
     assert "halves: x/2, eq. (7), and its sine" in about
 
 
-def test_a_method_without_a_formula_is_told_by_its_class():
+def test_a_method_without_a_formula_gets_the_comment_of_its_class():
     scenario = scenarios.load("example-4.1")
     program = trace(scenario.controller.transformation.performance.radius, jnp.ones(()))
     names = Names(program)
@@ -176,7 +176,7 @@ def test_formulas_are_written_in_ascii(text, expected):
         ("larger", "larger_"),
     ],
 )
-def test_a_name_means_nothing_to_a_compiler_yet(name, expected):
+def test_a_name_is_never_reserved_in_c(name, expected):
     assert identifier(name) == expected
 
 
@@ -184,5 +184,5 @@ def test_a_name_means_nothing_to_a_compiler_yet(name, expected):
     ("element", "shape", "expected"),
     [(0, (), ""), (1, (2,), "_2"), (0, (1,), "_1"), (5, (2, 3), "_23"), (1, (3, 1), "_2"), (11, (12,), "_12")],
 )
-def test_joints_are_counted_from_one(element, shape, expected):
+def test_element_suffixes_count_from_one(element, shape, expected):
     assert index_suffix(element, shape) == expected

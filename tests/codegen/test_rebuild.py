@@ -23,7 +23,7 @@ def bits(arrays):
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_a_program_made_again_is_the_same_function_and_no_longer(seed):
+def test_a_rebuilt_program_is_the_same_function_and_not_longer(seed):
     program = RandomProgram(seed, size=16).finish()
     again = rebuild(program, same)
     assert len(ops(again)) <= len(ops(program))
@@ -31,7 +31,7 @@ def test_a_program_made_again_is_the_same_function_and_no_longer(seed):
     assert bits(interpreted(program, *arrays)) == bits(interpreted(again, *arrays))
 
 
-def test_a_replaced_value_reaches_all_that_use_it_in_loops_and_branches():
+def test_a_replaced_value_reaches_all_its_uses_in_loops_and_branches():
     b = Builder()
     x = b.input("x", "f64", ()).item()
     n = b.input("n", "i64", ()).item()
@@ -53,7 +53,7 @@ def test_a_replaced_value_reaches_all_that_use_it_in_loops_and_branches():
     assert interpreted(program, np.array([1.0]), np.array([3]))[0] == -4.0
 
 
-def test_logged_outputs_keep_their_places_and_names():
+def test_logged_outputs_keep_their_order_and_names():
     b = Builder()
     x = b.input("x", "f64", (2,))
     b.output("first", "f64", x)
@@ -89,7 +89,7 @@ REST = -(2.0**-60)  # of the product of the first two, beyond 1; rounding it los
         (lambda b, x, y, z, w: b.apply("sub", b.apply("abs", z), b.apply("mul", x, y)), -REST),
     ],
 )
-def test_a_product_in_a_sum_is_not_rounded(make, expected):
+def test_a_product_in_a_sum_is_fused(make, expected):
     program = formula(make)
     assert "fma" in ops(program) and "mul" not in ops(program)
     assert interpreted(program, X)[0] == expected
@@ -108,7 +108,7 @@ def test_integers_are_not_fused():
     assert "fma" not in ops(fuse(b.finish()))
 
 
-def test_a_product_from_outside_of_a_loop_stays_there():
+def test_a_product_outside_a_loop_is_not_fused_into_it():
     b = Builder()
     x, y, z = b.input("x", "f64", (3,))
     n = b.input("n", "i64", ()).item()

@@ -96,7 +96,7 @@ class Joints:
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_joints_computed_side_by_side_keep_every_bit(seed):
+def test_vectorised_joints_keep_every_bit(seed):
     joints = Joints(seed)
     program = joints.finish()
     numbers = np.random.default_rng(seed).normal(size=(3, joints.joints))
@@ -127,7 +127,7 @@ def packed(joints, law):
 
 
 @pytest.mark.parametrize("joints", [2, 3, 7])
-def test_what_each_joint_does_alike_is_one_operation(joints):
+def test_operations_common_to_all_joints_become_one_vector_operation(joints):
     def law(b, q, dq, gain):
         return [b.apply("sqrt", b.apply("add", b.apply("mul", gain, x), v)) for x, v in zip(q, dq, strict=True)]
 
@@ -137,7 +137,7 @@ def test_what_each_joint_does_alike_is_one_operation(joints):
     assert not [v for v in program.walk() if v.op in ("mul", "add", "sqrt") and not isinstance(v, Vector)]
 
 
-def test_numbers_from_elsewhere_are_brought_together_for_what_follows():
+def test_scalars_are_gathered_for_later_vector_operations():
     def law(b, q, dq, gain):
         # The accelerations of the two joints have different formulas; what is done with them has one.
         ddq = [b.apply("mul", b.apply("sub", q[0], q[1]), gain), b.apply("div", gain, q[1])]
@@ -147,7 +147,7 @@ def test_numbers_from_elsewhere_are_brought_together_for_what_follows():
     assert {"gather", "fma", "mul", "sqrt"} <= {value.op for value in vectors_of(packed(2, law))}
 
 
-def test_a_sum_may_name_its_parts_in_any_order():
+def test_sums_with_swapped_operands_are_vectorised():
     def law(b, q, dq, gain):
         squares = [b.apply("mul", x, x) for x in q]
         later = b.apply("floor", b.apply("mul", squares[0], gain))
@@ -158,7 +158,7 @@ def test_a_sum_may_name_its_parts_in_any_order():
     assert [value.op for value in total.args] == ["mul", "gather"]
 
 
-def test_a_value_that_needs_its_neighbour_is_not_computed_beside_it():
+def test_dependent_values_do_not_share_a_vector():
     def law(b, q, dq, gain):
         first = b.apply("mul", q[0], gain)
         second = b.apply("mul", q[1], gain)
@@ -172,7 +172,7 @@ def test_a_value_that_needs_its_neighbour_is_not_computed_beside_it():
     assert not [v for v in vectors_of(program) if v.op == "add"]
 
 
-def test_packs_that_wait_for_each_other_are_taken_apart():
+def test_bundles_with_cyclic_dependencies_are_dissolved():
     b = Builder()
     x, y = b.input("x", "f64", (2,)), b.input("y", "f64", (2,))
     p0 = b.apply("mul", x[0], y[0])
@@ -186,7 +186,7 @@ def test_packs_that_wait_for_each_other_are_taken_apart():
     np.testing.assert_array_equal(done, expected[0])
 
 
-def test_a_vector_that_is_only_taken_apart_again_is_not_made():
+def test_a_vector_that_is_only_unpacked_is_not_built():
     b = Builder()
     x = b.input("x", "f64", (2,))
     squares = [b.apply("mul", element, element) for element in x]
@@ -198,7 +198,7 @@ def test_a_vector_that_is_only_taken_apart_again_is_not_made():
     assert tuple(squares) not in bundles.vectors
 
 
-def test_what_a_loop_carries_side_by_side_stays_in_one_vector():
+def test_carried_values_of_all_joints_stay_in_one_vector():
     b = Builder()
     q, dq = b.input("q", "f64", (3,)), b.input("dq", "f64", (3,))
     h = b.input("h", "f64", ()).item()

@@ -90,7 +90,7 @@ EXACT = {
 
 
 @pytest.mark.parametrize("name", EXACT)
-def test_what_is_rounded_once_has_the_very_bits_of_jax(name):
+def test_operations_rounded_once_have_the_bits_of_jax(name):
     function, *args = EXACT[name]()
     assert_alike(function, *args, rtol=0.0)
 
@@ -108,7 +108,7 @@ ROUNDED = {
 
 
 @pytest.mark.parametrize("name", ROUNDED)
-def test_what_is_rounded_often_differs_in_the_last_digits(name):
+def test_operations_rounded_repeatedly_differ_in_the_last_digits(name):
     function, *args = ROUNDED[name]()
     assert_alike(function, *args, rtol=3e-15)
 
@@ -164,7 +164,7 @@ SOLVED = {
 
 
 @pytest.mark.parametrize("name", SOLVED)
-def test_what_is_solved_by_a_function_of_the_laws_own_is_solved_by_it(name):
+def test_custom_solvers_of_a_law_are_traced(name):
     function, *args = SOLVED[name]()
     assert_alike(function, *args, rtol=3e-15)
 
@@ -173,7 +173,7 @@ def blocks(program, kind):
     return [value for value in program.walk() if isinstance(value, kind)]
 
 
-def test_a_scan_stays_a_loop_and_leaves_what_it_carried():
+def test_a_scan_stays_a_loop_and_returns_its_carry():
     def function(x, rows):
         return lax.scan(lambda c, row: (c * row[0] + row[1], None), x, rows)[0]
 
@@ -182,25 +182,25 @@ def test_a_scan_stays_a_loop_and_leaves_what_it_carried():
     assert loop.iterations.data == 3
 
 
-def test_a_scan_stacks_what_each_turn_leaves_forwards_and_backwards():
+def test_a_scan_stacks_its_outputs_forwards_and_backwards():
     for reverse in (False, True):
         assert_alike(
             lambda x, r=reverse: lax.scan(lambda c, i: (c + i, (c * i, i)), x, jnp.arange(5), reverse=r), jnp.array(2)
         )
 
 
-def test_a_scan_that_leaves_much_is_written_out():
+def test_a_scan_with_many_outputs_is_unrolled():
     function = lambda x: lax.scan(lambda c, i: (c + 1.0, c * X), x, jnp.arange(30))[1]  # noqa: E731
     assert_alike(function, X[0])
     assert not blocks(trace(function, X[0]), Loop)
 
 
-def test_a_loop_of_no_turns_leaves_what_it_was_given():
+def test_a_loop_without_iterations_returns_its_initial_values():
     assert_alike(lambda x: lax.fori_loop(0, 0, lambda i, c: c + 1.0, x), X[0])
     assert_alike(lambda x, n: lax.fori_loop(0, n, lambda i, c: c + 1.0, x), X[0], jnp.array(-3))
 
 
-def test_a_while_loop_turns_as_often_as_it_must():
+def test_a_while_loop_has_the_iterations_of_jax():
     def root(x):
         return lax.while_loop(
             lambda c: jnp.abs(c[0] * c[0] - x) > 1e-12, lambda c: (0.5 * (c[0] + x / c[0]), c[1] + 1), (x, 0)
@@ -217,14 +217,14 @@ def test_loops_nest():
     assert_alike(function, X[0])
 
 
-def test_what_does_not_change_in_a_loop_is_computed_before_it():
+def test_loop_invariants_are_computed_before_the_loop():
     program = trace(lambda x, y: lax.fori_loop(0, 9, lambda i, c: c * jnp.exp(y), x), X[0], Y[0])
     (exponential,) = [value for value in program.walk() if value.op == "exp"]
     assert exponential.region is program.body
 
 
 @pytest.mark.parametrize("x", [-1.0, 0.5, 3.0])
-def test_a_branch_stays_a_branch_and_takes_the_right_side(x):
+def test_a_branch_stays_a_branch_and_takes_the_correct_side(x):
     function = lambda x: lax.cond(x > 0, lambda: (jnp.exp(x), 1), lambda: (x, 2))  # noqa: E731
     assert_alike(function, jnp.array(x), rtol=4e-16)
     program = trace(function, jnp.array(x))
@@ -239,13 +239,13 @@ def test_a_switch_takes_the_nearest_case(which):
     assert_alike(lambda i, x: lax.switch(i, cases, x), jnp.array(which), X)
 
 
-def test_what_is_asked_twice_is_computed_once():
+def test_common_subexpressions_are_computed_once():
     program = trace(lambda x, y: jnp.sin(x * y) + jnp.cos(1.0 + y * x) * jnp.sin(x * y), X[0], Y[0])
     assert sum(value.op == "mul" for value in program.walk()) == 2
     assert sum(value.op == "sin" for value in program.walk()) == 1
 
 
-def test_known_numbers_are_computed_beforehand_and_nothing_needless_is_left():
+def test_constants_are_folded_and_unused_values_removed():
     def function(x):
         unused = jnp.exp(x)
         del unused
@@ -255,13 +255,13 @@ def test_known_numbers_are_computed_beforehand_and_nothing_needless_is_left():
     assert [value.op for value in values] == ["input"]
 
 
-def test_inputs_and_outputs_are_named_by_their_places():
+def test_inputs_and_outputs_are_named_by_their_paths():
     program = trace(lambda a, b: {"sum": a["x"] + b, "both": (b, b)}, {"x": X}, Y, names=("first", "second"))
     assert [entry.name for entry in program.inputs] == ["first.x", "second"]
     assert [output.name for output in program.outputs] == ["both.0", "both.1", "sum"]
 
 
-def test_a_value_tells_where_in_the_source_it_came_from():
+def test_a_value_has_its_source_location():
     def scaled(x):
         doubled = 2.0 * x
         return jnp.sin(doubled)
@@ -273,7 +273,7 @@ def test_a_value_tells_where_in_the_source_it_came_from():
     assert (origin.element, origin.size) == (0, 3)
 
 
-def test_a_branch_inside_of_one_that_asked_the_same_is_decided():
+def test_a_nested_branch_on_the_same_condition_is_removed():
     def function(x):
         far = x > 1.0
         return lax.cond(far, lambda: lax.cond(far, lambda: jnp.exp(x), lambda: jnp.log(x)), lambda: x)

@@ -32,7 +32,7 @@ def around(inner):
         ("sort", lambda e: lax.cond(e[0] > 0, jnp.sort, lambda e: e, e), "jnp.max"),
     ],
 )
-def test_unknown_primitive_is_named_with_its_place_and_what_to_write_instead(primitive, function, remedy):
+def test_unknown_primitive_is_named_with_its_location_and_an_alternative(primitive, function, remedy):
     with pytest.raises(NoNativeCodeError, match=f"the JAX primitive `{primitive}` \\(line ") as error:
         trace(lambda e: function(e), X)
     assert __file__ in str(error.value)
@@ -40,7 +40,7 @@ def test_unknown_primitive_is_named_with_its_place_and_what_to_write_instead(pri
 
 
 @pytest.mark.parametrize("failure", [AssertionError(), KeyError("jaxpr"), MemoryError("many\nlines"), RecursionError()])
-def test_a_rule_that_fails_is_named_with_its_place_in_one_line(monkeypatch, failure):
+def test_a_failing_rule_is_named_with_its_location_in_one_line(monkeypatch, failure):
     def fails(*_):
         raise failure
 
@@ -56,7 +56,7 @@ def test_a_rule_that_fails_is_named_with_its_place_in_one_line(monkeypatch, fail
 
 
 @pytest.mark.parametrize("operations", [lambda x: jnp.sum(x * x), lambda x: x[0] + 1.0])
-def test_a_program_of_too_many_numbers_is_refused_before_it_fills_the_memory(monkeypatch, operations):
+def test_a_program_with_too_many_values_is_refused_before_memory_is_full(monkeypatch, operations):
     monkeypatch.setattr(builder, "LARGEST", 2000)
     monkeypatch.setattr(builder, "LARGEST_CODE", 500)
     with pytest.raises(NoNativeCodeError, match="programs of more than 500 operations or 2000 values"):

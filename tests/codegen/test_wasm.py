@@ -32,7 +32,7 @@ def test_a_decoded_integer_is_the_encoded_one(value):
     assert decode_leb128(b"x" + encode_leb128(value), 1) == (value, 1 + len(encode_leb128(value)))
 
 
-def test_a_module_has_its_one_function_and_says_what_that_takes():
+def test_a_module_exports_one_function_and_describes_its_arguments():
     module = wasm_module(PROGRAM)
     assert module.bytes[:8] == MAGIC
     assert b"\x03run\x00" in module.bytes
@@ -40,7 +40,7 @@ def test_a_module_has_its_one_function_and_says_what_that_takes():
     assert module.outputs == (("f64", 3, False),)
 
 
-def test_each_multiply_add_is_found_and_no_constant_is_taken_for_one():
+def test_each_multiply_add_and_nothing_else_is_found():
     module = wasm_module(PROGRAM)
     multiply_adds = {start + at for start, body in bodies(module.bytes) for at in find_multiply_adds(body)}
     first, last = module.code
@@ -57,13 +57,13 @@ def test_the_same_program_gives_the_same_bytes():
     assert wasm_module(again).bytes == wasm_module(PROGRAM).bytes
 
 
-def test_known_inputs_are_numbers_of_the_module():
+def test_known_inputs_become_constants_of_the_module():
     module = wasm_module(PROGRAM, {1: np.zeros(3)})
     assert module.inputs == (("f64", 3),)
     assert len(module.bytes) < len(wasm_module(PROGRAM).bytes)
     assert module.digest != wasm_module(PROGRAM).digest
 
 
-def test_what_is_no_module_is_refused():
+def test_bytes_that_are_no_module_are_refused():
     with pytest.raises(DefinitionError, match="not a WebAssembly object file"):
         with_export(b"\x7fELF....", "run")

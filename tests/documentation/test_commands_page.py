@@ -10,7 +10,7 @@ from slidax.cli import app
 TEXT = PAGE.read_text(encoding="utf-8")
 
 
-def test_the_page_is_up_to_date():
+def test_the_page_of_commands_is_up_to_date():
     assert commands_page() == TEXT, "run `.venv/bin/python scripts/write-commands`"
 
 

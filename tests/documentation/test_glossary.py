@@ -37,7 +37,7 @@ def _below(properties, whole, seen=frozenset()):
     return result
 
 
-def test_terms_are_there_once_and_in_order_of_topics():
+def test_terms_occur_once_and_in_the_order_of_topics():
     assert len(ROWS) > 45 and len({row[0] for row in ROWS}) == len(ROWS)
 
 
@@ -47,7 +47,7 @@ def test_a_term_has_a_meaning_and_a_name_in_files_or_code(row):
 
 
 @EVERY
-def test_a_path_is_one_of_scenario_files(row, keys):
+def test_a_path_in_the_glossary_exists_in_scenario_files(row, keys):
     for path in re.findall(r"`([^`]+)`", "" if "study file" in row[4] else row[4]):
         words = path.split(".")
         above = "" if words[0] != "…" else words[1]
@@ -57,7 +57,7 @@ def test_a_path_is_one_of_scenario_files(row, keys):
 
 
 @EVERY
-def test_a_name_in_code_is_one_of_the_package(row):
+def test_a_code_name_in_the_glossary_exists_in_the_package(row):
     for path in re.findall(r"`([^`]+)`", row[5]):
         thing = importlib.import_module("slidax")
         for word in path.split("."):

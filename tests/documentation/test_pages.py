@@ -14,7 +14,7 @@ SYNOPSIS = re.compile(r"^    slidax (.*)$", re.MULTILINE)
 
 
 @EVERY
-def test_every_command_of_a_page_is_one_that_slidax_takes(page):
+def test_every_command_of_a_page_is_accepted_by_slidax(page):
     for block in of(page):
         if block.language in TERMINAL:
             for command in commands(block.language, block.text):
@@ -23,7 +23,7 @@ def test_every_command_of_a_page_is_one_that_slidax_takes(page):
 
 
 @EVERY
-def test_a_form_of_a_command_names_options_that_it_has(page):
+def test_a_command_synopsis_names_existing_options(page):
     for form in SYNOPSIS.findall(page.read_text(encoding="utf-8")):
         words = re.findall(r"--[a-z-]+|[a-z0-9]+", form.partition(" --")[0])
         known = " ".join(sorted(_options(words)))
@@ -42,7 +42,7 @@ def _options(words):
 
 
 @EVERY_OF_DOCS
-def test_files_that_commands_read_are_there_or_made_before_on_the_page(page):
+def test_files_that_commands_read_exist_or_are_written_earlier_on_the_page(page):
     files = Files(ROOT)
     for block in of(page):
         files.written |= {line.partition("=")[0].strip() for line in block.marks.get("file", "").splitlines()}
@@ -57,7 +57,7 @@ def test_files_that_commands_read_are_there_or_made_before_on_the_page(page):
 
 
 @EVERY_OF_DOCS
-def test_what_is_not_run_says_why_and_everything_else_can_be(page):
+def test_skipped_blocks_have_a_reason_and_all_others_can_run(page):
     for block in of(page):
         where = f"{name(page)}, line {block.first + 1}"
         assert set(block.marks) <= {*MARKS, "file"}, where
@@ -70,20 +70,20 @@ def test_what_is_not_run_says_why_and_everything_else_can_be(page):
 
 
 @EVERY_OF_DOCS
-def test_the_yaml_of_a_page_is_what_slidax_reads(page, tmp_path):
+def test_the_yaml_of_a_page_is_valid(page, tmp_path):
     for block in of(page):
         if block.language == "yaml":
             check_yaml(block.text, block.marks.get("part of", ""), tmp_path)
 
 
 @pytest.mark.parametrize("page", [page for page in DOCS if "<!-- small:" in page.read_text(encoding="utf-8")], ids=name)
-def test_blocks_for_every_day_run(page, tmp_path):
+def test_blocks_of_the_daily_tests_run(page, tmp_path):
     outcomes = PageRun(page, tmp_path, tmp_path / "made", small=True).run()
     marked = [block for block in of(page) if "small" in block.marks]
     assert len([item for item in outcomes if item.texts]) == len(marked)
 
 
-def test_the_readme_shows_what_its_commands_print(tmp_path):
+def test_the_readme_shows_the_output_of_its_commands(tmp_path):
     outcomes = PageRun(ROOT / "README.md", tmp_path, tmp_path / "made").run()
     shown = [item for item in outcomes if item.texts]
     assert len(shown) == 3 and "✓ Inside the envelope." in shown[0].texts[1]
@@ -105,7 +105,7 @@ def test_the_code_of_all_pages_runs():
 @pytest.mark.parametrize(
     "line", ["run example-4.1 --outt x", "rum example-4.1", "export d example-4.1 --out x", "list --json=maybe", "run"]
 )
-def test_a_command_that_is_not_one_is_seen(line):
+def test_an_invalid_command_on_a_page_is_detected(line):
     with pytest.raises(PageError):
         check(line.split(), app)
 
@@ -113,11 +113,11 @@ def test_a_command_that_is_not_one_is_seen(line):
 @pytest.mark.parametrize(
     "line", ["run example-4.1 --set a.b=1 --set c=2 --out x", "list", "--help", "export c x --out y"]
 )
-def test_a_command_that_is_one_passes(line):
+def test_a_valid_command_on_a_page_passes(line):
     check(line.split(), app)
 
 
-def test_a_file_that_is_nowhere_is_seen():
+def test_a_missing_file_on_a_page_is_detected():
     files = Files(ROOT)
     with pytest.raises(PageError, match=r"mine\.yaml"):
         files.follow(["run", "mine.yaml"])
@@ -128,7 +128,7 @@ def test_a_file_that_is_nowhere_is_seen():
     files.follow(["run", "report/worst.yaml"])
 
 
-def test_yaml_that_slidax_refuses_is_seen(tmp_path):
+def test_invalid_yaml_on_a_page_is_detected(tmp_path):
     with pytest.raises(DefinitionError, match="horizn"):
         check_yaml("scheme:\n  sampled_data: {horizn: 0.01}\n", "example-4.1-1khz", tmp_path)
     with pytest.raises(PageError, match="part of"):
@@ -136,7 +136,7 @@ def test_yaml_that_slidax_refuses_is_seen(tmp_path):
     assert dotted({"a": {"b": 1, "c": {"kind": "x", "d": 2}}}) == {"a.b": 1, "a.c": {"kind": "x", "d": 2}}
 
 
-def test_a_block_knows_its_marks_and_a_mark_without_a_block_is_refused():
+def test_a_block_has_its_marks_and_a_mark_without_a_block_is_refused():
     text = "<!-- exit: 3 -->\n<!-- with: --runs 2 -->\n\n```console\n$ slidax list\n```\n\n<!-- a remark -->\nText\n"
     (block,) = blocks(text)
     assert (block.language, block.first, block.last) == ("console", 0, 5)
@@ -149,7 +149,7 @@ def test_a_block_knows_its_marks_and_a_mark_without_a_block_is_refused():
         blocks("```sh\nls\n")
 
 
-def test_commands_of_a_terminal_are_those_after_the_prompt():
+def test_commands_in_a_terminal_block_follow_the_prompt():
     result = commands("console", "$ slidax run x \\\n    --out y   # why\nsaid\n$ ls\n")
     assert [item.arguments for item in result] == [["run", "x", "--out", "y"], ["ls"]]
     assert result[0].shown == ["said"]

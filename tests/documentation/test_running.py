@@ -31,7 +31,7 @@ def run(text, folder):
     return list(PageRun(page, folder / "stand", folder / "out").run())
 
 
-def test_blocks_share_their_names_and_show_what_a_notebook_would(tmp_path):
+def test_blocks_share_variables_and_show_results_as_a_notebook(tmp_path):
     first, second, third = run(PAGE, tmp_path)
     assert first.texts == [""] and second.texts == ["printed\n22\n"]
     assert (tmp_path / "stand" / "made.txt").read_text() == "here"
@@ -49,18 +49,18 @@ def test_blocks_share_their_names_and_show_what_a_notebook_would(tmp_path):
         ('<!-- show: nowhere.svg "A picture" -->\n', "no `nowhere.svg`"),
     ],
 )
-def test_a_block_that_fails_is_an_error_with_its_line(text, message, tmp_path):
+def test_a_failing_block_is_an_error_with_its_line(text, message, tmp_path):
     with pytest.raises(PageError, match=message):
         run(text, tmp_path)
 
 
-def test_blocks_that_are_marked_are_not_run_and_say_so(tmp_path):
+def test_marked_blocks_are_skipped_with_their_reason(tmp_path):
     robot = "<!-- not run: it needs a robot -->\n```sh\nrobot --go\n```\n\n"
     missing = "<!-- needs: no_such_package -->\n```python\n1/0\n```\n"
     assert [item.skipped for item in run(robot + missing, tmp_path)] == ["it needs a robot", "no_such_package not here"]
 
 
-def test_a_shell_is_bash_with_slidax_in_it(tmp_path):
+def test_shell_blocks_run_in_bash_with_slidax(tmp_path):
     (item,) = run("<!-- shell: bash -->\n```sh\necho first\nslidax --version | tr a-z A-Z\n```\n", tmp_path)
     assert item.texts[0].startswith("first\nSLIDAX ")
 
@@ -71,7 +71,7 @@ def test_figures_are_files_beside_the_page(tmp_path):
     assert (tmp_path / "out" / item.figures[0]).read_text(encoding="utf-8").lstrip().startswith("<?xml")
 
 
-def test_results_stand_below_their_blocks_as_text():
+def test_results_are_shown_as_text_below_their_blocks():
     text = "# T\n\n```python\nprint('<b>')\n```\n\nEnd\n"
     outcome = {"index": 0, "texts": ["<b> & 1\n\n2\n"], "figures": ["t-0.svg"], "skipped": "", "seconds": 0.0}
     shown = with_results(text, "tutorials/t.md", PageResult([outcome], []))

@@ -15,7 +15,7 @@ def reference():
 
 
 @pytest.mark.parametrize("room", [room for room in ROOMS if room != "cli"])
-def test_the_page_of_a_room_has_all_that_it_exports(reference, room):
+def test_the_page_of_a_subpackage_has_all_its_exports(reference, room):
     pages, _ = reference
     text = pages[f"api/{room}.md"]
     assert f"]({room}.md)" in pages["api/index.md"]
@@ -35,7 +35,7 @@ def test_a_function_is_not_taken_for_the_module_of_its_name(reference):
     assert "\n::: slidax.law.SlidingMode\n" in reference[0]["api/law.md"]
 
 
-def test_facts_are_those_of_the_declarations(reference):
+def test_parameter_facts_on_a_page_are_those_of_the_declarations(reference):
     _, facts = reference
     linear = facts["slidax.law.surfaces.Linear"]
     assert (
@@ -48,7 +48,7 @@ def test_facts_are_those_of_the_declarations(reference):
     assert not [text for text in facts.values() if " at 0x" in text]
 
 
-def test_the_page_of_parameters_has_every_part_that_a_file_can_name():
+def test_the_page_of_parameters_has_every_part_of_scenario_files():
     from slidax.scenarios import catalogue
 
     text = parameters_page()
@@ -61,7 +61,7 @@ def test_the_page_of_parameters_has_every_part_that_a_file_can_name():
     )
 
 
-def test_every_page_of_the_table_of_contents_is_there_and_every_link_of_a_page_leads_to_one():
+def test_every_page_of_the_navigation_exists_and_every_link_has_a_target():
     stage = Stage(ROOT / "nowhere")
     stage.lay_out()
     from ruamel.yaml import YAML
@@ -74,7 +74,7 @@ def test_every_page_of_the_table_of_contents_is_there_and_every_link_of_a_page_l
     assert not [source for source in stage.files if not (ROOT / source).exists()]
 
 
-def test_links_lead_to_where_things_are_on_the_site_and_code_is_left_alone():
+def test_links_are_rewritten_for_the_site_and_code_is_unchanged():
     stage = Stage(ROOT / "nowhere")
     text = "[a](../examples/design) [b](../benchmarks/PERFORMANCE.md#x) `[c](../d)` [symbols.md](symbols.md)"
     result = stage.linked(f"{text}\n\n    [e](../f)\n", "docs/tutorials/../design.md", "design.md")
@@ -90,7 +90,7 @@ def site(folder, **pages):
     return check_links(folder)
 
 
-def test_links_that_lead_nowhere_are_found(tmp_path):
+def test_broken_links_are_detected(tmp_path):
     result = site(
         tmp_path,
         index='<a href="other.html#here"><a href="other.html#gone"><a href="lost.html"><img src="a.svg">',
@@ -105,7 +105,7 @@ def test_links_that_lead_nowhere_are_found(tmp_path):
     assert list(result.outward) == ["https://example.org/"] and not result.foreign
 
 
-def test_what_is_fetched_from_another_host_is_found(tmp_path):
+def test_resources_from_another_host_are_detected(tmp_path):
     (tmp_path / "style.css").write_text("@import url(//fonts.example.org/a.css);", encoding="utf-8")
     result = site(tmp_path, index='<script src="https://cdn.example.org/x.js"></script><link href="style.css">')
     assert result.foreign == [
@@ -116,6 +116,6 @@ def test_what_is_fetched_from_another_host_is_found(tmp_path):
 
 @pytest.mark.full
 @pytest.mark.skipif(not (ROOT / "site" / "index.html").exists(), reason="`make docs` has not been run")
-def test_the_site_that_was_built_has_no_wrong_link():
+def test_the_built_site_has_no_broken_link():
     result = check_links(ROOT / "site")
     assert result.pages > 80 and not result.broken and not result.foreign

@@ -35,7 +35,7 @@ def test_every_area_has_claims_and_every_status_is_used():
 
 
 @EVERY
-def test_a_figure_stands_on_the_page_that_the_claim_names(claim):
+def test_a_figure_of_a_claim_is_on_the_page_that_it_names(claim):
     pages = [(PAGE.parent / target).resolve() for target in re.findall(r"\]\(([^)#]+)", claim["page"])]
     text = "\n".join(page.read_text(encoding="utf-8") for page in pages)
     for figure in FIGURE.findall(claim.get("figure", "")):

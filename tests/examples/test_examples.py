@@ -58,7 +58,7 @@ def assert_says_something(printed: str) -> None:
     assert printed.strip() and "nan" not in printed
 
 
-def test_the_examples_run_one_after_the_other_and_each_says_something(tmp_path):
+def test_examples_run_one_after_the_other_and_print_something(tmp_path):
     printed = json.loads(output(tmp_path, "-c", TOGETHER, *map(str, SCRIPTS)))
     assert len(printed) == len(SCRIPTS)
     for text in printed.values():
@@ -67,7 +67,7 @@ def test_the_examples_run_one_after_the_other_and_each_says_something(tmp_path):
 
 @pytest.mark.full
 @EVERY
-def test_an_example_runs_by_itself(script, tmp_path):
+def test_an_example_runs_alone(script, tmp_path):
     assert_says_something(output(tmp_path, str(script)))
 
 
@@ -168,7 +168,7 @@ def test_the_page_for_beginners_installs_what_it_uses(words, extra):
     assert words in page and extra in line.split(",")
 
 
-def test_the_pages_name_the_default_of_design():
+def test_pages_name_the_default_of_design():
     (runs,) = (parameter for parameter in get_command(app).commands["design"].params if parameter.name == "runs")
     pages = {"troubleshooting.md": "`--runs {}`, its", "tutorials/design-and-certify.md": "{} cases are tried"}
     for page, words in pages.items():
@@ -195,7 +195,7 @@ def test_every_file_that_a_page_links_to_is_there(page):
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
-def test_the_moving_picture_is_small_and_asks_nothing_of_others():
+def test_the_animation_is_small_and_self_contained():
     text = (ROOT / "docs" / "figures" / "panda-moving.svg").read_text(encoding="utf-8")
     assert len(text) < 2_000_000
     assert "<animate" in text and "prefers-color-scheme: dark" in text and "<title" in text
@@ -216,7 +216,7 @@ def test_the_picture_of_the_readme_is_small_and_shows_the_numbers_of_its_table()
     assert largest < bound < envelope < textbook
 
 
-def test_every_command_that_is_shown_is_one():
+def test_every_command_in_the_documents_exists():
     commands = {tuple(line.split()[:1]) for line in re.findall(r"\$ slidax (.*)", README)}
     known = in_process("--help").stdout
     for (name,) in commands:

@@ -94,7 +94,7 @@ def test_torque_and_status_of_c_are_those_of_python_in_repeatable_bits(pair, tmp
 
 @pytest.mark.full
 @pytest.mark.parametrize("name", ["example-4.1", "example-4.2-1khz"])
-def test_bad_numbers_get_the_status_of_python_and_a_finite_torque_within_its_limits(name, tmp_path):
+def test_bad_numbers_give_the_status_of_python_and_a_finite_torque_within_limits(name, tmp_path):
     scenario = load(name, {"actuator.torque": 50.0})
     assert scenario.plant.actuator is not None
     exported = Exported(scenario, tmp_path)
@@ -126,7 +126,7 @@ def test_a_parameter_takes_effect_in_the_step_after_it_was_changed(tmp_path):
         np.testing.assert_allclose(exported.answers(samples, parameters).command["tau"], command.tau, rtol=1e-11)
 
 
-def test_floats_agree_to_the_digits_that_they_have(tmp_path):
+def test_floats_agree_to_their_precision(tmp_path):
     scenario = load("example-4.2")
     exported = Exported(scenario, tmp_path, single=True)
     guard = exported.project.guard

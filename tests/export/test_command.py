@@ -1,7 +1,7 @@
 from tests.cli.commands import in_process
 
 
-def test_it_writes_the_project_and_says_where_it_is(tmp_path):
+def test_export_c_writes_the_project_and_prints_its_path(tmp_path):
     out = tmp_path / "law"
     done = in_process(
         "export", "c", "example-4.1", "--out", str(out), "--name", "arm", "--set", "scheme.surface.k1=0.4", code=0

@@ -65,21 +65,21 @@ def test_a_wrong_answer_fails_the_c_test(doubles, tmp_path):
 
 
 @pytest.mark.parametrize("compiler", COMPILERS)
-def test_the_sanitizers_find_nothing(folder, compiler):
+def test_sanitizers_report_no_error(folder, compiler):
     checks = ("-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
     compiled(compiler, folder, *checks, *WITH_SCENARIO, "test_law.c", "-o", f"checked_{compiler}", "-lm")
     assert run(folder, f"./checked_{compiler}").endswith("0 faults\n")
 
 
 @pytest.mark.skipif(not shutil.which("valgrind"), reason="valgrind is not here")
-def test_valgrind_finds_nothing(doubles):
+def test_valgrind_reports_no_error(doubles):
     compiled(COMPILERS[0], doubles, "-g", "-O1", *WITH_SCENARIO, "test_law.c", "-o", "plain", "-lm")
     run(doubles, "valgrind", "--quiet", "--error-exitcode=1", "./plain")
 
 
 @pytest.mark.full
 @pytest.mark.skipif(not shutil.which("cmake"), reason="cmake is not here")
-def test_cmake_builds_and_tests_it(exported):
+def test_cmake_builds_and_tests_the_project(exported):
     folder, law = exported
     run(folder, "cmake", "-S", ".", "-B", "build")
     run(folder, "cmake", "--build", "build")
@@ -90,7 +90,7 @@ def test_cmake_builds_and_tests_it(exported):
 
 
 @pytest.mark.parametrize("optimisation", ["-O1", "-O3"])
-def test_the_stack_stays_below_the_promised_bound(exported, optimisation):
+def test_the_stack_stays_below_its_stated_bound(exported, optimisation):
     folder, law = exported
     for compiler in COMPILERS:
         compiled(compiler, folder, optimisation, f"-Wframe-larger-than={law.stack}", "-c", *LAW, "-o", "framed.o")
@@ -110,11 +110,11 @@ def test_the_stack_stays_below_the_promised_bound(exported, optimisation):
         ),
     ],
 )
-def test_clang_tidy_finds_nothing(folder, file):
+def test_clang_tidy_reports_no_warning(folder, file):
     run(folder, "clang-tidy", "--quiet", file, "--", "-std=c99")
 
 
-def test_nothing_is_allocated_global_or_recursive(folder):
+def test_the_code_has_no_allocation_global_state_or_recursion(folder):
     text = (folder / "slidax_law.c").read_text()
     assert not re.search(r"\b(malloc|calloc|realloc|free|alloca)\b", text)
     compiled(COMPILERS[0], folder, "-O0", "-c", *LAW, "-o", "law.o")
@@ -269,7 +269,7 @@ def test_a_name_that_is_invalid_in_c_is_refused(name, tmp_path):
         export_c(load("example-4.1"), tmp_path, name=name)
 
 
-def test_an_impossible_folder_is_refused(tmp_path):
+def test_a_folder_that_cannot_be_written_is_refused(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(DefinitionError, match="cannot write the project"):
         export_c(load("example-4.1"), Path(tmp_path / "file"), name="law")

@@ -57,13 +57,13 @@ def test_an_exported_law_answers_as_python_does(law):
     assert law.joints == 2 and law.period == pytest.approx(1e-3)
 
 
-def test_a_reference_without_a_next_row_goes_on_with_its_acceleration(law):
+def test_a_reference_without_a_next_row_is_extrapolated_with_its_acceleration(law):
     other, still = law.another(), Reference(*(jnp.zeros(2),) * 3)
     first = law.step(0.0, [0.01, 0.0], [0.0, 0.0], rows(still))
     assert first[0].tolist() == other.step(0.0, [0.01, 0.0], [0.0, 0.0], rows(still), rows(still))[0].tolist()
 
 
-def test_parameters_are_read_and_set_by_name_for_each_arm_alone(law):
+def test_parameters_are_read_and_set_by_name_for_each_arm(law):
     other = law.another()
     name = next(key for key in law if key.startswith("surface"))
     before = law[name]
@@ -76,7 +76,7 @@ def test_parameters_are_read_and_set_by_name_for_each_arm_alone(law):
         law["surfacek1"] = 1.0
 
 
-def test_a_bad_sample_has_its_condition_and_a_reset_starts_anew(law):
+def test_a_bad_sample_sets_its_condition_and_a_reset_restarts_the_law(law):
     t, q, dq, now, following = next(samples(1))
     first, _ = law.step(t, q, dq, rows(now), rows(following))
     held, status = law.step(t, [np.nan, 0.0], dq, rows(now), rows(following))
@@ -99,7 +99,7 @@ def test_shapes_and_folders_are_checked(law, tmp_path, monkeypatch):
         sx.load_export(law.folder)
 
 
-def test_the_law_of_a_robots_export_is_loaded_too(tmp_path):
+def test_the_law_of_a_robot_export_can_be_loaded(tmp_path):
     scenario = scenarios.load("ur5e-payload", {"scheme": {"name": "computed_torque"}})
     export_ur(scenario, tmp_path, name="law", golden=False)
     law = sx.load_export(tmp_path)

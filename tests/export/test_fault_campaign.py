@@ -44,7 +44,7 @@ def disturbed(name, single, times, seed, folder):
 
 
 @pytest.mark.parametrize(("name", "single"), [("panda-payload", False), ("example-4.1-1khz", True)])
-def test_after_a_fault_the_joints_come_back_in_time_or_the_host_is_asked_to_stop(name, single, tmp_path):
+def test_after_a_fault_the_joints_return_in_time_or_a_stop_is_requested(name, single, tmp_path):
     report = disturbed(name, single, 6, 1, tmp_path)
     assert f"all: {6 * KINDS} runs, 0 bad" in report
 
@@ -101,7 +101,7 @@ class Disturbed(AbstractSensor):
 @pytest.mark.parametrize(
     "name", ["example-4.1-1khz", *(pytest.param(name, marks=pytest.mark.full) for name in EXPORTS if "4.1" not in name)]
 )
-def test_python_and_c_answer_the_faults_of_a_run_alike(name, tmp_path):
+def test_python_and_c_agree_under_the_faults_of_a_run(name, tmp_path):
     scenario = load(name, {"simulation.t1": 2.0, "simulation.outside": "recover"})
     guard = GuardedStep.around(scenario.controller, scenario.plant.actuator.limits, scenario.period)
     samples = round(2.0 / scenario.period) + 1

@@ -81,7 +81,7 @@ def running(file, run):
 
 
 @pytest.mark.parametrize("fmi", [3, 2])
-def test_it_is_valid_and_gives_the_torques_of_our_run(units, run, fmi):
+def test_an_fmu_is_valid_and_gives_the_torques_of_the_run(units, run, fmi):
     file, _ = units[fmi]
     assert validate_fmu(str(file)) == []
     # All starts are set as they are declared, too.
@@ -161,7 +161,7 @@ def test_smaller_steps_hold_the_torque_and_larger_ones_are_refused(units, run):
         fmu.doStep(2 * PERIOD, PERIOD)
 
 
-def test_a_state_can_be_taken_kept_as_bytes_and_put_back(units, run):
+def test_a_state_can_be_saved_serialised_and_restored(units, run):
     with running(units[3][0], run) as (fmu, _, _, sample, torque):
         sample(0)
         fmu.doStep(0.0, PERIOD)
@@ -215,7 +215,7 @@ def test_a_restart_draws_the_envelope_anew_and_a_late_start_does_not_matter(unit
 
 
 @pytest.mark.parametrize("fmi", [3, 2])
-def test_the_sources_build_without_a_warning_and_are_those_of_the_standard(units, fmi, tmp_path):
+def test_the_sources_build_without_a_warning_against_the_standard_headers(units, fmi, tmp_path):
     file, _ = units[fmi]
     with zipfile.ZipFile(file) as archive:
         archive.extractall(tmp_path)
@@ -236,7 +236,7 @@ def test_the_sources_build_without_a_warning_and_are_those_of_the_standard(units
         assert all(f'name="{name}"' in build for name in names)
 
 
-def test_what_cannot_be_is_one_line(scenario, tmp_path, monkeypatch):
+def test_invalid_options_of_an_fmu_are_refused_in_one_line(scenario, tmp_path, monkeypatch):
     for options, word in (
         ({"fmi": 1}, "must be 3 or 2"),
         ({"platforms": ["riscv"]}, "no binary can be built for `riscv`"),

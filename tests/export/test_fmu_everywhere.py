@@ -43,7 +43,7 @@ def ours(scenario):
     return scenario.replace(t1=5.0).simulate().log
 
 
-def test_there_is_a_binary_for_every_platform_with_all_functions(file):
+def test_every_platform_has_a_binary_with_all_functions(file):
     with zipfile.ZipFile(file) as archive:
         for each in PLATFORMS:
             inside = archive.read(f"binaries/{each.name}/slidax_example_4_1_1khz{each.ending}")
@@ -71,7 +71,7 @@ def test_the_same_export_twice_is_the_same_file(scenario, file, tmp_path):
 
 
 @pytest.mark.parametrize("importer", ["fmpy", "libcosimpy"])
-def test_fmu_in_our_loop_moves_the_arm_as_the_law_does(scenario, file, older, ours, importer):
+def test_an_fmu_in_the_loop_moves_the_arm_as_the_law_does(scenario, file, older, ours, importer):
     pytest.importorskip(importer)
     if importer == "fmpy":
         with importers.fmpy_steps(file, 2, scenario.period) as step:
@@ -97,7 +97,7 @@ def export_guard(scenario):
     return project(scenario, with_golden=False).guard
 
 
-def test_a_compiler_that_fails_is_one_line(scenario, tmp_path, monkeypatch):
+def test_a_failing_compiler_is_reported_in_one_line(scenario, tmp_path, monkeypatch):
     from slidax.core.errors import DefinitionError
 
     def failed(*_, **__):

@@ -25,11 +25,11 @@ def test_declared_units_have_the_names_and_base_units_of_the_importers(declared,
 
 
 @pytest.mark.parametrize("declared", ["", "periods", "1, 1/s or 1/s²", "rad^(1-κ)/s", "rad^½/s^(3/2) or m^½/s^(3/2)"])
-def test_what_has_no_unit_of_its_own_gets_none(declared):
+def test_declared_texts_without_a_unit_have_no_unit(declared):
     assert parse_unit(declared) is None
 
 
-def test_a_law_without_an_envelope_has_none_to_show():
+def test_a_law_without_an_envelope_has_no_envelope_variables():
     law = project(
         load("example-4.1", {"simulation.mode": "held", "scheme": {"name": "ftsmc"}}), name="law", with_golden=False
     )

@@ -67,7 +67,7 @@ def after_one(guard):
     return step(guard, begun(guard))[0].memory, T + PERIOD
 
 
-def test_the_bits_are_powers_of_two_of_their_own():
+def test_status_bits_are_distinct_powers_of_two():
     assert [condition.bit for condition in CONDITIONS] == [2**k for k in range(len(CONDITIONS))]
 
 
@@ -126,7 +126,7 @@ def test_a_measurement_that_is_not_finite_holds_the_last_command_and_is_not_reme
     assert not any(np.any(signal) for signal in command.signals.values())
 
 
-def test_more_than_a_sensor_can_mean_is_held_too():
+def test_an_impossible_position_holds_the_last_command():
     guard = eqx.tree_at(lambda g: g.gate.q_max, guarded(), jnp.array([10.0, 10.0]))
     memory, t = after_one(guard)
     far = eqx.tree_at(lambda s: s.q, STATE, jnp.array([0.0, -10.1]))
@@ -135,7 +135,7 @@ def test_more_than_a_sensor_can_mean_is_held_too():
     np.testing.assert_array_equal(command.tau, memory.tau)
 
 
-def test_what_the_law_does_not_read_may_be_anything():
+def test_inputs_that_the_law_does_not_read_may_be_anything():
     guard = guarded()
     unknown = Reference(*[jnp.full(2, jnp.nan)] * 3)
     assert step(guard, begun(guard), following=unknown)[1] == 0
@@ -143,7 +143,7 @@ def test_what_the_law_does_not_read_may_be_anything():
     assert "next.q" not in guard.reads
 
 
-def test_a_law_that_has_no_answer_outside_its_envelope_says_both():
+def test_a_law_undefined_outside_its_envelope_sets_both_status_bits():
     # The gate would reject a jump of the arm itself: here it is the reference that jumps.
     guard = guarded()
     memory, t = after_one(guard)
@@ -155,7 +155,7 @@ def test_a_law_that_has_no_answer_outside_its_envelope_says_both():
 
 
 @pytest.mark.full
-def test_a_law_that_has_one_goes_on_outside():
+def test_a_law_defined_outside_its_envelope_continues_there():
     guard = sampled()
     outside = State(q=NOW.q + jnp.array([0.9, 0.0]), dq=NOW.dq)
     command, status = step(guard, begun(guard, state=outside), state=outside)

@@ -20,7 +20,7 @@ def program(tmp_path_factory):
     shutil.which("qemu-x86_64") is None or shutil.which("valgrind") is None,
     reason="QEMU and valgrind are not installed",
 )
-def test_instructions_are_those_that_valgrind_counts(program):
+def test_counted_instructions_agree_with_valgrind(program):
     result = counts(program, STEPS, 0.0)
     assert result[:, 1].sum() == STEPS - 1
     # Calls to step_begins and step_ends are no part of the step; valgrind's processor has other elementary functions.
@@ -37,7 +37,7 @@ def collected(program, steps):
     return int(result[1])
 
 
-def test_what_is_kept_is_read_where_it_is(program):
+def test_memory_of_a_long_run_is_read_at_the_right_offsets(program):
     message = subprocess.run([program, "300", "100", "0"], capture_output=True, text=True, check=True).stdout
     lines = [line.split() for line in message.splitlines()]
     assert [int(line[0]) for line in lines] == [100, 200, 300]

@@ -48,11 +48,11 @@ def test_a_member_is_called_by_its_path_and_knows_its_meaning_part_and_default()
     assert first.meaning == "two of them"
 
 
-def test_parts_of_the_path_that_say_nothing_are_left_out():
+def test_parts_of_the_path_without_meaning_are_omitted():
     assert members(TREE, strip=("inner",))[0].name == "gain"
 
 
-def test_two_members_of_one_name_are_refused():
+def test_two_members_with_the_same_name_are_refused():
     twice = {"a": {"b": jnp.zeros(())}, "a_b": jnp.zeros(())}
     with pytest.raises(DefinitionError, match="`a_b`"):
         members(twice)
@@ -66,7 +66,7 @@ def test_declarations_stand_under_their_part_with_aligned_comments():
     assert lines[3] == "bool flag;      /* true: whether de counts */"
 
 
-def test_bullets_of_a_docstring_are_read_whole():
+def test_bullets_of_a_docstring_are_read_over_several_lines():
     assert bullets(Inner)["rate"] == "K and its rate, one number or [n], N m, > 0; in two lines."
 
 
@@ -74,7 +74,7 @@ def test_a_comment_is_ascii_and_cannot_end_early():
     assert comment("`τ = M q̈`, ρ∞ */ and /* x²") == "tau = M ddq, rho_inf * / and / * x^2"
 
 
-def test_a_sentence_is_cut_between_its_parts():
+def test_a_long_sentence_is_cut_between_its_parts():
     assert shorten("one of eq. (3), another, and a third. More.", 40) == "one of eq. (3), another, and a third"
     assert shorten("one of eq. (3), another, and a third", 25) == "one of eq. (3), another"
 
@@ -86,16 +86,16 @@ def test_a_sentence_is_cut_between_its_parts():
         (-1e-12, -16 * 2.0**-23),
     ],
 )
-def test_a_tolerance_and_a_number_next_to_one_keep_their_meaning_in_floats(double, single):
+def test_tolerances_and_numbers_next_to_one_keep_their_meaning_in_floats(double, single):
     assert float_constant(double) == pytest.approx(single, rel=1e-12)
 
 
 @pytest.mark.parametrize("number", [0.0, 1.0, -1.0, 0.5, 1e-30, 1e-150, 1e-6, 9.8, 1e9])
-def test_all_other_constants_stay_as_they_are_in_floats(number):
+def test_all_other_constants_are_unchanged_in_floats(number):
     assert float_constant(number) == number
 
 
-def test_an_argument_counts_as_read_only_where_it_stands_by_itself():
+def test_an_argument_counts_as_read_only_as_a_whole_word():
     not_read = ["    at[0] = dot(left, q[0]) + then->t;  /* t is the time */"]
     assert with_unused_arguments(not_read, ("t", "q")) == ["    (void)t;", *not_read]
     read = ["    x = 2.0 * t;", "    y = -q[1];"]

@@ -52,7 +52,7 @@ def test_every_golden_sample_is_answered_as_in_python_and_a_wrong_answer_is_foun
 @pytest.mark.parametrize(
     "target", ["m7", "rv64", *(pytest.param(target, marks=pytest.mark.full) for target in ("m4f", "linux"))]
 )
-def test_emulated_law_answers_alike_and_reports_stack_and_instructions(folder, target):
+def test_emulated_law_agrees_with_python_and_reports_stack_and_instructions(folder, target):
     message = emulated(folder, target)
     passed, of = map(int, re.search(r"golden samples: (\d+) of (\d+)", message).groups())
     assert passed == of > OF_A_RUN
@@ -65,13 +65,13 @@ def test_emulated_law_answers_alike_and_reports_stack_and_instructions(folder, t
 
 @pytest.mark.full
 @pytest.mark.parametrize("target", ["m4f", "m7", "rv64"])
-def test_a_sampled_data_law_in_floats_answers_within_what_floats_have(target, tmp_path):
+def test_a_sampled_data_law_in_floats_agrees_to_their_precision(target, tmp_path):
     export_micro(load("example-4.1-1khz"), tmp_path, name="law", single=True)
     passed, of = map(int, re.search(r"golden samples: (\d+) of (\d+)", emulated(tmp_path, target)).groups())
     assert passed == of > OF_A_RUN
 
 
-def test_the_sources_are_plain_and_short_of_nothing(folder):
+def test_the_sources_are_complete_ascii(folder):
     names = {path.name for path in folder.iterdir() if path.is_file() and path.suffix not in ("", ".bin")}
     assert {"slidax_law.c", "slidax_law.h", "bare.c", "cortex_m.c", "riscv.S", "mps2.ld", "virt.ld"} <= names
     for path in folder.iterdir():

@@ -56,7 +56,7 @@ def sampled():
 
 
 @needs_a_compiler
-def test_its_c_project_answers_its_golden_samples_and_is_loaded_in_python(sampled, tmp_path):
+def test_c_project_of_a_law_from_outside_answers_golden_samples_and_loads_in_python(sampled, tmp_path):
     export_c(sampled, str(tmp_path), name="law")
     sources = ("slidax_law.c", "slidax_law_scenario.c", "test_law.c")
     compiled(COMPILERS[0], tmp_path, "-O2", *sources, "-o", "test_law", "-lm")
@@ -67,14 +67,14 @@ def test_its_c_project_answers_its_golden_samples_and_is_loaded_in_python(sample
     assert law[kp].tolist() == 400.0
 
 
-def test_its_loop_has_margins(sampled):
+def test_the_loop_of_a_law_from_outside_has_margins(sampled):
     loop = linearise(sampled, at=1.0)
     assert loop.stable
     for margins in loop.margins("torque"):
         assert margins.gain_up > 1.5 and margins.phase > 30.0
 
 
-def test_its_failures_over_random_masses_have_an_interval(sampled):
+def test_failure_rate_of_a_law_from_outside_has_an_interval(sampled):
     masses = np.random.default_rng(1).uniform(0.8, 1.2, (200, 2)) * np.array([0.5, 1.5])
 
     def heavier(scenario, masses):
@@ -142,7 +142,7 @@ REMEDIES = {
 
 
 @pytest.mark.parametrize("law", REMEDIES)
-def test_code_that_the_tracer_cannot_do_is_named_with_its_line_and_remedy(law, tmp_path):
+def test_untraceable_code_is_named_with_its_line_and_remedy(law, tmp_path):
     scenario = scenario_of(law)
     with pytest.raises(DefinitionError) as export:
         export_c(scenario, tmp_path, name="law")

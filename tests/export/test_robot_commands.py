@@ -7,7 +7,7 @@ WITHOUT = ("--set", "scheme={name: computed_torque}", "--set", "simulation.t1=0.
 
 
 @pytest.mark.full
-def test_ros2_writes_its_package_and_says_where_it_is(tmp_path):
+def test_export_ros2_writes_a_package_and_prints_its_path(tmp_path):
     out = tmp_path / "package"
     done = in_process("export", "ros2", "example-4.1-1khz", "--out", str(out), "--name", "arm", *WITHOUT, code=0)
     assert str(out / "README.md") in done.output

@@ -98,7 +98,7 @@ def test_a_loop_without_delays_equals_the_simulated_run(transport):
     ],
     ids=["later", "between samples", "lossy", "dead time", "mujoco"],
 )
-def test_so_it_is_for_every_sensor_drive_and_arm(name, changes):
+def test_the_loop_equals_the_run_for_every_sensor_drive_and_arm(name, changes):
     if "simulation.plant" in changes:
         pytest.importorskip("mujoco")
     item = sx.scenarios.load(name, {"simulation.t1": T1, **changes})
@@ -141,7 +141,7 @@ def test_a_delayed_command_counts_as_a_lost_sample_for_the_law():
     assert law["basis"][[50, 51, 52, 53, 54]].tolist() == [49, 49, 49, 49, 53]
 
 
-def test_a_log_gives_the_same_bits_again_and_a_changed_one_does_not(log):
+def test_replay_of_a_log_has_the_same_bits_and_of_a_changed_log_other_ones(log):
     message = answer_of("replay", str(log))
     assert message["first"] is None and message["same"] == message["answers"] == len(simulated().log.t)
     # The last digit of one torque.
@@ -154,7 +154,7 @@ def test_a_log_gives_the_same_bits_again_and_a_changed_one_does_not(log):
 
 
 @pytest.mark.full
-def test_with_another_measurement_the_law_remembers_something_else_from_there_on(log):
+def test_a_changed_measurement_changes_the_laws_memory_from_there_on(log):
     read = read_mcap(log)
     q = read.law["q"].copy()
     q[200, 0] += 1e-9
@@ -163,7 +163,7 @@ def test_with_another_measurement_the_law_remembers_something_else_from_there_on
 
 
 @pytest.mark.full
-def test_answers_after_a_lost_one_are_not_compared(log):
+def test_replay_does_not_compare_answers_after_a_lost_one(log):
     read = read_mcap(log)
     kept = np.arange(len(read.law["k"])) != 300
     result = replay(replace(read, law={name: column[kept] for name, column in read.law.items()}))
@@ -183,7 +183,7 @@ def test_a_log_is_explained_and_identified_as_the_run(log):
     np.testing.assert_allclose(read.tau[1:], simulated().log.tau[:-1], atol=1e-8)
 
 
-def test_a_run_is_logged_as_the_step_sees_it(tmp_path):
+def test_a_run_is_logged_with_the_inputs_of_the_step(tmp_path):
     pytest.importorskip("foxglove")
     in_process("run", NAME, "--set", f"simulation.t1={T1}", "--out", str(tmp_path / "x.mcap"), code=0)
     read = read_mcap(tmp_path / "x.mcap")
@@ -230,7 +230,7 @@ def test_when_the_arm_is_killed_the_law_ends(tmp_path):
 
 
 @pytest.mark.full
-def test_when_the_law_is_killed_the_arm_brakes_and_the_log_has_it_all(tmp_path):
+def test_when_the_law_is_killed_the_arm_brakes_and_the_log_is_complete(tmp_path):
     pytest.importorskip("foxglove")
     killed = threading.Thread(target=_kill, args=("law",))
     killed.start()

@@ -40,7 +40,7 @@ def deepest(folder):
     return below("slidax_law_step")
 
 
-def test_the_code_is_short_and_shares_its_functions(panda):
+def test_the_c_code_is_short_and_shares_functions(panda):
     folder, exported_law = panda
     text = (folder / "slidax_law.c").read_text()
     assert len(text.splitlines()) < 3400
@@ -51,7 +51,7 @@ def test_the_code_is_short_and_shares_its_functions(panda):
     assert all(len(line) <= 140 for line in text.splitlines())
 
 
-def test_every_loop_ends_and_so_do_the_operations(panda):
+def test_every_loop_and_the_number_of_operations_are_bounded(panda):
     _, exported_law = panda
     program = exported_law.step.answered.program
     every = [value for item in (program, *functions(program)) for value in item.walk() if isinstance(value, Loop)]
@@ -66,7 +66,7 @@ def test_every_loop_ends_and_so_do_the_operations(panda):
 @needs_a_compiler
 @pytest.mark.skipif(not shutil.which("gcc"), reason="gcc is not here")
 @pytest.mark.parametrize("optimisation", ["-Os", "-O2", pytest.param("-O3", marks=pytest.mark.full)])
-def test_the_stack_is_bounded_and_the_bound_is_near(panda, optimisation):
+def test_the_stack_bound_holds_and_is_tight(panda, optimisation):
     folder, exported_law = panda
     compiled("gcc", folder, optimisation, "-fcallgraph-info=su", "-c", "slidax_law.c", "-o", "law.o")
     used = deepest(folder)
@@ -87,7 +87,7 @@ def test_no_export_takes_more_stack_than_its_bound(name, single, tmp_path):
 
 
 @pytest.mark.skipif(not shutil.which(ARM[0]), reason="arm-none-eabi-gcc is not here")
-def test_a_cortex_m7_holds_it(panda):
+def test_the_panda_law_fits_a_cortex_m7(panda):
     folder, exported_law = panda
     run(folder, *ARM, "-fcallgraph-info=su", "-c", "slidax_law.c", "-o", "law.o")
     code = int(run(folder, "arm-none-eabi-size", "law.o").splitlines()[1].split()[0])

@@ -40,7 +40,7 @@ def test_no_reader_breaks_on_thousands_of_damaged_files(seed):
     assert last["megabytes"] < MOST_MEGABYTES
 
 
-def test_whole_file_of_each_kind_is_read(tmp_path):
+def test_undamaged_file_of_each_kind_is_read(tmp_path):
     for number, reader in enumerate(READERS):
         path = tmp_path / str(number) / reader.file
         path.parent.mkdir(parents=True)

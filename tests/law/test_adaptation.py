@@ -28,7 +28,7 @@ def rounded(q, resolution=1e-5):
     return resolution * np.round(q / resolution)
 
 
-def test_rotors_and_coulomb_friction_are_found_from_a_motion_that_shows_them():
+def test_rotors_and_coulomb_friction_are_learnt_from_an_exciting_motion():
     torque = swept(1.0)
     q, dq = motion(torque, TRUE, np.array([1.5, 0.3]))
     _, learnt = taught(learning(), rounded(q), dq, torque)
@@ -50,7 +50,7 @@ def test_links_that_are_lighter_than_the_model_give_a_negative_rotor():
     np.testing.assert_allclose(learnt.rotor[-1, 0], -0.15, rtol=0.2)
 
 
-def test_the_weight_of_a_load_that_swings_teaches_nothing():
+def test_the_weight_of_a_swinging_payload_changes_no_estimate():
     t = np.arange(4000) * PERIOD
     # The arm follows 2 rad/s, and the weight that nobody knows changes with it: it looks like negative inertia.
     q = np.stack([0.4 * np.sin(2.0 * t), 0.3 * np.sin(2.0 * t)], axis=1)
@@ -60,7 +60,7 @@ def test_the_weight_of_a_load_that_swings_teaches_nothing():
     np.testing.assert_allclose(learnt.rotor[-1], TRUE, rtol=0.05)
 
 
-def test_at_rest_nothing_is_learnt_and_nothing_forgotten():
+def test_at_rest_the_estimates_stay_unchanged():
     torque = swept(1.0)
     q, dq = motion(torque, TRUE, 0.0)
     _, learnt = taught(learning(), rounded(q), dq, torque)
@@ -72,7 +72,7 @@ def test_at_rest_nothing_is_learnt_and_nothing_forgotten():
     np.testing.assert_array_equal(later.rotor[-1], later.rotor[100])
 
 
-def test_coarse_encoders_do_not_draw_the_inertia_to_zero():
+def test_coarse_encoders_do_not_bias_the_inertia_to_zero():
     torque = swept(0.3)
     q, dq = motion(torque, TRUE, 0.0)
     coarse = 2.5e-4
@@ -86,7 +86,7 @@ def test_coarse_encoders_do_not_draw_the_inertia_to_zero():
     assert np.any(np.asarray(drawn.rotor[-1]) < 0.6 * TRUE)
 
 
-def test_lost_samples_teach_nothing_wrong():
+def test_lost_samples_do_not_falsify_the_estimates():
     torque = swept(1.0)
     q, dq = motion(torque, TRUE, 0.0)
     arrives = np.ones(len(q), bool)
@@ -110,7 +110,7 @@ def test_the_first_guess_is_the_models_rotors_or_two_thousandths_of_the_rated_to
 
 
 @pytest.mark.parametrize("high", [80.0, 200.0])
-def test_the_noise_in_the_band_is_what_a_simulation_finds(high):
+def test_the_noise_in_the_band_agrees_with_a_simulation(high):
     deviation = 1e-4
     white = np.random.default_rng(5).normal(0.0, deviation, (40, 500, 2))
     adaptation = eqx.tree_at(lambda a: a.high, learning(), jnp.asarray(high))
@@ -119,7 +119,7 @@ def test_the_noise_in_the_band_is_what_a_simulation_finds(high):
     np.testing.assert_allclose(np.std(ends), noise_of(deviation, 15.0, high, PERIOD), rtol=0.2)
 
 
-def test_nothing_grows_without_bound_whatever_is_measured():
+def test_estimates_stay_bounded_for_any_measurements():
     generator = np.random.default_rng(7)
     adaptation = learning()
     wild = generator.choice([0.0, 1.0, -1e3, 1e150, -1e300, 1e308], (3000, 2))
@@ -158,7 +158,7 @@ def simulated(name: str, nominal: float, true: float, **changes: Any) -> Run:
 
 
 @pytest.mark.parametrize(("name", "nominal", "true"), cells())
-def test_with_any_rotors_the_envelope_is_kept_as_accurately_as_by_the_known_arm(name, nominal, true):
+def test_with_any_rotors_the_learning_law_is_as_accurate_as_with_the_known_arm(name, nominal, true):
     run = simulated(name, nominal, true)
     assert analysis.envelope_violations(run) == 0
     assert np.max(analysis.steady_error(run)) <= 1.2 * KNOWN[name][true]
@@ -168,7 +168,7 @@ def test_with_any_rotors_the_envelope_is_kept_as_accurately_as_by_the_known_arm(
 @pytest.mark.full
 @pytest.mark.parametrize(("name", "changes"), HARDER)
 @pytest.mark.parametrize(("nominal", "true"), CORNERS)
-def test_with_delay_coarse_encoders_other_payloads_and_contact_it_is_kept_as_well(name, changes, nominal, true):
+def test_with_delay_coarse_encoders_payloads_and_contact_the_envelope_holds(name, changes, nominal, true):
     # docs/learning.md has this one as the one that is left, at a reversal.
     left = 5 if (name, changes, nominal, true) == (UR5E, {"sensor.delay": 3}, 0.1, 0.03) else 0
     assert analysis.envelope_violations(simulated(name, nominal, true, **changes)) <= left
@@ -178,7 +178,7 @@ def test_with_delay_coarse_encoders_other_payloads_and_contact_it_is_kept_as_wel
 @pytest.mark.parametrize("name", [PANDA, UR5E])
 @pytest.mark.parametrize("true", [0.005, 0.5, 1.0])
 @pytest.mark.parametrize("nominal", NOMINAL)
-def test_with_rotors_far_from_usual_it_is_kept_as_well(name, true, nominal):
+def test_with_unusual_rotors_the_envelope_holds(name, true, nominal):
     assert analysis.envelope_violations(simulated(name, nominal, true)) == 0
 
 
@@ -212,7 +212,7 @@ HOURS = {
 
 @pytest.mark.full
 @pytest.mark.parametrize("hour", HOURS)
-def test_nothing_drifts_in_an_hour_of_hold_of_creep_and_of_repeated_starts(hour):
+def test_estimates_do_not_drift_in_an_hour_of_hold_creep_and_repeated_starts(hour):
     times, places = HOURS[hour]
     rest = np.zeros_like(places)
     scenario = scenarios.load(

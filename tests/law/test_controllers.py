@@ -87,7 +87,7 @@ def test_the_surface_shrinks_where_the_model_is_exact(case):
     assert np.all(np.sum(s * np.asarray(push), axis=1) < 0)
 
 
-def test_the_signals_are_there_by_name():
+def test_signals_are_returned_by_name():
     case = dict(CONTROLLERS)["cftsmppc_4_1"]
     reference = case.trajectory.reference(jnp.zeros(()))
     memory = case.controller.init(jnp.zeros(()), case.start, reference)
@@ -95,7 +95,7 @@ def test_the_signals_are_there_by_name():
     assert [signals[name].shape for name in ("s", "eps1", "eps2", "u")] == [(2,), (2,), (2,), ()]
 
 
-def test_the_recipe_has_the_defaults_of_table_1():
+def test_the_preset_has_the_defaults_of_table_1():
     named = law_4_1(gain=0.1, k1=0.2, k2=0.6, p=0.5, q=1.2, exponent=1.2, delta=0.01, layer=0.05)
     for default, explicit in zip(jax.tree.leaves(law_4_1()), jax.tree.leaves(named), strict=True):
         np.testing.assert_array_equal(default, explicit)
@@ -109,7 +109,7 @@ def pid_command(law, q, dq, z):
     return law(jnp.zeros(()), State(q=q, dq=dq), reference, reference, jnp.asarray(z))
 
 
-def test_joint_pid_is_the_textbooks_law():
+def test_joint_pid_agrees_with_its_equations():
     q, dq, z = jnp.array([0.1, -0.2]), jnp.array([0.3, 0.4]), jnp.array([-0.05, 0.02])
     answer = pid_command(pid_4_1(kp=KP, ki=KI, kd=KD), q, dq, z)
     np.testing.assert_allclose(answer.tau, -KP * q - KD * dq - KI * z, rtol=1e-14)
@@ -118,7 +118,7 @@ def test_joint_pid_is_the_textbooks_law():
     np.testing.assert_allclose(heavy.tau - answer.tau, 0.5 * TWO_LINK_NOMINAL.gravity(q), rtol=1e-12)
 
 
-def test_beyond_the_limit_the_integral_of_that_joint_stands_still_unless_it_comes_back():
+def test_beyond_the_torque_limit_the_joints_integral_stops_unless_it_decreases_the_torque():
     law = pid_4_1(kp=KP, ki=KI, kd=KD, limit=[10.0, 100.0])
     e = jnp.array([0.1, 0.1])
     np.testing.assert_array_equal(pid_command(law, e, jnp.zeros(2), [0.0, 0.0]).rate, [0.0, 0.1])
@@ -127,7 +127,7 @@ def test_beyond_the_limit_the_integral_of_that_joint_stands_still_unless_it_come
 
 
 @pytest.mark.parametrize("sampled", [None, {}], ids=["as printed", "sampled-data"])
-def test_after_a_long_time_at_the_drives_limit_it_does_not_overshoot(sampled):
+def test_joint_pid_does_not_overshoot_after_a_long_saturation(sampled):
     """1 rad away, with drives of 12 N m for an arm that takes 8 N m s² to speed up a radian: a second at the limit."""
     changes = {
         "scheme.name": "pid",
@@ -220,7 +220,7 @@ def test_without_any_error_the_torque_is_the_computed_torque_of_the_nominal_arm(
     np.testing.assert_allclose(answer.signals["s"], 0.0, atol=1e-14)
 
 
-def test_the_first_torque_of_example_4_1_is_the_one_of_the_papers_figure():
+def test_the_first_torque_of_example_4_1_agrees_with_the_papers_figure():
     from tests.paper_examples import MOTION_4_1, START_4_1
 
     reference = MOTION_4_1.reference(jnp.zeros(()))
@@ -228,7 +228,7 @@ def test_the_first_torque_of_example_4_1_is_the_one_of_the_papers_figure():
     np.testing.assert_allclose(answer.tau, [103.653, -97.039], rtol=1e-5)
 
 
-def test_a_matrix_of_reaching_gains_acts_as_its_product():
+def test_a_full_reaching_gain_multiplies_as_a_matrix():
     gain = np.array([[0.5, 0.2], [0.2, 0.3]])
     state = State(q=jnp.array([0.3, 0.2]), dq=jnp.array([0.1, -0.2]))
     reference = Reference(q=jnp.zeros(2), dq=jnp.zeros(2), ddq=jnp.zeros(2))
@@ -246,7 +246,7 @@ def test_a_matrix_of_reaching_gains_acts_as_its_product():
     np.testing.assert_allclose(full.tau - diagonal.tau, expected, rtol=1e-10, atol=1e-12)
 
 
-def test_another_performance_function_fits_the_same_law():
+def test_the_law_works_with_any_performance_function():
     controller = law_4_1(performance=Exponential([0.8, 0.6], 0.002, 1.0))
     memory = controller.init(jnp.zeros(()), State(q=jnp.ones(2), dq=jnp.ones(2)), Reference(*jnp.zeros((3, 2))))
     envelope = controller.envelope(jnp.asarray(1.0), memory)
@@ -290,7 +290,7 @@ def agree(value, wanted, tau):
         pytest.param(nftsmc_4_2, printed.nftsmc, matrices_4_2, 3, id="nftsmc"),
     ],
 )
-def test_the_torque_is_that_of_the_equations(law, transcription, matrices, n, layer):
+def test_torques_of_terminal_schemes_agree_with_their_equations(law, transcription, matrices, n, layer):
     controller = law(layer=layer)
     for state in random_states(n):
         tau, s, u = transcription(*state, matrices, layer)
@@ -323,7 +323,7 @@ def test_ftsmppc_is_the_printed_law_with_the_older_power(monkeypatch):
         np.testing.assert_allclose(answer.signals["s"], s + 0.2 * (near - np.array(cubic)), rtol=1e-9, atol=1e-11)
 
 
-def test_anftsmc_and_its_rate_are_those_of_the_equations():
+def test_anftsmc_and_its_rate_agree_with_their_equations():
     controller, b = anftsmc_4_2(), np.array([0.3, 0.2, 0.1])
     for state in random_states(3):
         tau, s, size, rate = printed.anftsmc(*state, matrices_4_2, b)
@@ -336,7 +336,7 @@ def test_anftsmc_and_its_rate_are_those_of_the_equations():
 
 
 @pytest.mark.parametrize("layer", [0.0, 0.05])
-def test_slotine_li_is_the_textbooks_law(layer):
+def test_slotine_li_agrees_with_its_equations(layer):
     controller = slotine_li_4_1(layer=layer)
     for state in random_states(2):
         tau, s = printed.slotine_li(*state, matrices_4_1, layer)
@@ -345,7 +345,7 @@ def test_slotine_li_is_the_textbooks_law(layer):
         agree(answer.tau, tau, tau)
 
 
-def test_super_twisting_and_its_rate_are_those_of_the_equations():
+def test_super_twisting_and_its_rate_agree_with_their_equations():
     controller, v = super_twisting_4_2(), np.array([1.0, -2.0, 0.5])
     start = controller.init(jnp.zeros(()), START_4_2, MOTION_4_2.reference(jnp.zeros(())))
     np.testing.assert_array_equal(start.v, 0.0)
@@ -358,7 +358,7 @@ def test_super_twisting_and_its_rate_are_those_of_the_equations():
         np.testing.assert_array_equal(answer.rate.v[moving], rate[moving])
 
 
-def test_computed_torque_and_gravity_pd_are_the_textbooks_laws():
+def test_computed_torque_and_gravity_pd_agree_with_their_equations():
     for q, dq, qd, dqd, ddqd in random_states(2):
         M0, C0, G0 = matrices_4_1(q, dq)
         e, de = q - qd, dq - dqd

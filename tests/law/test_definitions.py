@@ -143,12 +143,12 @@ def test_gains_of_the_wrong_shape_are_refused(make, change):
     ("make", "change"),
     [(anftsmc_4_2, {"adaptation": [0.01, 0.01]}), (anftsmc_4_2, {"initial": 0.0}), (nftsmc_4_2, {"reach": [2.0] * 3})],
 )
-def test_gains_of_a_fixed_size_are_refused_in_any_other(make, change):
+def test_gains_of_fixed_size_are_refused_in_other_sizes(make, change):
     with pytest.raises(DefinitionError, match=r"must be (3 numbers|one number); got shape"):
         make(**change)
 
 
-def test_a_law_that_does_not_plan_has_no_horizon():
+def test_a_horizon_for_a_law_without_a_plan_is_refused():
     with pytest.raises(DefinitionError, match="`ComputedTorque` does not plan over a horizon; leave `horizon` out"):
         sampled_data(ComputedTorque(SCARA, 100.0, 20.0), period=1e-3, horizon=0.01)
     step = sampled_data(law_4_1(), period=1e-3).step
@@ -175,7 +175,7 @@ def test_a_law_without_a_nominal_robot_has_no_sampled_data_form():
         sampled_data(Blind(), period=1e-3)
 
 
-def test_the_horizon_is_no_shorter_than_the_period():
+def test_a_horizon_shorter_than_the_period_is_refused():
     with pytest.raises(DefinitionError, match=r"`SampledData.horizon` must be >= `period` = 0.001"):
         sampled_data(law_4_1(), period=1e-3, horizon=5e-4)
 

@@ -26,7 +26,7 @@ all_three = jax.jit(lambda performance, t: performance.radius_rate_curvature(t))
 
 
 @given(st.floats(0.0, 8.0), st.floats(0.1, 100.0), st.floats(1e-3, 0.09), st.floats(0.5, 7.0), st.floats(2.001, 5.0))
-def test_radius_rate_and_curvature_are_the_closed_forms(t, initial, final, deadline, exponent):
+def test_radius_rate_and_curvature_agree_with_closed_forms(t, initial, final, deadline, exponent):
     computed = all_three(FixedTime(initial, final, deadline, exponent), t)
     for value, expected in zip(computed, closed(t, initial, final, deadline, exponent), strict=True):
         assert float(value) == pytest.approx(expected, rel=1e-9, abs=1e-12 * initial)
@@ -53,14 +53,14 @@ def test_two_derivatives_are_continuous_at_the_deadline(before, exponent):
 
 
 @pytest.mark.parametrize("t", [4.999999999999999, 5.0, 5.000000000000001])
-def test_everything_is_finite_around_the_deadline(t):
+def test_radius_rate_and_curvature_are_finite_around_the_deadline(t):
     performance = FixedTime([0.8, 0.6], 0.002, [5.0, 5.0], 2.01)
     values = performance.radius_rate_curvature(jnp.asarray(t))
     jerk = jax.jacfwd(lambda t: performance.radius_rate_curvature(t)[2])(jnp.asarray(t))
     assert np.all(np.isfinite(np.asarray([*values, jerk])))
 
 
-def test_the_classical_function_is_its_closed_form():
+def test_the_exponential_function_agrees_with_its_closed_form():
     performance = Exponential([0.8, 0.6], 0.002, [1.0, 2.0])
     width, rate = np.array([0.798, 0.598]), np.array([1.0, 2.0])
     decay = np.exp(-rate * 0.7)

@@ -33,14 +33,14 @@ def as_sides(overshoot: float, sign: int) -> Sides:
 
 
 @given(lines, overshoots, signs)
-def test_psi_is_the_printed_one(x, overshoot, sign):
+def test_psi_agrees_with_the_printed_formula(x, overshoot, sign):
     b, b_bar = sides(overshoot, sign)
     printed = b * b_bar * (np.exp(x) - 1) / (b * np.exp(x) - b_bar)
     assert float(forward(jnp.array([x]), as_sides(overshoot, sign))[0]) == pytest.approx(printed, rel=1e-9, abs=1e-15)
 
 
 @given(st.floats(0.001, 0.999), overshoots, signs)
-def test_the_inverse_and_its_slope_are_the_printed_ones(share, overshoot, sign):
+def test_psi_inverse_and_its_slope_agree_with_the_printed_formulas(share, overshoot, sign):
     b, b_bar = sides(overshoot, sign)
     x = b + share * (b_bar - b)
     inverse = np.log(b_bar * (x - b) / (-b * (b_bar - x)))
@@ -52,13 +52,13 @@ def test_the_inverse_and_its_slope_are_the_printed_ones(share, overshoot, sign):
 
 
 @given(st.floats(-12.0, 12.0), overshoots, signs)
-def test_inverse_of_psi_undoes_psi(x, overshoot, sign):
+def test_psi_inverse_of_psi_is_the_identity(x, overshoot, sign):
     s = as_sides(overshoot, sign)
     assert float(backward(forward(jnp.array([x]), s), s)[0]) == pytest.approx(x, rel=1e-9, abs=1e-9)
 
 
 @given(st.floats(1e-9, 1 - 1e-9), overshoots, signs)
-def test_psi_undoes_its_inverse(share, overshoot, sign):
+def test_psi_of_psi_inverse_is_the_identity(share, overshoot, sign):
     b, b_bar = sides(overshoot, sign)
     x = b + share * (b_bar - b)
     assume(b < x < b_bar)
@@ -75,7 +75,7 @@ def test_psi_increases_strictly(x, y, overshoot, sign):
 
 
 @given(st.floats(-1e300, 1e300), overshoots, signs)
-def test_whatever_the_transformed_error_the_true_one_keeps_its_bounds(x, overshoot, sign):
+def test_for_any_transformed_error_the_true_error_is_within_its_bounds(x, overshoot, sign):
     """Proposition 4: (22) guarantees (12), up to rounding at the bounds themselves."""
     b, b_bar = sides(overshoot, sign)
     assert b <= float(forward(jnp.array([x]), as_sides(overshoot, sign))[0]) <= b_bar
@@ -98,7 +98,7 @@ def test_psi_has_a_finite_slope_everywhere(x):
     assert np.isfinite(slope) and slope >= 0
 
 
-def test_the_inverse_is_nan_outside_its_bounds():
+def test_psi_inverse_is_nan_outside_its_bounds():
     for x in (-0.21, 1.01):
         assert np.isnan(backward(jnp.array([x]), as_sides(0.2, 1))[0])
 
@@ -106,7 +106,7 @@ def test_the_inverse_is_nan_outside_its_bounds():
 @pytest.mark.parametrize(
     ("e", "lower", "upper"), [(0.3, -0.2, 1.0), (-0.3, -1.0, 0.2), (0.0, -0.2, 1.0)], ids=["above", "below", "zero"]
 )
-def test_the_wide_side_is_where_the_error_starts(e, lower, upper):
+def test_the_wide_side_of_the_envelope_is_that_of_the_initial_error(e, lower, upper):
     memory = PrescribedPerformance(ENVELOPE_4_1, 0.2).init(jnp.asarray(0.0), jnp.array([e, e]))
     np.testing.assert_array_equal(memory.lower, [lower, lower])
     np.testing.assert_array_equal(memory.upper, [upper, upper])
@@ -123,7 +123,7 @@ def test_the_envelope_is_the_sides_times_the_radius():
 
 
 @given(st.floats(0.0, 6.5), st.floats(0.01, 0.99), st.floats(-2.0, 2.0))
-def test_alpha_beta_and_their_errors_are_the_printed_ones(t, share, de):
+def test_alpha_beta_and_the_transformed_errors_agree_with_the_printed_formulas(t, share, de):
     """(24)-(28), and Ȧ, written out for the paper's first joint, which starts below."""
     z = max(0.0, 1 - t / 5.0)
     rho = 0.798 * z**2.01 + 0.002
@@ -148,7 +148,7 @@ def transform(t, e, de):
     return transformation(t, e, de, memory)
 
 
-def test_the_error_and_its_rate_pass_through_and_no_envelope_is_promised():
+def test_without_a_constraint_error_and_rate_are_unchanged_and_there_is_no_envelope():
     transformation = Unconstrained()
     e, de = jnp.array([0.3, -0.2]), jnp.array([1.0, 0.0])
     memory = transformation.init(jnp.zeros(()), e)

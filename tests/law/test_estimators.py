@@ -19,7 +19,7 @@ def errors_decay(cutoff, gain, period):
     return np.array([[1 - a, 1 - a / 2], [-gain * a**2, 1 - gain * a**2 / 2]])
 
 
-def test_the_measured_velocity_drives_the_push_by_what_was_not_predicted():
+def test_the_velocity_prediction_error_drives_the_disturbance_estimate():
     none = jnp.zeros(2)
     prior = Estimate(state=State(q=none, dq=jnp.array([1.0, 2.0])), disturbance=jnp.array([0.5, -0.5]))
     measured = State(q=jnp.array([0.1, 0.2]), dq=jnp.array([1.01, 1.98]))
@@ -31,7 +31,7 @@ def test_the_measured_velocity_drives_the_push_by_what_was_not_predicted():
 
 
 @pytest.mark.parametrize("gain", [0.1, 0.5, 1.0])
-def test_disturbance_estimate_moves_by_a_share_of_its_error(gain):
+def test_disturbance_estimate_is_corrected_by_a_share_of_its_error(gain):
     estimate = np.asarray(followed(Measured(gain), accelerated(jnp.asarray(PUSH)), 30).disturbance)
     left = (1 - gain) ** np.arange(1, 31)
     np.testing.assert_allclose(estimate, PUSH * (1 - left[:, None]), atol=1e-9)
@@ -52,7 +52,7 @@ def test_a_linearly_growing_disturbance_is_compensated_without_lag(make, ahead):
 
 
 @pytest.mark.parametrize("gain", [0.2, 0.5])
-def test_without_a_trend_the_push_lags_behind_one_that_grows(gain):
+def test_without_a_trend_the_estimate_lags_behind_a_growing_disturbance(gain):
     estimate = np.asarray(followed(Measured(gain), growing, 400).disturbance)
     times = np.arange(1, 401)[:, None] * 1e-3
     lag = (0.5 + (1 - gain) / gain) * 1e-3
@@ -76,7 +76,7 @@ def test_lead_changes_the_reported_disturbance_but_not_the_memory():
     assert np.abs(pushes[1] - pushes[0]).max() > 0.01
 
 
-def test_the_trend_may_be_as_large_as_the_filter_stays_stable():
+def test_the_trend_gain_is_limited_by_stability():
     for gain in np.linspace(0.0, 1.0, 11):
         for share in np.linspace(0.02, 0.98, 13):
             for trend, stable in ((share * (4 - 2 * gain), True), ((1 + share) * (4 - 2 * gain), False)):
@@ -91,7 +91,7 @@ def test_the_trend_may_be_as_large_as_the_filter_stays_stable():
 
 
 @pytest.mark.parametrize(("cutoff", "gain"), [(50.0, 0.25), (300.0, 0.5), (5000.0, 1.0)])
-def test_the_errors_of_the_filter_go_on_as_derived(cutoff, gain):
+def test_the_errors_of_the_filter_follow_the_derived_recursion(cutoff, gain):
     estimate = followed(FilteredDifference(cutoff, gain), accelerated(jnp.asarray(PUSH)), 60)
     error = np.stack([np.zeros(2), PUSH * 1e-3])
     for k in range(60):
@@ -126,7 +126,7 @@ def test_a_lower_cutoff_lets_less_noise_through():
     assert spread(50.0) < 0.4 * spread(300.0) < 0.4 * spread(2000.0)
 
 
-def test_the_filter_does_not_lag_behind_what_its_model_knows():
+def test_the_filter_has_no_lag_for_motion_in_its_model():
     """With the disturbance known from the start, a strong acceleration leaves no error, however low the cutoff."""
     estimate = followed(FilteredDifference(1.0, 0.0), accelerated(jnp.array([7.0, 7.0])), 500, disturbance=7.0)
     right = np.array([1.0, -2.0]) + 7.0 * np.arange(1, 501)[:, None] * 1e-3
@@ -177,7 +177,7 @@ def test_the_root_solves_its_cubic_to_rounding_over_all_sizes():
 @pytest.mark.parametrize("residual", [1e-9, -3e-9, 1e-8, 1e-6, -1e-4, 1e-2, 3.0, -1e5])
 @pytest.mark.parametrize("lipschitz", [1.0, 30.0])
 @pytest.mark.parametrize("h", [1e-3, 1e-2])
-def test_a_step_is_one_of_implicit_euler_of_levants_differentiator(residual, lipschitz, h):
+def test_a_step_is_implicit_euler_on_levants_differentiator(residual, lipschitz, h):
     """In Euler's own states, whose velocity is half a period behind: z0 = q, z1 = dq - h/2 ŵ, z2 = ŵ."""
     q, dq, disturbance = step(lipschitz, residual, h)
     z0, z1, z2 = q, dq - h / 2 * disturbance, disturbance
@@ -194,7 +194,7 @@ def test_a_step_is_one_of_implicit_euler_of_levants_differentiator(residual, lip
     np.testing.assert_allclose(z0, h * z1 - h * L0 * lipschitz ** (1 / 3) * root * abs(root), atol=tolerance)
 
 
-def test_within_the_selection_of_the_sign_the_measured_position_is_believed():
+def test_a_small_residual_corrects_the_position_completely():
     h, lipschitz = 1e-3, 7.0
     edge = L2 * lipschitz * h**3
     for share in (-1.0, -0.5, 0.25, 0.99):
@@ -204,18 +204,18 @@ def test_within_the_selection_of_the_sign_the_measured_position_is_believed():
 
 
 @pytest.mark.full
-def test_a_correction_grows_with_its_residual_and_is_odd():
+def test_the_correction_grows_with_the_residual_and_is_odd():
     residuals = np.logspace(-12, 3, 400)
     steps = np.array([step(5.0, residual) for residual in residuals])
     assert np.all(np.diff(steps[:, :2], axis=0) > 0) and np.all(np.diff(steps[:, 2]) >= 0)
     np.testing.assert_array_equal(step(5.0, -1e-6), -np.array(step(5.0, 1e-6)))
 
 
-def test_the_push_changes_no_faster_than_its_bound():
+def test_the_disturbance_estimate_changes_no_faster_than_its_bound():
     np.testing.assert_allclose(step(5.0, 1e3)[2], L2 * 5.0 * 1e-3, rtol=1e-12)
 
 
-def test_small_errors_are_gone_after_three_samples():
+def test_small_errors_vanish_after_three_samples():
     """All three of them: the estimate is that whose error dies at once, as long as the disturbance may explain it."""
     true = accelerated(jnp.array([4.0, -0.5]))
     estimator, period = RobustDifferentiator(1e5), jnp.asarray(1e-3)
@@ -256,7 +256,7 @@ def test_a_disturbance_of_bounded_rate_is_estimated_up_to_the_sampling_error(lip
     np.testing.assert_allclose(np.log2(np.array(errors[0]) / errors[1]), [2.0, 1.0], atol=0.01)
 
 
-def test_noise_is_bounded_in_its_effect_and_gentler_with_a_smaller_bound():
+def test_noise_has_a_bounded_effect_that_shrinks_with_the_bound():
     """Levant's accuracy: errors of the velocity as the power 2/3 of the noise, of the disturbance as the power 1/3."""
     rng = np.random.default_rng(0)
     rough, errors = jnp.asarray(rng.uniform(-1.0, 1.0, (8000, 2))), []

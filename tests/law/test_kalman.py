@@ -40,7 +40,7 @@ def general(density, variance, period):
 
 
 @pytest.mark.parametrize("period", [1e-4, 1e-3, 1e-2])
-def test_the_steady_gains_are_those_of_a_general_solver(period):
+def test_the_steady_gains_agree_with_a_general_riccati_solver(period):
     """Each case is a joint of one filter."""
     densities, variances = CASES[:, 0], CASES[:, 1] ** 2 / 12
     gains = Kalman.steady(density=densities, variance=variances, period=period).gains
@@ -48,7 +48,7 @@ def test_the_steady_gains_are_those_of_a_general_solver(period):
     np.testing.assert_allclose(gains, np.transpose(wanted), rtol=1e-8)
 
 
-def test_the_steady_gains_are_what_the_filter_comes_to():
+def test_the_steady_gains_are_the_limit_of_the_filter():
     """By the filter's own recursion, from a start that knows nothing."""
     density, variance, period = 10.0, 1e-10 / 12, 1e-3
     moved, drift = system(density, period)
@@ -62,7 +62,7 @@ def test_the_steady_gains_are_what_the_filter_comes_to():
 
 
 @pytest.mark.parametrize("power", [-80, -40, -20, 0, 20, 80])
-def test_the_filter_is_stable_however_slow_or_fast(power):
+def test_the_filter_is_stable_for_any_bandwidth(power):
     gains = np.asarray(Kalman.steady(density=10.0**power, variance=1.0, period=1.0).gains)
     moved = system(1.0, 1.0)[0]
     errors = (np.eye(3) - np.outer(gains, [1.0, 0.0, 0.0])) @ moved
@@ -84,7 +84,7 @@ def test_gains_per_joint_are_those_of_each_joint():
 
 
 @pytest.mark.full
-def test_gains_can_be_found_and_differentiated_inside_a_compiled_function():
+def test_gains_can_be_computed_and_differentiated_inside_jit():
     def gains(density):
         return Kalman.steady(density=density, variance=1e-10, period=1e-3).gains
 
@@ -97,7 +97,7 @@ def test_gains_can_be_found_and_differentiated_inside_a_compiled_function():
     np.testing.assert_allclose(reverse, slopes, rtol=1e-6)
 
 
-def test_a_residual_is_divided_as_the_gains_say():
+def test_a_residual_corrects_the_estimate_by_the_gains():
     none = jnp.zeros(2)
     prior = Estimate(state=State(q=jnp.array([1.0, 2.0]), dq=none), disturbance=jnp.ones(2))
     measured = State(q=jnp.array([1.1, 1.8]), dq=none)
@@ -154,7 +154,7 @@ MASS = jnp.array([[4.0, 1.5], [1.5, 2.0]])
 
 
 @pytest.mark.parametrize("torque_density", [0.3, [0.3, 0.7]])
-def test_a_torque_that_drifts_alike_on_all_joints_moves_each_by_its_own_inertia(torque_density):
+def test_equal_torque_drift_gives_each_joint_gains_by_its_inertia(torque_density):
     """A torque on a joint of inertia M is an acceleration of 1/M, and a density is that of its square."""
     kalman = Kalman.of_arm(MASS, variance=1e-11, period=1e-3, torque_density=torque_density)
     by_hand = np.broadcast_to(torque_density, 2) / np.array([16.0, 4.0])
@@ -162,7 +162,7 @@ def test_a_torque_that_drifts_alike_on_all_joints_moves_each_by_its_own_inertia(
     np.testing.assert_allclose(kalman.gains, np.transpose(right), rtol=1e-8)
 
 
-def test_unless_asked_otherwise_a_torque_drifts_by_two_tenths_of_a_newton_metre_in_a_second():
+def test_the_default_torque_drift_is_0_2_newton_metres_in_a_second():
     kalman = Kalman.of_arm(MASS, variance=[1e-11, 1e-12], period=2e-3)
     right = [general(0.05 / m**2, v, 2e-3) for m, v in ((4.0, 1e-11), (2.0, 1e-12))]
     np.testing.assert_allclose(kalman.gains, np.transpose(right), rtol=1e-8)
@@ -175,7 +175,7 @@ def test_an_impossible_torque_drift_is_refused(value):
         Kalman.of_arm(MASS, variance=1e-11, period=1e-3, torque_density=value)
 
 
-def test_after_a_gap_longer_than_its_memory_the_velocity_is_right_if_the_push_was_wrong_by_a_constant():
+def test_after_a_long_gap_the_velocity_is_exact_for_a_constant_disturbance_error():
     kalman, elapsed = Kalman.steady(density=1.0, variance=1e-11, period=1e-3), jnp.asarray(0.4)
     assert float(kalman.gains[1]) * 0.4 > 2.0
     disturbance = jnp.array([3.0, -1.0])
@@ -186,7 +186,7 @@ def test_after_a_gap_longer_than_its_memory_the_velocity_is_right_if_the_push_wa
     np.testing.assert_array_equal(estimate.state.q, measured.q)
 
 
-def test_a_gap_shorter_than_its_memory_is_filtered_as_any_sample_is():
+def test_after_a_short_gap_the_filter_corrects_as_usual():
     kalman = Kalman.steady(density=1e-3, variance=1e-11, period=1e-3)
     measured = State(q=jnp.full(2, 1e-5), dq=jnp.zeros(2))
     prior = Estimate(state=State(q=jnp.zeros(2), dq=jnp.zeros(2)), disturbance=jnp.zeros(2))
@@ -212,7 +212,7 @@ def test_the_filter_of_an_arm_can_be_batched_and_differentiated_by_its_torque_de
         np.testing.assert_allclose(reverse, difference, rtol=1e-7)
 
 
-def test_a_native_batch_over_the_torque_density_is_the_single_runs():
+def test_a_native_batch_over_the_torque_density_equals_single_runs():
     def parts(density):
         kalman = Kalman.of_arm(MASS, variance=1e-11, period=1e-3, torque_density=density)
         law = sampled_data(law_4_1(), period=1e-3, estimator=kalman)
@@ -235,12 +235,12 @@ def filter_of(inertia, resolution):
 # The finest is what a filter beside an adaptation takes encoders to be.
 @pytest.mark.parametrize(("resolution", "off"), [(1e-4, 1e-5), (1e-5, 1e-4), (2e-6, 1e-2)])
 @pytest.mark.parametrize("inertia", [0.02, 0.05, 0.3, 1.0])
-def test_gains_follow_the_new_inertia(resolution, off, inertia):
+def test_gains_follow_a_changed_inertia(resolution, off, inertia):
     followed = filter_of(0.1, resolution).for_inertia(jnp.array([inertia]))
     np.testing.assert_allclose(followed.gains, filter_of(inertia, resolution).gains, rtol=off)
     np.testing.assert_allclose(followed.pace, filter_of(inertia, resolution).pace, rtol=1e-12)
 
 
-def test_a_filter_whose_inertia_is_not_known_stays_as_it_is():
+def test_a_filter_without_an_inertia_is_unchanged_by_for_inertia():
     filter_ = Kalman.steady(density=1.0, variance=1e-11, period=PERIOD)
     assert filter_.for_inertia(jnp.array([3.0])) is filter_

@@ -28,11 +28,11 @@ def test_the_power_is_the_gain_times_sig_r(gain, matrix):
     np.testing.assert_allclose(FixedTimeReaching(gain, 1.2).continuous_term(jnp.asarray(S)), matrix @ SIG, rtol=1e-14)
 
 
-def test_without_a_layer_the_direction_is_the_unit_vector():
+def test_without_a_boundary_layer_the_direction_is_the_unit_vector():
     np.testing.assert_allclose(FixedTimeReaching(0.1, 1.2).switching_direction(jnp.asarray(S)), [0.6, -0.8], rtol=1e-15)
 
 
-def test_with_a_layer_the_direction_is_shorter_by_it():
+def test_with_a_boundary_layer_the_direction_is_shorter_than_1():
     direction = FixedTimeReaching(0.1, 1.2, 0.05).switching_direction(jnp.asarray(S))
     np.testing.assert_allclose(direction, S / 0.55, rtol=1e-15)
 
@@ -57,7 +57,7 @@ def test_the_robust_torque_is_that_of_eqs_45_and_46():
     assert float(BOUND.gamma) == pytest.approx(0.379, abs=5e-4)
 
 
-def test_the_robust_torque_covers_the_uncertainty_it_is_made_for():
+def test_the_robust_torque_covers_the_uncertainty_within_its_bound():
     """`u >= b0 + b1‖q‖ + b2‖q̇‖² + γ‖τ0 + τ1 + τ2‖ + k` for any direction: why (45) divides by 1 - γ."""
     rng = np.random.default_rng(0)
     for _ in range(50):
@@ -132,7 +132,7 @@ def test_power_below_one_converges_within_the_iterations_but_for_a_few_in_a_thou
 
 
 @pytest.mark.parametrize("most", [1e13, 1e200])
-def test_an_inverse_inertia_known_so_badly_that_u_is_infinite_is_refused(most):
+def test_inverse_inertia_bounds_that_make_u_infinite_are_refused(most):
     with pytest.raises(DefinitionError, match=r"must be at most 1e\+12 times"):
         UncertaintyBound(0.09, most, 12.0, 2.2, 2.8, 1.0)
     assert np.isfinite(

@@ -24,7 +24,7 @@ def terms(reaching, s):
 
 
 @EVERY
-def test_power_and_direction_have_the_signs_of_s(reaching):
+def test_power_and_direction_act_along_s_and_are_odd(reaching):
     for pushed, opposite in zip(terms(reaching, S), terms(reaching, -S), strict=True):
         assert np.all(np.sum(np.asarray(S) * np.asarray(pushed), axis=1) > 0)
         np.testing.assert_allclose(opposite, -pushed, rtol=1e-13)

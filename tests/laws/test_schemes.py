@@ -96,7 +96,7 @@ def test_sampled_schemes_settle_within_the_limits_also_after_lost_samples(arm, s
 
 
 @pytest.mark.parametrize(("arm", "scheme"), pairs(1))
-def test_printed_schemes_settle_on_the_arm_of_their_source(arm, scheme):
+def test_printed_schemes_settle_on_their_arm_at_a_short_period(arm, scheme):
     changes: dict[str, Any] = {"simulation.t1": 4.0, "simulation.period": 2e-4}
     if (arm, scheme) in UNDISTURBED:
         changes["disturbance.scale"] = 0.0

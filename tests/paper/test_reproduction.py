@@ -55,7 +55,7 @@ def test_reproduction_leaves_a_page_figures_and_data(reproduced):
     assert all(path.stat().st_size < 150_000 for path in (out / "figures").iterdir())
 
 
-def test_the_data_is_strict_json_and_what_was_returned(reproduced):
+def test_the_data_is_strict_json_and_equals_the_returned_results(reproduced):
     out, results, _ = reproduced
 
     def refuse(constant: str) -> None:
@@ -65,7 +65,7 @@ def test_the_data_is_strict_json_and_what_was_returned(reproduced):
     assert json.loads(text, parse_constant=refuse) == results
 
 
-def test_the_page_stands_alone(reproduced):
+def test_the_reproduction_page_is_self_contained(reproduced):
     page = (reproduced[0] / "report.html").read_text(encoding="utf-8")
     assert re.findall(r"https?://[^\s\"'<]+", page) == [f"https://doi.org/{paper.DOI}"]
     assert not re.findall(r"\ssrc=|<link|<script|@import|url\((?!#)", page)
@@ -100,7 +100,7 @@ def test_computed_values_and_verdicts_come_from_the_runs(reproduced):
     assert all(row["verdicts"]["off"]["kind"] == "differs" for row in settling)
 
 
-def test_statements_on_the_runs_hold_as_far_as_they_went(reproduced):
+def test_statements_about_runs_cover_them_up_to_their_end(reproduced):
     kinds = {(claim["place"], claim["says"]): claim["verdicts"] for claim in reproduced[1]["claims"]}
     assert len(kinds) == 6
     for (_, says), verdicts in kinds.items():
@@ -123,7 +123,7 @@ READINGS = [("stated", False), pytest.param("stated", True, marks=FULL), pytest.
 
 @pytest.mark.full
 @pytest.mark.parametrize(("disturbance", "drawn"), READINGS)
-def test_one_reading_of_the_disturbance_makes_a_page_too(reproduced, tmp_path, monkeypatch, disturbance, drawn):
+def test_one_reading_of_the_disturbance_alone_makes_a_page(reproduced, tmp_path, monkeypatch, disturbance, drawn):
     """With the figures of `made` every day: they are of the first reading there, too."""
     if not drawn:
         monkeypatch.setattr(REPRODUCE, "draw", lambda runs, folder: DRAWN)
@@ -180,7 +180,7 @@ def simulated(case: Case, t1: float) -> Run:
     return scenario_of(case, {"simulation.t1": t1}).simulate(progress=False)
 
 
-def test_table_3_is_the_papers():
+def test_table_3_is_as_printed_in_the_paper():
     assert [items[0].texts for items in TABLE_3.values()] == [
         ("1.37", "1.35", "1.53"),
         ("1.77", "1.47", "1.75"),
@@ -197,7 +197,7 @@ def test_table_3_is_the_papers():
     }
 
 
-def test_every_scheme_is_run_in_every_way_once():
+def test_every_scheme_runs_once_in_each_case():
     listed = cases(("stated", "off"))
     assert len(listed) == len(set(listed))
     for example, schemes in COMPARED.items():
@@ -208,7 +208,7 @@ def test_every_scheme_is_run_in_every_way_once():
             assert Case(example, reading, scheme=scheme).held in listed
 
 
-def test_a_case_sets_what_it_says():
+def test_a_case_sets_its_parameters():
     scenario = scenario_of(Case("4.2", "off", "held", 2e-4, "nftsmc", 3e-4), {})
     assert (scenario.scheme, scenario.stepping.mode, scenario.period) == ("nftsmc", "held", 2e-4)
     assert float(scenario.controller.layer) == 3e-4 and scenario.description.disturbance.scale == 0.0
@@ -237,7 +237,7 @@ def test_sfsmc_starts_joint_3_as_computed_elsewhere():
     assert analysis.initial_torque(run)[2] == pytest.approx(44.4, rel=0.01)
 
 
-def test_chattering_is_a_way_that_depends_on_the_step():
+def test_torque_travel_of_a_chattering_law_depends_on_the_step():
     smooth, rough = (Case("4.1", "stated", scheme="ftsmc", layer=layer) for layer in (0.05, 0.0))
     assert chatter(simulated(smooth, 2.0), simulated(smooth.halved, 2.0)) == [None, None]
     grown = chatter(simulated(rough, 2.0), simulated(rough.halved, 2.0))
@@ -293,11 +293,11 @@ def test_a_number_is_reproduced_within_5_percent_and_close_within_20(computed, k
         (1.0e6, "differs: 1.0e4 times printed"),
     ],
 )
-def test_the_words_state_a_bound_that_is_true(computed, text):
+def test_comparison_with_a_bound_is_worded_correctly(computed, text):
     assert compare_printed(100.0, computed).text == text
 
 
-def test_the_rule_does_not_depend_on_the_unit():
+def test_the_verdict_rule_does_not_depend_on_the_unit():
     for scale in (1e-12, 1.0, 1e9):
         assert compare_printed(4.92 * scale, 5.03 * scale) == compare_printed(4.92, 5.03)
 
@@ -307,11 +307,11 @@ def test_a_missing_value_can_have_a_verdict_of_its_own():
     assert compare_printed(1.0, None, never) == never and compare_printed(1.0, 1.0, never).kind == "reproduced"
 
 
-def test_a_limit_holds_below_it_only():
+def test_a_limit_holds_for_smaller_values_only():
     assert compare_limit(8e-11, 7.99e-11).kind == "reproduced" and compare_limit(8e-11, 8e-11).kind == "differs"
     assert compare_limit(8e-11, 8e-7).text == "does not hold: 1.0e4 times the limit"
     assert compare_limit(8e-11, None).kind == "unchecked"
 
 
-def test_a_statement_holds_or_does_not():
+def test_a_statement_has_a_verdict():
     assert (printed.claim(True).kind, printed.claim(False).kind) == ("reproduced", "differs")

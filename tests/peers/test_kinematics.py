@@ -17,7 +17,7 @@ from tests.peers.ready_arms import DESCRIPTIONS, for_mujoco, for_pinocchio
 
 
 @pytest.mark.parametrize("arm", ARMS, ids=lambda arm: arm.name)
-def test_the_tool_is_where_pinocchio_has_it_and_is_found_again(arm):
+def test_tool_pose_agrees_with_pinocchio_and_inverse_kinematics_recovers_it(arm):
     ours = arm.read()
     whole = pinocchio.buildModelFromUrdf(arm.path)
     model = held(whole, arm.locked)
@@ -34,7 +34,7 @@ def test_the_tool_is_where_pinocchio_has_it_and_is_found_again(arm):
 
 
 @pytest.mark.parametrize("name", ["ur5e", "panda", "gen3"])
-def test_along_a_path_pinocchio_has_the_tool_on_it(name):
+def test_pinocchio_confirms_the_tool_pose_along_a_path(name):
     arm, model = getattr(arms, name)(), for_pinocchio(name)
     start = home(name)
     pose = Pose.of_tip(arm, start)
@@ -49,7 +49,7 @@ def test_along_a_path_pinocchio_has_the_tool_on_it(name):
 
 
 @pytest.mark.parametrize("peer", ["pink", "mink"])
-def test_peer_ends_at_the_same_posture_of_an_arm_that_is_not_redundant(peer):
+def test_peer_reaches_the_same_posture_of_a_nonredundant_arm(peer):
     """They step along velocities by quadratic programs; of six joints near one posture there is one answer."""
     package = pytest.importorskip(peer, reason="pip install pin-pink mink daqp")
     pytest.importorskip("daqp")

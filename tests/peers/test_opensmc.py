@@ -296,7 +296,7 @@ def test_torques_and_sliding_variables_are_the_same(name):
     )
 
 
-def test_at_zero_error_the_nonsingular_law_differs_by_the_small_number_that_opensmc_adds():
+def test_at_zero_error_the_nonsingular_law_differs_by_opensmcs_epsilon():
     """`β γ (1e-15)^(γ-1) ė` with β = 2, γ = 1.4: slidax's slope is zero there."""
     pair, de = NONSINGULAR_FAST_TERMINAL, 1.5
     rows = np.array([[0.2, de, 0.2, 0.0, 0.0]])
@@ -327,7 +327,7 @@ def both_loops(pair):
 
 
 @pytest.mark.parametrize("name", SMOOTH)
-def test_smooth_loops_are_the_same_sample_by_sample(name):
+def test_smooth_loops_agree_at_every_sample(name):
     """The torque held and the plant moved by the classical Runge-Kutta step, in both; 3 s, 3072 steps.
 
     To a set-point, since OpenSMC's simulator has no way to hand a reference acceleration to the law.
@@ -338,7 +338,7 @@ def test_smooth_loops_are_the_same_sample_by_sample(name):
 
 
 @pytest.mark.parametrize("name", SHARP)
-def test_sharp_loops_are_the_same_until_they_reach_the_surface_and_near_it_after(name):
+def test_discontinuous_loops_agree_until_the_surface_and_stay_close_after(name):
     """On the surface a rounding can turn a sign, and with it the torque of a whole period."""
     theirs, ours = both_loops(SHARP[name])
     reached = int(np.argmax(np.abs(theirs[:, 4]) < 0.02))
@@ -366,14 +366,14 @@ OTHERWISE = {
 
 @pytest.mark.parametrize("name", SMOOTH)
 @pytest.mark.parametrize("how", OTHERWISE)
-def test_where_the_loops_are_stepped_otherwise_their_difference_vanishes_at_first_order(name, how):
+def test_difference_of_stepping_schemes_vanishes_at_first_order(name, how):
     """One solution behind both: OpenSMC's Euler step is explicit, its law is sampled and its disturbance is held."""
     differences = [apart(SMOOTH[name], steps, **OTHERWISE[how]) for steps in (256, 512, 1024)]
     assert np.log2(np.divide(differences[:-1], differences[1:])) == pytest.approx([1.0] * 2, abs=0.1)
     assert 1e-5 < differences[-1] < 2e-2
 
 
-def test_the_time_that_opensmc_states_for_fixed_time_bounds_the_reaching_of_the_surface_in_both():
+def test_fixed_time_bound_of_opensmc_holds_in_both():
     """`1/(α (1-p)) + 1/(β (q-1))`, from starts up to 10^6 away, without a disturbance.
 
     It is stated as a settling time; what has settled by then is the sliding variable, see above.

@@ -84,7 +84,7 @@ def test_diffrax_and_scipy_agree_with_each_other():
         pytest.param(runge_kutta_4, "held", (240, 480, 960), 1.0, 0.15),
     ],
 )
-def test_loop_converges_to_them_at_the_order_of_its_step(integrator, mode, steps, order, room):
+def test_loop_converges_to_diffrax_and_scipy_at_the_order_of_its_step(integrator, mode, steps, order, room):
     errors = [np.abs(simulated(END / n, integrator, mode) - exact()).max() for n in steps]
     assert orders(errors) == pytest.approx([order] * (len(steps) - 1), abs=room)
     assert errors[-1] < 1e-8 or order < 4.0

@@ -38,7 +38,7 @@ def own(folder):
     }
 
 
-def test_the_wheel_has_every_file_of_the_package_and_none_else(wheel):
+def test_the_wheel_has_exactly_the_files_of_the_package(wheel):
     expected = {f"slidax/{name}" for name in own(ROOT / "src" / "slidax")}
     with zipfile.ZipFile(wheel) as archive:
         result = {name for name in archive.namelist() if ".dist-info/" not in name}
@@ -60,7 +60,7 @@ def test_the_sdist_makes_the_same_wheel(wheel, unpacked, tmp_path):
 
 
 @pytest.mark.parametrize("folder", ["src", "tests", "docs", "examples", "benchmarks", "scripts", "requirements"])
-def test_the_sdist_has_the_whole_of_each_folder(unpacked, folder):
+def test_the_sdist_has_every_file_of_its_folders(unpacked, folder):
     missing = {name for name in own(ROOT / folder) - own(unpacked / folder) if not name.startswith("api/")}
     assert not missing
 
@@ -71,12 +71,12 @@ def test_the_sdist_has_every_file_that_its_readme_links_to(unpacked):
         assert (unpacked / link).exists(), link
 
 
-def test_all_means_every_extra_but_those_that_need_a_card_or_bring_another_licence():
+def test_extra_all_has_every_extra_but_those_for_gpus_or_with_other_licences():
     named = [extra for line in EXTRAS["all"] for extra in line.split("]")[0].removeprefix("slidax[").split(",")]
     assert sorted(named) == sorted(set(EXTRAS) - {"all", "cuda"})
 
 
-def test_every_remedy_names_an_extra_that_there_is():
+def test_every_remedy_names_an_existing_extra():
     named = set()
     for path in [*(ROOT / "src").rglob("*.py"), *(ROOT / "docs").rglob("*.md"), ROOT / "README.md"]:
         for listed in re.findall(r"slidax\[([\w,-]+)\]", path.read_text(encoding="utf-8")):
@@ -92,12 +92,12 @@ def test_every_remedy_names_an_extra_that_there_is():
         ("CHANGELOG.md", r"^## \[(\d[^\]]*)\]"),
     ],
 )
-def test_one_version_stands_everywhere(name, pattern):
+def test_the_version_is_the_same_everywhere(name, pattern):
     result = re.search(pattern, (ROOT / name).read_text(encoding="utf-8"), re.MULTILINE)
     assert result and result[1] == PROJECT["version"]
 
 
-def test_the_container_sees_what_it_builds_from():
+def test_the_container_context_has_all_needed_files():
     ignored = (ROOT / ".containerignore").read_text(encoding="utf-8")
     assert ignored == (ROOT / ".dockerignore").read_text(encoding="utf-8")
     visible = {line[1:] for line in ignored.splitlines() if line.startswith("!")}

@@ -45,13 +45,13 @@ def nominal(robot: dict[str, Any]) -> Articulated:
 
 
 @pytest.mark.parametrize("kind", robots.built_in_names())
-def test_a_ready_robot_needs_its_name_alone(kind):
+def test_a_built_in_robot_needs_its_name_alone(kind):
     true, known, load = arms({"kind": kind})
     assert eqx.tree_equal(known, robots.built_in_arm(kind).robot) and eqx.tree_equal(true, known)
     assert load is None
 
 
-def test_an_arm_from_a_file_is_the_one_that_is_read_from_it(tmp_path):
+def test_a_scenario_reads_its_arm_from_a_file(tmp_path):
     urdf, mjcf = tmp_path / "arm.urdf", tmp_path / "arm.xml"
     urdf.write_text(bad_urdf.GOOD, encoding="utf-8")
     mjcf.write_text(bad_mjcf.GOOD, encoding="utf-8")
@@ -62,7 +62,7 @@ def test_an_arm_from_a_file_is_the_one_that_is_read_from_it(tmp_path):
     assert eqx.tree_equal(arm, robots.from_mjcf(mjcf, **how)) and arm.joint_names == ("shoulder",)
 
 
-def test_an_inertia_of_no_body_is_replaced_where_the_file_asks_for_it(tmp_path):
+def test_an_impossible_inertia_is_replaced_on_request(tmp_path):
     urdf = tmp_path / "arm.urdf"
     urdf.write_text(bad_urdf.GOOD.replace(bad_urdf.INERTIA, bad_urdf.inertia("0.01", "0.02", "0.1")), encoding="utf-8")
     with pytest.raises(DefinitionError, match=r"inertia of link `fore` is of no rigid body.*inertias: nearest takes"):
@@ -98,13 +98,13 @@ def same_numbers(first: Articulated, other: Articulated) -> bool:
     return bool(eqx.tree_equal(*(jax.tree.map(np.asarray, arm) for arm in (first, other))))
 
 
-def test_a_rotor_that_only_the_true_arm_has_is_not_known():
+def test_a_rotor_of_the_true_arm_alone_is_unknown_to_the_law():
     true, known, _ = arms({"kind": "ur5e", "plant": {"armature": [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]}})
     np.testing.assert_array_equal(true.armature, [0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
     np.testing.assert_array_equal(known.armature, np.zeros(6))
 
 
-def test_a_load_that_is_never_let_go_is_carried_from_the_start_for_ever():
+def test_a_payload_without_release_is_carried_to_the_end():
     load = arms({"kind": "panda", "plant": {"load": {"mass": 2.0}}}).load
     assert load is not None and (float(load.attached), float(load.released)) == (0.0, np.inf)
 
@@ -157,7 +157,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("robot", "message"), REFUSED)
-def test_a_robot_that_cannot_be_is_refused_with_the_path_of_its_field(robot, message):
+def test_an_invalid_robot_is_refused_with_the_path_of_its_field(robot, message):
     with pytest.raises(DefinitionError, match=message):
         scenarios.parse(text(), {"robot": robot}).build("refused")
 
@@ -221,7 +221,7 @@ def test_limits_and_plants_that_do_not_fit_the_arm_are_refused(name, changes, me
         scenarios.load(name, changes)
 
 
-def test_the_same_arm_can_be_moved_by_mujoco_beside_a_table():
+def test_mujoco_can_simulate_the_arm_with_a_table():
     own = scenario().plant
     assert isinstance(own, Plant)
     moved = scenario(simulation__plant="mujoco").plant
@@ -231,7 +231,7 @@ def test_the_same_arm_can_be_moved_by_mujoco_beside_a_table():
     assert eqx.tree_equal(on_a_table, MujocoPlant.of(own, surroundings=Table(-0.2, 0.7), dry=True))
 
 
-def test_a_warning_over_a_robot_file_names_the_keys_of_the_scenario(tmp_path):
+def test_a_warning_about_a_robot_file_names_keys_of_the_scenario(tmp_path):
     urdf = tmp_path / "arm.urdf"
     finger = bad_urdf.SPARE + bad_urdf.joint("revolute", "finger", "tool", "spare", '<mimic joint="elbow"/>')
     tip = bad_urdf.joint("fixed", "to tip", "tool", "tcp") + '<link name="tcp"/>'

@@ -43,7 +43,7 @@ def largest(values: Any) -> float:
 
 
 @BOTH
-def test_at_1_khz_the_envelope_is_kept_with_a_small_error_and_a_smooth_torque(name):
+def test_at_1_khz_runs_stay_inside_with_a_small_error_and_a_smooth_torque(name):
     scenario, run = simulated_example(name)
     assert scenario.period == 1e-3
     assert_never_outside(run)
@@ -55,7 +55,7 @@ def test_at_1_khz_the_envelope_is_kept_with_a_small_error_and_a_smooth_torque(na
 
 
 @SCARA_DAILY
-def test_at_500_hz_the_envelope_is_kept(name):
+def test_at_500_hz_runs_stay_inside_the_envelope(name):
     assert_never_outside(simulated_example(name, simulation__period=2e-3)[1])
 
 
@@ -67,7 +67,7 @@ SLOW = [
 
 
 @pytest.mark.parametrize(("name", "delay", "period"), SLOW)
-def test_at_100_hz_and_just_beside_it_the_envelope_is_kept(name, delay, period):
+def test_near_100_hz_runs_stay_inside_the_envelope(name, delay, period):
     """At exactly 100 Hz the disturbance's own 100 Hz are not seen by the samples; at 11 ms they are.
 
     The SCARA's 0.4 mrad with a delay need a faster loop than the default, which bears any arm and delay.
@@ -96,7 +96,7 @@ def test_with_encoders_alone_the_envelope_is_kept_and_the_torque_is_smooth(final
 
 @TWO_LINK_DAILY
 @pytest.mark.parametrize("start", [0.5, 8.0])
-def test_twenty_lost_samples_do_not_lead_outside(name, start):
+def test_runs_with_twenty_lost_samples_stay_inside_the_envelope(name, start):
     assert_never_outside(simulated_example(name, sensor__loss__outages=[{"start": start, "samples": 20}])[1])
 
 
@@ -125,7 +125,7 @@ PUSHED = [
 
 
 @pytest.mark.parametrize(("name", "push"), PUSHED)
-def test_after_a_push_while_sixty_samples_are_lost_the_arm_recovers(name, push):
+def test_the_arm_recovers_from_a_disturbance_during_sixty_lost_samples(name, push):
     step = {"kind": "step", "value": push, "start": 8.0, "end": 8.06}
     changes = {"disturbance__terms": [*own_terms(name), step]}
     scenario, run = simulated_example(name, sensor__loss__outages=[{"start": 8.0, "samples": 60}], **changes)
@@ -149,7 +149,7 @@ EVERY_OTHER = [
 
 
 @pytest.mark.parametrize(("name", "scheme"), EVERY_OTHER)
-def test_the_other_schemes_in_this_form_settle_too(name, scheme):
+def test_other_schemes_in_sampled_data_form_settle_as_well(name, scheme):
     run = simulated_example(name, scheme__name=scheme)[1]
     assert run.outcome.ok, run.outcome.message
     assert largest(analysis.settling_time(run, 1e-3)) <= 2.5 and largest(analysis.steady_error(run)) <= 5e-5
@@ -205,7 +205,7 @@ def test_with_encoders_alone_an_arm_with_an_unknown_payload_stays_inside_its_env
 @pytest.mark.full
 @pytest.mark.parametrize("plant", ["own", "mujoco"])
 @pytest.mark.parametrize(("name", "measured"), PROMISED)
-def test_whoever_moves_the_arm_and_however_it_is_measured_the_promise_is_kept(name, measured, plant):
+def test_the_envelope_holds_for_every_simulator_and_sensor(name, measured, plant):
     if plant == "mujoco":
         pytest.importorskip("mujoco")
     assert_kept(name, measured, plant)
@@ -213,7 +213,7 @@ def test_whoever_moves_the_arm_and_however_it_is_measured_the_promise_is_kept(na
 
 @pytest.mark.full
 @pytest.mark.parametrize("measured", ["encoders", "exact"])
-def test_joints_that_stick_do_not_lead_outside(measured):
+def test_runs_with_static_friction_stay_inside_the_envelope(measured):
     pytest.importorskip("mujoco")
     run = simulated_arm("panda-payload", **MEASURED[measured], **DRY)[1]
     assert run.outcome.ok, run.outcome.message
@@ -226,7 +226,7 @@ def test_joints_that_stick_do_not_lead_outside(measured):
 
 @pytest.mark.full
 @pytest.mark.parametrize("name", ["panda-table", "panda-drop"])
-def test_a_touch_of_a_table_or_a_load_that_is_let_go_does_not_lead_outside(name):
+def test_runs_with_table_contact_or_released_payload_stay_inside(name):
     pytest.importorskip("mujoco")
     scenario, run = simulated_arm(name)
     assert scenario.description.simulation.plant == "mujoco"
@@ -236,7 +236,7 @@ def test_a_touch_of_a_table_or_a_load_that_is_let_go_does_not_lead_outside(name)
 
 
 @pytest.mark.full
-def test_a_table_five_millimetres_in_the_way_leads_outside_and_the_arm_comes_back():
+def test_a_table_five_millimetres_too_high_causes_an_exit_and_a_recovery():
     pytest.importorskip("mujoco")
     run = simulated_arm("panda-table", **{"surroundings.table.height": 0.5353})[1]
     assert run.outcome.kind == "recovered", run.outcome.message

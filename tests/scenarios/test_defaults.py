@@ -70,12 +70,12 @@ def test_default_loops_with_encoders_tolerate_half_to_five_quarters_of_the_true_
         assert least < 0.5 and largest > 1.25
 
 
-def test_a_filter_without_trend_has_no_mode_that_stays():
+def test_a_filter_without_trend_has_no_undamped_mode():
     loop = LinearLoop(1e-3, 12.0, 3.0, (0.2, 0.0, 0.0), measures_velocity=True)
     assert loop.radius() < 0.99 and np.all(np.isfinite(loop.stable_range()))
 
 
-def test_the_default_gain_is_not_larger_than_what_is_asked_for():
+def test_the_default_gain_respects_its_upper_limit():
     assert float(Measured.tolerant(0.0, 0.1).gain) == 0.1 and float(Measured.tolerant(2.0, 0.1).gain) == 0.1
 
 
@@ -88,7 +88,7 @@ def bound_of(name: str, changes: dict) -> object:
 
 
 @pytest.mark.parametrize("name", ["panda-payload", "example-4.1-1khz", "example-4.2-1khz"])
-def test_a_scenario_holds_without_a_bound_of_its_own(name):
+def test_a_scenario_without_a_bound_of_its_own_stays_inside(name):
     run = scenarios.load(name, {**NONE, "simulation.t1": 4.0}).simulate()
     assert analysis.envelope_violations(run) == 0
 
@@ -98,7 +98,7 @@ def test_the_printed_law_has_the_gamma_of_its_stated_mismatch():
     assert float(bound.gamma) == pytest.approx(0.2, abs=1e-3) and float(bound.b2) > 0
 
 
-def test_a_heavier_payload_asks_for_more_and_no_more_than_a_quarter_of_the_drives():
+def test_a_heavier_payload_raises_the_default_bound_up_to_a_quarter_of_the_drives():
     strength = 87.0 * 2.0
     bounds = []
     for mass in (3.0, 6.0):
@@ -118,7 +118,7 @@ def test_given_bound_stays_and_only_the_rest_is_computed():
     assert float(bound.b0) == 3.0 and float(bound.margin) > 0
 
 
-def test_m1_above_the_m2_that_is_found_is_refused_as_ever():
+def test_m1_above_the_computed_m2_is_refused():
     with pytest.raises(DefinitionError, match=r"eq\. 47"):
         bound_of("panda-payload", {"scheme.bound.inverse_inertia_min": 1e6})
 

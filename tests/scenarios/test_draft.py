@@ -77,7 +77,7 @@ def new(folder: Path, text: str, rate: float = 1000.0, changes: dict | None = No
 
 
 @pytest.mark.parametrize(("rate", "radius"), [(1000.0, 0.005), (250.0, 0.02)])
-def test_the_file_runs_inside_its_envelope_also_with_a_load_that_it_does_not_know(tmp_path, rate, radius):
+def test_a_draft_runs_inside_its_envelope_also_with_an_unknown_payload(tmp_path, rate, radius):
     changes = {"robot.plant": {"mass_factor": 1.1, "load": {"mass": 0.5}}, "simulation.t1": 4.0}
     _, scenario = new(tmp_path, arm(), rate, changes)
     run = scenario.simulate(log_every=1)
@@ -100,7 +100,7 @@ def test_a_ready_arm_moves_within_its_velocities_and_torques(tmp_path, name):
     assert (q > np.asarray(nominal.limits.lower)).all() and (q < np.asarray(nominal.limits.upper)).all()
 
 
-def test_limits_that_can_be_meant_are_taken_as_they_are(tmp_path):
+def test_plausible_limits_are_used_unchanged(tmp_path):
     drafted, scenario = new(tmp_path, arm())
     assert np.asarray(scenario.controller.limits.torque).tolist() == list(EFFORTS) and drafted.notes == ()
 
@@ -115,7 +115,7 @@ def test_limits_that_can_be_meant_are_taken_as_they_are(tmp_path):
         ((20.0, 40.0, 15.0, 900.0), "j4: 900 N m"),
     ],
 )
-def test_a_placeholder_is_said_with_what_is_assumed_instead(tmp_path, efforts, message):
+def test_a_placeholder_limit_is_reported_with_its_replacement(tmp_path, efforts, message):
     drafted, scenario = new(tmp_path, arm(efforts))
     (note,) = [note for note in drafted.notes if message in note]
     assert "is assumed" in note
@@ -124,7 +124,7 @@ def test_a_placeholder_is_said_with_what_is_assumed_instead(tmp_path, efforts, m
     assert "".join(note.split()) in "".join(drafted.text.replace("#", "").split())
 
 
-def test_equal_velocities_and_missing_ones_are_said(tmp_path):
+def test_equal_and_missing_velocity_limits_are_reported(tmp_path):
     equal = arm().replace('velocity="2.1"', 'velocity="2.0"').replace('velocity="2.2"', 'velocity="2.0"')
     drafted, _ = new(tmp_path, equal.replace('velocity="2.3"', 'velocity="2.0"'))
     assert any("the velocity limit 2 rad/s, which" in note for note in drafted.notes)
@@ -133,13 +133,13 @@ def test_equal_velocities_and_missing_ones_are_said(tmp_path):
     assert scenario.description.trajectory.amplitude[0] * scenario.description.trajectory.frequency[0] < 1.0
 
 
-def test_a_hand_is_held_and_the_tool_is_the_tip(tmp_path):
+def test_a_gripper_is_locked_and_the_tool_frame_is_the_tip(tmp_path):
     drafted, scenario = new(tmp_path, arm(more=HAND))
     assert scenario.controller.nominal.joint_names == ("j1", "j2", "j3", "j4") and "tip: tool0" in drafted.text
     assert any("finger_left, finger_right" in note for note in drafted.notes)
 
 
-def test_names_that_mean_something_in_yaml_are_quoted(tmp_path):
+def test_names_with_a_meaning_in_yaml_are_quoted(tmp_path):
     text = arm(more=HAND).replace('name="four"', 'name="four: best # ever"').replace("tool0", "yes: no")
     _, scenario = new(tmp_path, text, tip="yes: no")
     assert scenario.description.title == "four: best # ever at 1000 Hz"
@@ -158,7 +158,7 @@ def test_joints_without_ends_and_joints_that_slide_have_a_motion_of_their_size(t
     assert analysis.envelope_violations(scenario.simulate()) == 0
 
 
-def test_two_arms_ask_for_the_tip(tmp_path):
+def test_a_file_with_two_arms_needs_the_tip(tmp_path):
     other = arm().split('<link name="base"/>')[1].removesuffix("</robot>")
     for name in ("shoulder", "upper", "fore", "wrist", "j1", "j2", "j3", "j4"):
         other = other.replace(f'"{name}"', f'"other_{name}"')
@@ -198,7 +198,7 @@ def test_a_single_joint_whose_tip_is_on_its_axis_has_a_posture(tmp_path):
     assert analysis.envelope_violations(scenario.simulate()) == 0
 
 
-def test_a_velocity_that_all_joints_share_has_the_units_of_all(tmp_path):
+def test_a_velocity_shared_by_all_joints_has_the_units_of_all(tmp_path):
     kinds, parents = ("revolute", "prismatic", "revolute"), ("base", "l0", "l1")
     links = (SLIDING.format(k=k, kind=kind, parent=parents[k]) for k, kind in enumerate(kinds))
     (tmp_path / "arm.urdf").write_text(SLIDE.format("".join(links)))
@@ -217,7 +217,7 @@ def test_an_arm_with_a_joint_that_follows_is_refused_with_a_tip_that_works(tmp_p
     assert scenario.controller.nominal.joint_names == ("j1", "j2")
 
 
-def test_a_file_whose_joints_lead_and_follow_alone_asks_for_the_tip(tmp_path):
+def test_a_file_of_leaders_and_followers_alone_needs_the_tip(tmp_path):
     text = arm().replace('<child link="upper"/>', '<child link="upper"/><mimic joint="j1"/>')
     with pytest.raises(DefinitionError, match=r"no joint of an arm: `j1`, `j2` follow or lead others.*`--tip LINK`"):
         new(tmp_path, text)

@@ -81,7 +81,7 @@ def test_at_1_khz_the_law_has_the_papers_gains_and_no_boundary_layer(name):
     np.testing.assert_allclose(slow.controller.nominal.masses, 1.2 * slow.plant.robot.masses, rtol=1e-15)
 
 
-def test_the_nominal_robot_takes_from_the_plant_what_it_is_not_given():
+def test_missing_values_of_the_nominal_robot_come_from_the_plant():
     nominal = scenarios.load("example-4.1", {"robot.plant.lengths": [0.9, 0.7]}).controller.nominal
     np.testing.assert_array_equal(nominal.lengths, [0.9, 0.7])
     np.testing.assert_array_equal(nominal.masses, [0.6, 1.8])
@@ -189,13 +189,13 @@ def test_files_are_found_from_the_folder_of_the_scenario(folder, monkeypatch):
     assert mass(scenarios.load(Path("..") / "task" / "one.yaml")) == 2.0
 
 
-def test_a_file_that_is_set_is_found_from_the_current_folder(folder, monkeypatch):
+def test_a_file_set_by_an_override_is_found_from_the_current_folder(folder, monkeypatch):
     monkeypatch.chdir(folder / "elsewhere")
     changed = scenarios.load(folder / "task" / "one.yaml", {"robot.file": "arms/one.urdf"})
     assert mass(changed) == 3.0
 
 
-def test_a_file_that_is_not_there_is_named_with_its_folder(folder):
+def test_a_missing_file_is_named_with_its_folder(folder):
     (folder / "task" / "arms" / "one.urdf").unlink()
     with pytest.raises(DefinitionError, match=r"^robot: .*task/arms/one.urdf"):
         scenarios.load(folder / "task" / "one.yaml")
@@ -209,7 +209,7 @@ def with_gain(scenario, k1):
     return scenario.replace(controller=eqx.tree_at(lambda c: c.surface.k1, scenario.controller, k1))
 
 
-def test_parts_times_and_stepping_are_replaced_and_the_rest_stays():
+def test_replace_changes_parts_times_and_stepping_alone():
     before = scenarios.load("example-4.1")
     after = before.replace(state0=State([0.3, 2.4]), t1=0.05, period=1e-3, mode="held")
     assert (after.t1, after.period, after.stepping.mode) == (0.05, 1e-3, "held")
@@ -232,7 +232,7 @@ def test_parts_that_do_not_fit_are_refused(change, message):
         BASE.replace(**change)
 
 
-def test_many_at_once_are_each_alone():
+def test_a_batch_of_scenarios_equals_single_runs():
     runs = BASE.simulate_batch(with_gain, GAINS, log_every=1)
     for run, k1 in zip(runs, GAINS, strict=True):
         alone = with_gain(BASE, k1).simulate(log_every=1)
@@ -248,6 +248,6 @@ def test_the_same_batch_is_compiled_once():
     assert native_engine._compiled_batch.cache_info().misses == before
 
 
-def test_all_runs_of_a_batch_pass_through_the_same_time():
+def test_a_batch_of_runs_with_different_durations_is_refused():
     with pytest.raises(DefinitionError, match="all runs of a batch must have the same `t1` and stepping"):
         BASE.simulate_batch(lambda scenario, k1: with_gain(scenario, k1).replace(t1=0.1), GAINS)

@@ -60,7 +60,7 @@ SENSORS: list[tuple[dict[str, Any], AbstractSensor | None]] = [
 
 
 @pytest.mark.parametrize(("described", "sensor"), SENSORS)
-def test_a_sensor_is_the_one_that_is_described(described, sensor):
+def test_a_sensor_block_builds_the_described_sensor(described, sensor):
     assert eqx.tree_equal(loaded(described).plant.sensor, sensor)
 
 
@@ -76,7 +76,7 @@ ACTUATORS: list[tuple[dict[str, Any], Actuator | None]] = [
 
 
 @pytest.mark.parametrize(("described", "actuator"), ACTUATORS)
-def test_an_actuator_is_the_one_that_is_described(described, actuator):
+def test_an_actuator_block_builds_the_described_actuator(described, actuator):
     assert eqx.tree_equal(loaded(actuator=described).plant.actuator, actuator)
 
 
@@ -88,7 +88,7 @@ def test_a_sensor_without_seed_has_the_seed_zero_and_an_outage_begins_at_the_nea
     assert int(sensor.seed) == 0
 
 
-def test_the_law_is_told_of_delay_dead_time_and_limits():
+def test_the_law_gets_delay_dead_time_and_limits_of_the_instruments():
     actuator = {"torque": [60, 30], "rate": 4000, "dead_time": 0.75, "time_constant": 1e-3}
     law = loaded({"delay": 1.5, "jitter": 0.5}, actuator).controller
     assert (law.delay, law.dead_time) == (2.25, 0.75)
@@ -105,7 +105,7 @@ def test_a_printed_law_too_can_have_a_sensor_and_an_actuator():
     assert np.asarray(free.tally.peak_torque).max() > 100
 
 
-def test_the_files_word_on_what_happens_outside_is_what_the_run_does():
+def test_the_files_policy_outside_the_envelope_applies_to_the_run():
     assert scenarios.load("example-4.1").stepping.outside == "raise"
     assert scenarios.load(NAME).stepping.outside == "recover"
     start = {"start.q": [5.0, 5.0], "simulation.t1": 0.01}
@@ -114,7 +114,7 @@ def test_the_files_word_on_what_happens_outside_is_what_the_run_does():
         scenarios.load(NAME, start | {"simulation.outside": "raise"}).simulate(log_every=None)
 
 
-def test_the_same_seed_gives_the_same_run_and_another_one_another():
+def test_equal_seeds_give_equal_runs_and_other_seeds_other_runs():
     def aice(seed: int) -> Any:
         changes = {"sensor": {"position_noise": 1e-6, "seed": seed}, "simulation.t1": 0.05}
         return scenarios.load(NAME, changes).simulate(log_every=None).tally.torque_travel
@@ -136,7 +136,7 @@ def test_the_same_seed_gives_the_same_run_and_another_one_another():
         ),
     ],
 )
-def test_a_sensor_by_its_kind_is_the_one_that_the_short_fields_describe(flat, instrument):
+def test_a_sensor_by_kind_equals_the_sensor_of_the_short_fields(flat, instrument):
     """With the law's own estimator, which goes by what is measured and how well."""
     block = {"delay": 1.0, "loss": {"probability": 0.01}}
     short, other = (
@@ -189,7 +189,7 @@ FORMS: list[tuple[dict[str, Any], dict[str, Any]]] = [
 
 
 @pytest.mark.parametrize(("block", "changes"), FORMS)
-def test_the_form_is_the_one_that_is_described(block, changes):
+def test_a_sampled_data_block_builds_the_described_form(block, changes):
     assert eqx.tree_equal(law({"adaptation": None, **block}), by_hand(**changes))
 
 
@@ -209,7 +209,7 @@ ESTIMATOR_BLOCKS: list[tuple[dict[str, Any], AbstractEstimator]] = [
 
 
 @pytest.mark.parametrize(("described", "estimator"), ESTIMATOR_BLOCKS)
-def test_an_estimator_is_the_one_that_is_described(described, estimator):
+def test_an_estimator_block_builds_the_described_estimator(described, estimator):
     assert eqx.tree_equal(law({"estimator": described, "adaptation": None}).estimator, estimator)
 
 
@@ -239,7 +239,7 @@ def test_the_default_estimator_extrapolates_no_trend_over_long_delays(delay, est
     assert eqx.tree_equal(law({}, **{"sensor.delay": delay}).estimator, estimator, rtol=1e-12)
 
 
-def test_without_the_block_the_law_is_the_printed_one():
+def test_without_a_sampled_data_block_the_law_is_the_printed_one():
     built = scenarios.load(NAME, {"scheme.sampled_data": None}).controller
     assert eqx.tree_equal(built, PRINTED)
 
@@ -259,7 +259,7 @@ def test_another_scheme_by_name_keeps_its_sampled_data_form(name):
         assert eqx.tree_equal((built.step.reaching, built.step.bound), (plain.reaching, plain.bound))
 
 
-def test_every_scheme_keeps_the_block_but_for_what_only_plans_have():
+def test_every_scheme_keeps_the_sampled_data_block_without_plan_settings():
     estimator = {"kind": "kalman"}
     scheme = {"name": "cftsmppc", "sampled_data": {"horizon": 0.02, "slopes": False, "estimator": estimator}}
     for name in set(SCHEMES) - {"cftsmppc"}:

@@ -257,7 +257,7 @@ HUGE: dict[str, dict[str, Any]] = {
 
 @pytest.mark.full
 @pytest.mark.parametrize("words", HUGE)
-def test_a_list_that_is_too_long_is_refused_before_much_is_made_of_it(words):
+def test_a_list_that_is_too_long_is_refused_early(words):
     before = time.process_time()
     with pytest.raises(DefinitionError) as caught:
         changed(**HUGE[words])
@@ -265,7 +265,7 @@ def test_a_list_that_is_too_long_is_refused_before_much_is_made_of_it(words):
     assert time.process_time() - before < SECONDS
 
 
-def test_an_outage_that_begins_after_any_run_is_none():
+def test_an_outage_after_the_end_of_a_run_has_no_effect():
     changed(sensor__loss={"outages": [{"start": 1e308, "samples": 3}]})
 
 
@@ -274,7 +274,7 @@ def test_a_run_of_too_many_samples_is_refused_with_their_number():
         changed(simulation__t1=1e9).simulate(log_every=None)
 
 
-def test_a_log_that_no_memory_holds_is_refused_with_its_size_and_the_remedy():
+def test_a_log_beyond_the_memory_is_refused_with_its_size_and_the_remedy():
     scenario = changed(simulation__t1=1e5)
     with pytest.raises(
         DefinitionError, match=r"the log of 100000001 samples would take .* GB.*`log_every` (\d+) times"
@@ -283,7 +283,7 @@ def test_a_log_that_no_memory_holds_is_refused_with_its_size_and_the_remedy():
     assert MOST_BYTES <= 10**9
 
 
-def test_aliases_count_as_what_they_stand_for():
+def test_yaml_aliases_count_with_their_content():
     half = ", ".join(["1"] * 500)
     assert len(read_yaml(f"a: &a [{half}]\nb: [{', '.join(['*a'] * 100)}]")["b"]) == 100
     with pytest.raises(DefinitionError, match=str(MOST_VALUES)):

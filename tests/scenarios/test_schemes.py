@@ -59,7 +59,7 @@ PLACES = [
 
 
 @pytest.mark.parametrize(("example", "name"), PLACES)
-def test_any_scheme_can_take_the_place_of_the_files_and_runs(example, name):
+def test_any_scheme_can_replace_the_files_scheme_and_runs(example, name):
     scenario = scenarios.load(example, {"scheme.name": name, "simulation.t1": 0.02, "simulation.mode": "held"})
     assert scenario.scheme == name
     run = scenario.simulate(log_every=None)
@@ -67,7 +67,7 @@ def test_any_scheme_can_take_the_place_of_the_files_and_runs(example, name):
 
 
 @pytest.mark.parametrize("name", ["ftsmppc", "sfsmppc", "slotine_li_ppc"])
-def test_the_envelope_goes_along_to_every_scheme_that_has_one(name):
+def test_the_envelope_is_passed_on_to_every_scheme_with_an_envelope(name):
     changes = {"scheme.name": name, "scheme.performance.final": 0.003}
     transformation = scenarios.load("example-4.1", changes).controller.transformation
     wanted = eqx.tree_at(lambda p: p.performance.final, AROUND_4_1, np.asarray(0.003))
@@ -76,13 +76,13 @@ def test_the_envelope_goes_along_to_every_scheme_that_has_one(name):
 
 
 @pytest.mark.parametrize("name", ["ftsmc", "sfsmc"])
-def test_a_scheme_without_an_envelope_drops_the_files_and_what_its_bound_has_not(name):
+def test_a_scheme_without_an_envelope_drops_the_files_envelope_and_unknown_bound_fields(name):
     controller = scenarios.load("example-4.1", {"scheme.name": name}).controller
     assert isinstance(controller, SlidingMode) and float(controller.bound.b1) == 0.0
     assert float(controller.bound.b0) == 12.0 and jax.tree.leaves(controller.transformation) == []
 
 
-def test_the_other_changes_of_the_scheme_come_after_the_switch_in_any_order():
+def test_other_scheme_changes_apply_after_the_switch_in_any_order():
     changes = {"scheme.surface.k1": 2.0, "scheme.name": "ftsmc", "scheme.reaching.layer": 0.05}
     for order in (changes, dict(reversed(changes.items()))):
         controller = scenarios.load("example-4.1", order).controller
@@ -98,7 +98,7 @@ def test_naming_the_files_own_scheme_changes_nothing():
     assert eqx.tree_equal(plain, named)
 
 
-def test_the_switch_does_not_touch_the_mapping_it_is_given():
+def test_switching_the_scheme_leaves_the_callers_mapping_unchanged():
     scheme = {"name": "cftsmppc", "overshoot": 0.2, "surface": {"k1": 1.0}, "bound": {"b1": 2.2, "margin": 1.0}}
     assert switch_scheme(scheme, "ftsmc") == {"name": "ftsmc", "bound": {"margin": 1.0}}
     kept = {"transformation": {"overshoot": 0.2}, "bound": scheme["bound"]}
@@ -153,7 +153,7 @@ COMPOSED = {
 
 
 @pytest.mark.parametrize(("changes", "holds"), COMPOSED.values(), ids=COMPOSED)
-def test_a_file_composes_whatever_python_can(changes, holds):
+def test_a_file_composes_the_same_controllers_as_python(changes, holds):
     short = {"simulation.t1": 0.02, "simulation.mode": "held"}
     scenario = scenarios.load("example-4.1", {**changes, **short})
     assert holds(scenario.controller) and scenario.simulate(log_every=None).outcome.ok

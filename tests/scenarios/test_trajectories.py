@@ -84,7 +84,7 @@ def test_a_file_is_named_from_the_current_directory(kind, content, tmp_path, mon
         loaded({"kind": kind, "file": "gone.txt"})
 
 
-def test_the_word_robot_stands_for_the_limits_of_the_robot():
+def test_the_word_robot_means_the_robots_limits():
     quintic = described({"kind": "quintic", "waypoints": PATH, "velocity": "robot", "acceleration": 30.0})
     assert eqx.tree_equal(
         quintic.build(LIMITS), MinimumJerk.within(PATH, velocity=[2.0, 1.5], acceleration=30.0), rtol=1e-12, atol=1e-12
@@ -99,7 +99,7 @@ def test_the_word_robot_stands_for_the_limits_of_the_robot():
         described(table).build(low)
 
 
-def test_a_robot_without_limits_has_none_to_take():
+def test_the_word_robot_is_refused_for_a_robot_without_limits():
     quintic = described({"kind": "quintic", "waypoints": PATH, "velocity": "robot", "acceleration": 30.0})
     with pytest.raises(DefinitionError, match="velocity: is `robot`, but this robot has no limits"):
         quintic.build()
@@ -140,7 +140,7 @@ def test_wrong_trajectory_is_refused_in_one_sentence_with_its_path(trajectory, w
         loaded(trajectory)
 
 
-def test_a_text_can_stand_in_the_file_itself():
+def test_a_table_can_be_text_in_the_scenario_file():
     text = "kind: csv\njoints: [shoulder, elbow]\ntext: |\n  " + CSV.replace("\n", "\n  ")
     assert eqx.tree_equal(described(read_yaml(text)).build(), TABLE)
 
@@ -187,7 +187,7 @@ def ends_of(scenario: Scenario) -> list[float]:
 
 
 @pytest.mark.parametrize("joints", [("elbow", "shoulder", "wrist"), ("wrist", "elbow", "shoulder")])
-def test_each_joint_does_its_own_motion_in_any_order(file, joints):
+def test_motions_of_single_joints_can_be_listed_in_any_order(file, joints):
     motion = message(*joints)
     rows = [",".join(["time", *joints]), *(",".join(map(str, [t, *p])) for t, p in _rows(motion))]
     echoed = file.parent / "echoed.yaml"
@@ -200,7 +200,7 @@ def test_each_joint_does_its_own_motion_in_any_order(file, joints):
         assert ends_of(loaded_on(file, **trajectory)) == list(AIM.values())
 
 
-def test_a_finger_is_left_out_with_a_warning_that_names_it(file):
+def test_a_finger_is_omitted_with_a_warning_that_names_it(file):
     motion = json.dumps(message("finger1", "shoulder", "elbow", "wrist"))
     with pytest.warns(DefinitionWarning, match="`finger1` is not a joint of the robot and is left out"):
         assert ends_of(loaded_on(file, kind="joint_trajectory", text=motion)) == list(AIM.values())
@@ -213,7 +213,7 @@ def test_missing_joints_are_refused_with_their_names_and_the_remedy_works(file):
     assert ends_of(loaded_on(file, kind="csv", text=text, joints=["j1", "j2", "wrist"])) == list(AIM.values())
 
 
-def test_a_motion_in_milliseconds_has_a_word_and_its_remedy_works(file):
+def test_a_motion_in_milliseconds_causes_a_warning_whose_remedy_works(file):
     rows = [[0, 0, 0, 0], [2000, *AIM.values()]]
     text = "\n".join(["time,shoulder,elbow,wrist", *(",".join(map(str, row)) for row in rows)])
     with pytest.warns(DefinitionWarning, match="lasts 2000 s, but the run ends at 3 s: are its times in ms?"):
@@ -224,7 +224,7 @@ def test_a_motion_in_milliseconds_has_a_word_and_its_remedy_works(file):
         loaded_on(file, kind="csv", text=text, time_unit="s")
 
 
-def test_a_tool_path_in_milliseconds_has_a_word_too():
+def test_a_tool_path_in_milliseconds_causes_a_warning():
     path = {"kind": "tool_path", "start": [0.0], "text": "time,x,y,z\n0,0,0,0\n2000,1,0,0\n"}
     described = TypeAdapter(TrajectoryDescription).validate_python(path)
     with pytest.warns(DefinitionWarning, match=r"in ms\? Then call their column `time \[ms\]`"):
@@ -237,7 +237,7 @@ def test_nanoseconds_of_a_message_are_suspected(file):
         loaded_on(file, kind="joint_trajectory", text=motion)
 
 
-def test_a_motion_in_another_order_is_not_simulated_by_position(file):
+def test_a_motion_in_another_joint_order_is_refused_with_a_remedy_that_works(file):
     scenario = loaded_on(file, kind="joint_trajectory", text=json.dumps(message("shoulder", "elbow", "wrist")))
     motion = Tabulated.from_joint_trajectory(message("wrist", "shoulder", "elbow"))
     with pytest.raises(DefinitionError, match=r"are `wrist`, `shoulder`, `elbow`, but the robot's order is .*joints="):

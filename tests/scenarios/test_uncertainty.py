@@ -46,7 +46,7 @@ def test_between_is_uniform_unless_another_distribution_is_named():
     assert fits(normal, stats.truncnorm(-1.0, 2.0, 1.0, 0.5).cdf)
 
 
-def test_around_takes_a_share_of_the_own_value_or_a_distance():
+def test_around_is_relative_in_percent_or_absolute():
     share = drawn("robot.plant.masses", {"around": "20 %"})
     assert np.allclose(share.min(axis=0), [0.4, 1.2], rtol=1e-3) and np.allclose(
         share.max(axis=0), [0.6, 1.8], rtol=1e-3
@@ -58,7 +58,7 @@ def test_around_takes_a_share_of_the_own_value_or_a_distance():
     assert np.ptp(drawn("start.q", {"around": 0.1})[:, 0]) == pytest.approx(0.2, rel=1e-2)
 
 
-def test_one_number_for_all_joints_becomes_one_for_each_where_that_is_asked_for():
+def test_each_joint_draws_its_own_value_on_request():
     path = "robot.plant.coulomb"
     assert drawn(path, {"between": [0.1, 0.5]}, "panda-payload").shape == (4000,)
     each = drawn(path, {"between": [0.1, 0.5], "each": "joint"}, "panda-payload")
@@ -93,7 +93,7 @@ def test_starts_are_inside_the_envelope_and_reach_its_share():
     assert np.allclose(np.abs(middle), 0.4 * np.array([0.8, 0.6]), rtol=2e-2)
 
 
-def test_the_law_never_sees_what_is_uncertain():
+def test_the_law_does_not_depend_on_the_drawn_values():
     sets = {
         "robot.plant.mass_factor": {"around": "20 %"},
         "robot.plant.load.mass": {"between": [0.5, 3]},
@@ -185,14 +185,14 @@ PANDA = read_description("panda-payload")
 
 
 @pytest.mark.parametrize("path", ["start.q[3]", "start.q[panda_joint4]", "start.q[Panda-Joint4]", "start.q.3"])
-def test_one_joint_is_set_by_its_name_or_its_place(path):
+def test_a_joint_is_set_by_name_or_index(path):
     changed = alter_description(PANDA, {path: -1.75})
     expected = list(PANDA.start.q)
     expected[3] = -1.75
     assert changed.start.q == expected
 
 
-def test_one_number_for_all_joints_becomes_one_for_each():
+def test_setting_one_joint_expands_a_scalar_to_all_joints():
     changed = alter_description(PANDA, {"scheme.k1": 0.5, "scheme.k1[panda_joint2]": 0.25})
     assert changed.scheme.surface.k1 == [0.5, 0.25, *[0.5] * 5]
 
@@ -216,13 +216,13 @@ def test_numbered_joints_are_named_by_their_numbers_from_1():
         ("start.q[0][1]", "`start.q.0` is a single value"),
     ],
 )
-def test_a_place_that_is_none_is_refused_with_those_that_are(path, words):
+def test_an_invalid_index_is_refused_with_the_valid_ones(path, words):
     with pytest.raises(DefinitionError) as caught:
         alter_description(PANDA, {path: 0.1})
     assert words in str(caught.value)
 
 
-def test_the_command_line_takes_brackets():
+def test_the_command_line_accepts_brackets():
     result = in_process("run", "example-4.1", "--set", "start.q[0]=0.05", "--set", "simulation.t1=0.01", "--json")
     assert result.exit_code == 0, result.output
 

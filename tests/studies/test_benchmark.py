@@ -87,7 +87,7 @@ def test_every_scheme_fits_every_task_in_both_forms_with_the_same_tolerance(name
         assert entry.gains().sets(base)
 
 
-def test_all_complete_schemes_take_part():
+def test_all_complete_schemes_are_benchmarked():
     assert {entry.scheme for entry in entries()} == {name for name, preset in PRESETS.items() if preset.complete}
 
 
@@ -98,7 +98,7 @@ def test_training_and_held_out_cases_are_disjoint():
     assert not np.isclose(training[:, None], held[None]).all(axis=2).any()
 
 
-def test_a_round_is_kept_and_runs_again_only_for_another_version(results, small):
+def test_a_round_is_stored_and_repeated_only_for_another_version(results, small):
     first, out = results
     assert len(first.by_key) == 2 and not any(isinstance(each, str) for each in first.by_key.values())
     for (_, entry), result in first.by_key.items():
@@ -116,7 +116,7 @@ def test_a_round_is_kept_and_runs_again_only_for_another_version(results, small)
     assert len(ran) == 1
 
 
-def test_the_page_stands_alone_and_the_table_names_versions_and_the_command(results):
+def test_the_benchmark_page_is_self_contained_and_names_versions_and_command(results):
     first, out = results
     page = write_benchmark(first, out, seconds=1.0, command="slidax benchmark --small").read_text(encoding="utf-8")
     assert not re.findall(r"https?://|\ssrc=|<link|<script", page)
@@ -174,7 +174,7 @@ def test_a_clearly_larger_share_wins_whatever_the_error():
     assert not table.scores[1].leads and table.scores[1].interval.upper < 0.05
 
 
-def test_errors_decide_case_by_case_where_shares_may_be_equal():
+def test_errors_decide_between_equal_shares_case_by_case():
     rng = np.random.default_rng(1)
     error = rng.lognormal(size=200)
     inside = rng.random(200) < 0.95
@@ -197,7 +197,7 @@ def test_chance_alone_is_rarely_significant():
     assert wrong <= 16
 
 
-def test_lost_cases_enter_no_median_and_a_missing_error_ranks_last():
+def test_failed_cases_enter_no_median_and_a_missing_error_ranks_last():
     failed = [True] * 5 + [False] * 5
     half = result([False] * 5 + [True] * 5, [np.nan] * 5 + [1.0] * 5, failed)
     table = ranking("t", {FIRST: half, OTHER: result([False] * 10, [np.nan] * 10, [True] * 10)})

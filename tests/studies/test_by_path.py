@@ -14,7 +14,7 @@ def scenario():
     return scenarios.load("example-4.1-1khz", {"simulation.t1": 0.5})
 
 
-def test_set_is_the_same_as_the_option_of_the_command(scenario):
+def test_set_in_python_equals_the_option_of_the_command(scenario):
     changed = scenario.set({GAIN: 0.4, "start.q[0]": 0.05})
     loaded = scenarios.load("example-4.1-1khz", {"simulation.t1": 0.5, GAIN: 0.4, "start.q[0]": 0.05})
     assert changed.description == loaded.description != scenario.description
@@ -61,7 +61,7 @@ def test_gradient_by_several_paths_is_a_mapping_and_lists_stay_lists(scenario):
     assert list(slopes) == [GAIN, "start.q"] and slopes["start.q"].shape == (2,)
 
 
-def test_a_metric_without_a_derivative_is_refused_with_the_nearest_name(scenario):
+def test_a_metric_without_a_derivative_is_refused_with_the_nearest_metric(scenario):
     with pytest.raises(DefinitionError, match="did you mean `steady_error`"):
         scenario.grad("stedy_error", GAIN)
     with pytest.raises(DefinitionError, match="no metric with a derivative `envelope_violations`"):
@@ -70,7 +70,7 @@ def test_a_metric_without_a_derivative_is_refused_with_the_nearest_name(scenario
         scenario.grad("rms_error", "simulation.period")
 
 
-def test_new_makes_a_scenario_of_a_file_that_holds_and_warns_of_its_assumptions():
+def test_new_makes_a_scenario_that_stays_inside_and_warns_of_assumptions():
     scenario = slidax.new("examples/robots/small_arm.urdf", rate=500).set({"simulation.t1": 2.5})
     run = scenario.simulate(progress=False)
     assert scenario.period == 0.002 and run.outcome.ok and np.max(steady_error(run)) < 1e-3
@@ -78,7 +78,7 @@ def test_new_makes_a_scenario_of_a_file_that_holds_and_warns_of_its_assumptions(
         slidax.new("examples/robots/two_link.urdf")
 
 
-def test_a_scenario_shows_itself_in_few_lines(scenario):
+def test_a_scenario_prints_in_few_lines(scenario):
     lines = repr(scenario).splitlines()
     assert len(lines) == 5 and lines[0].startswith("Scenario `example-4.1-1khz`: Two-link arm at 1 kHz")
     assert "cftsmppc, every 1 ms" in repr(scenario) and "<td>0.5 s</td>" in scenario._repr_html_()

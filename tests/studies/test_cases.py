@@ -44,7 +44,7 @@ MORE = {
 }
 
 
-def test_each_row_is_the_run_that_its_scenario_has_alone_bit_for_bit():
+def test_each_row_equals_the_single_run_of_its_scenario_bit_for_bit():
     of = cases("example-4.1-1khz", MORE, {**SHORT, "sensor.position_noise": 1e-6})
     values = drawn(of, 40)
     table = of.run(values)
@@ -65,7 +65,7 @@ def test_a_row_does_not_depend_on_the_others():
 
 @pytest.mark.full
 @pytest.mark.parametrize("scenario", ["panda-payload", "ur5e-payload"])
-def test_an_arm_with_all_that_can_be_uncertain_about_it(scenario):
+def test_every_uncertain_quantity_of_an_arm_can_be_drawn(scenario):
     sets = {
         "robot.plant.mass_factor": {"around": "20 %", "each": "joint"},
         "robot.plant.load.mass": {"between": [0.1, 2]},
@@ -92,7 +92,7 @@ def test_both_engines_have_the_same_rows_up_to_rounding():
         assert same(table, row, {name: xla[name][row : row + 1] for name in xla}, rtol=1e-7)
 
 
-def test_a_period_makes_a_loop_of_its_own_and_too_many_are_refused(monkeypatch):
+def test_each_period_needs_its_own_loop_and_too_many_are_refused(monkeypatch):
     base = alter_description(read_description("example-4.1-1khz"), SHORT)
     sets = {"simulation.period": {"choice": [0.001, 0.002]}, "disturbance.scale": {"between": [0, 1]}}
     family = Family.of(base, {}, type(base).model_validate({**base.model_dump(), "uncertainty": sets}).uncertainty)
@@ -108,7 +108,7 @@ def test_a_period_makes_a_loop_of_its_own_and_too_many_are_refused(monkeypatch):
         of.run({**values, "simulation.period": np.repeat([0.001, 0.002, 0.004, 0.005], 2)})
 
 
-def test_points_can_be_had_alone_and_fill_the_cube():
+def test_points_can_be_drawn_individually_and_fill_the_cube():
     whole = points(3, 0, 1000, 5)
     assert np.array_equal(points(3, 617, 4, 5), whole[617:621])
     assert not np.array_equal(points(4, 0, 1000, 5), whole) and np.abs(whole.mean(axis=0) - 0.5).max() < 0.04

@@ -25,7 +25,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pyte
     ("where", "words"),
     [("local", "a number of processes"), ("local:x", "got `local:x`"), ("local:0", "number"), ("farm:8786", "tcp://")],
 )
-def test_an_address_that_is_none_is_one_line(where, words):
+def test_an_invalid_address_is_refused_in_one_line(where, words):
     with pytest.raises(DefinitionError, match=words):
         Cluster(where)
 
@@ -53,7 +53,7 @@ def test_a_missing_scheduler_address_has_its_remedy(tmp_path, monkeypatch):
 
 
 @pytest.mark.full
-def test_a_scheduler_that_does_not_answer_is_one_line(monkeypatch):
+def test_a_scheduler_that_does_not_answer_is_reported_in_one_line(monkeypatch):
     monkeypatch.setattr("slidax.studies.cluster.PATIENCE", 1.0)
     with pytest.raises(DefinitionError, match="no Dask scheduler answers"), Cluster("tcp://127.0.0.1:1"):
         pass
@@ -85,7 +85,7 @@ class Workers:
             self.over.set()
 
 
-def test_a_worker_that_died_while_it_started_is_replaced(monkeypatch):
+def test_a_worker_that_died_during_its_start_is_replaced(monkeypatch):
     monkeypatch.setattr("slidax.studies.cluster.LOOKS", 1e-3)
     pool = Cluster("local:2")
     pool._over = threading.Event()

@@ -173,12 +173,12 @@ def test_a_table_that_announces_too_many_numbers_is_not_read(out, monkeypatch):
         read_rows(out)
 
 
-def test_a_missing_folder_is_named_and_no_other(tmp_path):
+def test_a_missing_folder_is_named(tmp_path):
     with pytest.raises(DefinitionError, match=r"there is no folder `.*nowhere`$"):
         read_rows(tmp_path / "nowhere")
 
 
-def test_other_files_among_the_parts_are_passed_over(whole, out):
+def test_other_files_among_the_parts_are_ignored(whole, out):
     names = ("notes.parquet", "a-b.parquet", "000000000001.parquet", "-1-64.parquet", "1-64.parquet", "x.tmp")
     for name in names:
         (out / "parts" / name).write_text("mine")
@@ -186,7 +186,7 @@ def test_other_files_among_the_parts_are_passed_over(whole, out):
     assert all((out / "parts" / name).read_text() == "mine" for name in names)
 
 
-def test_a_damaged_longer_part_does_not_stand_in_the_way_of_fewer_rows(out):
+def test_a_damaged_longer_part_does_not_prevent_a_shorter_study(out):
     damage(out / "parts" / "000000000064-64.parquet", "cut")
     store = opened(out)
     store.write(64, chunk(64, 36))
@@ -231,14 +231,14 @@ def test_a_damaged_table_is_a_clear_line_and_is_written_again(whole, out, how):
     assert fill(opened(out)) == 0 and same(out, whole)
 
 
-def test_rows_of_another_study_are_no_cases_of_this_one(out, tmp_path):
+def test_rows_of_another_study_are_refused_as_cases(out, tmp_path):
     fill(opened(tmp_path / "other", OTHER))
     shutil.copy(tmp_path / "other" / "rows.parquet", out)
     with pytest.raises(DefinitionError, match="belong to another study than"):
         scenario_of_row(out, 3)
 
 
-def test_two_different_studies_that_begin_at_once_do_not_mix(tmp_path, monkeypatch):
+def test_two_studies_that_begin_at_once_in_one_folder_do_not_mix(tmp_path, monkeypatch):
     out = tmp_path / "out"
     # The second one looks before the first one writes.
     monkeypatch.setattr("slidax.studies.store._is_free", lambda folder: True)
@@ -248,7 +248,7 @@ def test_two_different_studies_that_begin_at_once_do_not_mix(tmp_path, monkeypat
     opened(out, {**IDENTITY, "made_by": {"machine": "b"}})
 
 
-def test_a_folder_in_which_a_process_was_killed_at_its_start_is_free(tmp_path):
+def test_a_folder_of_a_process_killed_at_its_start_can_be_used(tmp_path):
     out = tmp_path / "out"
     out.mkdir()
     (out / ".slidax-elsewhere-12-0123456789ab.tmp").write_text("{")

@@ -49,7 +49,7 @@ def test_three_parts_are_disjoint_and_have_the_bytes_of_the_whole(run, tmp_path)
     assert whole == rows
 
 
-def test_the_closing_resume_lists_missing_rows_and_writes_the_report(run, tmp_path):
+def test_the_final_resume_lists_missing_rows_and_writes_the_report(run, tmp_path):
     run("whole")
     for i in (1, 3):
         run("rows", "--part", f"{i}/3")

@@ -14,7 +14,7 @@ from slidax.studies.cases import columns_of
 from tests.studies.files import FAILING, ran, study
 
 
-def test_the_rate_is_that_of_the_rows_with_the_exact_interval(tmp_path):
+def test_the_failure_rate_follows_from_the_rows_with_the_exact_interval(tmp_path):
     result = ran(tmp_path / "out", holds=["steady_error < 0.2", "envelope"])
     rows = read_rows(tmp_path / "out")
     held = rows["steady_error"] < 0.2
@@ -54,7 +54,7 @@ def test_tables_have_the_unit_of_the_arm_and_failures_the_name_of_the_joint():
     assert {row[1] for row in sections["Failures"].rows} <= {"joint 1", "joint 2"}
 
 
-def test_the_sequential_stop_shows_what_was_asked_or_ends_at_a_failure():
+def test_a_sequential_study_stops_at_its_goal_or_at_a_failure():
     shown = ran(runs=3000, until={"probability": 0.98})
     assert "shown after" in shown.ended and shown.runs < 500 and shown.rates[0].holding.lower >= 0.98
     stopped = ran(runs=3000, holds=["steady_error < 0.2"], until={"probability": 0.999})
@@ -83,7 +83,7 @@ def test_a_study_in_which_every_run_fails_says_why_once_with_counts():
     assert sum(result.why in section.note for section in result.sections()) == 1
 
 
-def test_a_predicate_is_about_runs_that_reached_their_end():
+def test_a_predicate_judges_runs_that_reached_their_end():
     columns = {"outcome": np.array([0, 1, 2, 3]), "margin": np.zeros(4), "steady_error": np.full(4, 1e-4)}
     assert Predicate("steady_error < 1e-3").holds(columns).tolist() == [True, False, False, True]
     assert Predicate("envelope").holds(columns).tolist() == [True, False, False, False]
@@ -95,6 +95,6 @@ def test_a_predicate_is_about_runs_that_reached_their_end():
         Predicate("stedy_error < 1").holds(columns)
 
 
-def test_nothing_uncertain_is_refused():
+def test_a_study_without_uncertainty_is_refused():
     with pytest.raises(DefinitionError, match="all runs would be the same"):
         ran(uncertainty={})

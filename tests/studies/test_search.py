@@ -31,18 +31,18 @@ def two_holes(x):
     return np.minimum(np.sum((x - 0.15) ** 2, axis=1), np.sum((x - 0.85) ** 2, axis=1) + 0.01)
 
 
-def test_the_bottom_of_a_smooth_function_is_found_to_many_digits():
+def test_the_minimum_of_a_smooth_function_is_found_to_many_digits():
     result = search_lowest(bowl, 4, evaluations=2500)
     np.testing.assert_allclose(result.points[0], 0.3, atol=1e-4)
     assert result.values[0] < 1e-8 and result.evaluations <= 2500
 
 
-def test_a_bent_valley_is_followed_to_its_end():
+def test_a_curved_valley_is_followed_to_its_minimum():
     result = search_lowest(lambda x: rosen(4.0 * x.T - 2.0), 4, evaluations=12_000)
     np.testing.assert_allclose(result.points[0], 0.75, atol=2e-3)
 
 
-def test_a_hole_that_ten_thousand_random_points_miss_is_found():
+def test_a_narrow_minimum_that_ten_thousand_random_points_miss_is_found():
     rng = np.random.default_rng(0)
     assert narrow(rng.random((10_000, 6))).min() > 0.0
     result = search_lowest(narrow, 6, evaluations=3000, enough=0.0)
@@ -54,20 +54,20 @@ def test_minimum_on_a_face_is_found():
     np.testing.assert_allclose(result.points[0], [1.0, 0.4], atol=1e-3)
 
 
-def test_several_low_places_are_kept_apart():
+def test_several_minima_are_kept_separate():
     result = search_lowest(two_holes, 3, evaluations=4000, keep=2, distance=0.3)
     np.testing.assert_allclose(result.points, [[0.15] * 3, [0.85] * 3], atol=0.01)
     np.testing.assert_allclose(result.values, [0.0, 0.01], atol=1e-3)
 
 
-def test_the_same_seed_asks_for_the_same_points():
+def test_the_same_seed_evaluates_the_same_points():
     item, same, other = (search_lowest(bowl, 3, evaluations=700, seed=seed) for seed in (1, 1, 2))
     np.testing.assert_array_equal(item.points, same.points)
     np.testing.assert_array_equal(item.history, same.history)
     assert item.points[0].tolist() != other.points[0].tolist()
 
 
-def test_no_point_outside_and_none_beyond_the_budget_is_asked_for():
+def test_no_point_outside_or_beyond_the_budget_is_evaluated():
     request = []
 
     def watched(x):
@@ -80,17 +80,17 @@ def test_no_point_outside_and_none_beyond_the_budget_is_asked_for():
         assert search_lowest(watched, 2, evaluations=budget).evaluations == sum(request) <= budget
 
 
-def test_search_ends_after_its_time():
+def test_search_ends_at_its_time_limit():
     assert search_lowest(bowl, 3, evaluations=10**9, seconds=0.3).stop == "seconds"
 
 
-def test_points_without_a_number_are_as_high_as_can_be():
+def test_points_without_a_finite_value_count_as_worst():
     result = search_lowest(lambda x: np.where(x[:, 0] < 0.5, np.nan, x[:, 0]), 2, evaluations=800)
     assert result.values[0] == pytest.approx(0.5, abs=1e-2) and np.isfinite(result.values).all()
     assert search_lowest(lambda x: np.full(len(x), np.nan), 2, evaluations=300).values.size == 0
 
 
-def test_the_quasi_newton_steps_help_where_the_function_is_smooth(monkeypatch):
+def test_quasi_newton_steps_improve_the_search_of_a_smooth_function(monkeypatch):
     with_steps = search_lowest(bowl, 8, evaluations=1200, seed=3).values[0]
     monkeypatch.setattr(sys.modules[search_lowest.__module__], "refine", lambda points, start: None)
     assert with_steps < 1e-2 * search_lowest(bowl, 8, evaluations=1200, seed=3).values[0]
@@ -108,7 +108,7 @@ def test_impossible_search_is_refused(monkeypatch):
         island_file.require_cmaes()
 
 
-def test_first_points_are_the_middle_corners_and_an_even_spread():
+def test_first_points_are_the_centre_the_corners_and_an_even_spread():
     few = spread_points(2, 64, seed=0)
     assert few.shape == (64, 2) and few[0].tolist() == [0.5, 0.5]
     assert {tuple(x) for x in few[1:5].tolist()} == {(0, 0), (0, 1), (1, 0), (1, 1)}
@@ -139,7 +139,7 @@ def conditional(x):
     return FrontEvaluation(two_bowls(x), 0.5 - x[:, 0])
 
 
-def test_dominated_rows_are_left_out():
+def test_dominated_rows_are_omitted():
     aims = np.array([[1.0, 4.0], [2.0, 3.0], [2.0, 3.0], [3.0, 3.5], [4.0, 1.0], [1.0, 5.0]])
     assert non_dominated(aims).tolist() == [True, True, False, False, True, False]
     rng = np.random.default_rng(0)
@@ -154,7 +154,7 @@ def test_a_thin_front_keeps_its_ends_and_spreads():
     assert len(chosen) == 5 and {0, 100} <= set(chosen.tolist()) and np.diff(chosen).min() > 10
 
 
-def test_the_front_is_found_from_end_to_end():
+def test_the_whole_pareto_front_is_found():
     front = pareto_search(free, 4, evaluations=2000)
     np.testing.assert_allclose(front.points[:, 1:], 0.5, atol=0.1)
     assert front.points[:, 0].min() < 0.25 and front.points[:, 0].max() > 0.75
@@ -169,12 +169,12 @@ def test_points_that_break_the_condition_are_not_on_the_front():
     assert 0 < front.holding < front.evaluations == 2000
 
 
-def test_where_nothing_holds_the_front_is_empty():
+def test_without_feasible_points_the_front_is_empty():
     front = pareto_search(lambda x: FrontEvaluation(two_bowls(x), 1.0 + x[:, 0]), 2, evaluations=200)
     assert front.points.shape == (0, 2) and front.holding == 0 and front.start is None
 
 
-def test_the_start_is_judged_first_and_never_beaten_by_what_is_worse():
+def test_the_start_is_evaluated_first_and_never_replaced_by_a_worse_point():
     begin = np.array([0.5, 0.9, 0.5, 0.5])
     front = pareto_search(free, 4, evaluations=600, start=begin)
     np.testing.assert_allclose(front.start, two_bowls(begin[None])[0])
@@ -187,14 +187,14 @@ def test_the_same_seed_gives_the_same_front():
     assert item.shape != other.shape or np.any(item != other)
 
 
-def test_points_without_a_number_are_refused_by_the_search_not_by_an_error():
+def test_points_without_a_finite_value_are_rejected_without_an_error():
     def gaps(x):
         return FrontEvaluation(np.where(x[:, :1] < 0.3, np.nan, two_bowls(x)), np.full(len(x), -1.0))
 
     assert pareto_search(gaps, 2, evaluations=300).points[:, 0].min() >= 0.3
 
 
-def test_three_aims_and_one_aim_go_as_well():
+def test_the_search_works_with_one_and_three_objectives():
     three = pareto_search(
         lambda x: FrontEvaluation(np.concatenate([two_bowls(x), x[:, 1:2] + 0.1], 1), -x[:, 0]), 3, evaluations=600
     )
@@ -241,7 +241,7 @@ def test_sobol_indices_agree_with_scipy():
     np.testing.assert_allclose(ours.total, theirs.total_order, atol=0.03)
 
 
-def test_numbers_that_belong_together_have_one_share():
+def test_grouped_inputs_have_one_sobol_index():
     groups = [2, 1]
     points = points_for_indices(groups, 1024, seed=0)
     assert points.shape == (1024 * 4, 3)
@@ -249,7 +249,7 @@ def test_numbers_that_belong_together_have_one_share():
     np.testing.assert_allclose(ours.first, [2 / 3, 1 / 3], atol=0.05)
 
 
-def test_idle_input_has_no_share_and_a_constant_function_none_at_all():
+def test_an_idle_input_has_index_zero_and_a_constant_function_has_none():
     ours = indices_of(lambda x: 2.0 * x[:, 0], 3)
     np.testing.assert_allclose(ours.total, [1.0, 0.0, 0.0], atol=0.02)
     nothing = indices_of(lambda x: np.ones(len(x)), 2)
@@ -263,7 +263,7 @@ def test_the_same_seed_gives_the_same_intervals_whatever_numpy_s_state_is():
     np.testing.assert_array_equal(item.total_half, indices_of(ishigami, 3, seed=0).total_half)
 
 
-def test_more_confidence_is_a_wider_interval():
+def test_higher_confidence_gives_a_wider_interval():
     assert np.all(
         indices_of(ishigami, 3, confidence=0.99).total_half > indices_of(ishigami, 3, confidence=0.8).total_half
     )

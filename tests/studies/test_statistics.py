@@ -16,7 +16,7 @@ from slidax.studies.statistics import (
 
 @pytest.mark.parametrize(("failures", "runs"), [(0, 1), (0, 10000), (3, 100), (50, 100), (9999, 10000), (7, 7)])
 @pytest.mark.parametrize("confidence", [0.9, 0.99])
-def test_clopper_pearson_is_scipy_s(failures, runs, confidence):
+def test_clopper_pearson_agrees_with_scipy(failures, runs, confidence):
     ours = clopper_pearson(failures, runs, confidence)
     theirs = stats.binomtest(failures, runs).proportion_ci(confidence, method="exact")
     np.testing.assert_allclose([ours.lower, ours.upper], [theirs.low, theirs.high], rtol=1e-9, atol=1e-15)
@@ -31,7 +31,7 @@ def test_one_sided_interval_has_the_whole_error_probability():
 
 @pytest.mark.parametrize("p", [1e-3, 0.03, 0.5])
 @pytest.mark.parametrize("runs", [20, 700])
-def test_clopper_pearson_covers_at_every_rate(p, runs):
+def test_clopper_pearson_has_its_coverage_at_every_rate(p, runs):
     """Not by simulation: the probability itself, as the sum over all that can be seen."""
     k = np.arange(runs + 1)
     inside = [p in clopper_pearson(int(j), runs, 0.9) for j in k]
@@ -39,7 +39,7 @@ def test_clopper_pearson_covers_at_every_rate(p, runs):
 
 
 @pytest.mark.parametrize("interval", [clopper_pearson, confidence_sequence])
-def test_of_no_runs_nothing_is_known_and_all_alike_bounds_one_end(interval):
+def test_interval_is_trivial_for_no_runs_and_one_sided_for_equal_outcomes(interval):
     nothing = interval(0, 0)
     assert (nothing.lower, nothing.upper) == (0.0, 1.0)
     assert interval(0, 9).lower == 0.0 < interval(0, 9).upper < 0.5
@@ -54,14 +54,14 @@ def test_impossible_counts_and_confidences_are_refused(interval, k, n, confidenc
 
 
 @pytest.mark.parametrize(("k", "n"), [(0, 1), (0, 5000), (1, 5000), (40, 100), (99, 100), (5, 10**6)])
-def test_the_ends_are_where_the_evidence_is_enough(k, n):
+def test_the_sequence_ends_where_the_evidence_reaches_its_level(k, n):
     result = confidence_sequence(k, n, 0.99)
     for end in {result.lower, result.upper} - {0.0, 1.0}:
         np.testing.assert_allclose(log_evidence(k, n, end), np.log(100.0), rtol=1e-6)
     assert k / n in result
 
 
-def test_without_failure_it_is_as_sharp_as_the_fixed_number_of_runs():
+def test_without_failures_the_sequence_is_as_sharp_as_clopper_pearson():
     for n in (100, 1000, 10000):
         assert confidence_sequence(0, n, 0.99).upper <= clopper_pearson(0, n, 0.99).upper
     assert confidence_sequence(3, 1000, 0.99).upper < 1.55 * clopper_pearson(3, 1000, 0.99).upper
@@ -81,14 +81,14 @@ MANY = [pytest.param(p, 3000, 10_000, marks=pytest.mark.full) for p in (0.001, 0
 
 
 @pytest.mark.parametrize(("p", "runs", "repeats"), [(0.02, 1000, 1000), *MANY])
-def test_the_sequence_holds_at_all_times_at_once(p, runs, repeats):
+def test_the_sequence_covers_the_rate_at_all_times_jointly(p, runs, repeats):
     """Ville's bound, and that it is no empty one: a tenth of the misses that it allows do happen."""
     missed = ever_missed(p, runs, repeats, 0.9)
     sure = 4 * np.sqrt(0.1 * 0.9 / repeats)
     assert 0.01 - sure / 4 <= missed <= 0.1 + sure
 
 
-def test_looking_again_and_again_breaks_the_fixed_interval():
+def test_repeated_looks_break_the_coverage_of_a_fixed_interval():
     """Why there is a sequence at all: the fixed one, looked at after each run, misses far more often than it says."""
     rng, p = np.random.default_rng(0), 0.1
     ends = {n: [clopper_pearson(k, n, 0.9) for k in range(n + 1)] for n in range(20, 400, 20)}
@@ -105,7 +105,7 @@ def pairs(n, seed, shift=0.3):
     return case + shift + 0.5 * rng.normal(size=n), case
 
 
-def test_variation_between_cases_does_not_blur_the_paired_difference():
+def test_variation_between_cases_does_not_widen_the_paired_difference():
     item, other = pairs(200, 0)
     result = paired_difference(item, other)
     assert result.significant and 0.3 in result.of_mean and 0.3 in result.of_median
@@ -114,7 +114,7 @@ def test_variation_between_cases_does_not_blur_the_paired_difference():
     np.testing.assert_allclose(result.p_value, stats.wilcoxon(item, other).pvalue)
 
 
-def test_the_interval_of_the_mean_is_near_student_s_where_all_is_normal():
+def test_the_interval_of_the_mean_is_near_students_for_normal_data():
     item, other = pairs(400, 1)
     result, t = paired_difference(item, other).of_mean, stats.ttest_rel(item, other).confidence_interval()
     np.testing.assert_allclose([result.lower, result.upper], [t.low, t.high], atol=0.01)
@@ -126,7 +126,7 @@ def test_the_same_seed_gives_the_same_interval():
     assert paired_difference(item, other, seed=3).of_mean != paired_difference(item, other, seed=4).of_mean
 
 
-def test_cases_without_a_number_are_left_out():
+def test_cases_without_a_finite_value_are_omitted():
     item, other = pairs(30, 3)
     gaps = np.where(np.arange(30) % 7 == 0, np.nan, item)
     result = paired_difference(gaps, other)
@@ -134,7 +134,7 @@ def test_cases_without_a_number_are_left_out():
     assert paired_difference([np.inf], [1.0]).mean is None
 
 
-def test_few_or_equal_cases_say_what_they_can():
+def test_few_or_equal_cases_give_partial_results():
     assert paired_difference([2.0], [1.0]).of_mean is None
     same = paired_difference(np.ones(20), np.ones(20))
     assert (same.mean, same.of_mean.lower, same.of_mean.upper, same.p_value) == (0.0, 0.0, 0.0, 1.0)
@@ -147,7 +147,7 @@ def test_different_cases_are_refused(paired):
         paired([1.0, 0.0], [1.0])
 
 
-def test_shares_are_compared_where_they_differ():
+def test_paired_shares_are_compared_by_discordant_cases():
     item = np.array([True] * 30 + [False] * 70)
     other = np.array([True] * 20 + [False] * 75 + [True] * 5)
     result = paired_shares(item, other)
@@ -157,7 +157,7 @@ def test_shares_are_compared_where_they_differ():
     assert result.p_value == pytest.approx(2 * sum(stats.binom.pmf(range(6), 15, 0.5)))
 
 
-def test_shares_that_never_differ():
+def test_equal_shares_have_p_value_1():
     result = paired_shares(np.ones(40, bool), np.ones(40, bool))
     assert result.p_value == 1.0 and result.interval.lower < 0.0 < result.interval.upper < 0.1
     assert paired_shares([], []).interval is None
@@ -178,11 +178,11 @@ def covered_means(repeats):
     return inside / repeats
 
 
-def test_intervals_hold_as_often_as_they_say():
+def test_intervals_have_their_stated_coverage():
     assert covered_shares(1000) == pytest.approx(0.95, abs=0.025) and covered_means(30) >= 0.75
 
 
 @pytest.mark.full
-def test_intervals_hold_as_often_as_they_say_in_many_studies():
+def test_intervals_have_their_stated_coverage_in_many_studies():
     assert covered_shares(10_000) == pytest.approx(0.95, abs=0.012)
     assert covered_means(2000) == pytest.approx(0.9, abs=0.03)

@@ -78,7 +78,7 @@ def small_chunks(monkeypatch):
 
 
 @pytest.mark.usefixtures("small_chunks")
-def test_a_study_that_was_killed_goes_on_and_ends_with_the_same_file(tmp_path):
+def test_a_killed_study_resumes_and_ends_with_the_same_file(tmp_path):
     ran(tmp_path / "whole")
     out = tmp_path / "out"
 
@@ -122,7 +122,7 @@ def test_twenty_kills_at_random_moments_lose_no_row(tmp_path):
     assert_same_rows(tmp_path / "out", tmp_path / "whole", 6000)
 
 
-def test_a_folder_with_something_else_is_left_alone(tmp_path):
+def test_a_folder_with_another_study_or_other_files_is_refused_and_unchanged(tmp_path):
     ran(tmp_path / "out", runs=64)
     with pytest.raises(DefinitionError, match="--resume"):
         ran(tmp_path / "out", runs=64)
@@ -136,7 +136,7 @@ def test_a_folder_with_something_else_is_left_alone(tmp_path):
         ran(tmp_path / "other", runs=64)
 
 
-def test_more_runs_of_the_same_study_keep_those_that_are_done(tmp_path):
+def test_more_runs_of_the_same_study_keep_the_finished_ones(tmp_path):
     ran(tmp_path / "out", runs=64)
     for runs in (80, 200, 100):
         result = ran(tmp_path / "out", resume=True, runs=runs)
@@ -180,7 +180,7 @@ def test_two_processes_on_one_folder_leave_the_bytes_of_one(tmp_path):
 
 
 @pytest.mark.usefixtures("small_chunks")
-def test_parts_of_a_study_are_put_together_by_whoever_is_last(tmp_path):
+def test_the_last_part_to_finish_joins_all_parts(tmp_path):
     ran(tmp_path / "alone")
     out = tmp_path / "out"
     with pytest.raises(PartDone) as done:
@@ -213,12 +213,12 @@ def test_a_comparison_is_computed_in_parts(tmp_path):
 
 
 @pytest.mark.parametrize("text", ["", "1", "0/2", "3/2", "1/0", "a/b", "1/2/3", "-1/2", "1.0/2", "１/２", "1/99999999"])
-def test_a_part_that_is_none_is_refused(text):
+def test_an_invalid_part_is_refused(text):
     with pytest.raises(DefinitionError, match=r"such as 2/4"):
         Part.parsed(text)
 
 
-def test_a_part_is_refused_where_rows_depend_on_the_ones_before(tmp_path):
+def test_a_part_is_refused_for_studies_with_dependent_rows(tmp_path):
     with pytest.raises(DefinitionError, match="monte_carlo with `until` chooses each row from earlier results"):
         study(until={"probability": 0.9}).run(RunOptions(tmp_path / "out", part=Part(1, 2)))
     with pytest.raises(DefinitionError, match="falsify chooses each row from earlier results"):
@@ -232,7 +232,7 @@ LONG = {"runs": 1280, "changes": {"simulation.t1": 1}}
 
 
 @pytest.mark.full
-def test_two_processes_on_one_folder_twenty_times(tmp_path):
+def test_two_processes_on_one_folder_agree_twenty_times(tmp_path):
     assert ended([begun(tmp_path / "alone", **LONG)]) == ["whole"]
     random = np.random.default_rng(38)
     for number in range(20):
@@ -246,7 +246,7 @@ def test_two_processes_on_one_folder_twenty_times(tmp_path):
 
 @pytest.mark.full
 @pytest.mark.parametrize("seed", range(5))
-def test_parts_one_of_which_is_killed_and_a_third_process_that_joins(tmp_path, seed):
+def test_a_killed_part_and_a_joining_process_lose_no_row(tmp_path, seed):
     assert ended([begun(tmp_path / "alone", **LONG)]) == ["whole"]
     out, random = tmp_path / "out", np.random.default_rng(seed)
     first, second = begun(out, "1/2", **LONG), begun(out, "2/2", **LONG)

@@ -51,7 +51,7 @@ def test_page_of_a_sweep_has_the_map_and_its_points(swept):
 
 
 @pytest.mark.full
-def test_a_period_is_swept_though_each_value_is_another_loop():
+def test_a_sweep_over_the_period_compiles_a_loop_for_each_value():
     periods = result_of(
         "sweep", over={"simulation.period": {"choice": [1e-3, 2e-3]}}, of="steady_error", uncertainty={}
     )
@@ -96,7 +96,7 @@ def test_the_worst_case_is_a_scenario_that_shows_it_again(violation, tmp_path):
             assert again[key][0] == violation.table[key][row]
 
 
-def test_the_cases_that_are_kept_are_apart():
+def test_the_kept_worst_cases_keep_their_distance():
     worst = result_of("falsify", runs=160, keep=3, apart=0.3)
     assert len(worst.rows) == 3
     points = worst.search.points
@@ -166,21 +166,21 @@ def shares():
 
 
 @pytest.mark.full
-def test_the_margin_at_the_beginning_depends_on_the_start_alone(shares):
+def test_the_initial_margin_depends_on_the_start_alone(shares):
     assert shares.runs == 64 * (4 + 2)
     assert shares.names == ("robot.plant.masses", "robot.plant.inertias", "disturbance.scale", "start.q")
     margin = shares.indices["margin"]
     assert margin.total[3] > 0.8 and margin.total[:3].max() < 0.05 and "`margin` start.q" in shares.summary
 
 
-def test_the_indices_are_those_of_its_rows(shares):
+def test_the_indices_follow_from_the_rows_of_the_study(shares):
     again = sobol_indices(shares.table["peak_torque"], [1, 2, 1, 2])
     np.testing.assert_array_equal(again.total, shares.indices["peak_torque"].total)
     rows = shares.as_json()["indices"]["peak_torque"]
     assert [row["total"] for row in rows] == again.total.tolist()
 
 
-def test_each_number_can_have_its_own_share():
+def test_each_uncertain_number_can_have_its_own_index():
     each = result_of("sensitivity", base=8, of=["peak_torque"], each="number")
     assert each.names[1:3] == ("robot.plant.inertias[0]", "robot.plant.inertias[1]")
     assert each.runs == 8 * (6 + 2)
@@ -212,7 +212,7 @@ def compared():
 
 
 @pytest.mark.full
-def test_all_schemes_have_the_same_cases_also_where_they_depend_on_the_envelope_of_the_first(compared):
+def test_all_schemes_have_the_same_cases_also_for_starts_inside_the_first_envelope(compared):
     tables = list(compared.tables.values())
     for name in ("robot.plant.masses[0]", "start.q[0]", "start.q[1]", "disturbance.scale"):
         for table in tables[1:]:
@@ -234,7 +234,7 @@ def test_a_slower_scheme_is_found_to_be_worse_case_by_case(compared):
     assert "slower is better in peak_torque and worse in steady_error" in compared.summary
 
 
-def test_a_scheme_without_an_envelope_is_compared_in_the_rest(compared):
+def test_a_scheme_without_an_envelope_is_compared_by_the_other_metrics(compared):
     assert compared.rate("computed_torque", "envelope") == (None, None)
     assert compared.shares("computed_torque", "envelope") is None
     assert compared.difference("computed_torque", "peak_torque").pairs == 24
@@ -266,27 +266,27 @@ def tuned():
 
 
 @pytest.mark.full
-def test_the_best_gains_are_better_than_today_s_on_cases_that_the_search_has_not_seen(tuned):
+def test_tuned_gains_beat_the_current_gains_on_held_out_cases(tuned):
     assert tuned.best is not None and tuned.good
     difference = tuned.difference(tuned.best, "steady_error")
     assert difference.pairs == 24 and difference.of_mean.upper < 0.0
     assert np.all(tuned.front.aims[tuned.best] <= tuned.before * (1 + 1e-9))
 
 
-def test_all_candidates_and_today_s_gains_have_the_same_cases(tuned):
+def test_all_candidates_and_the_current_gains_have_the_same_cases(tuned):
     starts = tuned.table["start.q[0]"][: 80 * 4].reshape(80, 4)
     assert np.all(starts == starts[0]) and len(set(starts[0])) == 4
     held_out = tuned.table["start.q[0]"][80 * 4 :].reshape(-1, 24)
     assert np.all(held_out == tuned.today["start.q[0]"]) and not set(held_out[0]) & set(starts[0])
 
 
-def test_the_search_begins_at_today_s_gains(tuned):
+def test_the_tuning_search_begins_at_the_current_gains(tuned):
     np.testing.assert_allclose(tuned.front.start, tuned.before, rtol=1e-9)
     own = tuned.family.varied.values(point_of_own_values(tuned.family.varied)[None])
     np.testing.assert_allclose([own[path][0] for path in GAINS], [0.2, 0.6], rtol=1e-9)
 
 
-def test_a_scenario_of_the_front_has_the_numbers_that_are_said_of_it(tuned, tmp_path):
+def test_a_scenario_of_the_front_has_the_gains_in_the_result(tuned, tmp_path):
     write_scenario(tuned.scenarios()["front-1"], tmp_path / "front-1.yaml")
     built = scenarios.load(tmp_path / "front-1.yaml").description.scheme
     surface = built.surface

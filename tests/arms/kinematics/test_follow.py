@@ -62,7 +62,7 @@ def test_a_line_is_straight_and_the_tool_turns_by_slerp(name):
     assert float(followed.trajectory.until) == 2.5
 
 
-def test_a_circle_comes_back_with_its_joints_also_those_of_a_redundant_arm():
+def test_a_circle_returns_to_its_initial_joint_positions_also_for_redundant_arms():
     arm, start = arms.panda(), home("panda")
     pose = Pose.of_tip(arm, start)
     circle = Circle(
@@ -80,7 +80,7 @@ def test_a_circle_comes_back_with_its_joints_also_those_of_a_redundant_arm():
     assert_continuous(followed.trajectory)
 
 
-def test_a_screw_turns_the_tool_as_it_goes_along_and_a_pause_holds_it():
+def test_a_screw_rotates_the_tool_along_its_path_and_a_pause_holds_it():
     arm, start = arms.ur5e(), home("ur5e")
     pose = Pose.of_tip(arm, start)
     moves = [Screw(axis=[0, 0, -2], angle=np.pi / 2, pitch=0.2, duration=1.5), Pause(duration=0.5)]
@@ -92,7 +92,7 @@ def test_a_screw_turns_the_tool_as_it_goes_along_and_a_pause_holds_it():
     np.testing.assert_array_equal(followed.ends, [1.5, 2.0])
 
 
-def test_a_curve_through_poses_passes_them_and_one_with_times_at_its_times():
+def test_a_curve_passes_its_poses_at_their_times():
     arm, start = arms.panda(), home("panda")
     pose = Pose.of_tip(arm, start)
     first, second = pose.position + np.array([0.05, 0.05, 0.0]), pose.position + np.array([0.0, 0.1, -0.05])
@@ -116,7 +116,7 @@ def test_a_curve_through_poses_passes_them_and_one_with_times_at_its_times():
     assert_continuous(followed.trajectory)
 
 
-def test_a_planar_arm_follows_with_its_place():
+def test_a_planar_arm_follows_a_path_of_positions():
     from tests.arms.kinematics.test_inverse import PLANAR
 
     followed = follow(PLANAR, [Line(by=[-0.3, 0.2, 0.0], duration=1.0)], start=[0.3, 1.2], hold="place")
@@ -181,7 +181,7 @@ def test_half_a_turn_is_ambiguous_and_an_error():
         follow(arm, [Line(quaternion=Pose([0, 0, 0], end).quaternion, duration=1.0)], start=start)
 
 
-def test_a_joint_that_would_pass_its_limit_is_named_with_time_and_place():
+def test_a_joint_that_would_exceed_its_limit_is_named_with_time_and_position():
     arm, start = arms.ur5e(), home("ur5e")
     near = np.array([*start[:5], 6.2])
     with pytest.raises(DefinitionError, match=r"wrist_3_joint is at its limit of 6.283 at t = .* s, .* would go to"):

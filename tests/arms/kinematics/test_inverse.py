@@ -90,7 +90,7 @@ def test_redundant_arm_takes_the_preferred_posture():
         assert np.isfinite(cost).all()
 
 
-def test_position_alone_and_axis_alone_leave_more_freedom():
+def test_targets_of_position_or_axis_leave_other_coordinates_free():
     arm = arms.panda()
     start = home("panda")
     pose = Pose.of_tip(arm, start)

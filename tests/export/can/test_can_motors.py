@@ -89,7 +89,7 @@ def run(law, arm, stop_at=None):
 
 
 @pytest.mark.parametrize(("signs", "zeros"), [((1.0, 1.0), (0.0, 0.0)), ((-1.0, 1.0), (0.5, -0.3))])
-def test_the_arm_moves_within_its_limits_and_is_let_go_slowly(law, signs, zeros):
+def test_the_arm_moves_within_its_limits_and_is_released_slowly(law, signs, zeros):
     arm = Arm(law, signs, zeros)
     outcome, log = run(law, arm)
     assert (outcome.ending, outcome.phase) == ("finished", "rest"), outcome
@@ -120,7 +120,7 @@ def test_a_silent_motor_is_bridged_and_then_stops_the_arm(law):
     assert run(law, arm)[0].why == "no answer of the motor at joint 2"
 
 
-def test_a_fault_of_a_motor_ends_the_motion_by_its_joint(law):
+def test_a_motor_fault_ends_the_motion_and_names_its_joint(law):
     arm = Arm(law)
     arm.fault_at = 0.3
     outcome, _ = run(law, arm)
@@ -128,7 +128,7 @@ def test_a_fault_of_a_motor_ends_the_motion_by_its_joint(law):
 
 
 @pytest.mark.parametrize("tau", [0.0, 12.3, -53.9, 80.0, -80.0, math.nan])
-def test_a_torque_survives_its_frame_within_half_a_step(law, tau):
+def test_a_torque_is_encoded_within_half_a_step(law, tau):
     sent = []
     bus = SimpleNamespace(send=sent.append)
     Motors(law, bus, message, [1, 2], [0x11, 0x12], [1.0, -1.0], [0.0, 0.0]).command([tau, tau], 2.5)

@@ -75,7 +75,7 @@ def test_the_program_moves_the_arm_from_where_it_stands_to_the_end(built, tmp_pa
         *(("gap", 3, "too many periods without a sample"), ("push", 3, "the error is too large (joint 4)")),
     ],
 )
-def test_a_fault_ends_it_as_the_page_says(built, fault, code, message):
+def test_a_fault_ends_the_program_as_documented(built, fault, code, message):
     result = ran(built, "robot", *SHORT, "--no-realtime", fault=fault)
     assert (result.returncode, message in result.stdout) == (code, True), result.stdout + result.stderr
 
@@ -147,7 +147,7 @@ def short(law):
     return pilot
 
 
-def test_the_program_in_python_moves_it_likewise_and_its_log_gives_the_same_bits_again(law):
+def test_the_python_program_moves_the_arm_and_its_log_replays_bit_for_bit(law):
     pilot, log = short(law), MotionLog(law)
     outcome = franka.run_franka(Robot(rehearsal.RehearsalArm(law)), Torques, pilot, log)
     assert (outcome.ending, outcome.phase, outcome.success_rate) == ("finished", "rest", 1.0)
@@ -155,14 +155,14 @@ def test_the_program_in_python_moves_it_likewise_and_its_log_gives_the_same_bits
     assert rehearsal.replay(short(law), rows) == 0.0
 
 
-def test_a_reflex_is_told_and_an_end_that_is_asked_for_is_a_rest(law):
+def test_a_reflex_is_reported_and_a_requested_stop_ends_at_rest(law):
     broken = franka.run_franka(Robot(rehearsal.RehearsalArm(law), breaks=300), Torques, short(law))
     assert (broken.ending, broken.why) == ("reflex", "communication_constraints_violation")
     ended = franka.run_franka(Robot(rehearsal.RehearsalArm(law)), Torques, pilot := short(law), stop_requests=[2])
     assert (ended.ending, ended.why) == ("finished", "a stop was requested") and pilot.report.t < 1.6
 
 
-def test_weight_that_is_counted_twice_is_noticed_before_anything_moves(law):
+def test_gravity_compensated_twice_is_detected_before_anything_moves(law):
     pilot = short(law)
     pilot.parameters.nominal_gravity_vector[:] = [0.0, 0.0, -9.81]
     robot = Robot(rehearsal.RehearsalArm(law))
@@ -171,14 +171,14 @@ def test_weight_that_is_counted_twice_is_noticed_before_anything_moves(law):
     assert robot.stopped and pilot.report.steps < 40
 
 
-def test_a_posture_outside_its_range_is_not_begun(law):
+def test_a_motion_does_not_begin_at_a_posture_out_of_range(law):
     for q in ([0.0] * 7, [math.nan] * 7):
         pilot = law.pilot()
         assert not pilot.begin(q) and pilot.step(0.0, q, [0.0] * 7) == onboard.STOP
         assert list(pilot.report.tau) == [0.0] * 7
 
 
-def test_the_law_gets_the_torque_that_the_weight_leaves_it():
+def test_the_law_gets_the_torque_that_gravity_leaves():
     scenario = scenarios.load("panda-payload", {"scheme": {"name": "computed_torque"}})
     without = weight_by_robot(scenario)
     (arm,), (light,) = (

@@ -30,7 +30,7 @@ def law(tmp_path_factory):
 
 
 @pytest.mark.parametrize("rest_at", [None, 0.4, 1.5, 3.0, 4.0])
-def test_the_path_is_smooth_from_the_posture_to_rest_wherever_an_end_is_asked_for(law, rest_at):
+def test_the_path_is_smooth_to_rest_whenever_a_stop_is_requested(law, rest_at):
     pilot = law.pilot()
     path = pilot.options.path
     path.hold, path.small, path.widen, path.motion, path.speed = 0.5, 1.0, 1.0, 1.0, 1.0
@@ -68,7 +68,7 @@ def test_the_path_is_smooth_from_the_posture_to_rest_wherever_an_end_is_asked_fo
         assert max(nearest) < 2e-3
 
 
-def test_a_reference_one_period_later_is_the_next_periods(law):
+def test_the_reference_one_period_later_equals_the_next_reference(law):
     pilot = law.pilot()
     pilot.begin([0.4, -0.3])
     pilot.options.path.hold = 0.0
@@ -90,7 +90,7 @@ def following(law):
 
 
 @pytest.mark.parametrize("parts", ["q", "dq", "ddq"])
-def test_a_trajectory_goes_through_its_points_and_is_left_without_a_bump(law, parts):
+def test_a_trajectory_passes_its_points_and_ends_smoothly(law, parts):
     pilot, arm = following(law), RehearsalArm(law, [0.1, 0.2])
     pilot.begin([0.1, 0.2])
     times = [0.5, 1.0, 1.5]
@@ -139,7 +139,7 @@ def test_an_invalid_trajectory_is_refused_with_a_reason(law, times, q, dq, messa
     assert list(pilot.reference.q) == [0.1, 0.2]
 
 
-def test_an_end_that_is_asked_for_brakes_a_trajectory(law):
+def test_a_requested_stop_brakes_a_trajectory(law):
     pilot, arm = following(law), RehearsalArm(law, [0.1, 0.2])
     pilot.begin([0.1, 0.2])
     pilot.step(0.0, *arm.measured())
@@ -155,7 +155,7 @@ def test_an_end_that_is_asked_for_brakes_a_trajectory(law):
     assert abs(pilot.reference.q[0]) < 1.0 and pilot.reference.dq[0] == 0.0
 
 
-def test_bad_samples_are_bridged_for_some_periods_and_then_stop_it(law):
+def test_bad_samples_are_bridged_for_some_periods_and_then_stop_the_arm(law):
     pilot, arm = law.pilot(), RehearsalArm(law)
     pilot.begin(arm.measured()[0])
     action, bridged, held = onboard.GO, 0, None
@@ -181,7 +181,7 @@ def test_bad_samples_are_bridged_for_some_periods_and_then_stop_it(law):
     assert pilot.step(1e-3, *arm.measured()) == onboard.STOP
 
 
-def test_a_status_that_lasts_brings_it_to_rest(law):
+def test_a_lasting_status_brings_the_arm_to_rest(law):
     pilot, arm = law.pilot(), RehearsalArm(law)
     pilot.parameters.limits_torque[:] = [1e-3] * 2
     allow_error(pilot, 1e3)
@@ -189,7 +189,7 @@ def test_a_status_that_lasts_brings_it_to_rest(law):
     assert pilot.why == "the torque has been at its limits for too long" and pilot.report.t < 2.0
 
 
-def test_the_robots_own_limits_are_kept_whatever_the_law_knows_of_them(law):
+def test_the_robots_limits_hold_even_if_the_law_has_others(law):
     pilot, arm = law.pilot(), RehearsalArm(law)
     pilot.options.torque[:], pilot.options.rate[:] = [20.0] * 2, [500.0] * 2
     pilot.options.free = False
@@ -203,7 +203,7 @@ def test_the_robots_own_limits_are_kept_whatever_the_law_knows_of_them(law):
     assert pilot.report.clipped > 0
 
 
-def test_the_structures_are_as_large_here_as_in_c(law, tmp_path):
+def test_the_structures_have_the_same_size_in_python_and_c(law, tmp_path):
     names = ("options", "report", "reference", "command", "parameters", "trajectory", "admission")
     lines = "".join(f'    printf("%zu\\n", sizeof(slidax_law_{name}));\n' for name in names)
     text = f'#include "slidax_law_admit.h"\n#include <stdio.h>\nint main(void) {{\n{lines}    return 0;\n}}\n'
@@ -213,7 +213,7 @@ def test_the_structures_are_as_large_here_as_in_c(law, tmp_path):
     assert [ctypes.sizeof(getattr(law, name.capitalize())) for name in names] == list(map(int, result))
 
 
-def test_it_compiles_in_floats_too(tmp_path):
+def test_the_pilot_compiles_in_floats(tmp_path):
     project = export_c(SCENARIO, tmp_path / "law", name="law", single=True, golden=False)
     write_onboard(project, RobotLimits.of(SCENARIO, project), tmp_path)
     for part in SOURCES:
@@ -225,7 +225,7 @@ def test_it_compiles_in_floats_too(tmp_path):
     assert rehearse(pilot, RehearsalArm(law)) == onboard.FINISH, pilot.why
 
 
-def test_what_is_missing_is_one_line(law, tmp_path, capsys, monkeypatch):
+def test_a_missing_compiler_or_law_is_reported_in_one_line(law, tmp_path, capsys, monkeypatch):
     with pytest.raises(SystemExit) as none:
         rehearsal.main(["--law", str(tmp_path)])
     assert none.value.code == 2 and capsys.readouterr().err.splitlines()[-1].endswith("law.json")
@@ -330,7 +330,7 @@ def test_a_point_at_time_zero_must_be_where_the_arm_is(law):
     assert why.joint == 1 and why.value == pytest.approx(0.2, abs=1e-3) and why.limit == 0.05
 
 
-def test_a_rest_that_the_law_wants_is_not_cut_short_by_a_trajectory(law):
+def test_a_rest_that_the_law_requires_is_not_ended_by_a_trajectory(law):
     pilot = at_rest(law)
     assert pilot.take([2.0], [[1.0, 0.2]], [[0.0, 0.0]]) == ""
     pilot.options.limited = pilot.options.outside = 10**6

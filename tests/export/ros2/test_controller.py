@@ -109,7 +109,7 @@ def run(package, parameters):
 
 @needs_a_compiler
 @needs_cmake
-def test_it_lives_as_ros2_control_has_it(run):
+def test_the_controller_follows_the_ros2_control_life_cycle(run):
     message = run("main")
     lines = iter(message)
     assert next(lines) == "init 1" and next(lines) == "interfaces 2 4"
@@ -180,7 +180,7 @@ def test_no_goal_preemption_or_cancel_makes_the_torque_jump(action):
     assert float(action["reference"]) < 0.008 and float(action["lost client"]) < 0.02
 
 
-def test_parameters_have_our_names_units_ranges_and_words(parameters):
+def test_parameters_have_names_units_ranges_and_meanings(parameters):
     result = dict(leaves(parameters[PACKAGE]))
     assert result["joints"]["default_value"] == ["joint_1", "joint_2"]
     gain = (
@@ -193,7 +193,7 @@ def test_parameters_have_our_names_units_ranges_and_words(parameters):
 
 
 @pytest.mark.parametrize("name", ["left-arm/shoulder", "wam.base yaw", "\u00e9paule_1", "it's", "yes", "1"])
-def test_interfaces_are_asked_for_by_the_robots_own_names(name):
+def test_interfaces_are_claimed_by_the_robots_joint_names(name):
     names = interface_names([name, "elbow"])
     assert names == [name, "elbow"]
     assert YAML(typ="safe").load(f"joints: {as_list(map(as_text, names))}") == {"joints": [name, "elbow"]}
@@ -205,7 +205,7 @@ def test_a_name_that_is_invalid_in_parameter_files_is_refused(name):
         interface_names([name])
 
 
-def test_the_package_is_whole(package):
+def test_the_package_is_complete(package):
     plugin = ElementTree.parse(package / f"{PACKAGE}.xml").getroot()
     assert plugin.get("path") == PACKAGE
     assert plugin[0].attrib == {
@@ -225,6 +225,6 @@ def test_the_package_is_whole(package):
     compile((package / "launch" / "control.launch.py").read_text(), "control.launch.py", "exec")
 
 
-def test_who_carries_the_weight_is_one_of_two(tmp_path):
+def test_gravity_is_compensated_by_the_law_or_by_the_robot(tmp_path):
     with pytest.raises(DefinitionError, match='must be "law" or "robot"'):
         export_ros2(scenarios.load("example-4.1-1khz"), tmp_path, gravity="nobody")

@@ -94,7 +94,7 @@ def begun(law):
 
 
 @needs_a_compiler
-def test_it_moves_the_arm_to_the_end_also_where_a_state_comes_twice(law):
+def test_the_program_moves_the_arm_to_the_end_also_with_repeated_states(law):
     pilot, robot = begun(law)
     robot.repeats = {300, 700, 701}
     log = robot.log = MotionLog(law)
@@ -105,7 +105,7 @@ def test_it_moves_the_arm_to_the_end_also_where_a_state_comes_twice(law):
 
 
 @needs_a_compiler
-def test_faults_end_it_and_always_end_the_robots_script(law):
+def test_faults_end_the_program_and_the_robots_script(law):
     for fault, ending, message in (
         ({"nan_from": 500}, "stopped", "measurement"),
         ({"protective_at": 500}, "robot", "screen"),
@@ -122,7 +122,7 @@ def test_faults_end_it_and_always_end_the_robots_script(law):
     ("interface", "module", "name"),
     [(ur.Control, "rtde_control", "RTDEControlInterface"), (ur.Receive, "rtde_receive", "RTDEReceiveInterface")],
 )
-def test_every_call_is_one_that_the_wheel_takes(interface, module, name):
+def test_every_call_matches_the_signatures_of_ur_rtde(interface, module, name):
     used = {key: value for key, value in vars(interface).items() if inspect.isfunction(value) and key[0] != "_"}
     script = f"import json; from {module} import {name} as c\n"
     script += f"print(json.dumps({{k: getattr(c, k).__doc__ for k in {sorted(used)}}}))"

@@ -83,7 +83,7 @@ def moved_by(name, factor):
         pytest.param("panda-payload", 20, marks=pytest.mark.full),
     ],
 )
-def test_moved_numbers_make_the_file_that_the_moved_scenario_is_exported_to(name, marks):
+def test_c_files_with_changed_values_equal_the_export_of_the_changed_scenario(name, marks):
     moved = moved_by(name, 1.07)
     assert len(moved) > marks
     ours, theirs = filled(name, moved), exported(name, moved)
@@ -94,7 +94,7 @@ def test_moved_numbers_make_the_file_that_the_moved_scenario_is_exported_to(name
     assert len(ours["slidax_law.h"].split("\n")) == len(theirs["slidax_law.h"].split("\n"))
 
 
-def test_what_the_law_is_not_told_has_no_mark():
+def test_only_parameters_of_the_law_can_change_in_the_c_files():
     _, files, where, _ = offered("example-4.1")
     paths = {item["path"] for item in where["values"]}
     assert not {path for path in paths if not path.startswith(("scheme.", "actuator."))}

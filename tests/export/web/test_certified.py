@@ -57,13 +57,13 @@ def all_but(name, certificate):
 
 @pytest.mark.parametrize("name", SCENARIOS)
 @pytest.mark.parametrize("certificate", DECLARED, ids=lambda item: item.name)
-def test_what_a_certificate_does_not_declare_moves_no_digit_of_its_answer(certificate, name):
+def test_a_certificate_depends_on_its_declared_inputs_alone(certificate, name):
     other, moved = all_but(name, certificate)
     assert moved, "nothing was moved, so that nothing was shown"
     assert certificate(other).as_json() == certificate(loaded(name)).as_json()
 
 
-def test_one_that_reads_what_it_does_not_declare_is_found_out():
+def test_a_certificate_that_reads_an_undeclared_input_is_detected():
     @certificate("forgetful", "", covers=(), reads=("robot",))
     def forgetful(scenario: Scenario) -> Verdict:
         gain = float(np.max(np.asarray(scenario.controller.surface.k1)))
@@ -73,7 +73,7 @@ def test_one_that_reads_what_it_does_not_declare_is_found_out():
     assert forgetful(other).as_json() != forgetful(loaded("example-4.1")).as_json()
 
 
-def test_one_that_declares_nothing_stands_on_everything(monkeypatch):
+def test_a_certificate_without_declared_inputs_depends_on_all(monkeypatch):
     @certificate("fresh", "new", covers=())
     def fresh(scenario: Scenario) -> Verdict:
         return Verdict("fresh", "new", True, 0.5, {"bound": [1.0, 2.0]}, (), "It is so.")
@@ -88,7 +88,7 @@ def test_one_that_declares_nothing_stands_on_everything(monkeypatch):
 
 
 @pytest.mark.full
-def test_the_lights_say_what_slidax_certify_says():
+def test_the_page_shows_the_verdicts_of_slidax_certify():
     scenario = loaded("example-4.1-1khz")
     lights = {
         light["certificate"]: light for light in certified.certificates_of(scenario, list(movable(scenario.name)))

@@ -72,7 +72,7 @@ def assert_close(result, shown, width):
     assert worst < CLOSE, worst
 
 
-def test_slidax_run_takes_the_scenario_and_does_the_same_run(moved, tmp_path):
+def test_slidax_run_reproduces_the_downloaded_scenario(moved, tmp_path):
     shown, scenario, _ = moved
     done = in_process("run", str(scenario), "--json", "--out", str(tmp_path / "report"), code=0)
     assert json.loads(done.stdout)["outcome"] == "ok"

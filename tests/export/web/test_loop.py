@@ -54,7 +54,7 @@ def assert_metric(key, value, actual):
         np.testing.assert_allclose(np.asarray(actual[key], float), np.atleast_1d(value), rtol=1e-6, atol=1e-12)
 
 
-def test_where_multiply_adds_are_rounded_once_it_has_the_same_bits(two_link, tmp_path):
+def test_with_fused_multiply_adds_the_page_has_the_bits_of_slidax(two_link, tmp_path):
     if not rounds_once():
         pytest.skip("this node or processor has no multiply-add that is rounded once")
     assert_same(two_link, 0, tmp_path, close=0.0)
@@ -73,7 +73,7 @@ def test_page_computes_the_run_of_slidax(two_link, tmp_path, tunables, choices, 
     assert_same(two_link, 0, tmp_path, tunables, choices, relaxed=relaxed)
 
 
-def test_periods_share_one_program(two_link):
+def test_scenarios_with_different_periods_share_one_program(two_link):
     assert len({variant["program"] for variant in two_link["settings"][0]["variants"]}) == 1
 
 
@@ -82,7 +82,7 @@ def test_a_run_that_leaves_its_envelope_ends_with_the_message_of_python(two_link
     assert result["outcome"]["kind"] in ("left_envelope", "not_finite")
 
 
-def test_one_that_is_outside_says_since_when_and_how_far(two_link, tmp_path):
+def test_a_run_that_ends_outside_reports_since_when_and_how_far(two_link, tmp_path):
     result = assert_same(two_link, 0, tmp_path, {"disturbance.scale": 40.0}, close=1e-6)
     assert "is outside at the end" in result["outcome"]["message"]
 
@@ -96,7 +96,7 @@ def test_a_start_outside_is_refused_in_one_line(two_link, tmp_path):
 
 
 @pytest.mark.full
-def test_a_rival_is_judged_by_our_envelope(tmp_path):
+def test_a_scheme_without_an_envelope_is_judged_by_the_first_schemes_envelope(tmp_path):
     manifest = manifest_of("example-4.2-1khz", ("super_twisting",), simulation__t1=4.0)
     ours, theirs = (assert_same(manifest, k, tmp_path) for k in (0, 1))
     assert theirs["signals"]["upper"] == ours["signals"]["upper"]

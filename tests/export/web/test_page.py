@@ -20,7 +20,7 @@ SCALE = "[data-path='disturbance.scale']"
 FRICTION = "[data-path='robot.plant.coulomb']"
 
 
-def test_one_request_and_no_other(chromium, site):
+def test_the_page_makes_one_request(chromium, site):
     with served(site) as (address, paths):
         visit = Visit(chromium, f"{address}/index.html")
         visit.page.click("#printed")
@@ -45,7 +45,7 @@ def test_a_slider_moves_everything_and_resets(visit):
     assert visit.state()["values"] == {} and visit.page.is_disabled("#reset")
 
 
-def test_a_number_out_of_range_is_refused_with_a_line(visit):
+def test_a_number_out_of_range_is_refused_in_one_line(visit):
     box = visit.page.locator(f"{SCALE} > .slider .box")
     box.fill("1000")
     box.press("Enter")
@@ -74,7 +74,7 @@ def test_choices_and_schemes_can_be_selected(visit):
     assert visit.state()["choices"] == {"sensor.delay": 0}, "the world stays as it was set"
 
 
-def test_two_settings_beside_each_other(visit):
+def test_two_settings_are_compared_side_by_side(visit):
     assert not visit.page.is_visible("#drop")
     visit.page.click("#printed")
     visit.settle()
@@ -96,7 +96,7 @@ def test_two_settings_beside_each_other(visit):
     assert "disturbance.scale" not in visit.page.evaluate("slidaxPage.session.b.values"), "what is kept stays"
 
 
-def test_lights_go_grey_with_their_reason(visit):
+def test_outdated_certificates_turn_grey_with_their_reason(visit):
     lights = visit.page.locator("#certificates .light")
     assert [lights.nth(k).get_attribute("data-state") for k in range(3)] == ["good", "bad", "open"]
     typed(visit, "[data-path='scheme.surface.k1']", "0.3")
@@ -115,7 +115,7 @@ def test_leaving_the_envelope_and_stopping_early_are_reported(visit):
         assert word not in visit.text("main").replace("infinite or undefined", "")
 
 
-def test_the_address_holds_everything(chromium, site, visit):
+def test_the_address_contains_all_settings(chromium, site, visit):
     typed(visit, SCALE, "2")
     visit.page.click("#rival")
     visit.settle()
@@ -163,7 +163,7 @@ def test_a_broken_link_prints_one_line_and_uses_the_default(chromium, site, visi
     assert visit.state()["arm"] == "two-link"
 
 
-def test_the_scenario_is_the_same_run(visit):
+def test_the_downloaded_scenario_is_the_same_run(visit):
     typed(visit, "[data-path='scheme.surface.k1']", "0.3")
     visit.page.select_option("#tunables .choice select", "1")
     visit.settle()
@@ -178,7 +178,7 @@ def test_the_scenario_is_the_same_run(visit):
     np.testing.assert_array_equal(theirs.log.tau, ours.log.tau)
 
 
-def test_c_has_the_numbers_and_says_which_it_has_not(visit):
+def test_downloaded_c_has_the_current_values_and_names_missing_ones(visit):
     typed(visit, "[data-path='scheme.surface.k1']", "0.3")
     visit.page.select_option("#tunables .choice select", "1")
     visit.settle()
@@ -188,7 +188,7 @@ def test_c_has_the_numbers_and_says_which_it_has_not(visit):
     assert "k1: 0.3" in archive.read("scenario.yaml").decode()
 
 
-def test_a_chart_as_csv_and_as_a_table(visit):
+def test_a_chart_is_available_as_csv_and_as_a_table(visit):
     text = Path(visit.saved("[data-csv=errors]").path()).read_text(encoding="utf-8")
     head, *rows = text.strip().split("\n")
     assert head.startswith('t [s],"joint 1 lower [rad]"') and len(rows) == 10001
@@ -199,7 +199,7 @@ def test_a_chart_as_csv_and_as_a_table(visit):
     assert visit.page.locator("#errors tbody tr").count() == 21
 
 
-def test_a_playground_of_another_format_is_refused_with_a_line(chromium, tmp_path):
+def test_a_playground_of_another_format_is_refused_in_one_line(chromium, tmp_path):
     file = tmp_path / "index.html"
     file.write_text(page_text({"format": 2, "title": "</script><b>x"}, loop=FAKE_LOOP), encoding="utf-8")
     context = chromium.new_context()

@@ -9,7 +9,7 @@ from .browser import Visit, typed
 SCALE = "[data-path='disturbance.scale']"
 
 
-def test_by_keyboard_alone(visit):
+def test_the_page_works_by_keyboard_alone(visit):
     visit.page.keyboard.press("Tab")
     assert visit.page.evaluate("document.activeElement.className") == "skip"
     reached = []
@@ -50,7 +50,7 @@ def test_by_keyboard_alone(visit):
     assert visit.page.locator("#outcomes li").count() == 2
 
 
-def test_the_outcome_is_told_to_a_screen_reader_once_it_stands(visit):
+def test_the_outcome_is_announced_to_screen_readers_once_final(visit):
     typed(visit, SCALE, "2")
     visit.page.wait_for_timeout(800)
     assert "The run reached its end." in visit.text("#said")
@@ -62,7 +62,7 @@ def test_the_outcome_is_told_to_a_screen_reader_once_it_stands(visit):
 
 
 @pytest.mark.parametrize("width", [320, 390, 768, 1280])
-def test_nothing_is_wider_than_the_window(chromium, site, width):
+def test_no_element_is_wider_than_the_window(chromium, site, width):
     visit = Visit(chromium, (site / "index.html").as_uri(), viewport={"width": width, "height": 800})
     visit.page.click("#printed")
     visit.settle()
@@ -81,7 +81,7 @@ def test_colours_follow_the_system_or_the_switch(chromium, site):
 
 
 @pytest.mark.parametrize("colours", ["light", "dark"])
-def test_axe_finds_nothing_serious(chromium, site, colours):
+def test_axe_reports_no_serious_violation(chromium, site, colours):
     path = os.environ.get("SLIDAX_AXE", "")
     if not Path(path).is_file():
         pytest.skip("SLIDAX_AXE names no axe.min.js: `npm install axe-core` has one")

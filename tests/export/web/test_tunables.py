@@ -44,13 +44,13 @@ def refused(arm, some):
 
 @pytest.mark.full
 @EVERY_ARM
-def test_each_end_of_each_slider_is_a_value_that_a_scenario_takes(arm):
+def test_both_ends_of_each_slider_are_valid_in_a_scenario(arm):
     # The noise of a velocity sensor is no slider where there is none: no loop varies it.
     some = [tunable for tunable in tunables(arm) if tunable.path != "sensor.velocity_noise"]
     assert refused(arm, some) == {}
 
 
-def test_sliders_stay_above_and_below_the_other_numbers_that_they_must():
+def test_slider_ranges_respect_ranges_that_depend_on_other_values():
     some = [
         tunable
         for tunable in tunables("two_link")
@@ -60,7 +60,7 @@ def test_sliders_stay_above_and_below_the_other_numbers_that_they_must():
 
 
 @EVERY_ARM
-def test_a_slider_has_its_default_within_its_reach_and_stays_in_the_declared_range(arm):
+def test_a_slider_contains_its_default_and_stays_in_the_declared_range(arm):
     for tunable in tunables(arm):
         lower, upper = tunable.leaf.ends
         own = np.ravel(tunable.defaults)
@@ -69,7 +69,7 @@ def test_a_slider_has_its_default_within_its_reach_and_stays_in_the_declared_ran
         assert not tunable.logarithmic or tunable.low > 0, tunable.path
 
 
-def test_the_numbers_that_a_visitor_looks_for_are_there_with_their_units():
+def test_important_parameters_have_sliders_with_units():
     result = {tunable.path: tunable for tunable in tunables("panda")}
     wanted = {
         "scheme.transformation.performance.deadline": ("s", "Envelope"),
@@ -84,7 +84,7 @@ def test_the_numbers_that_a_visitor_looks_for_are_there_with_their_units():
 
 
 @EVERY_ARM
-def test_names_of_noise_and_what_would_be_another_arm_are_no_sliders(arm):
+def test_noise_seeds_and_values_of_another_arm_have_no_sliders(arm):
     for tunable in tunables(arm):
         assert not {*tunable.path.split(".")} & {*NEVER}
         assert not tunable.path.startswith(("robot.nominal", "simulation", "start", "trajectory", "uncertainty"))
@@ -103,13 +103,13 @@ def test_names_of_noise_and_what_would_be_another_arm_are_no_sliders(arm):
         ({"scheme.overshoot": 0.5}, "scheme.transformation.overshoot", 0.01, 0.99, False),
     ],
 )
-def test_how_far_a_slider_reaches_follows_from_its_range_and_its_default(changes, path, low, high, logarithmic):
+def test_slider_range_follows_from_declared_range_and_default(changes, path, low, high, logarithmic):
     result = validate_text(described("two_link").model_dump(exclude_unset=True), changes)
     tunable = next(item for item in tunables_of(result, 2) if item.path == path)
     assert (tunable.low, tunable.high, tunable.logarithmic) == (pytest.approx(low), pytest.approx(high), logarithmic)
 
 
-def test_a_tunable_of_a_page_says_where_its_numbers_are_among_the_inputs():
+def test_a_tunable_has_the_position_of_its_numbers_among_the_inputs():
     tunable = next(item for item in tunables("panda") if item.each)
     entry = tunable.entry(5)
     assert entry["inputs"] == [5, 7] and entry["each"]

@@ -38,7 +38,7 @@ def test_a_joint_may_move_at_its_largest_speed_for_two_periods(share):
 
 
 @pytest.mark.parametrize("joint", [0, 1])
-def test_a_sample_beyond_that_is_rejected_in_any_joint(joint):
+def test_a_sample_beyond_the_speed_window_is_rejected_in_any_joint(joint):
     q = np.zeros(2)
     q[joint] = 1.01 * SPEED[joint] * 2 * H
     assert judged([(H, state(q))]) == [(False, False)]
@@ -54,7 +54,7 @@ def test_a_position_beyond_its_range_is_never_accepted_however_often_it_comes():
     assert not any(accepted for accepted, _ in judged(samples))
 
 
-def test_an_unused_velocity_may_be_anything():
+def test_a_velocity_that_the_law_does_not_use_may_be_anything():
     assert judged([(H, state([0, 0], [np.nan, 1e300]))], velocity=False) == [(True, False)]
 
 
@@ -92,18 +92,18 @@ def test_after_one_outlier_the_next_good_sample_is_accepted():
     assert judged([(H, state([2.0, 0.0])), (2 * H, state([0.0, 0.0]))]) == [(False, False), (True, False)]
 
 
-def test_a_jump_for_good_is_accepted_after_more_samples_than_the_patience():
+def test_a_permanent_jump_is_accepted_after_more_samples_than_the_patience():
     samples = [(k * H, state([1.0, 0.0])) for k in range(1, 8)]
     assert judged(samples) == [(False, False)] * 5 + [(True, True), (True, False)]
 
 
-def test_outliers_that_do_not_agree_never_restart_the_law():
+def test_inconsistent_outliers_never_restart_the_law():
     samples = [(k * H, state([(-1.0) ** k, 0.0])) for k in range(1, 40)]
     assert not any(accepted for accepted, _ in judged(samples))
 
 
 @pytest.mark.parametrize("jump", [-5.0, 1.0, 1e5])
-def test_a_clock_that_jumps_for_good_is_believed_at_the_second_sample(jump):
+def test_a_permanent_clock_jump_is_accepted_at_the_second_sample(jump):
     samples = [(jump + k * H, state([0, 0])) for k in range(1, 5)]
     assert judged(samples) == [(False, False), (True, True), (True, False), (True, False)]
 
@@ -190,7 +190,7 @@ def test_a_lost_measurement_does_not_count_as_rejected(engine):
     assert int(run.tally.rejected) == 0 and not np.any(run.log.signals["rejected"])
 
 
-def test_an_encoder_that_slips_for_good_restarts_the_law_and_loses_no_more_than_its_slip():
+def test_a_permanent_encoder_slip_restarts_the_law_and_costs_no_more_than_the_slip():
     run = run_with(Faulty(1500, 0.3, 10_000), "native", **{"simulation.outside": "recover"})
     rejected = np.flatnonzero(np.asarray(run.log.signals["rejected"]))
     assert rejected.tolist() == list(range(1500, 1505)) and int(run.tally.rejected) == 5

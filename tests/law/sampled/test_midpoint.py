@@ -21,7 +21,7 @@ PERIOD = 2e-3
 @pytest.mark.parametrize(
     ("delay", "dead_time", "adapts"), [(0.0, 0.0, False), (1.0, 0.0, True), (1.5, 0.5, False), (2.0, 1.0, False)]
 )
-def test_a_constant_inertia_has_the_same_law_at_mid_period_with_limits_losses_and_delays(delay, dead_time, adapts):
+def test_for_constant_inertia_the_midpoint_law_is_the_same_with_limits_losses_and_delays(delay, dead_time, adapts):
     """The accelerations that were planned, limits included, are those that the torques give."""
     limits = TorqueLimits(3.0, 1000.0)
     sensor = Lossy(Delayed(Exact(), delay - dead_time), starts=[150, 300], counts=[6, 2])
@@ -48,7 +48,7 @@ def test_a_constant_inertia_has_the_same_law_at_mid_period_with_limits_losses_an
     np.testing.assert_allclose(at_middle.tau, at_start.tau, atol=1e-9)
 
 
-def test_the_model_at_mid_period_leaves_less_for_the_estimate():
+def test_the_midpoint_model_leaves_a_smaller_disturbance_estimate():
     """On an arm that is as modelled, so that only sampling is left of the disturbance."""
     changes = {
         "robot.plant": {},
@@ -117,7 +117,7 @@ def test_gains_and_a_horizon_together_are_refused():
         load("panda-payload", {"scheme": {**scheme, "horizon": 0.02, "kp": 100.0}})
 
 
-def test_an_acceleration_density_gives_all_joints_the_same_gains():
+def test_an_acceleration_density_gives_all_joints_equal_gains():
     estimator = {"kind": "kalman", "acceleration_density": 3.0}
     kalman = load("panda-payload", {"scheme.sampled_data.estimator": estimator}).controller.estimator
     expected = Kalman.steady(density=3.0, variance=1e-10 / 12, period=1e-3)
@@ -127,7 +127,7 @@ def test_an_acceleration_density_gives_all_joints_the_same_gains():
 
 
 @pytest.mark.parametrize("option", ["midpoint", "viscous_feedforward"])
-def test_the_certificate_of_the_sampled_loop_does_not_cover_it(option):
+def test_loop_rate_does_not_apply_to_a_midpoint_law(option):
     changes = {"robot.nominal.viscous": 0.2, "scheme.sampled_data.adaptation": None}
     scenario = load("panda-payload", changes)
     assert not isinstance(linear_loops(scenario), str)

@@ -81,14 +81,14 @@ def test_monitor_warns_of_a_disturbance_too_fast_for_the_filter():
     assert left > 0 and warned[:left].any() and not warned[: max(left // 4, 1)].any()
 
 
-def test_an_inertia_that_the_promise_is_not_for_is_said():
+def test_a_learnt_inertia_outside_the_guarantee_is_reported():
     changes = {"scheme.sampled_data.monitor": {"rotor_max": -1.0}, "simulation.t1": 0.01}
     run = load("example-4.1-1khz", changes).simulate(log_every=1)
     assert (run.log.signals["assumption_violated"] == 2.0).all()
 
 
 @pytest.mark.parametrize(("push", "is_set"), [(0.0, False), (3000.0, True)])
-def test_the_status_of_an_exported_step_has_a_bit_for_it(push, is_set):
+def test_the_status_of_an_exported_step_has_a_bit_of_the_monitor(push, is_set):
     law, _ = watched(0.0, Monitor())
     plant, start = Plant(FreeMass(), Constant([push])), State(q=jnp.array([0.1]), dq=jnp.array([0.0]))
     step = GuardedStep.around(law, law.limits, PERIOD)
@@ -98,7 +98,7 @@ def test_the_status_of_an_exported_step_has_a_bit_for_it(push, is_set):
 
 
 @pytest.mark.parametrize(("push", "alarm"), [(1.9, 0.0), (2.1, 8.0)])
-def test_a_law_without_a_plan_is_watched_by_its_estimated_disturbance(push, alarm):
+def test_a_law_without_a_plan_is_monitored_by_its_disturbance_estimate(push, alarm):
     law = sampled_data(
         ComputedTorque(FreeMass(), 100.0, 20.0),
         period=1e-3,

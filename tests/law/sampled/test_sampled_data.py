@@ -87,7 +87,7 @@ def mass_run(period, horizon, e0=0.3, de0=0.0, push=0.0, gain=0.0, t1=1.5, **gai
         for horizons in (1.0, 1.5, 4.0)
     ],
 )
-def test_without_a_disturbance_the_led_error_moves_to_a_convex_mean_and_so_does_the_error(period, horizons):
+def test_without_a_disturbance_led_error_and_error_move_to_convex_means(period, horizons):
     """`y⁺ = (1 - r) y + r ρ_a ψ(ε)` and `(1 + η) e⁺ = (1 - η) e + η (y + y⁺)`, to rounding, at any period."""
     law, run = mass_run(period, horizons * period)
     log = run.log
@@ -144,13 +144,13 @@ def run_sides(law, run):
     return law.step.transformation.init(jnp.zeros(()), jnp.asarray(run.log.e[0]))
 
 
-def test_the_disturbance_estimate_takes_a_constant_push_away():
+def test_the_disturbance_estimate_cancels_a_constant_disturbance():
     _, run = mass_run(5e-3, 1e-2, push=2.0, gain=0.5, final=0.05, t1=4.0)
     assert abs(run.log.e[-1, 0]) < 1e-12
     np.testing.assert_allclose(run.log.signals["disturbance"][-1], 2.0, rtol=1e-9)
 
 
-def test_as_the_period_goes_to_nothing_the_law_goes_to_the_printed_one_with_order_one():
+def test_the_law_converges_to_the_printed_one_at_first_order_in_the_period():
     scenario = load("example-4.1", {"simulation.t1": 1.0, "simulation.period": 2e-5})
     printed = scenario.simulate(log_every=40)
     law = law_4_1()
@@ -171,7 +171,7 @@ def test_as_the_period_goes_to_nothing_the_law_goes_to_the_printed_one_with_orde
     ("period", "steady", "travel"),
     [(1e-4, (4.5e-9, 9.6e-9), 2110.8), (1e-3, (4.4e-7, 8.9e-7), 2530.0), (2e-3, (2.2e-6, 3.9e-6), 2960.0)],
 )
-def test_without_delay_and_limits_the_law_is_no_worse_than_its_prototype_was(period, steady, travel):
+def test_without_delay_and_limits_the_steady_error_is_at_most_the_documented_one(period, steady, travel):
     scenario = load("example-4.1")
     law = sampled_data(law_4_1(layer=0.0), period=period, horizon=period, estimator=Measured(0.0), slopes=False)
     run = simulate(
@@ -216,7 +216,7 @@ def test_prediction_compensates_a_known_delay():
     np.testing.assert_allclose(runs[1].log.e[50:], runs[0].log.e[50:], atol=2e-4)
 
 
-def test_after_lost_samples_the_plan_is_made_anew_and_nothing_is_learnt_from_the_gap():
+def test_after_lost_samples_the_plan_restarts_and_the_gap_changes_no_estimate():
     law = sampled_data(mass_law(), period=1e-3)
     still = Reference(q=jnp.zeros(1), dq=jnp.zeros(1), ddq=jnp.zeros(1))
     state = State(q=jnp.array([0.1]), dq=jnp.array([0.0]))
@@ -233,7 +233,7 @@ def test_after_lost_samples_the_plan_is_made_anew_and_nothing_is_learnt_from_the
 
 
 @pytest.mark.full
-def test_the_torque_limit_holds_from_the_first_sample_on_though_the_arm_was_held_by_more():
+def test_the_torque_limit_holds_at_the_first_sample_even_if_the_initial_torque_exceeds_it():
     """Its guards in exported code then have nothing left to limit."""
     limits = TorqueLimits(5.0, 4000.0)
     law = sampled_data(law_4_1(), period=1e-3, limits=limits)
@@ -302,7 +302,7 @@ def test_a_run_is_differentiable_in_its_gains():
 H, STEP_PERIOD = 0.012, 1e-3
 
 
-def test_the_super_twisting_step_solves_its_inclusion_and_is_exactly_zero_where_that_says_so():
+def test_the_super_twisting_step_solves_its_inclusion_and_is_zero_exactly_there():
     """`s⁺ = s + H (v⁺ - k1 sig^½(s⁺))`, `v⁺ ∈ v - H k2 Sgn(s⁺)`."""
     law = super_twisting_4_2()
     step = sampled_data(law, period=STEP_PERIOD).step

@@ -181,7 +181,7 @@ def test_every_step_is_finite_and_solves_its_two_equations(name, period):
 
 
 @pytest.mark.parametrize(("name", "period"), EVERY_KIND)
-def test_the_planned_sliding_variable_is_exactly_zero_where_the_push_is_within_u_and_only_there(name, period):
+def test_the_planned_s_is_zero_exactly_where_the_disturbance_is_within_u(name, period):
     values = results(name, period)
     assert np.all(values["zero"]) and np.mean(values["held"][values["layer"] == 0] > 0) > 0.9
 
@@ -193,7 +193,7 @@ def test_no_sample_is_outside_where_u_covers_the_disturbance_and_the_loop_rate_r
     np.testing.assert_array_equal(values["violations"][values["promised"]], 0)
 
 
-def test_where_the_rule_does_not_hold_some_cases_do_leave():
+def test_where_the_loop_rate_rule_fails_some_cases_leave_the_envelope():
     """Or the rule would say nothing."""
     slow = results("scara", 4e-3)
     assert np.sum(slow["violations"][~slow["promised"]] > 0) > 5

@@ -33,7 +33,7 @@ def memories(actuator, commands, period=PERIOD):
         ((10.0, 300.0), [40.0, -40.0], [9.0, 9.0], [10.0, 6.0]),
     ],
 )
-def test_command_is_limited_in_size_and_then_in_change(limits, command, last, expected):
+def test_torque_limit_applies_before_the_rate_limit(limits, command, last, expected):
     limited = TorqueLimits(*limits)(jnp.array(command), jnp.array(last), PERIOD)
     np.testing.assert_allclose(limited, expected, rtol=1e-15)
 
@@ -54,7 +54,7 @@ def test_the_torque_limit_always_holds(torque, rate, wanted, last):
             assert limited == wanted
 
 
-def test_a_drive_never_delivers_more_than_its_limit_also_of_what_it_held_before():
+def test_a_drive_limits_also_the_torque_held_before():
     actuator = Actuator(TorqueLimits([5.0, 2.0], 100.0), time_constant=0.01, dead_time=1.5)
     memory = actuator.init(jnp.array([12.0, -9.0]))
     for _ in range(4):
@@ -64,7 +64,7 @@ def test_a_drive_never_delivers_more_than_its_limit_also_of_what_it_held_before(
     np.testing.assert_allclose(tau, [5.0, -1.5])
 
 
-def test_the_change_is_counted_from_what_was_set_and_not_from_what_was_asked():
+def test_the_rate_limit_counts_from_the_limited_and_not_the_requested_torque():
     actuator = Actuator(TorqueLimits(INF, 100.0))
     memory = actuator.init(jnp.zeros(1))
     torques = []
@@ -74,7 +74,7 @@ def test_the_change_is_counted_from_what_was_set_and_not_from_what_was_asked():
     np.testing.assert_allclose(torques, [1.0, 2.0, 1.0, 0.0], atol=1e-14)
 
 
-def test_what_was_held_before_goes_on_until_the_first_command_gets_through():
+def test_the_initial_torque_holds_until_the_first_command_acts():
     """Through the dead time as it was, from there on as the lag lets go of it; the rate is counted from it, too."""
     held = jnp.array([8.0, -3.0])
     actuator = Actuator(TorqueLimits(INF, 50.0), time_constant=[0.02, 0.0], dead_time=1.25)
@@ -107,7 +107,7 @@ def test_a_dead_time_shifts_the_commands_to_the_instant(dead_time):
             np.testing.assert_array_equal(actuator.delivered(memory, share * PERIOD, PERIOD), expected)
 
 
-def test_at_the_very_instant_the_new_command_applies():
+def test_a_command_applies_from_its_instant_on():
     actuator = Actuator(dead_time=1.5)
     memory = memories(actuator, COMMANDS)[4]
     np.testing.assert_array_equal(actuator.delivered(memory, 0.5 * PERIOD, PERIOD), COMMANDS[3])
@@ -117,7 +117,7 @@ def test_at_the_very_instant_the_new_command_applies():
 
 
 @pytest.mark.parametrize("dead_time", [0, 1, 0.3, 2.6])
-def test_the_torque_is_that_of_a_fine_integration(dead_time):
+def test_delivered_torque_agrees_with_a_fine_integration(dead_time):
     """Classical Runge-Kutta on 1000 steps a period, each within one command."""
     actuator, constant = Actuator(time_constant=[3e-3, 2e-2], dead_time=dead_time), np.array([3e-3, 2e-2])
     steps, h, torque = 1000, 1e-5, np.zeros(2)
@@ -135,7 +135,7 @@ def test_the_torque_is_that_of_a_fine_integration(dead_time):
                 np.testing.assert_allclose(delivered, torque, atol=1e-12)
 
 
-def test_the_lag_starts_each_period_from_the_period_that_has_passed():
+def test_the_lag_starts_each_period_at_the_end_of_the_last():
     """Also where periods are of different length: the last one counts, as `set` is told."""
     actuator = Actuator(time_constant=0.02)
     _, memory = actuator.set(jnp.array([1.0]), jnp.asarray(1e-2), actuator.init(jnp.zeros(1)))
@@ -167,6 +167,6 @@ def test_the_gradient_by_the_time_constant_is_that_of_the_exponential():
         (lambda **rate: TorqueLimits([1.0, 2.0], **rate), "rate", [1.0, 2.0, 3.0], "has 3 entries"),
     ],
 )
-def test_impossible_numbers_are_refused(make, field, value, rule):
+def test_invalid_actuator_parameters_are_refused(make, field, value, rule):
     with pytest.raises(DefinitionError, match=rf"`(Actuator|TorqueLimits)\.{field}` .*{rule}"):
         make(**{field: value})

@@ -42,7 +42,7 @@ def test_friction_is_smoothed_coulomb_plus_viscous_and_none_at_rest():
     np.testing.assert_array_equal(friction(jnp.asarray(0.0), at_rest(3)), np.zeros(3))
 
 
-def test_step_lasts_from_its_start_until_before_its_end():
+def test_step_includes_its_start_and_excludes_its_end():
     step = Step([3.0, -1.0], 0.5, 1.5)
     for t, factor in ((0.0, 0), (np.nextafter(0.5, 0), 0), (0.5, 1), (1.49, 1), (1.5, 0), (9.0, 0)):
         np.testing.assert_array_equal(step(jnp.asarray(t), at_rest(2)), np.array([3.0, -1.0]) * factor)

@@ -16,7 +16,7 @@ def at(q, dq=0.0):
     return lambda t: State(q=jnp.full(2, q), dq=jnp.full(2, dq))
 
 
-def test_encoder_rounds_to_its_nearest_count_where_there_is_one():
+def test_encoder_rounds_to_the_nearest_count_or_not_at_all():
     measured = sampled(Encoders([0.1, 0.25]), at(0.37, -1.3))
     np.testing.assert_allclose(measured.state.q[-1], [0.4, 0.25], rtol=1e-15)
     np.testing.assert_array_equal(measured.state.dq[-1], [-1.3, -1.3])
@@ -50,7 +50,7 @@ def test_noise_comes_before_rounding():
 
 
 @pytest.mark.full
-def test_sensors_of_different_kinds_with_one_seed_are_not_correlated():
+def test_sensors_of_different_kinds_with_the_same_seed_are_uncorrelated():
     def clock(t):
         return State(q=t[None], dq=jnp.ones(1))
 
@@ -103,7 +103,7 @@ NEGATIVE = r"`{}\.{}` must be >= 0"
         ("seed", [1, 2], "must be one number"),
     ],
 )
-def test_impossible_numbers_are_refused(make, field, value, rule):
+def test_invalid_encoder_parameters_are_refused(make, field, value, rule):
     with pytest.raises(DefinitionError, match=rule.format(make.__name__, field)):
         make(**({"resolution": 0.0} | {field: value}))
     with pytest.raises(DefinitionError, match=r"cutoff` must be > 0 rad/s; got 0"):

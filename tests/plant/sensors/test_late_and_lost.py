@@ -30,7 +30,7 @@ def cubic(t):
 
 
 @pytest.mark.parametrize("periods", [0, 1, 2, 7])
-def test_a_whole_delay_gives_the_very_samples_of_before(periods):
+def test_a_whole_delay_returns_earlier_samples(periods):
     measured = sampled(Delayed(Exact(), periods), samples=30).state
     right = jax.tree.map(np.asarray, sampled(Exact(), samples=30).state)
     np.testing.assert_allclose(measured.q[periods:], right.q[: 30 - periods], atol=1e-15)
@@ -38,7 +38,7 @@ def test_a_whole_delay_gives_the_very_samples_of_before(periods):
 
 
 @pytest.mark.parametrize("periods", [0.3, 1.5, 3.99])
-def test_a_motion_of_third_order_is_late_without_error(periods):
+def test_a_cubic_motion_is_delayed_without_error(periods):
     measured = sampled(Delayed(Exact(), periods), cubic, samples=200).state
     old = jax.vmap(cubic)(jnp.asarray((np.arange(200) - periods) * 1e-2))
     np.testing.assert_allclose(measured.q[4:], old.q[4:], atol=1e-14)
@@ -65,7 +65,7 @@ def test_before_the_start_the_velocity_was_constant(periods):
         np.testing.assert_array_equal(measured.dq[k], start.dq)
 
 
-def test_uneven_instants_fill_their_spread_and_never_lie_ahead():
+def test_jittered_instants_fill_their_range_and_never_lie_ahead():
     def ages(periods, jitter):
         measured = np.asarray(sampled(Delayed(Exact(), periods, jitter), clock, 5000).state.q)[:, 0]
         return np.arange(5000) - measured / 1e-2
@@ -77,7 +77,7 @@ def test_uneven_instants_fill_their_spread_and_never_lie_ahead():
     assert clipped.min() > -1e-6 and np.mean(np.abs(clipped) < 1e-6) == pytest.approx(0.4, abs=0.03)
 
 
-def test_uneven_instants_follow_a_motion_of_third_order_at_the_age_that_the_seed_gives():
+def test_jittered_samples_of_a_cubic_motion_have_the_age_from_the_seed():
     """The age is read off a clock with the same seed."""
 
     times = np.asarray(sampled(Delayed(Exact(), 2.2, 3.0, seed=5), clock, 100).state.q)[:, 0]
@@ -85,7 +85,7 @@ def test_uneven_instants_follow_a_motion_of_third_order_at_the_age_that_the_seed
     np.testing.assert_allclose(measured.q[4:], jax.vmap(cubic)(jnp.asarray(times)).q[4:], atol=1e-12)
 
 
-def test_the_late_sensor_measures_the_old_state():
+def test_a_delayed_sensor_measures_the_earlier_state():
     late = sampled(Delayed(Encoders(1e-2), 2), samples=30).state
     right = sampled(Encoders(1e-2), samples=30).state
     np.testing.assert_array_equal(late.q[2:], right.q[:-2])
@@ -93,7 +93,7 @@ def test_the_late_sensor_measures_the_old_state():
     assert np.all(np.isfinite(drive.dq)) and np.max(np.abs(drive.dq[1:] - sampled(Exact()).state.dq[0])) < 3.5
 
 
-def test_planned_outages_last_as_long_as_planned_and_repeat_the_last_that_arrived():
+def test_planned_outages_have_their_length_and_repeat_the_last_sample():
     measured = sampled(Lossy(Exact(), starts=[0, 3, 8], counts=[2, 2, 1]))
     lost = [1, 3, 4, 8]
     np.testing.assert_array_equal(np.flatnonzero(~np.asarray(measured.fresh)), lost)
@@ -104,13 +104,13 @@ def test_planned_outages_last_as_long_as_planned_and_repeat_the_last_that_arrive
         np.testing.assert_array_equal(measured.state.dq[k], right.dq[last])
 
 
-def test_samples_are_lost_by_chance_each_for_itself():
+def test_random_losses_are_independent():
     fresh = np.asarray(sampled(Lossy(Exact(), 0.2), samples=20_000).fresh)
     assert np.mean(~fresh) == pytest.approx(0.2, abs=0.01)
     assert abs(np.corrcoef(fresh[1:], fresh[:-1])[0, 1]) < 0.03
 
 
-def test_with_probability_one_only_the_first_arrives():
+def test_with_loss_probability_one_only_the_first_sample_arrives():
     measured = sampled(Lossy(Exact(), 1.0))
     np.testing.assert_array_equal(measured.fresh, [True] + [False] * 11)
     np.testing.assert_array_equal(measured.state.q, np.tile(moving(jnp.zeros(())).q, (12, 1)))
@@ -122,7 +122,7 @@ def test_a_sample_is_lost_if_any_sensor_of_the_chain_loses_it():
     np.testing.assert_array_equal(measured.state.q[4], sampled(Exact()).state.q[1])
 
 
-def test_a_lossy_drive_goes_on_differencing_while_its_words_are_lost():
+def test_a_drive_keeps_differencing_while_its_messages_are_lost():
     drive = DifferencedEncoders(1e-3, 0.0, 100.0)
     measured, right = sampled(Lossy(drive, starts=[4], counts=[3])), sampled(drive)
     np.testing.assert_array_equal(measured.state.dq[7:], right.state.dq[7:])
@@ -150,6 +150,6 @@ def test_outages_vary_in_a_batch():
         (one_outage, "counts", [-1], r"`Lossy\.counts` must be >= 0 samples; got -1 for entry 1"),
     ],
 )
-def test_impossible_numbers_are_refused(make, field, value, rule):
+def test_invalid_delays_and_losses_are_refused(make, field, value, rule):
     with pytest.raises(DefinitionError, match=rule):
         make(Exact(), **({"periods": 1.0} if make is Delayed else {}) | {field: value})

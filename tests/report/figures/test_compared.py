@@ -71,7 +71,7 @@ def test_a_steep_transient_with_a_ripple_on_it_is_no_band_and_a_chattering_one_f
     assert (np.interp(band.t, t, motion) >= band.low).all()
 
 
-def test_the_limits_of_the_drives_are_in_the_picture_where_the_torque_comes_near(runs):
+def test_torque_limits_are_drawn_where_the_torque_comes_near_them(runs):
     item = {"cftsmppc": runs["cftsmppc"]}
     for figure in (
         figures.compared_torques(item, limits=[120.0, 1e4]),
@@ -85,7 +85,7 @@ def test_the_limits_of_the_drives_are_in_the_picture_where_the_torque_comes_near
     assert not figures.torque(item["cftsmppc"], limits=[np.inf, np.inf]).axes[0].get_title(loc="right")
 
 
-def test_the_joints_have_the_names_of_their_robot_without_the_words_that_all_have(runs):
+def test_joint_labels_drop_the_words_that_all_joint_names_share(runs):
     named = replace(runs["cftsmppc"], joint_names=("arm_shoulder_joint", "arm_elbow_joint"))
     for draw in (figures.compared_errors, figures.compared_velocity_errors, figures.compared_torques):
         labels = [axes.get_ylabel().partition("\n")[0] for axes in draw({"one": named}).axes[::2]]
@@ -106,7 +106,7 @@ def test_a_band_reaches_from_the_lowest_to_the_highest_torque(runs):
 
 
 @pytest.mark.parametrize("draw", DRAWN)
-def test_a_picture_of_noise_is_still_small(runs, draw):
+def test_figure_of_noise_has_a_small_svg(runs, draw):
     rng = np.random.default_rng(0)
     noisy = {f"run {i}": eqx.tree_at(lambda r: r.log.tau, run, rng.normal(size=run.log.tau.shape)) for i, run in
              enumerate([*runs.values()] * 2)}  # fmt: skip
@@ -142,21 +142,21 @@ def test_invalid_runs_are_refused_with_the_reason(runs, draw):
         draw({"one": run, "other": other})
 
 
-def test_there_is_a_look_and_a_filling_for_every_scheme():
+def test_every_scheme_has_a_line_style_and_a_hatch():
     assert sum(preset.complete for preset in PRESETS.values()) <= len(LOOKS)
     assert len({(look["color"], look["linestyle"]) for look in LOOKS}) == len(LOOKS)
     assert len({look["linestyle"] for look in LOOKS[:5]}) == 5
     assert len(set(HATCHES)) == len(HATCHES) == len(LOOKS)
 
 
-def test_a_crest_runs_over_the_peaks_from_the_first_time_to_the_last():
+def test_crest_follows_the_peaks_from_the_first_time_to_the_last():
     t = np.linspace(0, 10, 10_001)
     x, y = crest(t, np.abs(np.sin(200 * t)) + 0.1, 50)
     assert (x[0], x[-1]) == (0.0, 10.0) and (np.diff(x) >= 0).all() and y[1:].min() > 1.09
     assert crest(t[:20], t[:20], 50)[0] is not None
 
 
-def test_paths_of_the_tip_lie_over_the_desired_one_and_strays_leave_the_picture():
+def test_tip_paths_lie_over_the_desired_path_and_stray_paths_are_cut_off():
     turn = np.linspace(0, 6, 500)
     goal = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
     figure = figures.compared_tip_paths({"near": 0.9 * goal, "astray": 1e9 * goal}, goal)
@@ -170,7 +170,7 @@ def test_paths_of_the_tip_lie_over_the_desired_one_and_strays_leave_the_picture(
     ]
 
 
-def test_bars_stand_by_joint_on_a_logarithmic_axis_and_what_is_missing_is_a_dash(tmp_path):
+def test_bars_are_grouped_by_joint_and_missing_values_are_dashes(tmp_path):
     figure = figures.metric_bars({"one": [1.0, 10.0], "two": [100.0, float("nan")]}, "IAE  [rad]")
     (axes,) = figure.axes
     assert axes.get_yscale() == "log" and axes.get_ylabel() == "IAE  [rad]"
@@ -184,7 +184,7 @@ def test_bars_stand_by_joint_on_a_logarithmic_axis_and_what_is_missing_is_a_dash
         figures.metric_bars({"one": [1.0], "two": [1.0, 2.0]}, "IAE")
 
 
-def test_without_the_points_on_its_lines_a_curve_is_the_same():
+def test_removing_points_on_straight_lines_keeps_the_curve():
     t = np.linspace(0, 10, 2001)
     y = np.sin(t)
     x, z = thin_curve(t, y, 2001, (-1.0, 1.0))

@@ -68,7 +68,7 @@ def test_a_scheme_without_envelope_is_drawn_without_one(run):
     assert not any(axes.collections for axes in figure.axes)
 
 
-def test_a_window_shows_its_part_of_the_run(run):
+def test_a_time_window_shows_that_part_of_the_run(run):
     figure = figures.tracking_error(run, window=(0.5, 0.7))
     lines = [line.get_xdata() for line in figure.axes[0].lines if len(np.ravel(line.get_xdata())) > 2]
     assert lines and all(np.min(x) >= 0.5 - 1e-9 and np.max(x) <= 0.7 + 1e-9 for x in lines)
@@ -83,7 +83,7 @@ def test_velocities_and_torques_carry_the_units_of_their_joints(prismatic):
     assert labels(figures.torque(prismatic))[::2] == [r"$\tau_{1}$  [N m]", r"$\tau_{2}$  [N m]", r"$\tau_{3}$  [N]"]
 
 
-def test_errors_of_several_runs_stand_beside_printed_levels(run):
+def test_errors_of_several_runs_are_drawn_with_printed_levels(run):
     figure = figures.error_sizes({"one": run, "two": run}, levels={"printed": [1e-3, 2e-3]})
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["one", "two", "printed"]
     assert [axes.lines[-1].get_ydata()[0] for axes in figure.axes] == [1e-3, 2e-3]
@@ -99,7 +99,7 @@ def test_a_planar_path_has_one_view_and_a_spatial_one_two_all_with_equal_axes():
         assert [text.get_text() for text in figure.legends[0].get_texts()] == ["desired", "actual", "start", "end"]
 
 
-def test_performance_functions_keep_their_values():
+def test_performance_functions_are_drawn_with_their_values():
     function = FixedTime(100.0, 0.01, 2.0, 2.01)
     figure = figures.performance({"rho": function}, np.linspace(0, 3, 61))
     (line,) = figure.axes[0].lines
@@ -143,7 +143,7 @@ def test_a_curve_of_few_points_is_not_thinned():
     assert x is t and (y == t**2).all() and every_nth(t, 10)[[0, -1]].tolist() == [0.0, 1.0]
 
 
-def test_an_svg_is_small_the_same_every_time_and_without_dates_or_typefaces(run, tmp_path):
+def test_an_svg_is_small_reproducible_and_has_no_date_or_typeface(run, tmp_path):
     noisy = eqx.tree_at(lambda r: r.log.tau, run, np.random.default_rng(0).normal(size=run.log.tau.shape))
     for name, draw, shown in (("error", figures.tracking_error, run), ("torque", figures.torque, noisy)):
         path = figures.save(draw(shown), tmp_path / "made" / f"{name}.svg")
@@ -153,7 +153,7 @@ def test_an_svg_is_small_the_same_every_time_and_without_dates_or_typefaces(run,
     assert figures.save(figures.torque(run), tmp_path / "torque.pdf").read_bytes().startswith(b"%PDF")
 
 
-def test_a_shortened_path_is_the_same_path(run):
+def test_a_shortened_svg_path_draws_the_same_line(run):
     """The peak of the torque is found again in the SVG: among its points is the highest of the panel."""
     figure = figures.torque(run)
     text = figures.to_svg(figure, "torque")
@@ -164,7 +164,7 @@ def test_a_shortened_path_is_the_same_path(run):
     assert f" {y:.2f}" in text or f" {y:.1f} " in text
 
 
-def test_an_inline_svg_names_no_other_place(run):
+def test_an_inline_svg_refers_to_no_other_file(run):
     page = figures.inline_svg(figures.to_svg(figures.torque(run), "torque"))
     assert page.startswith("<svg ") and page.endswith("</svg>") and "http" not in page
 
@@ -179,7 +179,7 @@ def test_figure_is_shown_in_a_notebook_in_its_own_style_and_can_be_copied():
     assert "<svg" in pickle.loads(pickle.dumps(figure))._repr_svg_()
 
 
-def test_the_package_alone_does_not_load_the_drawing():
+def test_importing_slidax_does_not_load_matplotlib():
     code = "import sys, slidax, slidax.simulation; print('matplotlib' in sys.modules, 'jinja2' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False", "False"]

@@ -11,7 +11,7 @@ def scenario():
 
 
 @pytest.mark.parametrize(("name", "unit"), [("errors", "rad"), ("velocity_errors", "rad/s"), ("torques", "N m")])
-def test_a_plot_draws_all_joints_into_axes_that_the_caller_has(scenario, name, unit):
+def test_a_plot_draws_all_joints_into_the_callers_axes(scenario, name, unit):
     run = scenario.simulate(progress=False)
     axes = Figure().subplots()
     assert getattr(run.plot, name)(ax=axes) is axes
@@ -21,7 +21,7 @@ def test_a_plot_draws_all_joints_into_axes_that_the_caller_has(scenario, name, u
     assert axes.get_ylabel().endswith(f"[{unit}]")
 
 
-def test_a_plot_without_axes_is_a_figure(scenario):
+def test_a_plot_without_axes_makes_a_figure(scenario):
     run = scenario.simulate(progress=False)
     assert all(isinstance(plot(), Figure) for plot in (run.plot.errors, run.plot.torques, run.plot.envelope))
     axes = Figure().subplots()

@@ -33,7 +33,7 @@ def page(rivals, tmp_path_factory):
     )
 
 
-def test_the_least_of_a_row_is_best_and_a_run_with_a_bad_end_is_never(rivals):
+def test_the_least_value_is_best_and_never_that_of_a_failed_run(rivals):
     assert not rivals["hasty"].run.outcome.ok
     rows = {(row.metric.key, row.joint): row for row in standings(rivals, INDICES)}
     for metric in ("peak_torque", "torque_energy", "torque_travel", "paper.iae", "steady_error"):
@@ -64,7 +64,7 @@ def test_a_single_scheme_is_never_the_best(rivals):
     assert not any(row.best for row in standings({"cftsmppc": rivals["cftsmppc"]}))
 
 
-def test_the_page_stands_alone_with_its_figures(page):
+def test_the_comparison_page_is_self_contained_with_its_figures(page):
     text = page.read_text(encoding="utf-8")
     assert not re.findall(r"https?://|\ssrc=|<link|<script", text)
     names = {"tracking-errors", "velocity-errors", "torques", "tip-paths", "iae", "torque_energy", "torque_travel"}
@@ -72,7 +72,7 @@ def test_the_page_stands_alone_with_its_figures(page):
     assert text.count("<figure") == len(names) and "slidax compare x &gt; y" in text
 
 
-def test_the_page_shows_the_best_in_bold_and_the_bad_end(page, rivals):
+def test_the_page_shows_best_values_in_bold_and_failed_runs(page, rivals):
     text = page.read_text(encoding="utf-8")
     row = next(row for row in standings(rivals) if row.metric is analysis.peak_torque)
     (best,) = row.best
@@ -80,7 +80,7 @@ def test_the_page_shows_the_best_in_bold_and_the_bad_end(page, rivals):
     assert rivals["hasty"].run.outcome.message.split(" (")[0] in text
 
 
-def test_the_results_are_json_without_what_json_does_not_know(page, rivals):
+def test_the_results_are_strict_json(page, rivals):
     def refuse(word):
         raise AssertionError(word)
 
@@ -108,7 +108,7 @@ def test_many_schemes_take_several_tables_and_runs_without_a_log_no_figures(riva
     assert "<figure" not in text and text.count("<th>Metric</th>") == 3
 
 
-def test_what_cannot_be_compared_is_refused(rivals, tmp_path):
+def test_runs_of_different_arms_are_not_compared(rivals, tmp_path):
     with pytest.raises(DefinitionError, match="at least one"):
         write_comparison({}, tmp_path)
     other = scenarios.load("example-4.2", {"simulation.t1": 0.1})
@@ -116,7 +116,7 @@ def test_what_cannot_be_compared_is_refused(rivals, tmp_path):
         write_comparison({"one": rivals["ftsmc"], "two": Rival(other, other.simulate(progress=False))}, tmp_path)
 
 
-def test_the_samples_of_a_scheme_without_an_envelope_are_counted_against_that_of_the_comparison(rivals):
+def test_a_scheme_without_an_envelope_is_counted_against_the_comparisons_envelope(rivals):
     """Twice: against the log of every sample, and for the scheme that promises the envelope against its own tally."""
     kept = scenarios.load("example-4.1", {"scheme.name": "gravity_pd", "simulation.t1": 1.0})
     narrow = scenarios.load("example-4.1", {"scheme.overshoot": 0.001, "simulation.t1": 1.0})
@@ -132,7 +132,7 @@ def test_the_samples_of_a_scheme_without_an_envelope_are_counted_against_that_of
     assert Rival.simulated(kept, kept, logged=False).outside is None
 
 
-def test_it_says_in_which_form_each_scheme_ran():
+def test_results_name_the_form_of_each_scheme():
     judge = scenarios.load("example-4.1-1khz", {"simulation.t1": 0.05})
     rival = scenarios.load(
         "example-4.1-1khz", {"simulation.t1": 0.05, "scheme.name": "nftsmc", "scheme.sampled_data": None}

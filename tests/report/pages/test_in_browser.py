@@ -96,7 +96,7 @@ def page(request, tmp_path_factory):
 
 @pytest.mark.parametrize("colours", ["light", "dark"])
 @pytest.mark.parametrize("window", [PHONE, DESK], ids=["phone", "desk"])
-def test_a_report_fits_the_window_and_is_read_by_everyone(chromium, page, window, colours, request):
+def test_a_report_fits_the_window_and_is_accessible(chromium, page, window, colours, request):
     context = chromium.new_context(viewport=window, color_scheme=colours, bypass_csp=True)
     shown = context.new_page()
     wrong = []
@@ -128,7 +128,7 @@ def test_a_report_fits_the_window_and_is_read_by_everyone(chromium, page, window
     context.close()
 
 
-def test_figures_are_drawn_on_white_where_all_else_is_dark(chromium, page):
+def test_figures_have_a_white_background_in_dark_mode(chromium, page):
     context = chromium.new_context(viewport=DESK, color_scheme="dark")
     shown = context.new_page()
     shown.goto(page.as_uri())

@@ -49,7 +49,7 @@ def report(tmp_path_factory):
     return page, page.read_text(encoding="utf-8")
 
 
-def test_the_report_of_a_run_stands_alone_with_its_figures(report):
+def test_the_report_of_a_run_is_self_contained_with_its_figures(report):
     page, text = report
     assert not re.findall(r"https?://", text) and not re.findall(r"\ssrc=|<link|<script", text)
     names = {"envelope-share", "tracking-error", "velocity-error", "torque", "tip-path"}
@@ -57,7 +57,7 @@ def test_the_report_of_a_run_stands_alone_with_its_figures(report):
     assert text.count("<figure") == 5
 
 
-def test_the_report_of_a_run_tells_what_came_of_it_and_how(report):
+def test_the_report_of_a_run_has_its_outcome_and_command(report):
     text = report[1]
     assert text.index("Inside the envelope. Closest: joint 2, ") < text.index("<figure") < text.index("<table")
     assert text.index("<table") < text.index("<details") and "A &lt;title&gt; &amp; more" in text
@@ -92,12 +92,12 @@ def test_a_run_without_a_log_has_a_report_without_figures(tmp_path):
         ("example-4.2-1khz", {"sensor.loss.outages": [{"start": 1.0, "samples": 5}], "scheme.sampled_data": None}),
     ],
 )
-def test_the_shown_parameters_make_the_same_scenario(name, changes):
+def test_the_parameters_in_a_report_make_the_same_scenario(name, changes):
     scenario = scenarios.load(name, changes)
     assert scenarios.parse(as_yaml(scenario.description)) == scenario.description
 
 
-def test_the_tip_follows_the_joints():
+def test_tip_path_is_the_forward_kinematics_of_the_joints():
     scenario = scenarios.load("example-4.1", {"simulation.t1": 0.5})
     run = scenario.simulate(progress=False)
     actual, desired = tip_paths(scenario.plant.robot, run)
@@ -105,7 +105,7 @@ def test_the_tip_follows_the_joints():
     assert actual[0] == pytest.approx(scenario.plant.robot.tip(scenario.state0.q))
 
 
-def test_what_the_file_leaves_out_is_shown_with_the_value_that_the_law_has():
+def test_defaults_that_the_file_omits_are_shown_with_the_laws_values():
     scenario = scenarios.load("example-4.1-1khz")
     assert "horizon" not in as_yaml(scenario.description)
     law = scenario.controller

@@ -30,7 +30,7 @@ def test_a_film_has_its_frames_evenly_from_the_first_sample_to_the_last(drawn):
     assert t[0] == drawn.run.log.t[0] and t[-1] == drawn.run.log.t[-1]
 
 
-def test_a_frame_has_the_arm_where_the_run_had_it(drawn):
+def test_a_frame_has_the_arms_pose_at_that_time(drawn):
     log, film = drawn.run.log, drawn.motion
     for frame in (0, 12, 30):
         sample = int(np.argmin(np.abs(log.t - film.t[frame])))
@@ -46,7 +46,7 @@ def test_a_frame_has_the_arm_where_the_run_had_it(drawn):
             np.testing.assert_allclose(tips[frame], tip, atol=1e-12)
 
 
-def test_a_time_has_the_frame_that_is_nearest(drawn):
+def test_a_time_selects_the_nearest_frame(drawn):
     film = drawn.motion
     assert [film.frame(t) for t in (-1.0, 0.0, 0.1, 0.108, 0.109, 9.0)] == [0, 0, 6, 6, 7, 30]
 
@@ -88,7 +88,7 @@ def test_the_arm_stands_upright_above_the_ground(drawn):
 
 
 @pytest.mark.parametrize("up", [[0, 0, 1], [0, 0, -1], [0, 1, 0], [0.6, 0, 0.8]])
-def test_up_is_turned_up_without_a_mirror(up):
+def test_up_direction_becomes_z_by_a_proper_rotation(up):
     turn = turn_up(np.array(up, dtype=float))
     np.testing.assert_allclose(turn @ up, [0, 0, 1], atol=1e-12)
     np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-12)
@@ -117,7 +117,7 @@ def test_the_camera_sees_the_whole_path_and_both_arms_when_they_are_side_by_side
 
 
 @pytest.mark.parametrize("size", [(9, 1, 1), (1, 9, 1), (1, 1, 9)])
-def test_the_camera_sees_what_is_wide_and_what_is_high(size):
+def test_the_camera_sees_wide_and_high_scenes(size):
     corners = np.array(list(product(*([0.0, float(side)] for side in size))))
     camera, target, diagonal = camera_for(corners, np.array([0.6, -0.64, 0.48]))
     assert_seen(camera, target, corners)
@@ -162,7 +162,7 @@ def test_solids_of_one_body_and_colour_are_one():
     assert (item.body, other.body) == (1, 2)
 
 
-def test_the_reference_is_a_little_thinner_so_that_it_hides_in_the_arm(drawn):
+def test_the_reference_arm_is_thinner_so_that_the_true_arm_hides_it(drawn):
     (drum,) = [solid for solid in drawn.solids if (solid.body, solid.colour) == (1, JOINT)]
     radius = np.linalg.norm(drum.vertices[:, :2], axis=1).max()
     thin = np.linalg.norm(drum.shrunk(0.01)[:, :2], axis=1).max()
@@ -175,7 +175,7 @@ def test_the_torque_is_limited_by_the_data_sheet_and_by_the_drive():
         np.testing.assert_array_equal(draw(run, arm, rate=9.0, most=9, plain=True).torque_limits, limits)
 
 
-def test_plain_shapes_of_a_urdf_are_a_contradiction(swing, tmp_path):
+def test_plain_shapes_and_a_urdf_together_are_refused(swing, tmp_path):
     plant, run = swing
     with pytest.raises(DefinitionError, match="`plain` draws plain shapes"):
         draw(run, plant, rate=60.0, most=1000, plain=True, urdf=tmp_path / "arm.urdf")

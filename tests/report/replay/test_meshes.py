@@ -97,7 +97,7 @@ def test_a_mesh_is_read_scaled_and_coloured_as_the_file_says(urdf):
 
 
 @pytest.mark.parametrize("text", [None, "solid no mesh"])
-def test_a_mesh_that_is_not_there_is_named_and_the_others_are_drawn(urdf, text):
+def test_a_missing_mesh_is_named_and_the_others_are_drawn(urdf, text):
     with_a_mesh(urdf, "lost.stl")
     if text is not None:
         (urdf.parent / "lost.stl").write_text(text)
@@ -106,7 +106,7 @@ def test_a_mesh_that_is_not_there_is_named_and_the_others_are_drawn(urdf, text):
     assert len(caught) == 1 and sorted(solid.body for solid in solids) == [0, 2]
 
 
-def test_where_no_mesh_is_there_the_arm_has_plain_shapes(urdf):
+def test_without_meshes_the_arm_has_plain_shapes(urdf):
     with_a_mesh(urdf, "lost.stl")
     urdf.write_text(re.sub("<visual><geometry>.*</visual>", "", urdf.read_text()))
     plant, run = crane_run(torque=20.0)
@@ -134,7 +134,7 @@ def test_links_are_where_pinocchio_has_them(name):
 
 
 @pytest.mark.skipif(not _folders(), reason="example-robot-data is not installed")
-def test_the_meshes_of_a_ready_robot_are_found_by_its_joints():
+def test_meshes_of_a_built_in_robot_are_found_by_its_joint_names():
     skeleton = skeleton_of(arms.xarm7())
     result = find_urdf(skeleton)
     assert result is not None and result.name == "xarm7.urdf"

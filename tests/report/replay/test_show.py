@@ -37,13 +37,13 @@ def test_the_page_is_served_on_a_free_port_until_it_is_stopped(swing):
         urllib.request.urlopen(view.url, timeout=10)
 
 
-def test_nothing_is_printed(swing, capsys):
+def test_a_replay_prints_nothing(swing, capsys):
     plant, run = swing
     replay.show(run, plant, open_browser=False).stop()
     assert capsys.readouterr().out == ""
 
 
-def test_a_time_puts_both_arms_where_they_are(view):
+def test_seek_moves_both_arms_to_their_poses(view):
     drawn = view._drawing
     view._show(0.25)
     frame = drawn.motion.frame(0.25)
@@ -94,7 +94,7 @@ def test_the_charts_have_the_error_in_its_envelope_and_a_line_at_the_time(view):
     assert len(torque.data) == 3 and torque.bands is None
 
 
-def test_time_passes_at_the_chosen_speed_and_begins_again():
+def test_replay_time_passes_at_the_chosen_speed_and_restarts():
     shown = []
     player = Player(1.0, 2.0, shown.append)
     player.advance(0.1)
@@ -112,7 +112,7 @@ def test_time_passes_at_the_chosen_speed_and_begins_again():
     assert shown[-1] == 2.0 == player.time
 
 
-def test_the_button_says_what_it_does_next(view):
+def test_play_button_is_labelled_with_its_next_action(view):
     view.play()
     assert view._button.label == "Pause"
     view.play(False)
@@ -121,7 +121,7 @@ def test_the_button_says_what_it_does_next(view):
     assert view.time == 0.1
 
 
-def test_without_its_packages_it_says_what_to_install(swing, monkeypatch):
+def test_missing_packages_of_a_replay_are_named(swing, monkeypatch):
     plant, run = swing
     find = importlib.util.find_spec
     monkeypatch.setattr("slidax.report.replay.drawing.find_spec", lambda name: None if name == "viser" else find(name))

@@ -13,7 +13,7 @@ SCARA = Scara(lengths=[0.3, 0.2], masses=[1.0, 1.0, 1.0])
 
 
 @pytest.mark.parametrize("robot", [arms.panda(), arms.ur5e(), TWO_LINK, SCARA], ids=lambda robot: type(robot).__name__)
-def test_the_tip_is_the_robots_own(robot):
+def test_the_tip_of_the_skeleton_is_the_robots_tip(robot):
     bones = skeleton_of(robot)
     postures = np.random.default_rng(0).uniform(-2, 2, (5, robot.joints))
     tips = bones.tips(bones.poses(postures))
@@ -21,7 +21,7 @@ def test_the_tip_is_the_robots_own(robot):
         np.testing.assert_allclose(tip, robot.tip(jnp.asarray(q)), atol=1e-12)
 
 
-def test_the_bodies_of_an_arm_are_its_own_frames():
+def test_the_bodies_of_a_skeleton_are_the_arms_frames():
     robot = arms.panda()
     postures = np.random.default_rng(1).uniform(-2, 2, (3, 7))
     poses = skeleton_of(robot).poses(postures)
@@ -41,13 +41,13 @@ def test_the_paper_arms_are_three_points_and_four():
     )
 
 
-def test_joints_that_meet_are_one_point():
+def test_coincident_joints_are_drawn_as_one_point():
     points = skeleton(arms.panda(), np.zeros(7))
     assert np.linalg.norm(np.diff(points, axis=0), axis=1).min() > 1e-3
     np.testing.assert_allclose(points[1], [0, 0, 0.333], atol=1e-12)
 
 
-def test_up_is_against_gravity():
+def test_up_direction_is_against_gravity():
     np.testing.assert_array_equal(skeleton_of(TWO_LINK).up, [0, 1, 0])
     np.testing.assert_allclose(skeleton_of(arms.panda()).up, [0, 0, 1])
     hanging = eqx.tree_at(lambda arm: arm.gravity_vector, arms.panda(), jnp.array([0.0, 9.81, 0.0]))
@@ -60,7 +60,7 @@ class Stranger(eqx.Module):
     """A robot of somebody else."""
 
 
-def test_a_robot_of_your_own_is_taught_by_registering_it():
+def test_a_registered_robot_class_can_be_drawn():
     with pytest.raises(DefinitionError, match=r"`Stranger` has no skeleton.*skeleton_of\.register"):
         skeleton_of(Stranger())
 
@@ -71,7 +71,7 @@ def test_a_robot_of_your_own_is_taught_by_registering_it():
     assert skeleton_of(Stranger()).joints == 2
 
 
-def test_the_reach_goes_along_the_arm():
+def test_the_reach_is_the_length_along_the_arm():
     robot = arms.panda()
     points = skeleton(robot, np.zeros(7))
     along = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()

@@ -61,7 +61,7 @@ def test_payload_is_the_box_with_its_mass_and_moments(ours):
     np.testing.assert_allclose(vertices.min(axis=0), CENTER - SIDES / 2, atol=1e-12)
 
 
-def test_our_own_load_is_with_the_tip_while_it_is_carried_and_is_not_seen_otherwise(ours):
+def test_built_in_payload_follows_the_tip_while_carried_and_is_hidden_otherwise(ours):
     picture = drawn(ours)
     t = picture.motion.t
     assert list(load_of(picture).visible) == list((t > ATTACHED) & (t < RELEASED))
@@ -100,7 +100,7 @@ def _every(way, step):
     return way.rotation[::step], way.position[::step]
 
 
-def test_a_box_stays_where_it_was_last_known(mujocos):
+def test_a_payload_stays_at_its_last_known_pose(mujocos):
     plant, run = mujocos
     for known in (0, 1, 20):
         place = np.array(run.load.position)
@@ -111,7 +111,7 @@ def test_a_box_stays_where_it_was_last_known(mujocos):
             np.testing.assert_array_equal(load.positions[-1], run.load.position[known - 1])
 
 
-def test_a_bare_robot_and_one_that_carries_nothing_have_no_box(ours):
+def test_a_robot_without_payload_has_no_box(ours):
     plant, run = ours
     empty = eqx.tree_at(lambda plant: plant.load.payload.mass, plant, jnp.array(0.0))
     for arm in (plant.robot, empty, Plant(plant.robot, plant.disturbance)):
@@ -143,7 +143,7 @@ def test_the_table_is_level_at_its_height_against_gravity(height, gravity, ours)
     assert (corners.min(axis=0) < tips.min(axis=0)).all() and (tips.max(axis=0) < corners.max(axis=0)).all()
 
 
-def test_the_ground_is_below_the_table_and_in_none_of_its_faces(ours):
+def test_the_ground_is_below_the_table_and_coincides_with_no_face(ours):
     picture = drawn(ours)
     # The boom is level, so that the base is on the ground.
     level = picture.skeleton.poses(np.tile([-0.4, 0.0], (16, 1)))
@@ -155,7 +155,7 @@ def test_the_ground_is_below_the_table_and_in_none_of_its_faces(ours):
         assert room.table[1, 2] == pytest.approx(room.height + height)
 
 
-def test_the_camera_sees_the_table_and_what_fell_on_it(mujocos):
+def test_the_camera_sees_the_table_and_the_payload_on_it(mujocos):
     picture = drawn(mujocos)
     box = picture.stage.points(load_of(picture).corners(load_of(picture).visible))
     assert_seen(picture.stage.camera, picture.stage.target, np.concatenate([box, picture.table.vertices]))
@@ -169,7 +169,7 @@ def test_payload_that_falls_forever_leaves_the_picture(mujocos):
     assert falling.stage.size < 1.2 * drawn(mujocos).stage.size
 
 
-def test_a_replay_puts_the_box_where_it_is_and_takes_it_out_of_sight(mujocos, ours):
+def test_a_replay_shows_the_payload_at_its_pose_and_hides_it(mujocos, ours):
     for plant, run in (mujocos, ours):
         with replay.show(run, plant, open_browser=False, plain=True) as view:
             load, node = load_of(view._drawing), view._scene.payload
@@ -183,7 +183,7 @@ def test_a_replay_puts_the_box_where_it_is_and_takes_it_out_of_sight(mujocos, ou
             assert (table is None) == (view._drawing.table is None)
 
 
-def test_a_page_shows_the_box_from_when_it_is_taken_up_until_it_is_let_go(ours, tmp_path):
+def test_a_page_shows_the_payload_from_pick_up_to_release(ours, tmp_path):
     plant, run = ours
     page = replay.record(run, plant, tmp_path / "crane.html", plain=True).read_text(encoding="utf-8")
     text = [
