@@ -367,9 +367,11 @@ class PageRun:
         """Show a value as a notebook shows the last line of a cell."""
         from matplotlib.figure import Figure
 
+        from slidax.report.figures.style import save
+
         if isinstance(value, Figure):
             name = f"{self.page.stem}-{outcome.index}.svg"
-            value.savefig(self.out / name)
+            save(value, self.out / name)
             outcome.figures.append(name)
         elif value is not None:
             print(repr(value))

@@ -217,13 +217,14 @@ mpl.use("agg")
 mpl.rcParams["svg.hashsalt"] = "gallery"
 import slidax as sx
 from pathlib import Path
+from slidax.report.figures.style import save
 out = Path(sys.argv[1])
 rows = []
 for name in sys.argv[2:]:
     scenario = sx.scenarios.load(name)
     run = scenario.simulate()
-    sx.figures.tracking_error(run).savefig(out / f"{name}-error.svg")
-    sx.figures.torque(run).savefig(out / f"{name}-torque.svg")
+    save(sx.figures.tracking_error(run), out / f"{name}-error.svg")
+    save(sx.figures.torque(run), out / f"{name}-torque.svg")
     numbers = {"outcome": run.outcome.message if not run.outcome.ok else "ok"}
     if run.outcome.ok:
         numbers["steady error, worst joint"] = f"{max(map(float, sx.metrics.steady_error(run))):.2g} rad or m"

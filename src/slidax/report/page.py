@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from slidax import __version__
 from slidax.core.writing import write_text
 
-from .figures.style import inline_svg, to_svg
+from .figures.style import dark_rules, inline_svg, to_svg
 
 POWER_OF_TEN = re.compile(r"(?<![\w.])(-?\d+(?:\.\d+)?)e([+-]?\d+)(?![\w.])")
 SUBSCRIPT = re.compile(r"(?<!\w)(\w)_(\w+)")
@@ -122,7 +122,7 @@ def render(template: str, values: dict[str, Any], packages: Sequence[str] = ()) 
     environment.filters["numbers"] = _numbers
     # A long name may break at an underscore.
     environment.filters["breakable"] = lambda name: name.replace("_", "_\u200b")
-    return environment.get_template(template).render(values)
+    return environment.get_template(template).render(values, dark_figures=Markup(dark_rules("figure svg")))
 
 
 def _number(value: float | None, digits: int = 3) -> Markup:

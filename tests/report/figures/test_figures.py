@@ -1,4 +1,5 @@
 import pickle
+import re
 import subprocess
 import sys
 
@@ -13,7 +14,7 @@ from slidax import scenarios
 from slidax.core.errors import DefinitionError
 from slidax.law import FixedTime
 from slidax.report import figures
-from slidax.report.figures.style import every_nth, thin_curve
+from slidax.report.figures.style import DARK, every_nth, thin_curve
 
 LIMIT = 150_000
 """No picture may have more bytes than this."""
@@ -162,6 +163,14 @@ def test_a_shortened_svg_path_draws_the_same_line(run):
     height = figure.get_figheight() * 72
     y = height - peak[1] * 72 / figure.dpi
     assert f" {y:.2f}" in text or f" {y:.1f} " in text
+
+
+def test_every_colour_of_a_figure_has_one_for_dark_pages(run):
+    for draw in (figures.torque, figures.tracking_error):
+        text = figures.to_svg(draw(run), "dark")
+        assert "prefers-color-scheme:dark" in text
+        drawing = text.partition("</style>")[2]
+        assert set(re.findall(r"(?:fill|stroke):(#[0-9a-f]{6})", drawing)) <= set(DARK)
 
 
 def test_an_inline_svg_refers_to_no_other_file(run):

@@ -128,12 +128,12 @@ def test_a_report_fits_the_window_and_is_accessible(chromium, page, window, colo
     context.close()
 
 
-def test_figures_have_a_white_background_in_dark_mode(chromium, page):
+def test_figures_have_light_lines_where_the_page_is_dark(chromium, page):
     context = chromium.new_context(viewport=DESK, color_scheme="dark")
     shown = context.new_page()
     shown.goto(page.as_uri())
-    grounds = shown.evaluate(
-        "[...document.querySelectorAll('figure .scroll')].map(one => getComputedStyle(one).backgroundColor)"
+    ink = shown.evaluate(
+        "[...document.querySelectorAll('figure svg [style*=\"fill:#1a1a1a\"]')].map(one => getComputedStyle(one).fill)"
     )
-    assert set(grounds) <= {"rgb(255, 255, 255)"}
+    assert ink and set(ink) == {"rgb(228, 232, 236)"}
     context.close()

@@ -55,6 +55,7 @@ def test_the_report_of_a_run_is_self_contained_with_its_figures(report):
     names = {"envelope-share", "tracking-error", "velocity-error", "torque", "tip-path"}
     assert {path.stem for path in (page.parent / "figures").glob("*.svg")} == names
     assert text.count("<figure") == 5
+    assert text.count('[style*="fill:#1a1a1a"]') == 1, "one style sheet for the figures of a page"
 
 
 def test_the_report_of_a_run_has_its_outcome_and_command(report):

@@ -344,8 +344,46 @@ METADATA = re.compile(r"\s*<metadata>.*?</metadata>", re.DOTALL)
 NAMESPACE = re.compile(r'\sxmlns(:\w+)?="[^"]*"')
 
 
+DARK = {
+    "#ffffff": "#15191e",
+    "#1a1a1a": "#e4e8ec",
+    "#000000": "#e4e8ec",
+    "#333333": "#cdd4db",
+    "#404040": "#aab4be",
+    "#4c4c4c": "#b8c2cc",
+    "#737373": "#9aa5b0",
+    "#6b7785": "#8b98a6",
+    "#bfbfbf": "#5a636d",
+    "#e6e6e6": "#2d343c",
+    "#e9eef4": "#1f2a36",
+    "#0072b2": "#4aa8e0",
+    "#d55e00": "#ff8a3d",
+    "#009e73": "#35c79a",
+    "#7b3294": "#c98ae6",
+    "#a33b20": "#ff8f73",
+    "#c00000": "#ff7070",
+}
+"""Colours on a dark page in place of those on a light one; the white ground becomes that of the page."""
+
+
+def dark_rules(scope: str = "svg") -> str:
+    """Style sheet that gives figures the colours of a dark page, where the reader's system is dark.
+
+    - `scope`: selector of the figures.
+    """
+    rules = [
+        f'{scope} [style*="{place}:{light}"]{{{place}:{"transparent" if light == "#ffffff" else dark}!important}}'
+        for light, dark in DARK.items()
+        for place in ("fill", "stroke")
+    ]
+    # Black text has no colour of its own in matplotlib's files.
+    return f"@media screen and (prefers-color-scheme:dark){{{scope}{{fill:{DARK['#000000']}}}{''.join(rules)}}}"
+
+
 def to_svg(figure: Figure, name: str) -> str:
     """A `figure` as an SVG document: text as paths, coordinates to a hundredth of a point, reproducible bytes.
+
+    It follows the reader's system, light or dark.
 
     - `name`: prefix of its ids, so that several figures fit into one page.
     """
@@ -354,12 +392,12 @@ def to_svg(figure: Figure, name: str) -> str:
         figure.savefig(buffer, format="svg")
     text = METADATA.sub("", buffer.getvalue())
     text = IDENTIFIER.sub(lambda match: f"{match[1]}{name}-", text)
-    return _compact(text)
+    return _compact(text).replace("</style>", f"{dark_rules()}</style>", 1)
 
 
 def inline_svg(svg: str) -> str:
-    """An SVG document from `to_svg` without its prolog and namespaces, for use inside a page."""
-    return NAMESPACE.sub("", PROLOG.sub("", svg)).strip()
+    """An SVG document from `to_svg` without prolog, namespaces and dark colours, which the page has for all figures."""
+    return NAMESPACE.sub("", PROLOG.sub("", svg)).replace(dark_rules(), "").strip()
 
 
 def save(figure: Figure, path: Path | str) -> Path:
