@@ -221,3 +221,14 @@ def test_a_file_of_leaders_and_followers_alone_needs_the_tip(tmp_path):
     text = arm().replace('<child link="upper"/>', '<child link="upper"/><mimic joint="j1"/>')
     with pytest.raises(DefinitionError, match=r"no joint of an arm: `j1`, `j2` follow or lead others.*`--tip LINK`"):
         new(tmp_path, text)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize(("rate", "horizon"), [(1000.0, 0.01875), (500.0, 0.025), (250.0, 0.036)])
+def test_a_payload_that_couples_the_wrist_gets_a_horizon_that_holds(tmp_path, rate, horizon):
+    drafted = draft("gen3", rate, payload=4.0)
+    (tmp_path / "arm.yaml").write_text(drafted.text)
+    scenario = scenarios.load(tmp_path / "arm.yaml")
+    assert scenario.description.scheme.sampled_data.horizon == horizon
+    assert analysis.envelope_violations(scenario.simulate()) == 0
+    assert any("the horizon is" in note for note in drafted.notes) == (horizon != max(0.025, 12 / rate))

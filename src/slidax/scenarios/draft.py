@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os.path import relpath
 from pathlib import Path
 from typing import Any
@@ -60,6 +60,7 @@ class Choices:
     - `block`: the description of the robot.
     - `rate`: Hz.
     - `payload`: mass at the tip that the law does not know, kg.
+    - `horizon`: of the law, s.
     - `notes`: assumptions.
     """
 
@@ -70,6 +71,7 @@ class Choices:
     home: Numbers
     motion: Motion
     payload: float
+    horizon: float
     notes: tuple[str, ...]
 
 
@@ -101,7 +103,7 @@ def draft_text(chosen: Choices) -> str:
             "surface": SURFACE,
             "reaching": REACHING,
             "sampled_data": {
-                "horizon": _number(max(HORIZON, PERIODS * period)),
+                "horizon": _number(chosen.horizon),
                 "estimator": {"kind": "kalman", "torque_density": _row((DRIFT * ratings.torque) ** 2)},
             },
         },
@@ -299,8 +301,44 @@ def draft(
     home = home_of(arm, ratings, share)
     motion = motion_about(arm, ratings, home, share)
     notes = (*notes, *ratings.notes)
-    chosen = Choices(arm, block, rate, ratings, home, motion, payload, notes)
-    return Draft(requirements_text(chosen) if requirements else draft_text(chosen), notes)
+    chosen = Choices(arm, block, rate, ratings, home, motion, payload, max(HORIZON, PERIODS / rate), notes)
+    if requirements:
+        return Draft(requirements_text(chosen), notes)
+    if payload:
+        chosen = _with_tried_horizon(chosen, Path(folder))
+    return Draft(draft_text(chosen), chosen.notes)
+
+
+FACTORS = (1.0, 0.75, 1.5, 0.5)
+"""Horizons that are tried with a payload, relative to the usual one."""
+
+ENOUGH = 0.1
+"""Margin of a run, of the envelope's width, at which no further horizon is tried."""
+
+
+def _with_tried_horizon(chosen: Choices, folder: Path) -> Choices:
+    """Return the choices with a horizon that holds the payload in a simulation; the best one if none does.
+
+    A payload that couples the joints of a light wrist narrows the range of horizons that hold.
+    """
+    margins: dict[float, float] = {}
+    for factor in FACTORS:
+        horizon = _number(factor * chosen.horizon)
+        scenario = parse(draft_text(replace(chosen, horizon=horizon)), folder=folder).build(chosen.arm.name)
+        margins[horizon] = float(np.min(scenario.simulate(log_every=None, progress=False).tally.margin))
+        if margins[horizon] >= ENOUGH:
+            break
+    best = max(margins, key=lambda horizon: margins[horizon])
+    if best == chosen.horizon and margins[best] > 0.0:
+        return chosen
+    tried = ", ".join(f"{1e3 * horizon:g}" for horizon in margins)
+    result = (
+        f"its run has a margin of {margins[best]:.0%} of the envelope's width"
+        if margins[best] > 0.0
+        else "its run leaves the envelope all the same: name a lighter payload, or widen the envelope"
+    )
+    note = f"the horizon is {1e3 * best:g} ms, the best of {tried} ms with this payload; {result}"
+    return replace(chosen, horizon=best, notes=(*chosen.notes, note))
 
 
 def new(
