@@ -353,15 +353,21 @@ DARK = {
     "#4c4c4c": "#b8c2cc",
     "#737373": "#9aa5b0",
     "#6b7785": "#8b98a6",
+    "#b2b2b2": "#6a737d",
     "#bfbfbf": "#5a636d",
     "#e6e6e6": "#2d343c",
     "#e9eef4": "#1f2a36",
+    "#c9d8e8": "#33465a",
     "#0072b2": "#4aa8e0",
     "#d55e00": "#ff8a3d",
     "#009e73": "#35c79a",
     "#7b3294": "#c98ae6",
     "#a33b20": "#ff8f73",
     "#c00000": "#ff7070",
+    "#a50f15": "#ff7b7b",
+    "#00594c": "#3fb8a2",
+    "#7a5230": "#c08a5a",
+    "#8c8c00": "#c2c23a",
 }
 """Colours on a dark page in place of those on a light one; the white ground becomes that of the page."""
 
@@ -376,8 +382,9 @@ def dark_rules(scope: str = "svg") -> str:
         for light, dark in DARK.items()
         for place in ("fill", "stroke")
     ]
-    # Black text has no colour of its own in matplotlib's files.
-    return f"@media screen and (prefers-color-scheme:dark){{{scope}{{fill:{DARK['#000000']}}}{''.join(rules)}}}"
+    # Black text has no colour of its own in matplotlib's files; a hatch has its ground in an attribute.
+    rules = [f"{scope}{{fill:{DARK['#000000']}}}", f"{scope} pattern rect{{fill:transparent}}", *rules]
+    return f"@media screen and (prefers-color-scheme:dark){{{''.join(rules)}}}"
 
 
 def to_svg(figure: Figure, name: str) -> str:
