@@ -32,9 +32,10 @@ def frame_of(folder: Any, **changes: Any) -> Any:
 
 def test_a_required_bound_makes_a_law_that_tracking_bound_covers(tmp_path):
     frame = frame_of(tmp_path)
-    law = frame.described(DesignPoint(0.028, 1.0, 1.0, np.full(7, 0.0125), 0.3)).build("law")
+    described = frame.described(DesignPoint(0.028, 1.0, 1.0, np.full(7, 0.0125), 0.3))
+    law = described.build("law")
     assert frame.along and law.controller.adaptation is None and law.controller.midpoint
-    verdict = tracking_verdict(law)
+    verdict = tracking_verdict(described)
     assert verdict.holds is True
     (envelope,) = (line for line in verdict.assumptions if "inside the envelope" in line.text)
     assert envelope.status == "proved"
@@ -43,8 +44,8 @@ def test_a_required_bound_makes_a_law_that_tracking_bound_covers(tmp_path):
 def test_of_a_grid_the_law_with_the_smallest_error_that_holds_is_taken(tmp_path, monkeypatch):
     tried = []
 
-    def verdict_of(scenario: Any) -> Verdict:
-        block = scenario.description.scheme.sampled_data
+    def verdict_of(described: Any) -> Verdict:
+        block = described.scheme.sampled_data
         tried.append((block.horizon, block.estimator.acceleration_density))
         holds = block.horizon <= 0.02 and block.estimator.acceleration_density == 1.0
         return Verdict("tracking_bound", "", holds, None, {"error": np.full(7, block.horizon)}, (), "")
@@ -57,9 +58,9 @@ def test_of_a_grid_the_law_with_the_smallest_error_that_holds_is_taken(tmp_path,
 
 
 def test_a_refusal_names_each_change_of_the_requirements_with_which_the_bound_holds(tmp_path, monkeypatch):
-    def verdict_of(scenario: Any) -> Verdict:
-        fine = scenario.description.sensor.resolution <= 1e-7
-        slow = scenario.description.trajectory.times[-1] >= 2.2
+    def verdict_of(described: Any) -> Verdict:
+        fine = described.sensor.resolution <= 1e-7
+        slow = described.trajectory.times[-1] >= 2.2
         return Verdict("tracking_bound", "", fine or slow, None, {}, (), "")
 
     monkeypatch.setattr(refusal, "tracking_verdict", verdict_of)
@@ -71,6 +72,26 @@ def test_a_refusal_names_each_change_of_the_requirements_with_which_the_bound_ho
         {"requirements.proof": "tested"},
     ]
     assert "`tracking_bound` gives none: The bound grows." in answer.reason
+
+
+def test_a_refusal_tells_a_law_without_a_payload_of_the_middle_of_its_set(tmp_path, monkeypatch):
+    load = {"mass": 1.0, "center": [0.0, 0.0, 0.1]}
+    data = yaml.safe_load(FILE.read_text(encoding="utf-8"))
+    data["robot"] = {"kind": "panda", "plant": {"load": load}}
+    data["uncertainty"] = {"robot.plant.load.mass": {"between": [0.8, 1.0]}}
+    path = tmp_path / "load.yaml"
+    path.write_text(yaml.safe_dump(data), encoding="utf-8")
+
+    def verdict_of(described: Any) -> Verdict:
+        known = described.robot.nominal.load
+        return Verdict("tracking_bound", "", known is not None and known.mass == 0.9, None, {}, (), "")
+
+    monkeypatch.setattr(refusal, "tracking_verdict", verdict_of)
+    problem = read_problem(path)
+    law, grows = replace(LAW, final=np.full(7, 1e-3)), Verdict("tracking_bound", "", False, None, {}, (), "It grows.")
+    told, tested = refusal.proof_refusal(problem, _begin(problem)[0], law, grows).would_do
+    assert told.changes == {"robot.nominal.load": {**load, "mass": 0.9}} and "told of 0.9 kg" in told.words
+    assert tested.changes == {"requirements.proof": "tested"}
 
 
 @pytest.mark.full

@@ -113,7 +113,7 @@ def certified(monkeypatch):
             return Verdict("tracking_bound", "", bool(law.final[0] >= radius), None, {}, (), "")
 
         monkeypatch.setattr(design, "tracking_verdict", verdict_of)
-        frame = SimpleNamespace(initial=np.array([8.0]), described=lambda law: SimpleNamespace(build=lambda _: law))
+        frame = SimpleNamespace(initial=np.array([8.0]), described=lambda law: law)
         law, verdict = design._certified(frame, DesignPoint(0.01, 1.0, 1.0, np.array([0.5]), 1.0), best)
         return float(law.final[0]), bool(verdict.holds)
 

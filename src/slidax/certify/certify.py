@@ -96,7 +96,6 @@ def certify(
     *,
     runs: int = RUNS,
     seed: int = 0,
-    without: Sequence[str] = (),
     known: Sequence[Verdict] = (),
     begin: Callable[[str, int], None] = lambda name, total: None,
 ) -> Certificates:
@@ -104,7 +103,6 @@ def certify(
 
     - `runs`: number of runs of the statistical certificate; 0 leaves it out.
     - `seed`: seed of these runs.
-    - `without`: names of certificates to leave out.
     - `known`: verdicts of this scenario that were computed before; they are returned unchanged.
     - `begin`: called before each certificate with its name and the number of certificates.
 
@@ -120,7 +118,7 @@ def certify(
     # An empty set, or a path that does not exist, is an error of the scenario, not a failing verdict.
     family_of(scenario)
     judges: list[tuple[str, Callable[[Scenario], Verdict]]]
-    judges = [(certificate.name, certificate) for certificate in CERTIFICATES if certificate.name not in without]
+    judges = [(certificate.name, certificate) for certificate in CERTIFICATES]
     if runs:
         judges.append((statistical.__name__, lambda scenario: statistical(scenario, runs, seed)))
     verdicts = {verdict.name: verdict for verdict in known}

@@ -187,7 +187,7 @@ def law_with_bound(frame: DesignSpace, first: DesignPoint) -> tuple[DesignPoint,
     laws: list[tuple[DesignPoint, Verdict]] = []
     for horizon, drift in product(frame.horizons, DRIFTS):
         law = replace(first, horizon=horizon, drift=drift, final=LARGEST * frame.initial)
-        verdict = tracking_verdict(frame.described(law).build("design"))
+        verdict = tracking_verdict(frame.described(law))
         failing = 0 if verdict.holds else 1 + sum(line.status == "fails" for line in verdict.assumptions)
         error = float(np.max(verdict.bound["error"])) if verdict.holds else -horizon
         results.append((failing, error, len(results)))
@@ -297,7 +297,7 @@ def _certified(frame: DesignSpace, choice: DesignPoint, best: bool) -> tuple[Des
     """A law and its verdict of `tracking_bound`; with `best`, with the smallest final radius for which this holds."""
 
     def verdict_of(law: DesignPoint) -> Verdict:
-        return tracking_verdict(frame.described(law).build("design"))
+        return tracking_verdict(frame.described(law))
 
     wider = certified_radii(choice, verdict_of, LARGEST * frame.initial) if best else None
     return wider or (choice, verdict_of(choice))

@@ -15,7 +15,7 @@ from slidax.certify.arm.torque_budget import motion_torques, torque_limits
 from slidax.certify.certificate import Assumption, Verdict
 from slidax.certify.motion.admission import tracking_bound
 from slidax.core.errors import DefinitionError
-from slidax.scenarios.scenario import Scenario
+from slidax.scenarios.scenario import Scenario, ScenarioDescription
 from slidax.studies.cases import Cases, Values
 
 from .candidates import DesignPoint, Floats
@@ -53,13 +53,13 @@ def drive_demand(scenario: Scenario) -> DriveDemand:
     return DriveDemand(demand, torque, limit, float(enough["u"]), float(enough["needed"]))
 
 
-def tracking_verdict(scenario: Scenario) -> Verdict:
+def tracking_verdict(description: ScenarioDescription) -> Verdict:
     """The certificate `tracking_bound` along the scenario's motion; failing where it cannot be computed.
 
-    - `scenario`: with its law.
+    - `description`: with its law.
     """
     try:
-        return tracking_bound(scenario)
+        return tracking_bound(description.build("design"))
     except DefinitionError as error:
         lines = (Assumption(str(error), "fails"),)
         return Verdict(tracking_bound.name, tracking_bound.title, False, None, {}, lines, f"Not certified: {error}.")

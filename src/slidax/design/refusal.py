@@ -168,11 +168,11 @@ def proof_refusal(problem: DesignProblem, frame: DesignSpace, choice: DesignPoin
         except DefinitionError:
             return False
         law = replace(choice, final=largest) if best else choice
-        return tracking_verdict(changed.described(law).build("design")).holds is True
+        return tracking_verdict(changed.described(law)).holds is True
 
     would: list[Remedy] = []
     if not best:
-        wider = certified_radii(choice, lambda law: tracking_verdict(frame.described(law).build("design")), largest)
+        wider = certified_radii(choice, lambda law: tracking_verdict(frame.described(law)), largest)
         if wider is not None:
             radius = round_for_file(wider[0].final)
             would.append(Remedy(f"an accuracy of {max(radius):.3g}", {"requirements.accuracy": radius}))

@@ -62,11 +62,12 @@ def test_simulated_arms_of_the_set_stay_within_the_bound():
 @pytest.mark.parametrize(
     ("changes", "named"),
     [
+        ({"start.q": [0.2, 2.1]}, "starts up to 0.1 rad from its motion in `joint 2`"),
         ({"robot.nominal": {"lengths": [1.01, 0.8]}}, "`robot.nominal.lengths`"),
         ({"uncertainty": {"robot.plant.lengths": {"around": "1 %", "each": "entry"}}}, "`robot.plant.lengths`"),
         ({"uncertainty": {"robot.plant.gravity_acceleration": {"between": [9.7, 9.9]}}}, "gravity_acceleration"),
     ],
-    ids=["other lengths", "uncertain lengths", "uncertain gravity"],
+    ids=["a start far away", "other lengths", "uncertain lengths", "uncertain gravity"],
 )
 def test_what_the_bound_does_not_cover_is_refused_by_name(changes, named):
     verdict = tracking_bound(sx.scenarios.load("example-4.1-1khz", {**NEAR, **changes}))

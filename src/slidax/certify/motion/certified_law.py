@@ -25,7 +25,7 @@ from .hand_over import HandOver
 from .joint_loop import JointLoop
 from .parameter_region import BodyBand, ParameterRegion, ball_region, joined_regions
 from .parameter_sets import numbers_regions, rigid_links
-from .tracking_bound import ArmUncertainty
+from .tracking_bound import WIDEST, ArmUncertainty
 
 Floats = NDArray[np.float64]
 
@@ -84,6 +84,13 @@ class CertifiedLaw:
         resolution, premises = _encoders(plants[0].sensor, law)
         torque, rate = _drives(plants, law)
         start_error, start_speed = _start(scenario, [state for _, _, state in ends])
+        far = int(np.argmax(start_error))
+        if start_error[far] > WIDEST:
+            raise DefinitionError(
+                f"the arm starts up to {start_error[far]:.3g} {arm.joint_units[far]} from its motion in "
+                f"`{arm.joint_names[far]}`, and a bound needs a start within {WIDEST:g}: set `start.q` nearer to the "
+                "motion, or test the scenario in runs (`statistical`)"
+            )
         speed = np.asarray(scenario.trajectory.reference(jnp.zeros(())).dq, float)
         if np.any(start_speed > ROUNDING):
             raise DefinitionError(
