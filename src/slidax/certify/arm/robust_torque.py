@@ -61,8 +61,8 @@ def robust_torque(scenario: Scenario, demand: Demand | None = None) -> Verdict:
     at_reference = Assumption("u and the required torque are taken at the reference", "assumed")
     words = "covers" if holds else "does not cover"
     statement = (
-        f"u = {available:.4g} N m {words} the {needed:.4g} N m that the model lacks at t = {motion.t[k]:.3g} s: "
-        "u >= ‖M0 w*‖ (44), (45)"
+        f"The robust torque ({available:.4g} N m) {words} the model error ({needed:.4g} N m) at t = {motion.t[k]:.3g} "
+        "s (44), (45)."
     )
     return Verdict(
         *ROBUST_TORQUE,
@@ -98,7 +98,7 @@ def _bound_values(bound: AbstractBound, q: Any, dq: Any, tau: Any) -> Any:
     return jax.vmap(lambda q, dq, tau: bound(State(q=q, dq=dq), tau))(q, dq, tau)
 
 
-UNCERTAINTY_BOUND = "uncertainty_bound", "b0, b1, b2 cover the set"
+UNCERTAINTY_BOUND = "uncertainty_bound", "the uncertainty bound covers the set"
 
 MEMBERS, STATES = 32, 128
 """Number of random members, and of random states of each."""
@@ -159,11 +159,11 @@ def uncertainty_bound(scenario: Scenario, family: Family | None = None) -> Verdi
     )
     smallest_text = (
         f"b0 = {enough[0]:.4g} N m, b1 = {enough[1]:.4g} N m/rad, b2 = {enough[2]:.4g} N m s²/rad² with "
-        f"γ = {gamma:.3g} cover {(HELD_OUT + 1) * count} samples of (18)"
+        f"γ = {gamma:.3g} cover {(HELD_OUT + 1) * count} samples of (18)."
     )
     if isinstance(scenario.controller, SampledData):
         statement = (
-            "in sampled-data form u need only cover the torque that the model lacks on the motion (`robust_torque`); "
+            "In sampled-data form the robust torque need only cover the model error on the motion (`robust_torque`). "
             f"{smallest_text}"
         )
         return Verdict(*UNCERTAINTY_BOUND, None, None, numbers, (Assumption(text, "tested"),), statement)
@@ -171,7 +171,7 @@ def uncertainty_bound(scenario: Scenario, family: Family | None = None) -> Verdi
     holds = share <= 1.0
     finite = np.isfinite(share)
     part = f"{share:.0%} of them are needed" if finite else "they are zero where a bound is needed"
-    statement = f"the law's b0, b1, b2 are {'enough' if holds else 'too small'} (19), {part}; {smallest_text}"
+    statement = f"The law's b0, b1, b2 are {'enough' if holds else 'too small'} (19): {part}. {smallest_text}"
     return Verdict(
         *UNCERTAINTY_BOUND,
         holds,
