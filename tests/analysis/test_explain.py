@@ -1,5 +1,6 @@
 """The named cause of a failure is the seeded one, and the log estimates agree with the arm."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,7 +12,7 @@ import pytest
 from slidax.analysis import RunRecord, explain, forecast
 from slidax.analysis.log_estimate import believed_inertia, encoder_resolution, estimate_from_log
 from slidax.analysis.loop_causes import InertiaCause
-from slidax.analysis.torque_causes import ContactCause, _cover_remedies
+from slidax.analysis.torque_causes import ContactCause, PayloadEstimate, _cover_remedies, _payload_remedies
 from slidax.arms import panda
 from slidax.core.errors import DefinitionError
 from slidax.law.joint_loop import LinearLoop
@@ -101,6 +102,24 @@ def test_a_learnt_inertia_is_not_named_as_a_cause():
     assert estimate.nominal[6] < 0.1 * estimate.inertia[6]
     assert believed_inertia(record, estimate)[6] == pytest.approx(estimate.inertia[6], rel=0.2)
     assert InertiaCause().finding(record) is None
+
+
+@pytest.mark.filterwarnings("ignore:scheme.bound")
+def test_the_limit_u_counts_with_the_learnt_inertia():
+    scenario = load(PANDA, {"scheme.bound.margin": 1.77, "simulation.t1": 1.5})
+    record = RunRecord.of(scenario, scenario.simulate(log_every=1))
+    assert np.linalg.norm(record.lumped, axis=1).max() == pytest.approx(1.77, rel=1e-3)
+
+
+def test_a_payload_that_the_drives_can_carry_is_described_to_the_law_and_not_reduced():
+    estimate = PayloadEstimate(mass=1.4, spread=0.01, explained=0.9, most=7.1, height=0.1)
+    (remedy,) = _payload_remedies(SimpleNamespace(scenario=load(PANDA)), estimate)
+    assert remedy.changes == {
+        "robot.nominal.load": {"mass": 1.4, "center": [0.0, 0.0, 0.1]},
+        "robot.plant.load.mass": pytest.approx(0.6),
+    }
+    heavy = _payload_remedies(SimpleNamespace(scenario=load(PANDA)), replace(estimate, mass=9.0))
+    assert all(remedy.changes.keys() == {"robot.plant.load.mass"} for remedy in heavy)
 
 
 @pytest.mark.full

@@ -29,7 +29,7 @@ def test_json_and_page_agree_and_exit_code_is_4_if_a_certificate_fails(tmp_path,
     assert (result["admissibility"]["holds"], result["settling_time"]["holds"]) == (True, False)
     assert result["ultimate_bound"]["holds"] and len(result["ultimate_bound"]["bound"]["error"]) == 3
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert result["ultimate_bound"]["name"] in page.replace("_\u200b", "_") and "These certificates do not hold" in page
+    assert result["ultimate_bound"]["name"] in page.replace("_\u200b", "_") and "Not certified" in page
     assert (tmp_path / "figures" / "bounded-error.svg").exists()
 
 

@@ -12,6 +12,7 @@ LIGHT = [
 def test_a_saved_run_is_explained_and_its_remedy_is_a_valid_command(tmp_path):
     ran = in_process("run", "panda-payload", *LIGHT, "--out", str(tmp_path), code=3)
     assert "Most likely: joint 7" in ran.stderr and "tried, the run holds" in ran.stderr
+    assert "Most likely: joint 7" in (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "its loop is stable for" in ran.stderr.partition("left its envelope")[0]
     answer = in_process("explain", str(tmp_path), "--json", code=0)
     first = json.loads(answer.stdout)["causes"][0]

@@ -20,6 +20,7 @@ from slidax.codegen.ir import NoNativeCodeError
 from slidax.codegen.trace.tracing import trace
 from slidax.core.errors import DefinitionError
 from slidax.core.types import Envelope, Scalar, State
+from slidax.law.adaptation import with_rotors
 from slidax.law.joint_loop import LinearLoop
 from slidax.law.sampled.controller import SampledData
 from slidax.plant.sensors import AbstractSensor
@@ -333,8 +334,13 @@ class RunRecord:
 
     @cached_property
     def lumped(self) -> np.ndarray:
-        """`M0 w`, the law's compensation of the lumped disturbance w [N n]."""
-        return np.einsum("kij,kj->ki", self.mass_and_bias[0], self.signals["disturbance"])
+        """`M0 w`, the law's compensation of the lumped disturbance w, by its nominal or learned inertia [N n]."""
+        mass = self.mass_and_bias[0]
+        if self.law.adaptation is not None:
+            mass = np.asarray(
+                jax.vmap(with_rotors, (0, 0, None))(mass, self.signals["rotor"], self.law.adaptation.counted)
+            )
+        return np.einsum("kij,kj->ki", mass, self.signals["disturbance"])
 
     @cached_property
     def loops(self) -> tuple[LinearLoop | None, ...]:

@@ -170,6 +170,9 @@ AROUND = (0.2, 2.0)
 LEAST = 0.2
 """Smallest payload to report [kg]."""
 
+HALF = 0.5
+"""Share of the largest payload from which on a payload is likely too heavy, although the drives can carry it."""
+
 
 @dataclass(frozen=True)
 class PayloadEstimate:
@@ -179,12 +182,14 @@ class PayloadEstimate:
     - `spread`: standard error of the mass [kg].
     - `explained`: share of the unexplained torque that it explains, beyond friction and a scale of the arm's mass.
     - `most`: largest mass with which the drives can follow the motion [kg].
+    - `height`: position of its centre on the tip's axis [m].
     """
 
     mass: float
     spread: float
     explained: float
     most: float
+    height: float
 
 
 class PayloadCause(AbstractCause):
@@ -204,10 +209,14 @@ class PayloadCause(AbstractCause):
         unit = record.torque_unit(joint)
         evidence = (
             f"the tip carries about {estimate.mass:.2g} kg more than in the law's model "
-            f"(± {2.0 * estimate.spread:.1g} kg); the torque limits allow {max(estimate.most, 0.0):.2g} kg for this "
-            f"motion, and {record.named(joint)} is at its limit of {record.torque_limits[joint]:.4g} {unit} in "
-            f"{share[joint]:.0%} of the samples just before and after"
+            f"(± {2.0 * estimate.spread:.1g} kg)"
         )
+        if estimate.most < estimate.mass:
+            evidence += (
+                f"; the torque limits allow {max(estimate.most, 0.0):.2g} kg for this motion, and "
+                f"{record.named(joint)} is at its limit of {record.torque_limits[joint]:.4g} {unit} in "
+                f"{share[joint]:.0%} of the samples just before and after"
+            )
         return Finding(
             name=self.name,
             joint=joint,
@@ -223,10 +232,10 @@ class PayloadCause(AbstractCause):
         )
 
     def _weight(self, record: RunRecord, estimate: PayloadEstimate) -> float:
-        """High if the payload exceeds the torque limits, unless these were lowered; otherwise u can cover it."""
-        if estimate.most >= estimate.mass:
-            return 0.62
-        return 0.93 if np.all(record.torque_limits >= data_sheet_limit(record, "torque")) else 0.7
+        """High near the torque limits and above, unless these were lowered: otherwise u may be at fault."""
+        if np.any(record.torque_limits < data_sheet_limit(record, "torque")):
+            return 0.7 if estimate.most < estimate.mass else 0.62
+        return 0.62 + 0.62 * float(np.clip(estimate.mass / max(estimate.most, LEAST) - HALF, 0.0, HALF))
 
 
 def estimate_payload(record: RunRecord, nominal: Articulated) -> PayloadEstimate:
@@ -274,7 +283,8 @@ def _fit_payload(record: RunRecord, nominal: Articulated, part: slice) -> Payloa
     with np.errstate(divide="ignore", invalid="ignore"):
         bounds = (spare - np.sign(per_kg) * needed) / np.abs(per_kg)
     most = float(np.nanmin(np.where(np.abs(per_kg) > 1e-9, bounds, np.inf)))
-    return PayloadEstimate(mass, spread, 1.0 - rest / more if more > 0 else 0.0, most)
+    explained = 1.0 - rest / more if more > 0 else 0.0
+    return PayloadEstimate(mass, spread, explained, most, OFFSETS[1] * position)
 
 
 def _with_mass(nominal: Articulated, offset: float) -> Articulated:
@@ -289,13 +299,23 @@ def _torque(robot: Articulated, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) 
 
 
 def _payload_remedies(record: RunRecord, estimate: PayloadEstimate) -> list[Remedy]:
-    plant: Any = getattr(record.scenario.description.robot, "plant", None)
-    path = "robot.plant.load.mass"
-    loaded = getattr(plant, "load", None) is not None
+    robot: Any = record.scenario.description.robot
+    nominal, load = (getattr(getattr(robot, name, None), "load", None) for name in ("nominal", "plant"))
     remedies = []
-    for part in (0.8, 0.65, 0.5, 0.35):
-        least = float(f"{part * min(estimate.mass, max(estimate.most, 0.0) / 0.8):.2g}")
-        remedies.append(Remedy(f"carry at most {least:g} kg", {path: least} if loaded else {}))
+    if estimate.mass <= estimate.most:
+        mass, height = (float(f"{value:.2g}") for value in (estimate.mass, estimate.height))
+        changes: dict[str, Any] = {}
+        if load is not None and nominal is None:
+            # The true arm carries both loads.
+            rest = round(load.mass - mass, 3)
+            changes = {"robot.plant.load.mass": rest} if rest > 0 else {"robot.plant.load": None}
+            changes["robot.nominal.load"] = {"mass": mass, "center": [0.0, 0.0, height]}
+        remedies.append(Remedy("describe the payload to the law", changes))
+    if estimate.mass > HALF * estimate.most:
+        for part in (0.8, 0.65, 0.5, 0.35):
+            least = float(f"{part * min(estimate.mass, max(estimate.most, 0.0) / 0.8):.2g}")
+            changes = {} if load is None else {"robot.plant.load.mass": least}
+            remedies.append(Remedy(f"carry at most {least:g} kg", changes))
     return remedies
 
 

@@ -77,6 +77,21 @@ class Certificates:
         """Names of the certificates that do not hold."""
         return [verdict.name for verdict in self.verdicts if verdict.holds is False]
 
+    @property
+    def summary(self) -> str:
+        """The verdict in a sentence: which certificates fail, or from when on all hold and the weakest grade."""
+        if self.failing:
+            return f"Not certified: {', '.join(self.failing)}."
+        grades = [verdict.grade for verdict in self.verdicts if verdict.grade]
+        weakest = f" Weakest grade: {max(grades)}." if grades else ""
+        since = "" if self.since is None else f", from {self.since:.3g} s on"
+        return f"Every guarantee that applies holds{since}.{weakest}"
+
+    @property
+    def since(self) -> float | None:
+        """Time from which on all certificates hold [s]; None if they hold from the start."""
+        return max((verdict.since for verdict in self.verdicts if verdict.since is not None), default=None)
+
     def __getitem__(self, name: str) -> Verdict:
         for verdict in self.verdicts:
             if verdict.name == name:

@@ -6,6 +6,7 @@ import math
 import os
 import time
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -92,8 +93,8 @@ def run(
         if folder is not None:
             files.write_log(finished, folder / "log.parquet")
             write_scenario(parts.description, folder / "scenario.yaml")
-            command = command_line()
-            write_run_report(parts, finished, folder, also=INDICES, command=command)
+            report = partial(write_run_report, parts, finished, folder, also=INDICES, command=command_line())
+            report()
         if log is not None:
             _write_log(parts, finished, log)
         if json:
@@ -108,7 +109,9 @@ def run(
         if not finished.outcome.ok:
             if json:
                 typer.echo(finished.outcome.message, err=True)
-            _print_cause(parts)
+            cause = _print_cause(parts)
+            if folder is not None:
+                report(cause=cause)
         if recording is not None or view:
             _replay(parts, finished, view, recording)
         if not finished.outcome.ok:
@@ -167,13 +170,14 @@ def _warn_of_rejections(finished: Run) -> None:
     )
 
 
-def _print_cause(parts: Scenario) -> None:
-    """Print the likeliest cause."""
+def _print_cause(parts: Scenario) -> str:
+    """Print the likeliest cause, or a general remedy if none shows; return the line."""
     from slidax.analysis.explain import likeliest_cause
 
     cause = likeliest_cause(parts, seconds=SECONDS)
-    if cause:
-        typer.echo(f"Most likely: {cause}", err=True)
+    line = f"Most likely: {cause}" if cause else "Allow more torque, or shorten the period."
+    typer.echo(line, err=True)
+    return line
 
 
 def _require_views(view: bool, recording: Path | None) -> None:

@@ -245,13 +245,8 @@ def _indented(text: str, spaces: int, console: Console) -> str:
 def certificates_verdict(certificates: Certificates) -> Text:
     """The verdict on all `certificates` in a sentence."""
     if certificates.failing:
-        return Text(f"✗ Not certified: {', '.join(certificates.failing)}.", style="bold red")
-    grades = [verdict.grade for verdict in certificates if verdict.grade]
-    late = [verdict.since for verdict in certificates if verdict.since is not None]
-    since = f", from {max(late):.3g} s on" if late else ""
-    weakest = f" Weakest grade: {max(grades)}." if grades else ""
-    style = "bold yellow" if late else "bold green"
-    return Text(f"✓ Every guarantee that applies holds{since}.{weakest}", style=style)
+        return Text(f"✗ {certificates.summary}", style="bold red")
+    return Text(f"✓ {certificates.summary}", style="bold green" if certificates.since is None else "bold yellow")
 
 
 def print_admissions(

@@ -43,13 +43,20 @@ def tip_paths(robot: AbstractRobot, run: Run) -> tuple[np.ndarray, np.ndarray]:
 
 
 def write_run_report(
-    scenario: Scenario, run: Run, out: str | Path, *, also: Sequence[Metric[Any]] = (), command: str = ""
+    scenario: Scenario,
+    run: Run,
+    out: str | Path,
+    *,
+    also: Sequence[Metric[Any]] = (),
+    command: str = "",
+    cause: str = "",
 ) -> Path:
     """Write `report.html` and `figures/*.svg` to the folder `out`, and return the page's path.
 
     - `scenario`, `run`: a scenario with its run; without a log the page has no figures.
     - `also`: further metrics, such as those of a paper; listed for scenarios from their source.
     - `command`: command line, for the page.
+    - `cause`: a sentence on the likeliest cause of a failure.
     """
     metrics = [m for m in (*metrics_of(run), *also) if m.per_joint and m.source in scenario.description.source]
     overview, pictures = _run_pictures(scenario, run, Path(out, "figures"))
@@ -59,6 +66,7 @@ def write_run_report(
         scenario=scenario,
         run=run,
         verdict=run_verdict(scenario, run),
+        cause=cause,
         joints=short_names(run.joint_names),
         columns=_joint_columns(scenario, run),
         rows=[(metric, _unit_of(metric.units(run)), metric.shown(run)) for metric in metrics],
@@ -187,16 +195,17 @@ def write_certificate_report(
 
 def _certificate_pictures(scenario: Scenario, certificates: Certificates, folder: Path) -> list[Picture]:
     t = np.linspace(0.0, scenario.t1, 801)
-    envelope = envelope_bounds(scenario, t) or _tolerance_bounds(scenario, t)
-    if envelope is None:
+    envelope, bounds = (
+        envelope_bounds(scenario, t) or _tolerance_bounds(scenario, t),
+        _bounds(certificates, scenario.t1),
+    )
+    if envelope is None or not bounds:
         return []
     plant = scenario.plant
     robot = getattr(plant, "own", plant).robot
     radii = np.sort(np.abs(np.stack(envelope)), axis=0)
-    bounds = _bounds(certificates, scenario.t1)
     name = "envelope" if has_envelope(scenario) else "tolerance band"
-    caption = f"The two sides of the {name} by their distance from zero"
-    caption += ", and the bounds of |e| with their grades." if bounds else "; there is no bound of the error."
+    caption = f"The two sides of the {name} by their distance from zero, and the bounds of |e| with their grades."
     figure = figures.bounded_error(t, radii, bounds, short_names(robot.joint_names), robot.joint_units)
     return [picture(figure, folder, "bounded-error", "Bound of the error", caption)]
 

@@ -211,7 +211,7 @@ def _describe_excursion(
     outside = "1 sample was outside" if violations == 1 else f"{violations} samples were outside"
     extent = f"{outside}, by at most {beyond:.3g} {units[worst]} ({joint_label(names[worst])})"
     if bool(excursion.outside):
-        message = f"{first} and is outside at the end: {extent}. Allow more torque, or shorten the period."
+        message = f"{first} and is outside at the end: {extent}."
         return Outcome("left_envelope", message, t, joint + 1, error, bound, beyond=beyond)
     message = f"{first}, and was back for good at t = {back:.4g} s: {extent}."
     return Outcome("recovered", message, t, joint + 1, error, bound, back, beyond)

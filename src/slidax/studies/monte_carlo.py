@@ -178,7 +178,7 @@ class MonteCarloResult(AbstractTableResult):
             Section(
                 "Rates",
                 f"{interval}, at {100 * self.study.confidence:g} % confidence.",
-                ("Asked", "runs", "failed", "holds at least", "holds at most"),
+                ("Requirement", "runs", "failed", "holds at least", "holds at most"),
                 rates,
             )
         ]

@@ -83,6 +83,7 @@ def inertia_ratio(scenario: Scenario, demand: Demand) -> Verdict:
         says += "; learning brings κ into this range, which is not proved"
     if alone and together.radius >= 1.0:
         says += f", for each joint alone; {together.says}"
+    says += "."
     margin = float(np.expm1(room[joint])) if np.isfinite(room[joint]) else None
     bound = {"kappa_from": low, "kappa_to": high, "stable_from": ranges[0], "stable_to": ranges[1], "radius": radius}
     if np.isfinite(together.radius):

@@ -341,17 +341,17 @@ def _statement(
     joint = int(np.argmax(used))
     unit, name = robot.torque_units[joint], robot.joint_names[joint]
     text = (
-        f"along the motion `{name}` uses {used[joint]:.0%} of its drive: up to {torque[joint]:.4g} of "
-        f"{limit[joint]:.4g} {unit}, and {step[joint]:.3g} of {change[joint]:.3g} {unit} a period"
+        f"Along the motion `{name}` uses {used[joint]:.0%} of its drive: up to {torque[joint]:.4g} of "
+        f"{limit[joint]:.4g} {unit}, and {step[joint]:.3g} of {change[joint]:.3g} {unit} a period."
     )
     if not reached.any():
-        return f"{text}; on the approach no limit is reached"
+        return f"{text} On the approach no limit is reached."
     last = robot.joint_names[int(np.argmax(np.where(reached, free_after, -1.0)))]
     if not free:
-        return f"{text}; on the approach limits are reached up to the end of the simulation, the last by `{last}`"
+        return f"{text} On the approach limits are reached up to the end of the simulation, the last by `{last}`."
     return (
-        f"{text}; on the approach limits are reached until {float(np.max(free_after)):.3g} s, the last by `{last}`: "
-        "the other certificates apply from then on"
+        f"{text} On the approach limits are reached until {float(np.max(free_after)):.3g} s, the last by `{last}`: "
+        "the other certificates apply from then on."
     )
 
 

@@ -136,6 +136,9 @@ def bounded_error(
             axes.plot(every_nth(times), every_nth(size[:, joint]), **line)
         use_time_axis(axes, float(t[0]), float(t[-1]))
         axes.set_ylabel(f"{names[joint]}: $|e|$  [{units[joint]}]")
+        last = joint + columns >= joints
+        axes.tick_params(labelbottom=last)
+        axes.set_xlabel("$t$  [s]" if last else "")
     for axes in panels.ravel()[joints:]:
         axes.set_visible(False)
     legend_above(figure, handles)

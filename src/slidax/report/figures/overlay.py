@@ -47,8 +47,10 @@ def envelope_share(run: Run, *, ax: Axes | None = None) -> Figure:
     axes.text(float(t[-1]), 101.0, "envelope ", ha="right", va="bottom", color=BOUND["color"], fontsize=8.0)
     height = float(min(shares[worst, nearest], high))
     side = ("left", 6) if t[worst] < 0.7 * t[-1] else ("right", -6)
+    share = shares[worst, nearest]
+    size = f"{share:.3g} %" if share < 1000.0 else f"{share / 100.0:.3g} times its bound"
     axes.annotate(
-        f"{names[nearest]}: {shares[worst, nearest]:.3g} % at {t[worst]:.3g} s",
+        f"{names[nearest]}: {size} at {t[worst]:.3g} s",
         (float(t[worst]), height),
         xytext=(side[1], 2),
         textcoords="offset points",

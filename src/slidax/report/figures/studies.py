@@ -149,6 +149,13 @@ def intervals(names: Sequence[str], values: Mapping[str, np.ndarray]) -> Figure:
 MOST = 1500
 """Points in a panel."""
 
+FEW = 200
+"""Points that are drawn as vectors."""
+
+HELD: dict[str, Any] = {"marker": "o", "color": "#0072B2", "markersize": 1.6, "markeredgewidth": 0.0}
+FAILED: dict[str, Any] = {"marker": "x", "color": "#A33B20", "markersize": 4.0}
+"""Points of runs that held and that failed."""
+
 
 @styled
 def margin_over(margin: np.ndarray, values: Mapping[str, np.ndarray], names: str = "margin") -> Figure:
@@ -170,8 +177,9 @@ def margin_over(margin: np.ndarray, values: Mapping[str, np.ndarray], names: str
     panels = figure.subplots(rows, 3, squeeze=False, sharey=True)
     for axes, (label, numbers) in zip(panels.ravel(), values.items(), strict=False):
         x = np.asarray(numbers, float)[chosen]
-        axes.plot(x[~failed], margin[chosen][~failed], ".", color="#0072B2", markersize=2.2, alpha=0.5, rasterized=True)
-        axes.plot(x[failed], margin[chosen][failed], "x", color="#A33B20", markersize=4.0, rasterized=True)
+        # Many points as a picture, which keeps its colours on a dark page; a few follow the page.
+        for marked, look in ((~failed, HELD), (failed, FAILED)):
+            axes.plot(x[marked], margin[chosen][marked], **look, linestyle="none", rasterized=len(x) > FEW)
         if failed.any():
             axes.axhline(0.0, **LIMIT)
         # A logarithmic axis where values are spread so, and not where some are near zero by chance.
@@ -185,15 +193,11 @@ def margin_over(margin: np.ndarray, values: Mapping[str, np.ndarray], names: str
         row[0].set_ylabel(names)
     for axes in panels.ravel()[len(values) :]:
         axes.set_visible(False)
-    looks = [("o", "#0072B2", "held"), ("x", "#A33B20", "failed")]
-    legend_above(
-        figure,
-        [
-            Line2D([], [], linestyle="none", marker=mark, color=color, markersize=3.5, label=label)
-            for mark, color, label in looks
-            if label == "held" or failed.any()
-        ],
-    )
+    looks = {"held": HELD} | ({"failed": FAILED} if failed.any() else {})
+    handles = [
+        Line2D([], [], linestyle="none", **look | {"markersize": 3.5}, label=name) for name, look in looks.items()
+    ]
+    legend_above(figure, handles)
     return figure
 
 

@@ -85,7 +85,7 @@ function outcomeExcursion(program, ended, outside) {
   const samples = violations === 1 ? "1 sample was outside" : `${violations} samples were outside`;
   const extent = `${samples}, by at most ${shortNumber(beyond[worst], 3)} ${program.joint_units[worst]} (${outcomeJoint(program, worst)})`;
   if (outside) {
-    const message = `${met} and is outside at the end: ${extent}. Allow more torque, or shorten the period.`;
+    const message = `${met} and is outside at the end: ${extent}.`;
     return { kind: "left_envelope", message, time: t, joint: joint + 1 };
   }
   const message = `${met}, and was back for good at t = ${shortNumber(back, 4)} s: ${extent}.`;
