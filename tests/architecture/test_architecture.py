@@ -47,7 +47,7 @@ def in_a_fresh_interpreter(code, folder=None):
     return done.stdout
 
 
-def test_imports_go_down_the_floors_only():
+def test_imports_go_down_the_subpackages_only():
     """The contract is in pyproject.toml, read by import-linter."""
     code = "import sys; from importlinter.cli import lint_imports; sys.exit(lint_imports())"
     assert "KEPT" in in_a_fresh_interpreter(code, ROOT)
@@ -59,11 +59,11 @@ def those(paths, wrong):
 
 
 @pytest.mark.parametrize("paths", [MODULES, sorted(TESTS.rglob("*.py"))], ids=["source", "tests"])
-def test_no_module_is_longer_than_a_person_reads_at_once(paths):
+def test_no_module_exceeds_the_largest_length(paths):
     assert not those(paths, lambda text: len(text.splitlines()) > LONGEST)
 
 
-def test_every_module_says_what_it_is():
+def test_every_module_has_a_docstring():
     assert MODULES and not those(MODULES, lambda text: not text.startswith('"""'))
 
 

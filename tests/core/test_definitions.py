@@ -156,7 +156,7 @@ def test_a_parameter_that_is_no_number_is_refused():
         ([0.0, 1e-320, 1.0], [[0.0], [1.0], [2.0]], "too close|increasing"),
     ],
 )
-def test_waypoints_that_no_motion_can_pass_are_refused(times, waypoints, message):
+def test_impossible_waypoints_are_refused(times, waypoints, message):
     with pytest.raises(DefinitionError, match=message):
         MinimumJerk.through(times, waypoints)
 
@@ -173,7 +173,7 @@ def test_a_refusal_says_where_in_a_scenario_it_happened():
     assert refused.value.where == "scheme.performance"
 
 
-def test_unknown_values_are_not_judged_inside_a_transformation():
+def test_traced_values_are_not_checked_inside_a_transformation():
     assert float(jax.jit(lambda s: fixed_time(exponent=s).radius(jnp.asarray(1.0))[0])(1.5)) > 0
 
 

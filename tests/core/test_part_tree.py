@@ -29,7 +29,7 @@ class Outer(AbstractPart):
 PARTS = Outer(Inner([1.0, 0.25]), (Inner(2.0), Inner(1e-9)), jnp.zeros(40))
 
 
-def test_each_number_has_its_unit_and_each_part_its_line():
+def test_a_printed_part_has_a_line_per_part_and_units():
     assert repr(PARTS).splitlines() == [
         "Outer(many = [40], how = 'so')",
         "  inner: Inner(gain = [1, 0.25] rad/s)",

@@ -10,7 +10,7 @@ from tests.architecture.test_architecture import in_a_fresh_interpreter
 
 
 @pytest.mark.parametrize("q", [[0, 1], (0.0, 1.0), np.array([0, 1]), jnp.array([0, 1]), jnp.array([0.0, 1.0])])
-def test_state_and_reference_take_anything_like_numbers_and_are_at_rest_by_default(q):
+def test_state_and_reference_accept_array_likes_and_default_to_rest(q):
     state, still = State(q), Reference(q)
     assert isinstance(state.q, jax.Array) and state.q.dtype == state.dq.dtype == np.float64
     np.testing.assert_array_equal([state.q, state.dq, State(q=q, dq=[1, 2]).dq], [[0, 1], [0, 0], [1, 2]])
@@ -29,7 +29,7 @@ LAWS = [("example-4.1", name) for name in ("cftsmppc", "slotine_li_ppc", "super_
 @pytest.mark.parametrize(
     "loads", [LAWS[2:], pytest.param([*LAWS, ("example-4.1-1khz", "cftsmppc")], marks=pytest.mark.full)]
 )
-def test_every_law_takes_a_plain_time_and_answers_alike(loads):
+def test_every_law_accepts_a_python_float_as_time(loads):
     """In an interpreter of its own: there the types of arguments are not checked."""
     code = f"""
 import jax

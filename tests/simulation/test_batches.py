@@ -71,7 +71,7 @@ def test_a_single_run_is_no_sequence_but_has_outcomes():
         len(run)
 
 
-def test_inside_a_transformation_there_is_no_outcome_yet():
+def test_inside_a_transformation_a_run_has_no_outcome():
     def inside(radius):
         run = simulate(*falling(radius), **HOW)
         with pytest.raises(DefinitionError, match="look at `fault`"):
@@ -99,7 +99,7 @@ def shifted(x):
 VARIED = (jnp.linspace(0.4, 0.8, 11), jnp.linspace(-0.02, 0.02, 11))
 
 
-def test_a_run_of_a_native_batch_has_the_very_bits_of_the_single_run():
+def test_a_run_of_a_native_batch_has_the_bits_of_the_single_run():
     many = simulate_batch(shifted, VARIED, **TIMES, log_every=50, engine="native")
     for i in (0, 5, 10):
         alone = simulate(*shifted((VARIED[0][i], VARIED[1][i])), **TIMES, log_every=50, engine="native")
@@ -139,7 +139,7 @@ def test_each_run_has_its_own_random_numbers():
 
 
 @pytest.mark.full
-def test_a_batch_inside_jit_goes_by_xla():
+def test_a_batch_inside_jit_uses_xla():
     def error(gain):
         return simulate_batch(shifted, (gain, jnp.zeros(2)), t1=0.05, period=1e-3).tally.steady_error
 
@@ -159,7 +159,7 @@ def run(layer, shift):
     return simulate(plant_4_1(), law, MOTION_4_1, start, t1=1.0, period=1e-3, log_every=10)
 
 
-def test_a_batch_of_runs_is_the_single_runs():
+def test_a_batch_of_runs_equals_single_runs():
     """Invariants, not trajectories: to 1e-9 of their size; counts and faults exactly."""
     layers, shifts = jnp.array([0.1, 0.3]), jnp.array([0.0, 0.02])
     many = jax.jit(jax.vmap(run))(layers, shifts)
@@ -219,7 +219,7 @@ def test_gradients_match_differences(mode):
 
 # Reverse mode through a whole run takes long to compile; with a simpler law it is tried every day, above.
 @pytest.mark.full
-def test_gradients_by_every_gain_at_once_are_finite_and_most_of_them_count():
+def test_gradients_by_all_gains_are_finite_and_mostly_nonzero():
     def final_error(k2):
         return final_error_and_effort(eqx.tree_at(lambda c: c.surface.k2, law_4_1(), k2))[0]
 
@@ -233,7 +233,7 @@ def test_gradients_by_every_gain_at_once_are_finite_and_most_of_them_count():
 
 
 @pytest.mark.full
-def test_the_gradient_by_the_arms_own_mass_is_there_too():
+def test_the_gradient_by_the_arms_mass_exists():
     """Plant and nominal robot are leaves like the gains: what identification and design both need."""
 
     def final_angle(plant):

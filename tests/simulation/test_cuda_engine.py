@@ -37,14 +37,14 @@ def assert_equal(ours, theirs):
 
 
 @needs_gxx
-def test_a_batch_on_a_card_has_the_very_bits_of_the_native_engine(card):
+def test_a_batch_on_emulated_gpu_has_the_bits_of_the_native_engine(card):
     card_s, processor_s = (simulate_batch(shifted, VARIED, **LOGGED, engine=engine) for engine in ("cuda", "native"))
     assert len(card) == 1
     assert_equal(card_s, processor_s)
 
 
 @needs_gxx
-def test_runs_that_end_early_end_alike(card):
+def test_runs_that_end_early_have_the_same_end(card):
     done, expected = (simulate_batch(falling, RADII, **HOW, engine=engine) for engine in ("cuda", "native"))
     assert done.fault.kind.tolist() == [1, 0, 1]
     assert_equal(done, expected)
@@ -52,7 +52,7 @@ def test_runs_that_end_early_end_alike(card):
 
 @pytest.mark.full
 @needs_gxx
-def test_a_scenario_file_can_ask_for_it(card):
+def test_a_scenario_file_can_select_the_cuda_engine(card):
     changes = {"simulation.t1": 0.02}
     starts = jnp.array([[0.2, 0.8], [0.21, 0.79], [0.19, 0.8], [0.2, 0.81], [0.2, 0.78]])
     on_card, on_processor = (
@@ -65,20 +65,20 @@ def test_a_scenario_file_can_ask_for_it(card):
     assert_equal(on_card, on_processor)
 
 
-def test_a_single_run_goes_by_the_processor_and_says_so():
+def test_a_single_run_uses_the_cpu_with_a_warning():
     with pytest.warns(UserWarning, match="with the engine `native`, because `cuda` is for batches"):
         run = simulate(plant_4_1(), SPRING, MOTION_4_1, START_4_1, t1=0.01, period=1e-3, engine="cuda")
     assert_equal(run.tally, simulate(plant_4_1(), SPRING, MOTION_4_1, START_4_1, t1=0.01, period=1e-3).tally)
 
 
-def test_without_a_card_a_batch_says_what_is_missing():
+def test_without_a_gpu_a_batch_is_refused_with_what_is_missing():
     if cuda.card_available():
         pytest.skip("there is a card")
     with pytest.raises(DefinitionError, match=r"slidax\[cuda\]|driver|no NVIDIA GPU"):
         simulate_batch(shifted, VARIED, t1=0.1, period=1e-3, engine="cuda")
 
 
-def test_on_a_card_the_bits_are_those_of_the_native_engine():
+def test_on_a_gpu_the_bits_are_those_of_the_native_engine():
     if not cuda.card_available():
         pytest.skip("CuPy or a card is missing")
     on_card, on_processor = (simulate_batch(shifted, VARIED, **LOGGED, engine=engine) for engine in ("cuda", "native"))

@@ -85,7 +85,7 @@ def test_both_engines_give_the_same_run(name):
 
 
 @pytest.mark.full
-def test_example_4_1_is_the_same_to_1e_9_over_its_whole_length_where_it_does_not_chatter():
+def test_engines_agree_to_1e_9_over_example_4_1_without_chattering():
     def run(engine):
         loop = plant_4_1(), law_4_1(), MOTION_4_1, START_4_1
         return simulate(*loop, t1=10.0, period=1e-4, mode="continuous", log_every=50, engine=engine)
@@ -98,7 +98,7 @@ def test_example_4_1_is_the_same_to_1e_9_over_its_whole_length_where_it_does_not
     np.testing.assert_allclose(native.tally.torque_travel, xla.tally.torque_travel, rtol=1e-9)
 
 
-def test_a_motion_through_waypoints_is_the_same():
+def test_engines_agree_on_a_motion_through_waypoints():
     motion = MinimumJerk.through([0.0, 0.3, 0.5], [[0.0, 1.0], [0.2, 0.8], [0.1, 0.9]])
     native, xla = (
         simulate(SMOOTH_PLANT, SPRING, motion, START_4_1, t1=0.6, period=0.01, engine=engine)
@@ -118,7 +118,7 @@ def test_the_same_inputs_give_the_same_bits(engine):
 
 
 @pytest.mark.parametrize("mode", ["held", "continuous"])
-def test_a_bad_end_is_the_same_end(mode):
+def test_both_engines_give_a_failing_run_the_same_outcome(mode):
     loop, times = (plant_4_1(), law_4_1(), MOTION_4_1, START_4_1), {"t1": 9.0, "period": 4e-3, "mode": mode}
     runs = [simulate(*loop, **times, engine=engine) for engine in ("native", "xla")]
     assert not runs[0].outcome.ok
@@ -130,7 +130,7 @@ def test_a_bad_end_is_the_same_end(mode):
         simulate(*loop, **times, engine="native", throw=True)
 
 
-def test_an_unknown_engine_is_refused_with_the_names_of_those_there_are():
+def test_an_unknown_engine_is_refused_with_the_existing_names():
     with pytest.raises(DefinitionError, match="`auto`, `native`, `xla`, `cuda`; got 'fast'"):
         engine_for("fast")
 
@@ -160,7 +160,7 @@ def soft(e):
     return jax.lax.custom_root(lambda x: x + x**3 - e, e, newton, lambda g, y: y / g(jnp.ones_like(y)))
 
 
-def test_a_law_that_solves_an_equation_of_its_own_has_native_code():
+def test_a_law_with_a_custom_solver_has_native_code():
     loop = SMOOTH_PLANT, Written(soft), MOTION_4_1, START_4_1
     native, xla = (simulate(*loop, t1=0.1, period=0.01, engine=engine) for engine in ("native", "xla"))
     np.testing.assert_allclose(native.log.tau, xla.log.tau, rtol=1e-12)
@@ -177,7 +177,7 @@ def with_its_warning(simulated):
     return run, message
 
 
-def test_a_law_without_native_code_runs_by_xla_with_one_warning_and_is_refused_if_it_must_be_native():
+def test_a_law_without_native_code_runs_by_xla_with_one_warning():
     def law(e):
         return jax.lax.custom_root(lambda x: x - e, e, lambda f, x: jnp.sort(x - f(x)), lambda g, y: y)
 
@@ -195,7 +195,7 @@ def starts(shift):
 
 
 @pytest.mark.parametrize("where", ["rule", *(pytest.param(w, marks=pytest.mark.full) for w in ("builder", "compiler"))])
-def test_whatever_fails_on_the_way_to_native_code_is_named_and_xla_runs(monkeypatch, where):
+def test_any_failure_of_native_code_is_named_and_xla_runs(monkeypatch, where):
     def fails(*_, **__):
         raise AssertionError("never thought of")
 
@@ -222,7 +222,7 @@ def test_whatever_fails_on_the_way_to_native_code_is_named_and_xla_runs(monkeypa
             run()
 
 
-def test_a_mistake_in_the_law_itself_is_told_as_it_is():
+def test_an_error_in_the_law_is_raised_unchanged():
     def wrong(e):
         return e @ jnp.ones(3)
 
@@ -230,7 +230,7 @@ def test_a_mistake_in_the_law_itself_is_told_as_it_is():
         simulate(SMOOTH_PLANT, Written(wrong), MOTION_4_1, START_4_1, t1=0.1, period=0.01)
 
 
-def test_without_llvmlite_a_run_goes_by_xla_and_says_so_if_it_was_to_be_native(monkeypatch):
+def test_without_llvmlite_a_run_uses_xla_and_warns_if_native_was_requested(monkeypatch):
     monkeypatch.setattr(llvm, "available", lambda: False)
     loop = SMOOTH_PLANT, SPRING, MOTION_4_1, START_4_1
     with pytest.warns(UserWarning, match=r"llvmlite is not installed: pip install 'slidax\[native\]'"):

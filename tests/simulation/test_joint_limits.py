@@ -50,7 +50,7 @@ def test_a_motion_beyond_a_limit_is_refused_with_joint_time_and_value(natively, 
     assert "simulation.limits: ignore" in str(refused.value)
 
 
-def test_what_comes_after_the_end_of_the_run_does_not_matter():
+def test_motion_after_the_end_of_the_run_is_not_checked():
     there = moved(0, 3.0)
     late = PANDA.replace(trajectory=MinimumJerk.through([0.0, 4.0, 9.0], [HOME, HOME, there]), state0=State(HOME))
     states.require_within_limits(late.plant.robot, late.trajectory, late.state0, 2000, late.stepping)
@@ -70,14 +70,14 @@ def test_a_start_beyond_a_limit_is_refused(state, message):
         PANDA.replace(state0=state).simulate()
 
 
-def test_a_limit_that_is_reached_exactly_is_kept():
+def test_a_limit_that_is_reached_exactly_is_accepted():
     robot = PANDA.plant.robot
     upper = State(jnp.where(jnp.arange(7) == 3, robot.limits.upper, HOME))
     still = MinimumJerk.through([0.0, 1.0], [upper.q, upper.q])
     states.require_within_limits(robot, still, upper, 1000, PANDA.stepping)
 
 
-def test_who_means_it_may_go_beyond():
+def test_limits_can_be_ignored_on_request():
     law = Spring(jnp.full(7, 10.0), jnp.full(7, 1.0), joints=7)
     wild = swinging(amplitude=[0, 0, 1.1, 0, 0, 0, 0]).replace(controller=law, state0=State(HOME), t1=0.01)
     assert int(wild.replace(limits="ignore").simulate().tally.samples) > 0
@@ -85,7 +85,7 @@ def test_who_means_it_may_go_beyond():
         wild.simulate()
 
 
-def test_a_file_can_say_so_too():
+def test_a_scenario_file_can_ignore_limits():
     loaded = scenarios.load("panda-payload", {"simulation.limits": "ignore"})
     assert loaded.stepping.limits == "ignore"
 
@@ -102,7 +102,7 @@ def test_the_built_in_scenarios_keep_their_robots_limits(name):
     states.require_within_limits(made.plant.robot, made.trajectory, made.state0, steps, made.stepping)
 
 
-def test_inside_a_transformation_nothing_is_checked():
+def test_inside_a_transformation_limits_are_not_checked():
     def end(amplitude):
         moved = dataclasses.replace(PANDA.trajectory, amplitude=amplitude)
         states.require_within_limits(PANDA.plant.robot, moved, PANDA.state0, 2000, PANDA.stepping)
@@ -111,7 +111,7 @@ def test_inside_a_transformation_nothing_is_checked():
     jax.jit(end)(jnp.full(7, 50.0))
 
 
-def test_the_check_is_quick():
+def test_the_check_of_joint_limits_is_quick():
     motion = Sinusoid(offset=HOME, amplitude=0.05, frequency=1.0)
     started = time.process_time()
     states.require_within_limits(PANDA.plant.robot, motion, PANDA.state0, 8000, PANDA.stepping)

@@ -90,7 +90,7 @@ def test_pressing_five_millimetres_deep_leaves_the_envelope_and_comes_back():
     assert np.abs(pressed.log.e[-50:]).max() < OVERSHOOT * RADIUS / 10
 
 
-def test_a_load_that_is_let_go_falls_onto_the_table_and_comes_to_rest():
+def test_a_released_payload_falls_onto_the_table_and_comes_to_rest():
     center, half = np.array([0.0, 0.0, 0.1]), 0.5 * np.sqrt(6.0 * 0.004 / 2.0)
     load = TimedPayload(Payload(2.0, center, 0.004), released=0.4)
     dropped = run(load, Table(0.25), t1=1.5)
@@ -133,7 +133,7 @@ def test_a_point_a_rod_and_a_brick_fall_and_come_to_rest(inertia):
 
 
 @pytest.mark.parametrize("friction", [0.2, 0.6])
-def test_friction_brakes_what_slides_on_the_table(friction):
+def test_friction_brakes_a_payload_that_slides_on_the_table(friction):
     """A box is let go at 1 m/s on the table: it slides v²/(2 μ g)."""
     body = {"mass": 1.0, "inertia": 0.01 * np.eye(3)}
     rail = Joint("rail", "prismatic", None, "cart", axis=np.array([1.0, 0.0, 0.0]), **body)
@@ -148,7 +148,7 @@ def test_friction_brakes_what_slides_on_the_table(friction):
     np.testing.assert_allclose([world.q[0], world.body[2]], [1.2, 0.0], atol=1e-4)
 
 
-def test_a_load_that_is_carried_meets_the_table_too():
+def test_a_carried_payload_collides_with_the_table():
     center, half = np.array([0.0, 0.0, 0.05]), 0.5 * np.sqrt(6.0 * 0.0002 / 0.5)
     load = TimedPayload(Payload(0.5, center, 0.0002))
     corners = center + half * np.array(list(itertools.product((-1, 1), repeat=3)))

@@ -85,7 +85,7 @@ def mechanics(arm, q, dq, tau):
 
 
 @BY_TURNS
-def test_inertia_bias_accelerations_and_tip_are_ours_before_with_and_after_a_load(name):
+def test_mujoco_agrees_with_slidax_before_with_and_after_a_payload(name):
     robot = ARMS[name]
     n = robot.joints
     world = World(MujocoPlant.of(plant_of(robot, load=LOAD)), 1e-4, State(q=jnp.zeros(n), dq=jnp.zeros(n)))
@@ -105,7 +105,7 @@ def test_inertia_bias_accelerations_and_tip_are_ours_before_with_and_after_a_loa
                 np.testing.assert_allclose(mine, other, rtol=0, atol=1e-10 * max(1.0, np.abs(other).max()))
 
 
-def test_what_is_let_go_goes_on_as_the_tip_moved_and_turned():
+def test_a_released_payload_starts_with_the_velocity_of_the_tip():
     h, state = 1e-5, State(q=jnp.linspace(-1.0, 1.0, 6), dq=jnp.linspace(3.0, -4.0, 6))
     load = TimedPayload(Payload(2.0, (0.01, -0.02, 0.1), 0.004), released=h / 2)
     world = World(MujocoPlant.of(plant_of(TREE, load=load)), h, state)
@@ -120,7 +120,7 @@ def test_what_is_let_go_goes_on_as_the_tip_moved_and_turned():
 
 
 @BY_TURNS
-def test_the_same_step_gives_the_same_run(name):
+def test_equal_steps_give_the_run_of_slidax(name):
     """Semi-implicit Euler, with a load that comes and goes, and a push that changes within the periods."""
     n = ARMS[name].joints
     loop = smooth_loop(ARMS[name], load=LOAD, disturbance=Harmonic(jnp.full(n, 3.0), 900.0, 0.3))
@@ -131,7 +131,7 @@ def test_the_same_step_gives_the_same_run(name):
     assert np.abs(np.diff(ours.log.state.q, axis=0)).max() > 1e-3
 
 
-def test_the_same_run_follows_through_sensors_and_drives():
+def test_with_sensors_and_drives_mujoco_gives_the_run_of_slidax():
     """Limits, rate, lag and dead time of the torque; delay and noise of what is measured; lost samples."""
     drive = Actuator(TorqueLimits(40.0, 4000.0), time_constant=2e-3, dead_time=1.4)
     sensor = Lossy(Delayed(Encoders(0.0, position_noise=1e-5, seed=2), 1.0), 0.2)
@@ -149,12 +149,12 @@ def damped():
     return smooth_loop(assemble([joints[0], turned_hinge], tip="hinge link"))
 
 
-def test_runge_kutta_is_the_same_too_with_viscous_friction(damped):
+def test_runge_kutta_of_mujoco_agrees_also_with_viscous_friction(damped):
     theirs, ours = both(*damped, integrator=runge_kutta_4)
     np.testing.assert_allclose(theirs.log.state.q, ours.log.state.q, rtol=0, atol=1e-11)
 
 
-def test_implicitfast_comes_near_as_the_steps_become_shorter(damped):
+def test_implicitfast_converges_with_shorter_steps(damped):
     plant, *rest = damped
     how = {"t1": 0.1, "period": 1e-3}
     exact = simulate(plant, *rest, integrator=runge_kutta_4, substeps=5, **how).state.q
@@ -176,7 +176,7 @@ def test_a_joint_with_coulomb_friction_sticks_and_then_slides():
     np.testing.assert_allclose(end(6.0), 0.5 * (6.0 - 4.0) / 2.0, rtol=2e-3)
 
 
-def test_a_joint_stops_at_its_limit_if_it_is_asked_to():
+def test_a_joint_stops_at_its_limit_if_limits_are_simulated():
     slide = link("slide", "prismatic", None, axis=np.array([1.0, 0.0, 0.0]), lower=-0.1, upper=0.2)
     arm = assemble([slide], tip="slide link", name="slide")
     rest = Spring(jnp.zeros(1), jnp.zeros(1), 1), Still([0.0]), State(q=jnp.zeros(1), dq=jnp.ones(1))
@@ -208,14 +208,14 @@ def test_both_engines_give_the_same_run_whatever_is_logged():
         np.testing.assert_array_equal(one, other)
 
 
-def test_the_law_is_asked_once_a_period_and_sees_the_state_there():
+def test_the_law_is_called_once_a_period_with_the_state_at_the_sample():
     plant, law, motion, start = smooth_loop(TREE)
     log = simulate(MujocoPlant.of(plant), Witness(law), motion, start, t1=0.05, period=1e-2, substeps=3).log
     assert log.signals["count"].tolist() == list(range(6))
     np.testing.assert_array_equal(log.signals["q"], log.state.q)
 
 
-def test_a_run_ends_where_it_leaves_its_envelope_or_becomes_infinite_as_ours_does(tmp_path, monkeypatch):
+def test_a_run_in_mujoco_ends_outside_its_envelope_or_at_infinity_as_in_slidax(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     plant, law, motion, start = smooth_loop(TREE)
     still = State(q=motion.position(jnp.zeros(())), dq=motion.reference(jnp.zeros(())).dq)
@@ -233,7 +233,7 @@ def test_a_run_ends_where_it_leaves_its_envelope_or_becomes_infinite_as_ours_doe
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_mujoco_cannot_do_is_refused():
+def test_options_that_mujoco_lacks_are_refused():
     plant, *rest = smooth_loop(TREE)
     stand_in = MujocoPlant.of(plant)
     how = {"t1": 0.01, "period": 1e-3}
@@ -267,7 +267,7 @@ def test_our_own_plant_needs_no_mujoco(monkeypatch):
     assert simulate(SMOOTH_PLANT, SPRING, MOTION_4_1, START_4_1, t1=0.1, period=0.01).outcome.ok
 
 
-def test_the_bar_shows_when_it_is_asked_for(capfd):
+def test_the_progress_bar_is_shown_on_request(capfd):
     plant, *rest = smooth_loop(TREE)
     simulate(MujocoPlant.of(plant), *rest, t1=0.01, period=1e-3, progress=True)
     assert "simulating" in capfd.readouterr().err

@@ -29,7 +29,7 @@ def printed_law_at_1_khz(mode):
 
 
 @pytest.mark.parametrize(("mode", "when"), [("continuous", 5.51), ("held", 4.85)])
-def test_printed_law_leaves_its_envelope_at_1_khz_and_all_before_is_kept(mode, when):
+def test_printed_law_leaves_its_envelope_at_1_khz_and_the_earlier_log_is_kept(mode, when):
     run = printed_law_at_1_khz(mode)
     outcome, log, tally = run.outcome, run.log, run.tally
     assert (outcome.kind, outcome.ok, outcome.joint) == ("left_envelope", False, 1)
@@ -109,7 +109,7 @@ def test_throw_raises_the_outcome_and_hands_over_the_run(mode):
 
 @pytest.mark.parametrize("mode", ["continuous", "held"])
 @pytest.mark.parametrize("joint", [1, 2])
-def test_a_torque_that_is_not_a_number_ends_the_run_and_names_the_joint(mode, joint):
+def test_a_torque_that_is_nan_ends_the_run_and_names_the_joint(mode, joint):
     law = Breaks(SPRING, jnp.asarray(0.2), joint)
     run = simulate(SMOOTH_PLANT, law, MOTION_4_1, START_4_1, t1=1.0, period=0.01, mode=mode)
     assert (run.outcome.kind, run.outcome.joint) == ("not_finite", joint)

@@ -30,7 +30,7 @@ def last_above(run, band):
     return np.asarray(run.tally.last_above)[BANDS.index(band)] * 1e-4
 
 
-def test_continuous_run_has_the_numbers_of_the_spec():
+def test_continuous_run_has_the_recomputed_numbers():
     tally = run().tally
     assert run().outcome.ok
     assert (int(tally.violations), int(tally.samples)) == (0, 100_001)

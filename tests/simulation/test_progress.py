@@ -21,13 +21,13 @@ def test_a_run_draws_its_bar_on_standard_error_and_nothing_on_standard_output(ca
 
 
 @pytest.mark.parametrize("progress", [False, None])
-def test_no_bar_shows_when_it_is_not_wanted_or_nobody_looks_on(capfd, progress):
+def test_no_progress_bar_without_a_terminal_or_if_switched_off(capfd, progress):
     run(progress)
     assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.parametrize(("patience", "steps"), [(-1.0, 3), (engine.PATIENCE, 2)], ids=["long", "short"])
-def test_only_long_work_shows_its_bar_to_a_person(monkeypatch, patience, steps):
+def test_only_long_runs_show_a_progress_bar(monkeypatch, patience, steps):
     monkeypatch.setattr(engine.sys.stderr, "isatty", lambda: True)
     monkeypatch.setattr(engine, "PATIENCE", patience)
     with engine.Progress(steps, shown=None) as bar:
@@ -36,6 +36,6 @@ def test_only_long_work_shows_its_bar_to_a_person(monkeypatch, patience, steps):
         assert (bar._bar is not None) == (patience < 0)
 
 
-def test_the_bar_changes_no_bit():
+def test_the_progress_bar_changes_no_bit():
     for a, b in zip(jax.tree.leaves(run(True).tally), jax.tree.leaves(run(False).tally), strict=True):
         np.testing.assert_array_equal(a, b)

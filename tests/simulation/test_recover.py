@@ -35,7 +35,7 @@ def over(log, radius=0.1):
     return np.abs(log.e) - radius
 
 
-def test_a_run_that_came_back_says_when_it_left_when_it_was_back_how_often_and_by_how_much():
+def test_outcome_of_a_recovered_run_has_exit_return_count_and_size():
     done = came_back()
     beyond = over(done.log)
     outside = np.flatnonzero((beyond >= 0).any(axis=1))
@@ -52,7 +52,7 @@ def test_a_run_that_came_back_says_when_it_left_when_it_was_back_how_often_and_b
     assert int(done.tally.violations) == len(outside)
 
 
-def test_the_message_of_a_run_that_came_back_has_all_of_it():
+def test_message_of_a_recovered_run_has_exit_return_count_and_size():
     done, outcome = came_back(), came_back().outcome
     worst = int(np.argmax(over(done.log).max(axis=0))) + 1
     assert outcome.message == (
@@ -62,7 +62,7 @@ def test_the_message_of_a_run_that_came_back_has_all_of_it():
     )
 
 
-def test_it_goes_on_to_its_end_and_counts_every_sample():
+def test_a_recovered_run_continues_to_its_end_and_counts_every_sample():
     done = came_back()
     assert int(done.tally.samples) == len(done.log.t) == 151
     assert np.all(done.log.valid)
@@ -100,7 +100,7 @@ def test_the_joint_that_left_first_is_named_also_if_another_one_left_later_and_f
     assert "(joint 2)" in done.outcome.message
 
 
-def test_one_sample_is_one_sample():
+def test_a_single_sample_outside_is_counted_in_the_singular():
     outcome = run(t1=came_back().outcome.t).outcome
     assert "is outside at the end: 1 sample was outside, by" in outcome.message
 
@@ -125,7 +125,7 @@ def test_an_error_on_its_bound_is_outside():
     assert outcome.error == outcome.bound == e
 
 
-def test_a_run_that_stayed_inside_is_simply_good():
+def test_a_run_that_stayed_inside_has_outcome_ok():
     done = run(radius=10.0)
     assert done.outcome == run(radius=10.0, outside="raise").outcome
     assert done.outcome.ok
@@ -137,7 +137,7 @@ def test_a_run_without_an_envelope_cannot_leave_one():
     assert done.outcome.ok
 
 
-def test_where_it_is_not_to_recover_the_first_sample_outside_ends_the_run():
+def test_without_recovery_the_first_sample_outside_ends_the_run():
     done = run(outside="raise")
     assert done.outcome.kind == "left_envelope"
     assert done.outcome.t == came_back().outcome.t
@@ -146,14 +146,14 @@ def test_where_it_is_not_to_recover_the_first_sample_outside_ends_the_run():
     assert "shorten the period" in done.outcome.message
 
 
-def test_a_recovered_run_too_is_raised_if_that_is_asked_for():
+def test_a_recovered_run_raises_on_request():
     with pytest.raises(OutcomeError, match="was back for good") as caught:
         run(throw=True)
     assert caught.value.outcome == came_back().outcome
 
 
 @pytest.mark.parametrize("log_every", [1, None])
-def test_a_printed_law_is_undefined_outside_and_the_outcome_points_to_the_law_that_is_not(log_every):
+def test_outcome_of_a_printed_law_outside_points_to_the_sampled_data_form(log_every):
     extra = {"t1": 10.0, "period": 1e-3, "log_every": log_every}
     done = simulate(plant_4_1(), law_4_1(), MOTION_4_1, START_4_1, outside="recover", **extra)
     outcome = done.outcome
@@ -166,7 +166,7 @@ def test_a_printed_law_is_undefined_outside_and_the_outcome_points_to_the_law_th
 
 
 @pytest.mark.parametrize("radius", [10.0, 0.1])
-def test_a_law_that_breaks_inside_is_not_said_to_have_been_outside(radius):
+def test_a_law_that_fails_inside_is_not_reported_as_outside(radius):
     """Also if it was out before, and back."""
     broken = Breaks(RINGING, jnp.asarray(2.5), 2)
     assert came_back().outcome.back < 2.5
@@ -176,7 +176,7 @@ def test_a_law_that_breaks_inside_is_not_said_to_have_been_outside(radius):
     assert int(done.tally.violations) == (int(came_back().tally.violations) if radius == 0.1 else 0)
 
 
-def test_a_batch_knows_of_each_run_where_it_was_outside():
+def test_a_batch_reports_for_each_run_when_it_was_outside():
     radii = jnp.array([0.05, 0.1, 10.0])
     many = jax.jit(jax.vmap(lambda radius: run(radius)))(radii)
     for i, radius in enumerate(radii):

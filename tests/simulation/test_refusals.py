@@ -81,7 +81,7 @@ def test_a_start_outside_the_envelope_is_refused(q, message):
         assert part in str(refused.value)
 
 
-def test_a_start_without_any_error_is_fine():
+def test_a_start_without_any_error_is_accepted():
     start = State(q=MOTION_4_1.position(jnp.zeros(())), dq=jnp.zeros(2))
     assert attempt(start=start).outcome.ok
 
@@ -125,7 +125,7 @@ def test_parts_for_another_number_of_joints_are_refused(change, message):
         ({"outside": "recover"}, "`Stepping.outside` must be `raise` in continuous mode: recovering needs samples"),
     ],
 )
-def test_what_needs_samples_is_refused_in_continuous_mode(change, message):
+def test_sampled_parts_are_refused_in_continuous_mode(change, message):
     assert attempt(**change).outcome.ok
     with pytest.raises(DefinitionError, match=message):
         attempt(mode="continuous", **change)

@@ -36,7 +36,7 @@ def settled(run, band):
     return np.asarray(run.tally.last_above)[BANDS.index(band)] * 1e-4
 
 
-def test_ftsmc_settles_and_starts_as_re_computed():
+def test_ftsmc_settles_and_starts_as_recomputed():
     run = example_4_1(ftsmc_4_1, 1)
     assert run.outcome.ok
     assert settled(run, 1e-3) == pytest.approx([1.027, 0.968], abs=0.003)
@@ -54,7 +54,7 @@ def test_with_a_boundary_layer_ftsmc_is_less_accurate_and_smooth_but_for_two_jum
     assert np.sort(jumps)[-3] < 0.02 * np.sort(jumps)[-2]
 
 
-def test_the_chattering_torque_is_on_average_that_of_the_smooth_run():
+def test_the_chattering_torque_averages_to_that_of_the_smooth_run():
     """The equivalent control: what the arm needs does not depend on how the torque is switched.
 
     With a held torque, since in continuous mode the samples are those of the first of four stages only.
@@ -66,21 +66,21 @@ def test_the_chattering_torque_is_on_average_that_of_the_smooth_run():
     np.testing.assert_allclose(means[0], means[1], atol=0.02)
 
 
-def test_ftsmppc_is_as_re_computed():
+def test_ftsmppc_runs_as_recomputed():
     run = example_4_1(ftsmppc_4_1)
     assert run.outcome.ok
     np.testing.assert_allclose(run.tally.torque_travel, [1477.7, 1480.4], rtol=0.01)
     np.testing.assert_allclose(run.tally.steady_error, [4.2e-7, 7.2e-7], rtol=0.02)
 
 
-def test_sfsmc_starts_and_settles_as_re_computed():
+def test_sfsmc_starts_and_settles_as_recomputed():
     run = example_4_2(sfsmc_4_2(), t1=4.0)
     np.testing.assert_allclose(np.abs(run.tally.first_torque)[2], 44.4, rtol=0.01)
     # Table 3 has 2.20, 2.12, 2.35 s, to a band that it does not state.
     assert np.all(settled(run, 1e-2) < 2.1)
 
 
-def test_anftsmc_settles_as_re_computed_and_learns():
+def test_anftsmc_settles_as_recomputed_and_adapts():
     run = example_4_2(anftsmc_4_2(), factor=0.0, t1=5.0, log_every=100)
     assert settled(run, 1e-5) == pytest.approx([1.74, 1.45, 1.74], abs=0.03)
     np.testing.assert_allclose(np.abs(run.tally.first_torque)[2], 215.0, rtol=0.01)

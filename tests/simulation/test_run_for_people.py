@@ -22,7 +22,7 @@ def scara():
     return simulate(plant_4_2(), law_4_2(), MOTION_4_2, START_4_2, t1=0.4, period=1e-3, outside="recover")
 
 
-def test_it_prints_its_end_and_each_joints_numbers_with_units(scara):
+def test_a_run_prints_its_outcome_and_each_joints_metrics_with_units(scara):
     lines = repr(scara).splitlines()
     assert lines[0].startswith("Run of 3 joints to 0.4 s, sampled every 0.001 s: ")
     assert len(lines) < 10
@@ -36,7 +36,7 @@ def test_it_prints_its_end_and_each_joints_numbers_with_units(scara):
         assert f"{analysis.envelope_margin(scara)[joint]:.4g} of its width" in line
 
 
-def test_a_run_that_ended_early_says_why_and_shows_no_number_that_it_has_not():
+def test_a_run_that_ended_early_prints_its_reason_and_no_missing_metric():
     run = simulate(*falling(RADII[0]), **HOW)
     text = str(run)
     assert "left_envelope" in text and run.outcome.message in text
@@ -44,7 +44,7 @@ def test_a_run_that_ended_early_says_why_and_shows_no_number_that_it_has_not():
     assert re.search(r"joint 1 +- +- ", text)
 
 
-def test_settling_is_that_of_the_metrics():
+def test_the_printed_settling_time_uses_a_band_of_the_metrics():
     run = simulate(SMOOTH_PLANT, SPRING, MOTION_4_1, START_4_1, t1=0.5, period=0.01, bands=(10.0, 1e-3))
     assert "settled to 0.001" in repr(run)
     never = repr(run).splitlines()[2].split("  ")
@@ -53,7 +53,7 @@ def test_settling_is_that_of_the_metrics():
     assert "settled" not in repr(other)
 
 
-def test_many_runs_print_how_many_came_to_what_and_the_worst():
+def test_a_batch_prints_its_outcomes_and_the_worst_run():
     runs = simulate_batch(falling, RADII, **HOW)
     text = repr(runs)
     assert text.startswith("3 runs of 2 joints to 0.4 s, sampled every 0.04 s: 2 left_envelope, 1 ok")
@@ -61,7 +61,7 @@ def test_many_runs_print_how_many_came_to_what_and_the_worst():
     assert "\nworst" in text
 
 
-def test_inside_a_transformation_it_is_printed_as_a_tree():
+def test_inside_a_transformation_a_run_is_printed_as_a_tree():
     seen = []
     jax.jit(lambda run: seen.append(repr(run)))(simulate(*falling(RADII[1]), **HOW))
     assert seen[0].startswith("Run(")
@@ -104,7 +104,7 @@ def test_the_log_is_a_data_frame_with_names_and_units(scara, monkeypatch):
         simulate_batch(falling, RADII, **HOW).frame()
 
 
-def test_without_pandas_or_a_log_it_says_what_to_do(scara, monkeypatch):
+def test_without_pandas_or_a_log_the_remedy_is_named(scara, monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(DefinitionError, match=r"pip install 'slidax\[frame\]'"):
         scara.frame()

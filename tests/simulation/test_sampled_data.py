@@ -35,7 +35,7 @@ def assert_same(a, b, rtol):
 
 # A batch inside `jit` is compiled by XLA; a simpler law is tried so every day in `test_batch_and_gradient.py`.
 @pytest.mark.parametrize("engine", ["native", pytest.param("xla", marks=pytest.mark.full)])
-def test_a_batch_over_starts_and_seeds_is_the_single_runs_also_of_those_outside(engine):
+def test_a_batch_over_starts_and_seeds_equals_single_runs_also_outside(engine):
     shifts, seeds = jnp.array([[0.0, 0.0], [0.1, -0.2], [-0.9, 0.5], [0.0, 0.0]]), jnp.array([0, 0, 1, 2])
 
     def lossy(seed):
@@ -68,7 +68,7 @@ def final_error(law):
 
 
 @pytest.mark.full
-def test_the_gradient_by_every_number_of_the_law_is_finite_and_most_of_them_count():
+def test_the_gradient_by_every_parameter_of_the_law_is_finite_and_mostly_nonzero():
     gradient = jax.jit(jax.grad(final_error))(SCENARIO.controller)
     leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(gradient)]
     assert all(np.all(np.isfinite(leaf)) for leaf in leaves)
@@ -92,7 +92,7 @@ def with_gains(x):
 
 # The step itself is differentiated by XLA every day, too, in `tests/laws/test_controllers.py`.
 @pytest.mark.parametrize("engine", ["native", pytest.param("xla", marks=pytest.mark.full)])
-def test_the_gradient_by_a_gain_is_that_of_differences(engine):
+def test_the_gradient_by_a_gain_matches_differences(engine):
     how = {"t1": 0.1, **HOW}
     goal = MOTION_4_1.position(jnp.asarray(0.1))
 

@@ -45,7 +45,7 @@ def assert_same(a, b, rtol=0.0):
 
 
 @every("sensor", SENSORS, full=LIKE_OTHERS)
-def test_a_controller_sees_what_the_sensor_says(sensor):
+def test_a_controller_gets_the_samples_of_the_sensor(sensor):
     log = run(sensor).log
     said = measured(sensor, log)
     np.testing.assert_allclose(log.signals["q"], said.state.q, rtol=1e-12)
@@ -54,7 +54,7 @@ def test_a_controller_sees_what_the_sensor_says(sensor):
 
 
 @every("sensor", SENSORS, full=LIKE_OTHERS)
-def test_the_torque_follows_from_what_was_seen_where_a_sample_arrived_and_else_stays(sensor):
+def test_the_torque_changes_only_with_samples_that_arrived(sensor):
     log = run(sensor).log
     fresh = np.asarray(measured(sensor, log).fresh)
     e, de = log.signals["q"] - log.reference.q, log.signals["dq"] - log.reference.dq
@@ -64,14 +64,14 @@ def test_the_torque_follows_from_what_was_seen_where_a_sample_arrived_and_else_s
     np.testing.assert_array_equal(log.tau[lost], log.tau[lost - 1])
 
 
-def test_a_delay_of_one_period_is_one_period():
+def test_a_delay_of_one_period_shifts_samples_by_one_period():
     log = run(Delayed(Exact(), 1.0)).log
     np.testing.assert_array_equal(log.signals["q"][1:], log.state.q[:-1])
     np.testing.assert_array_equal(log.signals["dq"][1:], log.state.dq[:-1])
     assert np.all(log.signals["q"][2:] != log.state.q[2:])
 
 
-def test_while_samples_are_lost_the_torque_is_held_and_the_law_remembers_nothing():
+def test_while_samples_are_lost_torque_and_memory_are_held():
     log = run(Lossy(Exact(), starts=[10], counts=[5])).log
     np.testing.assert_array_equal(log.tau[10:15], np.broadcast_to(log.tau[9], (5, 2)))
     assert np.all(log.tau[15] != log.tau[9])
@@ -93,7 +93,7 @@ def test_the_envelope_is_judged_by_the_true_error_and_not_by_the_measured_one():
     assert late.kind == "left_envelope"
 
 
-def test_the_actuators_limits_hold_in_the_torque_that_is_logged_and_counted():
+def test_logged_and_tallied_torques_are_within_the_actuators_limits():
     limits = TorqueLimits([40.0, 25.0], [1500.0, 600.0])
     free, limited = run(), run(actuator=Actuator(limits))
     assert np.all(np.abs(free.log.tau).max(axis=0) > limits.torque)
@@ -165,13 +165,13 @@ def test_a_perfect_sensor_and_a_perfect_actuator_change_nothing():
 NOISY = Encoders(1e-4, 1e-4, 1e-2, seed=1)
 
 
-def test_the_same_seed_gives_the_same_bits_and_another_one_others():
+def test_equal_seeds_give_equal_bits_and_other_seeds_other_bits():
     again, other = run(NOISY), run(eqx.tree_at(lambda s: s.seed, NOISY, jnp.asarray(2)))
     assert_same((again.log, again.tally), (run(NOISY).log, run(NOISY).tally))
     assert np.all(other.log.tau[1:] != again.log.tau[1:])
 
 
 @pytest.mark.parametrize("log_every", [None, 7])
-def test_the_tally_does_not_depend_on_what_is_logged_here_either(log_every):
+def test_with_sensors_and_drives_the_tally_does_not_depend_on_the_log(log_every):
     parts = (Lossy(Delayed(NOISY, 1.4), 0.2), Actuator(TorqueLimits(40.0, 900.0), 5e-3, 0.5))
     assert_same(run(*parts, log_every=log_every).tally, run(*parts).tally)

@@ -20,7 +20,7 @@ def same(ours, theirs):
         np.testing.assert_array_equal(a, b)
 
 
-def test_a_stepping_and_its_fields_as_keywords_are_the_same_run():
+def test_a_stepping_and_its_fields_as_keywords_give_the_same_run():
     whole = simulate(*LOOP, t1=0.2, stepping=FINE)
     same(whole, simulate(*LOOP, t1=0.2, period=0.02, substeps=4, integrator=semi_implicit_euler))
     coarse = simulate(*LOOP, t1=0.2, period=0.02)

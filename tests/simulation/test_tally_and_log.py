@@ -88,7 +88,7 @@ def test_first_sample_is_the_start_and_the_last_one_the_state():
     assert_same_bits((state.q[-1], state.dq[-1]), (run(1).state.q, run(1).state.dq))
 
 
-def test_the_log_holds_what_the_controller_saw_and_said():
+def test_the_log_has_inputs_and_outputs_of_the_controller():
     log = run(1).log
     k = 700
     reference = MOTION_4_1.reference(jnp.asarray(log.t[k]))
@@ -114,7 +114,7 @@ def test_the_tally_and_log_do_not_depend_on_the_size_of_a_chunk(monkeypatch, log
     assert_same_bits((chunked.tally, chunked.log, chunked.state), (whole.tally, logged.log, whole.state))
 
 
-def test_the_memory_passes_from_sample_to_sample_and_the_next_reference_is_one_period_on():
+def test_memory_passes_between_samples_and_the_next_reference_is_one_period_later():
     done = simulate(SMOOTH_PLANT, SPRING, MOTION_4_1, START_4_1, t1=0.5, period=0.01)
     np.testing.assert_array_equal(done.log.signals["count"], np.arange(51.0))
     moved = np.diff(done.log.reference.q, axis=0)
@@ -130,13 +130,13 @@ def test_a_scheme_without_an_envelope_has_none_in_its_log_and_an_infinite_margin
     assert np.asarray(done.tally.last_above)[0].tolist() == [np.flatnonzero(e[:, j] > 0.3)[-1] for j in (0, 1)]
 
 
-def test_the_run_knows_its_units_its_times_and_what_it_cost():
+def test_a_run_has_units_times_and_computing_cost():
     done = run(1)
     assert (done.joint_units, done.joints, float(done.period), float(done.t1)) == (("rad", "rad"), 2, PERIOD, END)
     assert done.timing.compile_s > 0 and done.timing.run_s > 0
 
 
-def test_the_step_that_leads_into_the_last_quarter_is_not_counted_in_it():
+def test_the_torque_step_into_the_last_quarter_is_not_counted_there():
     windows = Windows(steady=jnp.asarray(2), late=jnp.asarray(0), bands=jnp.array([0.1]))
     tally = Tally.empty(1, 1)
     for k, tau in enumerate([0.0, 1.0, 9.0, 9.5, 9.0]):
@@ -146,7 +146,7 @@ def test_the_step_that_leads_into_the_last_quarter_is_not_counted_in_it():
 
 
 @pytest.mark.parametrize("log_every", [None, 30_000])
-def test_the_stiff_printed_loop_too_rounds_alike_whatever_is_logged(log_every):
+def test_the_stiff_printed_loop_has_the_same_bits_for_any_log(log_every):
     """A loop of a single turn is compiled otherwise: with these numbers it once rounded otherwise."""
 
     def tally(log_every):

@@ -25,7 +25,7 @@ def test_a_tolerance_like_the_schemes_envelope_has_its_margin_to_the_bit(engine)
     assert analysis.tolerance_violations(watched) == analysis.envelope_violations(watched) == 0
 
 
-def test_a_tolerance_changes_no_bit_of_a_run_and_a_run_without_one_has_nothing_of_it():
+def test_a_tolerance_changes_no_bit_and_without_one_there_is_no_tally_of_it():
     plain, watched = run(None), run(NARROW)
     np.testing.assert_array_equal(plain.log.tau, watched.log.tau)
     np.testing.assert_array_equal(plain.log.state.q, watched.log.state.q)

@@ -13,7 +13,7 @@ from slidax.simulation.tally import ErrorTally, ToolTally, rotation_angle
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-12, 1e-6, 0.3, 1.5, 3.0, np.pi - 1e-7, np.pi])
-def test_the_angle_of_the_rotation_between_is_found_however_small_or_large(angle):
+def test_the_angle_between_two_rotations_is_accurate_at_any_size(angle):
     rng = np.random.default_rng(3)
     for _ in range(20):
         axis = rng.standard_normal(3)
@@ -23,14 +23,14 @@ def test_the_angle_of_the_rotation_between_is_found_however_small_or_large(angle
         np.testing.assert_allclose(found, angle, rtol=1e-9, atol=1e-15)
 
 
-def test_at_no_error_it_has_a_finite_slope():
+def test_the_rotation_error_has_a_finite_gradient_at_zero():
     arm = arms.panda()
     q = jnp.asarray(arms.built_in_arm("panda").home)
     slope = jax.grad(lambda x: rotation_angle(arm.tip_frame(x)[0], arm.tip_frame(q)[0]))(q)
     assert np.isfinite(slope).all()
 
 
-def test_of_an_arm_from_a_file_it_is_that_of_its_own_frames():
+def test_the_tool_error_of_an_arm_from_a_file_is_that_of_its_frames():
     arm = arms.panda()
     rng = np.random.default_rng(4)
     seen, yes = ToolTally.begin(arm), jnp.asarray(True)

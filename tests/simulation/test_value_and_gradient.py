@@ -50,7 +50,7 @@ def assert_close(ours, theirs, rtol):
 
 
 @pytest.mark.parametrize("mode", ["held", "continuous"])
-def test_it_is_the_slope_that_differences_show(mode):
+def test_the_gradient_matches_differences(mode):
     value, gradient = value_and_gradient(last_error, define, AT, mode=mode, **HOW, engine="native")
     run = simulate(*define(AT), mode=mode, log_every=None, **HOW, engine="native")
     assert float(value) == pytest.approx(float(last_error(run)), rel=1e-13)
@@ -58,7 +58,7 @@ def test_it_is_the_slope_that_differences_show(mode):
 
 
 @pytest.mark.full
-def test_both_engines_give_the_same():
+def test_both_engines_give_the_same_gradient():
     native = value_and_gradient(last_error, define, AT, **HOW, engine="native")
     xla = value_and_gradient(last_error, define, AT, **HOW, engine="xla")
     assert float(native[0]) == pytest.approx(float(xla[0]), rel=1e-12)
@@ -67,7 +67,7 @@ def test_both_engines_give_the_same():
 
 # Of a simpler law, reverse mode is tried every day, in `test_batch_and_gradient.py`.
 @pytest.mark.full
-def test_reverse_mode_gives_the_same():
+def test_reverse_mode_gives_the_same_gradient():
     native = value_and_gradient(last_error, define, AT, **HOW, engine="native")
     reverse = jax.jit(jax.grad(lambda x: last_error(simulate(*define(x), log_every=None, **HOW))))(AT)
     assert_close(native[1], reverse, 1e-8)
@@ -82,13 +82,13 @@ def test_a_metric_may_read_the_log():
     assert_close(gradient, differences(mean_square, 5, **HOW), 1e-5)
 
 
-def test_nothing_to_differentiate_by_is_refused():
+def test_a_gradient_without_parameters_is_refused():
     with pytest.raises(DefinitionError, match="`at` must have the numbers with respect to which"):
         value_and_gradient(last_error, lambda _: define(AT), {}, **HOW)
 
 
 @pytest.mark.full
-def test_what_has_no_native_code_is_differentiated_by_xla_with_a_word_about_it():
+def test_a_loop_without_native_code_is_differentiated_by_xla_with_a_warning():
     def sorted_start(x):
         return SMOOTH_PLANT, SPRING, MOTION_4_1, eqx.tree_at(lambda s: s.q, START_4_1, jnp.sort(START_4_1.q * x))
 
@@ -101,7 +101,7 @@ def test_what_has_no_native_code_is_differentiated_by_xla_with_a_word_about_it()
 @pytest.mark.parametrize(
     ("name", "seconds"), [("example-4.2-1khz", 20.0), pytest.param("panda-payload", 60.0, marks=pytest.mark.full)]
 )
-def test_a_sampled_data_law_is_ready_soon_and_an_arm_of_seven_joints_with_a_payload_within_a_minute(name, seconds):
+def test_gradients_of_sampled_data_laws_compile_within_a_minute(name, seconds):
     """By processor time, trace and compilation and run together; XLA's reverse mode compiles for many minutes.
 
     Without rounding, which is differentiated straight through: differences of a staircase show another slope.

@@ -57,7 +57,7 @@ def everywhere(name):
     ]
 
 
-def test_no_trick_in_any_path_reaches_the_planted_file(client, shared_root):
+def test_no_path_trick_of_a_request_reaches_a_file_outside(client, shared_root):
     (shared_root / "own.csv").write_text("t\n")
     before, tried = state_of(shared_root.parent / "outside"), 0
     for name in tricks(shared_root):
@@ -88,7 +88,7 @@ def test_no_trick_in_any_path_reaches_the_planted_file(client, shared_root):
         "robot: {kind: mjcf, file: inner.xml}",
     ],
 )
-def test_what_a_file_names_is_not_read_outside(client, shared_root, text):
+def test_files_named_in_a_file_are_not_read_outside_the_folder(client, shared_root, text):
     (shared_root / "inner.xml").write_text('<mujoco><include file="../outside/secret.xml"/><worldbody/></mujoco>')
     (shared_root / "names.yaml").write_text(text)
     for do, payload in (
@@ -101,7 +101,7 @@ def test_what_a_file_names_is_not_read_outside(client, shared_root, text):
     assert "outside the studio's folder" in client.post("/api/run", json={"path": "names.yaml"}).text
 
 
-def test_a_run_is_that_of_python(client):
+def test_a_run_in_the_studio_equals_that_in_python(client):
     changes = {"scheme.performance.final": 0.004, "simulation.t1": 1.0}
     answer = client.post("/api/run", json={"name": "example-4.1-1khz", "changes": changes})
     (length,) = struct.unpack("<Q", answer.content[:8])
@@ -119,7 +119,7 @@ def test_a_run_is_that_of_python(client):
     assert min(head["metrics"]["envelope_margin"]) == pytest.approx(float(result["margin"].min()), rel=1e-9)
 
 
-def test_a_mistake_is_said_with_its_path_and_remedy(client):
+def test_an_invalid_field_is_reported_with_its_path_and_remedy(client):
     answer = client.post("/api/check", json={"name": "example-4.1", "changes": {"scheme.surface.k9": 1}})
     assert answer.status_code == 422
     assert (
@@ -152,7 +152,7 @@ LINK = """<link name="l{k}"><inertial><origin xyz="0 0 0.15"/><mass value="{mass
 
 
 @pytest.mark.full
-def test_an_arm_is_brought_and_becomes_a_scenario_that_is_saved_and_runs(client, shared_root):
+def test_an_uploaded_arm_becomes_a_saved_scenario_that_runs(client, shared_root):
     joints = [("base", "0 0 1", 3, 60), ("l0", "0 1 0", 2, 60), ("l1", "0 1 0", 1, 30)]
     links = "".join(
         LINK.format(k=k, parent=parent, axis=axis, mass=mass, effort=effort)
@@ -172,7 +172,7 @@ def test_an_arm_is_brought_and_becomes_a_scenario_that_is_saved_and_runs(client,
     assert answer.headers["content-type"] == "application/octet-stream"
 
 
-def test_a_file_that_was_changed_elsewhere_is_not_written_over(client, shared_root):
+def test_a_file_changed_by_another_program_is_not_overwritten(client, shared_root):
     saved = client.put("/api/file?path=mine.yaml", content=b"title: a\n").json()
     assert client.get("/api/file?path=mine.yaml").json() == {"path": "mine.yaml", "text": "title: a\n", **saved}
     (shared_root / "mine.yaml").write_text("title: b\n")
@@ -182,7 +182,7 @@ def test_a_file_that_was_changed_elsewhere_is_not_written_over(client, shared_ro
 
 
 @pytest.mark.full
-def test_when_the_workbench_dies_the_next_question_has_a_new_one(client):
+def test_a_dead_worker_process_is_replaced_at_the_next_request(client):
     # Another test may have started the compiler, which is one, too.
     benches = [int(pid) for pid in os.listdir("/proc") if pid.isdigit() and is_bench(pid)]
     assert benches
@@ -202,7 +202,7 @@ def is_bench(pid):
     return "slidax.studio.bench" in line and int(parent) == os.getpid()
 
 
-def test_odd_requests_are_refused_in_a_line(client):
+def test_malformed_requests_are_refused_in_one_line(client):
     for body in (b"", b"[]", b"NaN", b'{"a":', b'{"a":NaN}', b"[" * 100_000):
         answer = client.post("/api/run", content=body, headers={"content-type": "application/json"})
         assert answer.status_code == 400 and answer.json()["error"]["message"]

@@ -101,7 +101,7 @@ def test_a_confined_process_sees_its_folder_alone(tmp_path, walls):
     assert sorted(path.name for path in outside.iterdir()) == ["secret.txt"]
 
 
-def test_the_watch_knows_reading_from_writing(tmp_path):
+def test_the_audit_hook_distinguishes_reading_from_writing(tmp_path):
     inner = tmp_path / "read"
     inner.mkdir()
     watch = Watch([inner], [tmp_path / "write"])
@@ -115,7 +115,7 @@ def test_the_watch_knows_reading_from_writing(tmp_path):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the places of descriptors are those of /proc")
-def test_the_watch_refuses_every_change_outside_by_any_form_of_its_path(tmp_path, monkeypatch):
+def test_the_audit_hook_refuses_every_change_outside_for_any_form_of_path(tmp_path, monkeypatch):
     root, outside = tmp_path / "root", tmp_path / "outside"
     (root / "deep" / "er").mkdir(parents=True)
     outside.mkdir()
@@ -159,7 +159,7 @@ def test_the_watch_refuses_every_change_outside_by_any_form_of_its_path(tmp_path
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the places of descriptors are those of /proc")
-def test_the_watch_lets_every_change_inside_pass(tmp_path, monkeypatch):
+def test_the_audit_hook_allows_every_change_inside(tmp_path, monkeypatch):
     root = tmp_path / "root"
     (root / "deep").mkdir(parents=True)
     (root / "file").write_text("x")

@@ -84,7 +84,7 @@ def is_closed(link, seconds):
     return True
 
 
-def test_a_hundred_and_fifty_unfinished_heads_do_not_keep_the_page_out(port):
+def test_one_hundred_and_fifty_unfinished_requests_do_not_block_the_page(port):
     links = [opened(port, "GET /api/x HTTP/1.1\nhost: {host}\nx-a: ") for _ in range(150)]
     with opened(port, GOOD) as page:
         assert status(page) == 200
@@ -142,12 +142,12 @@ def test_a_second_request_on_a_connection_has_its_own_time(port):
         assert status(link) == 200
 
 
-def test_an_answer_that_takes_long_is_waited_for(port):
+def test_a_slow_answer_is_not_interrupted(port):
     with opened(port, GOOD.replace("/api/x", "/slow").replace("x-slidax-token: right\n", "")) as link:
         assert status(link) == 200
 
 
-def test_who_does_not_read_a_page_does_not_keep_the_others_out(port):
+def test_a_client_that_does_not_read_does_not_block_others(port):
     links = [opened(port, "GET / HTTP/1.1\nhost: {host}\n\n") for _ in range(120)]
     with opened(port, GOOD) as page:
         assert status(page) == 200

@@ -12,7 +12,7 @@ from .tricks import SECRET, state_of, tricks
 MOST = 1000
 
 
-def test_no_trick_reads_or_writes_the_planted_file(root):
+def test_no_path_trick_reads_or_writes_a_file_outside(root):
     folder, before = Folder(root), state_of(root.parent / "outside")
     names = tricks(root)
     assert len(names) >= 40
@@ -28,7 +28,7 @@ def test_no_trick_reads_or_writes_the_planted_file(root):
     assert state_of(root.parent / "outside") == before
 
 
-def test_a_hidden_file_and_what_would_be_run_are_neither_read_nor_written(root):
+def test_hidden_and_executable_files_are_neither_read_nor_written(root):
     folder = Folder(root)
     for name in (".bashrc.yaml", ".git/hooks.yaml", "sub/.ssh/keys.json"):
         with pytest.raises(OutsideError, match="must not start"):
@@ -44,7 +44,7 @@ def test_links_within_the_folder_are_followed(root):
     assert Folder(root).read("self/own.yaml", MOST) == b"title: own\n"
 
 
-def test_a_file_is_written_whole_and_only_over_what_was_seen(root):
+def test_a_file_is_written_atomically_and_only_over_the_version_read(root):
     folder = Folder(root)
     mark = folder.write("new/deep/one.yaml", b"a: 1\n")
     assert mark == mark_of(b"a: 1\n")
@@ -57,7 +57,7 @@ def test_a_file_is_written_whole_and_only_over_what_was_seen(root):
     assert [path.name for path in (root / "new/deep").iterdir()] == ["one.yaml"]
 
 
-def test_a_file_that_becomes_a_link_between_look_and_open_is_not_followed(root, monkeypatch):
+def test_a_file_replaced_by_a_link_before_opening_is_not_followed(root, monkeypatch):
     folder, real = Folder(root), Folder.beneath
 
     def swapped(self, path, name):
@@ -71,7 +71,7 @@ def test_a_file_that_becomes_a_link_between_look_and_open_is_not_followed(root, 
         folder.read("own.yaml", MOST)
 
 
-def test_a_folder_that_becomes_a_link_between_look_and_open_is_not_followed(root, monkeypatch):
+def test_a_folder_replaced_by_a_link_before_opening_is_not_followed(root, monkeypatch):
     (root / "sub" / "secret.yaml").write_text("title: own\n")
     folder, real = Folder(root), Folder.beneath
 
@@ -104,7 +104,7 @@ while True:
 """
 
 
-def test_in_a_race_with_links_that_come_and_go_the_secret_is_never_read(root):
+def test_a_race_with_changing_links_never_reads_a_file_outside(root):
     folder, place = Folder(root), root / "flip.yaml"
     place.write_text("title: own\n")
     read = refused = 0
@@ -134,7 +134,7 @@ def test_only_regular_files_are_opened(root):
         Folder(root).read("large.yaml", MOST)
 
 
-def test_a_listing_has_files_that_can_be_shown_and_no_links_out(root):
+def test_a_listing_has_readable_files_and_no_links_to_outside(root):
     (root / ".hidden.yaml").write_text("")
     (root / "run.sh").write_text("")
     (root / "sub" / "motion.csv").write_text("t\n0\n")
@@ -144,5 +144,5 @@ def test_a_listing_has_files_that_can_be_shown_and_no_links_out(root):
 
 
 @pytest.mark.parametrize("name", ["arm.yaml", "sub/arm-2.yaml", "Größe.yaml", "a b.csv", "x..y.yaml"])
-def test_ordinary_names_are_names(name):
+def test_ordinary_file_names_are_accepted(name):
     assert parts_of(name) == tuple(name.split("/"))

@@ -33,7 +33,7 @@ def client():
 
 
 @pytest.mark.parametrize("host", [f"127.0.0.1:{PORT}", f"localhost:{PORT}", f"[::1]:{PORT}", f"LOCALHOST:{PORT}"])
-def test_loopback_at_the_right_port_is_answered(client, host):
+def test_requests_to_loopback_at_the_servers_port_are_answered(client, host):
     assert client.get("/", headers={"host": host}).status_code == 200
 
 
@@ -63,14 +63,14 @@ def test_a_request_of_another_page_is_refused(client, headers):
     assert client.post("/api/x", json={}, headers=headers).status_code == 403
 
 
-def test_its_own_page_is_answered(client):
+def test_requests_of_the_studios_own_page_are_answered(client):
     headers = {"origin": f"http://127.0.0.1:{PORT}", "sec-fetch-site": "same-origin"}
     assert client.post("/api/x", json={}, headers=headers).json() == {"length": 2}
     assert client.get("/", headers={"sec-fetch-site": "none"}).status_code == 200
 
 
 @pytest.mark.parametrize("token", ["", "wrong", "right ", "righ", "rightright", "ümlaut".encode()])
-def test_without_the_token_nothing_is_read_and_nothing_changed(client, token):
+def test_requests_without_the_token_read_and_change_nothing(client, token):
     for method in ("GET", "POST", "PUT", "DELETE"):
         headers = {"x-slidax-token": token, "content-type": "application/json"}
         assert client.request(method, "/api/x", headers=headers).status_code == 401
@@ -90,7 +90,7 @@ def test_a_form_and_a_simple_request_are_refused(client):
         assert client.post("/api/x", content=b"{}", headers={"content-type": kind}).status_code == 415
 
 
-def test_too_much_is_refused_whether_it_is_announced_or_not(client, monkeypatch):
+def test_too_large_a_body_is_refused_with_or_without_a_declared_length(client, monkeypatch):
     monkeypatch.setattr(guard, "LARGEST", 1000)
     monkeypatch.setattr(guard, "LARGEST_FILE", 2000)
     headers = {"content-type": "application/json"}
@@ -101,7 +101,7 @@ def test_too_much_is_refused_whether_it_is_announced_or_not(client, monkeypatch)
     assert client.put("/api/x", content=b"x" * 2001).status_code == 413
 
 
-def test_every_answer_says_what_it_may_do(client):
+def test_every_answer_has_a_content_security_policy(client):
     for answer in (client.get("/"), client.get("/", headers={"host": "evil"}), client.get("/nothing")):
         assert answer.headers["x-content-type-options"] == "nosniff"
         assert "default-src 'none'" in answer.headers["content-security-policy"]
@@ -109,7 +109,7 @@ def test_every_answer_says_what_it_may_do(client):
         assert "access-control-allow-origin" not in answer.headers
 
 
-def test_a_socket_is_closed(client):
+def test_web_sockets_are_closed(client):
     from starlette.websockets import WebSocketDisconnect
 
     with pytest.raises(WebSocketDisconnect), client.websocket_connect("/api/x"):

@@ -10,7 +10,7 @@ from .tricks import tricks
 MUJOCO = '<mujoco><compiler {compiler}/>{inner}<worldbody><body name="b"/></worldbody></mujoco>'
 
 
-def test_no_trick_can_be_named_in_a_scenario(root):
+def test_no_path_trick_can_be_used_in_a_scenario(root):
     folder = Folder(root)
     refused = 0
     for name in tricks(root):
@@ -34,13 +34,13 @@ SHAPES = [
 
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("name", ["../outside/secret.yaml", "link.yaml", "folder/secret.yaml"])
-def test_whatever_names_a_file_is_looked_at(root, shape, name):
+def test_every_field_that_names_a_file_is_checked(root, shape, name):
     with pytest.raises(OutsideError):
         require_beneath(Folder(root), read_yaml(shape.replace("NAME", name)), root)
     require_beneath(Folder(root), read_yaml(shape.replace("NAME", "own.yaml")), root)
 
 
-def test_files_that_are_named_by_named_files_are_looked_at(root):
+def test_files_named_in_referenced_files_are_checked(root):
     (root / "study.yaml").write_text("study: monte_carlo\nscenario: sub/scenario.yaml\n")
     (root / "sub/scenario.yaml").write_text("robot: {kind: identified, file: arm.yaml}\n")
     (root / "sub/arm.yaml").write_text("robot: {kind: urdf, file: ../../outside/secret.urdf}\n")
@@ -63,7 +63,7 @@ def test_files_that_are_named_by_named_files_are_looked_at(root):
         ("", '<asset><texture fileup="../outside/secret.xml"/></asset>'),
     ],
 )
-def test_what_mujoco_would_open_is_looked_at(root, compiler, inner):
+def test_files_that_mujoco_would_open_are_checked(root, compiler, inner):
     (root / "arm.xml").write_text(MUJOCO.format(compiler=compiler, inner=inner))
     (root / "sub/second.xml").write_text(MUJOCO.format(compiler="", inner='<include file="../../outside/secret.xml"/>'))
     with pytest.raises(OutsideError):
@@ -78,7 +78,7 @@ def test_entities_are_not_expanded(root):
         require_beneath(Folder(root), {"robot": {"kind": "mjcf", "file": "arm.xml"}}, root)
 
 
-def test_whether_meshes_are_elsewhere_is_not_told(root):
+def test_meshes_outside_the_folder_are_ignored_unless_they_are_read(root):
     mesh = '<robot name="r"><link name="l"><visual><geometry><mesh filename="NAME"/></geometry></visual></link></robot>'
     (root / "arm.urdf").write_text(mesh.replace("NAME", "file:///etc/passwd"))
     scenario = {"robot": {"kind": "urdf", "file": "arm.urdf"}}
@@ -87,7 +87,7 @@ def test_whether_meshes_are_elsewhere_is_not_told(root):
         require_beneath(Folder(root), {"robot": scenario["robot"] | {"meshes": True}}, root)
 
 
-def test_files_that_name_each_other_in_a_circle_end(root):
+def test_circular_references_between_files_end(root):
     (root / "a.yaml").write_text("robot: {kind: identified, file: b.yaml}")
     (root / "b.yaml").write_text("robot: {kind: identified, file: a.yaml}")
     require_file_beneath(Folder(root), root / "a.yaml")

@@ -93,7 +93,7 @@ def asker(client):
 
 
 @pytest.mark.parametrize("content", RAW)
-def test_a_body_that_is_no_request_is_refused_with_a_sentence(content):
+def test_an_invalid_body_is_refused_with_a_sentence(content):
     for kind in (ScenarioRequest, JobRequest):
         with pytest.raises(RequestError) as refused:
             read_request(content, kind)
@@ -127,7 +127,7 @@ def test_every_field_is_checked_by_its_type(do):
                 read_request(json.dumps({k: v for k, v in VALID[do].items() if k != field}).encode(), kind)
 
 
-def test_requests_that_ended_the_workbench_are_refused(asker):
+def test_requests_that_once_crashed_the_worker_are_refused(asker):
     bad = (
         ("check", b'{"name": "example-4.1", "changes": {"title": "\\ud800"}}'),
         ("check", {"name": "example-4.1", "changes": [1]}),
@@ -173,20 +173,20 @@ def read_yaml_of(asker):
     return read_yaml(asker.client.post("/api/check", json={"name": "example-4.1"}).json()["text"])
 
 
-def test_random_requests_end_nothing(asker):
+def test_random_requests_end_no_process(asker):
     fuzz(asker, 20, 38, ("check", "part", "jobs", "catalogue"))
 
 
 @pytest.mark.full
 @pytest.mark.parametrize("seed", range(4))
-def test_thousands_of_random_requests_to_every_answer_end_nothing(asker, seed):
+def test_thousands_of_random_requests_to_every_address_end_no_process(asker, seed):
     for content in RAW:
         for do in (*QUESTIONS, "jobs"):
             asker.post(do, content)
     fuzz(asker, 1000, seed)
 
 
-def test_names_of_files_that_are_no_text_are_listed(client, shared_root):
+def test_file_names_that_are_not_unicode_are_listed(client, shared_root):
     path = Path(str(shared_root) + "/\udcff-odd.yaml")
     path.write_text("title: x\n")
     try:
@@ -203,12 +203,12 @@ def test_names_of_files_that_are_no_text_are_listed(client, shared_root):
         *("/api/file?path=a&path=b", "/%FF"),
     ],
 )
-def test_odd_addresses_are_refused(client, address):
+def test_invalid_addresses_are_refused(client, address):
     client.post("/api/jobs", content=b'{"kind": "certify", "options": {"scenario": "nothing"}}', headers=JSON)
     assert client.get(address).status_code in (403, 404, 422)
 
 
-def test_the_page_without_the_token_has_nothing_of_the_users_scenario(tmp_path):
+def test_the_page_without_the_token_contains_no_user_data(tmp_path):
     from slidax.studio.app import DEFAULT, Studio
     from slidax.studio.files import Folder
 

@@ -27,7 +27,7 @@ def running(tmp_path):
     made.end(signal.SIGKILL)
 
 
-def test_it_listens_on_loopback_alone_and_ends_with_its_jobs(running):
+def test_the_server_listens_on_loopback_alone_and_ends_with_its_jobs(running):
     inodes = {link.readlink().name for link in Path(f"/proc/{running.process.pid}/fd").iterdir() if _is_socket(link)}
     listening = []
     for table in ("tcp", "tcp6"):
@@ -61,7 +61,7 @@ def test_it_listens_on_loopback_alone_and_ends_with_its_jobs(running):
 
 
 @pytest.mark.full
-def test_when_it_is_killed_its_processes_end(running):
+def test_a_killed_server_ends_its_processes(running):
     running.ask("POST", "/api/jobs", {"kind": "certify", "options": {"scenario": "panda-payload"}})
     until = time.monotonic() + 20
     while len(running.children()) < 2:
@@ -73,7 +73,7 @@ def test_when_it_is_killed_its_processes_end(running):
     assert gone(children)
 
 
-def test_a_port_that_is_taken_is_said_in_a_line(tmp_path):
+def test_a_port_in_use_is_reported_in_one_line(tmp_path):
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
         other.listen()

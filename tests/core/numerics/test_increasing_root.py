@@ -37,7 +37,7 @@ def test_roots_are_found_from_any_guess():
         np.testing.assert_allclose(function(parameters, x)[0], target, rtol=2e-12, atol=2e-12)
 
 
-def test_a_guess_that_is_the_root_stays_as_it_is():
+def test_a_guess_that_is_the_root_is_returned_unchanged():
     guess = jnp.array([1.5, -0.2])
     parameters = (jnp.asarray(2.0), jnp.asarray(1.0))
     target = cubic(parameters, guess)[0]
@@ -46,7 +46,7 @@ def test_a_guess_that_is_the_root_stays_as_it_is():
 
 @settings(max_examples=6, deadline=None)
 @given(st.lists(st.floats(-9, 2), min_size=1, max_size=5), st.floats(-1, 1), st.floats(-1, 1), st.floats(-8, -1))
-def test_it_ends_within_its_turns_and_then_the_root_is_as_near_as_it_says(steepness, where, guess, rate):
+def test_the_solver_ends_within_its_iterations_at_its_stated_accuracy(steepness, where, guess, rate):
     """Stairs, on each of which a Newton step learns nothing of the next."""
     turns = 0
 
@@ -72,7 +72,7 @@ def test_it_ends_within_its_turns_and_then_the_root_is_as_near_as_it_says(steepn
     assert left <= 1e-15 or abs(float(x[0] - where)) <= 2 * 2.0**-52 + 1e-15 / 10.0**rate
 
 
-def test_derivative_is_that_of_the_root_forwards_and_backwards():
+def test_forward_and_reverse_derivatives_are_those_of_the_root():
     target, guess = jnp.array([5.0, -1.0]), jnp.zeros(2)
     a, b = jnp.array([2.0, 3.0]), jnp.array([1.0, 0.5])
 

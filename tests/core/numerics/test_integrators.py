@@ -37,13 +37,13 @@ def test_step_converges_at_its_order(step, steps, expected):
     assert order(step, steps) == pytest.approx(expected, abs=0.15 if expected == 4.0 else 0.05)
 
 
-def test_runge_kutta_looks_at_its_four_stages_in_order():
+def test_runge_kutta_evaluates_its_four_stages_in_order():
     start = State(q=jnp.array([1.0]), dq=jnp.array([0.0]))
     _, times = runge_kutta_4(pendulum, jnp.asarray(2.0), start, jnp.asarray(0.5))
     assert [float(t) for t in times] == [2.0, 2.25, 2.25, 2.5]
 
 
-def test_semi_implicit_euler_looks_once_and_moves_with_the_new_velocity():
+def test_semi_implicit_euler_evaluates_once_and_moves_with_the_new_velocity():
     start = State(q=jnp.array([1.0]), dq=jnp.array([0.5]))
     after, times = semi_implicit_euler(pendulum, jnp.asarray(2.0), start, jnp.asarray(0.1))
     dq = 0.5 + 0.1 * (-np.sin(1.0) + 0.1 * np.cos(6.0))
@@ -61,7 +61,7 @@ def test_runge_kutta_integrates_a_cubic_in_time_exactly():
     assert float(after.q[0]) == pytest.approx(1.5**4, rel=1e-15)
 
 
-def test_a_value_comes_with_its_rate_and_its_curvature():
+def test_value_rate_and_curvature_agree_with_closed_forms():
     t = jnp.asarray(0.7)
     value, rate, curvature = value_rate_curvature(lambda t: jnp.stack([jnp.sin(2.0 * t), t**3]), t)
     np.testing.assert_allclose(value, [np.sin(1.4), 0.343], rtol=1e-14)

@@ -23,7 +23,7 @@ def of_numpy(a):
 
 
 @pytest.mark.parametrize("n", [1, 2, 3])
-def test_in_closed_form_it_is_that_of_numpy(n):
+def test_the_closed_form_norm_agrees_with_numpy(n):
     rng = np.random.default_rng(0)
     for seed in range(100):
         a = symmetric(rng.uniform(0.1, 10.0, n), seed)
@@ -33,14 +33,14 @@ def test_in_closed_form_it_is_that_of_numpy(n):
 @pytest.mark.parametrize(
     "values", [[2.0, 2.0], [1.0, 1e4], [1.0, 1.0, 5.0], [1.0, 5.0, 5.0], [3.0, 3.0, 3.0], [1.0, 1.0 + 1e-9, 1e3]]
 )
-def test_where_eigenvalues_meet_or_lie_far_apart_it_holds_with_finite_gradients(values):
+def test_the_norm_has_finite_gradients_at_equal_and_distant_eigenvalues(values):
     for a in (np.diag(values), symmetric(np.array(values), 1)):
         np.testing.assert_allclose(norm(jnp.asarray(a)), of_numpy(a), rtol=1e-6 * max(values))
         assert np.all(np.isfinite(gradient(jnp.asarray(a))))
 
 
 @pytest.mark.parametrize("n", [4, *(pytest.param(n, marks=pytest.mark.full) for n in (6, 7))])
-def test_for_more_rows_it_is_never_less_and_at_most_the_stated_factor_more(n):
+def test_for_larger_matrices_the_norm_is_an_upper_bound_within_its_stated_factor(n):
     rng = np.random.default_rng(1)
     for seed in range(30):
         values = rng.uniform(0.1, 10.0, n) if seed else np.ones(n)
@@ -54,7 +54,7 @@ def test_for_more_rows_it_is_never_less_and_at_most_the_stated_factor_more(n):
 
 
 @pytest.mark.parametrize("n", [2, 3, 5])
-def test_its_gradient_matches_differences(n):
+def test_the_gradient_of_the_norm_matches_differences(n):
     a = symmetric(np.arange(1.0, n + 1.0), 3)
     along = symmetric(np.linspace(-1.0, 1.0, n), 4)
     h = 1e-6
@@ -63,7 +63,7 @@ def test_its_gradient_matches_differences(n):
     assert float(derivative) == pytest.approx(difference, rel=1e-6)
 
 
-def test_it_makes_no_library_call():
+def test_the_norm_makes_no_library_call():
     for n in (2, 3, 7):
         program = jax.jit(inverse_norm).lower(jnp.eye(n)).compile().as_text()
         assert "custom-call" not in program

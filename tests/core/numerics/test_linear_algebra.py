@@ -65,7 +65,7 @@ def test_the_norm_has_a_unit_gradient_and_none_at_zero():
     assert float(vector_norm(jnp.zeros(2))) == 0.0
 
 
-def test_definiteness_is_told_from_its_opposites():
+def test_definiteness_is_distinguished_from_semidefiniteness():
     assert is_positive_definite(np.array([[2.0, 1.0], [1.0, 2.0]]))
     assert not is_positive_definite(np.array([[1.0, 2.0], [2.0, 1.0]]))
     assert not is_positive_definite(np.array([[0.0, 0.0], [0.0, 1.0]]))

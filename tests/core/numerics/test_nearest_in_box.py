@@ -17,7 +17,7 @@ def arm(n, rng):
     return jnp.asarray(root @ root.T + 0.5 * np.eye(n))
 
 
-def test_what_is_inside_stays_to_the_bit():
+def test_a_torque_inside_the_limits_is_returned_bit_for_bit():
     wanted = jnp.array([0.3, -1.0])
     torque = nearest(wanted, jnp.full(2, -jnp.inf), jnp.array([0.3, jnp.inf]), arm(2, np.random.default_rng(0)))
     np.testing.assert_array_equal(torque, wanted)
@@ -41,7 +41,7 @@ def test_no_other_torque_within_the_limits_is_nearer_in_acceleration(n):
         assert cost(torque) <= reference.fun * (1 + 1e-3) + 1e-9
 
 
-def test_a_joint_that_is_free_gets_the_acceleration_it_wants_although_another_lacks_torque():
+def test_an_unlimited_joint_keeps_its_acceleration_while_another_lacks_torque():
     mass = jnp.array([[2.0, 0.9], [0.9, 1.0]])
     wanted = mass @ jnp.array([10.0, -1.0])
     limit = jnp.array([5.0, jnp.inf])

@@ -30,7 +30,7 @@ two_term = jax.jit(two_term_power_and_slope)
 
 
 @given(places, exponents, widths)
-def test_the_linear_core_power_is_the_printed_one(z, p, delta):
+def test_the_linear_core_power_agrees_with_the_printed_formula(z, p, delta):
     x = z * delta
     outside = abs(x) >= delta
     value, slope = linear_core(x, p, delta)
@@ -72,7 +72,7 @@ def test_powers_and_slopes_have_finite_gradients_everywhere(x, part):
         assert np.all(np.isfinite(by(jnp.asarray(x), *arguments)))
 
 
-def test_saturation_is_the_sign_with_a_straight_piece():
+def test_saturation_is_the_sign_with_a_linear_middle():
     x = jnp.array([-2.0, -0.05, -0.02, 0.0, 0.02, 0.05, 2.0])
     np.testing.assert_allclose(saturation(x, jnp.asarray(0.05)), [-1, -1, -0.4, 0, 0.4, 1, 1], rtol=1e-14)
     np.testing.assert_array_equal(saturation(x, jnp.asarray(0.0)), np.sign(x))
@@ -102,7 +102,7 @@ derivative_of_even_power = jax.jit(jax.grad(lambda x, alpha: power(jnp.abs(x), a
 
 
 @given(bases, st.floats(-1.5, 4.0))
-def test_the_power_is_that_of_numpy(x, a):
+def test_the_power_agrees_with_numpy(x, a):
     if x > 0:
         assert float(raised(x, a)) == pytest.approx(np.power(x, a), rel=1e-13)
 
@@ -220,7 +220,7 @@ def slope(x: float, p: float, delta: float) -> float:
 
 
 @given(errors, st.floats(-1.5, 1.5), exponents, widths)
-def test_smooth_power_is_the_printed_one(x, z, p, delta):
+def test_smooth_power_agrees_with_the_printed_formula(x, z, p, delta):
     for at in (x, z * delta):
         assert value(at, p, delta) == pytest.approx(printed(at, p, delta), rel=1e-12, abs=1e-300)
 

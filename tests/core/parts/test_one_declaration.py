@@ -44,7 +44,7 @@ DECLARATIONS = [
 
 
 @pytest.mark.parametrize(("meaning", "unit", "range", "default", "source", "wrong"), DECLARATIONS)
-def test_a_change_of_the_declaration_is_seen_everywhere(
+def test_one_declaration_defines_documentation_checks_and_messages(
     meaning: str, unit: str, range: str, default: float, source: str, wrong: float
 ) -> None:
     part = scratch(meaning, unit, range, default, source)
@@ -79,7 +79,9 @@ def test_a_change_of_the_declaration_is_seen_everywhere(
         ("", [1e300, -1.0], [np.inf, np.nan]),
     ],
 )
-def test_a_range_means_what_it_says(range: str, inside: list[float], outside: list[float]) -> None:
+def test_a_declared_range_accepts_and_refuses_the_right_values(
+    range: str, inside: list[float], outside: list[float]
+) -> None:
     class One(AbstractPart):
         """One number."""
 
@@ -92,7 +94,7 @@ def test_a_range_means_what_it_says(range: str, inside: list[float], outside: li
             One(value)
 
 
-def test_an_end_may_be_another_parameter_and_shapes_are_those_of_the_annotation() -> None:
+def test_a_range_may_end_at_another_parameter_and_shapes_come_from_annotations() -> None:
     class Pair(AbstractPart):
         """Two numbers."""
 
@@ -114,7 +116,7 @@ def every_description() -> list[Any]:
 
 
 @pytest.mark.parametrize("model", every_description())
-def test_every_parameter_that_a_file_can_name_says_what_it_is(model: Any) -> None:
+def test_every_parameter_of_scenario_files_has_a_meaning(model: Any) -> None:
     for row in _rows(model, ""):
         assert len(row["meaning"]) > 3, row["path"]
         assert row["required"] or "default" in row
@@ -129,7 +131,7 @@ def test_every_parameter_of_a_part_is_declared(kind: str) -> None:
             assert known, (model.part, entry.name)
 
 
-def test_presets_say_where_their_numbers_come_from() -> None:
+def test_presets_name_the_source_of_their_values() -> None:
     rows = {row["path"]: row for row in explain_parameters("cftsmppc")["parameters"]}
     assert rows["surface.k1"]["default"] == 0.2
     assert rows["surface.k1"]["source"] == "Table 1"
@@ -137,7 +139,7 @@ def test_presets_say_where_their_numbers_come_from() -> None:
     assert rows["transformation.overshoot"]["required"]
 
 
-def test_a_name_of_several_is_asked_for_with_its_kind() -> None:
+def test_an_ambiguous_name_is_refused_with_its_kinds() -> None:
     with pytest.raises(
         DefinitionError, match=r"ambiguous name `fixed_time`: use `performance.fixed_time` or `reaching.fixed_time`"
     ):
@@ -147,7 +149,7 @@ def test_a_name_of_several_is_asked_for_with_its_kind() -> None:
         explain_parameters("computd_torque")
 
 
-def test_pieces_are_documented_and_not_checked() -> None:
+def test_piece_fields_are_documented_and_not_checked() -> None:
     class Holder(AbstractPart):
         """Something."""
 
