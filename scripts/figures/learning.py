@@ -248,7 +248,7 @@ def write_rivals_that_learn() -> None:
                     f"{max(steady_step(finished) for finished in runs):.2g}",
                 ]
             )
-    head = ["arm", "scheme", "steady within .3 ρ∞", "least error [rad]", "median", "largest", "largest step [N m]"]
+    head = ["arm", "scheme", "steady within 0.3 ρ∞", "least error [rad]", "median", "largest", "largest step [N m]"]
     write_table("learning.md", "rivals", table(head, rows))
 
 

@@ -471,7 +471,7 @@ def write_noise() -> None:
     picked += [("filtered_difference", value, h) for value, h in ((50.0, 0.012), (20.0, 0.02), (100.0, 0.02))]
     rows = [row(f"`{kind}`", f"{value:g} {ESTIMATORS[kind][2]}", h, first[kind, value, h]) for kind, value, h in picked]
     naive = {"scheme.sampled_data.estimator": {"kind": "measured", "gain": 0.1}}
-    rows.append(row("`measured`", "gain .1", 0.012, _point(naive)))
+    rows.append(row("`measured`", "gain 0.1", 0.012, _point(naive)))
     blind = {"scheme.sampled_data.estimator": {"kind": "measured", "gain": 0.0, "trend": 0.0}}
     rows.append(row("`measured`", "gain 0", 0.012, _point(blind)))
     head = ["estimator", "H [ms]", "steady error [rad]", "torque step, rms [N m]", "largest [N m]", "samples outside"]

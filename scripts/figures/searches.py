@@ -156,19 +156,19 @@ BUILT_IN: tuple[tuple[str, str, dict[str, Any], int], ...] = (
     ),
     (
         "panda-payload",
-        "payload .1 to 2 kg, mass ±15 %, Coulomb and viscous friction of each joint up to the scenario's",
+        "payload 0.1 to 2 kg, mass ±15 %, Coulomb and viscous friction of each joint up to the scenario's",
         {**PAYLOAD, "robot.plant.mass_factor": {"between": [0.85, 1.15]}, **FRICTION},
         500,
     ),
     (
         "panda-pick",
-        "payload .1 to 2 kg, mass ±5 %, friction likewise",
+        "payload 0.1 to 2 kg, mass ±5 %, friction likewise",
         {**PAYLOAD, "robot.plant.mass_factor": {"between": [0.95, 1.05]}, **FRICTION},
         160,
     ),
     (
         "panda-drop",
-        "payload .1 to 2 kg, mass ±15 %, friction likewise",
+        "payload 0.1 to 2 kg, mass ±15 %, friction likewise",
         {**PAYLOAD, "robot.plant.mass_factor": {"between": [0.85, 1.15]}, **FRICTION},
         60,
     ),
@@ -184,7 +184,7 @@ BUILT_IN: tuple[tuple[str, str, dict[str, Any], int], ...] = (
     ),
     (
         "ur5e-payload",
-        "payload .1 to 3 kg, mass ±15 %, friction likewise",
+        "payload 0.1 to 3 kg, mass ±15 %, friction likewise",
         {
             "robot.plant.load.mass": {"between": [0.1, 3.0]},
             "robot.plant.mass_factor": {"between": [0.85, 1.15]},
