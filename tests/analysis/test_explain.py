@@ -94,7 +94,7 @@ def test_the_inertia_of_a_joint_is_estimated_from_the_log_within_a_few_percent()
     assert estimate.inertia[6] == pytest.approx(float(true), rel=0.1) and estimate.coherence[6] > 0.95
 
 
-def test_a_learnt_inertia_is_not_named_as_a_cause():
+def test_an_inertia_error_that_the_law_has_learnt_is_not_named_as_a_cause():
     """The model is 20 times too light, the law has learnt so, and it is what it learnt that counts."""
     scenario = load("panda-payload", {"robot.nominal.armature": 0.0, "robot.plant.armature": 0.1})
     record = RunRecord.of(scenario, scenario.simulate(log_every=1))
@@ -105,7 +105,7 @@ def test_a_learnt_inertia_is_not_named_as_a_cause():
 
 
 @pytest.mark.filterwarnings("ignore:scheme.bound")
-def test_the_limit_u_counts_with_the_learnt_inertia():
+def test_the_disturbance_compared_with_u_uses_the_learnt_inertia():
     scenario = load(PANDA, {"scheme.bound.margin": 1.77, "simulation.t1": 1.5})
     record = RunRecord.of(scenario, scenario.simulate(log_every=1))
     assert np.linalg.norm(record.lumped, axis=1).max() == pytest.approx(1.77, rel=1e-3)

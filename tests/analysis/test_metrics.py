@@ -76,7 +76,7 @@ def test_sums_and_peaks_are_those_of_all_samples():
         np.testing.assert_allclose(getattr(indices, name)(run), value, rtol=1e-10, err_msg=name)
 
 
-def test_at_half_the_period_the_integrals_are_the_same_and_the_papers_sums_are_not():
+def test_halving_the_period_keeps_the_integrals_but_doubles_the_papers_sums():
     changes = {"simulation.period": 2e-4, "simulation.t1": 4.0}
     whole_period, half = whole(), scenarios.load("example-4.1", changes).simulate(log_every=None)
     for metric in (analysis.iae, analysis.rms_error, analysis.torque_energy, analysis.torque_travel):

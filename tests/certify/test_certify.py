@@ -124,7 +124,7 @@ def test_set_of_a_single_value_changes_no_verdict():
     assert robust_torque(with_it).as_json() == robust_torque(load(NAME, {"simulation.t1": 3.0})).as_json()
 
 
-def test_pulse_between_probe_times_has_an_effect_and_an_idle_one_is_named():
+def test_pulse_between_probe_times_counts_and_a_disturbance_without_effect_is_named():
     pulse = {"kind": "step", "value": [0.0, 0.0], "start": 1.2345, "end": 1.2365}
     sets = {"disturbance.terms.0.value": {"between": [-12.0, 12.0], "each": "joint"}}
     changes = {"disturbance.terms": [pulse], "uncertainty": sets, "simulation.t1": 3.0, **WITHOUT}

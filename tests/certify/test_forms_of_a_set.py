@@ -148,7 +148,7 @@ def test_larger_set_has_no_smaller_bounds(learns):
             assert (np.asarray(large[name]) >= (1.0 - 1e-9) * np.asarray(small[name])).all(), name
 
 
-def test_more_numbers_than_a_product_can_be_bounded_for_are_sampled():
+def test_a_set_with_too_many_parameters_to_bound_is_sampled_and_only_tested():
     (robust_torque,) = (certificate for certificate in CERTIFICATES if certificate.name == "robust_torque")
     lines = [line for line in robust_torque(written(SET, 12)).assumptions if "disturbance.terms.0" in line.text]
     assert [line.status for line in lines] == ["tested"]

@@ -34,7 +34,7 @@ def file(tmp_path):
     return path
 
 
-def test_the_tools_error_is_that_of_all_samples(file):
+def test_the_tool_error_is_computed_from_all_samples(file):
     scenario = sx.scenarios.load(file)
     run = scenario.simulate(log_every=1)
     actual, desired = sx.report.tip_paths(scenario.plant.robot, run)

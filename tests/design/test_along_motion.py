@@ -41,7 +41,7 @@ def test_a_required_bound_makes_a_law_that_tracking_bound_covers(tmp_path):
     assert envelope.status == "proved"
 
 
-def test_of_a_grid_the_law_with_the_smallest_error_that_holds_is_taken(tmp_path, monkeypatch):
+def test_law_with_bound_returns_the_smallest_error_of_the_grid_with_a_verdict(tmp_path, monkeypatch):
     tried = []
 
     def verdict_of(described: Any) -> Verdict:
@@ -57,7 +57,7 @@ def test_of_a_grid_the_law_with_the_smallest_error_that_holds_is_taken(tmp_path,
     assert law.final is LAW.final
 
 
-def test_a_refusal_names_each_change_of_the_requirements_with_which_the_bound_holds(tmp_path, monkeypatch):
+def test_refusal_lists_changes_of_requirements_that_give_a_bound(tmp_path, monkeypatch):
     def verdict_of(described: Any) -> Verdict:
         fine = described.sensor.resolution <= 1e-7
         slow = described.trajectory.times[-1] >= 2.2
@@ -74,7 +74,7 @@ def test_a_refusal_names_each_change_of_the_requirements_with_which_the_bound_ho
     assert "`tracking_bound` gives none: The bound grows." in answer.reason
 
 
-def test_a_refusal_tells_a_law_without_a_payload_of_the_middle_of_its_set(tmp_path, monkeypatch):
+def test_refusal_proposes_the_mean_payload_for_the_nominal_arm(tmp_path, monkeypatch):
     load = {"mass": 1.0, "center": [0.0, 0.0, 0.1]}
     data = yaml.safe_load(FILE.read_text(encoding="utf-8"))
     data["robot"] = {"kind": "panda", "plant": {"load": load}}
@@ -95,7 +95,7 @@ def test_a_refusal_tells_a_law_without_a_payload_of_the_middle_of_its_set(tmp_pa
 
 
 @pytest.mark.full
-def test_requirements_with_a_start_far_from_the_motion_are_refused_by_name(tmp_path):
+def test_design_with_a_start_far_from_the_motion_is_refused_for_its_bound(tmp_path):
     data = yaml.safe_load(FILE.read_text(encoding="utf-8"))
     data["start"] = {"q": [0.045, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]}
     path = tmp_path / "far.yaml"
@@ -106,7 +106,7 @@ def test_requirements_with_a_start_far_from_the_motion_are_refused_by_name(tmp_p
     assert answer["would_do"][-1]["set"] == {"requirements.proof": "tested"}
 
 
-def test_the_smallest_radii_with_a_verdict_that_holds_are_taken():
+def test_certified_radii_are_the_smallest_with_a_verdict():
     tried = []
 
     def verdict_of(law: DesignPoint) -> Verdict:

@@ -60,26 +60,26 @@ def checked(monkeypatch):
     return of
 
 
-def test_a_design_whose_worst_case_has_room_is_taken_at_once(checked):
+def test_a_design_with_enough_margin_is_accepted_at_its_first_check(checked):
     built, seeds, harder = checked(0.2)
     assert (built.choice.law, seeds, harder) == (0, [1], [])
 
 
-def test_a_design_that_was_left_is_made_anew_with_the_worst_cases_and_other_ones_for_its_check(checked):
+def test_a_failed_check_repeats_the_design_with_its_worst_cases_and_a_new_seed(checked):
     built, seeds, harder = checked(-0.1, 0.15)
     assert (built.choice.law, seeds, harder) == (1, [1, 2], ["the worst with 1"])
 
 
-def test_of_designs_that_hold_without_much_room_the_roomiest_is_taken(checked):
+def test_after_four_checks_the_design_with_the_largest_margin_is_accepted(checked):
     assert checked(0.05, 0.07, -0.1, -0.1)[0].choice.law == 1
     assert checked(0.05, -0.2, -0.1, -0.1)[0].choice.law == 0
 
 
-def test_with_an_accuracy_that_is_required_a_design_that_holds_is_taken(checked):
+def test_with_a_required_accuracy_a_small_margin_is_enough(checked):
     assert checked(0.01, accuracy=1e-3)[0].choice.law == 0
 
 
-def test_envelope_ends_wider_after_each_failed_check_if_no_accuracy_is_required(checked):
+def test_each_failed_check_widens_the_final_envelope_if_no_accuracy_is_required(checked):
     assert checked(0.2)[0].choice.final == 1.0 and checked(-0.1, 0.2)[0].choice.final == 1.5
     assert checked(-0.1, -0.1, 0.2)[0].choice.final == 1.5**2
     assert checked(-0.1, 0.2, accuracy=1e-3)[0].choice.final == 1.0
@@ -89,7 +89,7 @@ def test_design_that_fails_four_checks_is_refused(checked):
     assert isinstance(checked(-0.1, -0.2, -0.1, -0.1)[0], Refusal)
 
 
-def test_a_design_that_is_wilder_in_its_check_than_is_required_gives_way_to_a_calmer_one(checked):
+def test_a_check_with_too_large_a_torque_step_repeats_the_design_for_a_smaller_one(checked):
     assert checked(0.2, 0.2, steps=(0.7, 0.5), required=0.6)[0].choice.law == 1
     # It is looked for half as much below what was allowed as the first was above it.
     (aim,) = checked.aims
@@ -98,7 +98,7 @@ def test_a_design_that_is_wilder_in_its_check_than_is_required_gives_way_to_a_ca
     assert checked(0.2, steps=(0.7,))[0].choice.law == 0
 
 
-def test_a_torque_step_that_no_law_has_in_its_check_is_refused_with_what_it_has(checked):
+def test_refusal_of_a_torque_step_names_the_smallest_step_of_the_checks(checked):
     built = checked(0.2, 0.2, 0.2, 0.2, steps=(0.7, 0.7, 0.7, 0.65), required=0.6)[0]
     assert isinstance(built, Refusal) and "0.65 N m in the worst of 10 cases" in built.reason
     assert built.would_do[0].changes == {"requirements.torque_step": 0.75}
@@ -120,10 +120,10 @@ def certified(monkeypatch):
     return of
 
 
-def test_an_envelope_is_widened_to_what_has_a_bound_if_no_accuracy_is_required(certified):
+def test_an_envelope_is_widened_until_it_has_a_bound_if_no_accuracy_is_required(certified):
     assert certified(0.4, True) == (0.5, True) and certified(0.65, True) == (0.7, True)
     assert certified(0.65, False) == (0.5, False)
 
 
-def test_an_envelope_without_a_bound_at_any_width_stays_as_it_is(certified):
+def test_an_envelope_without_a_bound_at_any_width_is_unchanged(certified):
     assert certified(3.0, True) == (0.5, False)

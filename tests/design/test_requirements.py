@@ -45,7 +45,7 @@ def changed(folder: Path, **changes: Any) -> Path:
         ({"simulation": {}}, "simulation.period: is missing"),
     ],
 )
-def test_each_mistake_is_one_line_with_its_path(tmp_path, changes, message):
+def test_invalid_requirements_are_refused_in_one_line_with_their_path(tmp_path, changes, message):
     with pytest.raises(DefinitionError) as caught:
         read_problem(changed(tmp_path, **changes))
     assert message in str(caught.value) and "\n" not in str(caught.value)
@@ -124,7 +124,7 @@ def test_the_law_in_the_file_is_the_law_that_was_checked(tmp_path, law):
     assert text["scheme"] == checked["scheme"] and text == checked
 
 
-def test_a_law_is_certified_only_where_all_lines_are_proved_and_else_tested(tmp_path):
+def test_a_design_file_reads_certified_only_if_all_assumptions_are_proved(tmp_path):
     result = result_of(tmp_path)
     assert "# Tested in simulation, not proved" in written(result, tmp_path)
     assert "Certified" not in written(result, tmp_path)
@@ -137,6 +137,6 @@ def test_a_law_is_certified_only_where_all_lines_are_proved_and_else_tested(tmp_
     assert "# Certified by `tracking_bound`, grade A" in written(replace(result, proof="bound", bound=bound), tmp_path)
 
 
-def test_a_design_without_a_bound_names_the_requirement_that_looks_for_one(tmp_path):
+def test_a_design_file_without_a_bound_names_the_option_proof_bound(tmp_path):
     text = " ".join(written(result_of(tmp_path), tmp_path).replace("#", "").split())
     assert "not proved: the law learns, and `proof: bound` looks for a law with a bound." in text

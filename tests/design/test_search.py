@@ -19,7 +19,7 @@ def worst(error: float, step: float, outside: int = 0) -> WorstCase:
     return WorstCase(CHOICE, -0.1 if outside else 0.1, error, step, 0, 0.5, outside, 8)
 
 
-def test_of_those_that_hold_half_the_error_is_worth_four_times_the_step():
+def test_half_the_error_outweighs_less_than_four_times_the_torque_step():
     exact, calm, both, outside = worst(1.0, 9.0), worst(9.0, 1.0), worst(2.0, 2.0), worst(0.1, 0.1, outside=1)
     assert ANY.best([exact, calm, both, outside]) is both
     assert ANY.best([worst(1.0, 3.9), worst(2.0, 1.0)]).error == 1.0
@@ -28,14 +28,14 @@ def test_of_those_that_hold_half_the_error_is_worth_four_times_the_step():
     assert Objective(10.0, False, None).best([worst(1e-3, 10.0), calm]) is calm
 
 
-def test_a_law_that_comes_near_is_no_better_than_a_wild_one_that_does_not():
+def test_a_law_below_the_margin_ranks_after_any_law_above_it():
     near, far, outside = worst(0.1, 1.0), replace(worst(9.0, 9.0), margin=0.2), worst(0.1, 0.1, outside=1)
     roomy = Objective(np.inf, False, None, room=0.15)
     assert roomy.best([near, far, outside]) is far and roomy.best([near, outside]) is near
     assert replace(roomy, step=5.0).best([near, far]) is far
 
 
-def test_below_a_step_that_is_required_the_most_exact_is_taken():
+def test_among_laws_below_the_required_torque_step_the_smallest_error_wins():
     exact, calm, wild = worst(1.0, 8.0), worst(2.0, 1.0), worst(0.1, 12.0)
     assert Objective(10.0, False, None).best([exact, calm, wild]) is calm
     assert Objective(10.0, True, None).best([exact, calm, wild]) is exact
@@ -43,13 +43,13 @@ def test_below_a_step_that_is_required_the_most_exact_is_taken():
     assert Objective(8.0 / CALM * 1.001, True, None).best([exact, calm]) is exact
 
 
-def test_with_an_accuracy_that_is_enough_the_calmest_is_taken():
+def test_among_laws_that_are_accurate_enough_the_smallest_torque_step_wins():
     exact, calm = worst(1.0, 2.0), worst(9.0, 1.9)
     assert Objective(np.inf, False, 10.0).best([exact, calm]) is calm
     assert Objective(np.inf, False, 5.0).best([exact, calm]) is exact
 
 
-def test_where_a_certificate_is_required_no_drive_of_its_own_comes_to_its_limit():
+def test_a_required_certificate_keeps_each_drive_below_its_own_limit():
     driven, free, wild = replace(worst(1.0, 1.0), driven=0.95), replace(worst(9.0, 9.0), driven=0.8), worst(0.1, 20.0)
     own = Objective(10.0, False, None, own=0.9)
     assert ANY.best([driven, free]) is driven and own.best([driven, free]) is free
@@ -60,19 +60,19 @@ def test_where_a_certificate_is_required_no_drive_of_its_own_comes_to_its_limit(
     assert own.stricter(0.8).best([replace(calm, error=9.0, driven=0.8), calm]) is calm
 
 
-def test_of_two_that_are_alike_the_narrower_is_taken_and_a_much_better_one_before_it():
+def test_the_narrower_envelope_wins_between_laws_of_equal_error():
     wide = worst(1.0, 1.0)
     narrow = replace(wide, choice=replace(CHOICE, final=np.array([0.005])))
     assert ANY.best([wide, narrow]) is narrow and ANY.best([wide, replace(narrow, error=1.1)]) is wide
 
 
-def test_where_none_holds_the_one_with_the_fewest_outside_is_the_best():
+def test_if_no_law_holds_the_one_with_the_fewest_failed_cases_wins():
     assert ANY.best([worst(1, 1, 5), worst(9, 9, 2)]).outside == 2
     lost = WorstCase(CHOICE, -np.inf, np.inf, np.inf, 0, -1.0, 2, 8)
     assert np.isfinite(ANY.cost(lost)) and ANY.best([lost, worst(9, 9, 2)]).margin == -0.1
 
 
-def test_horizons_go_with_the_period_and_leave_room_for_the_delay():
+def test_horizons_scale_with_the_period_and_exceed_the_delay():
     def horizons(period: float, delay: float) -> tuple[float, ...]:
         item = np.ones(1)
         return DesignSpace(None, item, item, item, item, period, delay, False, np.inf).horizons
@@ -81,7 +81,7 @@ def test_horizons_go_with_the_period_and_leave_room_for_the_delay():
     assert min(horizons(1e-3, 9.0)) == pytest.approx(20e-3) and horizons(1e-4, 0.0) == horizons(1e-3, 0.0)
 
 
-def test_densities_can_be_made_alike_without_more_or_less_of_all():
+def test_the_share_of_equal_densities_keeps_their_product():
     item, torque = np.ones(2), np.array([80.0, 20.0])
     frame = DesignSpace(None, item, item, torque, 40.0 * item, 1e-3, 1.0, False, np.inf)
     shares = [frame.density(0.5, even) for even in (0.0, 0.5, 1.0)]
@@ -90,7 +90,7 @@ def test_densities_can_be_made_alike_without_more_or_less_of_all():
     assert np.allclose([np.prod(item) for item in shares], np.prod(shares[0]))
 
 
-def test_a_law_that_is_left_where_less_is_unknown_gives_way_to_one_that_is_not(monkeypatch):
+def test_a_law_that_fails_a_case_of_the_set_loses_to_one_that_holds_in_all(monkeypatch):
     laws = [replace(CHOICE, slope=float(k)) for k in range(3)]
 
     class Some:

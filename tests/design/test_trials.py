@@ -40,7 +40,7 @@ def trials(tmp_path_factory):
     return Trials(problem, *_begin(problem))
 
 
-def test_each_joint_is_once_light_among_heavy_ones_and_once_heavy_among_light_ones(trials):
+def test_cases_have_each_joint_light_among_heavy_and_heavy_among_light_joints(trials):
     rotors = trials.cases(48)[ARMATURE]
     for joint in range(6):
         others = np.delete(np.arange(6), joint)
@@ -49,7 +49,7 @@ def test_each_joint_is_once_light_among_heavy_ones_and_once_heavy_among_light_on
         assert light.any() and heavy.any()
 
 
-def test_in_the_search_an_arm_is_unknown_by_more_and_its_starts_are_not(trials):
+def test_cases_of_the_search_widen_the_arms_uncertainty_but_not_the_starts(trials):
     cases, beyond = trials.cases(48), trials.beyond(48)
     assert np.allclose(beyond[ARMATURE] - 0.2, BEYOND * (cases[ARMATURE] - 0.2))
     assert np.array_equal(beyond["start.q"], cases["start.q"])
@@ -57,7 +57,7 @@ def test_in_the_search_an_arm_is_unknown_by_more_and_its_starts_are_not(trials):
     assert beyond[LOAD].min() == 0.0 and beyond[LOAD].max() > 2.0
 
 
-def test_hard_cases_are_among_the_few_behind_the_corners_the_newest_first(trials):
+def test_hard_cases_follow_the_corners_newest_first(trials):
     def hard(value: float) -> dict[str, Any]:
         return {path: np.full_like(array[:2], value) for path, array in trials.cases(8).items()}
 
@@ -68,11 +68,11 @@ def test_hard_cases_are_among_the_few_behind_the_corners_the_newest_first(trials
     assert len(harder.cases(48)[ARMATURE]) == 48
 
 
-def test_a_part_of_the_set_is_as_small_as_asked(trials):
+def test_an_uncertainty_can_be_reduced_by_a_factor(trials):
     assert replace(trials, smaller={LOAD: 0.5}).cases(8)[LOAD].max() == pytest.approx(1.0)
 
 
-def test_torque_step_of_a_joint_counts_by_its_own_limit(trials):
+def test_torque_step_of_a_joint_is_relative_to_its_own_limit(trials):
     choice = DesignPoint(0.01, 1.0, 1.0, np.full(6, 0.05), 1.0)
 
     def driven(*changes: float) -> float:
@@ -90,7 +90,7 @@ design = sys.modules["slidax.design.design"]
 
 
 @pytest.mark.parametrize("proof", ["bound", "tested"])
-def test_a_law_for_which_a_bound_is_required_does_not_learn(proof, tmp_path):
+def test_a_required_bound_gives_a_law_without_adaptation(proof, tmp_path):
     data = YAML(typ="safe").load((EXAMPLES / "panda-along.yaml").read_text(encoding="utf-8"))
     data["requirements"]["proof"] = proof
     path = tmp_path / "requirements.yaml"
@@ -115,7 +115,7 @@ requirements: {deadline: 1.2}
 
 
 @pytest.mark.full
-def test_a_joint_that_misses_more_than_the_rule_allows_is_named_with_both_numbers(tmp_path):
+def test_a_joint_beyond_the_loop_rate_rule_is_named_with_disturbance_and_limit(tmp_path):
     path = tmp_path / "requirements.yaml"
     path.write_text(REQUIREMENTS, encoding="utf-8")
     problem = read_problem(path)

@@ -65,7 +65,7 @@ def test_shell_blocks_run_in_bash_with_slidax(tmp_path):
     assert item.texts[0].startswith("first\nSLIDAX ")
 
 
-def test_figures_are_files_beside_the_page(tmp_path):
+def test_figures_are_files_next_to_the_page(tmp_path):
     text = "```python\nimport matplotlib.pyplot as plt\nfigure, _ = plt.subplots()\nfigure\n```\n"
     (item,) = run(text, tmp_path)
     assert (tmp_path / "out" / item.figures[0]).read_text(encoding="utf-8").lstrip().startswith("<?xml")

@@ -49,7 +49,7 @@ def test_mcap_that_unpacks_to_a_thousand_times_its_size_is_refused(tmp_path, com
 
 
 @pytest.mark.parametrize(("compression", "pack"), [("zstd", zstd), ("lz4", lz4)])
-def test_chunk_that_announces_less_than_it_unpacks_to_is_damage(tmp_path, compression, pack):
+def test_chunk_that_unpacks_to_more_than_its_stated_size_is_refused(tmp_path, compression, pack):
     path = tmp_path / "a.mcap"
     path.write_bytes(MAGIC + record(1, text("ros2") + text("x")) + chunk(compression, pack(bytes(50_000_000)), 100))
     with pytest.raises(DefinitionError, match="has no ROS 2"):
@@ -98,7 +98,7 @@ def test_parquet_that_announces_billions_of_rows_is_refused(tmp_path, monkeypatc
 TITLES = ("time", "q_1", "q_2", "tau_1", "tau_2")
 
 
-def test_lists_in_parquet_count_with_all_their_entries(tmp_path, monkeypatch):
+def test_size_of_parquet_lists_counts_all_their_entries(tmp_path, monkeypatch):
     pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     monkeypatch.setattr(parquet, "MOST_NUMBERS", 100_000)
     columns = {"time": np.arange(300.0), "position": [[0.0] * 500] * 300, "effort": [[0.0] * 500] * 300}
@@ -141,7 +141,7 @@ def test_saved_run_with_a_column_that_is_not_numeric_is_refused_unread(tmp_path,
     ],
     ids=["brackets", "braces", "list", "400 digits", "5000 digits", "line", "field", "title", "zero", "columns"],
 )
-def test_log_that_is_only_large_is_a_line(tmp_path, name, content):
+def test_large_log_without_data_is_refused_in_one_short_line(tmp_path, name, content):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(DefinitionError) as error:
         read_log(tmp_path / name, JOINTS)

@@ -33,7 +33,7 @@ def place(tmp_path, reader):
 
 @pytest.mark.parametrize("reader", READERS, ids=lambda reader: reader.name.replace(" ", "-"))
 @pytest.mark.parametrize("kind", ["pipe", "device", "large"])
-def test_file_without_an_end_is_refused(tmp_path, reader, kind):
+def test_endless_device_file_is_refused(tmp_path, reader, kind):
     path = place(tmp_path, reader)
     if kind == "pipe":
         os.mkfifo(path)

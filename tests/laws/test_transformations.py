@@ -129,7 +129,7 @@ def test_all_gains_have_finite_gradients_also_at_zero_error(transformation):
 
 
 @EVERY
-def test_a_frame_maps_the_led_error_there_and_back(transformation):
+def test_a_frame_maps_the_led_error_and_its_inverse_returns_it(transformation):
     memory = transformation.init(jnp.asarray(0.0), STARTS[0])
     frame = transformation.frame(jnp.asarray(0.5), jnp.asarray(2e-3), jnp.asarray(3e-3), memory)
     for eps in (jnp.array([0.0, 1e-3]), jnp.array([2.0, -3.0]), jnp.array([-8.0, 6.0])):

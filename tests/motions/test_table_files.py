@@ -138,7 +138,7 @@ def test_a_length_for_a_joint_that_turns_is_refused():
         ("a [deg],a.velocity [deg/s],a.acceleration", r"such as `a.acceleration \[rad/s2\]`"),
     ],
 )
-def test_units_of_velocities_and_positions_agree(titles, words):
+def test_contradicting_units_of_positions_and_velocities_are_refused(titles, words):
     units = ["rad"] if titles.startswith("a,") else []
     with pytest.raises(DefinitionError, match=words):
         Tabulated.from_csv(f"time,{titles}\n", joints=["a"], units=units)

@@ -90,7 +90,7 @@ def test_trapezoidal_motion_agrees_with_ruckig(jerk):
 
 @settings(max_examples=30)
 @given(st.integers(0, 10**6), st.booleans())
-def test_random_motions_of_seven_joints_join_without_a_jump(seed, smooth):
+def test_segments_of_random_seven_joint_motions_join_without_a_jump(seed, smooth):
     generator = np.random.default_rng(seed)
     path = generator.normal(size=(4, 7)) * 10 ** generator.uniform(-3, 1, 7)
     velocity, acceleration = 10 ** generator.uniform(-1, 1, 7), 10 ** generator.uniform(-1, 1.5, 7)

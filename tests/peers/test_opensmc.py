@@ -205,7 +205,7 @@ def random_errors(reach, seed=0, least=0.0):
         ),
     ],
 )
-def test_sliding_variables_are_the_same(ours, peer, least, reach):
+def test_sliding_variables_agree_with_opensmc(ours, peer, least, reach):
     """For any error where slidax's surface is on the branch that OpenSMC has.
 
     OpenSMC's fast terminal surface has the exponent q/p > 1; the one of Yu and Man (2002), which it cites, has an
@@ -244,7 +244,7 @@ def test_sliding_variables_are_the_same(ours, peer, least, reach):
         ),
     ],
 )
-def test_reaching_terms_are_the_same(ours, peer):
+def test_reaching_terms_agree_with_opensmc(ours, peer):
     s = np.concatenate([random_errors(3.0, seed=1)[0], [0.0, 0.5, -0.5]])
     np.testing.assert_allclose(np.asarray(ours(jnp.asarray(s))), [peer.compute(float(x)) for x in s], **SAME)
 
@@ -275,7 +275,7 @@ def answers_of_opensmc(pair, rows):
 
 
 @pytest.mark.parametrize("name", PAIRS)
-def test_torques_and_sliding_variables_are_the_same(name):
+def test_torques_and_sliding_variables_agree_with_opensmc(name):
     """At random states, to 1e-12.
 
     Where the two would differ, as their formulas stand:

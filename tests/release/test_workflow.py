@@ -9,6 +9,6 @@ JOBS = YAML(typ="safe").load((ROOT / ".github" / "workflows" / "checks.yml").rea
 
 
 @pytest.mark.parametrize("job", JOBS)
-def test_each_job_runs_a_script_of_the_repository(job):
+def test_each_ci_job_runs_scripts_of_the_repository(job):
     commands = [step["run"] for step in JOBS[job]["steps"] if "run" in step]
     assert commands and all(os.access(ROOT / command, os.X_OK) for command in commands)

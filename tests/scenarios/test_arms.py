@@ -72,7 +72,7 @@ def test_an_impossible_inertia_is_replaced_on_request(tmp_path):
     np.testing.assert_allclose(np.linalg.eigvalsh(arm.inertias[1]), [0.045, 0.055, 0.1], rtol=1e-12)
 
 
-def test_the_true_arm_differs_by_what_plant_says_and_both_by_what_nominal_says():
+def test_the_block_plant_changes_the_true_arm_and_the_block_nominal_changes_both():
     load = {"mass": 1.5, "center": [0.0, 0.1, 0.2], "inertia": [0.01, 0.02, 0.025], "attached": 0.5, "released": 2.0}
     gripper = {"mass": 0.7, "center": [0.0, 0.0, 0.05], "inertia": 0.001}
     true, known, carried = arms(

@@ -36,7 +36,7 @@ def parts(folder):
     return {path.name: path.read_bytes() for path in (folder / store.PARTS).iterdir()}
 
 
-def test_three_parts_are_disjoint_and_have_the_bytes_of_the_whole(run, tmp_path):
+def test_three_parts_are_disjoint_and_together_have_the_bytes_of_one_study(run, tmp_path):
     run("whole")
     names = []
     for i in (1, 2, 3):

@@ -88,7 +88,7 @@ def test_the_sequence_covers_the_rate_at_all_times_jointly(p, runs, repeats):
     assert 0.01 - sure / 4 <= missed <= 0.1 + sure
 
 
-def test_repeated_looks_break_the_coverage_of_a_fixed_interval():
+def test_repeated_evaluation_breaks_the_coverage_of_a_fixed_interval():
     """Why there is a sequence at all: the fixed one, looked at after each run, misses far more often than it says."""
     rng, p = np.random.default_rng(0), 0.1
     ends = {n: [clopper_pearson(k, n, 0.9) for k in range(n + 1)] for n in range(20, 400, 20)}

@@ -232,7 +232,7 @@ LONG = {"runs": 1280, "changes": {"simulation.t1": 1}}
 
 
 @pytest.mark.full
-def test_two_processes_on_one_folder_agree_twenty_times(tmp_path):
+def test_two_processes_on_one_folder_write_the_same_rows_in_twenty_trials(tmp_path):
     assert ended([begun(tmp_path / "alone", **LONG)]) == ["whole"]
     random = np.random.default_rng(38)
     for number in range(20):

@@ -59,7 +59,7 @@ def test_a_sweep_over_the_period_compiles_a_loop_for_each_value():
 
 
 @pytest.mark.full
-def test_a_point_has_the_same_cases_as_any_other():
+def test_all_points_of_a_sweep_have_the_same_cases():
     over = {"robot.plant.inertias": {"between": [4.5, 5.5]}}
     maps = result_of("sweep", over=over, points=2, cases=4, law="not told")
     starts = maps.table["start.q[0]"].reshape(2, 4)

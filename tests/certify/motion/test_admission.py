@@ -56,7 +56,7 @@ def test_a_gate_that_may_reject_a_sample_of_the_arm_lowers_the_grade():
     assert verdict.grade == "B" and line.status == "assumed" and line.value > 1.0
 
 
-def test_a_band_that_is_wider_never_has_a_smaller_bound(scenario):
+def test_a_wider_band_has_no_smaller_bound(scenario):
     narrow, wide = (
         tracking_bound(sx.scenarios.load(PANDA, {"uncertainty": {"robot.plant.inertial": {"band": p}}})).bound["error"]
         for p in (0.01, 0.03)
@@ -88,13 +88,13 @@ def test_a_known_difference_of_the_true_arm_counts_as_a_region(scenario):
         ),
     ],
 )
-def test_what_no_bound_covers_is_named_with_a_remedy_that_works(changes, words, remedy):
+def test_a_setting_outside_the_bounds_scope_is_named_with_a_remedy_that_works(changes, words, remedy):
     verdict = tracking_bound(sx.scenarios.load(PANDA, changes))
     assert verdict.holds is None and words in verdict.statement
     assert tracking_bound(sx.scenarios.load(PANDA, changes | remedy)).holds
 
 
-def test_paths_that_the_bound_does_not_cover_make_it_not_applicable():
+def test_an_uncertain_path_outside_the_bounds_scope_makes_it_not_applicable():
     verdict = tracking_bound(sx.scenarios.load(PANDA, {"uncertainty": {"sensor.resolution": {"between": [0, 1e-3]}}}))
     assert verdict.holds is None and "`sensor.resolution`" in verdict.statement
 

@@ -62,7 +62,7 @@ def seen(
 
 
 @pytest.mark.parametrize("name", LOOPS)
-def test_no_attack_passes_the_torques(name: str) -> None:
+def test_no_attack_exceeds_the_torque_bounds(name: str) -> None:
     rng = np.random.default_rng(0)
     for seed in (0, 1):
         arm, motion, certified, bounds = case(name, seed)
@@ -75,7 +75,7 @@ def test_no_attack_passes_the_torques(name: str) -> None:
                 assert np.all(largest <= bound)
 
 
-def test_the_plan_alone_is_the_torque_of_a_known_arm() -> None:
+def test_the_planned_torque_is_the_torque_of_an_exactly_known_arm() -> None:
     arm, motion, certified, bounds = case("fast", 0)
     cells, nominal = certified.path.cells, Chain.of(arm)
     slots = len(cells.q) * cells.per_cell
@@ -86,7 +86,7 @@ def test_the_plan_alone_is_the_torque_of_a_known_arm() -> None:
     np.testing.assert_allclose(largest, bounds.planned_torque, atol=0.02)
 
 
-def test_the_shares_of_a_step_add_up() -> None:
+def test_the_terms_of_a_torque_step_sum_to_its_bound() -> None:
     *_, bounds = case("smooth", 0)
     assert np.all(bounds.step <= sum(bounds.step_terms.values()) * (1 + 1e-9))
     assert np.all(bounds.planned_step <= bounds.step)

@@ -140,7 +140,7 @@ def test_goals_of_a_law_are_within_their_bound_and_attain_it() -> None:
 
 
 @pytest.mark.parametrize("name", ["panda"])
-def test_no_attack_passes_the_bounds_of_a_sliding_mode_law(name: str) -> None:
+def test_no_attack_exceeds_the_bounds_of_a_sliding_mode_law(name: str) -> None:
     arm, rng = arm_of(name), np.random.default_rng(0)
     # An envelope that narrows while the arm moves, so that the goal counts.
     plan = PaperPlan(horizon=0.01, initial=0.05, final=0.01, deadline=0.2)
@@ -160,7 +160,7 @@ def test_no_attack_passes_the_bounds_of_a_sliding_mode_law(name: str) -> None:
 
 
 @pytest.mark.parametrize("joint", [0, 6])
-def test_a_disturbance_with_the_signs_of_the_kernel_comes_near_the_bound_of_a_sliding_mode_law(joint: int) -> None:
+def test_a_disturbance_with_the_signs_of_the_kernel_nearly_attains_the_bound(joint: int) -> None:
     arm = eqx.tree_at(lambda arm: arm.viscous, arm_of("panda"), jnp.zeros(7))
     place = np.array([0.3, -0.4, 0.2, -1.9, 0.1, 1.7, 0.5])
     motion = Tabulated.through([0.0, 0.3], np.stack([place, place]), np.zeros((2, 7)), np.zeros((2, 7)))

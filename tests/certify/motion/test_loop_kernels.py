@@ -66,7 +66,7 @@ def test_an_input_with_the_signs_of_the_kernel_attains_its_gain(name: str) -> No
 
 
 @pytest.mark.parametrize("name", LOOPS)
-def test_no_noise_or_rate_passes_its_kernel(name: str) -> None:
+def test_responses_to_noise_and_ramps_stay_below_their_kernel_gains(name: str) -> None:
     loop, rng = LOOPS[name], np.random.default_rng(1)
     kernels = loop_kernels(loop)
     noise = rng.choice([-1e-5, 1e-5], size=1500)
@@ -78,7 +78,7 @@ def test_no_noise_or_rate_passes_its_kernel(name: str) -> None:
         assert np.max(np.abs(runs[1][output])) <= kernels[output].ramp.sum() * 1.001
 
 
-def test_departures_hold_between_the_ratios() -> None:
+def test_departure_gains_bound_responses_for_every_inertia_ratio_in_the_band() -> None:
     loop, p = LOOPS["fast"], 0.1
     spreads = spread_kernels(loop, p)
     rng = np.random.default_rng(0)
@@ -91,7 +91,7 @@ def test_departures_hold_between_the_ratios() -> None:
 
 
 @pytest.mark.parametrize("name", ["fast", "slow"])
-def test_no_kernel_between_the_ratios_passes_the_largest(name: str) -> None:
+def test_no_kernel_of_an_inertia_ratio_in_the_band_exceeds_the_largest_kernel(name: str) -> None:
     loop, p = LOOPS[name], 0.2
     spreads = spread_kernels(loop, p)
     least, most = 1 / (1 + p), 1 / (1 - p)
@@ -106,7 +106,7 @@ def test_no_kernel_between_the_ratios_passes_the_largest(name: str) -> None:
                 assert np.all(getattr(own, field) <= getattr(largest, field)), (output, field)
 
 
-def test_departures_grow_with_the_band() -> None:
+def test_departure_gains_grow_with_the_band() -> None:
     gains = [spread_kernels(LOOPS["fast"], p)["error"].departure.gain for p in (0.0, 0.01, 0.02, 0.05, 0.1)]
     assert gains[0] < 1e-9 * gains[1]
     assert np.all(np.diff(gains) > 0.0)
@@ -129,7 +129,7 @@ def test_eigenvalue_modulus_agrees_with_the_loop_of_the_law(ratio: float) -> Non
         np.testing.assert_allclose(radius, law.radius(ratio), rtol=1e-6)
 
 
-def test_a_filter_that_begins_at_a_wrong_position_stays_within_its_kernel() -> None:
+def test_response_to_a_wrong_initial_filter_position_stays_within_its_kernel() -> None:
     loop = JointLoop.with_density(1e-3, 0.02, 1.0, 1e-5, 1)
     kernel = loop_kernels(loop)["error"]
     state = np.zeros(len(loop.maps.step))

@@ -69,6 +69,6 @@ def test_simulated_arms_of_the_set_stay_within_the_bound():
     ],
     ids=["a start far away", "other lengths", "uncertain lengths", "uncertain gravity"],
 )
-def test_what_the_bound_does_not_cover_is_refused_by_name(changes, named):
+def test_a_scenario_outside_the_bounds_scope_is_refused_by_name(changes, named):
     verdict = tracking_bound(sx.scenarios.load("example-4.1-1khz", {**NEAR, **changes}))
     assert verdict.holds is None and named in verdict.statement

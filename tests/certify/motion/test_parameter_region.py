@@ -33,7 +33,7 @@ def region_of(name: str) -> ParameterRegion:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_no_arm_of_the_ellipsoid_leaves_the_cover(name: str) -> None:
+def test_every_arm_of_the_ellipsoid_lies_in_its_cover(name: str) -> None:
     region, rng = region_of(name), np.random.default_rng(0)
     covers = region.points.swapaxes(1, 2) @ region.points
     own = BodyPoints.of(identified(name)[0]).pseudo_inertias
@@ -57,7 +57,7 @@ def test_no_arm_of_the_ellipsoid_leaves_the_cover(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_choice_of_what_no_torque_shows_changes_no_torque(name: str) -> None:
+def test_the_choice_of_unidentifiable_parameters_changes_no_torque(name: str) -> None:
     arm, band = identified(name)
     q, dq, ddq = np.random.default_rng(0).normal(size=(3, 30, arm.joints))
     bodies, region = BodyPoints.of(arm), region_of(name)
@@ -240,7 +240,7 @@ def climb(name: str, which: str, starts: int, steps: int) -> float:
 
 
 @pytest.mark.parametrize("name", QUANTITIES)
-def test_no_arm_of_the_band_passes_a_supremum(name: str) -> None:
+def test_no_arm_of_the_band_exceeds_a_supremum(name: str) -> None:
     steps = 1 if name in ("band_tube", "slide") else 0
     assert QUANTITIES[name][1] < climb(name, "panda", 16, steps) <= 1.0
 
@@ -248,11 +248,11 @@ def test_no_arm_of_the_band_passes_a_supremum(name: str) -> None:
 @pytest.mark.full
 @pytest.mark.parametrize("which", NAMES)
 @pytest.mark.parametrize("name", QUANTITIES)
-def test_no_arm_of_the_band_passes_a_supremum_in_a_long_search(name: str, which: str) -> None:
+def test_no_arm_of_the_band_exceeds_a_supremum_in_a_long_search(name: str, which: str) -> None:
     assert climb(name, which, 64, 4) <= 1.0
 
 
-def test_an_ellipsoid_is_sharper_than_a_band_per_body_of_the_same_p() -> None:
+def test_an_ellipsoid_gives_smaller_bounds_than_a_band_of_the_same_p() -> None:
     members, _, _, path, tube, bounds = case("panda")
     bodies = BodyPoints.of(members.arm)
     per_body = suprema(Path.of(bodies, BodyBand(0.03, 0.03).region(bodies), path.cells), tube)
@@ -273,7 +273,7 @@ def test_friction_of_an_identified_arm_is_its_interval() -> None:
     assert uncertainty.region(BodyPoints.of(arm)).p == band.p
 
 
-def test_bands_that_do_not_fit_are_refused() -> None:
+def test_bands_of_the_wrong_shape_or_size_are_refused() -> None:
     arm, band = identified("panda")
     with pytest.raises(DefinitionError, match="77 columns for 7 joints; got 66"):
         identified_region(arm, replace(band, deviations=band.deviations[:, :66]))

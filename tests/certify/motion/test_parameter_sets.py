@@ -50,7 +50,7 @@ def parameters_of(pseudo: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", SETS)
-def test_no_arm_of_the_set_leaves_any_statement_of_its_region(name: str) -> None:
+def test_every_arm_of_a_set_satisfies_all_statements_of_its_region(name: str) -> None:
     whole = scenario(SETS[name])
     area, rng = region(SETS[name]), np.random.default_rng(0)
     family, nominal = Family.of(whole.description), whole.controller.nominal
@@ -112,7 +112,7 @@ def test_a_region_does_not_depend_on_order_or_padding_and_grows_with_the_set() -
         assert np.all(np.linalg.norm(less.points, axis=(1, 2)) <= np.linalg.norm(more.points, axis=(1, 2)))
 
 
-def test_numbers_that_move_together_are_one_row() -> None:
+def test_a_factor_shared_by_all_joints_is_one_deviation_of_the_region() -> None:
     alike = region({"robot.plant.mass_factor": {"around": "2 %"}})
     each = region({"robot.plant.mass_factor": {"around": "2 %", "each": "joint"}})
     assert len(alike.deviations) == 1 and len(each.deviations) == 7

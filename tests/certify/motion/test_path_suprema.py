@@ -104,14 +104,14 @@ def ascend(name: str, which: str, starts: int, steps: int) -> float:
 
 
 @pytest.mark.parametrize("name", QUANTITIES)
-def test_no_ascent_passes_a_supremum(name: str) -> None:
+def test_no_gradient_ascent_exceeds_a_supremum(name: str) -> None:
     assert 0.1 < ascend(name, "panda knotted", 24, 3) <= 1.0
 
 
 @pytest.mark.full
 @pytest.mark.parametrize("which", ["panda quintic", "panda knotted", "ur5e quintic", "ur5e knotted"])
 @pytest.mark.parametrize("name", QUANTITIES)
-def test_no_long_ascent_passes_a_supremum(name: str, which: str) -> None:
+def test_no_long_gradient_ascent_exceeds_a_supremum(name: str, which: str) -> None:
     assert ascend(name, which, 1000, 5) <= 1.0
 
 
@@ -139,7 +139,7 @@ def test_band_along_the_motion_bounds_members_of_it() -> None:
         assert np.all(np.sqrt(np.einsum("ni,nij,nj->n", rate, mass, rate)) <= bounds.band_rate[cell] * 1.001 + 1e-6)
 
 
-def test_cells_hold_between_their_samples() -> None:
+def test_bounds_of_a_cell_hold_between_its_samples() -> None:
     _arm, motion, cells, *_ = case("panda knotted")
     pieces = Pieces.of(motion)
     t = np.linspace(0.0, (2 * len(cells.q) - 1) * cells.half, 50_001)

@@ -50,7 +50,7 @@ def test_largest_derivatives_hold_at_all_later_times(motion):
 
 
 @MOTIONS
-def test_cells_hold_between_their_samples(motion):
+def test_bounds_of_a_cell_hold_between_its_samples(motion):
     cells = PathCells.of(motion, 2e-3, until=2.0)
     assert cells.until == 2.0
     t = np.linspace(0.0, 2.0, 40_001)
@@ -64,7 +64,7 @@ def test_cells_hold_between_their_samples(motion):
 
 
 @pytest.mark.parametrize("motion", [WAVE, DECAY], ids=["sinusoid", "exponentials"])
-def test_no_attack_passes_the_bounds(motion):
+def test_no_attack_exceeds_the_bounds(motion):
     arm, rng = arm_of("panda"), np.random.default_rng(0)
     certified = certified_path(arm, motion, PROMPT, uncertainty(0.03), until=0.6)
     assert certified.bounds.verified
@@ -74,7 +74,7 @@ def test_no_attack_passes_the_bounds(motion):
 
 @pytest.mark.full
 @pytest.mark.parametrize("motion", [WAVE, DECAY], ids=["sinusoid", "exponentials"])
-def test_no_long_attack_passes_the_bounds(motion):
+def test_no_long_attack_exceeds_the_bounds(motion):
     arm, rng = arm_of("panda"), np.random.default_rng(1)
     for p in (0.02, 0.05):
         certified = certified_path(arm, motion, PROMPT, uncertainty(p), until=3.0)
@@ -106,7 +106,7 @@ def test_simulated_arms_that_start_in_motion_stay_within_the_bound():
         assert (np.abs(np.diff(np.asarray(log.tau), axis=0)).max(axis=0) < verdict.bound["torque_step"]).all()
 
 
-def test_a_start_with_another_velocity_is_refused_with_the_one_that_is_covered():
+def test_a_start_with_another_velocity_is_refused_with_the_covered_velocity():
     still = sx.scenarios.load(PANDA, {**MOVING, "start.dq": [0.0] * 7})
     refused = tracking_bound(still)
     assert refused.holds is None and "set `start.dq` to [0.8, 0.72" in refused.statement
@@ -120,7 +120,7 @@ def test_a_velocity_sensor_with_noise_is_refused_with_a_remedy_that_works():
     assert tracking_bound(sx.scenarios.load(PANDA, mended)).holds
 
 
-def test_a_motion_without_an_end_needs_one_and_a_settled_law_starts_at_rest():
+def test_a_motion_without_an_end_needs_an_end_time_and_a_settled_law_starts_at_rest():
     arm = arm_of("panda")
     with pytest.raises(DefinitionError, match="give `until`"):
         certified_path(arm, WAVE, PROMPT, uncertainty(0.03))
@@ -128,7 +128,7 @@ def test_a_motion_without_an_end_needs_one_and_a_settled_law_starts_at_rest():
         certified_path(arm, WAVE, PROMPT, uncertainty(0.03, settled=True), until=0.1)
 
 
-def test_the_first_torque_step_is_that_from_the_torque_that_holds_the_arm():
+def test_the_first_torque_step_starts_at_the_torque_that_holds_the_arm():
     # A jump of the acceleration at the start.
     arm, ends = arm_of("panda"), np.stack([PLACE, PLACE + 0.02])
     motion = Tabulated(np.array([0.0, 0.2]), np.stack([np.full((1, 7), 0.5), np.zeros((1, 7)), ends[:1]]))

@@ -111,7 +111,7 @@ def test_motions_of_an_arm_known_from_a_log_stay_within_their_bounds_in_mujoco(t
 
 @pytest.mark.full
 @pytest.mark.parametrize("joints", [4, 6])
-def test_hundred_motions_stay_within_their_bounds_in_mujoco(joints: int, tmp_path: Path) -> None:
+def test_one_hundred_motions_stay_within_their_bounds_in_mujoco(joints: int, tmp_path: Path) -> None:
     urdf = Path("examples/robots/small_arm.urdf").resolve()
     if joints == 6:
         urdf = tmp_path / "chain.urdf"

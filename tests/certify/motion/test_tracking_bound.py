@@ -123,7 +123,7 @@ def of_the_ellipsoid(members: Members, certified: CertifiedPath) -> Callable[[Ch
 
 
 @pytest.mark.parametrize("name", ["panda", "ur5e"])
-def test_no_attack_by_arms_of_the_ellipsoid_passes_the_bounds(name: str) -> None:
+def test_no_attack_by_arms_of_the_ellipsoid_exceeds_the_bounds(name: str) -> None:
     members, rng = Members(name), np.random.default_rng(0)
     arm, loop = members.arm, LOOP if name == "panda" else SLOW
     uncertain = replace(ArmUncertainty.identified(arm, members.band, resolution=1e-5), coulomb=0.3, viscous_error=0.02)
@@ -138,7 +138,7 @@ def test_no_attack_by_arms_of_the_ellipsoid_passes_the_bounds(name: str) -> None
 @pytest.mark.full
 @pytest.mark.parametrize("make", [quintic, knotted])
 @pytest.mark.parametrize("name", ["panda", "ur5e"])
-def test_no_long_attack_by_arms_of_the_ellipsoid_passes_the_bounds(name: str, make: Any) -> None:
+def test_no_long_attack_by_arms_of_the_ellipsoid_exceeds_the_bounds(name: str, make: Any) -> None:
     members, rng = Members(name), np.random.default_rng(1)
     arm, loop = members.arm, LOOP if name == "panda" else SLOW
     base = ArmUncertainty.identified(arm, members.band, resolution=1e-5)
@@ -152,7 +152,7 @@ def test_no_long_attack_by_arms_of_the_ellipsoid_passes_the_bounds(name: str, ma
 
 
 @pytest.mark.parametrize("name", ["panda", "ur5e"])
-def test_no_attack_passes_the_bounds(name: str) -> None:
+def test_no_attack_exceeds_the_bounds(name: str) -> None:
     arm, rng = arm_of(name), np.random.default_rng(0)
     loop = LOOP if name == "panda" else SLOW
     for seed in range(2):
@@ -167,7 +167,7 @@ def test_no_attack_passes_the_bounds(name: str) -> None:
 @pytest.mark.full
 @pytest.mark.parametrize("make", [quintic, knotted])
 @pytest.mark.parametrize("name", ["panda", "ur5e"])
-def test_no_long_attack_passes_the_bounds(name: str, make: Any) -> None:
+def test_no_long_attack_exceeds_the_bounds(name: str, make: Any) -> None:
     arm, rng = arm_of(name), np.random.default_rng(1)
     loop = LOOP if name == "panda" else SLOW
     for _ in range(10):
@@ -214,7 +214,7 @@ def test_a_disturbance_with_the_signs_of_the_kernel_attains_the_bound_of_a_known
     assert 0.99 * bound[joint] <= reached <= bound[joint]
 
 
-def test_bounds_grow_with_what_is_not_known() -> None:
+def test_bounds_grow_with_every_uncertainty() -> None:
     arm = arm_of("panda")
     motion = short(arm, 1)
     base: dict[str, Any] = {}
@@ -262,7 +262,7 @@ def test_a_wide_band_is_refused_by_name() -> None:
     assert verdict.assumptions[0].status == "fails"
 
 
-def test_wrong_arguments_are_named() -> None:
+def test_invalid_arguments_are_refused_by_name() -> None:
     arm = arm_of("panda")
     with pytest.raises(DefinitionError, match="coulomb"):
         ArmUncertainty(BodyBand(0.0, 0.0), coulomb=-1.0)

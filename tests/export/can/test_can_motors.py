@@ -109,7 +109,7 @@ def test_a_request_to_stop_brings_the_arm_to_rest(law):
     assert outcome.ending == "finished" and log.rows[-1][0] < 3.0
 
 
-def test_a_silent_motor_is_bridged_and_then_stops_the_arm(law):
+def test_a_motor_without_replies_is_tolerated_briefly_and_then_stops_the_arm(law):
     arm = Arm(law)
     arm.silent_from = 0.4
     outcome, _ = run(law, arm)

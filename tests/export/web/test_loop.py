@@ -104,7 +104,7 @@ def test_a_scheme_without_an_envelope_is_judged_by_the_first_schemes_envelope(tm
 
 
 @pytest.mark.full
-def test_page_of_a_panda_computes_the_run_of_slidax_with_the_same_bits_where_it_has_encoders(tmp_path):
+def test_page_of_a_panda_computes_the_run_of_slidax_with_equal_bits_for_encoders(tmp_path):
     exact = manifest_of("panda-payload", sensor__resolution=0.0, sensor__velocity="measured")
     assert_same(exact, 0, tmp_path)
     if not rounds_once():

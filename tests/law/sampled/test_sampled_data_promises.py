@@ -175,7 +175,7 @@ def results(name, period):
 
 
 @pytest.mark.parametrize(("name", "period"), EVERY_KIND)
-def test_every_step_is_finite_and_solves_its_two_equations(name, period):
+def test_every_control_step_is_finite_and_solves_its_two_implicit_equations(name, period):
     values = results(name, period)
     assert np.all(values["finite"]) and values["proximal"].max() < 1e-12 and values["barrier"].max() < 1e-10
 

@@ -57,7 +57,7 @@ def test_between_samples_the_error_is_of_order_four_in_the_position_and_three_in
 
 
 @pytest.mark.parametrize("periods", [1.0, 2.5, 6.0])
-def test_before_the_start_the_velocity_was_constant(periods):
+def test_a_delayed_sensor_assumes_constant_velocity_before_the_start(periods):
     measured = sampled(Delayed(Exact(), periods)).state
     start = moving(jnp.zeros(()))
     for k in range(int(np.ceil(periods))):

@@ -58,7 +58,7 @@ def test_a_torque_that_chatters_is_a_band_and_a_smooth_one_is_a_line(runs):
     assert not bands(figures.compared_torques({"cftsmppc": runs["cftsmppc"]}))
 
 
-def test_a_steep_transient_with_a_ripple_on_it_is_no_band_and_a_chattering_one_follows_it():
+def test_a_ripple_on_a_steep_torque_is_a_line_and_chattering_is_a_band_around_it():
     """As a sampled-data law's: from 32 to -18 N m in 30 ms, with .1 N m to and fro from sample to sample."""
     t = np.arange(4000) * 5e-4
     motion = 32.0 - 50.0 / (1.0 + np.exp(-(t - 0.5) / 5e-3)) + 18.0 * np.clip(t - 0.55, 0.0, 1.0)
@@ -149,7 +149,7 @@ def test_every_scheme_has_a_line_style_and_a_hatch():
     assert len(set(HATCHES)) == len(HATCHES) == len(LOOKS)
 
 
-def test_crest_follows_the_peaks_from_the_first_time_to_the_last():
+def test_the_crest_line_joins_the_peaks_from_the_first_to_the_last_time():
     t = np.linspace(0, 10, 10_001)
     x, y = crest(t, np.abs(np.sin(200 * t)) + 0.1, 50)
     assert (x[0], x[-1]) == (0.0, 10.0) and (np.diff(x) >= 0).all() and y[1:].min() > 1.09

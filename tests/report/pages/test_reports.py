@@ -36,7 +36,7 @@ def test_numbers_keep_their_significant_digits(number, digits, text):
         ("a ` alone, -1", "a ` alone, −1"),
     ],
 )
-def test_text_is_typeset_and_escaped(text, markup):
+def test_text_of_a_report_is_typeset_and_escaped_in_html(text, markup):
     assert typeset(text) == markup
 
 
