@@ -1,8 +1,11 @@
+import ast
+import json
 import re
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from slidax import arms
 from slidax.arms.arm import Payload
@@ -27,6 +30,57 @@ def test_libfranka_reads_the_matrix_by_columns():
     text = payload_text(PAYLOAD, "franka")
     assert text.startswith("robot.setLoad(2.5, {0.01, -0.02, 0.07}, {") and text.endswith("});")
     assert np.reshape(numbers(text)[4:], (3, 3), order="F").tolist() == INERTIA
+
+
+def test_desk_reads_column_major_matrices():
+    file = json.loads(payload_text(PAYLOAD, "desk"))
+    assert file["mass"] == 2.5 and file["centerOfMass"] == [0.01, -0.02, 0.07]
+    assert np.reshape(file["inertia"], (3, 3), order="F").tolist() == INERTIA
+    assert np.reshape(file["transformation"], (4, 4)).tolist() == np.eye(4).tolist()
+
+
+def read_krl(text):
+    """Mass, centre [m] and inertia of a LOAD_DATA, whose angles A, B, C turn about Z, Y and X."""
+    value = re.sub(r"([A-Z]+) (?=[-{\d])", r"'\1': ", text.split("=", 1)[1])
+    load = ast.literal_eval(value)
+    center, moments = load["CM"], [load["J"][axis] for axis in "XYZ"]
+    turned = np.eye(3)
+    for name, axis in zip("ABC", np.eye(3)[::-1], strict=True):
+        turned = turned @ Rotation.from_rotvec(np.deg2rad(center[name]) * axis).as_matrix()
+    return load["M"], [center[axis] / 1e3 for axis in "XYZ"], turned @ np.diag(moments) @ turned.T
+
+
+def random_payload(seed):
+    random = np.random.default_rng(seed)
+    points = random.normal(size=(20, 3)) * random.uniform(0.01, 0.1, 3)
+    spread = points.T @ points / 20
+    return Payload(
+        mass=random.uniform(0.2, 5),
+        center=random.uniform(-0.1, 0.1, 3),
+        inertia=np.trace(spread) * np.eye(3) - spread,
+    )
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_kuka_reads_principal_moments_in_rotated_axes(seed):
+    payload = random_payload(seed)
+    mass, center, inertia = read_krl(payload_text(payload, "kuka"))
+    assert mass == pytest.approx(float(payload.mass), rel=1e-5)
+    np.testing.assert_allclose(center, payload.center, rtol=1e-5)
+    np.testing.assert_allclose(inertia, payload.inertia, atol=1e-5 * np.max(np.abs(payload.inertia)))
+
+
+def test_pinocchio_reads_the_link_of_urdf():
+    pinocchio = pytest.importorskip("pinocchio")
+    text = payload_text(PAYLOAD, "urdf")
+    model = pinocchio.buildModelFromXML(
+        f"""<robot name="r"><link name="base"/>{text}<joint name="j" type="revolute"><parent link="base"/>
+        <child link="payload"/><axis xyz="0 0 1"/><limit effort="1" velocity="1" lower="-1" upper="1"/></joint></robot>"""
+    )
+    body = model.inertias[1]
+    assert body.mass == 2.5
+    np.testing.assert_allclose(body.lever, PAYLOAD.center, rtol=1e-12)
+    np.testing.assert_allclose(body.inertia, INERTIA, rtol=1e-9)
 
 
 def test_a_link_of_urdf_moves_an_arm_as_the_payload_does():

@@ -52,6 +52,42 @@ def test_a_missing_scheduler_address_has_its_remedy(tmp_path, monkeypatch):
         Cluster(str(tmp_path / "scheduler.json"))
 
 
+IN_PROCESS = {"processes": False, "dashboard_address": None, "threads_per_worker": 1, "n_workers": 1}
+
+
+def test_a_client_of_the_user_stays_open():
+    import distributed
+
+    with distributed.LocalCluster(**IN_PROCESS) as farm, distributed.Client(farm, set_as_default=False) as client:
+        with Cluster(client) as pool:
+            assert pool._client is client
+        assert client.submit(abs, -1).result() == 1
+
+
+@pytest.mark.full
+def test_a_client_of_the_user_computes_the_rows_of_one_process(tmp_path):
+    import distributed
+
+    ran(tmp_path / "here", runs=64)
+    with (
+        distributed.LocalCluster(**IN_PROCESS) as farm,
+        distributed.Client(farm, set_as_default=False) as client,
+        Cluster(client) as pool,
+    ):
+        study(runs=64).run(RunOptions(tmp_path / "there", pool=pool))
+    assert_same_rows(tmp_path / "there", tmp_path / "here", 64)
+
+
+def test_an_asynchronous_client_is_refused_with_its_remedy(monkeypatch):
+    import distributed
+
+    with distributed.LocalCluster(**IN_PROCESS) as farm, distributed.Client(farm, set_as_default=False) as client:
+        monkeypatch.setattr(distributed.Client, "asynchronous", True)
+        with pytest.raises(DefinitionError, match=r"blocking client: make it with `Client\(asynchronous=False\)`"):
+            Cluster(client)
+        monkeypatch.undo()
+
+
 @pytest.mark.full
 def test_a_scheduler_that_does_not_answer_is_reported_in_one_line(monkeypatch):
     monkeypatch.setattr("slidax.studies.cluster.PATIENCE", 1.0)

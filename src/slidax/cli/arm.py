@@ -169,7 +169,9 @@ def identify(
     payload_as: Annotated[
         str | None,
         typer.Option(
-            metavar="FORM", help="Print the payload for its maker: ur (URScript), franka (libfranka) or urdf."
+            metavar="FORM",
+            help="Print the payload for its maker: ur (URScript), franka (libfranka), desk (Franka Desk), kuka (KRL) "
+            "or urdf.",
         ),
     ] = None,
     asymmetric: Annotated[bool, typer.Option("--asymmetric", help="Viscous friction differs by direction.")] = False,

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from slidax.arms.arm import Payload
 from slidax.core.errors import DefinitionError, nearest_word
@@ -23,6 +25,32 @@ def libfranka_payload(payload: Payload) -> str:
     return f"robot.setLoad({float(payload.mass):.6g}, {center}, {entries});"
 
 
+def desk_payload(payload: Payload) -> str:
+    """The file of an end effector for Franka Desk: as `libfranka_payload`, with the tool's frame at the flange."""
+    return json.dumps(
+        {
+            "mass": float(f"{float(payload.mass):.6g}"),
+            "centerOfMass": _numbers(payload.center),
+            "transformation": _numbers(np.eye(4)),
+            "inertia": _numbers(np.asarray(payload.inertia).T),
+        }
+    )
+
+
+def kuka_payload(payload: Payload) -> str:
+    """The load of tool 1 in KUKA's KRL: mass, centre in mm, and inertia about its principal axes.
+
+    The axes are given by rotations A, B, C about Z, Y and X, one after the other, in degrees.
+    """
+    moments, axes = np.linalg.eigh(np.asarray(payload.inertia))
+    axes[:, 0] *= np.linalg.det(axes)
+    angles = Rotation.from_matrix(axes).as_euler("ZYX", degrees=True)
+    center = [*(1e3 * np.asarray(payload.center)), *angles]
+    frame = ",".join(f"{name} {value:.6g}" for name, value in zip("XYZABC", center, strict=True))
+    inertia = ",".join(f"{name} {value:.6g}" for name, value in zip("XYZ", moments, strict=True))
+    return f"LOAD_DATA[1]={{M {float(payload.mass):.6g},CM {{{frame}}},J {{{inertia}}}}}"
+
+
 def urdf_payload(payload: Payload) -> str:
     """The link of URDF, to be fixed to the tip."""
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = np.asarray(payload.inertia).tolist()
@@ -38,6 +66,8 @@ def urdf_payload(payload: Payload) -> str:
 FORMS: Mapping[str, Callable[[Payload], str]] = {
     "ur": urscript_payload,
     "franka": libfranka_payload,
+    "desk": desk_payload,
+    "kuka": kuka_payload,
     "urdf": urdf_payload,
 }
 """Forms of a payload by name."""
@@ -58,6 +88,10 @@ def payload_text(payload: Payload, form: str) -> str:
     """
     require_payload_form(form)
     return FORMS[form](payload)
+
+
+def _numbers(values: object) -> list[float]:
+    return [float(f"{value:.6g}") for value in np.asarray(values, float).ravel().tolist()]
 
 
 def _list(values: object) -> str:

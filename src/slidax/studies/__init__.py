@@ -7,6 +7,7 @@ independent of robots. `benchmark/` ranks control schemes on common tasks. Resul
 """
 
 from .cases import Cases as Cases
+from .cluster import Cluster as Cluster
 from .files import AnyStudy as AnyStudy
 from .files import frame as frame
 from .files import read_study as read_study

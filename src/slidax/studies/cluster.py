@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from slidax.core.files import MEGABYTE, read_bytes
 
 from .cases import Columns, StudyTask, Values
 from .runner import AbstractPool
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 VERSION = metadata.version("slidax")
 """Version of slidax in this process."""
@@ -60,12 +63,13 @@ class Cluster(AbstractPool):
 
     - `where`: `local:2` for two local processes, or the address of a scheduler, such as `tcp://10.0.0.1:8786`, whose
       workers must have slidax and the files that the scenario names. The address may stand in a scheduler file, such as
-      `scheduler.json`, or with `env` in the environment variable DASK_SCHEDULER_ADDRESS.
+      `scheduler.json`, or with `env` in the environment variable DASK_SCHEDULER_ADDRESS. A `distributed.Client` of your
+      own is used as it is, and stays open.
 
     Raises DefinitionError if Dask is not installed, there is no such address, or no scheduler answers.
     """
 
-    def __init__(self, where: str) -> None:
+    def __init__(self, where: str | Client) -> None:
         try:
             import distributed
         except ImportError:
@@ -73,9 +77,14 @@ class Cluster(AbstractPool):
                 "a cluster needs Dask, which is not installed: pip install 'slidax[cluster]'"
             ) from None
         self._dask: Any = distributed
+        self._local: Any = None
+        self._ready = where if isinstance(where, distributed.Client) else None
+        if isinstance(where, distributed.Client):
+            if where.asynchronous:
+                raise DefinitionError("`Cluster` needs a blocking client: make it with `Client(asynchronous=False)`")
+            return
         where = _address(where)
         kind, _, rest = where.partition(":")
-        self._local: Any = None
         if kind == "local":
             if not rest.isdigit() or not 1 <= int(rest) <= 4096:
                 raise DefinitionError(
@@ -92,6 +101,9 @@ class Cluster(AbstractPool):
 
     def __enter__(self) -> Cluster:
         dask = self._dask
+        self._client: Any = self._ready
+        if self._ready is not None:
+            return self
         if self._local is not None:
             self._cluster = dask.LocalCluster(
                 n_workers=self._local,
@@ -118,7 +130,8 @@ class Cluster(AbstractPool):
         if self._local is not None:
             self._over.set()
             self._watch.join()
-        self._client.close()
+        if self._ready is None:
+            self._client.close()
         if self._local is not None:
             self._cluster.close()
 
@@ -144,7 +157,7 @@ class Cluster(AbstractPool):
         Raises DefinitionError if a chunk's workers died too often, or a worker has another version of slidax.
         """
         pending: dict[Any, tuple[int, Values, int]] = {}
-        ready = self._dask.as_completed()
+        ready = self._dask.as_completed(loop=self._client.loop)
 
         def submit(first: int, values: Values, tries: int) -> None:
             future = self._client.submit(compute_chunk, task.text, dict(values), VERSION, pure=False, retries=TRIES)
