@@ -75,7 +75,8 @@ def test_pinocchio_reads_the_link_of_urdf():
     text = payload_text(PAYLOAD, "urdf")
     model = pinocchio.buildModelFromXML(
         f"""<robot name="r"><link name="base"/>{text}<joint name="j" type="revolute"><parent link="base"/>
-        <child link="payload"/><axis xyz="0 0 1"/><limit effort="1" velocity="1" lower="-1" upper="1"/></joint></robot>"""
+        <child link="payload"/><axis xyz="0 0 1"/><limit effort="1" velocity="1" lower="-1" upper="1"/></joint>
+        </robot>"""
     )
     body = model.inertias[1]
     assert body.mass == 2.5
