@@ -23,7 +23,7 @@ FILE = EXAMPLES / "panda-along.yaml"
 LAW = DesignPoint(0.01, 1.0, 1.0, np.array([1e-3, 2e-3]), 0.3)
 
 
-def frame_of(folder: Any, **changes: Any) -> Any:
+def space_of(folder: Any, **changes: Any) -> Any:
     data = yaml.safe_load(FILE.read_text(encoding="utf-8")) | changes
     path = folder / "asked.yaml"
     path.write_text(yaml.safe_dump(data), encoding="utf-8")
@@ -31,10 +31,10 @@ def frame_of(folder: Any, **changes: Any) -> Any:
 
 
 def test_a_required_bound_makes_a_law_that_tracking_bound_covers(tmp_path):
-    frame = frame_of(tmp_path)
-    described = frame.described(DesignPoint(0.028, 1.0, 1.0, np.full(7, 0.0125), 0.3))
+    space = space_of(tmp_path)
+    described = space.described(DesignPoint(0.028, 1.0, 1.0, np.full(7, 0.0125), 0.3))
     law = described.build("law")
-    assert frame.along and law.controller.adaptation is None and law.controller.midpoint
+    assert space.along and law.controller.adaptation is None and law.controller.midpoint
     verdict = tracking_verdict(described)
     assert verdict.holds is True
     (envelope,) = (line for line in verdict.assumptions if "inside the envelope" in line.text)
@@ -51,8 +51,8 @@ def test_law_with_bound_returns_the_smallest_error_of_the_grid_with_a_verdict(tm
         return Verdict("tracking_bound", "", holds, None, {"error": np.full(7, block.horizon)}, (), "")
 
     monkeypatch.setattr(design, "tracking_verdict", verdict_of)
-    frame = frame_of(tmp_path)
-    law, verdict = law_with_bound(frame, LAW)
+    space = space_of(tmp_path)
+    law, verdict = law_with_bound(space, LAW)
     assert verdict.holds and (law.horizon, law.drift) == (0.006, 1.0) and len(set(tried)) == 21
     assert law.final is LAW.final
 
@@ -65,7 +65,7 @@ def test_refusal_lists_changes_of_requirements_that_give_a_bound(tmp_path, monke
 
     monkeypatch.setattr(refusal, "tracking_verdict", verdict_of)
     grows = Verdict("tracking_bound", "", False, None, {}, (), "The bound grows.")
-    answer = refusal.proof_refusal(read_problem(FILE), frame_of(tmp_path), replace(LAW, final=np.full(7, 1e-3)), grows)
+    answer = refusal.proof_refusal(read_problem(FILE), space_of(tmp_path), replace(LAW, final=np.full(7, 1e-3)), grows)
     assert [dict(item.changes) for item in answer.would_do] == [
         {"sensor.resolution": 1e-7},
         {"trajectory.times": [0.0, pytest.approx(2.4)]},
@@ -89,8 +89,8 @@ def test_refusal_proposes_the_mean_payload_for_the_nominal_arm(tmp_path, monkeyp
     monkeypatch.setattr(refusal, "tracking_verdict", verdict_of)
     problem = read_problem(path)
     law, grows = replace(LAW, final=np.full(7, 1e-3)), Verdict("tracking_bound", "", False, None, {}, (), "It grows.")
-    told, tested = refusal.proof_refusal(problem, _begin(problem)[0], law, grows).would_do
-    assert told.changes == {"robot.nominal.load": {**load, "mass": 0.9}} and "told of 0.9 kg" in told.words
+    known, tested = refusal.proof_refusal(problem, _begin(problem)[0], law, grows).would_do
+    assert known.changes == {"robot.nominal.load": {**load, "mass": 0.9}} and "knows 0.9 kg" in known.words
     assert tested.changes == {"requirements.proof": "tested"}
 
 

@@ -41,19 +41,19 @@ def checked(monkeypatch):
             seeds.append(seed)
             return check(next(result), next(wild)), f"the worst with {seed}"
 
-        trials = SimpleNamespace(frame=SimpleNamespace(initial=np.full(1, 1e3), along=False, period=1e-3), runs=0)
+        trials = SimpleNamespace(space=SimpleNamespace(initial=np.full(1, 1e3), along=False, period=1e-3), runs=0)
         trials.with_harder = lambda cases: harder.append(cases) or trials
         laws = iter(SimpleNamespace(choice=Law(np.full(1, 1.0), k)) for k in range(1, 4))
         aims.clear()
         monkeypatch.setattr(design, "statistical_with_cases", tried)
         monkeypatch.setattr(design, "fine_search", lambda _, __, aim: aims.append(aim))
         monkeypatch.setattr(design, "_aim", lambda *_: Objective(1.0, required is not None, None))
-        monkeypatch.setattr(design, "_sized", lambda *_: next(laws))
-        monkeypatch.setattr(design, "_described", lambda *_: SimpleNamespace(build=lambda _: None))
+        monkeypatch.setattr(design, "_with_final_radius", lambda *_: next(laws))
+        monkeypatch.setattr(design, "_description", lambda *_: SimpleNamespace(build=lambda _: None))
         monkeypatch.setattr(design, "accuracy_refusal", lambda *_: Refusal("no", [], None))
         requirements = SimpleNamespace(accuracy=accuracy, proof="tested", torque_step=required)
         first = SimpleNamespace(choice=Law(np.full(1, 1.0), 0))
-        built = design._checked(SimpleNamespace(requirements=requirements), trials, first, None, 10, lambda _: None)
+        built = design._check(SimpleNamespace(requirements=requirements), trials, first, None, 10, lambda _: None)
         return built, seeds, harder
 
     of.aims = aims = []
@@ -113,8 +113,8 @@ def certified(monkeypatch):
             return Verdict("tracking_bound", "", bool(law.final[0] >= radius), None, {}, (), "")
 
         monkeypatch.setattr(design, "tracking_verdict", verdict_of)
-        frame = SimpleNamespace(initial=np.array([8.0]), described=lambda law: law)
-        law, verdict = design._certified(frame, DesignPoint(0.01, 1.0, 1.0, np.array([0.5]), 1.0), best)
+        space = SimpleNamespace(initial=np.array([8.0]), described=lambda law: law)
+        law, verdict = design._certify(space, DesignPoint(0.01, 1.0, 1.0, np.array([0.5]), 1.0), best)
         return float(law.final[0]), bool(verdict.holds)
 
     return of

@@ -13,7 +13,7 @@ from slidax import DefinitionError
 from slidax.certify import Assumption, Verdict
 from slidax.design import DesignResult, read_problem
 from slidax.design.candidates import DesignPoint, DesignSpace, template
-from slidax.design.design import written
+from slidax.design.design import design_text
 from slidax.scenarios import load, parse
 from tests.design.test_search import worst
 
@@ -86,17 +86,17 @@ def result_of(folder: Path, along: bool = False, **other: Any) -> DesignResult:
     problem = read_problem(changed(folder))
     two = np.ones(2)
     base = problem.scenario(template(2.0))
-    frame = DesignSpace(base, two, two, 60.0 * two, 60.0 * two, 1e-3, 1.0, False, 4.0 * two, along=along)
+    space = DesignSpace(base, two, two, 60.0 * two, 60.0 * two, 1e-3, 1.0, False, 4.0 * two, along=along)
     choice = replace(DesignPoint(0.009, 1.0, 2.0, np.array([2e-3, 3e-3]), 2.0, margin=12.5), **other)
-    described = frame.described(choice)
+    described = space.described(choice)
     check = {"runs": 128, "failures": 0, "searched": 128, "worst_margin": 0.2}
     verdict = Verdict("statistical", "", True, 0.2, check, (), "")
-    return DesignResult(described, "tested", frame, choice, worst(1e-4, 0.1), None, None, verdict, 0)
+    return DesignResult(described, "tested", space, choice, worst(1e-4, 0.1), None, None, verdict, 0)
 
 
 def test_written_design_runs_with_the_values_of_the_choice(tmp_path):
     result = result_of(tmp_path)
-    text = written(result, tmp_path)
+    text = design_text(result, tmp_path)
     (tmp_path / "law.yaml").write_text(text, encoding="utf-8")
     scenario = load(tmp_path / "law.yaml")
     law = scenario.controller
@@ -119,24 +119,26 @@ def test_written_design_runs_with_the_values_of_the_choice(tmp_path):
 )
 def test_the_law_in_the_file_is_the_law_that_was_checked(tmp_path, law):
     result = result_of(tmp_path, **law)
-    read = parse(written(result, tmp_path), folder=tmp_path)
+    read = parse(design_text(result, tmp_path), folder=tmp_path)
     text, checked = (item.model_dump(mode="json", exclude_unset=True) for item in (read, result.description))
     assert text["scheme"] == checked["scheme"] and text == checked
 
 
 def test_a_design_file_reads_certified_only_if_all_assumptions_are_proved(tmp_path):
     result = result_of(tmp_path)
-    assert "# Tested in simulation, not proved" in written(result, tmp_path)
-    assert "Certified" not in written(result, tmp_path)
+    assert "# Tested in simulation, not proved" in design_text(result, tmp_path)
+    assert "Certified" not in design_text(result, tmp_path)
     stands_on = [Assumption("", item) for item in ("proved", "tested", "assumed", "assumed")]
     bound = Verdict("tracking_bound", "", True, 0.2, {}, stands_on, "")
-    text = " ".join(written(replace(result, proof="bound", bound=bound), tmp_path).replace("#", "").split())
+    text = " ".join(design_text(replace(result, proof="bound", bound=bound), tmp_path).replace("#", "").split())
     assert "Tested, with a bound of `tracking_bound`, grade B: its lines: 1 proved, 1 tested, 2 assumed" in text
     assert "ertified" not in text
     bound = Verdict("tracking_bound", "", True, 0.2, {}, stands_on[:1], "")
-    assert "# Certified by `tracking_bound`, grade A" in written(replace(result, proof="bound", bound=bound), tmp_path)
+    assert "# Certified by `tracking_bound`, grade A" in design_text(
+        replace(result, proof="bound", bound=bound), tmp_path
+    )
 
 
 def test_a_design_file_without_a_bound_names_the_option_proof_bound(tmp_path):
-    text = " ".join(written(result_of(tmp_path), tmp_path).replace("#", "").split())
+    text = " ".join(design_text(result_of(tmp_path), tmp_path).replace("#", "").split())
     assert "not proved: the law learns, and `proof: bound` looks for a law with a bound." in text

@@ -50,14 +50,18 @@ def test_among_laws_that_are_accurate_enough_the_smallest_torque_step_wins():
 
 
 def test_a_required_certificate_keeps_each_drive_below_its_own_limit():
-    driven, free, wild = replace(worst(1.0, 1.0), driven=0.95), replace(worst(9.0, 9.0), driven=0.8), worst(0.1, 20.0)
-    own = Objective(10.0, False, None, own=0.9)
-    assert ANY.best([driven, free]) is driven and own.best([driven, free]) is free
+    drive_share, free, wild = (
+        replace(worst(1.0, 1.0), drive_share=0.95),
+        replace(worst(9.0, 9.0), drive_share=0.8),
+        worst(0.1, 20.0),
+    )
+    own = Objective(10.0, False, None, own_share=0.9)
+    assert ANY.best([drive_share, free]) is drive_share and own.best([drive_share, free]) is free
     # Of those that are no law, a small drive at its limit is as bad as a large one.
-    assert own.best([driven, wild]) is driven
-    calm = replace(worst(10.0, 1.0), driven=0.7)
-    assert own.best([replace(calm, error=9.0, driven=0.8), calm]).driven == 0.8
-    assert own.stricter(0.8).best([replace(calm, error=9.0, driven=0.8), calm]) is calm
+    assert own.best([drive_share, wild]) is drive_share
+    calm = replace(worst(10.0, 1.0), drive_share=0.7)
+    assert own.best([replace(calm, error=9.0, drive_share=0.8), calm]).drive_share == 0.8
+    assert own.stricter(0.8).best([replace(calm, error=9.0, drive_share=0.8), calm]) is calm
 
 
 def test_the_narrower_envelope_wins_between_laws_of_equal_error():
@@ -83,8 +87,8 @@ def test_horizons_scale_with_the_period_and_exceed_the_delay():
 
 def test_the_share_of_equal_densities_keeps_their_product():
     item, torque = np.ones(2), np.array([80.0, 20.0])
-    frame = DesignSpace(None, item, item, torque, 40.0 * item, 1e-3, 1.0, False, np.inf)
-    shares = [frame.density(0.5, even) for even in (0.0, 0.5, 1.0)]
+    space = DesignSpace(None, item, item, torque, 40.0 * item, 1e-3, 1.0, False, np.inf)
+    shares = [space.density(0.5, even) for even in (0.0, 0.5, 1.0)]
     assert shares[0][0] / shares[0][1] == pytest.approx(16.0)
     assert shares[1][0] / shares[1][1] == pytest.approx(4.0) and shares[2][0] == pytest.approx(shares[2][1])
     assert np.allclose([np.prod(item) for item in shares], np.prod(shares[0]))
@@ -95,20 +99,20 @@ def test_a_law_that_fails_a_case_of_the_set_loses_to_one_that_holds_in_all(monke
 
     class Some:
         problem = SimpleNamespace(requirements=SimpleNamespace(accuracy=1.0))
-        frame = SimpleNamespace(shape=np.ones(1))
+        space = SimpleNamespace(shape=np.ones(1))
 
-        def beyond(self, count: int) -> str:
+        def widened_cases(self, count: int) -> str:
             return ""
 
         cases = staticmethod(lambda count: "real")
 
-        def judged(self, choices: list[DesignPoint], cases: str) -> list[WorstCase]:
+        def evaluate(self, choices: list[DesignPoint], cases: str) -> list[WorstCase]:
             # The smallest slope is the most exact, and is left by an arm of the set itself.
             return [
                 replace(worst(1.0 + item.slope, 1.0, outside=int(cases == "real" and item.slope < 1.0)), choice=item)
                 for item in choices
             ]
 
-    monkeypatch.setattr("slidax.design.search.cmaes_search", lambda trials, *_, **__: trials.judged(laws, ""))
+    monkeypatch.setattr("slidax.design.search.cmaes_search", lambda trials, *_, **__: trials.evaluate(laws, ""))
     result = fine_search(Some(), replace(worst(9.0, 1.0), choice=replace(CHOICE, slope=8.0)), ANY)
     assert result.holds and result.choice.slope == 1.0

@@ -50,7 +50,7 @@ def test_cases_have_each_joint_light_among_heavy_and_heavy_among_light_joints(tr
 
 
 def test_cases_of_the_search_widen_the_arms_uncertainty_but_not_the_starts(trials):
-    cases, beyond = trials.cases(48), trials.beyond(48)
+    cases, beyond = trials.cases(48), trials.widened_cases(48)
     assert np.allclose(beyond[ARMATURE] - 0.2, BEYOND * (cases[ARMATURE] - 0.2))
     assert np.array_equal(beyond["start.q"], cases["start.q"])
     # Nothing weighs less than nothing.
@@ -75,15 +75,15 @@ def test_an_uncertainty_can_be_reduced_by_a_factor(trials):
 def test_torque_step_of_a_joint_is_relative_to_its_own_limit(trials):
     choice = DesignPoint(0.01, 1.0, 1.0, np.full(6, 0.05), 1.0)
 
-    def driven(*changes: float) -> float:
-        frame = replace(trials.frame, changes=np.array(changes))
-        return replace(trials, frame=frame).judged([choice], trials.cases(2))[0].driven
+    def drive_share(*changes: float) -> float:
+        space = replace(trials.space, changes=np.array(changes))
+        return replace(trials, space=space).evaluate([choice], trials.cases(2))[0].drive_share
 
-    step = trials.judged([choice], trials.cases(2))[0].step
-    assert driven(*[2.0] * 6) == pytest.approx(step / 2.0) and driven(*[np.inf] * 6) == 0.0
+    step = trials.evaluate([choice], trials.cases(2))[0].step
+    assert drive_share(*[2.0] * 6) == pytest.approx(step / 2.0) and drive_share(*[np.inf] * 6) == 0.0
     # A wrist that no one would notice beside the shoulder is noticed at its own drive.
-    wrist = driven(*[np.inf] * 5, 2.0)
-    assert 0.0 < wrist < driven(*[2.0] * 6) and driven(*[2.0] * 5, 1e-4) == pytest.approx(2e4 * wrist)
+    wrist = drive_share(*[np.inf] * 5, 2.0)
+    assert 0.0 < wrist < drive_share(*[2.0] * 6) and drive_share(*[2.0] * 5, 1e-4) == pytest.approx(2e4 * wrist)
 
 
 design = sys.modules["slidax.design.design"]
@@ -96,9 +96,9 @@ def test_a_required_bound_gives_a_law_without_adaptation(proof, tmp_path):
     path = tmp_path / "requirements.yaml"
     with path.open("w", encoding="utf-8") as written:
         YAML(typ="safe").dump(data, written)
-    frame, choice = design._begin(read_problem(path))
-    scenario: Any = frame.described(choice).build("begun")
-    assert (scenario.controller.adaptation is None) is frame.along is (proof == "bound")
+    space, choice = design._begin(read_problem(path))
+    scenario: Any = space.described(choice).build("begun")
+    assert (scenario.controller.adaptation is None) is space.along is (proof == "bound")
 
 
 REQUIREMENTS = """
@@ -119,8 +119,8 @@ def test_a_joint_beyond_the_loop_rate_rule_is_named_with_disturbance_and_limit(t
     path = tmp_path / "requirements.yaml"
     path.write_text(REQUIREMENTS, encoding="utf-8")
     problem = read_problem(path)
-    frame, first = import_module("slidax.design.design")._begin(problem)
-    trials = Trials(problem, frame, first)
+    space, first = import_module("slidax.design.design")._begin(problem)
+    trials = Trials(problem, space, first)
     wide = error_in_cases(trials, replace(first, final=np.full(2, 0.05)))
     assert not wide.beyond and wide.in_words() == "" and (wide.missed > 0.0).all()
     narrow = error_in_cases(trials, replace(first, final=np.array([1e-7, 0.05])))

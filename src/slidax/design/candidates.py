@@ -16,32 +16,32 @@ from slidax.scenarios.scenario import OpenLoop, ScenarioDescription
 Floats = NDArray[np.floating[Any]]
 
 HORIZONS = (6.0, 9.0, 14.0, 20.0, 28.0)
-"""H that are tried, in periods, or in ms where a period is shorter than that."""
+"""H of the grid, in periods, or in ms if a period is shorter than 1 ms."""
 
 LONG_HORIZONS = (40.0, 56.0)
-"""Further H that are tried for a bound, which needs less torque the longer H is."""
+"""Further H of the grid if a bound is required: it needs less torque the longer H is."""
 
 DRIFTS = (0.25, 1.0, 4.0)
-"""Times the drift of the disturbance that `slidax new` takes: the torque density goes with its square."""
+"""Factors of the disturbance drift of `slidax new`; the torque density is proportional to the drift's square."""
 
 SLOPES = (1.0, 2.0, 4.0)
-"""Times k1 and k2 of `slidax new`."""
+"""Factors of k1 and k2 of `slidax new`."""
 
 EXACT = {"inverse_inertia_min": 1.0, "inverse_inertia_max": 1.0, "b0": 0.0, "b1": 0.0, "b2": 0.0}
-"""Bound (19) that is its margin u alone."""
+"""Values for which the bound u is equal to its margin."""
 
 LARGEST = 0.25
-"""Of the envelope at the start, that the final one may be at most."""
+"""Largest final radius over the initial radius."""
 
 ROOM = 1.6
-"""The envelope at the start over the largest error there."""
+"""Initial radius over the largest initial error."""
 
 UNRATED = 2.0
-"""A drive without a limit is taken for one of so many times the torque that holds and moves the arm."""
+"""Assumed rated torque of a drive without a limit, over the torque that holds and moves the arm."""
 
 
 def template(deadline: float) -> dict[str, Any]:
-    """Return a scheme as a scenario file has it, of which `Frame.described` sets the searched values.
+    """Return a scheme, as in a scenario file, in which `DesignSpace.described` sets the searched values.
 
     - `deadline`: T [s].
     """
@@ -61,14 +61,14 @@ class DesignPoint:
     """Searched values of a law.
 
     - `horizon`: H [s].
-    - `drift`: of the estimator's disturbance, as in `DRIFTS`; None with the `measured` estimator.
-    - `slope`: times k1 and k2; `bend`: times k2 besides.
+    - `drift`: factor of the disturbance drift, as in `DRIFTS`; None with the `measured` estimator.
+    - `slope`, `bend`: factor of k1 and k2, and a further factor of k2.
     - `final`: ρ∞ of each joint [n], rad or m.
     - `deadline`: T [s].
-    - `margin`: u [N m]; None where the arm's own is taken.
-    - `even`: 0 where drifts of the joints go with their torques, 1 where they are the same.
+    - `margin`: u [N m]; None for the default bound of the arm.
+    - `even`: 0 for drifts in proportion to each joint's torque, 1 for equal drifts.
     - `overshoot`: ϑ, the width of the envelope's far side over ρ.
-    - `gain`: of the `measured` estimator, times its own for this horizon.
+    - `gain`: gain of the `measured` estimator over its default for this horizon.
     """
 
     horizon: float
@@ -85,19 +85,19 @@ class DesignPoint:
 
 @dataclass(frozen=True)
 class DesignSpace:
-    """Values that all choices for an arm share.
+    """Values that all candidate laws for an arm share.
 
-    - `base`: the scenario with the template of `template`.
+    - `base`: the scenario with the scheme from `template`.
     - `initial`: ρ0 of each joint [n], rad or m.
     - `shape`: ρ∞ of each joint for a radius of 1 [n].
-    - `torque`: rated, or what takes its place [n], N m or N.
-    - `middle`: for each joint the geometric mean of those of the same unit [n].
-    - `period`: h [s]; `delay`: of measurement and command [periods].
-    - `has_velocity`: whether velocities are measured.
-    - `changes`: of torque in a period that each drive allows [n], N m or N; infinite where it has no such limit.
-    - `least_margin`: the smallest u where it is searched for, too [N m]; None where it is not.
-    - `along`: whether the law has the form that `tracking_bound` covers: the same loop in all joints, no learning. If
-      not, it learns the inertia.
+    - `torque`: rated torque, or an assumed one [n], N m or N.
+    - `middle`: geometric mean of the torques of all joints with the same unit [n].
+    - `period`, `delay`: h [s], and the delay of measurement and command [periods].
+    - `has_velocity`: True if velocities are measured.
+    - `changes`: largest torque step of each drive [n], N m or N; infinite without a rate limit.
+    - `least_margin`: lower limit of u if u is searched [N m]; None if it is not.
+    - `along`: True if the law must have the form that `tracking_bound` covers: equal loops in all joints, no learning.
+      Otherwise the law learns the inertia.
     """
 
     base: ScenarioDescription
@@ -114,44 +114,37 @@ class DesignSpace:
 
     @property
     def radius(self) -> float:
-        """The radius that `slidax new` takes for this period."""
+        """The final radius of `slidax new` for this period."""
         return RADIUS * self.period
 
     @property
     def least(self) -> float:
-        """The shortest H that is tried, by what a delay leaves: `(2 + 2 D) h` [s]."""
+        """The shortest H for this delay, `(2 + 2 D) h` [s]."""
         return (2.0 + 2.0 * self.delay) * self.period
 
     @property
     def horizons(self) -> tuple[float, ...]:
-        """H that are tried first [s]."""
+        """H of the grid [s]."""
         unit, counts = max(self.period, 1e-3), (*HORIZONS, *LONG_HORIZONS) if self.along else HORIZONS
         return tuple(sorted({round(max(count * unit, self.least), 9) for count in counts}))
 
     def density(self, drift: float, even: float = 0.0) -> Floats:
-        """The torque density of the Kalman filter of each joint, `(drift √density)²` [n], (N m/s)² s.
+        """Return the torque density of each joint's Kalman filter, `(drift √density)²` [n], (N m/s)² s.
 
-        - `drift`: times that of `slidax new`.
-        - `even`: of the choice.
+        - `drift`, `even`: as in `DesignPoint`.
         """
         return (drift * DRIFT * self.torque * (self.middle / self.torque) ** even) ** 2
 
     def common_density(self, drift: float) -> float:
-        """The acceleration density of the Kalman filter of every joint, (rad/s³)² s.
-
-        - `drift`: of the choice.
-        """
+        """Return the acceleration density of every joint's Kalman filter, (rad/s³)² s."""
         return float(f"{drift**2:.4g}")
 
     def measured_gain(self, choice: DesignPoint) -> float:
-        """The gain of the `measured` estimator: after the horizon, as a scenario without one has it.
-
-        - `choice`: its numbers.
-        """
+        """Return the gain of the `measured` estimator, relative to its default for the horizon."""
         return float(f"{min(choice.gain * min(0.5, 2.0 * self.period / choice.horizon), 1.0):.4g}")
 
     def described(self, choice: DesignPoint, monitor: float = 1.0) -> ScenarioDescription:
-        """Return the scenario of a choice, a copy of `base`.
+        """Return the scenario of a law, a copy of `base`.
 
         - `monitor`: share of the envelope at which the monitor warns.
         """
@@ -193,17 +186,14 @@ class DesignSpace:
         return KalmanDescription(kind="kalman", torque_density=density)
 
     def at_period(self, period: float, t1: float) -> DesignSpace:
-        """Return the same frame at another `period` [s]; runs end at `t1`, rounded to whole periods [s]."""
+        """Return the space for another `period` [s]; runs end at `t1`, rounded to whole periods [s]."""
         simulation = self.base.simulation.model_copy(
             update={"period": period, "t1": float(round(t1 / period) * period)}
         )
         return replace(self, base=self.base.model_copy(update={"simulation": simulation}), period=period)
 
     def values(self, choice: DesignPoint) -> dict[str, Any]:
-        """The numbers of a choice by their paths in a scenario, u where it is searched for.
-
-        - `choice`: its numbers.
-        """
+        """Return the values of a law by their paths in a scenario; u only if it is searched."""
         performance = "scheme.transformation.performance"
         result: dict[str, Any] = {
             "scheme.sampled_data.horizon": choice.horizon,
@@ -236,13 +226,11 @@ def design_space(
     delay: float,
     has_velocity: bool,
 ) -> DesignSpace:
-    """Return the frame for an arm and its starts.
+    """Return the design space for an arm and its starts.
 
-    - `base`: the scenario with the template; `moving`: its closed loop without the law.
-    - `starts`: the least and the largest position of each joint at t = 0 [n].
-    - `shape`: ρ∞ of each joint for a radius of 1 [n].
-    - `period`: h [s]; `delay`: of measurement and command [periods].
-    - `has_velocity`: whether velocities are measured.
+    - `base`, `moving`: the scenario with the scheme from `template`, and its closed loop without the law.
+    - `starts`: least and largest position of each joint at t = 0 [n].
+    - `shape`, `period`, `delay`, `has_velocity`: as in `DesignSpace`.
     """
     arm = moving.arms.nominal
     n = arm.joints
@@ -263,8 +251,5 @@ def design_space(
 
 
 def round_for_file(values: Any) -> list[float]:
-    """Numbers as a file has them.
-
-    - `values`: [n].
-    """
+    """Round values [n] to the four digits of a design file."""
     return [float(f"{value:.4g}") for value in np.asarray(values, float)]

@@ -30,30 +30,29 @@ from .problem import DesignProblem
 from .proof import DriveDemand, certified_radii, drive_demand, tracking_verdict
 from .refusal import Refusal, accuracy_refusal, deadline_refusal, proof_refusal, torque_refusal, torque_step_refusal
 from .search import LEAST_MARGIN, MANY, MOST, SPARE, coarse_search, fine_search, narrowest_envelope
-from .trials import CALM, DRIVEN, OWN, Objective, Trials, WorstCase
+from .trials import CALM, DRIVE_SHARE, OWN_DRIVE_SHARE, Objective, Trials, WorstCase
 
 RUNS = 1000
-"""Random cases of the check at the end, and as many of a search for the worst."""
+"""Number of random cases in the final check; the search for the worst case has as many."""
 
 TIMES, SLACK = 4, 1.5
-"""Number of checks of a law, each with cases of its own, before it is refused; and what the final radius is each time
-multiplied by besides, where it is not required."""
+"""Number of checks, each with new cases, before the design is refused; and the factor by which each failed check widens
+the final radius, if no accuracy is required."""
 
 ENOUGH = 0.1
-"""The margin that the worst case of the check must leave, but for the last, since a longer search finds worse ones."""
+"""Margin of the worst case that ends the checks early, as a share of the width: a longer search finds worse cases."""
 
 U_OVER, U_AMPLE = 1.15, 2.0
-"""u over what the model lacks: where it is searched for at least, and where it is not."""
+"""u over the largest model error: its lower limit if u is searched, and its value if not."""
 
 UNSEEN = 0.95
-"""Of a torque step that is required, that the common cases may show: the many of the check show more."""
+"""Share of the required torque step that is allowed in the common cases: the check has more cases and a larger step."""
 
 ROOM_LEFT = 0.12
-"""Of an envelope's width, that the common cases must leave of one that is not widened by `SPARE`."""
-
+"""Least margin in the common cases, as a share of the width, for an envelope that is not widened by `SPARE`."""
 
 NEAR = 0.05
-"""rad or m: the envelope's width at the start for `tracking_bound`; a much wider one pulls too little."""
+"""Initial radius of the envelope for `tracking_bound` [rad or m]; a much wider envelope makes the loop too soft."""
 
 Proof = Literal["bound", "tested"]
 
@@ -62,18 +61,18 @@ Proof = Literal["bound", "tested"]
 class DesignResult:
     """A law that meets the requirements.
 
-    - `description`: the scenario with it.
-    - `proof`: `bound` where `tracking_bound` holds in its envelope, else `tested`: in simulation alone.
-    - `frame`, `choice`: its numbers; `worst`: what the worst common case makes of them.
-    - `demand`: on the drives and on u; None where no bound was found.
-    - `bound`: verdict of `tracking_bound`; None where no bound is required.
-    - `check`: of random cases and a search, as the certificate `statistical`.
-    - `runs`: that were simulated to find it.
+    - `description`: the scenario with the law.
+    - `proof`: `bound` if `tracking_bound` holds inside its envelope; `tested` if it was only simulated.
+    - `space`, `choice`: the law's numbers; `worst`: its worst common case.
+    - `demand`: demand on the drives and on u; None if it has no bound.
+    - `bound`: verdict of `tracking_bound`; None if no bound is required.
+    - `check`: verdict of `statistical`, from random cases and a search.
+    - `runs`: number of runs that were simulated for the design.
     """
 
     description: ScenarioDescription
     proof: Proof
-    frame: DesignSpace
+    space: DesignSpace
     choice: DesignPoint
     worst: WorstCase
     demand: DriveDemand | None
@@ -91,63 +90,64 @@ Design = DesignResult | Refusal
 Say = Callable[[str], None]
 
 
-def _unheard(_: str) -> None:
-    """Nobody is told."""
+def _ignore(_: str) -> None:
+    """Ignore the progress."""
 
 
-def design(problem: DesignProblem, *, runs: int = RUNS, say: Say = _unheard) -> Design:
-    """The law for an arm and its task, by the certificates where they have an answer, else by simulated cases.
+def design(problem: DesignProblem, *, runs: int = RUNS, say: Say = _ignore) -> Design:
+    """Design a law for an arm and its task.
 
-    In closed form: ρ0 from the starts, T as required, u from `robust_torque`, H and the estimator's density in
-    proportion to the period, the delay and the drives. Then a grid of H and density and three surfaces on the
-    same eight cases of the set, and from the best of them a search of all these numbers, ϑ and ρ∞ at once; ρ∞ from
-    `tracking_bound` if a bound is required, or the smallest that 48 cases held. Last, random cases that were not seen
-    before and a search for the worst one; where one of them left, the second search begins anew with the worst among
-    its cases.
+    1. In closed form: ρ0 from the starts, T as required, u from `robust_torque`, and a scale of H and the estimator's
+       density from the period, the delay and the drives.
+    2. A grid of H, density and three surfaces, simulated on eight cases of the uncertainty set.
+    3. CMA-ES over all these values, ϑ and ρ∞, from the best point of the grid.
+    4. ρ∞ from `tracking_bound` if a bound is required; otherwise the smallest that holds in 48 cases.
+    5. A check by new random cases and a search for the worst case. If a case leaves the envelope, step 3 is repeated
+       with the worst cases added.
 
-    - `problem`: as `read_problem` gives it.
-    - `runs`: random cases of the check at the end.
-    - `say`: is told what is done.
+    - `problem`: from `read_problem`.
+    - `runs`: number of random cases in the final check.
+    - `say`: called with the name of each step.
 
-    Raises DefinitionError if the requirements contradict themselves, the package for searches is missing, or JAX has
-    32-bit numbers.
+    Raises DefinitionError if the requirements contradict each other, the package `cmaes` is missing, or JAX computes
+    with 32-bit numbers.
     """
-    # The search for the worst case comes last, after minutes.
+    # Fail at once: the check, which needs the package, begins only after minutes.
     require_cmaes()
     require_64_bits()
-    frame, first = _begin(problem)
-    if frame.along:
-        say("laws with a bound along the motion")
-        first, verdict = law_with_bound(frame, first)
+    space, first = _begin(problem)
+    if space.along:
+        say("search for laws with a bound along the motion")
+        first, verdict = law_with_bound(space, first)
         if not verdict.holds:
-            return proof_refusal(problem, frame, first, verdict)
-    say("what the motion and the set ask of the drives")
-    request = _demand(frame, first)
-    if request is not None:
-        if (request.torque >= request.limit).any():
-            return torque_refusal(problem, request)
-        least, ample = (float(f"{request.needed * times:.4g}") for times in (U_OVER, U_AMPLE))
+            return proof_refusal(problem, space, first, verdict)
+    say("demand of motion and uncertainty on the drives")
+    demand = _demand(space, first)
+    if demand is not None:
+        if (demand.torque >= demand.limit).any():
+            return torque_refusal(problem, demand)
+        least, ample = (float(f"{demand.needed * times:.4g}") for times in (U_OVER, U_AMPLE))
         if problem.requirements.torque_step is not None:
-            # The search decides how much more: on the two-link arm three times as much is calmer, and more exact.
-            frame, first = replace(frame, least_margin=least), replace(first, margin=max(request.u, least))
-        elif ample > request.u:
+            # The search may raise u: on the two-link arm, three times as much gives smaller steps and errors.
+            space, first = replace(space, least_margin=least), replace(first, margin=max(demand.u, least))
+        elif ample > demand.u:
             first = replace(first, margin=ample)
-    say("horizon, estimator and surface on common cases")
-    trials, best = _best(problem, frame, first)
+    say("search for horizon, estimator and surface")
+    trials, best = _best_estimator(problem, space, first)
     requirements = problem.requirements
     if not best.holds:
         return deadline_refusal(trials, best)
     if requirements.torque_step is not None and best.step > requirements.torque_step:
         return torque_step_refusal(trials, best, requirements.torque_step)
-    say("the final radius")
-    sized = _sized(problem, trials, best, _aim(problem, frame))
+    say("search for the final radius")
+    sized = _with_final_radius(problem, trials, best, _aim(problem, space))
     if isinstance(sized, Refusal):
         return sized
-    return _checked(problem, trials, sized, request, runs, say)
+    return _check(problem, trials, sized, demand, runs, say)
 
 
 def _begin(problem: DesignProblem) -> tuple[DesignSpace, DesignPoint]:
-    """Return the frame of all choices, and the first choice."""
+    """Return the space of all designs, and the first point of the search."""
     requirements, h = problem.requirements, problem.simulation.period
     base = problem.scenario(template(requirements.deadline))
     moving = base.moving()
@@ -159,7 +159,7 @@ def _begin(problem: DesignProblem) -> tuple[DesignSpace, DesignPoint]:
         else np.broadcast_to(np.asarray(requirements.accuracy, float), wide.shape)
     )
     starts = start_box(base.build("start"))
-    frame = design_space(
+    space = design_space(
         base,
         moving,
         (np.asarray(starts.lower), np.asarray(starts.upper)),
@@ -169,25 +169,25 @@ def _begin(problem: DesignProblem) -> tuple[DesignSpace, DesignPoint]:
         has_velocity=problem.sensor.has_velocity,
     )
     if requirements.proof == "bound":
-        frame = replace(frame, along=True, initial=np.full(frame.initial.shape, NEAR))
-    if (frame.shape >= LARGEST * frame.initial).any() and requirements.accuracy != "best":
-        frame = replace(frame, initial=np.maximum(frame.initial, frame.shape / LARGEST))
-    horizon, drift = frame.horizons[2 if len(frame.horizons) > 2 else -1], 1.0
-    return frame, DesignPoint(horizon, drift, 1.0, _provisional(frame), requirements.deadline)
+        space = replace(space, along=True, initial=np.full(space.initial.shape, NEAR))
+    if (space.shape >= LARGEST * space.initial).any() and requirements.accuracy != "best":
+        space = replace(space, initial=np.maximum(space.initial, space.shape / LARGEST))
+    horizon, drift = space.horizons[2 if len(space.horizons) > 2 else -1], 1.0
+    return space, DesignPoint(horizon, drift, 1.0, _provisional(space), requirements.deadline)
 
 
-def law_with_bound(frame: DesignSpace, first: DesignPoint) -> tuple[DesignPoint, Verdict]:
-    """The law with the smallest certified error of a grid of H and densities, and its verdict.
+def law_with_bound(space: DesignSpace, first: DesignPoint) -> tuple[DesignPoint, Verdict]:
+    """Return the law with the smallest certified error on a grid of H and densities, and its verdict.
 
-    Where none holds, a failing one: that with the fewest failing lines, and the longest H.
+    If no verdict holds, return the law with the fewest failing assumptions, and of these the one with the longest H.
 
-    - `first`: its other numbers.
+    - `first`: the law's other values.
     """
     results: list[tuple[int, float, int]] = []
     laws: list[tuple[DesignPoint, Verdict]] = []
-    for horizon, drift in product(frame.horizons, DRIFTS):
-        law = replace(first, horizon=horizon, drift=drift, final=LARGEST * frame.initial)
-        verdict = tracking_verdict(frame.described(law))
+    for horizon, drift in product(space.horizons, DRIFTS):
+        law = replace(first, horizon=horizon, drift=drift, final=LARGEST * space.initial)
+        verdict = tracking_verdict(space.described(law))
         failing = 0 if verdict.holds else 1 + sum(line.status == "fails" for line in verdict.assumptions)
         error = float(np.max(verdict.bound["error"])) if verdict.holds else -horizon
         results.append((failing, error, len(results)))
@@ -195,96 +195,96 @@ def law_with_bound(frame: DesignSpace, first: DesignPoint) -> tuple[DesignPoint,
     return laws[min(results)[2]]
 
 
-def _provisional(frame: DesignSpace) -> Any:
-    """Final radii of the search, in which the steady error hardly depends on them."""
-    wide = frame.radius * np.where(frame.initial > 0, frame.initial / frame.initial.max(), 1.0)
-    return np.minimum(np.maximum(4.0 * wide, frame.shape if frame.shape.max() < 0.1 else 0.0), LARGEST * frame.initial)
+def _provisional(space: DesignSpace) -> Any:
+    """Return final radii for the first searches, so wide that the steady error hardly depends on them."""
+    wide = space.radius * np.where(space.initial > 0, space.initial / space.initial.max(), 1.0)
+    return np.minimum(np.maximum(4.0 * wide, space.shape if space.shape.max() < 0.1 else 0.0), LARGEST * space.initial)
 
 
-def _demand(frame: DesignSpace, first: DesignPoint) -> DriveDemand | None:
+def _demand(space: DesignSpace, first: DesignPoint) -> DriveDemand | None:
     try:
-        return drive_demand(frame.described(first).build("demand"))
+        return drive_demand(space.described(first).build("demand"))
     except DefinitionError:
         return None
 
 
-def _aim(problem: DesignProblem, frame: DesignSpace) -> Objective:
+def _aim(problem: DesignProblem, space: DesignSpace) -> Objective:
     """Return the objective of the search."""
     requirements = problem.requirements
-    small = None if requirements.accuracy == "best" else float(np.min(frame.shape)) / (2.0 * SPARE)
+    small = None if requirements.accuracy == "best" else float(np.min(space.shape)) / (2.0 * SPARE)
     step = requirements.torque_step
     room = ROOM_LEFT if requirements.accuracy == "best" else LEAST_MARGIN
-    most = min(DRIVEN * float(np.max(frame.changes)), np.inf if step is None else UNSEEN * step)
-    return Objective(most, step is not None, small, room, OWN if requirements.proof == "bound" else np.inf)
+    most = min(DRIVE_SHARE * float(np.max(space.changes)), np.inf if step is None else UNSEEN * step)
+    return Objective(most, step is not None, small, room, OWN_DRIVE_SHARE if requirements.proof == "bound" else np.inf)
 
 
-def _best(problem: DesignProblem, frame: DesignSpace, first: DesignPoint) -> tuple[Trials, WorstCase]:
-    """The best law with the better estimator, where velocities are measured."""
-    aim, result = _aim(problem, frame), []
-    for kalman in (True, False) if frame.has_velocity else (True,):
-        trials = Trials(problem, frame, first if kalman else replace(first, drift=None))
+def _best_estimator(problem: DesignProblem, space: DesignSpace, first: DesignPoint) -> tuple[Trials, WorstCase]:
+    """Return the best law; if velocities are measured, with the better of the two estimators."""
+    aim, result = _aim(problem, space), []
+    for kalman in (True, False) if space.has_velocity else (True,):
+        trials = Trials(problem, space, first if kalman else replace(first, drift=None))
         result.append((trials, coarse_search(trials, aim, kalman=kalman)))
     trials, best = min(result, key=lambda item: aim.cost(item[1]))
     return trials, fine_search(trials, best, aim)
 
 
-def _sized(problem: DesignProblem, trials: Trials, best: WorstCase, aim: Objective) -> WorstCase | Refusal:
-    """The law with its final radius."""
-    frame, requirements = trials.frame, problem.requirements
+def _with_final_radius(problem: DesignProblem, trials: Trials, best: WorstCase, aim: Objective) -> WorstCase | Refusal:
+    """Return the law with its final radius, or a refusal."""
+    space, requirements = trials.space, problem.requirements
     if requirements.accuracy == "best":
         held = narrowest_envelope(trials, best, CALM * aim.step if aim.required else np.inf)
         result = [best] if best.holds and best.margin >= ROOM_LEFT else []
         if held is not None:
-            wider = np.minimum(SPARE * held.choice.final, trials.most * frame.shape)
-            result += trials.judged([replace(held.choice, final=wider)], trials.cases(MOST))
+            wider = np.minimum(SPARE * held.choice.final, trials.most * space.shape)
+            result += trials.evaluate([replace(held.choice, final=wider)], trials.cases(MOST))
         return aim.best(result) if result else accuracy_refusal(trials, best, None)
-    (required,) = trials.judged([replace(best.choice, final=frame.shape)], trials.cases(MANY))
+    (required,) = trials.evaluate([replace(best.choice, final=space.shape)], trials.cases(MANY))
     if required.holds and required.margin >= LEAST_MARGIN:
         return required
     return accuracy_refusal(trials, required, narrowest_envelope(trials, best))
 
 
-def _checked(
-    problem: DesignProblem, trials: Trials, worst: WorstCase, request: DriveDemand | None, runs: int, say: Say
+def _check(
+    problem: DesignProblem, trials: Trials, worst: WorstCase, demand: DriveDemand | None, runs: int, say: Say
 ) -> Design:
-    """The same after its certificate and its check; where a case left or came near, another law that bears it, too.
+    """Certify and check a law; repeat the search with the hardest cases until a law passes, `TIMES` times at most.
 
-    So it is where one had a larger torque step than is required.
+    A law fails its check if a case leaves the envelope, or comes near its edge, or exceeds the required torque step.
     """
     best, required = problem.requirements.accuracy == "best", problem.requirements.torque_step
-    aim = _aim(problem, trials.frame)
+    aim = _aim(problem, trials.space)
     kept: DesignResult | None = None
     for turn in range(TIMES):
         choice: DesignPoint = worst.choice
         bound: Verdict | None = None
         if best and turn:
-            wider = np.minimum(SLACK**turn * choice.final, LARGEST * trials.frame.initial)
+            wider = np.minimum(SLACK**turn * choice.final, LARGEST * trials.space.initial)
             choice = replace(choice, final=np.maximum(choice.final, wider))
-        if trials.frame.along:
-            say("the bound along the motion")
-            choice, bound = _certified(trials.frame, choice, best)
+        if trials.space.along:
+            say("bound along the motion")
+            choice, bound = _certify(trials.space, choice, best)
             if not bound.holds:
-                # The search looks at simulated errors alone, and may leave the laws with a bound.
-                choice, bound = _certified(trials.frame, replace(trials.first, final=choice.final), best)
-                (worst,) = trials.judged([choice], trials.cases(MOST))
+                # The search minimises simulated errors, and may have ended at a law without a bound.
+                choice, bound = _certify(trials.space, replace(trials.first, final=choice.final), best)
+                (worst,) = trials.evaluate([choice], trials.cases(MOST))
             if not bound.holds:
-                return proof_refusal(problem, trials.frame, choice, bound)
-        say(f"{2 * runs} cases that were not seen before")
-        description = _described(trials.frame, choice, worst)
+                return proof_refusal(problem, trials.space, choice, bound)
+        say(f"check by {2 * runs} new cases")
+        description = _description(trials.space, choice, worst)
         check, hard = statistical_with_cases(description.build("design"), runs, seed=1 + turn)
         wild = 1.0 if required is None else check.bound.get("steady_torque_step", 0.0) / required
         if check.holds is not False and wild <= 1.0:
             proof: Proof = "tested" if bound is None else "bound"
-            built = DesignResult(description, proof, trials.frame, choice, worst, request, bound, check, trials.runs)
+            built = DesignResult(description, proof, trials.space, choice, worst, demand, bound, check, trials.runs)
             kept = built if kept is None or built.spared > kept.spared else kept
             if not best or check.holds is None or built.spared >= ENOUGH:
                 return built
         if turn == TIMES - 1:
             break
-        say("a law for the hardest of them, too")
-        # The largest of many cases is a rare one, which a law that is half as much calmer may not show.
+        say("search with the hardest cases added")
+        # The largest step of many cases is rare: half of the necessary reduction may be enough.
         trials, aim = trials.with_harder(hard), aim.stricter(float(np.sqrt(CALM / wild)) if wild > 1.0 else 1.0)
-        sized = _sized(problem, trials, fine_search(trials, worst, aim), aim)
+        sized = _with_final_radius(problem, trials, fine_search(trials, worst, aim), aim)
         if isinstance(sized, Refusal):
             return kept or sized
         worst = sized
@@ -293,30 +293,30 @@ def _checked(
     return kept or accuracy_refusal(trials, worst, None, check)
 
 
-def _certified(frame: DesignSpace, choice: DesignPoint, best: bool) -> tuple[DesignPoint, Verdict]:
-    """A law and its verdict of `tracking_bound`; with `best`, with the smallest final radius for which this holds."""
+def _certify(space: DesignSpace, choice: DesignPoint, best: bool) -> tuple[DesignPoint, Verdict]:
+    """Return a law and its verdict of `tracking_bound`; if `best`, with the smallest certified final radius."""
 
     def verdict_of(law: DesignPoint) -> Verdict:
-        return tracking_verdict(frame.described(law))
+        return tracking_verdict(space.described(law))
 
-    wider = certified_radii(choice, verdict_of, LARGEST * frame.initial) if best else None
+    wider = certified_radii(choice, verdict_of, LARGEST * space.initial) if best else None
     return wider or (choice, verdict_of(choice))
 
 
-def _described(frame: DesignSpace, choice: DesignPoint, worst: WorstCase) -> ScenarioDescription:
-    """The scenario of a choice; its monitor is as strict as the common cases allow."""
-    used = float(np.clip(1.25 * (1.0 - worst.promise), 0.3, 1.0))
-    return frame.described(choice, float(f"{used:.2g}"))
+def _description(space: DesignSpace, choice: DesignPoint, worst: WorstCase) -> ScenarioDescription:
+    """Return the scenario of a design, with a monitor as strict as the common cases allow."""
+    used = float(np.clip(1.25 * (1.0 - worst.guarantee_margin), 0.3, 1.0))
+    return space.described(choice, float(f"{used:.2g}"))
 
 
 CERTIFICATE = ".certificate.json"
-"""Follows the scenario's own name."""
+"""Ending of the certificate file, after the scenario's own name."""
 
 
-def written(result: DesignResult, folder: Path) -> str:
+def design_text(result: DesignResult, folder: Path) -> str:
     """Return the scenario as YAML with comments, ready for `slidax run`.
 
-    - `folder`: of the file, from which it names other files.
+    - `folder`: the folder of the file, to which the paths in it are relative.
     """
     values = result.description.model_dump(mode="json", exclude_unset=True)
     for name in ("robot", "trajectory"):
@@ -327,7 +327,7 @@ def written(result: DesignResult, folder: Path) -> str:
 def write_design(result: DesignResult, out: Path, certificates: Certificates) -> Path:
     """Write the scenario to `out` and its certificates next to it; return the path of the certificates."""
     out.parent.mkdir(parents=True, exist_ok=True)
-    write_text(out, written(result, out.parent))
+    write_text(out, design_text(result, out.parent))
     path = out.with_name(out.stem + CERTIFICATE)
     text = json.dumps(certificates.as_json(), indent=2, allow_nan=False, ensure_ascii=False)
     write_text(path, text + "\n")
@@ -350,41 +350,41 @@ def _proof(result: DesignResult) -> str:
         name = name_proof(result.bound)
         text = f"{name[0].upper()}{name[1:]}; the certificate file next to this one lists its lines."
     if not check:
-        return f"{text} Nothing is uncertain, so that one run shows all."
+        return f"{text} Nothing is uncertain, so one run covers all cases."
     return (
-        f"{text} {check['runs']} random cases of the set and {check['searched']} of a search for the worst stay "
-        f"inside, the worst with {check['worst_margin']:.2g} of the envelope's width to spare."
+        f"{text} All of {check['runs']} random cases and {check['searched']} cases of a search for the worst one stay "
+        f"inside; the smallest margin is {check['worst_margin']:.2g} of the envelope's width."
     )
 
 
 def _comments(result: DesignResult) -> Iterator[tuple[str, str]]:
     """Yield the path of each key with its comment."""
-    frame, choice = result.frame, result.choice
+    space, choice = result.space, result.choice
     yield "robot", _proof(result)
     yield (
         "scheme.transformation.performance",
         f"The error is within `final` from the deadline on. In the worst of {result.worst.cases} common cases the "
-        f"steady error is {result.worst.error:.2g}. `initial` has room for all starts.",
+        f"steady error is {result.worst.error:.2g}. `initial` contains all starts.",
     )
-    yield "scheme.surface", "Steeper or flatter surfaces were not better."
+    yield "scheme.surface", "Steeper and flatter surfaces were tried and were worse."
     if choice.margin is not None:
         lacks = "" if result.demand is None else f", {result.demand.needed:.3g} N m"
-        times = f"{U_AMPLE:g} times" if frame.least_margin is None else f"at least {U_OVER:g} times"
+        times = f"{U_AMPLE:g} times" if space.least_margin is None else f"at least {U_OVER:g} times"
         yield "scheme.bound", f"u: {times} the largest model error{lacks}, (44), (45)."
     else:
         yield "scheme.bound", "The bound follows from the arm, its drives and the mismatch above."
     yield (
         "scheme.sampled_data.horizon",
-        f"{choice.horizon / frame.period:.3g} periods: found on common cases, with surface, `overshoot` and estimator.",
+        f"{choice.horizon / space.period:.3g} periods, from a search together with surface, `overshoot` and estimator.",
     )
-    if frame.along:
-        yield "scheme.sampled_data.estimator", "The same in all joints, as `tracking_bound` needs it."
+    if space.along:
+        yield "scheme.sampled_data.estimator", "Equal in all joints, as `tracking_bound` requires."
     elif choice.drift is not None:
         drift = f"The disturbance drifts by {choice.drift * 0.8:.2g} % of the rated torque in a second"
-        even = f"; the joints' drifts are evened by {choice.even:.2g} of the way." if choice.even else "."
+        even = f"; the joints' mean torque has the weight {choice.even:.2g} in it." if choice.even else "."
         yield "scheme.sampled_data.estimator", drift + even
     yield "scheme.sampled_data.adaptation", "Learning is off: `tracking_bound` covers no law that learns."
-    warning = f"Warns before the envelope is left: 1.25 times the share that {MANY} common cases used."
+    warning = f"Warns before the envelope is left: at 1.25 times the share of it that {MANY} common cases used."
     yield "scheme.sampled_data.monitor", warning
 
 

@@ -19,21 +19,21 @@ from slidax.scenarios.uncertainty import Uncertainty
 from slidax.scenarios.yaml_text import read_yaml_file, require_readable, validation_error
 
 ROOM = 0.8
-"""Of the range that the motion takes."""
+"""Share of the range that the motion uses."""
 
 SPREAD = 0.85
-"""The slowest joint's frequency over the fastest one's, so that the joints meet in every way."""
+"""Frequency of the slowest joint over that of the fastest, so that the joints pass through all combinations."""
 
 
 class RangeDescription(AbstractDescription):
-    """Between which positions the joints move."""
+    """Range of the joints' positions."""
 
     low: Numbers = input_field("least positions", "rad or m")
     high: Numbers = input_field("largest positions", "rad or m")
 
 
 class WorkspaceDescription(AbstractDescription):
-    """Where and how fast the joints move."""
+    """Range, speed and acceleration of the joints' motion."""
 
     q: RangeDescription | None = None
     """Positions; the joints' limits if not given."""
@@ -41,11 +41,11 @@ class WorkspaceDescription(AbstractDescription):
     acceleration: Numbers = input_field("largest acceleration", "rad/s² or m/s²")
 
     def motion(self, arms: Arms) -> dict[str, Any]:
-        """Sinusoids about the middle: as wide as range, speed and acceleration allow, with `A ω <= v`, `A ω² <= a`.
+        """Return sinusoids about the middle, as wide as the range and `A ω <= v`, `A ω² <= a` allow.
 
-        - `arms`: whose joints.
+        - `arms`: the arms of the scenario.
 
-        Raises DefinitionError if the range is empty, or neither given nor the arm's.
+        Raises DefinitionError if the range is empty, or neither the file nor the arm has one.
         """
         n = arms.true.joints
         low, high = self._ends(arms, n)
@@ -93,20 +93,20 @@ def _rounded(values: Any) -> list[float]:
 
 
 AFTER = 6.0
-"""A run goes on for so long after the deadline, s, so that the motion is seen as a whole."""
+"""Duration of a run after the deadline [s]."""
 
 
 class Requirements(AbstractDescription):
     """Requirements for the law."""
 
-    deadline: float = input_field("from when on the error is within its final radius", "s", "> 0", default=2.0)
+    deadline: float = input_field("time from which on the error is within its final radius", "s", "> 0", default=2.0)
     accuracy: Literal["best"] | Annotated[Numbers, Field()] = "best"
-    """The final radius that must be reached [rad or m], for all joints or each; `best`: the smallest one found."""
+    """Required final radius [rad or m], for all joints or each; `best` for the smallest that the search finds."""
     torque_step: float | None = input_field(
         "largest change of the torque from sample to sample in steady state", "N m or N", "> 0", default=None
     )
     proof: Literal["tested", "bound"] = "tested"
-    """`bound` refuses a law without a bound of `tracking_bound`, `tested` takes it and says so."""
+    """`bound` requires a bound by `tracking_bound`; `tested` accepts laws that are only tested in simulation."""
 
 
 class TimeDescription(AbstractDescription):
@@ -118,7 +118,7 @@ class TimeDescription(AbstractDescription):
 
 
 class DesignProblem(AbstractDescription):
-    """An arm, what it must do, what is not known of it, and the requirements."""
+    """An arm, its task, its uncertainty, and the requirements."""
 
     title: str = ""
     """One line for a person."""
@@ -127,7 +127,7 @@ class DesignProblem(AbstractDescription):
     trajectory: TrajectoryDescription | None = None
     """Reference motion of the joints."""
     workspace: WorkspaceDescription | None = None
-    """Where and how fast the joints move, in place of a trajectory."""
+    """Range, speed and acceleration of the joints' motion, instead of a trajectory."""
     disturbance: DisturbanceDescription = DisturbanceDescription()
     """External disturbances."""
     sensor: SensorDescription = SensorDescription()
@@ -145,15 +145,15 @@ class DesignProblem(AbstractDescription):
 
     @property
     def t1(self) -> float:
-        """The end of its runs, a whole number of periods [s]."""
+        """End of the runs, a whole number of periods [s]."""
         period = self.simulation.period
         end = self.requirements.deadline + AFTER if self.simulation.t1 is None else self.simulation.t1
         return float(round(end / period) * period)
 
     def blocks(self) -> dict[str, Any]:
-        """Return the blocks of a scenario other than its law and its time.
+        """Return the blocks of a scenario except the law and the simulation.
 
-        Raises DefinitionError, with the path of the field, if the motion cannot be.
+        Raises DefinitionError, with the path of the field, if the motion is impossible.
         """
         data = self.model_dump(exclude_unset=True, exclude={"title", "workspace", "requirements", "simulation"})
         with locate_errors("robot"):
@@ -188,11 +188,9 @@ class DesignProblem(AbstractDescription):
 
 
 def read_problem(path: str | Path) -> DesignProblem:
-    """The requirements in a YAML file.
+    """Read the requirements in a YAML file; file names in it are relative to its folder.
 
-    - `path`: of the file; files that it names are found from its folder.
-
-    Raises DefinitionError with the path of the first field that is wrong.
+    Raises DefinitionError with the path of the first invalid field.
     """
     path = Path(path)
     data = read_yaml_file(path, "the requirements")

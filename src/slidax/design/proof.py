@@ -26,9 +26,9 @@ from .trials import Trials
 class DriveDemand:
     """Demand of the motion and the uncertainty set on the drives and on u.
 
-    - `demand`: of the loops.
-    - `torque`: the largest along the motion [n]; `limit`: of the drives [n], N m or N.
-    - `u`: what the law has [N m]; `needed`: what it lacks at most, (44), (45).
+    - `demand`: demand on the joints' loops.
+    - `torque`, `limit`: largest torque along the motion, and torque limit of the drives [n], N m or N.
+    - `u`, `needed`: u of the law, and the largest model error that u must cover, (44), (45) [N m].
     """
 
     demand: Demand
@@ -39,11 +39,9 @@ class DriveDemand:
 
 
 def drive_demand(scenario: Scenario) -> DriveDemand:
-    """Return the demand of a scenario on its drives and on u, for all of its set.
+    """Return the demand of a scenario on its drives and on u, for all members of its uncertainty set.
 
-    - `scenario`: with some law.
-
-    Raises DefinitionError if there is no such bound for it.
+    Raises DefinitionError if the scenario has no such bound.
     """
     demand = compute_demand(scenario)
     members = Members.of(scenario, None)
@@ -54,10 +52,7 @@ def drive_demand(scenario: Scenario) -> DriveDemand:
 
 
 def tracking_verdict(description: ScenarioDescription) -> Verdict:
-    """The certificate `tracking_bound` along the scenario's motion; failing where it cannot be computed.
-
-    - `description`: with its law.
-    """
+    """Return the verdict of `tracking_bound` for a scenario; a failing one if it cannot be computed."""
     try:
         return tracking_bound(description.build("design"))
     except DefinitionError as error:
@@ -66,17 +61,17 @@ def tracking_verdict(description: ScenarioDescription) -> Verdict:
 
 
 RADII = (1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0, 11.0, 16.0, 32.0, 64.0)
-"""Times the final radius that `tracking_bound` is tried with, the smallest first."""
+"""Factors of the final radius to try with `tracking_bound`."""
 
 
 def certified_radii(
     choice: DesignPoint, verdict_of: Callable[[DesignPoint], Verdict], largest: Floats
 ) -> tuple[DesignPoint, Verdict] | None:
-    """A law with final radii within which its verdict holds, and this verdict; None where none was found.
+    """Return a law with the smallest of its final radii times `RADII` whose verdict holds, and the verdict; else None.
 
-    - `choice`: the law, which stays as it is if its verdict holds.
-    - `verdict_of`: of a law.
-    - `largest`: final radii [n].
+    - `choice`: the law.
+    - `verdict_of`: function from a law to its verdict.
+    - `largest`: largest final radii [n].
     """
     for factor in RADII:
         wider = replace(choice, final=np.minimum(factor * choice.final, largest))
@@ -89,21 +84,21 @@ def certified_radii(
 
 
 FEW = 8
-"""Cases that are looked at."""
+"""Number of cases for `error_in_cases`."""
 
 MOST = 3
-"""Joints that a sentence names."""
+"""Largest number of joints that a sentence names."""
 
 NARROW = 1.05
-"""An envelope has reached its final width where it is at most so many times as wide as at the end."""
+"""An envelope counts as narrow if it is at most this many times as wide as at the end."""
 
 
 @dataclass(frozen=True)
 class EstimationError:
     """Estimation error of each joint's plan, and its bound by the rule, `(H + D h)² w̄ < ϑ ρ∞` (docs/loop-rate.md).
 
-    - `names`, `units`: of the joints, and of their positions.
-    - `missed`: w̄ [n], `allowed`: by the rule [n], rad/s² or m/s².
+    - `names`, `units`: names of the joints, and units of their positions.
+    - `missed`, `allowed`: w̄, and its largest value by the rule [n], rad/s² or m/s².
     """
 
     names: tuple[str, ...]
@@ -113,12 +108,12 @@ class EstimationError:
 
     @property
     def beyond(self) -> list[int]:
-        """The joints that miss more than the rule allows, the worst first."""
+        """Indices of joints with a larger error than the rule allows, the worst first."""
         ratio = np.nan_to_num(self.missed / self.allowed, nan=np.inf)
         return [int(k) for k in np.argsort(-ratio) if ratio[k] >= 1.0]
 
     def in_words(self) -> str:
-        """`joint 6` misses 41 rad/s² (rule: 28), for some of the joints that are beyond it; empty if none is."""
+        """Return a text such as "`joint 6` misses 41 rad/s² (rule: 28)"; empty if the rule holds."""
         text = [
             f"`{self.names[k]}` misses {self.missed[k]:.3g} {self.units[k]}/s² (rule: {self.allowed[k]:.3g})"
             for k in self.beyond[:MOST]
@@ -126,24 +121,20 @@ class EstimationError:
         return ", ".join(text)
 
     def as_json(self) -> dict[str, Any]:
-        """By the names of the joints."""
+        """Return error and rule by joint name."""
         each = zip(self.names, self.missed, self.allowed, strict=True)
         return {name: {"misses": float(missed), "rule": float(allowed)} for name, missed, allowed in each}
 
 
 def error_in_cases(trials: Trials, choice: DesignPoint) -> EstimationError:
-    """Return the estimation errors in the first common cases while the envelope is narrow.
-
-    - `trials`: on what.
-    - `choice`: the law.
-    """
-    told, cases = trials.frame.values(choice), trials.cases(FEW)
+    """Return a law's estimation errors while its envelope is narrow, in the first common cases."""
+    law, cases = trials.space.values(choice), trials.cases(FEW)
     rows = len(next(iter(cases.values()))) if cases else 1
     values: Values = {
         **cases,
-        **{path: np.repeat(np.asarray([item], float), rows, axis=0) for path, item in told.items()},
+        **{path: np.repeat(np.asarray([item], float), rows, axis=0) for path, item in law.items()},
     }
-    delay, h = trials.frame.delay, trials.frame.period
+    delay, h = trials.space.delay, trials.space.period
     worst = []
     for run in Cases(trials.family).logged(values):
         log = run.log

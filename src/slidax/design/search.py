@@ -16,19 +16,19 @@ from .candidates import DRIFTS, LARGEST, SLOPES, DesignPoint, DesignSpace
 from .trials import Objective, Trials, WorstCase
 
 GENERATIONS = 10
-"""Of CMA-ES."""
+"""Number of generations of CMA-ES."""
 
 TIMES = {"horizon": 2.5, "slope": 8.0, "bend": 6.0, "overshoot": 4.0, "drift": 6.0, "gain": 4.0, "margin": 4.0}
-"""Largest factor of each value, and its reciprocal."""
+"""Each value is searched between its start divided and multiplied by this factor."""
 
 FINAL = 10.0
-"""The same of the final radius."""
+"""This factor for the final radius."""
 
 OVERSHOOTS = (0.1, 0.95)
-"""θ that are tried."""
+"""Range of ϑ in the search."""
 
 EVENS = (-0.5, 1.5)
-"""From more to less than in proportion to the torques."""
+"""Range of `DesignPoint.even` in the search."""
 
 
 def cmaes_search(
@@ -41,18 +41,18 @@ def cmaes_search(
     size: float,
     seed: int,
 ) -> list[WorstCase]:
-    """Laws about a good one, by CMA-ES with each generation at once; all that were tried.
+    """Search around a law by CMA-ES, and return all laws of the search with their worst cases.
 
-    - `trials`: on what.
-    - `start`: where it begins.
-    - `cases`: the common ones.
-    - `cost`: what is to be small.
-    - `free`: whether the final radius may be another.
-    - `size`: first standard deviation, of the cube.
-    - `seed`: of the random numbers.
+    - `trials`: simulates the laws.
+    - `start`: the law in the middle of the search.
+    - `cases`: the common cases.
+    - `cost`: cost of a law, from its worst case.
+    - `free`: True to search the final radius, too.
+    - `size`: first standard deviation, in the unit cube.
+    - `seed`: seed of the random numbers.
     """
     left_out = {"gain" if start.drift is not None else "drift"}
-    if trials.frame.least_margin is None:
+    if trials.space.least_margin is None:
         left_out.add("margin")
     names = [name for name in TIMES if name not in left_out]
     dimension = len(names) + free + (start.drift is not None)
@@ -60,151 +60,156 @@ def cmaes_search(
     result: list[WorstCase] = []
     for _ in range(GENERATIONS):
         request = np.clip(island.ask(), 0.0, 1.0)
-        tried = trials.judged([_moved(trials.frame, start, names, free, point) for point in request], cases)
+        tried = trials.evaluate([_point_at(trials.space, start, names, free, point) for point in request], cases)
         island.tell(np.array([cost(item) for item in tried]))
         result += tried
     return result
 
 
-def _moved(
-    frame: DesignSpace, start: DesignPoint, names: list[str], free: bool, point: NDArray[np.floating[Any]]
+def _point_at(
+    space: DesignSpace, start: DesignPoint, names: list[str], free: bool, point: NDArray[np.floating[Any]]
 ) -> DesignPoint:
-    """The law at a point of the cube, in the middle of which is the first one."""
+    """Return the law at a point of the unit cube, whose middle is the law `start`."""
     turns = iter((2.0 * point - 1.0).tolist())
     changes: dict[str, Any] = {name: getattr(start, name) * TIMES[name] ** next(turns) for name in names}
-    changes["horizon"] = max(changes["horizon"], frame.least)
+    changes["horizon"] = max(changes["horizon"], space.least)
     changes["overshoot"] = float(np.clip(changes["overshoot"], *OVERSHOOTS))
-    if frame.least_margin is not None:
-        changes["margin"] = max(changes["margin"], frame.least_margin)
+    if space.least_margin is not None:
+        changes["margin"] = max(changes["margin"], space.least_margin)
     if start.drift is not None:
         changes["even"] = float(np.clip(start.even + next(turns), *EVENS))
     if free:
-        changes["final"] = np.minimum(start.final * FINAL ** next(turns), LARGEST * frame.initial)
+        changes["final"] = np.minimum(start.final * FINAL ** next(turns), LARGEST * space.initial)
     return replace(start, **changes)
 
 
 FEW, MANY, MOST = 8, 48, 96
-"""Cases in the search, for the final radius, and to choose of what was found: a largest step is known by many alone."""
+"""Numbers of cases: in the search, for the final radius, and for the choice among results. Few cases underestimate the
+largest torque step."""
 
 POLISH = 6
-"""Cases of the second search."""
+"""Number of cases in `fine_search`."""
 
 SIZES, REQUIRED = (0.15, 0.08), (0.15, 0.1, 0.06)
-"""First standard deviation of each turn of CMA-ES in the unit cube; a required torque step takes one turn more."""
+"""First standard deviation of each turn of CMA-ES in the unit cube; a required torque step needs one more turn."""
 
 TOP = 5
-"""Of the laws of each turn, that are tried in the many cases."""
+"""Number of laws of each turn that are simulated in many cases."""
 
 HARD = 3
-"""Of the many cases, that are among the few of the next turn where laws came too near in them."""
+"""Number of hard cases, with too small a margin, that the next turn adds to its few cases."""
 
 AGAIN = 3
-"""Number of restarts of the ladder: a narrower envelope has a steeper surface, and a smaller error."""
+"""Number of passes over the radii: a narrower envelope has a steeper surface, and so a smaller error."""
 
 LADDER = ((1.5, 2.2, 3.3), (5.0, 8.0, 14.0), (25.0, 50.0, 100.0))
-"""Final radii that are tried, times the largest steady error: wider ones where the first do not hold."""
+"""Final radii to try, relative to the largest steady error; each next group only if the previous one fails."""
 
 NEAR = (1.8, 2.6, 4.0, 6.0, 9.0, 14.0)
-"""The same for where the second search begins."""
+"""Final radii to try for the start of `fine_search`, relative to the largest steady error."""
 
 SPARE = 1.3
-"""The final radius over the smallest one that held in the common cases: others are farther off."""
+"""Final radius over the smallest one that holds in the common cases, since other cases have larger errors."""
 
 LEAST_MARGIN = 0.01
-"""Of an envelope's width, that must be left in every common case."""
+"""Least margin in every common case, as a share of the envelope's width."""
 
 
 def coarse_search(trials: Trials, aim: Objective, *, kalman: bool) -> WorstCase:
-    """The best horizon, density and surface, with envelopes as wide as `slidax new` draws them.
+    """Return the best horizon, density and surface, with envelopes as wide as those of `slidax new`.
 
-    - `trials`: on what.
-    - `aim`: what is better.
-    - `kalman`: whether the estimator has a density.
+    - `trials`: simulates the laws.
+    - `aim`: the objective.
+    - `kalman`: True for a Kalman filter, whose density is searched.
     """
-    cases, first = trials.beyond(FEW), trials.first
+    cases, first = trials.widened_cases(FEW), trials.first
     drifts = DRIFTS if kalman else (None,)
-    result = trials.judged(
-        [replace(first, horizon=H, drift=item) for H in trials.frame.horizons for item in drifts], cases
+    result = trials.evaluate(
+        [replace(first, horizon=H, drift=item) for H in trials.space.horizons for item in drifts], cases
     )
     best = aim.best(result)
     steeper = [replace(best.choice, slope=item) for item in SLOPES if item != best.choice.slope]
-    return aim.best([*result, *trials.judged(steeper, cases)])
+    return aim.best([*result, *trials.evaluate(steeper, cases)])
 
 
 def fine_search(trials: Trials, best: WorstCase, aim: Objective) -> WorstCase:
-    """The best law about one, judged in many cases.
+    """Return the best law around another one, compared in many cases.
 
-    In few cases the largest torque step is smaller than in many, by a share that a turn finds for the next, and some of
-    the many are harder: the next turn has these.
+    Each turn searches in few cases, and corrects the next turn in two ways: by the ratio of the largest torque steps
+    in few and in many cases, and by the hardest of the many cases, which it adds to the few.
 
-    - `trials`: on what.
-    - `best`: where the search begins.
-    - `aim`: what is better.
+    - `trials`: simulates the laws.
+    - `best`: the law at which the search begins.
+    - `aim`: the objective.
     """
-    cases, many = trials.beyond(POLISH), trials.beyond(MOST)
+    cases, many = trials.widened_cases(POLISH), trials.widened_cases(MOST)
     free = trials.problem.requirements.accuracy == "best"
-    start = _near(trials, best, aim) if free else replace(best, choice=replace(best.choice, final=trials.frame.shape))
-    result, share = trials.judged([start.choice, best.choice], many), 1.0
+    start = (
+        _near_narrowest(trials, best, aim)
+        if free
+        else replace(best, choice=replace(best.choice, final=trials.space.shape))
+    )
+    result, share = trials.evaluate([start.choice, best.choice], many), 1.0
     for turn, size in enumerate(REQUIRED if aim.required else SIZES):
         tried = cmaes_search(trials, start.choice, cases, aim.stricter(share).cost, free=free, size=size, seed=turn)
         top = sorted(tried, key=aim.stricter(share).cost)[:TOP]
-        judged = trials.judged([item.choice for item in top], many)
+        judged = trials.evaluate([item.choice for item in top], many)
         result += judged
         start = aim.best(result)
-        # A run that ends at once has no torque step.
+        # A run that ends at its first sample has no torque step.
         shares = [few.step / more.step for few, more in zip(top, judged, strict=True) if more.step > 0.0]
         share = float(np.median(shares or [1.0]))
         hard = [item.case for item in sorted(judged, key=lambda item: item.margin) if item.margin < aim.room]
         if hard and many:
             rows = list(dict.fromkeys(hard))[:HARD]
             trials = trials.with_harder({path: array[rows] for path, array in trials.cases(MOST).items()})
-            cases = trials.beyond(POLISH)
-    (last,) = trials.judged([start.choice], trials.cases(MOST))
+            cases = trials.widened_cases(POLISH)
+    (last,) = trials.evaluate([start.choice], trials.cases(MOST))
     if last.holds:
         return last
     # A smaller uncertainty does not always give a smaller error.
     others = sorted(result, key=aim.cost)[: 2 * TOP]
-    return aim.best([last, *trials.judged([item.choice for item in others], trials.cases(MOST))])
+    return aim.best([last, *trials.evaluate([item.choice for item in others], trials.cases(MOST))])
 
 
-def _near(trials: Trials, best: WorstCase, aim: Objective) -> WorstCase:
-    """The same with the narrowest final radius that few cases hold, so that the search begins near its end."""
+def _near_narrowest(trials: Trials, best: WorstCase, aim: Objective) -> WorstCase:
+    """Return the law with the narrowest final radius that holds in few cases, a start near the end of the search."""
     if not best.holds:
         return best
-    shape, most = trials.frame.shape, trials.most
+    shape, most = trials.space.shape, trials.most
     base = max(best.error / float(np.min(shape)), 1e-9)
-    tried = trials.judged(
-        [replace(best.choice, final=min(base * factor, most) * shape) for factor in NEAR], trials.beyond(FEW)
+    tried = trials.evaluate(
+        [replace(best.choice, final=min(base * factor, most) * shape) for factor in NEAR], trials.widened_cases(FEW)
     )
     return next((item for item in tried if item.holds and item.margin >= LEAST_MARGIN), best)
 
 
 def narrowest_envelope(trials: Trials, best: WorstCase, step: float = np.inf) -> WorstCase | None:
-    """The smallest final radius that no common case leaves, with some room; None if none up to the largest.
+    """Return the law with the smallest final radius that holds in all common cases; None if even the largest fails.
 
-    - `trials`: on what.
+    - `trials`: simulates the laws.
     - `best`: the law.
-    - `step`: largest change of torque that is allowed [N m].
+    - `step`: largest allowed torque step [N m].
     """
-    held, cases = None, trials.beyond(MANY)
+    held, cases = None, trials.widened_cases(MANY)
     for _ in range(AGAIN):
-        result = _climbed(trials, best, step, cases)
+        result = _climb(trials, best, step, cases)
         if result is None or (held is not None and result.choice.final[0] > 0.8 * held.choice.final[0]):
             return held or result
         held = best = result
     return held
 
 
-def _climbed(trials: Trials, best: WorstCase, most_step: float, cases: Values) -> WorstCase | None:
-    """The smallest radius of the ladder above the error of a law."""
-    most, shape = trials.most, trials.frame.shape
+def _climb(trials: Trials, best: WorstCase, most_step: float, cases: Values) -> WorstCase | None:
+    """Return the law with the smallest radius of `LADDER` that holds; None if none does."""
+    most, shape = trials.most, trials.space.shape
     base = max(best.error / float(np.min(shape)), 1e-9)
     for step in LADDER:
         radii = sorted({min(base * factor, most) for factor in step})
-        tried = trials.judged([replace(best.choice, final=radius * shape) for radius in radii], cases)
+        tried = trials.evaluate([replace(best.choice, final=radius * shape) for radius in radii], cases)
         held = [item.holds and item.margin >= LEAST_MARGIN and item.step <= most_step for item in tried]
         if held[-1]:
-            # The narrowest from which on all wider ones hold.
+            # The narrowest radius for which it and all wider ones hold.
             return tried[len(held) - next((k for k, item in enumerate(reversed(held)) if not item), len(held))]
         if radii[-1] >= most:
             return None

@@ -23,11 +23,11 @@ from .candidates import LARGEST, DesignPoint, DesignSpace, Floats
 from .problem import DesignProblem
 
 SEED = 0
-"""Of the common cases."""
+"""Seed of the common cases."""
 
 PLANT, BEYOND = "robot.plant.", 1.15
-"""Of the arm is unknown so many times as much in the search as in the set: a loop that is nearly unstable at a corner
-holds in many cases, and a longer search finds one in which it does not."""
+"""Prefix of the arm's paths, and the factor by which the search widens their sets. Otherwise it could end at a loop
+that is nearly unstable at a corner of the set: it holds in many cases, until a longer search finds a failure."""
 
 LOAD = "load.mass"
 """End of the path of a payload."""
@@ -35,15 +35,16 @@ LOAD = "load.mass"
 
 @dataclass(frozen=True)
 class WorstCase:
-    """Worst of the common cases for a choice.
+    """Worst values of a law over the common cases.
 
-    - `choice`: its numbers.
-    - `margin`: least distance to the envelope's nearer side over its width; negative outside.
-    - `error`, `step`: largest steady error [rad or m] and change of torque in a period [N m or N].
-    - `driven`: the largest of these over what the joint's own drive can do in a period.
-    - `joint`: which is nearest to its envelope in the worst case, from 0.
-    - `promise`: least margin of the monitor, with the whole envelope as its share.
-    - `outside`: how many cases left; `cases`: of how many; `case`: which has the least margin, from 0.
+    - `choice`: the law.
+    - `margin`: least distance to the nearer side of the envelope over its width; negative outside.
+    - `error`, `step`: largest steady error [rad or m], and largest torque step from sample to sample [N m or N].
+    - `drive_share`: largest torque step over the step that the joint's drive allows.
+    - `joint`: index of the joint nearest to its envelope in the case with the least margin.
+    - `guarantee_margin`: least margin of a monitor for the whole envelope.
+    - `outside`, `cases`: number of cases that left the envelope, and of all cases.
+    - `case`: index of the case with the least margin.
     """
 
     choice: DesignPoint
@@ -51,11 +52,11 @@ class WorstCase:
     error: float
     step: float
     joint: int
-    promise: float
+    guarantee_margin: float
     outside: int
     cases: int
     case: int = 0
-    driven: float = 0.0
+    drive_share: float = 0.0
 
     @property
     def holds(self) -> bool:
@@ -65,39 +66,40 @@ class WorstCase:
 
 @dataclass(eq=False)
 class Trials:
-    """Runs choices on the same cases, through one compiled loop.
+    """Simulates laws in the same cases, by one compiled loop.
 
-    - `requirements`: of the law.
-    - `frame`: what all choices have in common.
-    - `first`: the choice of which the loop is made.
-    - `smaller`: paths whose sets are used up to this share of their width.
+    - `problem`: the arm, its task and the requirements.
+    - `space`: the values that all laws share.
+    - `first`: the law from which the loop is compiled.
+    - `smaller`: share of the width of some paths' sets that is used.
+    - `harder`: hard cases among the common ones, by path, the newest first.
     """
 
     problem: DesignProblem
-    frame: DesignSpace
+    space: DesignSpace
     first: DesignPoint
     smaller: dict[str, float] = field(default_factory=dict)
     harder: Values = field(default_factory=dict)
 
     @property
     def runs(self) -> int:
-        """Number of simulated runs, with all trials that share this loop."""
+        """Number of simulated runs of all trials that share this loop."""
         return self._runner.computed
 
     @property
     def most(self) -> float:
-        """The largest final radius, times the shape."""
-        return float(np.min(LARGEST * self.frame.initial / self.frame.shape))
+        """Largest final radius, as a factor of `space.shape`."""
+        return float(np.min(LARGEST * self.space.initial / self.space.shape))
 
     @cached_property
     def base(self) -> ScenarioDescription:
-        """The scenario with the first choice."""
-        return self.frame.described(self.first)
+        """The scenario with the first law."""
+        return self.space.described(self.first)
 
     @cached_property
     def family(self) -> Family:
-        """All scenarios that may be, and all choices."""
-        own = self.frame.values(self.first)
+        """The family of all members of the uncertainty set and all laws."""
+        own = self.space.values(self.first)
         sets = {path: _set(value) for path, value in own.items()}
         return Family.of(self.base, None, TypeAdapter(Uncertainty).validate_python(sets))
 
@@ -108,37 +110,37 @@ class Trials:
         return Runner(
             StudyTask.of(self.family, "auto"),
             Runner.rows_of_chunk(samples),
-            pool=_Driven(Cases(self.family, "auto", columns=self._columns)),
+            pool=_DesignPool(Cases(self.family, "auto", columns=self._columns)),
         )
 
     def _columns(self, run: Run) -> Columns:
-        """Outcome and metrics of runs, and their steady torque steps over what each joint's drive allows."""
+        """Return outcome and metrics of runs, and the largest torque step over the limit of the joint's drive."""
         columns = columns_of(run)
         steps = np.ma.filled(np.ma.asarray(steady_torque_step(run), float), np.nan)
-        shares = steps.reshape(len(columns["outcome"]), -1) / self.frame.changes
-        return {**columns, "driven": shares.max(axis=1)}
+        shares = steps.reshape(len(columns["outcome"]), -1) / self.space.changes
+        return {**columns, "drive_share": shares.max(axis=1)}
 
     def cases(self, count: int) -> Values:
-        """Corners of the uncertain set, cases that were hard, and points drawn in it; none where nothing is uncertain.
+        """Return the common cases by path: corners of the uncertainty set, hard cases, and random cases.
 
-        - `count`: how many.
+        - `count`: number of cases.
         """
-        space = self.family.uncertain
-        if not space.sets:
+        uncertain = self.family.uncertain
+        if not uncertain.sets:
             return {}
-        drawn = points(SEED, 0, count, space.dimensions)
-        corners = _corners(space, len(self.frame.torque))[: max(count // 2, 1)]
+        drawn = points(SEED, 0, count, uncertain.dimensions)
+        corners = _corners(uncertain, len(self.space.torque))[: max(count // 2, 1)]
         drawn[: len(corners)] = corners
-        result = space.values(drawn)
+        result = uncertain.values(drawn)
         for path, array in self.harder.items():
-            room = result[path][len(corners) : len(corners) + len(array)]
-            room[...] = array[: len(room)]
+            part = result[path][len(corners) : len(corners) + len(array)]
+            part[...] = array[: len(part)]
         return self._shrunk(result)
 
-    def beyond(self, count: int) -> Values:
-        """The same cases of an arm that is unknown by more, so that a law is not at the edge of what it bears.
+    def widened_cases(self, count: int) -> Values:
+        """Return the common cases with a wider set for the arm, so that a law keeps a margin to failure.
 
-        - `count`: how many.
+        - `count`: number of cases.
         """
         result = dict(self.cases(count))
         ends = self.family.uncertain.values(_corners(self.family.uncertain, 0)[:2]) if result else {}
@@ -155,40 +157,40 @@ class Trials:
         share = {path: self.smaller.get(path, 1.0) for path in values}
         return {path: low[path] + share[path] * (array - low[path]) for path, array in values.items()}
 
-    def judged(self, choices: Sequence[DesignPoint], cases: Values) -> list[WorstCase]:
-        """Return the worst case of each choice.
+    def evaluate(self, choices: Sequence[DesignPoint], cases: Values) -> list[WorstCase]:
+        """Simulate laws, and return the worst case of each.
 
-        - `choices`: all with the estimator of the first.
-        - `cases`: as `cases` gives them.
+        - `choices`: the laws, all with the estimator of `first`.
+        - `cases`: values by path, as from `cases`.
         """
         if not choices:
             return []
         each = len(next(iter(cases.values()))) if cases else 1
-        told = [self.frame.values(choice) for choice in choices]
+        laws = [self.space.values(choice) for choice in choices]
         values = {path: np.concatenate([array] * len(choices)) for path, array in cases.items()}
-        for path in told[0]:
-            values[path] = np.repeat(np.asarray([item[path] for item in told], float), each, axis=0)
+        for path in laws[0]:
+            values[path] = np.repeat(np.asarray([item[path] for item in laws], float), each, axis=0)
         table = self._runner.rows(0, values)
         return [_worst(choice, table, slice(k * each, (k + 1) * each)) for k, choice in enumerate(choices)]
 
-    def with_less(self, smaller: dict[str, float]) -> Trials:
-        """The same loop on a part of the set.
+    def with_smaller_sets(self, smaller: dict[str, float]) -> Trials:
+        """Return trials with smaller uncertainty sets, in the same loop.
 
-        - `smaller`: paths, and the share of the width of their sets that is used.
+        - `smaller`: share of the width of a path's set that is used, by path.
         """
-        return self._sharing(replace(self, smaller=smaller))
+        return self._share_compiled(replace(self, smaller=smaller))
 
     def with_harder(self, cases: Values) -> Trials:
-        """The same loop on common cases of which some are these, before those that were hard already.
+        """Return trials with more hard cases among the common ones, in the same loop.
 
-        - `cases`: by path, the worst first.
+        - `cases`: the hard cases by path, the worst first.
         """
         old = self.harder
         every = {path: np.concatenate([item, old[path]]) if old else item for path, item in cases.items()}
-        return self._sharing(replace(self, harder=every))
+        return self._share_compiled(replace(self, harder=every))
 
-    def _sharing(self, built: Trials) -> Trials:
-        """Another one with what is compiled."""
+    def _share_compiled(self, built: Trials) -> Trials:
+        """Return other trials with the compiled loop of these."""
         for name in ("base", "family", "_runner"):
             if name in self.__dict__:
                 built.__dict__[name] = self.__dict__[name]
@@ -196,13 +198,13 @@ class Trials:
 
     @property
     def payload(self) -> str | None:
-        """The path of an uncertain payload, if there is one."""
+        """Path of an uncertain payload mass; None without one."""
         return next((path for path in self.family.uncertain.sets if path.endswith(LOAD)), None)
 
 
 @dataclass
-class _Driven(AbstractPool):
-    """In this process, by cases that say what their drives do."""
+class _DesignPool(AbstractPool):
+    """Runs the cases in this process, with `drive_share` among their columns."""
 
     cases: Cases
 
@@ -211,21 +213,21 @@ class _Driven(AbstractPool):
             yield first, values, self.cases.run(values)
 
 
-def _corners(space: Space, joints: int) -> Floats:
-    """Of the unit cube: all high, all low, by turns, and one joint's numbers against those of all others.
+def _corners(uncertain: Space, joints: int) -> Floats:
+    """Return corners of the unit cube: all high, all low, alternating, and each joint against all others.
 
-    A light joint among heavy ones is where a loop is nearest to oscillating.
+    A loop is nearest to instability for a light joint among heavy ones.
     """
     owner = np.concatenate(
-        [np.arange(width) if width == joints else np.full(width, -1) for width in space.widths.values()]
+        [np.arange(width) if width == joints else np.full(width, -1) for width in uncertain.widths.values()]
     )
-    turns = np.arange(space.dimensions) % 2 == 0
+    turns = np.arange(uncertain.dimensions) % 2 == 0
     masks = [np.ones_like(turns), ~turns, *(owner != joint for joint in range(joints))]
     return np.where(np.concatenate([(mask, ~mask) for mask in masks]), np.nextafter(1.0, 0.0), 0.0)
 
 
 def _set(value: Any) -> dict[str, Any]:
-    """A set around a value, which gives it its form; rows are given as they are."""
+    """Return a set that ends at a value; it only declares that its path varies, and no point of it is drawn."""
     if np.ndim(value):
         numbers = np.asarray(value, float).tolist()
         return {"between": [[item / 1.5 for item in numbers], numbers], "each": "joint"}
@@ -238,8 +240,8 @@ def _worst(choice: DesignPoint, table: Columns, rows: slice) -> WorstCase:
     margin = np.where(np.isnan(part["margin"]), -1.0, part["margin"])
     error = np.where(np.isnan(part["steady_error"]), np.inf, part["steady_error"])
     step = np.where(np.isnan(part["steady_torque_step"]), np.inf, part["steady_torque_step"])
-    driven = np.where(np.isnan(part["driven"]), np.inf, part["driven"])
-    promise = part.get("guarantee_margin")
+    drive_share = np.where(np.isnan(part["drive_share"]), np.inf, part["drive_share"])
+    guarantee_margin = part.get("guarantee_margin")
     k = int(np.argmin(margin))
     return WorstCase(
         choice,
@@ -247,57 +249,56 @@ def _worst(choice: DesignPoint, table: Columns, rows: slice) -> WorstCase:
         float(error.max()),
         float(step.max()),
         int(part["joint"][k]) - 1,
-        -1.0 if promise is None or np.isnan(promise).any() else float(promise.min()),
+        -1.0 if guarantee_margin is None or np.isnan(guarantee_margin).any() else float(guarantee_margin.min()),
         int((~held).sum()),
         len(held),
         k,
-        float(driven.max()),
+        float(drive_share.max()),
     )
 
 
 CALM = 0.97
-"""Of the torque step that is allowed, since other cases show some more."""
+"""Share of the allowed torque step for which the search aims, since other cases have larger steps."""
 
-DRIVEN = 0.97
-"""Of what the drives can do in a period, that is allowed: at their limit a plan is not carried out."""
+DRIVE_SHARE = 0.97
+"""Share of the drives' largest torque step that is allowed: at their limit the plan is not carried out."""
 
-OWN = 0.9
-"""Of what its own drive can do in a period, that a joint may use where a certificate is required: that begins after the
-last limit, and its cases are not the common ones."""
+OWN_DRIVE_SHARE = 0.9
+"""Share of its own drive's largest torque step that each joint may use if a bound is required: the bound holds only
+while no limit acts, also in other cases than the common ones."""
 
 CALMNESS = 0.5
-"""The weight of the torque step beside the error, where neither is required: half the error is worth four times the
-step."""
+"""Weight of the torque step against the error if neither is required: half the error equals four times the step."""
 
 NARROW, HARDLY = 0.1, 0.001
-"""The weight of a narrow envelope: half the final radius is worth 7 % of the error, below a required step hardly."""
+"""Weight of a narrow envelope: half the final radius equals 7 % of the error; hardly any with a required step."""
 
 OUTSIDE, NEAR, WILD, COARSE = 400.0, 300.0, 200.0, 100.0
-"""Costs of a law that leaves, or comes too near, or is too wild, or not exact enough: more than any of a law that is
-better in that."""
+"""Base costs of laws that leave the envelope, have too small a margin, too large a torque step, or too large an error;
+each base exceeds all costs of the later kinds."""
 
 
 @dataclass(frozen=True)
 class Objective:
-    """Laws that all cases keep with some room; of those the calm ones; of those the exact ones; of those the best.
+    """Order of laws: first by margin, then by torque step, then by steady error, then by a weighted sum.
 
-    - `step`: largest change of torque that is allowed [N m].
-    - `required`: whether it is a requirement, so that below it nothing is gained by less.
-    - `error`: the steady error that is small enough, so that below it the calmest is best [rad]; None for none.
-    - `room`: of an envelope's width, that the worst case must leave.
-    - `own`: of what its own drive can do in a period, that the torque step of each joint may be.
+    - `step`: largest allowed torque step [N m].
+    - `required`: True if `step` is a requirement, so that smaller steps have no advantage.
+    - `error`: required steady error [rad or m], below which the law with the smallest step is best; None without one.
+    - `room`: least margin in the worst case, as a share of the envelope's width.
+    - `own_share`: largest `drive_share`.
     """
 
     step: float
     required: bool
     error: float | None
     room: float = 0.0
-    own: float = np.inf
+    own_share: float = np.inf
 
     def cost(self, worst: WorstCase) -> float:
-        """The smaller, the better; finite, so that a search finds its way.
+        """Return the cost of a law; it is finite also for laws that fail, so that a search can improve them.
 
-        - `worst`: of a candidate law.
+        - `worst`: the law's worst case.
         """
         if not worst.holds:
             return OUTSIDE + worst.outside - float(np.clip(worst.margin, -1.0, 1.0))
@@ -306,23 +307,20 @@ class Objective:
         error, step = np.log(max(worst.error, 1e-300)), np.log(max(worst.step, 1e-12))
         if worst.step > CALM * self.step:
             return WILD + float(step)
-        if worst.driven > self.own:
-            return WILD + float(np.log(worst.driven))
+        if worst.drive_share > self.own_share:
+            return WILD + float(np.log(worst.drive_share))
         if self.error is not None:
             return float(step) if worst.error <= self.error else COARSE + float(error)
         narrow = np.log(float(np.min(worst.choice.final)))
         return float(error + HARDLY * narrow if self.required else error + CALMNESS * step + NARROW * narrow)
 
     def best(self, candidates: Sequence[WorstCase]) -> WorstCase:
-        """The one that costs least.
-
-        - `candidates`: judged laws.
-        """
+        """Return the candidate with the lowest cost."""
         return min(candidates, key=self.cost)
 
     def stricter(self, share: float) -> Objective:
-        """The same with a smaller step: few cases show less of it than many.
+        """Return the objective with smaller allowed torque steps, since few cases show smaller ones than many.
 
-        - `share`: of the step.
+        - `share`: factor of the steps.
         """
-        return replace(self, step=share * self.step, own=share * self.own)
+        return replace(self, step=share * self.step, own_share=share * self.own_share)
