@@ -154,7 +154,7 @@ BAD_ARMS = {
     "nothing heavy at all": (
         [still(name="shoulder", link="upper arm"), still(parent="shoulder"), FLANGE],
         TIP,
-        "no link that a joint of arm moves has a mass, as in files that are for drawing alone",
+        "no moving link of arm has a mass, as in files that are only for drawing",
     ),
     "a point alone": (
         [SHOULDER, still(parent="shoulder"), Joint("flange", "fixed", "elbow", "tool", mass=1.0)],

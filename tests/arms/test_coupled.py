@@ -80,7 +80,7 @@ def test_incompatible_range_of_a_follower_is_ignored():
     with pytest.warns(DefinitionWarning) as caught:
         arm = from_urdf(text)
     told = " ".join(str(warning.message) for warning in caught)
-    assert "the range of joint `elbow`, -5.6 to -3.6 at its leader `shoulder`, has nothing in common" in told
+    assert "the range of joint `elbow`, -5.6 to -3.6 at its leader `shoulder`, does not overlap" in told
     assert (float(arm.limits.lower[0]), float(arm.limits.upper[0])) == (-2.0, 2.5)
 
 
@@ -160,9 +160,7 @@ def test_invalid_followers_are_errors(following, named):
 
 def test_disjoint_ranges_of_leader_and_follower_are_refused():
     arm = from_urdf(changed(GOOD, LIMIT, limit(lower="2", upper="3")))
-    with pytest.raises(
-        DefinitionError, match=r"range of joint `elbow` and that of joint `shoulder`.*nothing in common"
-    ):
+    with pytest.raises(DefinitionError, match=r"range of joint `elbow` and that of joint `shoulder`.*do not overlap"):
         couple(arm, {"elbow": ("shoulder", -1.0, 0.0)})
 
 

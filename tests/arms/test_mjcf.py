@@ -204,7 +204,7 @@ def test_weightless_mesh_is_neither_required_nor_read(tmp_path):
     np.testing.assert_array_equal(from_mjcf(path, meshes=True).inertias, from_mjcf(GOOD).inertias)
     path.write_text(with_mesh("beside", "lost.stl"))
     with pytest.raises(
-        DefinitionError, match=r"body `fore` is not there; looked for .*/shapes/lost\.stl; meshes=False"
+        DefinitionError, match=r"body `fore` does not exist; searched .*/shapes/lost\.stl; meshes=False"
     ):
         from_mjcf(path, meshes=True)
     np.testing.assert_array_equal(from_mjcf(path).inertias, from_mjcf(GOOD).inertias)
@@ -220,7 +220,7 @@ def test_mesh_that_defines_an_inertia_is_read(tmp_path):
     np.testing.assert_allclose(arm.masses[1], 1000.0 * 0.1**3 / 6.0, rtol=1e-7)
     np.testing.assert_allclose(np.linalg.norm(arm.centers[1]), np.sqrt(3.0) * 0.025, rtol=1e-6)
     path.write_text(with_mesh("alone", "lost.obj"))
-    with pytest.raises(DefinitionError, match=r"body `fore` is not there.*lost\.obj; .* give the body an <inertial>"):
+    with pytest.raises(DefinitionError, match=r"body `fore` does not exist.*lost\.obj; .* give the body an <inertial>"):
         from_mjcf(path, meshes=False)
 
 

@@ -56,7 +56,7 @@ def test_an_object_that_is_tied_to_the_arm_is_refused():
 
 def test_two_arms_in_one_scene_need_the_tip_and_one_is_omitted():
     two = scene(DOOR)
-    with pytest.raises(DefinitionError, match="say tip=NAME; fore, door carry no other"):
+    with pytest.raises(DefinitionError, match="give tip=NAME; fore, door carry no other"):
         from_mjcf(two)
     with pytest.warns(DefinitionWarning, match="`base` is no part of the arm"):
         assert from_mjcf(two, tip="door").joint_names == ("hinge",)

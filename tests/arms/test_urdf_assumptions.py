@@ -56,7 +56,7 @@ READ = {
     "an axis without numbers in a fixed joint": (FLANGE, FLANGE + "<axis/>", ["<axis>", "`flange`", "fixed"]),
     "an axis of words in a fixed joint": (FLANGE, FLANGE + '<axis xyz="a b c"/>', ["<axis>", "`flange`", "`a`"]),
     "a limit of words in a fixed joint": (FLANGE, FLANGE + '<limit effort="x"/>', ["<limit>", "`flange`"]),
-    "a link that is there twice": (TOOL, TOOL + TOOL, ["link `tool` is there twice", "remove"]),
+    "a link that is there twice": (TOOL, TOOL + TOOL, ["link `tool` occurs twice", "remove"]),
     "a prefix that nothing declares": (END, "<gazebo><a:b/></gazebo>" + END, ["<a:b>", "xmlns:a"]),
 }
 
@@ -93,7 +93,7 @@ def test_a_limit_of_minus_1_counts_as_missing(velocity, effort):
     assert float(arm.limits.velocity[1]) == (np.inf if velocity.startswith("-") else 4.0)
     assert float(arm.limits.torque[1]) == (np.inf if effort == "-1" else 20.0)
     told = " ".join(str(warning.message) for warning in caught)
-    assert "-1 in <limit> of joint `elbow` is read as not given" in told
+    assert "-1 in <limit> of joint `elbow` counts as missing" in told
 
 
 def test_exchanged_ends_of_a_range_around_0_are_corrected():

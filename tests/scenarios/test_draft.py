@@ -163,7 +163,7 @@ def test_a_file_with_two_arms_needs_the_tip(tmp_path):
     for name in ("shoulder", "upper", "fore", "wrist", "j1", "j2", "j3", "j4"):
         other = other.replace(f'"{name}"', f'"other_{name}"')
     both = arm(more=other)
-    with pytest.raises(DefinitionError, match=r"several arms; say which by its tip \(`--tip`\): .*wrist"):
+    with pytest.raises(DefinitionError, match=r"several arms; choose one by its tip \(`--tip`\): .*wrist"):
         new(tmp_path, both)
     _, scenario = new(tmp_path, both, tip="other_wrist")
     assert scenario.controller.nominal.joint_names[0] == "other_j1"

@@ -238,8 +238,8 @@ def _check_masses(moved: Mapping[str, _MovingBody], name: str) -> None:
     """Require mass behind each joint; a link between two joints may be massless if a later link has mass."""
     if moved and not any(body.mass > 0 or body.joint.armature > 0 for body in moved.values()):
         raise DefinitionError(
-            f"no link that a joint of {name} moves has a mass, as in files that are for drawing alone: take a file "
-            "with masses and inertias, or write each link's own; without them nothing says how the arm moves"
+            f"no moving link of {name} has a mass, as in files that are only for drawing: use a file with masses and "
+            "inertias, or add them to each link"
         )
     carried = {joint: body.mass for joint, body in moved.items()}
     for joint in reversed(list(moved)):

@@ -159,7 +159,7 @@ def _limits(arm: Articulated, how: Mapping[str, tuple[str, float, float]], leadi
         if not lower[j] < upper[j]:
             raise DefinitionError(
                 f"the range of joint `{name}` and that of joint `{leader}`, which it follows at the ratio {ratio:g} "
-                f"and the offset {offset:g}, have nothing in common"
+                f"and the offset {offset:g}, do not overlap"
             )
     return JointLimits(
         lower=as_array(lower),

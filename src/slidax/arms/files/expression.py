@@ -95,14 +95,14 @@ def limited_range(*ends: int) -> range:
     """Return a range; raise ExpressionError if it is longer than a file needs."""
     steps = range(*ends)
     if len(steps) > LONGEST:
-        raise ExpressionError(f"a range of {len(steps)} is longer than {LONGEST}")
+        raise ExpressionError(f"a range of {len(steps)} values exceeds the limit of {LONGEST}")
     return steps
 
 
 def limited_round(number: Any, digits: int | None = None) -> Any:
     """Return a rounded number; limit the digits, since rounding an integer to -10⁹ digits computes 10^(10⁹)."""
     if digits is not None and abs(digits) > MOST_BITS:
-        raise ExpressionError(f"a number is not rounded to {digits} digits")
+        raise ExpressionError(f"cannot round a number to {digits} digits")
     return round(number, digits)
 
 
@@ -110,7 +110,7 @@ def add_numbers(numbers: Iterable[Any], start: Any = 0) -> Any:
     """Return a sum of numbers; reject lists, since adding many of them would copy each one many times."""
     terms = [start, *numbers]
     if not all(isinstance(term, int | float) for term in terms):
-        raise ExpressionError("only numbers are summed")
+        raise ExpressionError("only numbers can be added")
     return sum(terms)
 
 
@@ -135,7 +135,7 @@ def evaluate(
     try:
         tree = ast.parse(text.strip(), mode="eval")
     except (SyntaxError, ValueError, MemoryError, RecursionError) as error:
-        raise ExpressionError(f"no expression: {error}") from error
+        raise ExpressionError(f"not a valid expression: {error}") from error
     return _Evaluation(names, functions, budget or Budget()).value(tree.body)
 
 
@@ -150,10 +150,10 @@ class _Evaluation:
             raise ExpressionError(f"more than {LONGEST} steps")
         method = getattr(self, f"_{type(node).__name__.lower()}", None)
         if method is None:
-            raise ExpressionError(f"`{type(node).__name__}` is not evaluated")
+            raise ExpressionError(f"`{type(node).__name__}` is not supported")
         result = method(node)
         if isinstance(result, str | list | tuple | dict | set) and len(result) > LONGEST:
-            raise ExpressionError(f"a value of {len(result)} entries is longer than {LONGEST}")
+            raise ExpressionError(f"a value of {len(result)} entries exceeds the limit of {LONGEST}")
         if isinstance(result, int) and result.bit_length() > MOST_BITS:
             raise ExpressionError(f"an integer must have at most {MOST_BITS} bits")
         self.budget.spend_on(result)
@@ -161,7 +161,7 @@ class _Evaluation:
 
     def _constant(self, node: ast.Constant) -> Any:
         if not isinstance(node.value, int | float | str | None):
-            raise ExpressionError(f"a constant of type `{type(node.value).__name__}` is not evaluated")
+            raise ExpressionError(f"a constant of type `{type(node.value).__name__}` is not supported")
         return node.value
 
     def _name(self, node: ast.Name) -> Any:
@@ -175,15 +175,15 @@ class _Evaluation:
             return self.functions[name]
         own = {**LIMITED, **{f.__name__: f for f in BUILTINS}, **MATHEMATICS}.get(name, named)
         if name.startswith("_") or not any(own is safe for safe in SAFE):
-            raise ExpressionError(f"`{name}` is not called")
+            raise ExpressionError(f"the function `{name}` is not supported")
         return own
 
     def _attribute(self, node: ast.Attribute) -> Any:
         if node.attr.startswith("_"):
-            raise ExpressionError(f"`{node.attr}` is not read")
+            raise ExpressionError(f"the attribute `{node.attr}` is not supported")
         owner = self.value(node.value)
         if not isinstance(owner, Mapping):
-            raise ExpressionError(f"`{node.attr}` of a {type(owner).__name__} is not read")
+            raise ExpressionError(f"the attribute `{node.attr}` of a {type(owner).__name__} is not supported")
         entry = owner[node.attr]
         return self._function(node.attr, entry) if callable(entry) else entry
 
@@ -191,7 +191,7 @@ class _Evaluation:
         arguments = [self.value(argument) for argument in node.args]
         options = {option.arg: self.value(option.value) for option in node.keywords if option.arg}
         if len(options) < len(node.keywords):
-            raise ExpressionError("`**` is not evaluated")
+            raise ExpressionError("`**` is not supported")
         if isinstance(node.func, ast.Attribute):
             owner = self.value(node.func.value)
             for kind, methods in METHODS.items():
@@ -200,7 +200,7 @@ class _Evaluation:
                         self._refuse_long(owner, *arguments)
                     return getattr(owner, node.func.attr)(*arguments, **options)
         elif not isinstance(node.func, ast.Name):
-            raise ExpressionError("only a function by its name is called")
+            raise ExpressionError("only a function can be called, by its name")
         called = self.value(node.func)
         if not callable(called):
             raise ExpressionError("this is called, but it is not a function")
@@ -218,7 +218,7 @@ class _Evaluation:
             whole = isinstance(left, int) and isinstance(right, int)
             numbers = isinstance(left, int | float) and isinstance(right, int | float)
             if not numbers or (whole and left.bit_length() * right > MOST_BITS):
-                raise ExpressionError(f"a power must be of numbers, and an integer have at most {MOST_BITS} bits")
+                raise ExpressionError(f"a power needs numbers, and an integer power at most {MOST_BITS} bits")
             return left**right
         if kind is ast.Mult:
             for entries, times in ((left, right), (right, left)):
@@ -227,19 +227,19 @@ class _Evaluation:
                     and isinstance(times, int)
                     and len(entries) * times > LONGEST
                 ):
-                    raise ExpressionError(f"a product of {len(entries) * times} entries is longer than {LONGEST}")
+                    raise ExpressionError(f"a product of {len(entries) * times} entries exceeds the limit of {LONGEST}")
             return left * right
         if kind is ast.Mod:
             if isinstance(left, str) and re.search(r"\d{4}|\*", left):
                 raise ExpressionError("the format is too wide")
             return left % right
         if kind not in OPERATORS:
-            raise ExpressionError(f"`{kind.__name__}` is not evaluated")
+            raise ExpressionError(f"`{kind.__name__}` is not supported")
         return OPERATORS[kind](left, right)
 
     def _unaryop(self, node: ast.UnaryOp) -> Any:
         if type(node.op) not in SIGNS:
-            raise ExpressionError(f"`{type(node.op).__name__}` is not evaluated")
+            raise ExpressionError(f"`{type(node.op).__name__}` is not supported")
         return SIGNS[type(node.op)](self.value(node.operand))
 
     def _boolop(self, node: ast.BoolOp) -> Any:
@@ -279,7 +279,7 @@ class _Evaluation:
 
     def _dict(self, node: ast.Dict) -> Any:
         if any(key is None for key in node.keys):
-            raise ExpressionError("`**` is not evaluated")
+            raise ExpressionError("`**` is not supported")
         return {self.value(key): self.value(entry) for key, entry in zip(node.keys, node.values, strict=True) if key}
 
     def _listcomp(self, node: ast.ListComp | ast.GeneratorExp) -> Any:

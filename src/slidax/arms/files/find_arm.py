@@ -133,7 +133,7 @@ class _Tree:
             if len(longest) > 1 and self._length(branches[0]) >= ARM:
                 arms = [branch for branch in branches if self._length(branch) >= ARM]
                 ends = ", ".join(f"`{self._tip(self._end(branch))}`" for branch in arms)
-                raise DefinitionError(f"there are several arms; say which by its tip (`--tip`): {ends}")
+                raise DefinitionError(f"there are several arms; choose one by its tip (`--tip`): {ends}")
             if branches[0].held is not None:
                 edges.append(branches[0])
             link = branches[0].child

@@ -287,7 +287,7 @@ def _only_leaf(model: Any) -> str:
     if not leaves:
         raise DefinitionError("the file has no joint that moves a body")
     if len(leaves) > 1:
-        raise DefinitionError(f"which body or site is the tip? say tip=NAME; {', '.join(leaves)} carry no other")
+        raise DefinitionError(f"the tip is ambiguous: give tip=NAME; {', '.join(leaves)} carry no other")
     return str(leaves[0])
 
 

@@ -228,8 +228,8 @@ def check_motion(model: Any, joints: Sequence[Joint], locked: Mapping[str, float
         worst = int(np.argmax(np.abs(rest)))
         if abs(rest[worst]) > ROUNDING * (1.0 + np.abs(data.qfrc_passive[at]).max()):
             raise DefinitionError(
-                f"on joint `{moving[worst].name}`, which moves `{moving[worst].link}`, acts a force besides damping, "
-                f"{rest[worst]:.3g} in one posture, by MuJoCo; an arm here has none, so remove what makes it"
+                f"joint `{moving[worst].name}`, which moves `{moving[worst].link}`, has a passive force other than "
+                f"damping, {rest[worst]:.3g} in one posture, by MuJoCo; an arm here has none: remove its cause"
             )
 
 

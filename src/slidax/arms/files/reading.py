@@ -145,7 +145,7 @@ def require_mesh(owner: str, name: str, folder: Path, packages: Packages = (), i
     looked = ", ".join(str(path) for path in paths) or "nowhere, as it is not the address of a file"
     package = PACKAGE.match(name)
     remedy = f"packages={{'{package[1]}': FOLDER}} says where the package is, or " if package else ""
-    raise DefinitionError(f"the mesh `{name}` of {owner} is not there; looked for {looked}; {remedy}{instead}")
+    raise DefinitionError(f"the mesh `{name}` of {owner} does not exist; searched {looked}; {remedy}{instead}")
 
 
 def mesh_paths(name: str, folder: Path, packages: Packages = ()) -> list[Path]:

@@ -326,8 +326,8 @@ def _drop_ranges_apart(limits: dict[str, dict[str, float]], mimicry: Mimicry, no
             continue
         limits[name] = {key: value for key, value in limits[name].items() if key not in ("lower", "upper")}
         notes.add(
-            f"the range of {{}}, {first:g} to {last:g} at its leader `{follower.leader}`, has nothing in common with "
-            f"that one's, {lower:g} to {upper:g}: it is not read; correct the <limit> of one of them",
+            f"the range of {{}}, {first:g} to {last:g} at its leader `{follower.leader}`, does not overlap "
+            f"that one's, {lower:g} to {upper:g}: it is ignored; correct the <limit> of one of them",
             f"joint `{name}`",
         )
 
@@ -398,7 +398,7 @@ def _only_leaf(tree: UrdfTree) -> str:
     if not leaves:
         raise DefinitionError("the robot has no joint that moves")
     if len(leaves) > 1:
-        raise DefinitionError(f"which link is the tip? say tip=NAME; {', '.join(leaves)} carry no other")
+        raise DefinitionError(f"the tip is ambiguous: give tip=NAME; {', '.join(leaves)} carry no other")
     return leaves[0]
 
 

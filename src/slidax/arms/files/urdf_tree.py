@@ -191,12 +191,12 @@ def limits_of(joint: ET.Element, notes: Notes | None = None) -> tuple[dict[str, 
         value = number(limit_element, attribute) or 0.0
         if value == -1.0:
             notes.add(
-                f"{attribute} -1 in <limit> of {{}} is read as not given; write the {attribute} > 0 there",
+                f"{attribute} -1 in <limit> of {{}} counts as missing; write the {attribute} > 0 there",
                 f"joint `{name}`",
             )
         elif value < 0:
             raise DefinitionError(
-                f"{attribute} in <limit> of joint `{name}` must be > 0; got {value:g}; correct it, or say limits=False "
+                f"{attribute} in <limit> of joint `{name}` must be > 0; got {value:g}; correct it, or use limits=False "
                 f"to read no limits"
             )
         elif value > 0:
@@ -229,7 +229,7 @@ def _range_of(name: str, limit_element: ET.Element | None, notes: Notes) -> dict
     if lower > upper:
         raise DefinitionError(
             f"<limit> of joint `{name}` must have lower < upper; got {lower:g} and {upper:g}; correct it, hold the "
-            f"joint by locked={{'{name}': POSITION}}, or say limits=False to read no limits"
+            f"joint by locked={{'{name}': POSITION}}, or use limits=False to read no limits"
         )
     return {"lower": lower, "upper": upper}
 
@@ -397,7 +397,7 @@ def _named(robot: ET.Element, tag: str, notes: Notes) -> dict[str, ET.Element]:
             which = f" to link `{child.get('link')}`" if child is not None else after
             raise DefinitionError(f"a <{tag}>{which} has no name")
         if name in elements and same_element(elements[name], element):
-            notes.add("{} is there twice, with the same values, and is read once; remove the second", f"{tag} `{name}`")
+            notes.add("{} occurs twice with the same values, and is read once; remove the second", f"{tag} `{name}`")
             continue
         if name in elements:
             raise DefinitionError(f"there are two <{tag}> named `{name}`; give one another name")
