@@ -304,6 +304,8 @@ def write_identification_report(identification: Identification, out: str | Path,
         "Torques",
         "Measured and predicted torques in the filter's band, and their difference. The shaded part was held out.",
     )
+    joint = int(np.argmax(identification.held_out_rms))
+    robot = identification.robot
     intervals = [parameter.interval() for parameter in identification.parameters]
     return write_page(
         out,
@@ -313,6 +315,7 @@ def write_identification_report(identification: Identification, out: str | Path,
             (parameter, 0.5 * (interval[1] - interval[0]))
             for parameter, interval in zip(identification.parameters, intervals, strict=True)
         ],
+        worst=(robot.joint_names[joint], identification.held_out_rms[joint], robot.torque_units[joint]),
         torques=[
             ("measured", identification.measured_rms),
             ("error, fitted part", identification.fit_rms),
