@@ -13,12 +13,13 @@ import pytest
 
 from slidax import analysis, paper, scenarios
 from slidax.core.errors import DefinitionError
+from slidax.core.files import json_value
 from slidax.paper import PrintedComparison, compare_limit, compare_printed, printed
 from slidax.paper.claims import run_with_printed_alpha
 from slidax.paper.examples import COMPARED, SCHEMES, Case, Runs, cases, scenario_of
 from slidax.paper.numbers import Row, chatter, inverse_inertia, settling_bound, table_3
 from slidax.paper.printed import TABLE_3, mark_incomparable
-from slidax.paper.reproduce import counts, to_json_value
+from slidax.paper.reproduce import counts
 from slidax.report import Picture, typeset
 from slidax.simulation import Run
 
@@ -161,8 +162,8 @@ def test_infinite_values_become_null():
     row = Row(
         "x", "q", "p", "n", "1", "s", "1.0", "c", {"off": float("nan")}, {"off": compare_printed(1.0, float("nan"))}
     )
-    assert to_json_value([row, {"a": (float("inf"), 1.0)}])[0]["computed"] == {"off": None}
-    assert to_json_value({"a": (float("inf"), 1.0)}) == {"a": [None, 1.0]}
+    assert json_value([row])[0]["computed"] == {"off": None}
+    assert json_value({"a": (float("inf"), 1.0)}) == {"a": [None, 1.0]}
     assert counts([row], []) == {"off": {"reproduced": 0, "close": 0, "differs": 0, "unchecked": 1}}
 
 

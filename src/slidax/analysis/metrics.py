@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from slidax.core.errors import DefinitionError, is_traced
+from slidax.core.files import json_value
 from slidax.simulation.run import Kind, Run, data_frame
 
 from .metric import Metric, array_of, arrays, counting_error, integral, known_values, metric, safe_sqrt, value_of_run
@@ -321,14 +321,8 @@ def summary(run: Run, also: Sequence[Metric[Any]] = ()) -> dict[str, Any]:
         value = item(run)
         group, _, name = item.key.partition(".")
         entries = values.setdefault(group, {}) if name else values
-        entries[name or group] = _plain(value.tolist() if hasattr(value, "tolist") else value)
+        entries[name or group] = json_value(value)
     return values
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, list):
-        return [_plain(part) for part in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def metrics_frame(runs: Run | Mapping[str, Run], kind: Kind = "pandas", also: Sequence[Metric[Any]] = ()) -> Any:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Concatenate, Generic, Literal, ParamSpec, get_args
@@ -10,6 +9,7 @@ from typing import Any, Concatenate, Generic, Literal, ParamSpec, get_args
 import numpy as np
 
 from slidax.analysis.cause import Remedy
+from slidax.core.files import json_value
 from slidax.core.tracing import require_64_bits
 from slidax.scenarios.family import Family
 from slidax.scenarios.scenario import Scenario
@@ -102,7 +102,7 @@ class Verdict:
         for name, value in self.bound.items():
             if name in OVER_TIME:
                 continue
-            numbers = _to_json(value)
+            numbers = json_value(value)
             flat = numbers if isinstance(numbers, list) else [numbers]
             if flat and all(isinstance(number, int | float) for number in flat):
                 words.append(f"{name.replace('_', ' ')} {max(flat):.3g}")
@@ -113,27 +113,16 @@ class Verdict:
         return {
             "name": self.name,
             "holds": self.holds,
-            "since": _to_json(self.since),
+            "since": json_value(self.since),
             "grade": self.grade,
-            "margin": _to_json(self.margin),
-            "bound": {name: _to_json(value) for name, value in self.bound.items()},
+            "margin": json_value(self.margin),
+            "bound": json_value(self.bound),
             "assumptions": [
-                {"text": line.text, "status": line.status, "value": _to_json(line.value)} for line in self.assumptions
+                {"text": line.text, "status": line.status, "value": json_value(line.value)} for line in self.assumptions
             ],
             "statement": self.statement,
             "remedy": [{"words": remedy.words, "set": dict(remedy.changes)} for remedy in self.remedies],
         }
-
-
-def _to_json(value: Any) -> Any:
-    """Convert numbers and arrays to JSON values."""
-    if value is None or isinstance(value, bool | int | str):
-        return value
-    if isinstance(value, Mapping):
-        return {name: _to_json(entry) for name, entry in value.items()}
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return _to_json(value.tolist()) if hasattr(value, "tolist") else [_to_json(entry) for entry in value]
 
 
 def joint_values(values: Any) -> str:

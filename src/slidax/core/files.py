@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import errno
 import json
+import math
 import os
 import stat
+from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -112,6 +115,19 @@ def parse_json(text: str, name: str) -> Any:
 def parse_integer(digits: str) -> int | float:
     """Convert an integer literal of JSON; with more than 30 digits to a float, which is infinite from 310 digits on."""
     return int(digits) if len(digits) <= 30 else float(digits)
+
+
+def json_value(value: Any) -> Any:
+    """Convert dataclasses, mappings, sequences, arrays and numbers to JSON values; non-finite numbers become None."""
+    if is_dataclass(value) and not isinstance(value, type):
+        value = asdict(value)
+    if isinstance(value, Mapping):
+        return {str(key): json_value(entry) for key, entry in value.items()}
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, list | tuple):
+        return [json_value(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _too_large(size: int, most: int) -> str:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import json
-import math
 import time
 from collections import Counter
-from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -14,6 +12,7 @@ from typing import Any
 from slidax import analysis
 from slidax.core.errors import DefinitionError
 from slidax.core.errors import short_repr as in_short
+from slidax.core.files import json_value
 from slidax.core.writing import write_text
 from slidax.report.page import machine, render, versions
 from slidax.scenarios.yaml_text import as_yaml
@@ -69,22 +68,6 @@ def run_results(runs: Runs) -> list[dict[str, Any]]:
     - `runs`: all runs.
     """
     return [_run_result(case, runs) for case in runs.runs]
-
-
-def to_json_value(value: Any) -> Any:
-    """Convert a value for JSON: dataclasses become mappings, nonfinite numbers become null.
-
-    - `value`: mappings, lists, dataclasses of this package, numbers and text.
-    """
-    if isinstance(value, Row | Claim | PrintedComparison):
-        return to_json_value(asdict(value))
-    if isinstance(value, dict):
-        return {str(key): to_json_value(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [to_json_value(entry) for entry in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value
 
 
 def _run_result(case: Case, runs: Runs) -> dict[str, Any]:
@@ -158,7 +141,7 @@ def reproduce(
         "figures": [f"figures/{name}.svg" for name in pictures],
         "not_covered": list(NOT_COVERED),
     }
-    data: dict[str, Any] = to_json_value(results)
+    data: dict[str, Any] = json_value(results)
     write_text(out / "results.json", json.dumps(data, indent=1, allow_nan=False) + "\n")
     scenarios = {example: runs.scenarios[Case(example, runs.readings[0])] for example in EXAMPLES}
     page = {

@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from slidax.core.errors import DefinitionError, count_noun, nearest_word, plain_name
+from slidax.core.files import json_value
 from slidax.scenarios.descriptions import input_field
 from slidax.scenarios.scenario import ScenarioDescription
 
@@ -167,8 +168,7 @@ class FalsifyResult(AbstractTableResult):
         row = self.rows[index]
         case: dict[str, Any] = {"row": row}
         for key in dict.fromkeys([MARGIN, self.study.worst]):
-            value = float(self.table[key][row])
-            case[key] = value if np.isfinite(value) else None
+            case[key] = json_value(float(self.table[key][row]))
         return {**case, "outcome": OUTCOMES[int(self.table["outcome"][row])], "scenario": f"{self.names[index]}.yaml"}
 
     def as_json(self) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from slidax.core.errors import DefinitionError, count_noun, nearest_word, plain_name
+from slidax.core.files import json_value
 from slidax.scenarios.family import Family
 from slidax.scenarios.scenario import OF_THE_LAW
 from slidax.scenarios.uncertainty import AbstractSet, Discrete, Uncertainty
@@ -176,7 +177,7 @@ class SweepResult(AbstractTableResult):
             "worst": worst_row(self.table),
             "of": self.study.of,
             "axes": {path: axis.tolist() for path, axis in self.axes.items()},
-            "map": _known(self.worst),
+            "map": json_value(self.worst),
             "failing": self.failing.tolist(),
         }
 
@@ -184,10 +185,3 @@ class SweepResult(AbstractTableResult):
 def one_number(axis: np.ndarray) -> np.ndarray:
     """Return a number for each value of a parameter: that of the first joint if there are several."""
     return np.asarray(axis, float).reshape(len(axis), -1)[:, 0]
-
-
-def _known(numbers: np.ndarray) -> Any:
-    """Nested lists of the values, with None for nonfinite ones."""
-    plain = numbers.astype(object)
-    plain[~np.isfinite(numbers)] = None
-    return plain.tolist()

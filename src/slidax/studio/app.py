@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import math
 import re
 import secrets
 import shutil
@@ -22,6 +21,7 @@ from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
 from slidax.core.errors import DefinitionError
+from slidax.core.files import json_value
 from slidax.export.web.playground import PAGE, page_text
 
 from .files import Folder, OutsideError, mark_of
@@ -118,15 +118,7 @@ class JsonAnswer(JSONResponse):
         try:
             return json.dumps(content, allow_nan=False, separators=(",", ":")).encode("ascii")
         except ValueError:
-            return json.dumps(_finite(content), allow_nan=False, separators=(",", ":")).encode("ascii")
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+            return json.dumps(json_value(content), allow_nan=False, separators=(",", ":")).encode("ascii")
 
 
 Handler = Callable[[Request], Awaitable[Response]]

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slidax.core.errors import DefinitionError
+from slidax.core.files import json_value
 from slidax.core.writing import write_text
 from slidax.scenarios.family import Family, as_changes
 
@@ -302,10 +303,7 @@ def _write(path: Path, identity: dict[str, Any], result: TaskResult | str) -> No
     else:
         values |= {"gains": result.gains, "cost": result.cost, "seconds": result.seconds}
         values |= {"inside": result.inside.astype(int).tolist(), "failed": result.failed.astype(int).tolist()}
-        values["metrics"] = {
-            name: [float(v) if np.isfinite(float(v)) else None for v in np.asarray(column, object)]
-            for name, column in result.metrics.items()
-        }
+        values["metrics"] = json_value({name: np.asarray(item, float) for name, item in result.metrics.items()})
     path.parent.mkdir(parents=True, exist_ok=True)
     write_text(path, json.dumps(values, allow_nan=False))
 
