@@ -7,10 +7,8 @@ import pytest
 import scipy.special
 from jax import lax
 
-from slidax import scenarios
 from slidax.codegen import c_code, trace
 from slidax.codegen.builder import Builder
-from slidax.core.types import Reference
 
 from .compiled_c import COMPILERS, GUARDS, compiled, needs_a_compiler
 from .random_programs import random_arrays, random_program
@@ -157,38 +155,3 @@ def test_division_of_integers_has_a_result_for_every_pair(tmp_path):
     divided, rest = call([np.array([7, -(2**31), -7, -7]), np.array([0, -1, 2, -1])])
     assert divided.tolist() == [-1, -(2**31), -3, 7]
     assert rest.tolist() == [7, 0, -1, 0]
-
-
-def paper_law():
-    scenario = scenarios.load("example-4.1")
-    controller, state = scenario.controller, scenario.state0
-    zero = jnp.zeros_like(state.q)
-    reference = Reference(zero, zero, zero)
-    memory = controller.init(jnp.zeros(()), state, reference)
-    function = lambda c, t, state, reference, memory: c(t, state, reference, reference, memory)  # noqa: E731
-    return function, (controller, jnp.zeros(()), state, reference, memory)
-
-
-@needs_a_compiler
-def test_the_law_of_the_paper_agrees_in_c(tmp_path):
-    function, args = paper_law()
-    call = compiled(trace(function, *args), tmp_path, compiler=COMPILERS[0])
-    leaves, tree = jax.tree.flatten(args)
-    random = np.random.default_rng(1)
-    batch = [np.asarray(leaf) * random.uniform(0.8, 1.2, (50, *leaf.shape)) for leaf in leaves]
-    theirs = jax.tree.leaves(jax.vmap(lambda *args: function(*tree.unflatten(args)))(*batch))
-    for k in range(50):
-        for ours, their in zip(call([leaf[k] for leaf in batch]), theirs, strict=True):
-            np.testing.assert_allclose(ours, their[k], rtol=1e-12, atol=1e-13)
-
-
-def test_the_law_of_the_paper_is_short_in_c_and_keeps_its_names():
-    function, args = paper_law()
-    text = c_code(trace(function, *args, names=["parameters", "t", "measured", "reference", "memory"]))
-    assert text.count("\n") < 300
-    assert max(len(line) for line in text.splitlines() if "void run" not in line) <= 110
-    for word in ("e_1", "de_2", "eps1_1", "s_1", "s_2", "tau0_1", "u = "):
-        assert word in text
-    for comment in ("eq. (41)", "eq. (23)", "eq. (29)", "eqs. (45), (46)"):
-        assert comment in text
-    assert text.isascii()

@@ -20,8 +20,6 @@ import pytest
 from typer.main import get_command
 
 from slidax.cli import app
-from slidax.scenarios import parse
-from slidax.scenarios.yaml_text import read_yaml
 from tests.cli.commands import in_process
 
 SCRIPTS = sorted((Path(__file__).parents[2] / "examples").glob("[0-9]*.py"))
@@ -77,7 +75,6 @@ def test_an_example_is_under_60_lines(script):
 
 
 ROOT = Path(__file__).parents[2]
-PAGES = sorted([*(ROOT / "docs").glob("*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"])
 PAGE = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
 START = ROOT / "docs" / "getting-started.md"
@@ -175,23 +172,6 @@ def test_pages_name_the_default_of_design():
         assert words.format(runs.default) in (ROOT / "docs" / page).read_text(encoding="utf-8")
 
 
-def test_every_scenario_on_the_page_about_files_is_valid():
-    blocks = re.findall(r"```yaml\n(.*?)```", (ROOT / "docs" / "scenarios.md").read_text(encoding="utf-8"), re.DOTALL)
-    first = read_yaml(blocks[0])
-    parse(blocks[0])
-    added = [read_yaml(block) for block in blocks[1:]]
-    for block in [block for block in added if isinstance(block, dict)]:
-        scheme = first["scheme"] if "name" not in block.get("scheme", {}) else {}
-        changes = {**block, "scheme": {**scheme, **block.get("scheme", {})}}
-        parse(blocks[0], changes)
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_every_file_that_a_page_links_to_is_there(page):
-    for link in re.findall(r"\]\((?!http)([^)#]+)", page.read_text(encoding="utf-8")):
-        assert (page.parent / link).exists(), link
-
-
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
@@ -214,10 +194,3 @@ def test_the_picture_of_the_readme_is_small_and_shows_the_numbers_of_its_table()
     rows = re.findall(r"^\| [^|]+ \| ([\d.]+) \|$", README.split("<!-- table hero -->")[1], re.MULTILINE)
     envelope, bound, largest, textbook = map(float, rows)
     assert largest < bound < envelope < textbook
-
-
-def test_every_command_in_the_documents_exists():
-    commands = {tuple(line.split()[:1]) for line in re.findall(r"\$ slidax (.*)", README)}
-    known = in_process("--help").stdout
-    for (name,) in commands:
-        assert f" {name} " in known, name

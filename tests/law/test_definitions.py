@@ -175,11 +175,6 @@ def test_a_law_without_a_nominal_robot_has_no_sampled_data_form():
         sampled_data(Blind(), period=1e-3)
 
 
-def test_a_horizon_shorter_than_the_period_is_refused():
-    with pytest.raises(DefinitionError, match=r"`SampledData.horizon` must be >= `period` = 0.001"):
-        sampled_data(law_4_1(), period=1e-3, horizon=5e-4)
-
-
 def test_an_estimator_for_other_joints_is_refused():
     with pytest.raises(DefinitionError, match="`Measured` does not fit the 2 joints of TwoLink"):
         sampled_data(law_4_1(), period=1e-3, estimator=Measured([0.1, 0.2, 0.3]))

@@ -37,16 +37,6 @@ def test_with_a_boundary_layer_the_direction_is_shorter_than_1():
     np.testing.assert_allclose(direction, S / 0.55, rtol=1e-15)
 
 
-@pytest.mark.parametrize("layer", [0.0, 0.05])
-def test_at_zero_the_direction_is_zero_with_finite_gradients(layer):
-    reaching = FixedTimeReaching(0.1, 1.2, layer)
-    np.testing.assert_array_equal(reaching.switching_direction(jnp.zeros(2)), 0.0)
-    np.testing.assert_array_equal(reaching.continuous_term(jnp.zeros(2)), 0.0)
-    for part in ("switching_direction", "continuous_term"):
-        by_gains, by_s = jax.grad(lambda r, s: jnp.sum(getattr(r, part)(s)), argnums=(0, 1))(reaching, jnp.zeros(2))  # noqa: B023
-        assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves((by_gains, by_s)))
-
-
 def test_the_robust_torque_is_that_of_eqs_45_and_46():
     q, dq, tau = np.array([0.5, -1.0]), np.array([2.0, 0.5]), np.array([30.0, -40.0])
     gamma = (0.2 - 0.09) / (0.2 + 0.09)

@@ -13,7 +13,6 @@ from slidax import scenarios
 from slidax.core.errors import DefinitionError
 from slidax.core.types import State
 from slidax.law import Recovery
-from slidax.motions import ConstantPosture
 from slidax.scenarios.instruments import ActuatorDescription, LossDescription, OutageDescription, SensorDescription
 from slidax.scenarios.sampled_data import SampledDataDescription
 from slidax.scenarios.yaml_text import read_yaml
@@ -38,9 +37,12 @@ def test_the_schema_refuses_an_unknown_key():
     assert not jsonschema.Draft202012Validator(scenarios.schema()).is_valid(data)
 
 
+TIMES = np.linspace(0.0, 10.0, 101)
+
+
 @pytest.mark.parametrize("name", PAPER)
 def test_the_example_follows_the_motion_that_the_paper_prints(name):
-    t = 0.7
+    t = TIMES
     printed = {
         "example-4.1": [
             1.25 - 7 / 5 * np.exp(-t) + 7 / 20 * np.exp(-4 * t),
@@ -48,25 +50,21 @@ def test_the_example_follows_the_motion_that_the_paper_prints(name):
         ],
         "example-4.2": [np.sin(np.pi * t / 5), 1.5 * np.cos(np.pi * t / 5), 1 + 0.5 * np.sin(np.pi * t / 5)],
     }
-    position = scenarios.load(name).trajectory.position(jnp.asarray(t))
-    np.testing.assert_allclose(position, printed[name.removesuffix("-1khz")], rtol=1e-14)
+    position = jax.vmap(scenarios.load(name).trajectory.position)(jnp.asarray(t))
+    np.testing.assert_allclose(position.T, printed[name.removesuffix("-1khz")], atol=1e-14)
 
 
 @pytest.mark.parametrize("name", PAPER)
 def test_the_example_is_disturbed_as_the_paper_prints(name):
-    t = 0.3
+    t = TIMES
     ripple = 0.5 * np.sin(200 * np.pi * t)
     printed = {
         "example-4.1": [2 * np.sin(t) + ripple, np.cos(2 * t) + ripple],
         "example-4.2": [np.sin(t) + 1, 2 * np.cos(t) + 0.5, 2 * np.sin(t) + 1],
     }
     scenario = scenarios.load(name)
-    np.testing.assert_allclose(
-        scenario.plant.disturbance(jnp.asarray(t), scenario.state0),
-        printed[name.removesuffix("-1khz")],
-        rtol=1e-12,
-        atol=1e-12,
-    )
+    forces = jax.vmap(lambda t: scenario.plant.disturbance(t, scenario.state0))(jnp.asarray(t))
+    np.testing.assert_allclose(forces.T, printed[name.removesuffix("-1khz")], atol=1e-11)
 
 
 @pytest.mark.parametrize("name", ["example-4.1", "example-4.2"])
@@ -127,26 +125,6 @@ def test_every_field_of_the_sensor_and_the_actuator_is_documented():
 
 def test_numbers_with_an_exponent_are_numbers_in_yaml_1_2():
     assert read_yaml("1e-4") == 1e-4
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("a: [1, 2", "not valid YAML at line"),
-        ("- 1\n- 2", "a scenario is a mapping with the keys title"),
-        ("title: only this", "robot: is missing"),
-    ],
-)
-def test_a_file_that_is_no_scenario_is_refused_in_one_sentence(text, words):
-    with pytest.raises(DefinitionError, match=words):
-        scenarios.parse(text)
-
-
-def test_a_binary_file_is_refused(tmp_path):
-    file = tmp_path / "picture.yaml"
-    file.write_bytes(b"\x89PNG\xff\xfe")
-    with pytest.raises(DefinitionError, match="not UTF-8"):
-        scenarios.load(file)
 
 
 URDF = """<robot name="one">
@@ -221,10 +199,8 @@ def test_replace_changes_parts_times_and_stepping_alone():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"trajectory": ConstantPosture([0.0, 0.0, 0.0])}, r"the trajectory gives \[3\] positions"),
         ({"state0": State([0.0])}, "`state0.q` must have one entry for each of the 2 joints"),
         ({"controler": None}, "a scenario has no field `controler`; did you mean `controller`?"),
-        ({"period": -1.0}, "`Stepping.period` must be > 0 s"),
     ],
 )
 def test_parts_that_do_not_fit_are_refused(change, message):

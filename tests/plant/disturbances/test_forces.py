@@ -1,4 +1,4 @@
-"""Each disturbance against its own formula, and the paper's two against theirs."""
+"""Each disturbance against its own formula."""
 
 import jax
 import jax.numpy as jnp
@@ -6,26 +6,10 @@ import numpy as np
 
 from slidax.core.types import State
 from slidax.plant import Friction, Step, Sum
-from tests.paper_examples import DISTURBANCE_4_1, DISTURBANCE_4_2
-
-TIMES = np.linspace(0.0, 10.0, 997)
 
 
 def at_rest(n):
     return State(q=jnp.zeros(n), dq=jnp.zeros(n))
-
-
-def test_example_4_1_is_disturbed_as_printed():
-    fast = 0.5 * np.sin(200 * np.pi * TIMES)
-    expected = np.stack([2 * np.sin(TIMES) + fast, np.cos(2 * TIMES) + fast], axis=1)
-    forces = jax.vmap(lambda t: DISTURBANCE_4_1(t, at_rest(2)))(jnp.asarray(TIMES))
-    np.testing.assert_allclose(forces, expected, atol=1e-11)
-
-
-def test_example_4_2_is_disturbed_as_printed():
-    s, c = np.sin(TIMES), np.cos(TIMES)
-    forces = jax.vmap(lambda t: DISTURBANCE_4_2(t, at_rest(3)))(jnp.asarray(TIMES))
-    np.testing.assert_allclose(forces, np.stack([s + 1, 2 * c + 0.5, 2 * s + 1], axis=1), atol=1e-13)
 
 
 def test_friction_opposes_the_velocity_and_takes_energy():

@@ -143,7 +143,6 @@ def test_outages_vary_in_a_batch():
         (Delayed, "periods", -1.0, r"must be in \[0, 100\]; got -1"),
         (Delayed, "periods", float("inf"), r"must be in \[0, 100\]; got inf"),
         (Delayed, "jitter", -0.5, r"must be in \[0, 100\]; got -0.5"),
-        (Lossy, "probability", 1.5, r"must be in \[0, 1\]; got 1.5"),
         (Lossy, "probability", [0.1, 0.2], "must be one number"),
         (Lossy, "starts", [1], "must have one entry for each of `starts`"),
         (Lossy, "starts", [0.5], "whole"),
