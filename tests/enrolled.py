@@ -39,6 +39,11 @@ def assert_same(a: Any, b: Any, rtol: float = 0.0, atol: float | None = None) ->
         np.testing.assert_allclose(x, y, rtol=rtol, atol=rtol if atol is None else atol)
 
 
+def assert_same_numbers(a: Any, b: Any) -> None:
+    """Check that two pytrees have the same arrays, whatever their static fields."""
+    assert_same(jax.tree.leaves(a), jax.tree.leaves(b))
+
+
 def assert_same_form(a: Any, b: Any) -> None:
     """Check structure, shapes and types of two pytrees."""
     assert jax.tree.structure(a) == jax.tree.structure(b)

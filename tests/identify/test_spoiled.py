@@ -189,9 +189,6 @@ def mounted(arm: Articulated) -> Articulated:
     return tilted
 
 
-EVERY_DAY = {kind.name: kind for kind in KINDS}
-
-
 def judged(kind: Kind, name: str, seed: int) -> tuple[bool, str]:
     """True if a spoiled log was refused, and the words about it."""
     arm = ARMS[name]()

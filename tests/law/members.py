@@ -230,5 +230,3 @@ CONTROLLERS_LIKE_OTHERS = (
     "sampled_anftsmc",
 )
 """The same laws with other parts, which are members of their own rooms: these run in the long version."""
-
-RECOVERIES: list[tuple[str, Recovery]] = [("recovery", Recovery())]

@@ -17,6 +17,7 @@ from slidax.scenarios.instruments import ActuatorDescription, LossDescription, O
 from slidax.scenarios.sampled_data import SampledDataDescription
 from slidax.scenarios.yaml_text import read_yaml
 from slidax.simulation import native_engine
+from tests.enrolled import assert_same_numbers
 
 BUILT_IN = Path(scenarios.__file__).parent / "built_in"
 DOCUMENTED = Path(__file__).parents[2] / "docs" / "scenarios.md"
@@ -212,8 +213,7 @@ def test_a_batch_of_scenarios_equals_single_runs():
     runs = BASE.simulate_batch(with_gain, GAINS, log_every=1)
     for run, k1 in zip(runs, GAINS, strict=True):
         alone = with_gain(BASE, k1).simulate(log_every=1)
-        for many, single in zip(jax.tree.leaves(run), jax.tree.leaves(alone), strict=True):
-            np.testing.assert_array_equal(many, single)
+        assert_same_numbers(run, alone)
     assert np.any(runs[0].tally.last_torque != runs[1].tally.last_torque)
 
 

@@ -71,8 +71,7 @@ def test_the_envelope_is_passed_on_to_every_scheme_with_an_envelope(name):
     changes = {"scheme.name": name, "scheme.performance.final": 0.003}
     transformation = scenarios.load("example-4.1", changes).controller.transformation
     wanted = eqx.tree_at(lambda p: p.performance.final, AROUND_4_1, np.asarray(0.003))
-    for a, b in zip(jax.tree.leaves(transformation), jax.tree.leaves(wanted), strict=True):
-        np.testing.assert_array_equal(a, b)
+    assert eqx.tree_equal(transformation, wanted)
 
 
 @pytest.mark.parametrize("name", ["ftsmc", "sfsmc"])

@@ -11,6 +11,7 @@ from slidax.core.types import State
 from slidax.motions import ConstantPosture
 from slidax.plant import DifferencedEncoders, Encoders
 from slidax.simulation import Plant, simulate, simulate_batch
+from tests.enrolled import assert_same, assert_same_numbers
 from tests.paper_examples import DISTURBANCE_4_1, MOTION_4_1, START_4_1, TWO_LINK, law_4_1, plant_4_1
 from tests.simulation.simple import SMOOTH_PLANT, SPRING, BoundedLaw, Spring
 
@@ -122,8 +123,7 @@ def test_both_engines_give_the_same_batch():
 
 def test_the_number_of_threads_changes_no_bit():
     once, twice = (simulate_batch(shifted, VARIED, **TIMES, engine="native", threads=threads) for threads in (1, 2))
-    for a, b in zip(jax.tree.leaves(once), jax.tree.leaves(twice), strict=True):
-        np.testing.assert_array_equal(a, b)
+    assert_same_numbers(once, twice)
 
 
 def test_each_run_has_its_own_random_numbers():
@@ -165,8 +165,7 @@ def test_a_batch_of_runs_equals_single_runs():
     many = jax.jit(jax.vmap(run))(layers, shifts)
     for i, (layer, shift) in enumerate(zip(layers, shifts, strict=True)):
         alone, ours = run(layer, shift), jax.tree.map(lambda x, i=i: x[i], many)
-        for a, b in zip(jax.tree.leaves(ours.tally), jax.tree.leaves(alone.tally), strict=True):
-            np.testing.assert_allclose(a, b, rtol=1e-9)
+        assert_same(ours.tally, alone.tally, rtol=1e-9, atol=0.0)
         assert int(ours.fault.kind) == int(alone.fault.kind)
         np.testing.assert_allclose(ours.log.tau, alone.log.tau, rtol=1e-6, atol=1e-6)
         assert int(np.sum(ours.log.valid)) == len(alone.log.t) == 101

@@ -1,8 +1,6 @@
 """The engine for a card: a whole closed loop as a kernel, run on the processor where there is no card."""
 
-import jax
 import jax.numpy as jnp
-import numpy as np
 import pytest
 
 from slidax import scenarios
@@ -11,6 +9,7 @@ from slidax.core.errors import DefinitionError
 from slidax.core.types import State
 from slidax.simulation import native_engine, simulate, simulate_batch
 from tests.codegen.card_on_the_processor import CardOnTheProcessor, needs_gxx
+from tests.enrolled import assert_same
 from tests.paper_examples import MOTION_4_1, START_4_1, plant_4_1
 from tests.simulation.simple import SPRING
 from tests.simulation.test_batches import HOW, RADII, VARIED, falling, shifted
@@ -30,24 +29,18 @@ def card(monkeypatch, tmp_path):
     native_engine._compiled_for_card.cache_clear()
 
 
-def assert_equal(ours, theirs):
-    assert jax.tree.structure(ours) == jax.tree.structure(theirs)
-    for a, b in zip(jax.tree.leaves(ours), jax.tree.leaves(theirs), strict=True):
-        np.testing.assert_array_equal(a, b)
-
-
 @needs_gxx
 def test_a_batch_on_emulated_gpu_has_the_bits_of_the_native_engine(card):
     card_s, processor_s = (simulate_batch(shifted, VARIED, **LOGGED, engine=engine) for engine in ("cuda", "native"))
     assert len(card) == 1
-    assert_equal(card_s, processor_s)
+    assert_same(card_s, processor_s)
 
 
 @needs_gxx
 def test_runs_that_end_early_have_the_same_end(card):
     done, expected = (simulate_batch(falling, RADII, **HOW, engine=engine) for engine in ("cuda", "native"))
     assert done.fault.kind.tolist() == [1, 0, 1]
-    assert_equal(done, expected)
+    assert_same(done, expected)
 
 
 @pytest.mark.full
@@ -62,13 +55,13 @@ def test_a_scenario_file_can_select_the_cuda_engine(card):
         for engine in ("cuda", "native")
     )
     assert len(card) == 1
-    assert_equal(on_card, on_processor)
+    assert_same(on_card, on_processor)
 
 
 def test_a_single_run_uses_the_cpu_with_a_warning():
     with pytest.warns(UserWarning, match="with the engine `native`, because `cuda` is for batches"):
         run = simulate(plant_4_1(), SPRING, MOTION_4_1, START_4_1, t1=0.01, period=1e-3, engine="cuda")
-    assert_equal(run.tally, simulate(plant_4_1(), SPRING, MOTION_4_1, START_4_1, t1=0.01, period=1e-3).tally)
+    assert_same(run.tally, simulate(plant_4_1(), SPRING, MOTION_4_1, START_4_1, t1=0.01, period=1e-3).tally)
 
 
 def test_without_a_gpu_a_batch_is_refused_with_what_is_missing():
@@ -82,4 +75,4 @@ def test_on_a_gpu_the_bits_are_those_of_the_native_engine():
     if not cuda.card_available():
         pytest.skip("CuPy or a card is missing")
     on_card, on_processor = (simulate_batch(shifted, VARIED, **LOGGED, engine=engine) for engine in ("cuda", "native"))
-    assert_equal(on_card, on_processor)
+    assert_same(on_card, on_processor)

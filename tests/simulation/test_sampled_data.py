@@ -10,6 +10,7 @@ from slidax import scenarios
 from slidax.core.types import State
 from slidax.plant import Encoders, Lossy
 from slidax.simulation import Plant, simulate, simulate_batch, value_and_gradient
+from tests.enrolled import assert_same
 from tests.paper_examples import MOTION_4_1
 
 SCENARIO = scenarios.load("example-4.1-1khz")
@@ -26,11 +27,6 @@ def loop(law=SCENARIO.controller, shift=0.0, sensor=SCENARIO.plant.sensor):
 
 def run(*law, t1=0.3, **changed):
     return simulate(*loop(*law, **changed), t1=t1, log_every=None, **HOW)
-
-
-def assert_same(a, b, rtol):
-    for x, y in zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True):
-        np.testing.assert_allclose(x, y, rtol=rtol, atol=rtol)
 
 
 # A batch inside `jit` is compiled by XLA; a simpler law is tried so every day in `test_batch_and_gradient.py`.

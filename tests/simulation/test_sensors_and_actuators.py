@@ -11,7 +11,7 @@ from slidax.core.types import State
 from slidax.motions import ConstantPosture as Still
 from slidax.plant import Actuator, Constant, Delayed, Encoders, Exact, Lossy, TorqueLimits
 from slidax.simulation import Plant, simulate
-from tests.enrolled import every
+from tests.enrolled import assert_same, every
 from tests.paper_examples import MOTION_4_1, START_4_1, TWO_LINK
 from tests.plant.sensors.members import LIKE_OTHERS, SENSORS
 from tests.simulation.simple import SMOOTH_PLANT, SPRING, BoundedLaw, Pendulum, Spring, Witness
@@ -37,11 +37,6 @@ def measured(sensor, log):
     states = jax.tree.map(jnp.asarray, log.state)
     first = jax.tree.map(lambda x: x[0], states)
     return jax.lax.scan(sample, sensor.init(first), (jnp.asarray(log.k), states))[1]
-
-
-def assert_same(a, b, rtol=0.0):
-    for x, y in zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True):
-        np.testing.assert_allclose(x, y, rtol=rtol, atol=rtol)
 
 
 @every("sensor", SENSORS, full=LIKE_OTHERS)

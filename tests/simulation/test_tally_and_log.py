@@ -10,6 +10,7 @@ import pytest
 
 from slidax.simulation import BANDS, Tally, simulate
 from slidax.simulation.tally import Windows
+from tests.enrolled import assert_same
 from tests.paper_examples import MOTION_4_1, START_4_1, law_4_1, plant_4_1
 from tests.simulation.simple import SMOOTH_PLANT, SPRING
 
@@ -23,16 +24,11 @@ def run(log_every, mode="held"):
     return simulate(plant_4_1(), law, MOTION_4_1, START_4_1, t1=END, period=PERIOD, mode=mode, log_every=log_every)
 
 
-def assert_same_bits(a, b):
-    for x, y in zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True):
-        np.testing.assert_array_equal(x, y)
-
-
 @pytest.mark.parametrize("log_every", [None, 7, 100])
 def test_tally_does_not_depend_on_what_is_logged_and_a_thinner_log_is_a_part_of_the_full_one(log_every):
     thin, whole = run(log_every), run(1)
-    assert_same_bits((thin.tally, thin.state), (whole.tally, whole.state))
-    assert_same_bits(thin.log, log_every and jax.tree.map(lambda x: x[::log_every], whole.log))
+    assert_same((thin.tally, thin.state), (whole.tally, whole.state))
+    assert_same(thin.log, log_every and jax.tree.map(lambda x: x[::log_every], whole.log))
 
 
 def test_there_are_n_plus_one_samples_for_n_periods():
@@ -85,7 +81,7 @@ def test_first_sample_is_the_start_and_the_last_one_the_state():
     state = run(1).log.state
     for logged, expected in ((state.q[0], START_4_1.q), (state.dq[0], START_4_1.dq)):
         np.testing.assert_array_equal(logged, expected)
-    assert_same_bits((state.q[-1], state.dq[-1]), (run(1).state.q, run(1).state.dq))
+    assert_same((state.q[-1], state.dq[-1]), (run(1).state.q, run(1).state.dq))
 
 
 def test_the_log_has_inputs_and_outputs_of_the_controller():
@@ -111,7 +107,7 @@ def test_the_tally_and_log_do_not_depend_on_the_size_of_a_chunk(monkeypatch, log
     logged, whole = run(log_every), run(1)
     monkeypatch.setattr(sys.modules[f"slidax.simulation.{engine}_engine"], "CHUNK", 400)
     chunked = run(log_every)
-    assert_same_bits((chunked.tally, chunked.log, chunked.state), (whole.tally, logged.log, whole.state))
+    assert_same((chunked.tally, chunked.log, chunked.state), (whole.tally, logged.log, whole.state))
 
 
 def test_memory_passes_between_samples_and_the_next_reference_is_one_period_later():
@@ -152,4 +148,4 @@ def test_the_stiff_printed_loop_has_the_same_bits_for_any_log(log_every):
     def tally(log_every):
         return simulate(plant_4_1(), law_4_1(), MOTION_4_1, START_4_1, t1=2.0, period=1e-4, log_every=log_every).tally
 
-    assert_same_bits(tally(log_every), tally(7))
+    assert_same(tally(log_every), tally(7))

@@ -12,7 +12,6 @@ from slidax.report import Rival, results, standings, write_comparison
 from slidax.report.comparison import comparison_verdict
 
 JUDGE = scenarios.load("example-4.1", {"simulation.t1": 1.0})
-Rivals = dict[str, Rival]
 
 
 def simulated(name, **changes):

@@ -10,7 +10,7 @@ pytest.importorskip("viser")
 from slidax.arms import Payload, TimedPayload
 from slidax.report import replay
 from slidax.report.replay.drawing import draw, make_stage
-from slidax.simulation import MujocoPlant, Plant, Run, Table
+from slidax.simulation import MujocoPlant, Plant, Table
 
 from .runs import crane_run
 from .test_drawing import assert_seen
@@ -21,8 +21,6 @@ MASS = 1.5
 CENTER = np.array([0.01, 0.02, 0.08])
 BOX = Payload(MASS, CENTER, MASS / 12 * np.diag((SIDES**2).sum() - SIDES**2))
 ATTACHED, RELEASED = 0.099, 0.199
-
-Moved = tuple[Plant | MujocoPlant, Run]
 
 
 @pytest.fixture(scope="module")
