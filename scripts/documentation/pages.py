@@ -21,6 +21,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import tomllib
 import traceback
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -274,7 +275,25 @@ def dotted(read: dict[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 ROOT = Path(__file__).parents[2]
-COLUMNS = 110
+START = ROOT / "docs" / "getting-started.md"
+INSTALL = re.compile(r"pip install '(?:slidax|\.)\[([\w,]+)\]'")
+COLUMNS = 95
+
+
+def modules_of_other_extras(text: str) -> set[str]:
+    """Modules of the extras that no install command in the text of a page names."""
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+    named = {extra for line in INSTALL.findall(text) for extra in line.split(",")}
+    if "all" in named:
+        return set()
+    kept = {_package(need) for extra in named for need in extras[extra]}
+    others = {_package(need) for extra, needs in extras.items() if extra != "all" for need in needs} - kept
+    packages = metadata.packages_distributions()
+    return {module for module, names in packages.items() if {*map(_package, names)} & others}
+
+
+def _package(requirement: str) -> str:
+    return re.split(r"[>=<\[; ]", requirement)[0].lower().replace("_", "-")
 
 
 @dataclass
@@ -547,6 +566,9 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True, help="a folder for figures and outcomes.json")
     parser.add_argument("--small", action="store_true", help="only blocks marked as small")
     options = parser.parse_args()
+    # A reader has the extras of the first page and those that this one names.
+    for module in modules_of_other_extras(START.read_text(encoding="utf-8") + options.page.read_text(encoding="utf-8")):
+        sys.modules[module] = None  # type: ignore[assignment]
     # The same figure in the same bits.
     mpl.rcParams["svg.hashsalt"] = options.page.stem
     with tempfile.TemporaryDirectory() as folder:
