@@ -30,10 +30,6 @@ Grade = Literal["A", "B", "C"]
 """Grade of a verdict that holds: `A` if all assumptions are proved, `B` if some are, `C` if none is."""
 
 
-OVER_TIME = ("times", "error_over_time")
-"""Bounds for a figure: times [N], s, and the bound of |e| until the next time [N n], rad or m."""
-
-
 @dataclass(frozen=True)
 class Assumption:
     """An assumption of a guarantee.
@@ -94,19 +90,6 @@ class Verdict:
         """Number of assumptions with each status, such as "2 proved, 3 tested, 1 assumed"."""
         statuses = [line.status for line in self.assumptions]
         return ", ".join(f"{statuses.count(status)} {status}" for status in get_args(Status) if status in statuses)
-
-    @property
-    def bound_in_words(self) -> list[str]:
-        """Bounds as text, such as "error 1.2e-05", each the largest of all joints; bounds over time are left out."""
-        words = []
-        for name, value in self.bound.items():
-            if name in OVER_TIME:
-                continue
-            numbers = json_value(value)
-            flat = numbers if isinstance(numbers, list) else [numbers]
-            if flat and all(isinstance(number, int | float) for number in flat):
-                words.append(f"{name.replace('_', ' ')} {max(flat):.3g}")
-        return words
 
     def as_json(self) -> dict[str, Any]:
         """Return the verdict as `slidax certify --json` prints it; non-finite values are None."""

@@ -98,7 +98,7 @@ def test_two_settings_are_compared_side_by_side(visit):
 
 def test_outdated_certificates_turn_grey_with_their_reason(visit):
     lights = visit.page.locator("#certificates .light")
-    assert [lights.nth(k).get_attribute("data-state") for k in range(3)] == ["good", "bad", "open"]
+    assert [lights.nth(k).get_attribute("data-state") for k in range(3)] == ["good", "bad", "grey"]
     typed(visit, "[data-path='scheme.surface.k1']", "0.3")
     assert [lights.nth(k).get_attribute("data-state") for k in range(3)] == ["grey", "bad", "grey"]
     assert "k₁ moved" in lights.nth(0).inner_text()

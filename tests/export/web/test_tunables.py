@@ -74,8 +74,8 @@ def test_important_parameters_have_sliders_with_units():
     wanted = {
         "scheme.transformation.performance.deadline": ("s", "Envelope"),
         "scheme.surface.k1": ("rad/s or m/s", "Law"),
-        "robot.plant.load.mass": ("kg", "The arm as it is"),
-        "robot.plant.armature": ("kg m² or kg", "The arm as it is"),
+        "robot.plant.load.mass": ("kg", "True arm"),
+        "robot.plant.armature": ("kg m² or kg", "True arm"),
         "actuator.time_constant": ("s", "Drives"),
     }
     for path, (unit, group) in wanted.items():

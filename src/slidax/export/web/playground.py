@@ -214,7 +214,7 @@ def _arm(label: str, title: str, settings: Sequence[BuiltSetting]) -> dict[str, 
 TITLE = "slidax playground"
 
 PERIODS = ProgramChoice("simulation.period", "sampling period", "s", (0.0005, 0.001, 0.002))
-DELAYS = ProgramChoice("sensor.delay", "age of a measurement when it arrives", "periods", (0.0, 1.0))
+DELAYS = ProgramChoice("sensor.delay", "delay of a measurement", "periods", (0.0, 1.0))
 ENCODERS = ProgramChoice("sensor.resolution", "resolution of the encoders", "rad", (0.0, 1e-5))
 COARSER = ProgramChoice("sensor.resolution", "resolution of the encoders", "rad", (1e-5, 5e-5))
 SLOWER = ProgramChoice("simulation.period", "sampling period", "s", (0.001, 0.002))
@@ -407,7 +407,7 @@ def _choices(description: ScenarioDescription) -> list[ProgramChoice]:
     whole = round(simulation.t1 / simulation.period) % 2 == 0
     return [
         ProgramChoice("simulation.period", "sampling period", "s", periods if whole else periods[:2]),
-        ProgramChoice("sensor.delay", "age of a measurement when it arrives", "periods", tuple(sorted(delays))),
+        ProgramChoice("sensor.delay", "delay of a measurement", "periods", tuple(sorted(delays))),
     ]
 
 

@@ -107,16 +107,10 @@ def certificates_of(scenario: Scenario, paths: Sequence[str]) -> list[dict[str, 
                 "grade": verdict.grade,
                 "statement": verdict.statement,
                 "margin": data["margin"],
-                "bound": {key: value for key, value in data["bound"].items() if _brief(value)},
-                "words": verdict.bound_in_words,
                 "reads": [path for path in paths if certificate.may_read(path)],
             }
         )
     return lights
-
-
-def _brief(value: Any) -> bool:
-    return not isinstance(value, list) or (len(value) <= 16 and not any(isinstance(item, list) for item in value))
 
 
 @dataclass(frozen=True)
@@ -313,9 +307,9 @@ PRINTED = "printed"
 LAYER = 0.05
 """Boundary layer of the printed law, which chatters at a robot's rate without one."""
 
-OURS = "in its form for an arm that is commanded once a period; the envelope is its own"
+OURS = "Sampled-data form, with its own envelope"
 
-WITH = "with the same estimator, adaptation, prediction and limits"
+WITH = "With the same estimator, adaptation, prediction and limits"
 
 JUDGED = "; it has no envelope, and is judged by that of our law"
 
@@ -363,7 +357,7 @@ def _draws(description: ScenarioDescription) -> bool:
 def _printed(description: ScenarioDescription, arm: str, choices: Sequence[ProgramChoice]) -> PageSetting:
     own = description.scheme.name
     changes: dict[str, Any] = {"scheme.sampled_data": None, "simulation.outside": "raise"}
-    note = "as printed: no estimator, no prediction, no limits known to it"
+    note = "As printed: no estimator, no prediction, no limits known to it"
     reaching = getattr(description.scheme, "reaching", None)
     if getattr(reaching, "layer", None) == 0.0:
         changes["scheme.reaching.layer"] = LAYER

@@ -18,14 +18,14 @@ ROOTS = {
     "scheme.transformation": "Envelope",
     "scheme.sampled_data": "Sampled data",
     "scheme": "Law",
-    "robot.plant": "The arm as it is",
+    "robot.plant": "True arm",
     "disturbance": "Disturbance",
     "sensor": "Sensor",
     "actuator": "Drives",
 }
 """Blocks with tunable values and their titles on the page; the first match counts."""
 
-ORDER = ("Envelope", "Law", "The arm as it is", "Disturbance", "Sensor", "Drives", "Sampled data")
+ORDER = ("Envelope", "Law", "True arm", "Disturbance", "Sensor", "Drives", "Sampled data")
 """Order of the groups: learning and recovery come last."""
 
 NEVER = ("seed", "kind", "lengths", "phase", "attached", "gravity_acceleration", "torque_density")
@@ -168,6 +168,8 @@ def _tunable(leaf: Leaf, group: str, field: Any, beside: tuple[float, float]) ->
     within = leaf.path.split(".")
     if within[-2].isdigit():
         title = f"{title}, term {int(within[-2]) + 1}"
+    elif within[-2] == "performance" and name in ("initial", "final"):
+        title = f"{name} radius"
     elif within[-2] in ("load", "recovery", "adaptation", "estimator", "surface", "reaching", "bound"):
         title = f"{within[-2].replace('load', 'payload')} {title}"
     return Tunable(leaf, title, group, meaning, low, high, logarithmic, declared)

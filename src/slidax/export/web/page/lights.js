@@ -1,10 +1,10 @@
-/* What is promised before a run, and what this run shows. Each light has a sign and words besides its colour. */
+/* Guarantees before a run, and the outcome of this one. Each light has a sign and words besides its colour. */
 
 import { firstOutside } from "./curves.js";
 import { element } from "./dom.js";
 import { capitalised, shownNumber } from "./numbers.js";
 
-const SIGNS = { good: "✓", bad: "✗", open: "?", grey: "–" };
+const SIGNS = { good: "✓", bad: "✗", grey: "–" };
 
 function light(state, title, words, details = []) {
   return element("li.light", { "data-state": state }, element("span.sign", { "aria-hidden": "true", text: SIGNS[state] }),
@@ -20,26 +20,24 @@ export function certificateLights(playground, chosen) {
   const setting = playground.setting(chosen);
   const moved = [...Object.keys(chosen.values), ...Object.keys(chosen.choices)];
   const titles = path => playground.tunable(chosen, path)?.title ?? playground.choice(chosen, path)?.title ?? path;
-  return (setting.certificates ?? []).map(({ certificate, title: name, holds, grade, since, statement, margin, bound, words: said, reads }) => {
+  return (setting.certificates ?? []).map(({ certificate, title: name, holds, grade, since, statement, margin, reads }) => {
     const title = capitalised(name ?? certificate.replaceAll("_", " "));
     const stale = moved.filter(path => !reads?.length || reads.some(read => touches(path, read)));
     if (stale.length) {
       const names = [...new Set(stale.map(titles))].join(", ");
-      return light("grey", title, `is not known here: ${names} moved.`, [`As given it said: ${statement}`]);
+      return light("grey", title, `is not known here: ${names} moved.`, [`Before, it said: ${sentence(statement)}`]);
     }
-    const state = holds === true ? "good" : holds === false ? "bad" : "open";
+    const state = holds === true ? "good" : holds === false ? "bad" : "grey";
     const held = since ? `holds from ${shownNumber(since, 3)} s on` : "holds";
-    const words = { good: `${held}${grade ? `, grade ${grade}` : ""}.`, bad: "does not hold.", open: "is not decided." }[state];
-    const numbers = [numberText("margin", margin), said ? "" : numberText("bound", bound)].filter(Boolean).join(", ");
-    return light(state, title, words, [statement, capitalised([said ?? [], numbers].flat().filter(Boolean).join(", "))].filter(Boolean));
+    const words = { good: `${held}${grade ? `, grade ${grade}` : ""}.`, bad: "does not hold.", grey: "does not apply." }[state];
+    const room = Number.isFinite(margin ?? NaN) ? [`Margin ${shownNumber(100 * margin, 3)} %.`] : [];
+    return light(state, title, words, [sentence(statement), ...room]);
   });
 }
 
-function numberText(name, value) {
-  if (value === null || value === undefined) return "";
-  const numbers = [typeof value === "object" ? Object.values(value) : value].flat(3).map(Number);
-  if (!numbers.length || numbers.every(number => !Number.isFinite(number))) return "";
-  return `${name} ${numbers.map(number => shownNumber(number, 3)).join(", ")}`;
+/* A certificate's statement without the marks around names. */
+function sentence(text) {
+  return capitalised(text.replaceAll("`", ""));
 }
 
 export function runLights(result, joints) {

@@ -6,7 +6,7 @@ import { listed, sameNumbers } from "./playground.js";
 import { numberSlider } from "./slider.js";
 
 /* What a stranger understands, besides the first group. */
-const OPENED = ["World", "The arm as it is", "Disturbance"];
+const OPENED = ["World", "True arm", "Disturbance"];
 
 let tunableCount = 0;
 
@@ -21,7 +21,7 @@ export class Tunables {
       const meaning = event.target.closest(".tunable")?.querySelector(".meaning");
       if (meaning) this.told.textContent = `${meaning.parentElement.getAttribute("aria-label")}: ${meaning.textContent}`;
     };
-    this.told = element("p.told", { "aria-hidden": "true", text: "Touch a slider to read what it means." });
+    this.told = element("p.told", { "aria-hidden": "true", text: "Touch a slider to read its meaning." });
     place.after(this.told);
     place.addEventListener("focusin", explain);
     place.addEventListener("pointerover", explain);
