@@ -75,7 +75,7 @@ def test_a_single_run_is_no_sequence_but_has_outcomes():
 def test_inside_a_transformation_a_run_has_no_outcome():
     def inside(radius):
         run = simulate(*falling(radius), **HOW)
-        with pytest.raises(DefinitionError, match="look at `fault`"):
+        with pytest.raises(DefinitionError, match="read `fault`"):
             _ = run.outcome
         return run
 

@@ -92,7 +92,7 @@ def test_a_loop_without_native_code_is_differentiated_by_xla_with_a_warning():
     def sorted_start(x):
         return SMOOTH_PLANT, SPRING, MOTION_4_1, eqx.tree_at(lambda s: s.q, START_4_1, jnp.sort(START_4_1.q * x))
 
-    with pytest.warns(UserWarning, match="engine `xla`, as there is no native code for the JAX primitive `sort`"):
+    with pytest.warns(UserWarning, match="engine `xla`, because there is no native code for the JAX primitive `sort`"):
         value, gradient = value_and_gradient(last_error, sorted_start, 1.0, t1=0.05, period=0.01)
     expected = value_and_gradient(last_error, sorted_start, 1.0, t1=0.05, period=0.01, engine="xla")
     np.testing.assert_array_equal((value, gradient), expected)
