@@ -73,7 +73,7 @@ _SUBPACKAGES = [module.name for module in iter_modules(__path__) if not module.n
 
 
 def _enable_64_bits() -> None:
-    """Make JAX compute with 64 bits, where nobody has decided otherwise."""
+    """Enable 64-bit numbers in JAX unless the user has decided otherwise."""
     jax = sys.modules.get("jax")
     if jax is None:
         # JAX reads it when it is imported, which takes a while and is left to the first use.

@@ -108,7 +108,7 @@ def test_follower_outside_the_arm_follows_on_request():
         from_urdf(text, tip="tool", mimics="fixed")
 
 
-def test_a_ratio_of_0_holds_the_joint():
+def test_a_follower_with_ratio_0_is_held_at_its_offset():
     with pytest.warns(DefinitionWarning, match="held at 0.2"):
         arm = from_urdf(FOLLOWED.replace("-0.5", "0"))
     assert isinstance(arm, Articulated)

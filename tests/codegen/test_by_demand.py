@@ -103,7 +103,7 @@ def test_a_called_elementary_function_has_the_bits_of_its_expansion(op, kind, la
 
 
 @pytest.mark.parametrize("lanes", [1, 8])
-def test_runs_with_quick_code_have_the_same_bits(monkeypatch, lanes):
+def test_runs_with_quick_code_have_the_bits_of_optimised_code(monkeypatch, lanes):
     scenario = scenarios.load("example-4.1-1khz")
     starts = scenario.state0.q + jnp.array([[0.0], [1e-3]])
 

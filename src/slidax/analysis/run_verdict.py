@@ -56,7 +56,7 @@ def run_verdict(scenario: Scenario, run: Run) -> RunVerdict:
 def bound_shares(run: Run) -> np.ndarray:
     """Error over its bound at each logged sample [k, n]: 1 is the envelope's edge.
 
-    - `run`: with a log, of a scheme with an envelope.
+    - `run`: run with a log, of a scheme with an envelope.
     """
     assert run.log is not None
     assert run.log.envelope is not None

@@ -112,7 +112,7 @@ def assemble(
     Links behind a fixed or a locked joint become part of the link that carries them; links fixed to the base are
     dropped. The remaining joints keep their order, except that each comes after its parent.
 
-    - `joints`: in any order.
+    - `joints`: joints in any order.
     - `tip`: name of the link whose frame is the tip; it may be behind fixed joints.
     - `locked`: positions of joints that do not move, rad or m.
     - `gravity`: acceleration in the base frame [3], m/s².

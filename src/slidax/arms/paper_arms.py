@@ -27,7 +27,7 @@ def _point_masses(
     """Return a chain with one point mass for each link.
 
     - `turns`, `places`: each joint's axes and position in the last one's frame [n 3 3], [n 3].
-    - `centers`: of the masses and, in its last row, of the tip [n 3]. `armature`: [n]. `down`: gravity's direction [3].
+    - `centers`: positions of the masses and, last, of the tip [n 3]. `armature`: [n]. `down`: gravity's direction [3].
     """
     n = robot.joints
     nothing, unlimited = jnp.zeros(n), jnp.full(n, jnp.inf)

@@ -109,7 +109,7 @@ SHARES = np.linspace(0.0, 1.0, 9)
 class UncertainValue:
     """Range of a number, or of several numbers that vary together, from a lower to an upper end.
 
-    - `path`: in the scenario file.
+    - `path`: path in the scenario file.
     - `entry`: index of the number at this path; None if all of them vary together.
     - `lower`, `upper`: ends, in the shape of the whole value.
     """

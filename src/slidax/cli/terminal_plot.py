@@ -29,9 +29,9 @@ def funnel(console: Console, run: Run, envelope_run: Run, share: float) -> Table
     The scale is linear near zero, within the final bounds, and logarithmic farther out.
 
     - `console`: for its width and encoding.
-    - `run`: with every sample logged.
+    - `run`: run with every sample logged.
     - `envelope_run`: a run with the envelope, with every sample logged.
-    - `share`: of the time that is drawn, 0 to 1.
+    - `share`: share of the time that is drawn, 0 to 1.
     """
     width = max(12, min(WIDEST, (console.width - 2) // run.joints - LABEL - 3))
     ascii_only = not (console.encoding or "").lower().startswith("utf")

@@ -54,7 +54,7 @@ class JointUnits:
 class CProject:
     """The data for the templates.
 
-    - `name`: of the law in C.
+    - `name`: name of the law in C.
     - `title`, `law`: of the scenario, and of its scheme, in a line each.
     - `command`: the command line that made it.
     - `guard`: the step in Python.
@@ -64,7 +64,7 @@ class CProject:
     - `tables`: long constant arrays read by those two.
     - `golden`: the step's answers in Python; None without tests.
     - `period`, `t1`: of the scenario [s].
-    - `delay`: of sensor and actuator together, in whole periods.
+    - `delay`: delay of sensor and actuator together, in whole periods.
     - `start`: initial positions and velocities.
     """
 

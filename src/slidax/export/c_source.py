@@ -28,7 +28,7 @@ LEAST = 3
 class SharedFunction:
     """A function of the step.
 
-    - `name`: in C.
+    - `name`: name in C.
     - `arrays`: for each input, the parameter that all calls pass; None if calls differ.
     - `lines`, `derived`: its body, and the body of the function that precomputes from the parameters.
     - `bytes`, `derived_bytes`: stack of their variables, no two sharing memory, including called functions.
@@ -182,7 +182,7 @@ class WorkspaceMembers:
     def add(self, values: Sequence[Value], names: Names) -> dict[Value, str]:
         """Add values to the workspace, those of one array together; return the C expression of each.
 
-        - `names`: of the program that the values belong to.
+        - `names`: names of the program that the values belong to.
         """
         arrays: dict[object, list[Value]] = {}
         for value in values:
@@ -247,7 +247,7 @@ def _numbered(name: str) -> Iterable[str]:
 class FunctionBody:
     """Body of a C function.
 
-    - `lines`: of C, indented, including those that silence warnings about unused arguments.
+    - `lines`: lines of C, indented, including those that silence warnings about unused arguments.
     - `bytes`: stack of its variables, no two sharing memory.
     """
 

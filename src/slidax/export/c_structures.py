@@ -45,8 +45,8 @@ def shorten(text: str, most: int) -> str:
 class Member:
     """One member of a structure.
 
-    - `name`: in C.
-    - `type`: of its numbers, as in the IR.
+    - `name`: name in C.
+    - `type`: type of its numbers, as in the IR.
     - `shape`: () for one number; anything else becomes a flat array.
     - `meaning`: a few words with the unit, from the docstring of its class.
     - `part`: the first words of that docstring.

@@ -53,7 +53,7 @@ def export_can(
 ) -> CProject:
     """Write a Python program for python-can, the frames in C, and the law that it runs.
 
-    - `motors`: of the joints, names in `MOTORS`.
+    - `motors`: motors of the joints, names in `MOTORS`.
     - `name`, `single`, `command`: as in `export_c`.
     - `golden`: include the tests and golden samples, which take most of the time.
 

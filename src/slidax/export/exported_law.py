@@ -19,7 +19,7 @@ from .onboard.pilot import C_TYPES, compile_library
 class ExportedLaw(MutableMapping[str, np.ndarray]):
     """One arm's exported law. As a mapping it has the law's parameters, which may be changed between two steps.
 
-    - `folder`: of the C project.
+    - `folder`: folder of the C project.
     - `about`: content of its `law.json`: joints, period, structures, conditions.
     - `library`: its compiled code.
     """
@@ -138,7 +138,7 @@ class ExportedLaw(MutableMapping[str, np.ndarray]):
 def load_export(folder: str | Path) -> ExportedLaw:
     """Load an exported law; its C code is compiled once, by `$CC` or `cc`.
 
-    - `folder`: of a C project, or of an export for a robot with the law in its folder `law`.
+    - `folder`: folder of a C project, or of an export for a robot with the law in its folder `law`.
 
     Raises DefinitionError if there is no export or it does not compile.
     """

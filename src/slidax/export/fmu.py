@@ -100,7 +100,7 @@ class Platform:
     """A platform.
 
     - `name`, `older`: its folder in FMI 3.0, and in FMI 2.0.
-    - `ending`: of a shared library.
+    - `ending`: ending of a shared library.
     - `target`: as zig names it.
     """
 
@@ -189,7 +189,7 @@ class ExportedFmu:
     """An exported unit.
 
     - `variables`: by value reference.
-    - `platforms`: of its binaries, as FMI 3.0 names them.
+    - `platforms`: platforms of its binaries, as FMI 3.0 names them.
     """
 
     project: CProject
@@ -210,7 +210,7 @@ def export_fmu(
 
     - `name`: the law's name in C; by default the scenario's.
     - `fmi`: 3 for FMI 3.0, 2 for FMI 2.0.
-    - `platforms`: of the binaries, such as `x86_64-linux`; by default all that this machine has a compiler for.
+    - `platforms`: target platforms, such as `x86_64-linux`; by default all with a compiler on this machine.
     - `command`: the command line, quoted in the file headers.
 
     Raises DefinitionError if there is no native code for the law, no compiler, or the file cannot be written.

@@ -40,7 +40,7 @@ COUNTS = ("periods", "samples", "sampling periods")
 class Unit:
     """A unit.
 
-    - `name`: with a dot for a product and plain exponents, such as `N.m` and `kg.m2`.
+    - `name`: name with a dot for a product and plain exponents, such as `N.m` and `kg.m2`.
     - `base`: exponents of SI base units, with `rad`, in order of appearance.
     """
 
@@ -124,7 +124,7 @@ class Variable:
     - `name`: structured: `reference.dq_next[2]`.
     - `kind`: "real", "integer" or "boolean".
     - `causality`: "parameter", "input", "output" or "independent".
-    - `expression`: of its value in C, in the instance.
+    - `expression`: expression of its value in C, in the instance.
     - `lower`, `upper`: of its range; infinite where there is none.
     - `open`: True for a bound that is excluded.
     """

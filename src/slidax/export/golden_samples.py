@@ -154,7 +154,7 @@ class Recording:
 
     - `samples`: the step's inputs.
     - `tau`: the torque commanded [k n]; an actuator may have delivered another one.
-    - `status`: of each sample.
+    - `status`: status of each sample.
     """
 
     samples: StepSample

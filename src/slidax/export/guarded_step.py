@@ -80,7 +80,7 @@ class GuardedStep(AbstractController):
     - `controller`: the law.
     - `gate`: rejects measurements that the arm cannot have produced; None for a sampled-data law, which has its own.
     - `period`: time between two samples [s], > 0; None: the law's own, if it is a sampled-data law.
-    - `limits`: of torque and torque rate; None: the law's own, likewise.
+    - `limits`: limits of torque and torque rate; None: the law's own, likewise.
     - `reads`: inputs that the law reads, such as `now.dq`: all others may be anything.
 
     Signals: those of the law, `rho` if it has an envelope, and `status`; all 0 but `status` while the command is held.
@@ -99,7 +99,7 @@ class GuardedStep(AbstractController):
     ) -> GuardedStep:
         """Put guards around a law; a sampled-data law shares its period, limits and gate with them.
 
-        - `limits`: of torque and torque rate; each joint gets its own.
+        - `limits`: limits of torque and torque rate; each joint gets its own.
         - `period`: time between two samples [s].
         - `gate`: for a law that has none; None: the gate for its nominal arm.
         """

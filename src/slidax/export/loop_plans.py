@@ -51,7 +51,7 @@ class Planner:
         """Allocate each array of a tree; return the tree of slots.
 
         - `tree`: arrays with their initial values, or shapes, which begin as zeros.
-        - `name`: of the region that they form together; none if empty.
+        - `name`: name of the region that they form together; none if empty.
         """
         start = self._size
         placed = jax.tree.map(self._put, tree)
@@ -136,7 +136,7 @@ class LawPlan:
     - `plan`: its code and memory.
     - `row`: the dtype of a row.
     - `sample`: the dtype of a row's inputs: time, measurement, reference.
-    - `channels`: of its log.
+    - `channels`: channels of its log.
     """
 
     plan: CodePlan

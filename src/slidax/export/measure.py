@@ -19,7 +19,7 @@ STEPS = 200, 700
 class StepSize(NamedTuple):
     """The size of a step.
 
-    - `lines`: of its source.
+    - `lines`: lines of its source.
     - `code`: bytes of code and constants by this machine's compiler with `-O2`; None without one.
     - `instructions`: average of a step of the closed loop on this machine; None without valgrind.
     """

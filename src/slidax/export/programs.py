@@ -91,7 +91,7 @@ class StepPrograms:
     - `begun`: from the first good sample to the memory.
     - `valid`: from the parameters to true if those with ranges that depend on other parameters are in range.
     - `parameters`, `memory`, `signals`: members of the structures.
-    - `bounds`: of the numbers of each parameter; None for one that is no real number.
+    - `bounds`: bounds of the numbers of each parameter; None for one that is no real number.
     """
 
     checked: Function

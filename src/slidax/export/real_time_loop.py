@@ -49,7 +49,7 @@ class LoopResult:
     - `margin`: smallest distance to the envelope as a share of its width, for each joint.
     - `statuses`: number of answers with each bit.
     - `recorder`: processor time of the recorder per tick [s].
-    - `size`: of the log [bytes]; None without one.
+    - `size`: size of the log [bytes]; None without one.
     - `lost`: rows lost by the recorder.
     - `hogs`: additional processes.
     """
@@ -165,7 +165,7 @@ class LoopRecorder:
     _kept: dict[str, list[np.ndarray]] = field(default_factory=dict)
 
     def add(self, law: np.ndarray, arm: np.ndarray) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-        """Record rows (bytes); return the columns of both sides."""
+        """Record rows of both sides, as bytes, and return their columns by name."""
         of_law, of_arm = self.law.columns(law), self.arm.columns(arm)
         bounds = ("lower", "upper") if self.law.channels.bounded else ()
         for columns, names in (
@@ -176,10 +176,10 @@ class LoopRecorder:
                 self._kept.setdefault(name, []).append(columns[name].copy())
         return of_law, of_arm
 
-    def looped(
+    def result(
         self, law: SideReport | None, arm: SideReport | None, lost: int, size: int | None, hogs: int
     ) -> LoopResult:
-        """Return the result; the arguments are those of `Looped`."""
+        """Return the result, from the reports of both sides and counts as in `LoopResult`."""
         whole = {name: np.concatenate(parts) for name, parts in self._kept.items()}
         outside, margin = self._judged(whole)
         bits = self.law.channels.bits
@@ -244,9 +244,9 @@ def run_loop(
 ) -> LoopResult:
     """Run a scenario in real time from its start to its `t1`, or until a side stops.
 
-    - `scenario`: in held mode, with measurements that are at least one period old.
+    - `scenario`: scenario in held mode, with measurements that are at least one period old.
     - `log`: an MCAP file; None for none.
-    - `port`: of a local Foxglove server; None for none.
+    - `port`: port of a local Foxglove server; None for none.
     - `patience`: ticks without a command until the arm brakes, and without a measurement until the law ends.
     - `hogs`: additional processes that only burn time.
 
@@ -307,7 +307,7 @@ def run_loop(
             _record(sides, rings, recorded, writer, pause)
         reports = [_report(side) for side in sides]
     size = log.stat().st_size if log is not None else None
-    return recorded.looped(reports[1], reports[0], sum(ring.lost for ring in rings), size, hogs)
+    return recorded.result(reports[1], reports[0], sum(ring.lost for ring in rings), size, hogs)
 
 
 def _record(

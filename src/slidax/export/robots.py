@@ -199,9 +199,9 @@ class RobotLimits:
     - `torque_hold`: largest torques while it holds, per joint; infinite where the law carries the weight.
     - `error_hold`, `error_small`, `error_full`: largest errors, per joint.
     - `acceleration`: largest accelerations of an external trajectory, per joint.
-    - `share`: of the torque that an external trajectory may need.
+    - `share`: share of the torque that an external trajectory may need.
     - `held`, `lost`, `outside`, `limited`, `void`: longest duration of each condition, in periods.
-    - `age`: of a measurement when it arrives [s].
+    - `age`: age of a measurement when it arrives [s].
     - `carried`: True if the robot carries its own weight.
     - `torque_lines`, `torque_helpers`, `torque_tables`: the nominal arm's torque in C.
     """
@@ -319,7 +319,7 @@ C_FILES = (*(f"{name}.c" for name in SOURCES), "path.h", "follow.h", "pilot.h", 
 class RobotTarget:
     """A robot that takes torques from an exported law, and carries its own weight.
 
-    - `name`: in messages, with its article.
+    - `name`: name in messages, with its article.
     - `joints`, `period`: number of joints, and sample time [s].
     - `lost`: missing samples in a row that end a motion.
     - `folder`, `files`: templates, and the files that they become.

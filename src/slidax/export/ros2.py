@@ -36,8 +36,8 @@ class RosParameter:
     - `name`: such as `law.surface_k1`.
     - `type`, `checks`: of the parameter library, each check with its arguments.
     - `default`: as written in YAML.
-    - `meaning`: with unit and range.
-    - `member`: of the law's parameters; None for other parameters.
+    - `meaning`: meaning with unit and range.
+    - `member`: member of the law's parameters; None for other parameters.
     """
 
     name: str
@@ -104,7 +104,7 @@ def ros_parameters(project: CProject, allowed: RobotLimits, joint_names: Sequenc
 def yaml(namespace: str, rows: Sequence[RosParameter]) -> str:
     """The file of the parameter library.
 
-    - `namespace`: of the C++ code that it makes.
+    - `namespace`: namespace of the C++ code that it makes.
     - `rows`: the parameters.
     """
     lines = [f"{namespace}:"]

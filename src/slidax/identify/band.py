@@ -47,7 +47,7 @@ class Band:
 
     with D the matrix `deviations`. The second bound includes the errors of C and G.
 
-    - `confidence`: of all statements together, for normally distributed errors with the covariance of the fit.
+    - `confidence`: joint confidence of all statements, for normally distributed errors with the covariance of the fit.
     - `p`: relative distance in (1).
     - `armature`, `coulomb`, `viscous`: intervals, lower and upper ends [2 n]; empty [2 0] if not identified.
     - `deviations`: D [r 11n], in the order of `arm_parameters`. All `φ₀ + ξ D` with `|ξ| ≤ 1` are in the ellipsoid.

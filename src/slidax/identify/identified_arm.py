@@ -53,7 +53,7 @@ class EstimatedParameter:
     def interval(self, confidence: float = 0.95) -> tuple[float, float]:
         """Confidence interval of the true value, if the form of the model is right.
 
-        - `confidence`: in (0, 1).
+        - `confidence`: confidence in (0, 1).
         """
         half = float(stats.norm.ppf(0.5 + 0.5 * confidence)) * self.standard_error
         return self.value - half, self.value + half

@@ -75,7 +75,7 @@ class MassBound:
     def __init__(self, robot: Articulated, parameters: np.ndarray) -> None:
         """Find the centre of the forms that prove `M₀(q) > 0`.
 
-        - `parameters`: of the arm, as from `arm_parameters` [11n].
+        - `parameters`: parameters of the arm, as from `arm_parameters` [11n].
         """
         self.blocks, self.coefficients = blocks_of(robot)
         self.centre = self._analytic_centre(parameters)
@@ -197,7 +197,7 @@ class MassBound:
         raise DefinitionError("the mass matrix is not bounded: some body of the arm has no mass or no inertia")
 
     def _definite(self, parameters: np.ndarray, share: float) -> np.ndarray:
-        """The L that raise each K_i by a share of its size at the expense of the next body inwards, tip first."""
+        """Return L that increase each K_i by a share of its size, at the cost of the next body towards the base."""
         forms = np.zeros(self.coefficients)
         if share == 0.0:
             return forms

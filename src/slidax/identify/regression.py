@@ -299,7 +299,7 @@ def covariance_of_fit(
     some combinations of the unknowns would have no error at all.
 
     - `a`: the equations in units of their noise, 0 where they are not used [k n p].
-    - `residuals`: in the same units, 0 where they are not used [k n].
+    - `residuals`: residuals in the same units, 0 where they are not used [k n].
     - `counts`: True for equations that are used [k n].
     - `inverse`: A⁻¹ [p p].
     - `rate`: rows per second [Hz].

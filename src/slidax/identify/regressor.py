@@ -115,7 +115,7 @@ def parameters_of_links(robot: Articulated) -> np.ndarray:
 def parameters_of_payload(payload: Payload) -> np.ndarray:
     """The inertial parameters φ of a payload, [10].
 
-    - `payload`: in the tip's frame.
+    - `payload`: payload in the tip's frame.
     """
     return parameters_of_body(float(payload.mass), np.asarray(payload.center), np.asarray(payload.inertia))
 

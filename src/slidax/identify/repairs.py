@@ -236,7 +236,7 @@ def position_zeros(robot: Articulated, sample: TorqueSample, conventions: Conven
 
 
 def mountings(robot: Articulated, sample: TorqueSample) -> Iterator[Repair]:
-    """Gravity of another direction, from least squares and then by the score; or compensated by the robot."""
+    """Gravity in another direction, by least squares and then by the score; or gravity compensated by the robot."""
     believed = np.asarray(robot.gravity_vector)
     strength = float(np.linalg.norm(believed)) or 9.81
 

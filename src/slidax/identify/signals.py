@@ -87,7 +87,7 @@ class LogSignals:
     def part(self, rows: slice) -> LogSignals:
         """The signals in a range of rows.
 
-        - `rows`: with a start and a stop.
+        - `rows`: rows with a start and a stop.
         """
         a, b = rows.start, rows.stop
         cut = [slice(max(p.start, a) - a, min(p.stop, b) - a) for p in self.pieces if p.start < b and p.stop > a]

@@ -214,7 +214,7 @@ def noise_of(deviation: float, low: float, high: float, period: float) -> float:
     `σ √(h/π ∫ |D(ω) F(ω)|² dω)` up to `π/h`, with D and F the frequency responses of the second difference and
     the filter.
 
-    - `deviation`: of a measured position, rad; `r/√12` for a resolution r.
+    - `deviation`: deviation of a measured position, rad; `r/√12` for a resolution r.
     - `low`, `high`: ends of the band [rad/s].
     - `period`: h [s].
     """

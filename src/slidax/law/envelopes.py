@@ -50,7 +50,6 @@ class FixedTime(AbstractPerformance):
     )
 
     def radius(self, t: Scalar) -> PerJoint:
-        """`ρ(t)`, [n], rad or m."""
         left = jnp.maximum(1.0 - t / self.deadline, 0.0)
         return (self.initial - self.final) * power(left, self.exponent) + self.final
 
@@ -81,7 +80,6 @@ class FiniteTime(AbstractPerformance):
         return power(self.initial - self.final, a) / (a * self.rate)
 
     def radius(self, t: Scalar) -> PerJoint:
-        """`ρ(t)`, [n], rad or m."""
         a = 1.0 - self.exponent
         left = jnp.maximum(power(self.initial - self.final, a) - a * self.rate * t, 0.0)
         return power(left, 1.0 / a) + self.final
@@ -95,5 +93,4 @@ class Exponential(AbstractPerformance):
     rate: PerJoint = parameter("l, how fast it narrows", "1/s", "> 0", "so that the envelope narrows (Definition 4)")
 
     def radius(self, t: Scalar) -> PerJoint:
-        """`ρ(t)`, [n], rad or m."""
         return (self.initial - self.final) * jnp.exp(-self.rate * t) + self.final

@@ -75,7 +75,7 @@ class EnvelopeFrame(eqx.Module):
 
     - `now`: radius of the led envelope, `ρ + c ρ̇`, [n], rad or m; 1 without an envelope.
     - `ahead`: its tangent one horizon later, `now + H (ρ̇ + c ρ̈)`, [n], rad or m; 1 without an envelope.
-    - `sides`: of the envelope; None without one.
+    - `sides`: sides of the envelope; None without one.
     """
 
     now: PerJoint

@@ -129,7 +129,7 @@ class Measured(AbstractEstimator):
         """With `b = 2 - g - 2 √(1 - g)`: both poles of the filter are `√(1 - g)`.
 
         - `gain`: g, one number or [n], in [0, 1].
-        - `ahead`: in periods.
+        - `ahead`: prediction time in periods.
 
         Raises DefinitionError if one of them is out of its range.
         """

@@ -150,7 +150,7 @@ class ReachingStep(eqx.Module):
     """One implicit step of a reaching law.
 
     - `s_next`: the sliding variable s⁺ at the end of the horizon [n], rad/s or m/s.
-    - `memory`: of the reaching law, for the next sample.
+    - `memory`: memory of the reaching law, for the next sample.
     - `cover`: largest disturbance that it covers, N m; None without a bound.
     - `signals`: inner quantities by name.
     """

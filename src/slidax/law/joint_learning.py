@@ -31,7 +31,7 @@ class Learning(eqx.Module):
     - `tau`: torque of the period before the last measurement [n].
     - `elapsed`: time since the start or the last gap, until the filter has settled [s].
     - `begun`: True after the first sample.
-    - `stages`: of the band-pass, for torque, acceleration and direction of motion.
+    - `stages`: stages of the band-pass, for torque, acceleration and direction of motion.
     - `information`: `∫φ²`, `∫φ c`, `∫c²` [3 n]: of inertia, of both, of friction.
     - `rotor`, `coulomb`: the estimates [n].
     - `squares`: recent means of φ², φ z and z² with z = y - f c, [3 n].

@@ -45,7 +45,7 @@ class LinearLoop:
 
     - `h`: the period [s]; `horizon`: H in periods.
     - `believed`: the delay in the law's settings [periods].
-    - `gains`: of the Kalman filter (L1, L2 h, L3 h²), or of `Measured` (g, b, ahead).
+    - `gains`: gains of the Kalman filter (L1, L2 h, L3 h²), or of `Measured` (g, b, ahead).
     - `measures_velocity`: True if the estimator is `Measured`.
     - `follows`: gain `1 - e^{-c h}` of the low-pass of a differenced velocity; None for a velocity sensor.
     """
@@ -61,7 +61,7 @@ class LinearLoop:
     def of(cls, law: SampledData, joint: int, cutoff: float | None = None) -> LinearLoop | None:
         """The loop of one joint; None for a law without a plan, or an estimator that is not linear.
 
-        - `law`: in sampled-data form.
+        - `law`: law in sampled-data form.
         - `cutoff`: c of the low-pass of differenced velocities [rad/s]; None for a velocity sensor.
         """
         estimator = law.estimator
@@ -128,7 +128,7 @@ class LinearLoop:
     def noise(self, variance: float, kappa: float = 1.0) -> tuple[float, float]:
         """Standard deviations of the position [rad or m] and of a command's step [rad/s² or m/s²]; inf if unstable.
 
-        - `variance`: of a measured position, white [rad² or m²].
+        - `variance`: variance of a measured position, white [rad² or m²].
         - `kappa`: κ, nominal over true inertia.
         """
         from scipy.linalg import solve_discrete_lyapunov

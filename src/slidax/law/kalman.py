@@ -28,7 +28,7 @@ def steady_gains(density: Any, variance: Any, period: Any) -> Float[Array, "..."
     They are dimensionless, times 1, 1/h and 1/h², functions of `density h⁵/variance` alone.
 
     - `density`: spectral density of w, one number or [n], (rad/s³)² s or (m/s³)² s, > 0.
-    - `variance`: of the measured position, one number or [n], rad² or m², > 0.
+    - `variance`: variance of the measured position, one number or [n], rad² or m², > 0.
     - `period`: h [s], > 0.
 
     Raises DefinitionError if one of them is out of its range.
@@ -144,7 +144,7 @@ class Kalman(AbstractEstimator):
 
         - `density`: spectral density of dŵ/dt, one number or [n], (rad/s³)² s or (m/s³)² s, > 0. The standard
           deviation of what the disturbance drifts by in a time t is `√(density t)`.
-        - `variance`: of a measured position, one number or [n], rad² or m², > 0; `r²/12` for a resolution r.
+        - `variance`: variance of a measured position, one number or [n], rad² or m², > 0; `r²/12` for a resolution r.
         - `period`: time between two samples [s], > 0.
 
         Raises DefinitionError if one of them is out of its range.
@@ -161,7 +161,7 @@ class Kalman(AbstractEstimator):
         with respect to every argument: construct the filter inside `vmap` or `grad`.
 
         - `mass`: inertia matrix of the nominal arm where it works [n n], kg m², kg m, kg.
-        - `variance`: of a measured position, one number or [n], rad² or m², > 0; `r²/12` for a resolution r.
+        - `variance`: variance of a measured position, one number or [n], rad² or m², > 0; `r²/12` for a resolution r.
         - `period`: time between two samples [s], > 0.
         - `torque_density`: spectral density of dτ_d/dt, one number or [n], (N m/s)² s, > 0. docs/loop-rate.md shows
           its effect.

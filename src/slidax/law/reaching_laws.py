@@ -70,7 +70,7 @@ class Reaching(Protocol):
         """Point after a Newton step, in coordinates in which the continuous term is nearly linear, [n].
 
         - `s`: sliding variable [n].
-        - `step`: of it [n].
+        - `step`: Newton step of s [n].
         """
 
 

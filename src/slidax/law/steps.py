@@ -21,13 +21,13 @@ from .error_transformations import EnvelopeFrame, Sides
 class StepInput(eqx.Module):
     """Input of a step: the predicted arm when this sample's torque sets in.
 
-    - `t`: that time [s].
+    - `t`: time at which the torque sets in [s].
     - `state`: positions and velocities.
     - `reference`: desired motion, with the mean acceleration over the following period.
     - `mass`: M0 [n n].
     - `bias`: C0 q̇ + G0 [n], N m or N.
     - `robot`: the arm of `mass` and `bias`, with the estimated parameters.
-    - `limits`: of torque and torque rate.
+    - `limits`: limits of torque and torque rate.
     - `period`: h [s].
     - `horizon`: H [s]; None for a law without a plan.
     - `planned`: True if the last sample was one period ago, and no limit changed its torque.
@@ -51,7 +51,7 @@ class Decision(eqx.Module):
     """Result of a step, before the disturbance compensation and the torque limits.
 
     - `tau`: torque [n], N m or N.
-    - `acceleration`: of the nominal arm under it [n], rad/s² or m/s².
+    - `acceleration`: acceleration of the nominal arm under it [n], rad/s² or m/s².
     - `memory`: after this sample.
     - `signals`: inner quantities by name.
     - `cover`: largest disturbance that is compensated, N m; None: only the torque limits bound it.

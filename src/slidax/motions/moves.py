@@ -28,7 +28,7 @@ class TimeLaw(NamedTuple):
     """Piecewise polynomials s(t) from 0 to 1, from rest to rest, with a continuous second derivative.
 
     - `times`: ends of the pieces, from 0 on [k], s.
-    - `coefficients`: in powers of the time since the piece began, lowest first [k-1 powers].
+    - `coefficients`: coefficients in powers of the time since the piece began, lowest first [k-1 powers].
     """
 
     times: Array
@@ -70,7 +70,7 @@ def ramped_law(length: float, speed: float, acceleration: float) -> TimeLaw:
 
     On the ramp the speed is `v (3 z² - 2 z³)`. A curve that is too short does not reach `speed`.
 
-    - `length`: of the curve, m or rad; speed and acceleration in its unit.
+    - `length`: length of the curve, m or rad; speed and acceleration in its unit.
     """
     speed = min(speed, float(np.sqrt(length * acceleration / RAMP)))
     ramp = RAMP * speed / acceleration
@@ -335,7 +335,7 @@ class Through(AbstractMove):
 
     - `poses`: rows of x, y, z [m], or of x, y, z, qw, qx, qy, qz; without quaternions the tool keeps its orientation.
     - `times`: increasing time of each row [s]; the first is the start of the move.
-    - `duration`: of the whole move [s]; not together with `times`.
+    - `duration`: duration of the whole move [s]; not together with `times`.
     - `speed`, `acceleration`: not allowed for this move.
     """
 

@@ -64,7 +64,7 @@ class Tabulated(AbstractPiecewisePolynomial):
         - `source`: path, or the text itself, which has a line break in it.
         - `joints`: the robot's joint names in its order, `robot.joint_names`; by default the order of the columns.
           Columns of other joints are dropped with a DefinitionWarning.
-        - `units`: of the robot's joints, `robot.joint_units`, for a check.
+        - `units`: units of the robot's joints, `robot.joint_units`, for a check.
         - `time_unit`: unit of the times; by default the title's, or s.
         - `start`: time of the first row [s]; by default as in the file.
         - `lower`, `upper`: position limits, [n] or one number, rad or m.

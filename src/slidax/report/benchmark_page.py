@@ -39,7 +39,7 @@ def markdown(
 ) -> str:
     """Return the table of all schemes, and the verdict for each task.
 
-    - `command`: of the shell that made the results.
+    - `command`: command of the shell that made the results.
     """
     tasks = results.round.tasks.values()
     held, trained = (
@@ -123,7 +123,7 @@ def write_benchmark(results: RoundResults, out: Path, *, seconds: float, command
 
     - `out`: a folder, made if missing.
     - `seconds`: duration of the round.
-    - `command`: of the shell that made it.
+    - `command`: command of the shell that made it.
     """
     out.mkdir(parents=True, exist_ok=True)
     tasks = results.round.tasks

@@ -139,7 +139,7 @@ def _numbers(values: Sequence[float | None], digits: int = 3) -> Markup:
 class Picture:
     """A figure with its caption, ready for a page.
 
-    - `name`: of the SVG file, without ending.
+    - `name`: name of the SVG file, without ending.
     - `title`: a few words before the `caption`, such as "Fig. 3".
     - `svg`: the figure.
     - `width`: its natural width [in].

@@ -31,7 +31,7 @@ def tip_paths(robot: AbstractRobot, run: Run) -> tuple[np.ndarray, np.ndarray]:
     """Actual and desired tip positions at the logged times, each [k 3], m.
 
     - `robot`: the arm, for its kinematics.
-    - `run`: with a log.
+    - `run`: run with a log.
 
     Raises DefinitionError if the run has no log.
     """

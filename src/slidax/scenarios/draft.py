@@ -60,7 +60,7 @@ class Choices:
     - `block`: the description of the robot.
     - `rate`: Hz.
     - `payload`: mass at the tip that the law does not know, kg.
-    - `horizon`: of the law, s.
+    - `horizon`: horizon of the law, s.
     - `notes`: assumptions.
     """
 

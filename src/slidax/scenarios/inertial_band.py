@@ -20,7 +20,7 @@ def changes_of_bodies(shares: Array, arm: Articulated, p: float) -> Array:
 
     A body's pseudo-inertia changes by `√J0 p S √J0ᵀ` with a symmetric S of norm 1 at most.
 
-    - `shares`: in [-1, 1], ten for each body and then one for each rotor [rows 11n].
+    - `shares`: shares in [-1, 1], ten for each body and then one for each rotor [rows 11n].
     """
     phi, n = arm_parameters(arm), arm.joints
     changes = np.empty_like(shares)

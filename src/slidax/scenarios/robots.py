@@ -359,7 +359,6 @@ class IdentifiedDescription(AbstractRobotDescription):
     """Differences of the true arm from the arm of the file; they replace those in the file."""
 
     def build(self) -> Arms:
-        """Build the true robot, the nominal one, and the payload of the true one."""
         with locate_errors(f"file `{self.file}`"):
             return self.resolved().build()
 

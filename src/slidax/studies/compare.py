@@ -97,7 +97,6 @@ class CompareResult(AbstractResult):
 
     @property
     def summary(self) -> str:
-        """The result in a sentence."""
         text = []
         for name in list(self.tables)[1:]:
             better = [of for of in self.of if _is_below(self.difference(name, of))]
@@ -152,7 +151,6 @@ class CompareResult(AbstractResult):
         return float(known.mean()) if known.size else None
 
     def as_json(self) -> dict[str, Any]:
-        """The result as JSON."""
         failures, holding = self.rate(self.reference, self.holds[0])
         return {
             "kind": "compare",

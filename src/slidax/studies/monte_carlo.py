@@ -128,7 +128,6 @@ class MonteCarloResult(AbstractTableResult):
 
     @property
     def runs(self) -> int:
-        """Number of runs."""
         return self.rates[0].runs
 
     @property
@@ -146,7 +145,6 @@ class MonteCarloResult(AbstractTableResult):
 
     @property
     def summary(self) -> str:
-        """The result in a sentence."""
         first, holding = self.rates[0], self.rates[0].holding
         property_holds = "the envelope holds" if first.holds == ENVELOPE else f"`{first.holds}` holds"
         failed = "none failed" if not first.failures else f"{first.failures} failed"
@@ -195,7 +193,6 @@ class MonteCarloResult(AbstractTableResult):
         return causes_of(self.table)
 
     def as_json(self) -> dict[str, Any]:
-        """The result as JSON."""
         first = self.rates[0]
         margin = float(self.table["margin"][self.worst])
         return {

@@ -55,8 +55,7 @@ class PairedDifference:
     - `mean`, `median`: mean and median difference; None without pairs.
     - `of_mean`: interval of the mean by the bootstrap (BCa); None for fewer than two pairs.
     - `of_median`: distribution-free interval of the median from order statistics; None for fewer than two pairs.
-    - `p_value`: of Wilcoxon's signed-rank test that the differences are symmetric about 0; None for fewer than two
-      pairs.
+    - `p_value`: p-value of Wilcoxon's signed-rank test of symmetry about 0; None for fewer than two pairs.
     """
 
     pairs: int
@@ -127,7 +126,7 @@ class PairedShares:
     - `only_one`, `only_other`: number of cases that are true only for the first, and only for the second.
     - `difference`: first share minus second share.
     - `interval`: interval of the difference; None without cases.
-    - `p_value`: of McNemar's exact test (Psychometrika 12, 1947) that both shares are equal; 1 if no case differs.
+    - `p_value`: p-value of McNemar's exact test (Psychometrika 12, 1947) of equal shares; 1 if no case differs.
     """
 
     pairs: int

@@ -247,7 +247,6 @@ class TuneResult(AbstractResult):
 
     @property
     def summary(self) -> str:
-        """The result in a sentence."""
         if self.best is None:
             return f"No gains were found: {self.ended}."
         now, then = self.judged(self.best), self.judged(None)
@@ -305,7 +304,6 @@ class TuneResult(AbstractResult):
         return [*result, Section("The best compared with today", note, head, differences)]
 
     def as_json(self) -> dict[str, Any]:
-        """The result as JSON."""
         front = [self._candidate_as_json(index) for index in range(len(self.gains))]
         best = self.best
         shown = self.judged(best) if best is not None else None

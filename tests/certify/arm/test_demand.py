@@ -227,7 +227,7 @@ def test_torque_budget_does_not_apply_without_limits():
     assert torque_budget(scenario).holds is None
 
 
-def test_smallest_bound_covers_independent_samples_and_the_paper_suffices():
+def test_smallest_bound_covers_new_samples_and_the_remedy_of_a_smaller_one_holds():
     scenario, family = with_set(load("example-4.1"), {"robot.plant.masses": {"around": "20 %"}}, {"simulation.t1": 2.0})
     verdict = uncertainty_bound(scenario, family)
     assert verdict.holds

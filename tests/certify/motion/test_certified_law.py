@@ -210,7 +210,7 @@ UNCOVERED: dict[str, tuple[dict[str, Any], str]] = {
 }
 
 
-def test_loop_of_a_scenario_has_its_settings() -> None:
+def test_the_certified_loop_has_period_delay_and_gains_of_the_scenario() -> None:
     law = load("panda-payload", COVERED).controller
     assert isinstance(law, SampledData)
     loop, expected = JointLoop.of(law), JointLoop.with_density(1e-3, 0.02, 0.1, 1e-5, 1)

@@ -152,7 +152,7 @@ def test_the_address_contains_all_settings(chromium, site, visit):
         ("#v=1&robot.plant.coulomb=1,2,3", "cannot be"),
         ("#v=1&no.such=1", 'no "no.such"'),
         ("#v=1&sensor.delay=7", 'no value "7"'),
-        ("#v=1&%E0%A4%A=1", "is no text"),
+        ("#v=1&%E0%A4%A=1", "is not valid text"),
     ],
 )
 def test_a_broken_link_prints_one_line_and_uses_the_default(chromium, site, visit, hash_, message):

@@ -22,7 +22,7 @@ def is_description(word: str) -> bool:
 def description_file(name: str) -> Path:
     """Return the robot file of a module; the package downloads the robot's repository unless its cache has it.
 
-    - `name`: of the module.
+    - `name`: name of the module.
 
     Raises DefinitionError if the package is not installed, has no such module, or the download fails.
     """

@@ -42,7 +42,7 @@ class Demand:
     - `disturbance`: w* along the reference for each extreme member [members N n], rad/s² or m/s².
     - `kappa`: the least and the largest diagonal of K [2 n].
     - `coupling`: bounds of |K_ij/K_jj| for i ≠ j, the effect of other joints' accelerations [n n].
-    - `assumptions`: of `disturbance` and its bounds; `of_kappa`: of `kappa` and `coupling`.
+    - `assumptions`: assumptions of `disturbance` and its bounds; `of_kappa`: of `kappa` and `coupling`.
     - `effects`: change of each w* by half the width of an uncertain value [members values N n], rad/s² or m/s².
     - `jumps`: bound of the change of w* by the forces' deviation from their chord between two samples, and by payloads
       that are attached or released [N n].

@@ -38,8 +38,8 @@ MOST_ARMS = 16
 def inertia_ratio(scenario: Scenario, demand: Demand) -> Verdict:
     """Check that each joint's loop is stable for all κ of the set, and all loops together for K of its members.
 
-    - `scenario`: with a law in sampled-data form with a plan and a linear estimator.
-    - `demand`: with the κ of the set for the law's initial model.
+    - `scenario`: scenario with a law in sampled-data form with a plan and a linear estimator.
+    - `demand`: demand with the κ of the set for the law's initial model.
     """
     problem = linear_loops(scenario)
     if isinstance(problem, str):
@@ -115,7 +115,7 @@ def linear_loops(scenario: Scenario) -> tuple[SampledData, tuple[LinearLoop, ...
 def coupled_radius(loops: Sequence[LinearLoop], matrix: Floats, delay: float) -> float:
     """Return the largest modulus of the joints' loops together, `ë = K a` with the commands a of all joints.
 
-    - `loops`: with one horizon. `matrix`: K [n n]. `delay`: the true one [periods].
+    - `loops`: loops with one horizon. `matrix`: K [n n]. `delay`: the true one [periods].
     """
     n = len(loops)
     still, moved = ([loop.maps(kappa, delay).step for loop in loops] for kappa in (0.0, 1.0))

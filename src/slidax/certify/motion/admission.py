@@ -93,7 +93,7 @@ class MotionVerdict:
 class MotionAdmission:
     """The answer for one motion.
 
-    - `name`: of the motion, such as its file.
+    - `name`: name of the motion, such as its file.
     - `admitted`: True if the guarantee holds for the motion as it is.
     - `bound`: largest error of each joint [n], rad or m; None without a bound.
     - `dominant`: the term with the largest share of it.

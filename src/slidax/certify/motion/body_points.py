@@ -37,7 +37,7 @@ class BodyPoints:
 
     - `rotations`, `translations`: each joint's frame in its parent's [n 3 3], [n 3].
     - `revolute`: [n]; `before`: [n n], True where the row's joint is the column's or one of its ancestors.
-    - `pseudo_inertias`: of the body that each joint carries, a payload included, in the joint's frame [n 4 4].
+    - `pseudo_inertias`: of each joint's body with its payload, in the joint's frame [n 4 4].
     - `points`: four points of each, in homogeneous coordinates [n 4 4].
     - `rotors`: inertia of the rotors [n], kg m²; `gravity`: [3], m/s².
     """
@@ -148,7 +148,7 @@ class FrameMotion:
     def of(self, points: Floats) -> PointMotion:
         """Return the motion of points that are fixed to the frames.
 
-        - `points`: in homogeneous coordinates [n 4 4].
+        - `points`: points in homogeneous coordinates [n 4 4].
         """
         count, n = self.axes.shape[:2]
         # Of each body, from 12 numbers of its frame to 12 of its points.

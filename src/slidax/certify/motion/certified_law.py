@@ -41,9 +41,9 @@ class CertifiedLaw:
     """A law that is certified along motions, with everything but the motion.
 
     - `arm`: the nominal arm; `bodies`: its points.
-    - `loop`: of every joint.
-    - `uncertainty`: of the true arm.
-    - `gate`: of its measurements.
+    - `loop`: loop of every joint.
+    - `uncertainty`: uncertainty of the true arm.
+    - `gate`: gate of its measurements.
     - `torque`, `torque_rate`: limits of the drives and of the law [n].
     - `premises`: assumptions that no bound proves.
     - `hand_over`: the plan of a law with a sliding surface; None for computed torque.

@@ -41,7 +41,7 @@ BATCH = 512
 class DriveBounds:
     """Bounds in each cell [N n], N m or N.
 
-    - `torque`: of the command; `step`: of its change from a period to the next.
+    - `torque`: torque of the command; `step`: of its change from a period to the next.
     - `planned_torque`, `planned_step`: of the plan alone.
     - `step_terms`: shares of `step` by name; their sum is at least `step`.
     """

@@ -91,7 +91,7 @@ class Inputs:
     - `coulomb`: size of Coulomb friction that is not compensated [n], N m or N.
     - `viscous`: largest viscous friction [n], N m s/rad; `viscous_error`: largest difference from what is fed forward.
     - `torque`: disturbance torque of any form [n]; `torque_rate`: bound of its rate [n], inf for none.
-    - `resolution`: of the encoders [n], rad or m.
+    - `resolution`: resolution of the encoders [n], rad or m.
     - `start_error`, `start_speed`: |e| and |v| at the start [n].
     - `settled`: True if the estimate has settled at rest before the start; False for a start with ŵ = 0.
     """
@@ -413,7 +413,7 @@ class Problem:
     ) -> dict[str, Floats]:
         """The shares of the error.
 
-        - `joints`: of w per joint, by name. `within`: between two samples.
+        - `joints`: joints of w per joint, by name. `within`: between two samples.
         - `band`: the disturbance by the band's feedback for the small gain, or its share of the error for the modes.
         - `goal`: its share of the error; None for a linear law.
         """

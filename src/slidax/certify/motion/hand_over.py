@@ -42,7 +42,7 @@ SETTLED = 1e-9
 class HandOver:
     """The plan of a law with a sliding surface, while s⁺ = 0.
 
-    - `step`: of the law; `period`: h [s]; `horizon`: H [s].
+    - `step`: step of the law; `period`: h [s]; `horizon`: H [s].
     - `share`: θ0.
     - `psi`: ψ(ε) on the wide and on the narrow side of the envelope [2 n M]; `phi`: φ(ε) [n M]; for ε >= 0, from 0 on.
     """

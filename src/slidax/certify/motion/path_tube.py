@@ -25,8 +25,8 @@ Floats = NDArray[np.float64]
 class Tube:
     """Deviation of the arm and of the model's arguments from the motion in each cell; vectors [N n], norms [N].
 
-    - `position`: of the arm and of where the model is evaluated, |q - q_d|.
-    - `speed`: of the arm, |q̇ - q̇_d|; `model_speed`: of where the model is evaluated; `speed_norm`, `model_norm`: in
+    - `position`: position of the arm and of where the model is evaluated, |q - q_d|.
+    - `speed`: |q̇ - q̇_d| of the arm; `model_speed`: of where the model is evaluated; `speed_norm`, `model_norm`: in
       the metric.
     - `command`: |s|; `command_norm`: in the metric. `acceleration`, `acceleration_norm`: of the arm's ë less s.
     """
@@ -219,7 +219,6 @@ class Cell(PointCell):
     """
 
     def __init__(self, path: Path, tube: Tube) -> None:
-        """Compute the norms."""
         super().__init__(path, path.norms, tube)
         place, half, first, sums, whole = tube.position, self.half, self.first, self.sums, self.whole
         self.tube_shift = (

@@ -40,12 +40,12 @@ FINER = 4
 class ArmUncertainty:
     """Uncertainty of the true arm, its sensors and its surroundings; numbers, or one per joint.
 
-    - `band`: of the inertial parameters and the rotors; `identified` makes one of an identified arm.
+    - `band`: band of the inertial parameters and the rotors; `identified` makes one of an identified arm.
     - `coulomb`: largest Coulomb friction that is not compensated, N m or N. A feed-forward of it may have the wrong
       sign near a reversal: with one, give the largest friction plus the feed-forward.
     - `viscous_error`: largest error of the viscous friction that the law feeds forward, N m s/rad or N s/m.
     - `torque`: largest disturbance torque of any form, N m or N; `torque_rate`: its largest rate, N m/s; None for any.
-    - `resolution`: of the encoders, rad or m; their error is at most half of it.
+    - `resolution`: resolution of the encoders, rad or m; their error is at most half of it.
     - `start_error`, `start_speed`: largest |e| and |ė| when the motion starts.
     - `settled`: True if the law has held the arm at rest before; False if its disturbance estimate starts from 0.
 
@@ -89,7 +89,7 @@ class ArmUncertainty:
     def region(self, bodies: BodyPoints) -> ParameterRegion:
         """Return the region of the inertial parameters.
 
-        - `bodies`: of the nominal arm.
+        - `bodies`: bodies of the nominal arm.
         """
         return self.band.region(bodies) if isinstance(self.band, BodyBand) else self.band
 
@@ -151,8 +151,8 @@ def certified_path(
 
     - `arm`: the nominal arm that the law knows, with its payload.
     - `motion`: a piecewise polynomial that ends at rest, or a smooth motion.
-    - `loop`: of every joint.
-    - `bodies`: of the arm, if they are known already.
+    - `loop`: loop of every joint.
+    - `bodies`: bodies of the arm, if they are known already.
     - `hand_over`: the plan of a law with a sliding surface; None for computed torque.
     - `until`: time up to which a motion without an end is bounded [s].
 

@@ -150,7 +150,7 @@ class Helpers:
         """Return the name of an operation's helper.
 
         - `op`: of the IR; `to_...` for a conversion from `type`, `bits_...` for the bits of a `type`, `all_finite`.
-        - `type`: of its arguments.
+        - `type`: type of its arguments.
         """
         real = self.dialect.effective_type("f64")
         type = self.dialect.effective_type(type)
@@ -279,7 +279,7 @@ NO_READS: frozenset[str] = frozenset()
 class CExpression:
     """A C expression.
 
-    - `precedence`: of its outermost operator.
+    - `precedence`: precedence of its outermost operator.
     - `weight`: number of operations.
     - `reads`: variables of loops and inputs that it reads, which may be overwritten.
     """

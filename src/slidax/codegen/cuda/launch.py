@@ -84,7 +84,7 @@ class CudaKernel:
     def batch(self, inputs: Sequence[Any], runs: int, rows: int = 0) -> Arrays:
         """Compute many runs, and return the outputs with a first axis for the runs.
 
-        - `inputs`: in the program's shapes and dtypes; those that vary have a first axis for the runs.
+        - `inputs`: inputs in the program's shapes and dtypes; those that vary have a first axis for the runs.
         - `runs`: number of runs, > 0.
         - `rows`: number of rows of each logged output, its second axis; rows that are not written are 0.
 

@@ -19,7 +19,7 @@ class ElementaryFunction:
     """An elementary function of scalars or vectors.
 
     - `op`: its operation.
-    - `type`: of the arguments and the result.
+    - `type`: type of the arguments and the result.
     - `arguments`: number of arguments.
     - `width`: number of lanes.
     """

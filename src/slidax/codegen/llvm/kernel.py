@@ -143,7 +143,7 @@ class Kernel:
     def __call__(self, inputs: Sequence[Any], rows: int = 0) -> Arrays:
         """Compute one run, and return its outputs.
 
-        - `inputs`: in the program's shapes and dtypes.
+        - `inputs`: inputs in the program's shapes and dtypes.
         - `rows`: number of rows of each logged output, its first axis; rows that are not written are 0.
 
         Raises DefinitionError if an input has another shape or dtype.
@@ -163,7 +163,7 @@ class Kernel:
     def batch(self, inputs: Sequence[Any], runs: int, rows: int = 0, threads: int | None = None) -> Arrays:
         """Compute many runs, and return the outputs with a first axis for the runs.
 
-        - `inputs`: in the program's shapes and dtypes; those that vary have a first axis for the runs.
+        - `inputs`: inputs in the program's shapes and dtypes; those that vary have a first axis for the runs.
         - `runs`: number of runs, > 0.
         - `rows`: number of rows of each logged output, its second axis; rows that are not written are 0.
         - `threads`: number of threads; None: one per processor. The results do not depend on it.

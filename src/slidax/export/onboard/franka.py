@@ -20,7 +20,7 @@ class FrankaOutcome:
     """End of a motion.
 
     - `ending`: "finished", "stopped" by the pilot, "reflex" of the robot, or "no robot".
-    - `phase`: of the reference on its path.
+    - `phase`: phase of the reference on its path.
     - `success_rate`: smallest share of commands that arrived, as the robot counts it over its last 100.
     """
 

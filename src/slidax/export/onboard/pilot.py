@@ -57,7 +57,7 @@ def compile_library(folder: Path, sources: Sequence[str], name: str) -> Path:
 class CompiledLaw:
     """An exported law, compiled and loaded.
 
-    - `folder`: with `law.json` and the C files.
+    - `folder`: folder with `law.json` and the C files.
     - `library`: a compiled shared library; by default compiled next to the sources if they are newer.
 
     Raises OSError if there is no law, subprocess.CalledProcessError if it does not compile.
@@ -226,7 +226,7 @@ class Pilot:
 
         Positions and speeds are checked; `admit` checks accelerations and torques as well.
 
-        - `times`: of its points from now on, increasing [s]; a first point at 0 is where the arm should be.
+        - `times`: times of its points from now on, increasing [s]; a first point at 0 is where the arm should be.
         - `q`, `dq`, `ddq`: positions, and optional velocities and accelerations there.
         """
         if len(times) >= POINTS:
@@ -314,7 +314,7 @@ class MotionLog:
     def add(self, pilot: Pilot, q: Sequence[float], dq: Sequence[float], success_rate: float = 1.0) -> None:
         """Add one period after the pilot's step.
 
-        - `success_rate`: of the link to the robot, as counted by the robot.
+        - `success_rate`: success rate of the link to the robot, as counted by the robot.
         """
         report, wanted = pilot.report, pilot.reference
         self.rows.append(
@@ -394,7 +394,7 @@ def add_path_options(parser: argparse.ArgumentParser) -> None:
 def robot_parser(description: str | None, folder: Path) -> argparse.ArgumentParser:
     """Return a parser with the options of all programs that control a robot.
 
-    - `folder`: of the program, with the law in its folder `law`.
+    - `folder`: folder of the program, with the law in its folder `law`.
     """
     parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("address", help="of the robot")

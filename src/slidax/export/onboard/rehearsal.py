@@ -63,7 +63,7 @@ def rehearse(pilot: Pilot, arm: RehearsalArm, log: MotionLog | None = None, most
 def replay(pilot: Pilot, rows: Sequence[dict[str, float]]) -> float:
     """Pass a log through the law again; return the largest difference of a torque [N m or N], 0 if all bits agree.
 
-    - `pilot`: with the options of the logged motion.
+    - `pilot`: pilot with the options of the logged motion.
     """
     joints = range(1, pilot.law.joints + 1)
     largest = 0.0

@@ -76,7 +76,7 @@ class UrOutcome:
     """End of a motion.
 
     - `ending`: "finished", "stopped" by the pilot, "robot" if the robot stopped it, or "no robot".
-    - `phase`: of the reference on its path.
+    - `phase`: phase of the reference on its path.
     """
 
     ending: str

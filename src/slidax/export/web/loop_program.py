@@ -76,7 +76,7 @@ class Variant:
 
     - `family`: the scenario, with the paths that are inputs.
     - `templates`: the scenario, built.
-    - `defaults`: of the inputs, by path.
+    - `defaults`: defaults of the inputs, by path.
     """
 
     family: Family
@@ -191,7 +191,7 @@ def loop_program(variants: Sequence[Variant]) -> LoopProgram | None:
     The inputs are the tunable values, then the arrays that differ between the variants, the number of samples, and the
     logging stride.
 
-    - `variants`: of one form.
+    - `variants`: variants of one form.
 
     Raises DefinitionError if there is no code for something in it.
     """

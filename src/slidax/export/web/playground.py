@@ -227,7 +227,7 @@ class PlaygroundArm:
     - `scenario`: built in.
     - `arm`, `title`: its label and its title.
     - `changes`: changes that do not alter the run, but make friction or rotor inertia tunable.
-    - `gains`: of the rivals, the best of the grids of `scripts/figures/panda.py` on this very run.
+    - `gains`: gains of the rivals, the best of the grids of `scripts/figures/panda.py` on this very run.
     - `choices`: values that need programs of their own.
     """
 

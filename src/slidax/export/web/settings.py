@@ -132,7 +132,7 @@ class PageSetting:
     """A scenario for a page.
 
     - `arm`, `scheme`: labels of both in the playground.
-    - `title`: of the scheme.
+    - `title`: title of the scheme.
     - `kind`: "ours", "printed" or "rival".
     - `note`: a line next to its title.
     """
@@ -330,7 +330,7 @@ def settings_of(
 
     - `arm`: label of its arm.
     - `compared`: names of schemes, and `printed` for the law as printed.
-    - `gains`: of rivals, by their names; by default those of the schemes.
+    - `gains`: gains of rivals, by their names; by default those of the schemes.
     - `choices`: values that need programs of their own.
 
     Raises DefinitionError if there is no such scheme, or it has parameters without defaults.

@@ -49,7 +49,7 @@ class LawMemory(eqx.Module):
 class LearnedModel(NamedTuple):
     """The arm as the law knows it at one sample.
 
-    - `robot`: with the estimated parameters.
+    - `robot`: robot with the estimated parameters.
     - `estimate`: the state, and the disturbance of this robot.
     - `net`: pending torques without the compensated friction [k n], N m or N.
     - `adapted`: the adaptation's memory; None for a law that does not learn.

@@ -103,7 +103,7 @@ def reference_ahead(now: Reference, following: Reference, dead_time: float, peri
 class AdaptationMemory(eqx.Module):
     """Adaptation state between two samples.
 
-    - `memory`: of the adaptation.
+    - `memory`: memory of the adaptation.
     - `friction`: friction compensation in each pending command, the oldest first, [m n].
     - `recovering`: duration of the current way back into the envelope [s].
     """

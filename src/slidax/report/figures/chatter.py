@@ -54,7 +54,7 @@ def chatter(t: np.ndarray, y: np.ndarray, height: float) -> list[ChatterInterval
 
     - `t`: increasing [k], s.
     - `y`: torque [k].
-    - `height`: of the axis.
+    - `height`: height of the axis.
     """
     step = np.diff(y)
     turns = np.flatnonzero(step[1:] * step[:-1] < 0) + 1
@@ -95,7 +95,7 @@ def compared_torques(
     A chattering torque is a tinted band between its lowest and highest values. Over the whole run, peaks far above all
     else are cut off; the beginning shows them in full.
 
-    - `runs`: of the same arm, with logs, by name.
+    - `runs`: runs of the same arm, with logs, by name.
     - `limits`: largest torque of each joint's drive [N m or N].
     - `beginning`: [s].
 

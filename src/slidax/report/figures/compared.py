@@ -72,7 +72,7 @@ class Trace:
 def traces_of(runs: Mapping[str, Run], field: str) -> list[Trace]:
     """The finite samples of each run.
 
-    - `runs`: of the same arm, with logs, by name.
+    - `runs`: runs of the same arm, with logs, by name.
     - `field`: quantity of the log: `e`, `de` or `tau`.
 
     Raises DefinitionError if there are no runs, too many, one without a log, or arms with different joints.
@@ -106,7 +106,7 @@ def columns_for(curves: int, points: int) -> int:
 def linear_range(values: Sequence[np.ndarray], span: float = SPAN) -> tuple[float, float]:
     """The range of a linear axis: all values, unless a few peaks would flatten the rest.
 
-    - `values`: of each curve [k].
+    - `values`: values of each curve [k].
     - `span`: range relative to the usual value of the median run; infinite shows all.
     """
     inner = np.array([np.quantile(value, (0.01, 0.99)) for value in values if len(value)] or [(-1.0, 1.0)])
@@ -167,7 +167,7 @@ def draw_pairs(
 ) -> tuple[Figure, np.ndarray]:
     """The figure and its panels [n 2]: to the left on a linear, to the right on a logarithmic axis.
 
-    - `runs`: of the same arm, with logs, by name.
+    - `runs`: runs of the same arm, with logs, by name.
     - `field`: quantity of the log: `e` or `de`.
     - `symbol`: mathematical text with `%d` for the joint's number.
     - `rate`: suffix of the joint's unit: empty or `/s`.
@@ -232,7 +232,7 @@ def compared_errors(
     A size is drawn at the largest sample of each column, so that an oscillation about zero is a line. The envelope is
     drawn faintly if exactly one run has one.
 
-    - `runs`: of the same arm, with logs, by name.
+    - `runs`: runs of the same arm, with logs, by name.
     - `bands`: levels of |e| by name, one value per joint [rad or m].
     - `beginning`: [s].
 
@@ -276,7 +276,7 @@ def _fill(axes: Axes, t: np.ndarray, low: np.ndarray, high: np.ndarray) -> None:
 def compared_velocity_errors(runs: Mapping[str, Run], *, beginning: float = 2.0) -> Figure:
     """Per joint: the velocity errors of all runs at the beginning, and to the right their sizes over the whole run.
 
-    - `runs`: of the same arm, with logs, by name.
+    - `runs`: runs of the same arm, with logs, by name.
     - `beginning`: [s].
 
     Raises DefinitionError if there are no runs, too many, one without a log, or arms with different joints.
@@ -361,7 +361,7 @@ def metric_bars(
     A value that is zero, not finite or missing is a dash.
 
     - `values`: by scheme, one value per joint, >= 0.
-    - `label`: of the axis, with the unit.
+    - `label`: label of the axis, with the unit.
     - `joints`: names; by default numbers.
 
     Raises DefinitionError if there are no schemes, too many, or they have different numbers of joints.

@@ -110,8 +110,8 @@ def bounded_error(
     """Per joint: both sides of the envelope by their distance from zero, and bounds of |e|, on a logarithmic axis.
 
     - `t`: times [N], s.
-    - `radii`: of the narrower and the wider side [2 N n], rad or m.
-    - `bounds`: of |e| by name: times [k], s, and bounds [k n].
+    - `radii`: radii of the narrower and the wider side [2 N n], rad or m.
+    - `bounds`: bounds of |e| by name: times [k], s, and bounds [k n].
     - `names`, `units`: of the joints.
     """
     joints = radii.shape[2]
@@ -154,7 +154,7 @@ LEAST = 0.2
 def latencies(times: Mapping[str, np.ndarray], period: float) -> Figure:
     """Number of ticks by latency, on logarithmic axes that show rare delays.
 
-    - `times`: of all ticks by name, s.
+    - `times`: times of all ticks by name, s.
     - `period`: sample time, drawn as a line [s].
     """
     figure = Figure(figsize=(WIDTH, 3.0), layout="constrained")

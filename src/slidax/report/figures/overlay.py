@@ -21,7 +21,7 @@ HIGHEST = 250.0
 def envelope_share(run: Run, *, ax: Axes | None = None) -> Figure:
     """Error of each joint as a share of its bound at that time: 100 % is the envelope. The joint nearest to it is blue.
 
-    - `run`: with a log and an envelope.
+    - `run`: run with a log and an envelope.
     - `ax`: axes to draw into; by default a new figure.
 
     Raises DefinitionError if the run has no log, or its scheme has no envelope.

@@ -45,7 +45,7 @@ from .style import (
 def tracking_error(run: Run, *, window: tuple[float, float] | None = None) -> Figure:
     """Per joint: the error in its envelope, eq. (12), and to the right the error's size on a logarithmic axis.
 
-    - `run`: with a log.
+    - `run`: run with a log.
     - `window`: start and end [s]; by default the whole run.
 
     Raises DefinitionError if the run has no log.
@@ -106,7 +106,7 @@ def _draw_radii(axes: Axes, t: np.ndarray, narrow: np.ndarray, wide: np.ndarray)
 def velocity_error(run: Run, *, beginning: float = 2.0) -> Figure:
     """Per joint: the velocity error over the beginning, and to the right its size over the whole run.
 
-    - `run`: with a log.
+    - `run`: run with a log.
     - `beginning`: [s].
 
     Raises DefinitionError if the run has no log.
@@ -134,7 +134,7 @@ def velocity_error(run: Run, *, beginning: float = 2.0) -> Figure:
 def torque(run: Run, *, limits: Sequence[float] | np.ndarray | None = None, beginning: float = 2.0) -> Figure:
     """Per joint: the torque over the whole run, and to the right over its beginning.
 
-    - `run`: with a log.
+    - `run`: run with a log.
     - `limits`: largest torque of each joint's drive [N m or N].
     - `beginning`: [s].
 
@@ -215,7 +215,7 @@ LEVEL: dict[str, Any] = {"color": "0.1", "linewidth": 0.7, "linestyle": "-", "zo
 def error_sizes(runs: Mapping[str, Run], *, levels: Mapping[str, Sequence[float]] | None = None) -> Figure:
     """Per joint: the size of each run's error on a logarithmic axis, with levels for comparison.
 
-    - `runs`: with logs, by name.
+    - `runs`: runs with logs, by name.
     - `levels`: horizontal lines by name, one value per joint [rad or m].
 
     Raises DefinitionError if there are no runs, more than five, or one without a log.
@@ -245,7 +245,7 @@ def error_sizes(runs: Mapping[str, Run], *, levels: Mapping[str, Sequence[float]
 def performance(functions: Mapping[str, AbstractPerformance], t: np.ndarray) -> Figure:
     """Performance functions ρ(t) on a logarithmic axis.
 
-    - `functions`: of one joint, by name.
+    - `functions`: functions of one joint, by name.
     - `t`: times [k], s.
 
     Raises DefinitionError if there are none, more than five, or one with several joints.

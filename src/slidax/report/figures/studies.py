@@ -21,7 +21,7 @@ from .style import BOUND, LIMIT, LINES, WIDTH, legend_above, styled
 def pareto_front(labels: Sequence[str], front: np.ndarray, today: np.ndarray, best: int | None = None) -> Figure:
     """The first objective against each other one: candidates of a front, the best of them, and the current parameters.
 
-    - `labels`: of the objectives, with units.
+    - `labels`: labels of the objectives, with units.
     - `front`: [candidates objectives].
     - `today`: objectives of the current parameters [objectives].
     - `best`: index of the marked candidate; None for none.
@@ -82,7 +82,7 @@ def _few_ticks(axis: Axis) -> None:
 def histograms(values: Mapping[str, np.ndarray], limits: Mapping[str, float] = {}) -> Figure:
     """One panel per quantity: number of runs over its value, logarithmic if all values are > 0 and span decades.
 
-    - `values`: of all runs by axis label; non-finite values are omitted.
+    - `values`: values of all runs by axis label; non-finite values are omitted.
     - `limits`: positions of lines, by the same labels.
     """
     shown = {label: np.asarray(numbers)[np.isfinite(numbers)] for label, numbers in values.items()}
@@ -163,8 +163,8 @@ def margin_over(margin: np.ndarray, values: Mapping[str, np.ndarray], names: str
 
     With many runs every k-th is drawn, and all with the least margin.
 
-    - `margin`: of each run; < 0 if it failed.
-    - `values`: of each run by axis label.
+    - `margin`: margin of each run; < 0 if it failed.
+    - `values`: values of each run by axis label.
     - `names`: label of the margin.
     """
     known = np.isfinite(margin)
@@ -207,7 +207,7 @@ def parameter_map(axes: Mapping[str, np.ndarray], values: np.ndarray, label: str
 
     - `axes`: values of one or two parameters, by label.
     - `values`: the result at each combination; non-finite values are omitted.
-    - `label`: of the result, with the unit.
+    - `label`: label of the result, with the unit.
     - `bound`: between good and bad; None for none.
     """
     (first, x), *rest = axes.items()
@@ -253,7 +253,7 @@ def search_history(history: np.ndarray, label: str, bound: float | None = None) 
     """The lowest value so far, over the number of runs.
 
     - `history`: number of runs and lowest value [looks 2].
-    - `label`: of the values, with the unit.
+    - `label`: label of the values, with the unit.
     - `bound`: a level to mark; None for none.
     """
     figure = Figure(figsize=(4.6, 2.1), layout="constrained")

@@ -103,7 +103,7 @@ class SceneStage:
     """The surroundings: z up, the ground at z = 0, or lower if the table would intersect it.
 
     - `rotation`: axes of the base frame as columns [3 3].
-    - `height`: of the base above the ground, m.
+    - `height`: height of the base above the ground, m.
     - `camera`, `target`: positions of the camera and of the point that it looks at [3], m.
     - `wide_camera`, `wide_target`: the same with both arms side by side [3], m.
     - `shift`: offset of the reference when it is beside the true arm [3], m.

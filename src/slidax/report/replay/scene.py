@@ -18,7 +18,7 @@ class ArmNodes:
     """Scene nodes of the true arm, or of the reference.
 
     - `server`: displays the scene.
-    - `name`: of the root node.
+    - `name`: name of the root node.
     - `drawing`, `poses`: shapes and poses of the bodies.
     - `ghost`: draw the reference: translucent, and without its stand.
     """
@@ -55,7 +55,7 @@ class PayloadNode:
     """Scene node of the payload.
 
     - `server`: displays the scene.
-    - `name`: of the node, below the base of the true arm.
+    - `name`: name of the node, below the base of the true arm.
     - `payload`: its box and motion.
     """
 
@@ -163,7 +163,7 @@ class ReplayChart:
     - `server`: displays the chart.
     - `t`, `value`: times [k], s, and values [k].
     - `bounds`: lower and upper [k] each, or None.
-    - `label`: of the quantity, with its unit.
+    - `label`: label of the quantity, with its unit.
     """
 
     def __init__(

@@ -29,7 +29,7 @@ def box(sides: np.ndarray, colour: Colour, rotation: np.ndarray, center: np.ndar
     """A box.
 
     - `sides`: lengths [3], m.
-    - `colour`: of the box.
+    - `colour`: colour of the box.
     - `rotation`, `center`: its axes as columns [3 3], and its centre [3], m.
     """
     return solid(0, trimesh.creation.box(extents=sides), colour, frame(rotation, center))
@@ -89,9 +89,9 @@ def solid(body: int, mesh: trimesh.Trimesh, colour: Colour, at: np.ndarray | Non
 def plain_shapes(skeleton: Skeleton, travel: np.ndarray, size: float) -> list[Solid]:
     """Shapes of the links and joints.
 
-    - `skeleton`: of the arm.
+    - `skeleton`: skeleton of the arm.
     - `travel`: largest distance of each joint from 0 in a run [n], rad or m; the rod of a prismatic joint is that long.
-    - `size`: of the workspace, m.
+    - `size`: size of the workspace, m.
     """
     radii = _radii(skeleton, size)
     solids: list[Solid] = []
@@ -191,7 +191,7 @@ def mesh_solids(skeleton: Skeleton, path: Path, *, tools: bool) -> list[Solid]:
 
     One `DefinitionWarning` names the meshes that are missing or unreadable.
 
-    - `skeleton`: of the robot.
+    - `skeleton`: skeleton of the robot.
     - `path`: the URDF.
     - `tools`: include links behind fixed joints, such as a hand, which may not belong to the robot.
 

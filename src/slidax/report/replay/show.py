@@ -57,7 +57,7 @@ def show(
 
     - `run`: a finished run with a log.
     - `plant`: any plant, or only the robot; a plant also has the torque limits, the payload and the table.
-    - `title`: of the page.
+    - `title`: title of the page.
     - `urdf`: a URDF of this robot, whose meshes are drawn. Without it they come from the package
       `example-robot-data` if that is installed and has this robot; otherwise plain shapes are drawn.
     - `plain`: draw plain shapes in any case.
@@ -295,7 +295,7 @@ def record(
 
     - `run`, `plant`, `title`, `urdf`, `plain`: as for `show`.
     - `out`: the file, NAME.html.
-    - `speed`: of the replay, > 0; 0.25 is slow motion.
+    - `speed`: speed of the replay, > 0; 0.25 is slow motion.
     - `frames_per_second`: > 0; a recording has 6000 frames at most, and a longer one fewer per second.
     - `beside`: draw the reference beside the true arm, not over it.
 

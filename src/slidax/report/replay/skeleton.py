@@ -207,10 +207,10 @@ class SampledRun:
 def sample_run(run: Run, skeleton: Skeleton, rate: float, most: int) -> SampledRun:
     """Interpolate the log of a run linearly in joint space.
 
-    - `run`: with a log.
-    - `skeleton`: of its robot.
+    - `run`: a run with a log.
+    - `skeleton`: the skeleton of its robot.
     - `rate`: frames per second of the run, > 0.
-    - `most`: frames at most; a longer run has fewer per second.
+    - `most`: largest number of frames; a longer run has fewer per second.
 
     Raises DefinitionError if the run has no log, or the robot has other joints.
     """

@@ -35,7 +35,7 @@ THINNER = 1e-3
 class Solid:
     """Triangles of one colour.
 
-    - `body`: that carries them, 0 for the base.
+    - `body`: body that carries them, 0 for the base.
     - `vertices`: [v 3], m, in the body's frame.
     - `faces`: vertex indices [f 3].
     """

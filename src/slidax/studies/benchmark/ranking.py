@@ -21,7 +21,7 @@ class Score:
 
     - `inside`: share of cases that never left the tolerance band; `interval`: of Clopper and Pearson.
     - `failed`: share of lost cases.
-    - `medians`: of each metric over the cases that were not lost; None if all were.
+    - `medians`: medians of each metric over the cases that were not lost; None if all were.
     - `behind`: p-value of McNemar's test against the largest share, by Holm over the schemes of the task.
     """
 
@@ -43,7 +43,7 @@ class Ranking:
     """Ranking of the schemes on a `task`.
 
     - `scores`: the best first: leading schemes by their steady error, then the others by their share.
-    - `p_value`: of Wilcoxon's test on the steady errors of the first two if both lead, else of McNemar's test.
+    - `p_value`: p value of Wilcoxon's test on the steady errors of the first two if both lead, else of McNemar's test.
     - `by`: the criterion between the first and the second.
     """
 

@@ -89,7 +89,7 @@ function decoded(text, faults) {
   try {
     return decodeURIComponent(text);
   } catch {
-    faults.push(`"${clipped(text)}" is no text`);
+    faults.push(`"${clipped(text)}" is not valid text`);
     return "";
   }
 }
