@@ -86,7 +86,7 @@ def test_at_1_khz_all_schemes_are_compared_in_sampled_data_form():
     assert [schemes[name]["metrics"]["envelope_violations"] for name in ("cftsmppc", "ftsmppc")] == [0, 0]
 
 
-def test_a_run_that_left_and_came_back_is_not_a_good_end():
+def test_a_run_that_left_its_envelope_and_returned_does_not_count_as_good():
     outside = ("--set", "start.q=[-0.8,2.9]", "--set", "simulation.t1=2")
     result = in_process("compare", "example-4.1-1khz", "--schemes", "cftsmppc,ftsmppc", *outside, "--json", code=3)
     actual = json.loads(result.stdout)["schemes"]["ftsmppc"]

@@ -52,7 +52,7 @@ def test_the_json_has_every_documented_field():
 
 
 @pytest.mark.parametrize("mode", ["continuous", pytest.param("held", marks=pytest.mark.full)])
-def test_a_run_that_must_leave_its_envelope_exits_with_3_and_no_nan(mode):
+def test_a_run_that_leaves_its_envelope_exits_with_3_without_nan(mode):
     result = own_process(
         "run", "example-4.1", "--json", "--set", "simulation.period=1e-3", "--set", f"simulation.mode={mode}"
     )
@@ -72,7 +72,7 @@ def test_another_scheme_by_name_replaces_the_files_scheme():
     np.testing.assert_allclose(answer["metrics"]["steady_error"], [1.99e-4, 3.77e-4], rtol=0.01)
 
 
-def test_a_run_that_left_and_came_back_exits_with_3_and_reports_both():
+def test_a_run_that_left_its_envelope_and_returned_exits_with_3_and_reports_both():
     result = in_process(
         *("run", "example-4.1-1khz", "--json", "--set", "start.q=[-0.8,2.9]", "--set", "simulation.t1=4"), code=3
     )
@@ -90,7 +90,7 @@ def test_a_run_that_left_and_came_back_exits_with_3_and_reports_both():
     assert "was back for good at t = " in result.stderr
 
 
-def test_a_run_that_is_outside_at_its_end_has_left_with_3_and_is_not_back():
+def test_a_run_that_ends_outside_its_envelope_exits_with_3_and_reports_no_return():
     answer = answered("example-4.1-1khz", "--set", "start.q=[-0.8,2.9]", "--set", "simulation.t1=0.1", code=3)
     assert answer["outcome"] == "left_envelope" and answer["stopped"]["back"] is None
     assert answer["stopped"]["beyond"] > 0 and answer["metrics"]["envelope_violations"] == 101
@@ -141,7 +141,7 @@ def test_a_warning_of_a_robot_file_is_one_line_and_the_run_goes_on(tmp_path):
     assert result.stderr == f"{message} infinite\n"
 
 
-def test_the_report_of_a_run_that_came_back_shows_what_happened(tmp_path):
+def test_the_report_of_a_run_that_returned_shows_exit_and_return(tmp_path):
     arguments = ("--set", "start.q=[-0.8,2.9]", "--set", "simulation.t1=1.5", "--out", str(tmp_path))
     in_process("run", "example-4.1-1khz", *arguments, code=3)
     text = (tmp_path / "report.html").read_text(encoding="utf-8")

@@ -227,7 +227,7 @@ def _corners(uncertain: Space, joints: int) -> Floats:
 
 
 def _set(value: Any) -> dict[str, Any]:
-    """Return a set that ends at a value; it only declares that its path varies, and no point of it is drawn."""
+    """Return an uncertainty set that ends at a value; it only declares that its path varies and is never drawn from."""
     if np.ndim(value):
         numbers = np.asarray(value, float).tolist()
         return {"between": [[item / 1.5 for item in numbers], numbers], "each": "joint"}

@@ -236,7 +236,7 @@ def position_zeros(robot: Articulated, sample: TorqueSample, conventions: Conven
 
 
 def mountings(robot: Articulated, sample: TorqueSample) -> Iterator[Repair]:
-    """Gravity in another direction, by least squares and then by the score; or gravity compensated by the robot."""
+    """Other mountings: gravity in the direction that fits best, or gravity that the robot already compensates."""
     believed = np.asarray(robot.gravity_vector)
     strength = float(np.linalg.norm(believed)) or 9.81
 
