@@ -47,7 +47,7 @@ lint: .venv/.installed ## Check style, types and layers; changes nothing
 	.venv/bin/ruff format --check . || failed="$$failed ruff-format"; \
 	.venv/bin/mypy || failed="$$failed mypy"; \
 	.venv/bin/lint-imports --no-logo || failed="$$failed lint-imports"; \
-	.venv/bin/python scripts/check-words src || failed="$$failed check-words"; \
+	.venv/bin/python scripts/check-words src tests scripts examples || failed="$$failed check-words"; \
 	if [ -n "$$failed" ]; then echo "make lint: failed:$$failed" >&2; exit 1; fi
 
 format: .venv/.installed ## Put the code in order

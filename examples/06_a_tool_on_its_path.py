@@ -15,8 +15,8 @@ pose = Pose.of_tip(arm, home)
 
 # One pose, and the posture for it that is nearest to home.
 lower = Pose(pose.position + np.array([0.1, 0.0, -0.15]), pose.rotation)
-found = inverse(arm, lower, start=home)
-print("posture:", found.q.round(4), f"off by {found.position_error:.0e} m")
+solution = inverse(arm, lower, start=home)
+print("posture:", solution.q.round(4), f"off by {solution.position_error:.0e} m")
 
 # A path: down to that pose as fast as the joints can, then once around.
 center = lower.position + np.array([0.0, 0.1, 0.0])

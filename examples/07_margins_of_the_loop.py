@@ -19,6 +19,6 @@ for where in ("torque", "measurement"):
         print(f"{joint.where}: gain up to {joint.gain_up:.3g}, phase {joint.phase:.3g} degrees, ", end="")
         print(f"delay {1e3 * joint.delay:.3g} ms, disk {joint.disk:.3g}, peak of S {joint.sensitivity:.3g}")
 
-# What a constant push of 1 N m on joint 1 does to its error.
+# Error of joint 1 under a constant disturbance of 1 N m on it.
 times, error = loop.system.select("disturbance[joint 1]", "error[joint 1]").step_response(0.3)
 print(f"a push of 1 N m moves joint 1 by {np.abs(error).max():.2e} rad, and in the end by {error[-1, 0, 0]:.1e} rad")

@@ -16,9 +16,9 @@ def names() -> list[str]:
     Not codegen: it works on numbers one by one, and to check the arguments of every call takes ten times as long as it.
     A package is not in it, as all that is below it would be checked as well.
     """
-    found = []
+    modules = []
     for path in sorted(SOURCE.rglob("*.py")):
         inside = path.relative_to(SOURCE).with_suffix("").parts
         if inside[0] != "codegen" and path.stem != "__init__" and SHAPES.search(path.read_text(encoding="utf-8")):
-            found.append(".".join(("slidax", *inside)))
-    return found
+            modules.append(".".join(("slidax", *inside)))
+    return modules

@@ -1,4 +1,4 @@
-"""What XLA has compiled in a run of the tests is kept for the next one, in pytest's own cache folder."""
+"""Keep the programs that XLA compiles in a test run for the next run, in pytest's cache folder."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 import jax
 
 WEEK = 7 * 24 * 3600.0
-"""How long it is kept [s]."""
+"""Time for which a program is kept [s]."""
 
 
 def taken(kept: Path) -> Path:
@@ -49,6 +49,6 @@ def given_back(own: Path) -> None:
 
 
 def pieces_of_memory() -> int:
-    """How many this process has mapped: each compiled program takes several, and Linux allows 65 530; 0 elsewhere."""
+    """Number of memory maps of this process: each compiled program takes several of at most 65 530 on Linux; else 0."""
     maps = Path("/proc/self/maps")
     return maps.read_bytes().count(b"\n") if maps.exists() else 0

@@ -1,4 +1,4 @@
-"""What every test stands on: 64-bit numbers, no silent promotion, checked shapes, and the same inputs every time."""
+"""Settings of all tests: 64-bit numbers, no silent promotion, checked shapes, and the same inputs every time."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What was measured to take long is for the long version (`scripts/write-long-tests`)."""
+    """Leave slow tests to the long version (`scripts/write-long-tests`)."""
     names = (Path(__file__).parent / "long_tests.txt").read_text(encoding="utf-8").splitlines()
     long = set(names)
     for item in items:

@@ -1,4 +1,4 @@
-"""How a test runs over every member of a room: each room keeps a list of (name, instance) in its `members.py`."""
+"""Run a test for every member of a family: `members.py` of a folder lists its members as (name, instance)."""
 
 from __future__ import annotations
 

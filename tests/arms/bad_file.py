@@ -30,7 +30,7 @@ class BadFile:
     arguments: dict[str, Any] = field(default_factory=dict)
 
     def source(self, folder: Path) -> str | Path:
-        """What is given: the text, or the path of a file with it."""
+        """Return the text, or the path of a file with it."""
         if isinstance(self.text, str):
             return self.text
         (folder / "robot.xml").write_bytes(self.text)
@@ -49,7 +49,7 @@ def damaged(text: str, rng: np.random.Generator) -> str:
     """A text of XML with one to three things in it changed, left out or doubled."""
     for _ in range(rng.integers(1, 4)):
         value, attribute, element, other = (
-            (found := list(re.finditer(pattern, text)))[rng.integers(len(found))].span()
+            (matches := list(re.finditer(pattern, text)))[rng.integers(len(matches))].span()
             for pattern in (r'"[^"]*"', r' \w+="[^"]*"', r"<[^<>]*/>", r"<[^<>]*/>")
         )
         place = int(rng.integers(len(text)))

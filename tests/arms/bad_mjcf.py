@@ -55,8 +55,8 @@ def case(title: str, *changes: str, named: str, **arguments: Any) -> BadFile:
 
 def elbow(**attributes: str) -> str:
     """The elbow with other attributes, or further ones."""
-    given = {"name": "elbow", "axis": "0 1 0", "range": "-60 80"} | attributes
-    return "<joint " + " ".join(f'{key}="{value}"' for key, value in given.items()) + "/>"
+    all_attributes = {"name": "elbow", "axis": "0 1 0", "range": "-60 80"} | attributes
+    return "<joint " + " ".join(f'{key}="{value}"' for key, value in all_attributes.items()) + "/>"
 
 
 def inertial(mass: str = "1.25", pos: str = "0.1 0.01 0", moments: str = "0.01 0.0125 0.015 0 0.0005 0") -> str:

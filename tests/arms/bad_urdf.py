@@ -80,8 +80,8 @@ def joint(kind: str, name: str, parent: str, child: str, inner: str = "") -> str
 
 def limit(**values: str | None) -> str:
     """The elbow's limits with some changed, or left out."""
-    given = {"lower": "-1", "upper": "1.5", "effort": "20", "velocity": "4"} | values
-    return "<limit " + " ".join(f'{key}="{value}"' for key, value in given.items() if value is not None) + "/>"
+    limits = {"lower": "-1", "upper": "1.5", "effort": "20", "velocity": "4"} | values
+    return "<limit " + " ".join(f'{key}="{value}"' for key, value in limits.items() if value is not None) + "/>"
 
 
 def inertia(ixx: str, iyy: str, izz: str, ixy: str = "0") -> str:

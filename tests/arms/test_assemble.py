@@ -180,7 +180,7 @@ def test_invalid_joints_are_errors_that_name_joint_or_link(changes, message):
 
 def test_a_joint_of_an_unknown_kind_is_refused_by_its_name():
     joint = a_joint()
-    # What checks types in these tests would be first.
+    # The type checker of the tests would refuse it earlier.
     object.__setattr__(joint, "kind", "continuous")
     message = "joint `elbow` must be `revolute`, `prismatic` or `fixed`; got `continuous`; a continuous joint is"
     with pytest.raises(DefinitionError, match=message):

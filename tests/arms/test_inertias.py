@@ -56,7 +56,7 @@ def of_no_body(rng: np.random.Generator) -> np.ndarray:
 
 @pytest.mark.parametrize("seed", range(8))
 def test_nearest_inertia_is_the_projection(seed):
-    """What is cut off is at right angles to what is left, and to every body points away from it (Moreau)."""
+    """The removed part is orthogonal to the remaining one, and its product with every body is not positive (Moreau)."""
     rng = np.random.default_rng(seed)
     impossible = of_no_body(rng)
     nearest = nearest_rigid(impossible)

@@ -1,4 +1,4 @@
-"""What the true arm has that its law does not know: other masses, friction, rotors, and something at its tip."""
+"""Differences of the true arm that its law does not know: masses, friction, rotors, and a payload at its tip."""
 
 from __future__ import annotations
 

@@ -193,16 +193,16 @@ def with_mesh(where: str, name: str) -> str:
     asset = f'<asset><mesh name="hull" file="{name}"/></asset>'
     shape = '<geom type="mesh" mesh="hull"/>'
     text = changed(GOOD, COMPILER, '<compiler angle="degree" meshdir="shapes"/>', WORLD, asset + WORLD)
-    return changed(text, SITE, SITE + shape) if where == "beside" else changed(text, INERTIAL, shape)
+    return changed(text, SITE, SITE + shape) if where == "next to" else changed(text, INERTIAL, shape)
 
 
 def test_weightless_mesh_is_neither_required_nor_read(tmp_path):
     (tmp_path / "shapes").mkdir()
     (tmp_path / "shapes" / "hull.stl").write_text("no mesh at all")
     path = tmp_path / "arm.mjcf"
-    path.write_text(with_mesh("beside", "hull.stl"))
+    path.write_text(with_mesh("next to", "hull.stl"))
     np.testing.assert_array_equal(from_mjcf(path, meshes=True).inertias, from_mjcf(GOOD).inertias)
-    path.write_text(with_mesh("beside", "lost.stl"))
+    path.write_text(with_mesh("next to", "lost.stl"))
     with pytest.raises(
         DefinitionError, match=r"body `fore` does not exist; searched .*/shapes/lost\.stl; meshes=False"
     ):
@@ -262,8 +262,8 @@ def test_bodies_keep_their_names_where_mujoco_would_join_them():
 
 
 def test_default_tip_is_the_only_moving_body_that_carries_none():
-    beside = from_mjcf(changed(GOOD, WORLD, WORLD + '<body name="table"><geom size="0.1"/></body>'))
-    np.testing.assert_array_equal(beside.tip_translation, from_mjcf(GOOD, tip="fore").tip_translation)
+    scene = from_mjcf(changed(GOOD, WORLD, WORLD + '<body name="table"><geom size="0.1"/></body>'))
+    np.testing.assert_array_equal(scene.tip_translation, from_mjcf(GOOD, tip="fore").tip_translation)
 
 
 def test_text_in_another_encoding_is_read(tmp_path):

@@ -53,7 +53,7 @@ def frames(description, q):
 
 
 def gravity_torques(description, q):
-    """What every joint must hold at rest [N m]."""
+    """Torque of every joint at rest [N m]."""
     joints, places = description["joints"], frames(description, q)[:-1]
     centers = [
         place + rotation @ joint["link"]["center"] for (rotation, place), joint in zip(places, joints, strict=True)

@@ -13,7 +13,7 @@ def turned(rng) -> np.ndarray:
 def random_joint(rng, name, parent, kind="revolute", **more) -> Joint:
     moments = rng.uniform(0.5, 1.0, 3) * 0.05
     axes = turned(rng)
-    given = {
+    fields = {
         "name": name,
         "kind": kind,
         "parent": parent,
@@ -25,7 +25,7 @@ def random_joint(rng, name, parent, kind="revolute", **more) -> Joint:
         "center": rng.normal(size=3) * 0.1,
         "inertia": axes @ np.diag(moments) @ axes.T,
     }
-    return Joint(**given | more)
+    return Joint(**fields | more)
 
 
 def tree_joints(seed=0) -> list[Joint]:

@@ -23,8 +23,8 @@ runs: 128
 
 @contextmanager
 def no_file_above(size):
-    # JAX would leave halves of files in the cache of the tests. Whether there is a cache it asks only once; whether a
-    # program took long enough to be kept it asks each time.
+    # JAX would leave halves of files in the cache of the tests. It looks for a cache
+    # only once, but checks for each program if its compilation was long enough to be kept.
     shortest = jax.config.jax_persistent_cache_min_compile_time_secs
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 1e9)
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)

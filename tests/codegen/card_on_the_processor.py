@@ -14,7 +14,7 @@ from slidax.codegen.cuda.launch import dtype_on_card, pack_inputs, unpack_output
 THREADS = 4
 """Of a block, so that some of the last one have no run."""
 
-# What the compiler of the processor needs in the place of CUDA's own words; one thread at a time.
+# Definitions by which a C++ compiler reads CUDA's words; one thread at a time.
 ON_THE_PROCESSOR = """
 #include <cmath>
 #include <cstring>

@@ -1,4 +1,4 @@
-"""What all tests of the code generator share."""
+"""Fixtures of all tests of the code generator."""
 
 import jax
 import pytest

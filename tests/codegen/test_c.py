@@ -72,7 +72,7 @@ def all_at_once(names):
 
 
 def results(names, folder, **options):
-    """What C gives for some cases, by name, and what JAX gives."""
+    """Results of C and of JAX for some cases, by name."""
     function, args = all_at_once(names)
     call = compiled(trace(function, args), folder, **options)
     theirs = jax.jit(function)(args)
@@ -81,8 +81,8 @@ def results(names, folder, **options):
 
 
 def assert_close(ours, theirs, **tolerance):
-    for one, other in zip(jax.tree.leaves(ours), jax.tree.leaves(theirs), strict=True):
-        np.testing.assert_allclose(one, other, **tolerance)
+    for ours_k, theirs_k in zip(jax.tree.leaves(ours), jax.tree.leaves(theirs), strict=True):
+        np.testing.assert_allclose(ours_k, theirs_k, **tolerance)
 
 
 @pytest.fixture(scope="module")
@@ -141,8 +141,8 @@ def test_random_programs_give_the_same_bits_as_machine_code(tmp_path):
         ours = compiled(lower_and_fuse(program), folder, compiler=COMPILERS[(seed % 2) % len(COMPILERS)], flags=guards)
         theirs = llvm.compile(program)
         for arrays in map(random_arrays, range(4)):
-            for one, other in zip(ours(arrays), theirs(arrays), strict=True):
-                np.testing.assert_array_equal(one, other, err_msg=f"seed {seed}")
+            for ours_k, theirs_k in zip(ours(arrays), theirs(arrays), strict=True):
+                np.testing.assert_array_equal(ours_k, theirs_k, err_msg=f"seed {seed}")
 
 
 @needs_a_compiler

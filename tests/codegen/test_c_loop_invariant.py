@@ -1,4 +1,4 @@
-"""What follows from parameters alone is found, and computed apart from the rest."""
+"""Values that depend on parameters alone are computed separately."""
 
 import jax.numpy as jnp
 import numpy as np

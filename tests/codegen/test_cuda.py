@@ -24,7 +24,7 @@ def pendulum():
     damping = b.input("damping", "f64", ())[()]
     steps, every = (b.input(name, "i64", ())[()] for name in ("steps", "every"))
     log = b.logged("log", "f64", (2,))
-    zero, one = b.constant(0, "i64"), b.constant(1, "i64")
+    zero, unit = b.constant(0, "i64"), b.constant(1, "i64")
     h = b.constant(0.01, "f64")
 
     def turn(carried):
@@ -34,7 +34,7 @@ def pendulum():
         pull = b.apply("add", b.apply("sin", q), b.apply("mul", damping, dq))
         faster = b.apply("sub", dq, b.apply("mul", h, pull))
         moved = b.apply("add", q, b.apply("mul", h, faster))
-        return [b.apply("add", count, one), b.apply("add", row, b.apply("convert", due, type="i64")), moved, faster]
+        return [b.apply("add", count, unit), b.apply("add", row, b.apply("convert", due, type="i64")), moved, faster]
 
     left = b.loop([zero, zero, *start], lambda carried: b.apply("lt", carried[0], steps), turn, iterations=steps)
     b.output("end", "f64", np.array(left[2:], object))
@@ -87,8 +87,8 @@ def test_random_programs_give_the_same_bits_as_machine_code(tmp_path):
         folder = tmp_path / str(seed)
         folder.mkdir()
         ours = batch(lower_and_fuse(program), arrays, RUNS, 0, folder)
-        for one, other in zip(ours, llvm.compile(program).batch(arrays, RUNS), strict=True):
-            np.testing.assert_array_equal(one, other, err_msg=f"seed {seed}")
+        for ours_k, theirs_k in zip(ours, llvm.compile(program).batch(arrays, RUNS), strict=True):
+            np.testing.assert_array_equal(ours_k, theirs_k, err_msg=f"seed {seed}")
 
 
 @needs_nvcc

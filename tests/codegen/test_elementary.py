@@ -17,7 +17,7 @@ from .compiled_c import compiled, needs_a_compiler
 from .interpreter import interpreted
 
 TWO_ARGUMENTS = ("pow", "atan2")
-# What the reference itself may be off, where its numbers are longer than ours; else as much as ours.
+# Largest error of the reference: smaller than that of f64 if its numbers are longer, else the same.
 REFERENCE_ULPS = 0.01 if np.finfo(np.longdouble).nmant > 60 else 1.0
 SPECIAL = [0.0, 1.0, 2.0, 3.0, 0.5, 2.5, 0.3, 100.0, 709.9, 710.3, 745.2, 1023.5, 1024.0, 1075.0, 1e300, 1e308]
 SPECIAL += [2.0**52 + 1, 2.0**53, 2.0**53 + 2, 1e-300, 1e-310, 5e-324, 1.0 - 2.0**-53, 1.0 + 2.0**-52, math.inf]
@@ -54,7 +54,7 @@ def reference(op, x, y=0.0):
 
 
 def ulps(result, expected):
-    """How far off, in units of the last place; zero where both are NaN or the same infinity."""
+    """Error in units in the last place; zero if both are NaN or the same infinity."""
     with np.errstate(all="ignore"):
         rounded = expected.astype(np.float64)
         off = np.abs(result - expected) / np.spacing(np.abs(rounded))
@@ -70,7 +70,7 @@ def geometric(low, high, count=1500):
 
 
 def near_quarters(turns):
-    """Numbers beside multiples of pi/2, where a sine or a cosine nearly vanishes."""
+    """Numbers near multiples of pi/2, where a sine or a cosine nearly vanishes."""
     return np.rint(linear(-turns, turns)) * (np.pi / 2) * (1.0 + RANDOM.integers(-3, 4, 1500) * 2.0**-53)
 
 
@@ -238,11 +238,11 @@ def test_a_nonnegative_base_needs_no_test_for_odd_exponents():
 def test_the_sine_of_a_loop_invariant_angle_is_computed_before_the_loop():
     builder = Builder()
     angle = builder.input("angle", "f64", (1,))[0]
-    turns, zero, one = (builder.constant(k, "i64") for k in (3, 0, 1))
+    turns, zero, unit = (builder.constant(k, "i64") for k in (3, 0, 1))
 
     def body(carried):
         return [
-            builder.apply("add", carried[0], one),
+            builder.apply("add", carried[0], unit),
             builder.apply("add", carried[1], lower(builder, "sin", (angle,))),
         ]
 

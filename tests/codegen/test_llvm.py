@@ -118,9 +118,9 @@ def test_shifting_out_all_bits_leaves_none_or_the_sign(lanes):
 def test_functions_without_expansion_are_those_of_the_c_library(type):
     x = np.linspace(-0.9, 0.9, RUNS).astype(DTYPES[type])
     for op in ("tan", "tanh", "erf", "asin"):
-        many, one = (per_run(lambda b, x, op=op: b.apply(op, x), type, x, lanes=lanes) for lanes in (8, 1))
-        assert many.tobytes() == one.tobytes()
-        np.testing.assert_allclose(one, [getattr(math, op)(v) for v in x], rtol=4 * np.finfo(x.dtype).eps)
+        many, single = (per_run(lambda b, x, op=op: b.apply(op, x), type, x, lanes=lanes) for lanes in (8, 1))
+        assert many.tobytes() == single.tobytes()
+        np.testing.assert_allclose(single, [getattr(math, op)(v) for v in x], rtol=4 * np.finfo(x.dtype).eps)
 
 
 @pytest.mark.parametrize("lanes", LANES)
@@ -132,12 +132,12 @@ def test_booleans_are_bytes_in_inputs_and_outputs(lanes):
 
 def loop_over_time(b, count, body, *start):
     """`body(k, t, ...)` for k = 0, ..., count - 1, with t = k / 8."""
-    zero, one, last = (b.constant(k, "i64") for k in (0, 1, count))
+    zero, unit, last = (b.constant(k, "i64") for k in (0, 1, count))
 
     def turn(carried):
         k = carried[0]
         t = b.apply("mul", b.apply("convert", k, type="f64"), b.constant(0.125, "f64"))
-        return [b.apply("add", k, one), *body(k, t, *carried[1:])]
+        return [b.apply("add", k, unit), *body(k, t, *carried[1:])]
 
     return b.loop([zero, *start], lambda carried: b.apply("lt", carried[0], last), turn, last)[1:]
 
@@ -164,12 +164,12 @@ def test_values_of_time_alone_are_computed_once_for_all_runs():
 def test_runs_that_leave_a_loop_early_keep_their_values():
     b = Builder()
     limit = b.input("limit", "f64", (), varying=True).item()
-    one = b.constant(1.0, "f64")
+    unit = b.constant(1.0, "f64")
     # The second number is doubled alike in all runs, but not equally often.
     total, power = b.loop(
-        [b.constant(0.0, "f64"), one],
+        [b.constant(0.0, "f64"), unit],
         lambda carried: b.apply("lt", carried[0], limit),
-        lambda carried: [b.apply("add", carried[0], one), b.apply("add", carried[1], carried[1])],
+        lambda carried: [b.apply("add", carried[0], unit), b.apply("add", carried[1], carried[1])],
     )
     b.output("y", "f64", np.array([total, power], object))
     program = b.finish()

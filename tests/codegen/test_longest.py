@@ -1,4 +1,4 @@
-"""How long a program can take, beside how long it took."""
+"""Upper bounds of the operations of a program."""
 
 import jax
 import jax.numpy as jnp
@@ -16,11 +16,11 @@ from . import interpreter
 def halving(most, start=0, step=1, compared="lt"):
     """A number that is halved while it is above one, and not more often than `most`."""
     b = Builder()
-    number, one = b.input("x", "f64", ())[()], b.constant(1.0, "f64")
+    number, unit = b.input("x", "f64", ())[()], b.constant(1.0, "f64")
     count, by = b.constant(start, "i64"), b.constant(step, "i64")
 
     def goes_on(carried):
-        return b.apply("and", b.apply("gt", carried[0], one), b.apply(compared, carried[1], b.constant(most, "i64")))
+        return b.apply("and", b.apply("gt", carried[0], unit), b.apply(compared, carried[1], b.constant(most, "i64")))
 
     left = b.loop(
         [number, count],

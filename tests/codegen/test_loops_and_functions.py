@@ -1,4 +1,4 @@
-"""What is alike for all elements of an array becomes a loop in C, and a long function of the source stays one."""
+"""Operations on all elements of an array become loops in C, and long functions of the source stay functions."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def test_conditions_on_all_elements_become_a_loop_or_a_function_call():
 
 
 def assigned(*pairs):
-    """How assignments of inputs and numbers are written."""
+    """Return the C text of assignments of inputs and numbers."""
     builder = Builder()
     inputs = builder.input("memory->x", "f64", (30,))
     zero = builder.constant(0.0, "f64")
@@ -111,7 +111,7 @@ def test_block_moves_use_memcpy_and_never_overwrite_unread_values():
         "memcpy(&memory->x[10], memory->x, 5 * sizeof memory->x[0]);",
         "memcpy(memory->x, &memory->x[20], 5 * sizeof memory->x[0]);",
     ]
-    # What lies over itself goes one by one, from the end that is not needed any more.
+    # Overlapping ranges move element by element, beginning at the end that is no longer needed.
     shifted = assigned(*[(f"memory->x[{k}]", k + 1) for k in range(6)])
     assert shifted == ["for (size_t i = 0; i < 6; ++i) {", "memory->x[i] = memory->x[i + 1];", "}"]
 

@@ -35,13 +35,13 @@ def test_a_replaced_value_reaches_all_its_uses_in_loops_and_branches():
     b = Builder()
     x = b.input("x", "f64", ()).item()
     n = b.input("n", "i64", ()).item()
-    zero, one = b.constant(0, "i64"), b.constant(1, "i64")
+    zero, unit = b.constant(0, "i64"), b.constant(1, "i64")
 
     def body(carried):
         k, y = carried
         big = b.apply("gt", y, b.constant(3.0, "f64"))
         (y,) = b.branch(big, lambda: [b.apply("exp", y)], lambda: [b.apply("mul", y, b.constant(2.0, "f64"))])
-        return [b.apply("add", k, one), y]
+        return [b.apply("add", k, unit), y]
 
     _, y = b.loop([zero, x], lambda carried: b.apply("lt", carried[0], n), body)
     b.output("y", "f64", np.array(y, object))

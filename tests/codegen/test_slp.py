@@ -66,7 +66,7 @@ class Joints:
     def loop(self):
         """A few turns that carry two of the vectors and a number."""
         b, n = self.builder, self.joints
-        zero, one, last = (b.constant(k, "i64") for k in (0, 1, 3))
+        zero, unit, last = (b.constant(k, "i64") for k in (0, 1, 3))
         start = [zero, *self.pick(self.vectors), *self.vectors[0], self.pick(self.numbers)]
 
         def body(carried):
@@ -77,7 +77,7 @@ class Joints:
                 self.step()
             left = [*self.pick(self.vectors), *self.pick(self.vectors), self.pick(self.numbers)]
             self.vectors, self.numbers = known
-            return [b.apply("add", carried[0], one), *left]
+            return [b.apply("add", carried[0], unit), *left]
 
         left = b.loop(start, lambda carried: b.apply("lt", carried[0], last), body, last)
         self.vectors += [np.array(left[1 : n + 1]), np.array(left[n + 1 : 2 * n + 1])]
@@ -202,12 +202,12 @@ def test_carried_values_of_all_joints_stay_in_one_vector():
     b = Builder()
     q, dq = b.input("q", "f64", (3,)), b.input("dq", "f64", (3,))
     h = b.input("h", "f64", ()).item()
-    zero, one, last = (b.constant(k, "i64") for k in (0, 1, 10))
+    zero, unit, last = (b.constant(k, "i64") for k in (0, 1, 10))
 
     def body(carried):
         moved = [b.apply("fma", h, v, x) for x, v in zip(carried[1:4], carried[4:], strict=True)]
         slowed = [b.apply("fma", b.apply("neg", h), x, v) for x, v in zip(moved, carried[4:], strict=True)]
-        return [b.apply("add", carried[0], one), *moved, *slowed]
+        return [b.apply("add", carried[0], unit), *moved, *slowed]
 
     left = b.loop([zero, *q, *dq], lambda carried: b.apply("lt", carried[0], last), body, last)
     b.output("q", "f64", np.array(left[1:4], object))

@@ -1,4 +1,4 @@
-"""What JAX computes, the program computes: primitive by primitive, then loops, branches, indices and random numbers."""
+"""Traced programs compute the results of JAX: all primitives, loops, branches, indices and random numbers."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What there is no native code for is refused by name, in one line, with the place in the source and the remedy."""
+"""Functions without native code are refused by name, in one line, with the source location and the remedy."""
 
 import importlib
 

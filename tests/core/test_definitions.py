@@ -1,4 +1,4 @@
-"""What cannot be is refused at construction, with the field, the rule, its equation, the value and the joint."""
+"""Invalid parameters are refused at construction, with the field, the rule, its equation, the value and the joint."""
 
 import jax
 import jax.numpy as jnp

@@ -23,15 +23,15 @@ def keys():
     return {"": set(whole["properties"]), **_below(whole["properties"], whole)}
 
 
-def _below(properties, whole, seen=frozenset()):
+def _below(properties, whole, visited=frozenset()):
     result = {}
     for key, value in properties.items():
         inner = set()
         for name in re.findall(r"#/\$defs/([^'\"]+)", str(value)):
             fields = whole["$defs"][name].get("properties", {})
             inner |= set(fields)
-            if name not in seen:
-                for below, names in _below(fields, whole, seen | {name}).items():
+            if name not in visited:
+                for below, names in _below(fields, whole, visited | {name}).items():
                     result.setdefault(below, set()).update(names)
         result.setdefault(key, set()).update(inner)
     return result

@@ -84,5 +84,5 @@ def test_the_search_takes_few_iterations(name, surface, tmp_path):
             assert np.all(np.abs(there - wanted) <= 16 * FLOAT * (np.abs(wanted) + horizon))
             near, far = (max(near, turns), far) if is_near else (near, max(far, turns))
     print(f"\n{name}: rounding {worst:.1f} units, {near} turns, {far} from anywhere")
-    # What the search may leave is more than what the sum's rounding can hide.
+    # The tolerance of the search exceeds the rounding error of the sum.
     assert worst <= float_constant(ROUNDING) / FLOAT and near <= NEAR and far <= FAR

@@ -12,7 +12,7 @@ def test_export_ros2_writes_a_package_and_prints_its_path(tmp_path):
     done = in_process("export", "ros2", "example-4.1-1khz", "--out", str(out), "--name", "arm", *WITHOUT, code=0)
     assert str(out / "README.md") in done.output
     assert (out / "src" / "parameters.yaml").is_file() and (out / "law" / "golden.h").is_file()
-    # What is written runs without this package.
+    # The written node runs without this package.
     assert "slidax" not in "".join(
         line for line in (out / "node.py").read_text().splitlines() if line.startswith(("import", "from"))
     )

@@ -121,7 +121,7 @@ def driven(late):
         if k not in late:
             applied = k
         else:
-            # What the drives go on with.
+            # The torque that the drives hold.
             arm.tau[:] = taus[-1]
         arm.set(k, k not in late)
         arm.measure(k)

@@ -260,8 +260,8 @@ def test_standard_errors_are_correct_for_correlated_noise():
 
 
 def log_of(arm, seed, seconds=20.0):
-    given = moved(seconds, 125.0, arm.joints, seed=3 + seed, size=2.5)
-    return recorded(arm, noise=0.01, seed=seed, times_and_motion=given)
+    motion = moved(seconds, 125.0, arm.joints, seed=3 + seed, size=2.5)
+    return recorded(arm, noise=0.01, seed=seed, times_and_motion=motion)
 
 
 def covered(result, arm):

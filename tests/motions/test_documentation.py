@@ -1,4 +1,4 @@
-"""What docs/trajectories.md shows is what happens."""
+"""Code and messages in docs/trajectories.md work as shown."""
 
 from __future__ import annotations
 

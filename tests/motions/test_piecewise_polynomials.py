@@ -1,4 +1,4 @@
-"""What all motions of pieces have in common: right derivatives at and outside of their knots, and exact extremes."""
+"""Piecewise motions have right derivatives at and outside of their knots, and exact extremes."""
 
 import jax
 import jax.numpy as jnp
@@ -26,11 +26,11 @@ def polynomial_derivative(motion, piece, joint, order, x):
 @pytest.mark.parametrize("order", [0, 1, 2])
 def test_at_a_knot_the_motion_is_the_piece_that_begins_there(motion, order):
     knots = np.asarray(motion.times)
-    found = derivative(motion, order, knots[:-1])
+    values = derivative(motion, order, knots[:-1])
     for piece in range(len(knots) - 1):
         for joint in range(2):
             expected = polynomial_derivative(motion, piece, joint, order, 0.0)
-            np.testing.assert_allclose(found[piece, joint], expected, atol=1e-12)
+            np.testing.assert_allclose(values[piece, joint], expected, atol=1e-12)
 
 
 @every("motion", PIECEWISE)

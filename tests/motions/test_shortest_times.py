@@ -66,7 +66,7 @@ def test_no_perturbed_division_of_the_time_is_shorter(seed):
     generator = np.random.default_rng(seed)
     path = generator.normal(size=(3, 2))
     limits = {"velocity": 2.0, "acceleration": 8.0, "jerk": 150.0}
-    found = float(MinimumJerk.within(path, **limits).until)
+    duration = float(MinimumJerk.within(path, **limits).until)
 
     def shortest(share):
         """Stretched by hand: each derivative of order i goes with the i-th power of the time."""
@@ -75,7 +75,7 @@ def test_no_perturbed_division_of_the_time_is_shorter(seed):
         return max((motion.extremes(order).size.max() / limit) ** (1 / order) for order, limit in peaks)
 
     every = min(shortest(share) for share in np.linspace(0.05, 0.95, 451))
-    assert every * (1 - 1e-3) <= found <= every * (1 + 2e-4)
+    assert every * (1 - 1e-3) <= duration <= every * (1 + 2e-4)
 
 
 def test_seven_joints_through_twelve_waypoints_are_faster_than_with_a_stop_at_each():

@@ -56,9 +56,9 @@ def test_a_csv_file_may_have_velocities_and_accelerations_in_any_order_of_column
 
 def test_joints_come_in_the_order_of_the_robot():
     same(Tabulated.from_csv(CSV, joints=["elbow", "shoulder"]), Tabulated.through(TIMES, PLACES[:, ::-1]))
-    given = message(2)
+    data = message(2)
     same(
-        Tabulated.from_joint_trajectory(given, joints=["elbow", "shoulder"]),
+        Tabulated.from_joint_trajectory(data, joints=["elbow", "shoulder"]),
         Tabulated.through(TIMES, PLACES[:, ::-1], SPEEDS[:, ::-1]),
     )
 
@@ -154,8 +154,8 @@ def test_times_in_another_unit_cause_a_warning_and_are_read_with_time_unit(unit,
     np.testing.assert_allclose(Tabulated.from_csv(text, time_unit=unit).times, t, rtol=1e-8)
     assert float(Tabulated.from_csv(text, time_unit="s").until) == pytest.approx(2 * factor)
     points = [{"positions": [y], "time_from_start": factor * x} for x, y in zip(t, q, strict=True)]
-    given = {"joint_names": ["a"], "points": points}
-    np.testing.assert_allclose(Tabulated.from_joint_trajectory(given, time_unit=unit).times, t, rtol=1e-12)
+    data = {"joint_names": ["a"], "points": points}
+    np.testing.assert_allclose(Tabulated.from_joint_trajectory(data, time_unit=unit).times, t, rtol=1e-12)
 
 
 def test_contradictory_or_unknown_unit_is_an_error():
@@ -198,19 +198,19 @@ def test_a_table_can_be_moved_to_another_start():
     ids=["seconds", "ROS 2", "ROS 1"],
 )
 def test_a_ros_message_is_read_from_a_mapping_a_text_and_a_file(tmp_path, columns, duration):
-    given = message(columns, duration)
+    data = message(columns, duration)
     file = tmp_path / "motion.json"
-    file.write_text(json.dumps(given), encoding="utf-8")
+    file.write_text(json.dumps(data), encoding="utf-8")
     expected = Tabulated.through(TIMES, *(PLACES, SPEEDS, CURVES)[:columns])
-    for source in (given, json.dumps(given), file, str(file)):
+    for source in (data, json.dumps(data), file, str(file)):
         same(Tabulated.from_joint_trajectory(source), expected)
 
 
 def test_empty_lists_in_a_message_count_as_missing():
-    given = message(1)
-    for point in given["points"]:
+    data = message(1)
+    for point in data["points"]:
         point |= {"velocities": [], "accelerations": [], "effort": []}
-    same(Tabulated.from_joint_trajectory(given), Tabulated.through(TIMES, PLACES))
+    same(Tabulated.from_joint_trajectory(data), Tabulated.through(TIMES, PLACES))
 
 
 @pytest.mark.parametrize(
@@ -268,19 +268,19 @@ def test_names_that_do_not_fit_the_robot_are_refused_with_the_nearest(joints, wo
 
 
 def changed(**changes):
-    given = message(2)
+    data = message(2)
     for path, value in changes.items():
         row, field = path.split("__") if "__" in path else (None, path)
-        place = given if row is None else given["points"][int(row[1:])]
+        place = data if row is None else data["points"][int(row[1:])]
         if value is None:
             del place[field]
         else:
             place[field] = value
-    return given
+    return data
 
 
 @pytest.mark.parametrize(
-    ("given", "words"),
+    ("data", "words"),
     [
         ("{", "the text is not valid JSON: line 1"),
         ("[1]", "must be a JSON object with `joint_names` and `points`"),
@@ -309,9 +309,9 @@ def changed(**changes):
         ),
     ],
 )
-def test_ros_message_errors_name_the_point(given, words):
+def test_ros_message_errors_name_the_point(data, words):
     with pytest.raises(DefinitionError, match=words):
-        Tabulated.from_joint_trajectory(given)
+        Tabulated.from_joint_trajectory(data)
 
 
 def test_missing_or_binary_file_is_an_error_that_names_it(tmp_path):

@@ -210,9 +210,9 @@ def test_degrees_and_wrong_speeds_are_suspected_where_a_limit_is_passed():
     ],
 )
 def test_invalid_tables_are_errors(change, words):
-    given = {"times": TIMES, "positions": PLACES} | change
+    arguments = {"times": TIMES, "positions": PLACES} | change
     with pytest.raises(DefinitionError, match=words):
-        Tabulated.through(**given)
+        Tabulated.through(**arguments)
 
 
 def test_table_with_one_row_is_an_error():

@@ -123,9 +123,9 @@ def test_a_speed_without_a_limit_gives_the_triangle():
     ],
 )
 def test_invalid_waypoints_and_limits_are_errors(changes, words):
-    given = {"waypoints": PATH, "velocity": 1.0, "acceleration": 1.0} | changes
+    arguments = {"waypoints": PATH, "velocity": 1.0, "acceleration": 1.0} | changes
     with pytest.raises(DefinitionError, match=words):
-        Trapezoidal.through(given.pop("waypoints"), **given)
+        Trapezoidal.through(arguments.pop("waypoints"), **arguments)
 
 
 def test_without_ruckig_the_remedy_is_named(monkeypatch):

@@ -1,4 +1,4 @@
-"""How an arm moves in random states, as MuJoCo's own dynamics have it."""
+"""Dynamics of an arm in random states by MuJoCo."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def by_mujoco(
         mujoco.mj_forward(model, data)
         mujoco.mj_fullM(model, data, full)
         mass, bias = full[np.ix_(at, at)], data.qfrc_bias[at].copy()
-        # What is locked needs forces of its own, which MuJoCo does not have: so its rows are left out.
+        # Locked joints need constraint forces, which MuJoCo does not have: their rows are left out.
         acceleration = np.linalg.solve(mass, tau - bias) if locked else data.qacc[at].copy()
         rows.append((mass, bias, gravity, acceleration, place.xpos.copy(), place.xmat.reshape(3, 3).copy()))
     return Motion(*(np.stack(part) for part in zip(*rows, strict=True)))

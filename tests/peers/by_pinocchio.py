@@ -1,4 +1,4 @@
-"""How an arm moves in random states, as Pinocchio computes it."""
+"""Dynamics of an arm in random states by Pinocchio."""
 
 from __future__ import annotations
 

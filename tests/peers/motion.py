@@ -1,4 +1,4 @@
-"""How an arm moves in random states, as slidax computes it and to be compared with what others compute."""
+"""Dynamics of an arm in random states by slidax, for comparison with peers."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class States(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """What is compared: M [k n n], C q̇ + G, G, q̈ [k n], the tip's place [k 3] and axes [k 3 3]."""
+    """The compared quantities: M [k n n], C q̇ + G, G, q̈ [k n], the tip's place [k 3] and axes [k 3 3]."""
 
     mass: np.ndarray
     bias: np.ndarray

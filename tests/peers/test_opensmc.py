@@ -348,7 +348,7 @@ def test_discontinuous_loops_agree_until_the_surface_and_stay_close_after(name):
 
 
 def apart(pair, steps, method="rk4", push=PUSH, disturbance=None, **options):
-    """How far the two loops are ever apart in 1 s."""
+    """Largest difference between the two loops in 1 s."""
     theirs = by_opensmc(pair, 1 / steps, steps, method, push)
     return np.abs(path(by_slidax(pair, 1 / steps, steps, disturbance, **options)) - theirs["x"]).max()
 

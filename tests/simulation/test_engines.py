@@ -167,7 +167,7 @@ def test_a_law_with_a_custom_solver_has_native_code():
 
 
 def with_its_warning(simulated):
-    """What a simulation gives, and the one warning on the way."""
+    """Return the result of a simulation and its only warning."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         run = simulated()

@@ -97,9 +97,9 @@ NAMES = [pytest.param(name, marks=[] if name in DAILY else [pytest.mark.full]) f
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_built_in_scenarios_keep_their_robots_limits(name):
-    made = scenarios.load(name)
-    steps = round(made.t1 / made.period)
-    states.require_within_limits(made.plant.robot, made.trajectory, made.state0, steps, made.stepping)
+    loaded = scenarios.load(name)
+    steps = round(loaded.t1 / loaded.period)
+    states.require_within_limits(loaded.plant.robot, loaded.trajectory, loaded.state0, steps, loaded.stepping)
 
 
 def test_inside_a_transformation_limits_are_not_checked():
@@ -123,13 +123,13 @@ def test_a_motion_that_a_batch_shares_is_checked_while_the_batch_is_traced(to):
     """Its end is a time that is computed from its own, which are known."""
     motion = MinimumJerk.through([0.0, 1.0], [HOME, moved(6, to)])
 
-    def one(start):
+    def fix_start(start):
         robot, state = PANDA.plant.robot, State(q=start)
         states.require_within_limits(robot, motion, state, 2000, PANDA.stepping)
         return start
 
     if to < 1.0:
-        jax.eval_shape(one, jnp.asarray(HOME))
+        jax.eval_shape(fix_start, jnp.asarray(HOME))
         return
     with pytest.raises(DefinitionError, match=r"beyond its|above its limit"):
-        jax.eval_shape(one, jnp.asarray(HOME))
+        jax.eval_shape(fix_start, jnp.asarray(HOME))

@@ -204,8 +204,8 @@ def test_both_engines_give_the_same_run_whatever_is_logged():
     np.testing.assert_allclose(native.load.position[4::7], xla.load.position, rtol=0, atol=1e-8)
     unlogged = simulate(plant, *loop[1:], engine="native", log_every=None, **how)
     assert unlogged.log is None and unlogged.load is None
-    for one, other in zip(jax.tree.leaves(native.tally), jax.tree.leaves(unlogged.tally), strict=True):
-        np.testing.assert_array_equal(one, other)
+    for ours, theirs in zip(jax.tree.leaves(native.tally), jax.tree.leaves(unlogged.tally), strict=True):
+        np.testing.assert_array_equal(ours, theirs)
 
 
 def test_the_law_is_called_once_a_period_with_the_state_at_the_sample():

@@ -1,4 +1,4 @@
-"""What `simulate` refuses before any time passes, and in which words."""
+"""Arguments that `simulate` refuses before a run, and its messages."""
 
 import jax.numpy as jnp
 import pytest
@@ -43,7 +43,7 @@ def test_times_that_do_not_fit_are_refused(change, message):
         attempt(**change)
 
 
-# What is refused is refused before an engine is asked: the one that is quick to compile tries it every day.
+# The refusal comes before the engine starts, so the engine that compiles quickly is enough for every day.
 @pytest.mark.parametrize("engine", ["native", pytest.param("xla", marks=pytest.mark.full)])
 @pytest.mark.parametrize("outside", ["raise", "recover"])
 def test_a_start_that_the_actuator_cannot_hold_is_refused(engine, outside):

@@ -1,4 +1,4 @@
-"""What a person sees of a run: its end and its main numbers, no arrays."""
+"""Printed overview of a run: its outcome and main metrics, no arrays."""
 
 import re
 import sys
@@ -62,9 +62,9 @@ def test_a_batch_prints_its_outcomes_and_the_worst_run():
 
 
 def test_inside_a_transformation_a_run_is_printed_as_a_tree():
-    seen = []
-    jax.jit(lambda run: seen.append(repr(run)))(simulate(*falling(RADII[1]), **HOW))
-    assert seen[0].startswith("Run(")
+    printed = []
+    jax.jit(lambda run: printed.append(repr(run)))(simulate(*falling(RADII[1]), **HOW))
+    assert printed[0].startswith("Run(")
 
 
 def test_a_notebook_gets_a_table_and_a_picture(scara):

@@ -1,4 +1,4 @@
-"""What stands between the arm and its law: the law sees what is measured, the arm gets what is delivered."""
+"""Sensors and actuators in the loop: the law gets the measurements, the arm the delivered torques."""
 
 import equinox as eqx
 import jax
@@ -27,7 +27,7 @@ def run(sensor=None, actuator=None, law=WITNESS, **extra):
 
 
 def measured(sensor, log):
-    """What the sensor says of the states that were logged."""
+    """Measurements of the logged states by the sensor."""
 
     def sample(memory, now):
         k, state = now
@@ -42,9 +42,9 @@ def measured(sensor, log):
 @every("sensor", SENSORS, full=LIKE_OTHERS)
 def test_a_controller_gets_the_samples_of_the_sensor(sensor):
     log = run(sensor).log
-    said = measured(sensor, log)
-    np.testing.assert_allclose(log.signals["q"], said.state.q, rtol=1e-12)
-    np.testing.assert_allclose(log.signals["dq"], said.state.dq, rtol=1e-10, atol=1e-12)
+    measurements = measured(sensor, log)
+    np.testing.assert_allclose(log.signals["q"], measurements.state.q, rtol=1e-12)
+    np.testing.assert_allclose(log.signals["dq"], measurements.state.dq, rtol=1e-10, atol=1e-12)
     np.testing.assert_array_equal(log.signals["first"], np.broadcast_to(log.signals["q"][0], (SAMPLES, 2)))
 
 
@@ -70,8 +70,8 @@ def test_while_samples_are_lost_torque_and_memory_are_held():
     log = run(Lossy(Exact(), starts=[10], counts=[5])).log
     np.testing.assert_array_equal(log.tau[10:15], np.broadcast_to(log.tau[9], (5, 2)))
     assert np.all(log.tau[15] != log.tau[9])
-    asked = np.concatenate([np.arange(10), np.full(5, 10), np.arange(10, SAMPLES - 5)])
-    np.testing.assert_array_equal(log.signals["count"], asked)
+    counts = np.concatenate([np.arange(10), np.full(5, 10), np.arange(10, SAMPLES - 5)])
+    np.testing.assert_array_equal(log.signals["count"], counts)
 
 
 def test_the_envelope_is_judged_by_the_true_error_and_not_by_the_measured_one():
@@ -124,18 +124,18 @@ LAW_OF_ONE = Spring(jnp.array([12.0]), jnp.array([4.0]), joints=1)
 def by_scipy(samples):
     """The pendulum under its spring, its drive's lag and its dead time, one stretch of one command after the other."""
     q, dq, torque = 0.8, 0.0, 3.0 * np.sin(0.8)
-    commands, found = [torque, torque], []
+    commands, states = [torque, torque], []
 
     def rate(t, y, command):
         return [y[1], 0.5 * (y[2] - 3.0 * np.sin(y[0])), (command - y[2]) / LAG]
 
     for _ in range(samples):
-        found.append((q, dq))
+        states.append((q, dq))
         commands.append(-12.0 * (q - 0.2) - 4.0 * dq)
         for command, share in ((commands[-3], 0.3), (commands[-2], 0.7)):
             extra = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13, "args": (command,)}
             q, dq, torque = solve_ivp(rate, (0.0, share * STEP), [q, dq, torque], **extra).y[:, -1]
-    return np.array(found)
+    return np.array(states)
 
 
 def test_dead_time_and_lag_reach_the_arm():

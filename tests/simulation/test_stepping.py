@@ -1,4 +1,4 @@
-"""How time passes is said once: as a whole, by keywords, or both."""
+"""A `Stepping` can be passed as a whole, by keywords, or both."""
 
 import jax
 import numpy as np

@@ -1,4 +1,4 @@
-"""What a run keeps: every sample counted once whatever is logged, and each statistic as its definition says."""
+"""The tally counts every sample once, whatever is logged, and each statistic agrees with its definition."""
 
 import sys
 from functools import cache

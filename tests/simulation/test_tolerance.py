@@ -39,15 +39,15 @@ def test_a_tolerance_changes_no_bit_and_without_one_there_is_no_tally_of_it():
 
 @pytest.mark.parametrize("scheme", ["gravity_pd", "cftsmppc"])
 def test_every_scheme_is_counted_against_the_tolerance_by_the_log_of_all_samples(scheme):
-    found = run(NARROW, **{"scheme.name": scheme})
-    rho = 0.95 * np.exp(-20.0 * found.log.t)[:, None] + 0.05
-    sides = np.where(found.log.e[0] >= 0, [[-0.5], [1.0]], [[-1.0], [0.5]])
+    narrow = run(NARROW, **{"scheme.name": scheme})
+    rho = 0.95 * np.exp(-20.0 * narrow.log.t)[:, None] + 0.05
+    sides = np.where(narrow.log.e[0] >= 0, [[-0.5], [1.0]], [[-1.0], [0.5]])
     lower, upper = sides[0] * rho, sides[1] * rho
-    outside = ((found.log.e <= lower) | (found.log.e >= upper)).any(axis=1)
-    assert analysis.tolerance_violations(found) == outside.sum() > 0
-    nearer = np.minimum(found.log.e - lower, upper - found.log.e) / (upper - lower)
-    np.testing.assert_allclose(analysis.tolerance_margin(found), nearer.min(axis=0), rtol=1e-9)
-    assert f"Samples outside the tolerance band: {outside.sum()} of 401." in repr(found)
+    outside = ((narrow.log.e <= lower) | (narrow.log.e >= upper)).any(axis=1)
+    assert analysis.tolerance_violations(narrow) == outside.sum() > 0
+    nearer = np.minimum(narrow.log.e - lower, upper - narrow.log.e) / (upper - lower)
+    np.testing.assert_allclose(analysis.tolerance_margin(narrow), nearer.min(axis=0), rtol=1e-9)
+    assert f"Samples outside the tolerance band: {outside.sum()} of 401." in repr(narrow)
 
 
 def test_a_batch_has_the_tolerance_of_its_scenario_and_may_vary_it():
@@ -57,7 +57,7 @@ def test_a_batch_has_the_tolerance_of_its_scenario_and_may_vary_it():
     tolerance = scenario.tolerance
     assert tolerance is not None
     many = scenario.simulate_batch(
-        lambda one, share: one.replace(tolerance=type(tolerance)(tolerance.performance, share)), np.array([0.5, 0.25])
+        lambda part, share: part.replace(tolerance=type(tolerance)(tolerance.performance, share)), np.array([0.5, 0.25])
     )
     single = scenario.simulate(log_every=None)
     violations, margins = analysis.tolerance_violations(many), analysis.tolerance_margin(many)

@@ -1,4 +1,4 @@
-"""How far a tool is turned from how it should be."""
+"""Rotation error of a tool relative to its reference."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ def test_the_angle_between_two_rotations_is_accurate_at_any_size(angle):
         axis = rng.standard_normal(3)
         first = Rotation.random(rng=rng)
         second = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis)) * first
-        found = rotation_angle(jnp.asarray(second.as_matrix()), jnp.asarray(first.as_matrix()))
-        np.testing.assert_allclose(found, angle, rtol=1e-9, atol=1e-15)
+        angle = rotation_angle(jnp.asarray(second.as_matrix()), jnp.asarray(first.as_matrix()))
+        np.testing.assert_allclose(angle, angle, rtol=1e-9, atol=1e-15)
 
 
 def test_the_rotation_error_has_a_finite_gradient_at_zero():
@@ -33,14 +33,14 @@ def test_the_rotation_error_has_a_finite_gradient_at_zero():
 def test_the_tool_error_of_an_arm_from_a_file_is_that_of_its_frames():
     arm = arms.panda()
     rng = np.random.default_rng(4)
-    seen, yes = ToolTally.begin(arm), jnp.asarray(True)
+    tally, yes = ToolTally.begin(arm), jnp.asarray(True)
     angles = []
     for _ in range(5):
         wanted = jnp.asarray(arms.built_in_arm("panda").home + 0.2 * rng.standard_normal(7))
         q = wanted + 0.1 * rng.standard_normal(7)
         between = Rotation.from_matrix(arm.tip_frame(q)[0]) * Rotation.from_matrix(arm.tip_frame(wanted)[0]).inv()
         angles.append(between.magnitude())
-        seen = seen.add(arm, q, wanted, yes, yes)
-    assert isinstance(seen.rotation, ErrorTally)
-    np.testing.assert_allclose(seen.rotation.error, max(angles), rtol=1e-9)
-    np.testing.assert_allclose(seen.rotation.square, np.sum(np.square(angles)), rtol=1e-9)
+        tally = tally.add(arm, q, wanted, yes, yes)
+    assert isinstance(tally.rotation, ErrorTally)
+    np.testing.assert_allclose(tally.rotation.error, max(angles), rtol=1e-9)
+    np.testing.assert_allclose(tally.rotation.square, np.sum(np.square(angles)), rtol=1e-9)

@@ -1,4 +1,4 @@
-"""What a metric of a run is and how it changes with the gains: by both engines, against differences and `jax.grad`."""
+"""Values and gradients of metrics by both engines, against differences and `jax.grad`."""
 
 import time
 

@@ -33,7 +33,7 @@ REACHABLE = {
     "#choose button:visible:enabled, #scheme:visible, #play:visible, #reset:visible:enabled, .studio-jump": 2,
     "#controls input:visible:enabled, #controls select:visible": 4,
 }
-"""What the visitor finds, and how gladly each is taken."""
+"""Elements that the visitor uses, with their weights."""
 
 ODD = [
     *("", "0", "-1", "1e308", "NaN", "x" * 300, "scenario.yaml", "results", "ünïcode.yaml"),
@@ -108,7 +108,7 @@ def _click(running, outcome, chance, seconds, names):
                 place = places.nth(chance.randrange(count))
                 what = _act(place, page, chance, names)
             except Error as error:
-                # What is gone, covered or too slow to click is no fault of the studio.
+                # An element that is gone, covered or too slow to click is no fault of the studio.
                 what = "missed" if "Timeout" in str(error) or "not attached" in str(error) else "not possible"
             outcome.actions[what] += 1
             page.wait_for_timeout(chance.choice([0, 10, 50, 200]))

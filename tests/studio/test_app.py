@@ -164,7 +164,7 @@ def test_an_uploaded_arm_becomes_a_saved_scenario_that_runs(client, shared_root)
     assert "file: arms/three.urdf" in reply["text"]
     assert client.put("/api/file?path=three.yaml", content=reply["text"].encode()).status_code == 200
     playground = client.post("/api/manifest", json={"path": "three.yaml"}).json()["manifest"]
-    # What the page sends back of it is the same scenario, from the folder.
+    # The page sends back the same scenario, from the folder.
     text = json.dumps(playground["settings"][0]["scenario"])
     changes = {"simulation.t1": 0.5}
     answer = client.post("/api/run", json={"text": text, "path": "playground.yaml", "changes": changes})

@@ -19,7 +19,7 @@ def test_no_path_trick_reads_or_writes_a_file_outside(root):
     for name in names:
         with pytest.raises((DefinitionError, FileExistsError)):
             folder.read(name, MOST)
-        # What is only an odd name may be written, in the folder.
+        # A name that is only unusual may be written in the folder.
         try:
             folder.write(name, b"x: 1\n")
         except (DefinitionError, FileExistsError):
@@ -94,13 +94,13 @@ def test_a_folder_replaced_by_a_link_before_opening_is_not_followed(root, monkey
 
 FLIP = """
 import os, sys
-place, beside = sys.argv[1], sys.argv[1] + ".new"
+place, new = sys.argv[1], sys.argv[1] + ".new"
 while True:
-    with open(beside, "w") as file:
+    with open(new, "w") as file:
         file.write("title: own\\n")
-    os.replace(beside, place)
-    os.symlink("../outside/secret.yaml", beside)
-    os.replace(beside, place)
+    os.replace(new, place)
+    os.symlink("../outside/secret.yaml", new)
+    os.replace(new, place)
 """
 
 

@@ -22,9 +22,9 @@ from .running import Running, gone
 def running(tmp_path):
     root = tmp_path / "root"
     root.mkdir()
-    made = Running(root)
-    yield made
-    made.end(signal.SIGKILL)
+    server = Running(root)
+    yield server
+    server.end(signal.SIGKILL)
 
 
 def test_the_server_listens_on_loopback_alone_and_ends_with_its_jobs(running):

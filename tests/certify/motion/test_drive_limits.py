@@ -29,7 +29,7 @@ def case(name: str, seed: int) -> tuple[Any, Any, CertifiedPath, DriveBounds]:
     return arm, motion, certified, drive_bounds(arm, certified.solution)
 
 
-def seen(
+def attacked_torques(
     arm: Any,
     motion: Any,
     certified: CertifiedPath,
@@ -68,7 +68,7 @@ def test_no_attack_exceeds_the_torque_bounds(name: str) -> None:
         arm, motion, certified, bounds = case(name, seed)
         cells = certified.path.cells
         for run in range(4):
-            torque = seen(arm, motion, certified, rng, run)
+            torque = attacked_torques(arm, motion, certified, rng, run)
             step = np.abs(np.diff(torque, axis=0, prepend=torque[:1]))
             for value, bound in ((np.abs(torque), bounds.torque), (step, bounds.step)):
                 largest = value.reshape(len(cells.q), -1, arm.joints).max(axis=1)

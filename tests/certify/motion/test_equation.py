@@ -24,19 +24,19 @@ def test_both_sides_of_the_error_equation_agree_on_simulated_data(delay: int) ->
     push = rng.normal(size=(slots * sub, 7)) * 0.2
     run = simulate(truth, nominal, loop, reference, slots, sub, push=push, resolution=1e-5, trace=True)
     assert run.trace is not None
-    q, dq, ddq, given, model_q, model_dq = np.moveaxis(run.trace.reshape(-1, 6, 7), 1, 0)
+    q, dq, ddq, commanded, model_q, model_dq = np.moveaxis(run.trace.reshape(-1, 6, 7), 1, 0)
     at, following = (reference[i::sub][:slots, 1] for i in (0, sub))
     mean = np.repeat((following - at) / loop.period, sub, axis=0)
     forward = np.repeat(0.5 * (at + following), sub, axis=0) * np.asarray(arm.viscous)
 
     mass, bias = jax.vmap(arm.mass), jax.vmap(arm.bias)
-    model = jnp.einsum("kij,kj->ki", mass(model_q), given) + bias(model_q, model_dq)
-    own = jnp.einsum("kij,kj->ki", mass(q), given) + bias(q, dq)
+    model = jnp.einsum("kij,kj->ki", mass(model_q), commanded) + bias(model_q, model_dq)
+    own = jnp.einsum("kij,kj->ki", mass(q), commanded) + bias(q, dq)
     true_mass, true_bias = dynamics(truth, q, dq)
     unknown = np.einsum("kij,kj->ki", true_mass - mass(q), mean) + true_bias - bias(q, dq)
     friction = truth.viscous * dq - forward - push
     w = np.linalg.solve(mass(q), (model - own - unknown - friction)[..., None])[..., 0]
-    s = given - mean
+    s = commanded - mean
     ratio = np.linalg.solve(true_mass, mass(q))
     predicted = mean + np.einsum("kij,kj->ki", ratio, s + w)
     # The first torques are those that hold the arm, before the law has decided any.

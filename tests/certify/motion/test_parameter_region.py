@@ -131,9 +131,9 @@ def test_suprema_at_a_state_are_those_of_the_worst_arms(name: str) -> None:
     assert np.all(exact["slopes"] <= 2.5 * slopes + 1e-9)
     growth = (members.inertia(q + step * dq) - members.inertia(q - step * dq)) / (2 * step)
     for key, matrices in (("coriolis", by_dq), ("growth", growth)):
-        seen = of_matrices(matrices, mass)
-        assert np.all(seen <= exact[key] * (1 + 1e-6))
-        assert np.all(exact[key] <= 2.5 * seen)
+        norms = of_matrices(matrices, mass)
+        assert np.all(norms <= exact[key] * (1 + 1e-6))
+        assert np.all(exact[key] <= 2.5 * norms)
 
 
 @cache

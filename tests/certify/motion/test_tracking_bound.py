@@ -72,7 +72,7 @@ def attack(
             signs = rng.choice([-1.0, 1.0], size=(slots * sub // pace + 1, arm.joints if kind == 1 else 1))
             push = np.repeat(signs, pace, axis=0)[: slots * sub] * coulomb
             friction = None
-        seen = simulate(
+        simulated_run = simulate(
             truth,
             nominal,
             loop,
@@ -86,7 +86,8 @@ def attack(
             plan=plan,
         )
         ratios = [
-            getattr(seen, name).reshape(len(cells.q), -1, arm.joints).max(axis=1) / getattr(certified.bounds, name)
+            getattr(simulated_run, name).reshape(len(cells.q), -1, arm.joints).max(axis=1)
+            / getattr(certified.bounds, name)
             for name in ("error", "velocity")
         ]
         worst.append(float(np.max(ratios)))
@@ -196,9 +197,9 @@ def test_a_disturbance_with_the_signs_of_the_kernel_attains_the_bound_of_a_known
     for i in range(sub):
         pulse = np.zeros((slots * sub, 7))
         pulse[i] = 1e-3 * towards
-        seen = simulate(nominal, nominal, LOOP, reference, slots, sub, push=pulse, settled=True, trace=True)
-        assert seen.trace is not None
-        responses[:, i] = seen.trace[1:, 0, 0, joint] - place[joint]
+        simulated_run = simulate(nominal, nominal, LOOP, reference, slots, sub, push=pulse, settled=True, trace=True)
+        assert simulated_run.trace is not None
+        responses[:, i] = simulated_run.trace[1:, 0, 0, joint] - place[joint]
     signs = np.sign(responses)[::-1].reshape(-1, 1) * towards
     worst = simulate(
         nominal,

@@ -16,11 +16,11 @@ def pendulum(t, state):
 def endpoint(step, steps):
     h = jnp.asarray(2.0 / steps)
 
-    def one(state, k):
+    def advance(state, k):
         return step(pendulum, k * h, state, h)[0], None
 
     start = State(q=jnp.array([1.0]), dq=jnp.array([0.0]))
-    final = jax.jit(lambda: jax.lax.scan(one, start, jnp.arange(float(steps)))[0])()
+    final = jax.jit(lambda: jax.lax.scan(advance, start, jnp.arange(float(steps)))[0])()
     return np.concatenate([final.q, final.dq])
 
 

@@ -1,4 +1,4 @@
-"""What is said once of a parameter is what docstring, checks, files, lists and exported C say of it."""
+"""One declaration of a parameter defines docstring, checks, files, lists and exported C."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ def missing():
 
 
 def built(scenario, folder):
-    """What colcon says; the package is in `folder/install`.
+    """Return the output of colcon; the package is in `folder/install`.
 
     - `scenario`: whose law is exported.
     - `folder`: for the workspace.

@@ -138,7 +138,7 @@ def test_every_call_matches_the_signatures_of_ur_rtde(interface, module, name):
         theirs.pop("self")
         accepted = {each.name: _written(each.annotation) for each in list(ours.parameters.values())[1:]}
         assert accepted == {k: v for k, v in theirs.items() if k in accepted}, line
-        # What is not given has a default.
+        # Every other argument has a default.
         assert all(f"{k}: {v} =" in line for k, v in theirs.items() if k not in accepted), line
 
 

@@ -13,7 +13,7 @@ ARGUMENTS = [
     *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
 ]
 PATIENCE = 30_000
-"""How long anything may take on a busy machine [ms]."""
+"""Time limit of any action on a busy machine [ms]."""
 
 SETTLED = "window.slidaxPage?.ready === true && slidaxPage.session.settled"
 

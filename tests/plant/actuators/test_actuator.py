@@ -135,7 +135,7 @@ def test_delivered_torque_agrees_with_a_fine_integration(dead_time):
                 np.testing.assert_allclose(delivered, torque, atol=1e-12)
 
 
-def test_the_lagged_torque_is_continuous_from_one_period_to_the_next():
+def test_the_lag_advances_by_the_length_of_the_last_period():
     """Also where periods are of different length: the last one counts, as `set` is told."""
     actuator = Actuator(time_constant=0.02)
     _, memory = actuator.set(jnp.array([1.0]), jnp.asarray(1e-2), actuator.init(jnp.zeros(1)))

@@ -113,7 +113,7 @@ def test_a_report_fits_the_window_and_is_accessible(chromium, page, window, colo
     shots = os.environ.get("SLIDAX_SHOTS")
     if shots:
         shown.screenshot(path=Path(shots) / f"{request.node.callspec.id}.png", full_page=True)
-    # What is wider than its place is reached by keys.
+    # Elements wider than their container can be scrolled by keys.
     unreached = shown.evaluate(
         "[...document.querySelectorAll('.scroll, pre')].filter(one => one.scrollWidth > one.clientWidth + 1"
         " && one.tabIndex < 0).map(one => one.outerHTML.slice(0, 120))"
