@@ -12,7 +12,7 @@ STILL = [
 
 
 @pytest.mark.full
-def test_table_json_and_page_agree(tmp_path):
+def test_table_json_and_page_of_a_linearised_loop_agree(tmp_path):
     answer = answer_of("linear", "example-4.1-1khz", *STILL, "--at", "0.4", "--out", str(tmp_path))
     assert answer["stable"] and answer["radius"] < 1.0 and answer["at"] == 0.4
     a = np.array(answer["system"]["A"])

@@ -75,7 +75,7 @@ def test_each_run_of_a_batch_has_its_own_tool_error(file, engine):
 
 
 @pytest.mark.full
-def test_table_json_and_report_have_the_tool_error(file, tmp_path):
+def test_table_json_and_report_show_the_tool_error(file, tmp_path):
     done = in_process("run", str(file), "--json", "--out", str(tmp_path / "report"), code=0)
     metrics = json.loads(done.stdout)["metrics"]
     error, turn = metrics["tool_error"], metrics["tool_turn"]

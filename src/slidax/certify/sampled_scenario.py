@@ -33,7 +33,7 @@ Flags: TypeAlias = NDArray[np.bool_]
 class BatchedFunction:
     """A function that is evaluated for each row, by native code if possible: XLA takes ten times as long to compile.
 
-    - `function`: from arrays to an array, or a tuple of them.
+    - `function`: function from arrays to an array, or a tuple of them.
     """
 
     function: Callable[..., Any]

@@ -192,8 +192,8 @@ class Builder:
         """Add `while condition(carried): carried = body(carried)`, and return the carried values after it.
 
         - `carried`: initial values.
-        - `condition`: from the carried values to a b1.
-        - `body`: from the carried values to their successors, of the same types.
+        - `condition`: function from the carried values to a b1.
+        - `body`: function from the carried values to their successors, of the same types.
         - `iterations`: number of iterations if known; the first carried value must then count them from 0.
         """
         head = Region("head", self.region)

@@ -84,7 +84,7 @@ def value_rate_curvature(
 ) -> tuple[PerJoint, PerJoint, PerJoint]:
     """`f(t), f'(t), f''(t)` by two nested forward derivatives.
 
-    - `function`: from a time in s to an array.
+    - `function`: function from a time in s to an array.
     - `t`: time [s].
     """
     t = as_array(t)

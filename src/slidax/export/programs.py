@@ -85,11 +85,11 @@ class Function:
 class StepPrograms:
     """All functions of a guarded step.
 
-    - `checked`: from a sample to its faults.
-    - `answered`: the law on a good sample.
-    - `held`: the command on a bad one.
-    - `begun`: from the first good sample to the memory.
-    - `valid`: from the parameters to true if those with ranges that depend on other parameters are in range.
+    - `checked`: function that detects the faults of a sample.
+    - `answered`: function that computes the command for a good sample.
+    - `held`: function that holds the command at a bad sample.
+    - `begun`: function that computes the memory at the first good sample.
+    - `valid`: function that checks parameters whose ranges depend on other parameters.
     - `parameters`, `memory`, `signals`: members of the structures.
     - `bounds`: bounds of the numbers of each parameter; None for one that is no real number.
     """

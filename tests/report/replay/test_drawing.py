@@ -154,7 +154,7 @@ def test_a_slide_has_a_rod_that_always_reaches_its_sleeve():
     assert _links(drawn.solids, 3)[:, 2].min() < -float(np.abs(run.log.state.q[:, 2]).max())
 
 
-def test_solids_of_one_body_and_colour_are_one():
+def test_solids_of_one_body_and_colour_are_merged():
     corners = np.eye(3)
     parts = [Solid(1, corners, np.array([[0, 1, 2]]), LINK), Solid(1, corners + 1.0, np.array([[2, 1, 0]]), LINK)]
     (item, other) = merge_solids([*parts, Solid(2, corners, np.array([[0, 1, 2]]), LINK)])

@@ -126,7 +126,7 @@ def histograms(values: Mapping[str, np.ndarray], limits: Mapping[str, float] = {
 def intervals(names: Sequence[str], values: Mapping[str, np.ndarray]) -> Figure:
     """One panel per quantity: a mark and an interval for each name, and a line at 0.
 
-    - `names`: from top to bottom.
+    - `names`: names from top to bottom.
     - `values`: by label: lower end, value, upper end [names 3]; NaN where there is none.
     """
     figure = Figure(figsize=(WIDTH, 0.26 * len(names) + 0.85), layout="constrained")
@@ -275,7 +275,7 @@ def variance_shares(
 ) -> Figure:
     """Two bars for each parameter: its first-order and its total Sobol index.
 
-    - `names`: from top to bottom.
+    - `names`: names from top to bottom.
     - `first`, `total`: Sobol indices [parameters].
     - `halves`: half the widths of their confidence intervals [parameters].
     """
@@ -318,7 +318,7 @@ class RankingLine(NamedTuple):
 def benchmark_table(lines: Sequence[RankingLine], share: str, error: str) -> Figure:
     """A dot with its interval for each share, and on a logarithmic axis one for each error.
 
-    - `lines`: from the top down.
+    - `lines`: lines from top to bottom.
     - `share`, `error`: labels of the axes.
 
     Raises DefinitionError if there is nothing to draw.
