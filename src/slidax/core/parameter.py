@@ -7,6 +7,7 @@ import math
 import re
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import cache, cached_property
 from types import CodeType
 from typing import Any, get_args
 
@@ -29,7 +30,7 @@ class End:
     text: str
     open: bool
 
-    @property
+    @cached_property
     def number(self) -> float | None:
         """The end as a number; None for an expression."""
         try:
@@ -46,7 +47,7 @@ class End:
         """Return the end for a message, with its value if it is an expression."""
         return self.text if self.number is not None else f"`{self.text}` = {np.asarray(self.value(part)).tolist()}"
 
-    @property
+    @cached_property
     def _code(self) -> CodeType:
         return compile(self.text, "<range>", "eval")
 
@@ -72,7 +73,7 @@ class Range:
     def __post_init__(self) -> None:
         assert not self.text or INTERVAL.fullmatch(self.text) or COMPARISON.fullmatch(self.text), self.text
 
-    @property
+    @cached_property
     def ends(self) -> tuple[End, End]:
         """The lower and the upper end."""
         if interval := INTERVAL.fullmatch(self.text):
@@ -255,9 +256,10 @@ def piece(meaning: str, *, default: Any = REQUIRED, default_factory: Any = REQUI
     return eqx.field(static=static, metadata={_KEY: declared}, **how)
 
 
-def parameters_of(part: type) -> list[Parameter]:
+@cache
+def parameters_of(part: type) -> tuple[Parameter, ...]:
     """Return the parameters of a part, in order; an undeclared field has only a name, a type and a default."""
-    return [declaration(field) for field in dataclasses.fields(part) if field.init]
+    return tuple(declaration(field) for field in dataclasses.fields(part) if field.init)
 
 
 def is_declared(field: dataclasses.Field[Any]) -> bool:

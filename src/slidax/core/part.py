@@ -6,6 +6,7 @@ import dataclasses
 import inspect
 import re
 import textwrap
+from functools import cache
 from importlib import import_module
 from typing import Any, ClassVar
 
@@ -27,7 +28,8 @@ NO_BREAK = "\N{NO-BREAK SPACE}"
 
 def as_tree(part: Any, label: str = "", indent: str = "") -> str:
     """Return a line for the part, and below it one for each inner part; `label` is its name in the outer part."""
-    units = {parameter.name: parameter.unit for parameter in parameters_of(type(part))}
+    kind: type = type(part)
+    units = {parameter.name: parameter.unit for parameter in parameters_of(kind)}
     values, parts = [], []
     for field in dataclasses.fields(part):
         value = getattr(part, field.name, None)
@@ -82,8 +84,7 @@ class AbstractPart(eqx.Module):
         return as_tree(self)
 
     def __check_init__(self) -> None:
-        fields = [declaration(field) for field in dataclasses.fields(self) if is_declared(field)]
-        parameters = [p for p in fields if not p.piece and getattr(self, p.name) is not None]
+        parameters = [p for p in _numeric(type(self)) if getattr(self, p.name) is not None]
         require_consistent(self, *(p.name for p in parameters if p.shape in PER_JOINT))
         for parameter in parameters:
             value = getattr(self, parameter.name)
@@ -104,6 +105,13 @@ PER_JOINT = ("one number or [n]", "[n]")
 """Shapes of parameters that must agree in their number of joints."""
 
 SIZES: dict[str, tuple[int, ...]] = {"one number": (), "[2]": (2,), "[3]": (3,), "[3 3]": (3, 3)}
+
+
+@cache
+def _numeric(part: type[AbstractPart]) -> tuple[Parameter, ...]:
+    """The declared parameters of a part that are numbers."""
+    fields = (declaration(field) for field in dataclasses.fields(part) if is_declared(field))
+    return tuple(parameter for parameter in fields if not parameter.piece)
 
 
 def _depends(parameter: Parameter) -> bool:

@@ -137,7 +137,7 @@ def _names(part: type) -> set[str]:
     return {parameter.name for parameter in parameters_of(part)}
 
 
-def _build(part: type[Any], values: dict[str, Any]) -> Any:
+def _build(part: type, values: dict[str, Any]) -> Any:
     missing = [p.name for p in parameters_of(part) if p.required and p.name not in values]
     if missing:
         raise DefinitionError(f"`{part.__name__}` needs {' and '.join(f'`{name}`' for name in missing)}")
