@@ -19,7 +19,7 @@ from slidax.arms import Articulated, Mismatch, Payload, TimedPayload
 from slidax.core import Scalar, State, Vector
 from slidax.law import SampledData
 from slidax.law.error_transformations import Sides, psi
-from slidax.plant import Step
+from slidax.plant import TRACES, Step
 from slidax.report.figures.style import LINES, WIDTH, legend_above, styled
 from slidax.scenarios.scenario import Scenario
 from slidax.simulation import Parts, Plant, Run, simulate_batch
@@ -302,6 +302,35 @@ def write_periods() -> None:
         "peak error after 7.9 s [rad]", "as without the loss again after [ms]",
     ]  # fmt: skip
     write_table("loop-rate.md", "lost samples", table(head, rows))
+
+
+LAWS = ("cftsmppc", "slotine_li_ppc", "slotine_li", "super_twisting", "computed_torque", "gravity_pd")
+
+
+def _timed(arm: str, law: str, trace: str | None) -> str:
+    """Samples outside of the scenario's envelope, and the steady error [rad]."""
+    final = float(scenarios.load(arm).controller.step.transformation.performance.final)
+    performance = {"kind": "fixed_time", "initial": 1.0, "final": final, "deadline": 2.0, "exponent": 2.01}
+    changes: dict[str, Any] = {
+        "sensor.loss.trace": trace,
+        "tolerance": {"performance": performance, "overshoot": 0.3},
+    }
+    run = scenarios.load(arm, changes if law == "cftsmppc" else {**changes, "scheme.name": law}).simulate(
+        log_every=None, progress=False
+    )
+    return f"{analysis.tolerance_violations(run)}, {small(steady_error(run))}" if run.outcome.ok else "stops"
+
+
+def write_timing() -> None:
+    """Simulate laws under the timing traces of controller managers, and write the table of docs/loop-rate.md."""
+    traces = (None, *TRACES)
+    rows = [
+        [arm.removesuffix("-payload"), f"`{law}`", *(_timed(arm, law, trace) for trace in traces)]
+        for arm in SCENARIOS
+        for law in LAWS
+    ]
+    head = ["arm", "law", "on time", *(f"`{name}`" for name in TRACES)]
+    write_table("loop-rate.md", "timing", table(head, rows))
 
 
 SCENARIOS = ("panda-payload", "ur5e-payload")

@@ -1,12 +1,18 @@
 """Identification of an arm whose parameters are known."""
 
+import equinox as eqx
 import numpy as np
 import pytest
+from scipy.optimize import nnls
 
 import slidax as sx
+from slidax.arms import Payload
+from slidax.core import as_array
 from slidax.core.errors import DefinitionError
 from slidax.identify import JointLog, identify
-from tests.identify.recorded import PAYLOAD, recorded, true_arm
+from slidax.identify.regressor import parameters_of_body
+from slidax.identify.torque_model import UNIT_MASSES
+from tests.identify.recorded import PAYLOAD, moved, recorded, true_arm
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +52,46 @@ def test_confidence_intervals_have_about_their_stated_coverage():
             off = result.values(name) - np.asarray(getattr(arm, name))
             inside.append(np.abs(off) < 1.96 * result.standard_errors(name))
     assert 0.88 <= np.mean(inside) <= 0.995
+
+
+@pytest.mark.parametrize("center", [[0.014, 0.005, 0.121], [-0.03, 0.04, 0.06], [0.0, 0.0, 0.18]])
+def test_point_masses_of_the_check_stand_for_a_compact_tool(center):
+    body = parameters_of_body(2.5, np.array(center), np.diag([0.004, 0.004, 0.003]))
+    scale = np.array([1.0, *3 * (0.2,), *6 * (0.04,)])
+    weights, residual = nnls((UNIT_MASSES / scale).T, body / scale)
+    assert residual < 0.15 * 2.5
+    assert weights @ UNIT_MASSES[:, 0] == pytest.approx(2.5, rel=0.02)
+
+
+def random_tool(name, largest, random):
+    """An arm with random rotors and friction, and a random box of at most this mass at its tip."""
+    arm = getattr(sx.arms, name)()
+    rated = np.asarray(arm.limits.torque)
+    mass, sides = random.uniform(0.1, 1.0) * largest, random.uniform(0.03, 0.1, 3)
+    payload = Payload(
+        mass=mass,
+        center=[*random.uniform(-0.05, 0.05, 2), random.uniform(0.03, 0.15)],
+        inertia=mass / 3 * np.diag(sides @ sides - sides**2),
+    )
+    drives = [as_array(random.uniform(*share) * rated) for share in ((1e-3, 3e-3), (0.01, 0.03), (5e-3, 0.02))]
+    return eqx.tree_at(lambda x: (x.armature, x.coulomb, x.viscous, x.payload), arm, (*drives, payload))
+
+
+@pytest.mark.full
+def test_sixty_tools_on_three_arms_are_weighed_within_two_percent_and_their_intervals_hold():
+    inside = []
+    for name, largest in (("panda", 3.0), ("ur5e", 5.0), ("iiwa14", 8.0)):
+        for seed in range(20):
+            arm = random_tool(name, largest, np.random.default_rng(seed))
+            motion = moved(20.0, 250.0, arm.joints, size=1.0)
+            result = identify(recorded(arm, seed=seed, times_and_motion=motion), getattr(sx.arms, name)())
+            mass = float(arm.payload.mass)
+            assert result.values("payload.mass")[0] == pytest.approx(mass, rel=0.02), (name, seed)
+            truth = [mass, *np.asarray(arm.payload.center)]
+            for number, value in zip(("mass", "center.x", "center.y", "center.z"), truth, strict=True):
+                off = result.values(f"payload.{number}")[0] - value
+                inside.append(abs(off) <= 1.96 * result.standard_errors(f"payload.{number}")[0])
+    assert 0.9 <= np.mean(inside) <= 0.99
 
 
 def test_joint_at_rest_is_reported_as_not_excited_by_name():

@@ -56,6 +56,7 @@ SENSORS: list[tuple[dict[str, Any], AbstractSensor | None]] = [
         {"loss": {"outages": [{"start": 0.5, "samples": 20}, {"start": 8, "samples": 60}]}, "delay": 1},
         Lossy(Delayed(Exact(), 1.0), 0.0, [500, 8000], [20, 60]),
     ),
+    ({"loss": {"trace": "skips"}}, Lossy(Exact(), pattern=[0, 1])),
 ]
 
 

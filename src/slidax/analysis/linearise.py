@@ -77,7 +77,7 @@ def _smooth(plant: Plant, held: bool) -> tuple[Plant, list[str]]:
 
 def _quiet(sensor: AbstractSensor, left_out: list[str]) -> AbstractSensor:
     if isinstance(sensor, Lossy):
-        loses = float(sensor.probability) > 0 or bool(np.asarray(sensor.counts).sum() > 0)
+        loses = any(np.any(np.asarray(x) > 0) for x in (sensor.probability, sensor.counts, sensor.pattern))
         if loses:
             left_out.append("lost samples: every sample arrives")
         return _quiet(sensor.sensor, left_out)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -180,7 +181,7 @@ class TorqueMatch:
 def match_torques(robot: Articulated, sample: TorqueSample) -> TorqueMatch:
     """Fit the arm to a sample within physical bounds: masses, rotor inertias and friction are not negative.
 
-    The unknowns are each link's mass (prior: the mass in the file), a payload (as masses at the corners of a box about
+    The unknowns are each link's mass (prior: the mass in the file), a payload (as masses at points of a box about
     the tip), rotors, friction and offsets. The torque is linear in all of them: nonnegative least squares.
     """
     return match_rigid_torques(rigid_torques(robot, sample.motion), sample)
@@ -190,7 +191,7 @@ def match_torques(robot: Articulated, sample: TorqueSample) -> TorqueMatch:
 class RigidTorques:
     """Torques of an arm's bodies for a motion.
 
-    - `columns`: torque of each link, and of a payload of 1 kg at each corner [m n l].
+    - `columns`: torque of each link, and of a payload of 1 kg at each point [m n l].
     - `known`: torque of the payload in the arm's description [m n].
     - `needed`: root mean square of the links' torque, plus a share of the torque limit for friction [n].
     - `mass`: mass of all links, kg.
@@ -204,7 +205,7 @@ class RigidTorques:
     @property
     def links(self) -> int:
         """The number of links."""
-        return int(self.columns.shape[2]) - len(CORNERS)
+        return int(self.columns.shape[2]) - len(UNIT_MASSES)
 
     @property
     def total(self) -> np.ndarray:
@@ -234,7 +235,7 @@ def rigid_torques(robot: Articulated, motion: JointMotion) -> RigidTorques:
     limit = np.asarray(robot.limits.torque)
     needed = size + np.where(np.isfinite(limit), LIMIT_SHARE * limit, LIMIT_SHARE * 10.0 * size.mean()) + 1e-9
     return RigidTorques(
-        columns=np.concatenate([links, carried @ CORNERS.T], axis=2),
+        columns=np.concatenate([links, carried @ UNIT_MASSES.T], axis=2),
         known=carried @ parameters_of_payload(robot.payload),
         needed=needed,
         mass=float(np.sum(robot.masses)),
@@ -256,9 +257,9 @@ def match_rigid_torques(rigid: RigidTorques, sample: TorqueSample) -> TorqueMatc
     a = (regressor * weight[:, :, None]).reshape(m * n, -1)
     b = (target * weight).ravel()
     # Prior of a drive's torque: a few times the torque that the links need.
-    drives = regressor[:, :, links + len(CORNERS) :]
+    drives = regressor[:, :, links + len(UNIT_MASSES) :]
     typical = np.sqrt(np.mean(np.sum(drives, axis=1) ** 2, axis=0)) / np.tile(rigid.needed, drives.shape[2] // n)
-    mass = np.full(len(CORNERS), PAYLOAD * max(rigid.mass, 0.1))
+    mass = np.full(len(UNIT_MASSES), PAYLOAD * max(rigid.mass, 0.1))
     spread = np.concatenate([np.full(links, SPREAD), mass, DRIVE / (typical + 1e-12)])
     prior = STIFFNESS / spread
     solution = nonnegative(a, b, prior, believed)
@@ -317,11 +318,15 @@ def with_gravity_torques(log: JointLog, robot: Articulated) -> JointLog:
     return replace(log, tau=log.tau + gravity)
 
 
-def _corners() -> np.ndarray:
-    """Inertial parameters of 1 kg at the tip, and of 1 kg at each corner of a box about it, [9 10]."""
-    corners = [np.zeros(3)]
-    corners += [REACH * np.array([x, y, z]) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)]
-    return np.stack([parameters_of_body(1.0, corner, np.zeros((3, 3))) for corner in corners])
+def _unit_masses() -> np.ndarray:
+    """Inertial parameters of 1 kg at the tip, at each corner of a box about it, and at points of its axes, [21 10].
+
+    Between points of an axis, a compact payload has nearly its own inertia; between corners it would have that of a
+    body as large as the box.
+    """
+    points = REACH * np.array([*itertools.product((-1.0, 1.0), repeat=3), *np.eye(3), *-np.eye(3)])
+    points = np.stack([np.zeros(3), *points, *(0.5 * points[8:])])
+    return np.stack([parameters_of_body(1.0, point, np.zeros((3, 3))) for point in points])
 
 
-CORNERS = _corners()
+UNIT_MASSES = _unit_masses()

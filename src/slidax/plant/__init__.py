@@ -24,3 +24,4 @@ from .sensors import Encoders as Encoders
 from .sensors import Exact as Exact
 from .sensors import Lossy as Lossy
 from .sensors import Measurement as Measurement
+from .timing import TRACES as TRACES

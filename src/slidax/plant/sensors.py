@@ -254,7 +254,7 @@ class LossyMemory(eqx.Module):
 
 
 class Lossy(AbstractSensor):
-    """Measurement of `sensor`, lost at random, and always for `start <= k < start + count`.
+    """Measurement of `sensor`, lost at random, for `start <= k < start + count`, and where `pattern[k mod p]` is 1.
 
     Sample 0 always arrives. A lost sample is not fresh, and repeats the last sample that arrived. The inner sensor
     continues to measure.
@@ -267,6 +267,9 @@ class Lossy(AbstractSensor):
         "number of samples in each outage", "samples", ">= 0", default=(), converter=as_integer
     )
     seed: Int[Array, ""] = seed("losses")
+    pattern: Int[Array, " p"] = parameter(
+        "1 for each lost sample of a sequence that repeats", "", "[0, 1]", default=(), converter=as_integer
+    )
 
     def __check_init__(self) -> None:
         if self.starts.ndim != 1 or self.starts.shape != self.counts.shape:
@@ -287,6 +290,8 @@ class Lossy(AbstractSensor):
         by_chance = draw_uniform(self.seed, LOSSY, k) < self.probability
         since = k.astype(self.starts.dtype) - self.starts
         by_plan = jnp.any((since >= 0) & (since < self.counts))
+        if self.pattern.size:
+            by_plan |= self.pattern[k % self.pattern.size] > 0
         fresh = measurement.fresh & ((k == 0) | ~(by_chance | by_plan))
         last = jax.tree.map(lambda new, old: jnp.where(fresh, new, old), measurement.state, memory.last)
         return Measurement(state=last, fresh=fresh), LossyMemory(last=last, inner=inner)

@@ -15,7 +15,9 @@ from slidax.core.errors import DefinitionError, as_array, is_traced, locate_erro
 from slidax.law.error_transformations import PrescribedPerformance
 from slidax.plant.actuators import Actuator, TorqueLimits
 from slidax.plant.disturbances import AbstractDisturbance, Sum
+from slidax.plant.noise import as_integer
 from slidax.plant.sensors import AbstractSensor, Delayed, DifferencedEncoders, Encoders, Exact, Lossy
+from slidax.plant.timing import TRACES
 
 from .descriptions import AbstractDescription, Numbers, PartDescription, input_field, plain_of, same_field, union_of
 
@@ -41,6 +43,8 @@ class LossDescription(AbstractDescription):
     probability: float = same_field(Lossy, "probability")
     outages: tuple[OutageDescription, ...] = ()
     """Outages, in which all samples are lost."""
+    trace: Literal["uneven", "stalls", "skips", "overruns"] | None = None
+    """Samples that a controller manager loses whose periods a user has printed, as in `slidax.plant.TRACES`."""
 
 
 class SensorDescription(AbstractDescription):
@@ -92,13 +96,14 @@ class SensorDescription(AbstractDescription):
             sensor = Encoders(resolution, position_noise, velocity_noise, seed)
         if self.delay or self.jitter:
             sensor = Delayed(sensor, self.delay, self.jitter, seed)
-        if self.loss.probability or self.loss.outages:
+        if self.loss.probability or self.loss.outages or self.loss.trace:
             with locate_errors("loss"):
                 # Bounded, since an outage may start after the end of any run.
                 starts = [round(min(outage.start / period, 2.0**53)) for outage in self.loss.outages]
                 counts = [outage.samples for outage in self.loss.outages]
                 first, count = (jax.device_put(np.asarray(numbers, int)) for numbers in (starts, counts))
-                sensor = Lossy(sensor, as_array(self.loss.probability), first, count, seed)
+                pattern = as_integer(TRACES[self.loss.trace].lost().astype(int) if self.loss.trace else ())
+                sensor = Lossy(sensor, as_array(self.loss.probability), first, count, seed, pattern)
         return None if isinstance(sensor, Exact) else sensor
 
     @property

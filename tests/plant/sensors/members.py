@@ -13,6 +13,7 @@ SENSORS: list[tuple[str, AbstractSensor]] = [
     ("delayed_unevenly", Delayed(DifferencedEncoders(1e-5, 1e-5), 0.4, 1.5)),
     ("lossy_by_chance", Lossy(Exact(), 0.3)),
     ("lossy_by_plan", Lossy(Exact(), starts=[2, 5], counts=[2, 1])),
+    ("lossy_by_pattern", Lossy(Exact(), pattern=[0, 1, 1])),
     ("all_at_once", Lossy(Delayed(Encoders(1e-5, 1e-5, 1e-3), 1.5, 0.5), 0.2, [4], [3])),
 ]
 
@@ -25,5 +26,6 @@ LIKE_OTHERS = (
     "delayed_unevenly",
     "lossy_by_chance",
     "lossy_by_plan",
+    "lossy_by_pattern",
 )
 """Parts of the others, by themselves: these run in the long version."""

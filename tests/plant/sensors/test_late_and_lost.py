@@ -9,6 +9,7 @@ import pytest
 from slidax.core.errors import DefinitionError
 from slidax.core.types import State
 from slidax.plant import Delayed, DifferencedEncoders, Encoders, Exact, Lossy
+from slidax.plant.timing import TRACES
 from tests.plant.sensors.sampled import moving, sampled
 
 
@@ -102,6 +103,21 @@ def test_planned_outages_have_their_length_and_repeat_the_last_sample():
         last = k - 1 if k in (1, 3, 8) else k - 2 if k == 4 else k
         np.testing.assert_array_equal(measured.state.q[k], right.q[last])
         np.testing.assert_array_equal(measured.state.dq[k], right.dq[last])
+
+
+def test_a_pattern_of_losses_repeats_after_the_first_sample():
+    measured = sampled(Lossy(Exact(), pattern=[1, 0, 1]))
+    np.testing.assert_array_equal(np.flatnonzero(~np.asarray(measured.fresh)), [2, 3, 5, 6, 8, 9, 11])
+
+
+@pytest.mark.parametrize(
+    ("name", "lost", "length"),
+    [("uneven", [1, 5, 7], 10), ("stalls", [1, 2, 3, 4, 5, 6], 1000), ("skips", [1], 2), ("overruns", [1], 500)],
+)
+def test_a_timing_trace_loses_the_samples_between_its_printed_updates(name, lost, length):
+    pattern = TRACES[name].lost()
+    assert len(pattern) == length
+    np.testing.assert_array_equal(np.flatnonzero(pattern), lost)
 
 
 def test_random_losses_are_independent():
