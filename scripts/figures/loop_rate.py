@@ -318,7 +318,7 @@ def _timed(arm: str, law: str, trace: str | None) -> str:
     run = scenarios.load(arm, changes if law == "cftsmppc" else {**changes, "scheme.name": law}).simulate(
         log_every=None, progress=False
     )
-    return f"{analysis.tolerance_violations(run)}, {small(steady_error(run))}" if run.outcome.ok else "stops"
+    return f"{analysis.tolerance_violations(run)}, {small(steady_error(run))}" if run.outcome.ok else "leaves"
 
 
 def write_timing() -> None:
