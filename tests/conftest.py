@@ -64,7 +64,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """What was imported and collected stays: the collector of garbage need not search it in every test."""
+    """Keep the garbage collector from searching imported modules and collected tests again and again."""
     gc.collect()
     gc.freeze()
     gc.set_threshold(100_000, 50, 100)
