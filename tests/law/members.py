@@ -13,6 +13,7 @@ from slidax.law import (
     AbstractReaching,
     AbstractSurface,
     AbstractTransformation,
+    ArmLearning,
     Exponential,
     FilteredDifference,
     FiniteTime,
@@ -21,6 +22,7 @@ from slidax.law import (
     FixedTimeReaching,
     JointLearning,
     Kalman,
+    KnownArm,
     KnownJoints,
     Linear,
     LinearCoreFixedTime,
@@ -70,6 +72,8 @@ from tests.rivals import (
 ADAPTATIONS: list[tuple[str, AbstractAdaptation]] = [
     ("joint_learning", JointLearning(rotor=0.1, rotor_min=0.01, rotor_max=2.0, coulomb_max=3.0)),
     ("joint_learning_of_inertia_alone", JointLearning(counted=[0.1, 0.0], rotor=[0.1, 0.02], rotor_max=[1.0, 5.0])),
+    ("arm_learning", ArmLearning(joints=JointLearning(rotor=0.1, rotor_max=2.0, coulomb_max=3.0))),
+    ("known_arm", KnownArm(payload=[0.5, 0.1, *[0.0] * 8], viscous=0.1, first=0.2, rotor=[0.05, 0.2])),
     ("known_joints", KnownJoints(counted=0.1, rotor=[0.05, 0.2], coulomb=[0.0, 0.4])),
 ]
 

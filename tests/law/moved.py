@@ -7,11 +7,35 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from slidax.arms import Articulated, Joint, assemble
 from slidax.core.types import State
 from slidax.law import AbstractAdaptation, Experience
 
 PERIOD = 1e-3
 LINKS = np.array([[0.5, 0.08], [0.08, 0.02]])
+
+
+def two_links() -> Articulated:
+    """An arm of two links in a vertical plane, the second four times lighter."""
+    inertia = np.diag([0.002, 0.02, 0.02])
+    link: dict[str, Any] = {"kind": "revolute", "axis": np.array([0.0, 1.0, 0.0])}
+    upper = Joint(
+        "shoulder", parent=None, link="upper", mass=2.0, center=np.array([0.25, 0, 0]), inertia=inertia, **link
+    )
+    lower = Joint(
+        "elbow",
+        parent="shoulder",
+        link="lower",
+        translation=np.array([0.5, 0, 0]),
+        mass=0.5,
+        center=np.array([0.2, 0, 0]),
+        inertia=0.25 * inertia,
+        **link,
+    )
+    return assemble([upper, lower], tip="lower")
+
+
+ARM = two_links()
 
 
 def motion(
@@ -37,7 +61,9 @@ def _adapted(adaptation: AbstractAdaptation, positions: Any, velocities: Any, to
     def sample(memory: Any, inputs: Any) -> Any:
         q, dq, tau, gap = inputs
         bias = jnp.zeros(2)
-        experience = Experience(q=q, dq=dq, tau=tau, mass=mass, bias=bias, period=jnp.asarray(PERIOD), missed=gap)
+        experience = Experience(
+            q=q, dq=dq, tau=tau, mass=mass, bias=bias, period=jnp.asarray(PERIOD), missed=gap, nominal=ARM
+        )
         memory = adaptation(experience, memory)
         return memory, adaptation.learnt(memory)
 

@@ -11,8 +11,8 @@ from slidax.law import ComputedTorque, Experience, sampled_data
 from slidax.law.adaptation import with_rotors
 from tests.enrolled import assert_same, assert_same_form, every
 from tests.law.members import ADAPTATIONS
-from tests.law.moved import LINKS, motion, swept, taught
-from tests.paper_examples import TWO_LINK, law_4_1
+from tests.law.moved import ARM, LINKS, motion, swept, taught
+from tests.paper_examples import law_4_1
 
 FIRST = State(q=jnp.array([0.1, -0.2]), dq=jnp.zeros(2))
 
@@ -26,6 +26,7 @@ def experience(scale=1.0):
         bias=jnp.array([1.0, -1.0]),
         period=jnp.asarray(1e-3),
         missed=jnp.asarray(False),
+        nominal=ARM,
     )
 
 
@@ -69,7 +70,7 @@ def test_friction_opposes_the_motion_and_is_odd(adaptation):
 @every("adaptation", ADAPTATIONS)
 @pytest.mark.parametrize("explicit", [False, True])
 def test_model_based_laws_accept_every_adaptation(adaptation, explicit):
-    law = ComputedTorque(TWO_LINK, 100.0, 20.0) if explicit else law_4_1()
+    law = ComputedTorque(ARM, 100.0, 20.0) if explicit else law_4_1(ARM)
     stepped = sampled_data(law, period=1e-3, adaptation=adaptation)
     reference = Reference(q=[0.1, 0.0])
     memory = stepped.init(jnp.zeros(()), FIRST, reference)

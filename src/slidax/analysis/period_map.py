@@ -19,7 +19,6 @@ from slidax.codegen.llvm.kernel import compile
 from slidax.codegen.trace.tracing import trace
 from slidax.core.parameter import parameter, piece
 from slidax.core.types import Command, Envelope, Memory, Reference, Scalar, State, Vector
-from slidax.law.adaptation import KnownJoints
 from slidax.law.controllers import AbstractController
 from slidax.law.sampled.controller import SampledData
 from slidax.motions.trajectory import AbstractMotion
@@ -144,12 +143,9 @@ def freeze_adaptation(controller: AbstractController, memory: Memory) -> tuple[A
     if not isinstance(controller, SampledData) or controller.adaptation is None:
         return controller, memory
     adaptation = controller.adaptation
-    learnt = adaptation.learnt(memory.adapted.memory)
-    known = KnownJoints(
-        rotor=learnt.rotor, coulomb=learnt.coulomb, counted=adaptation.counted, smoothing=adaptation.smoothing
-    )
+    known = adaptation.frozen(memory.adapted.memory)
     law: AbstractController = eqx.tree_at(lambda law: law.adaptation, controller, known)
-    nothing = jnp.zeros_like(learnt.rotor)
+    nothing = jnp.zeros_like(memory.prior.state.q)
     return law, eqx.tree_at(lambda kept: kept.adapted.memory, memory, nothing)
 
 

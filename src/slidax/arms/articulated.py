@@ -134,10 +134,10 @@ def inertia_matrix(bodies: Bodies, s: JointAxes, parents: Sequence[int]) -> Matr
     - `s`: velocity of each link for a unit velocity of its joint.
     """
     carried = Bodies(*(_sum_over_descendants(part, parents) for part in barrier(bodies)))
-    force, torque = barrier(_momentum(carried, s.linear, s.angular))
+    force, torque = barrier(momentum(carried, s.linear, s.angular))
     pairs = s.angular[:, :, None] * torque[:, None, :] + s.linear[:, :, None] * force[:, None, :]
     upper = jnp.sum(pairs, axis=0)
-    carries = _carries(parents)
+    carries = ancestry(parents)
     both = jnp.where(carries, upper, 0.0)
     own = np.eye(len(parents), dtype=bool)
     return both + jnp.where(own, 0.0, both.T)
@@ -150,17 +150,30 @@ def bias_forces(bodies: Bodies, s: JointAxes, parents: Sequence[int], dq: Vector
     - `s`: velocity of each link for a unit velocity of its joint.
     - `gravity`: acceleration [3], m/s².
     """
-    own_w, own_v = s.angular * dq, s.linear * dq
-    w, v = barrier((_sum_over_ancestors(own_w, parents), _sum_over_ancestors(own_v, parents)))
-    # Accelerating the base upwards replaces separate terms for the weight.
-    aw = _sum_over_ancestors(cross(w, own_w), parents)
-    av = _sum_over_ancestors(cross(w, own_v) + cross(v, own_w), parents) - gravity[:, None]
-    force, torque = _momentum(bodies, *barrier((av, aw)))
-    linear, angular = barrier(_momentum(bodies, v, w))
+    v, w, av, aw = motion_of_links(s, parents, dq, None, gravity)
+    force, torque = momentum(bodies, *barrier((av, aw)))
+    linear, angular = barrier(momentum(bodies, v, w))
     force = force + cross(w, linear)
     torque = torque + cross(w, angular) + cross(v, linear)
     force, torque = barrier((_sum_over_descendants(force, parents), _sum_over_descendants(torque, parents)))
     return jnp.sum(s.angular * torque + s.linear * force, axis=0)
+
+
+def motion_of_links(
+    s: JointAxes, parents: Sequence[int], dq: Vector, ddq: Vector | None, gravity: Float[Array, "3"]
+) -> tuple[Array, Array, Array, Array]:
+    """Return velocity and acceleration of each link at the base's origin: v, w, v̇, ẇ, [3 n] each.
+
+    - `s`: velocity of each link for a unit velocity of its joint.
+    - `ddq`: joint accelerations [n]; None for 0.
+    - `gravity`: acceleration [3], m/s²; the base accelerates upwards, so that weight needs no term of its own.
+    """
+    own_w, own_v = s.angular * dq, s.linear * dq
+    w, v = barrier((_sum_over_ancestors(own_w, parents), _sum_over_ancestors(own_v, parents)))
+    turned, moved = cross(w, own_w), cross(w, own_v) + cross(v, own_w)
+    if ddq is not None:
+        turned, moved = turned + s.angular * ddq, moved + s.linear * ddq
+    return v, w, _sum_over_ancestors(moved, parents) - gravity[:, None], _sum_over_ancestors(turned, parents)
 
 
 def cross(a: Float[Array, "3 ..."], b: Float[Array, "3 ..."]) -> Float[Array, "3 ..."]:
@@ -168,7 +181,7 @@ def cross(a: Float[Array, "3 ..."], b: Float[Array, "3 ..."]) -> Float[Array, "3
     return jnp.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
-def _momentum(bodies: Bodies, linear: Any, angular: Any) -> tuple[Any, Any]:
+def momentum(bodies: Bodies, linear: Any, angular: Any) -> tuple[Any, Any]:
     """Linear and angular momentum about the base's origin [3 n]."""
     full = bodies.inertia[np.asarray(INDICES)]
     momentum = bodies.mass * linear + cross(angular, bodies.moment)
@@ -192,7 +205,7 @@ def _sum_over_descendants(own: Float[Array, "... n"], parents: Sequence[int]) ->
     return jnp.stack(sums, axis=-1)
 
 
-def _carries(parents: Sequence[int]) -> np.ndarray:
+def ancestry(parents: Sequence[int]) -> np.ndarray:
     """Return a matrix [n n], True where joint i is joint j or one of its ancestors."""
     carries = np.eye(len(parents), dtype=bool)
     for i, parent in enumerate(parents):
@@ -258,17 +271,17 @@ class Articulated(AbstractRobot):
             raise DefinitionError(f"`parents` of {self.name} must each be before their joint; got {self.parents}")
 
     def mass(self, q: Vector) -> Matrix:
-        return _inertia(*_links(self, self._frames(q)), self.armature, self.parents)
+        return _inertia(*_links(self, self.joint_frames(q)), self.armature, self.parents)
 
     def bias(self, q: Vector, dq: Vector) -> Vector:
-        return _bias(*_links(self, self._frames(q)), dq, self.gravity_vector, self.parents)
+        return _bias(*_links(self, self.joint_frames(q)), dq, self.gravity_vector, self.parents)
 
     def friction(self, dq: Vector) -> Vector:
         """Return `F(q̇) = f_c tanh(q̇/v_s) + f_v q̇`, [n], N m or N."""
         return self.coulomb * jnp.tanh(dq / self.smoothing) + self.viscous * dq
 
     def potential(self, q: Vector) -> Scalar:
-        moment = jnp.sum(about_base_origin(self._bodies(), self._frames(q)).moment, axis=1)
+        moment = jnp.sum(about_base_origin(self.bodies(), self.joint_frames(q)).moment, axis=1)
         return -jnp.sum(self.gravity_vector * moment)
 
     def tip(self, q: Vector) -> Float[Array, "3"]:
@@ -276,24 +289,26 @@ class Articulated(AbstractRobot):
 
     def tip_frame(self, q: Vector) -> tuple[Float[Array, "3 3"], Float[Array, "3"]]:
         """Return the tip's axes, as columns, and its position in the base frame, [3 3] and [3], m."""
-        at = self._frames(q)
+        at = self.joint_frames(q)
         rotation, position = at.rotation[..., self.tip_joint], at.position[:, self.tip_joint]
         turned = jnp.sum(rotation[:, :, None] * self.tip_rotation[None], axis=1)
         return turned, position + jnp.sum(rotation * self.tip_translation[None], axis=1)
 
     def frames(self, q: Vector) -> tuple[Float[Array, "n 3 3"], Float[Array, "n 3"]]:
         """Return each joint's axes, as columns, and its position in the base frame, [n 3 3] and [n 3], m."""
-        at = self._frames(q)
+        at = self.joint_frames(q)
         return jnp.moveaxis(at.rotation, -1, 0), at.position.T
 
     @property
-    def _revolute(self) -> tuple[bool, ...]:
+    def revolute(self) -> tuple[bool, ...]:
+        """True for each revolute joint."""
         return tuple(unit == "rad" for unit in self.joint_units)
 
-    def _frames(self, q: Vector) -> JointFrames:
-        return _frames(self.rotations, self.translations, q, self.parents, self._revolute)
+    def joint_frames(self, q: Vector) -> JointFrames:
+        """Return the joint frames in a posture."""
+        return _frames(self.rotations, self.translations, q, self.parents, self.revolute)
 
-    def _bodies(self) -> Bodies:
+    def bodies(self) -> Bodies:
         """Return the links about their joints' origins; the payload is part of the link that carries the tip."""
         links = _about_the_origin(self.masses, self.centers, self.inertias)
         r, load = self.tip_rotation, self.payload
@@ -320,7 +335,7 @@ def _frames(
 
 @jax.jit
 def _links(arm: Articulated, at: JointFrames) -> tuple[Bodies, JointAxes]:
-    return about_base_origin(arm._bodies(), at), joint_axes(at, arm._revolute)
+    return about_base_origin(arm.bodies(), at), joint_axes(at, arm.revolute)
 
 
 @functools.partial(jax.jit, static_argnames="parents")

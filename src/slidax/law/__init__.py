@@ -14,6 +14,9 @@ from .adaptation import AbstractAdaptation as AbstractAdaptation
 from .adaptation import Experience as Experience
 from .adaptation import KnownJoints as KnownJoints
 from .adaptation import LearnedParameters as LearnedParameters
+from .arm_learning import ArmLearning as ArmLearning
+from .arm_model import ArmParameters as ArmParameters
+from .arm_model import KnownArm as KnownArm
 from .controllers import AbstractController as AbstractController
 from .controllers import AbstractModelBased as AbstractModelBased
 from .controllers import AbstractSurfaceBased as AbstractSurfaceBased

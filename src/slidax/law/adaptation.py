@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from typing import ClassVar
 
 import equinox as eqx
 import jax
@@ -85,6 +86,7 @@ class Experience(eqx.Module):
     - `bias`: C0 q̇ + G0 of the nominal arm there [n], N m or N.
     - `period`: h [s].
     - `missed`: True if samples were lost before this one.
+    - `nominal`: the nominal arm; None for an adaptation that needs only `mass` and `bias`.
     """
 
     q: Vector
@@ -94,6 +96,7 @@ class Experience(eqx.Module):
     bias: Vector
     period: Scalar
     missed: Bool[Array, ""]
+    nominal: AbstractRobot | None = None
 
 
 class LearnedParameters(eqx.Module):
@@ -115,6 +118,9 @@ class AbstractAdaptation(AbstractPart):
     rows and columns of M0 are scaled, so that M̂ is positive definite (`Believed`).
     """
 
+    moves_bias: ClassVar[bool] = False
+    """True if it changes the bias of the arm and its viscous friction."""
+
     counted: PerJoint = parameter("J0, rotor inertia that the nominal arm has", "kg m² or kg", ">= 0", default=0.0)
     smoothing: PerJoint = parameter(
         "v_s, velocity within which Coulomb friction turns", "rad/s or m/s", "> 0", default=0.02
@@ -135,9 +141,23 @@ class AbstractAdaptation(AbstractPart):
     def learnt(self, memory: Memory) -> LearnedParameters:
         """Return the estimated parameters of the joints."""
 
+    def per_joint(self) -> AbstractAdaptation:
+        """Return the adaptation without the parameters that are not one number or one per joint."""
+        return self
+
+    def signals(self, memory: Memory) -> dict[str, Array]:
+        """Return the estimates by name, for logs: `rotor` (J) and `coulomb` (f) [n]."""
+        learnt = self.learnt(memory)
+        return {"rotor": learnt.rotor, "coulomb": learnt.coulomb}
+
     def robot(self, nominal: AbstractRobot, memory: Memory) -> AbstractRobot:
         """Return the nominal arm with the estimated inertias; its friction stays nominal."""
         return Believed.of(nominal, self.learnt(memory).rotor, self.counted)
+
+    def frozen(self, memory: Memory) -> AbstractAdaptation:
+        """Return a constant adaptation with the estimates as they are, whose memory is zeros [n]."""
+        learnt = self.learnt(memory)
+        return KnownJoints(rotor=learnt.rotor, coulomb=learnt.coulomb, counted=self.counted, smoothing=self.smoothing)
 
     def mass_at_start(self, mass: Matrix) -> Matrix:
         """Return M̂ before the first sample, [n n], from M0 [n n]."""

@@ -49,6 +49,9 @@ class AbstractDescription(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
+    sized: ClassVar[frozenset[str]] = frozenset()
+    """Fields with lists of a length of their own."""
+
     @model_validator(mode="before")
     @classmethod
     def _keys_are_known(cls, data: Any) -> Any:
@@ -65,7 +68,7 @@ class AbstractDescription(BaseModel):
     def require_joints(self, joints: int) -> None:
         """Raise DefinitionError unless each list in the description has one entry per joint."""
         for field, value in self:
-            if isinstance(value, list) and len(value) != joints:
+            if isinstance(value, list) and len(value) != joints and field not in self.sized:
                 message = f"must be one number or one for {each_of(joints, 'joint')}; got {len(value)}"
                 raise DefinitionError(message, where=field)
 
@@ -253,6 +256,7 @@ def _model(
         fields[key] = (annotation, described_field(parameter, **changes))
     model: type[PartDescription] = create_model(name, __base__=PartDescription, __doc__=doc or title_of(part), **fields)
     model.part = part
+    model.sized = frozenset(p.name for p in parameters_of(part) if p.shape[1:-1].isdigit())
     return model
 
 
@@ -275,7 +279,7 @@ def type_of(parameter: Parameter, hint: Any, family: type) -> Any:
         return Numbers
     if shape.endswith("a matrix [n n]"):
         return float | list[float] | list[list[float]]
-    if shape in ("[n]", "[2]", "[3]", "[k]", "[m]"):
+    if shape in ("[n]", "[2]", "[3]", "[10]", "[k]", "[m]"):
         return list[float]
     if shape in ("[k n]", "[m n]"):
         return list[list[float]]

@@ -13,6 +13,7 @@ from pydantic import field_validator
 from slidax.arms.arm import AbstractRobot
 from slidax.core.errors import DefinitionError, as_array, locate_errors
 from slidax.law.adaptation import AbstractAdaptation
+from slidax.law.arm_learning import ArmLearning
 from slidax.law.controllers import AbstractController
 from slidax.law.estimators import AbstractEstimator, Measured
 from slidax.law.joint_learning import JointLearning
@@ -168,7 +169,7 @@ class JointLearningDescription(AbstractDescription):
     coulomb_prior: Numbers = same_field(JointLearning, "coulomb_prior")
     coulomb_window: Numbers = same_field(JointLearning, "coulomb_window")
 
-    def build(self, sampling: Sampling) -> AbstractAdaptation:
+    def build(self, sampling: Sampling) -> JointLearning:
         """Build the adaptation."""
         return JointLearning.of_arm(
             sampling.mass,
@@ -180,8 +181,29 @@ class JointLearningDescription(AbstractDescription):
         )
 
 
+class ArmLearningDescription(AbstractDescription):
+    """Learns payload, link masses, friction and rotors of the whole arm while it moves."""
+
+    kind: Literal["arm_learning"]
+    joints: JointLearningDescription = JointLearningDescription()
+    """Learning of each joint, in use while the arm's model is not."""
+    noise: float = same_field(ArmLearning, "noise")
+    mass: float = same_field(ArmLearning, "mass")
+    moment: float = same_field(ArmLearning, "moment")
+    inertia: float = same_field(ArmLearning, "inertia")
+    factor: Numbers = same_field(ArmLearning, "factor")
+    viscous: Numbers = same_field(ArmLearning, "viscous")
+    coulomb: Numbers = same_field(ArmLearning, "coulomb")
+    rotor: Numbers = same_field(ArmLearning, "rotor")
+
+    def build(self, sampling: Sampling) -> AbstractAdaptation:
+        """Build the adaptation."""
+        own = {name: value for name, value in self.parameters().items() if name != "joints"}
+        return ArmLearning.of_arm(self.joints.build(sampling), period=sampling.period, **own)
+
+
 if TYPE_CHECKING:
-    AdaptationDescription = PartDescription | JointLearningDescription
+    AdaptationDescription = PartDescription | JointLearningDescription | ArmLearningDescription
     EstimatorDescription = PartDescription
     RecoveryDescription = PartDescription
     MonitorDescription = PartDescription
@@ -189,7 +211,7 @@ else:
     RecoveryDescription = plain_of(Recovery, "RecoveryDescription")
     MonitorDescription = plain_of(Monitor, "MonitorDescription")
     EstimatorDescription = union_of(AbstractEstimator, MeasuredDescription, KalmanDescription)
-    AdaptationDescription = union_of(AbstractAdaptation, JointLearningDescription)
+    AdaptationDescription = union_of(AbstractAdaptation, JointLearningDescription, ArmLearningDescription)
 
 
 class SampledDataDescription(AbstractDescription):
@@ -243,7 +265,7 @@ class SampledDataDescription(AbstractDescription):
         if self.adaptation is not None:
             with locate_errors("adaptation"):
                 self.adaptation.require_joints(sampling.mass.shape[0])
-                if isinstance(self.adaptation, JointLearningDescription):
+                if isinstance(self.adaptation, JointLearningDescription | ArmLearningDescription):
                     adaptation = self.adaptation.build(sampling)
                 else:
                     adaptation = self.adaptation.build()

@@ -23,7 +23,7 @@ from slidax.scenarios.family import Family
 from .cases import desired
 from .plant import Chain, PaperPlan, simulate
 from .test_certified_law import PERIOD, sliding
-from .test_drive_limits import seen
+from .test_drive_limits import attacked_torques
 from .test_loop_kernels import LOOPS
 from .test_tracking_bound import arm_of, at_the_edge, attack, short, uncertainty
 
@@ -153,7 +153,7 @@ def test_no_attack_exceeds_the_bounds_of_a_sliding_mode_law(name: str) -> None:
     assert 0.1 < np.max(ratios) <= 1.0
     drives = drive_bounds(arm, certified.solution)
     for run in range(4):
-        torque = seen(arm, motion, certified, rng, run, plan)
+        torque = attacked_torques(arm, motion, certified, rng, run, plan)
         step = np.abs(np.diff(torque, axis=0, prepend=torque[:1]))
         for value, bound in ((np.abs(torque), drives.torque), (step, drives.step)):
             assert np.all(value.reshape(len(bound), -1, arm.joints).max(axis=1) <= bound)

@@ -34,6 +34,7 @@ from .prediction import (
     experience_of,
     free_acceleration,
     mean_past_torque,
+    newly_explained,
     predict_state,
     reference_ahead,
 )
@@ -63,7 +64,7 @@ class SampledData(AbstractController):
 
     Signals: those of the step, `disturbance` (ŵ), `residual` (the acceleration that the last prediction missed) [n],
     and `rejected`, 1 for a sample that the gate did not accept, where all other signals are 0; with an adaptation
-    `rotor` (J) and `coulomb` (f) [n]; with a monitor `margin` and `assumption_violated`.
+    its own, `rotor` (J) and `coulomb` (f) [n] at least; with a monitor `margin` and `assumption_violated`.
     """
 
     step: AbstractStep = piece("what the law decides")
@@ -106,10 +107,9 @@ class SampledData(AbstractController):
     )
 
     def __check_init__(self) -> None:
-        require_joints(self.adaptation, self.joints, type(self.nominal).__name__)
-        require_joints(self.limits, self.joints, type(self.nominal).__name__)
-        require_joints(self.monitor, self.joints, type(self.nominal).__name__)
-        require_joints(self.gate, self.joints, type(self.nominal).__name__)
+        adaptation = None if self.adaptation is None else self.adaptation.per_joint()
+        for part in (adaptation, self.limits, self.monitor, self.gate):
+            require_joints(part, self.joints, type(self.nominal).__name__)
         if self.step.plans != (self.horizon is not None):
             wrong = "must be given for a law that plans" if self.step.plans else "must be None for a law without a plan"
             raise DefinitionError(f"`SampledData.horizon` {wrong}; got {self.horizon}")
@@ -122,6 +122,11 @@ class SampledData(AbstractController):
             raise DefinitionError(
                 f"`SampledData.viscous_feedforward` needs the viscous friction of the nominal arm, and "
                 f"`{type(self.nominal).__name__}` has no `viscous`: leave it out, or describe the arm by its links"
+            )
+        if self.viscous_feedforward and self.adaptation is not None and self.adaptation.moves_bias:
+            raise DefinitionError(
+                f"`SampledData.viscous_feedforward` and `{type(self.adaptation).__name__}` both compensate viscous "
+                "friction: leave `viscous_feedforward` out"
             )
         self._require_an_estimator_of_these_joints()
 
@@ -240,7 +245,7 @@ class SampledData(AbstractController):
         estimate, estimated, prior = self._estimate(robot, state, elapsed, missed, gap, memory)
         # The last torque stood while nothing arrived, so that all pending commands are equal to it.
         pending = jnp.where(missed, memory.torques[-1], memory.torques)
-        learned = self._learn(t, state, prior, estimate, pending, missed, robot, memory)
+        learned = self._learn(t, state, prior, estimate, reference_now, pending, missed, robot, memory)
 
         predicted = self._predict(learned, missed, memory)
         now, following = predicted.state, predicted.following
@@ -278,8 +283,8 @@ class SampledData(AbstractController):
         )
         residual = jnp.where(request.planned, (now.dq - memory.dq) / h, 0.0)
         signals = {**decision.signals, "disturbance": disturbance, "residual": residual, **monitor_signals}
-        if parameters is not None:
-            signals |= {"rotor": parameters.rotor, "coulomb": parameters.coulomb}
+        if self.adaptation is not None and adapted is not None:
+            signals |= self.adaptation.signals(adapted.memory)
         return Command(tau=tau, memory=kept, signals=signals)
 
     def _estimate(
@@ -305,32 +310,35 @@ class SampledData(AbstractController):
         state: State,
         prior: Estimate,
         estimate: Estimate,
+        reference: Reference,
         pending: Array,
         missed: Bool[Array, ""],
         robot: AbstractRobot,
         memory: LawMemory,
     ) -> LearnedModel:
         """The model after this sample; without an adaptation, the model as it is."""
-        adapted = memory.adapted
-        if self.adaptation is None or adapted is None:
-            return LearnedModel(robot, estimate, pending, adapted)
+        known = memory.adapted
+        if self.adaptation is None or known is None:
+            return LearnedModel(robot, estimate, pending, known)
         h = self.period
         # During a recovery all joints accelerate at once, which disturbs the learning of each joint alone. A long
         # recovery does not pause it, since the arm may have changed.
         recovers = self.step.recovers(t, memory.step)
-        recovering = jnp.where(recovers, adapted.recovering + h, 0.0)
+        recovering = jnp.where(recovers, known.recovering + h, 0.0)
         paused = recovers & (recovering <= PAUSE)
         surprised = ~self.gate.learnable(state, prior.state, h, self.estimator.reads_velocity)
         torque = mean_past_torque(pending, self.delay)
         experience = experience_of(self.nominal, state, estimate, torque, h, missed | surprised | paused)
-        friction = jnp.where(missed, adapted.friction[-1], adapted.friction)
+        friction = jnp.where(missed, known.friction[-1], known.friction)
         net = pending[-friction.shape[0] :] - friction
-        adapted = AdaptationMemory(self.adaptation(experience, adapted.memory), friction, recovering)
+        adapted = AdaptationMemory(self.adaptation(experience, known.memory), friction, recovering)
         # The disturbance is a torque: with another inertia it is another acceleration.
-        lumped = matvec(robot.mass(estimate.state.q), estimate.disturbance)
-        robot = self._robot(adapted)
-        estimate = Estimate(estimate.state, solve_symmetric(robot.mass(estimate.state.q), lumped))
-        return LearnedModel(robot, estimate, net, adapted)
+        at, revised = estimate.state, self._robot(adapted)
+        lumped = matvec(robot.mass(at.q), estimate.disturbance)
+        if self.adaptation.moves_bias:
+            before, after = (self.adaptation.friction(part.memory, reference.dq) for part in (known, adapted))
+            lumped = lumped + newly_explained(robot, revised, at, reference) + after - before
+        return LearnedModel(revised, Estimate(at, solve_symmetric(revised.mass(at.q), lumped)), net, adapted)
 
     def _predict(self, learned: LearnedModel, missed: Bool[Array, ""], memory: LawMemory) -> Prediction:
         """The prediction over the delay."""

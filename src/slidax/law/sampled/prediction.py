@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from slidax.arms.arm import AbstractRobot
-from slidax.core.linear_algebra import solve_symmetric
+from slidax.core.linear_algebra import matvec, solve_symmetric
 from slidax.core.types import Memory, Reference, Scalar, State, Vector
 
 from ..adaptation import AbstractAdaptation, Experience
@@ -35,6 +35,16 @@ def advance(state: State, acceleration: Vector, duration: Scalar) -> State:
 def free_acceleration(nominal: AbstractRobot, state: State, tau: Vector) -> Vector:
     """Return the nominal arm's acceleration under a torque, [n], rad/s² or m/s²."""
     return solve_symmetric(nominal.mass(state.q), tau - nominal.bias(state.q, state.dq))
+
+
+def newly_explained(before: AbstractRobot, after: AbstractRobot, state: State, reference: Reference) -> Vector:
+    """Return the part of the disturbance that a changed model explains [n], N m or N, without friction.
+
+    `(M_new - M_old) q̈_d + b_new - b_old`. Added to `M_old w` it leaves the torque of the law as it was.
+    """
+    q, dq = state.q, state.dq
+    change = after.mass(q) - before.mass(q)
+    return matvec(change, reference.ddq) + after.bias(q, dq) - before.bias(q, dq)
 
 
 class Prediction(NamedTuple):
@@ -155,4 +165,5 @@ def experience_of(
         bias=nominal.bias(q, dq),
         period=period,
         missed=missed,
+        nominal=nominal,
     )

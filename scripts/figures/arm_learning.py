@@ -1,0 +1,196 @@
+"""Tables of docs/arm-learning.md: events during a run, and random arms, with and without learning of the whole arm."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from slidax.plant.disturbances import AbstractDisturbance
+from slidax.scenarios import load
+from slidax.simulation import simulate_batch
+
+from .shared import table, write_table
+
+PAGE = "arm-learning.md"
+LAWS: dict[str, dict[str, Any]] = {
+    "`joint_learning`": {},
+    "`arm_learning`": {"scheme.sampled_data.adaptation": {"kind": "arm_learning"}},
+}
+RATED = np.array([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0])
+NEVER = 1e9
+EVENT, END, STEADY = 5.0, 8.0, 1.0
+"""s: when events happen, when runs end, and the time before the end over which the steady error is taken."""
+
+ARMS, SEED = 20, 11
+
+
+class Event(AbstractDisturbance):
+    """A push, more friction, a stop, Stribeck friction and cogging, with their values."""
+
+    values: dict[str, jax.Array]
+
+    def __call__(self, t: Any, state: Any) -> Any:
+        v, q, dq = self.values, state.q, state.dq
+        push = jnp.where((t >= EVENT) & (t < v["until"]), v["push"], 0.0)
+        friction = jnp.where(t >= EVENT, -v["friction"] * jnp.tanh(dq / 0.01), 0.0)
+        stop = -3000.0 * jnp.maximum(0.0, q - v["stop"]) * jnp.maximum(0.0, 1.0 + 0.5 * dq)
+        stribeck = -v["stribeck"] * jnp.tanh(dq / 0.006) * jnp.exp(-((dq / 0.05) ** 2))
+        return push + friction + stop + stribeck + v["cogging"] * jnp.sin(30.0 * q)
+
+    def chord_deviation(self, upper: Any, samples: Any) -> Any:
+        raise NotImplementedError
+
+    def largest(self, upper: Any, joints: int) -> Any:
+        raise NotImplementedError
+
+
+def events() -> dict[str, dict[str, np.ndarray]]:
+    """Values of each event."""
+    none = np.zeros(7)
+    calm = {
+        "until": NEVER,
+        "push": none,
+        "friction": none,
+        "stop": np.full(7, NEVER),
+        "stribeck": none,
+        "cogging": none,
+        "released": NEVER,
+        "attached": 0.0,
+    }
+    cases: dict[str, dict[str, Any]] = {
+        "nothing": {},
+        "payload released": {"released": EVENT},
+        "payload grasped": {"attached": EVENT},
+    }
+    rng = np.random.default_rng(5)
+    for share in (0.03, 0.06, 0.3):
+        for duration in (0.01, 0.1, 1.0):
+            push = share * RATED * rng.choice([-1.0, 1.0], 7)
+            name = f"push of {100 * share:g} % of rated torque for {duration:g} s"
+            cases[name] = {"push": push, "until": EVENT + duration}
+    cases |= {
+        "stop at joint 1": {"stop": np.where(np.arange(7) == 0, 0.3, NEVER)},
+        "stop at joint 4": {"stop": np.where(np.arange(7) == 3, -2.1, NEVER)},
+        "friction doubles": {"friction": np.full(7, 0.3)},
+        "friction grows by 1 N m": {"friction": np.full(7, 1.0)},
+        "friction vanishes": {"friction": np.full(7, -0.3)},
+        "Stribeck friction of 0.1 N m": {"stribeck": np.full(7, 0.1)},
+        "cogging of 0.05 N m": {"cogging": np.full(7, 0.05)},
+        "cogging of 0.2 N m": {"cogging": np.full(7, 0.2)},
+    }
+    return {
+        name: {key: np.asarray(value, float) for key, value in {**calm, **case}.items()} for name, case in cases.items()
+    }
+
+
+def write_events() -> None:
+    """Simulate `panda-payload` with events at 5 s, and write the table."""
+    cases = events()
+    stacked = jax.tree.map(lambda *values: jnp.stack([jnp.asarray(v) for v in values]), *cases.values())
+    columns = []
+    for changes in LAWS.values():
+        scenario = load("panda-payload", {"simulation.substeps": 5, **changes})
+        plant, law, motion, state, *_ = scenario.parts
+
+        def define(values: Any, plant: Any = plant, law: Any = law, motion: Any = motion, state: Any = state) -> Any:
+            own = {key: value for key, value in values.items() if key not in ("released", "attached")}
+            changed = eqx.tree_at(
+                lambda p: (p.disturbance, p.load.released, p.load.attached),
+                plant,
+                (Event(own), values["released"], values["attached"]),
+            )
+            return changed, law, motion, state
+
+        run = simulate_batch(define, stacked, t1=END, stepping=scenario.stepping, log_every=1, threads=2)
+        columns.append(_measured(run, scenario.period))
+    rows = []
+    for i, name in enumerate(cases):
+        (peak, outside, steady), (arm_peak, arm_outside, arm_steady) = ([part[i] for part in each] for each in columns)
+        rows.append(
+            [
+                name,
+                f"{peak:.1e}",
+                f"{arm_peak:.1e}",
+                f"{outside}",
+                f"{arm_outside}",
+                f"{steady:.1e}",
+                f"{arm_steady:.1e}",
+            ]
+        )
+    head = [
+        "event",
+        *(f"{what}, {law}" for what in ("peak [rad]", "samples outside", "error at the end [rad]") for law in LAWS),
+    ]
+    write_table(PAGE, "events", table(head, rows))
+
+
+def write_random_arms() -> None:
+    """Simulate `panda-payload` with random links, payloads, rotors and friction, and write the table."""
+    rng = np.random.default_rng(SEED)
+    values = {
+        "mass": rng.uniform(0.8, 1.2, (ARMS, 1)) * np.ones((1, 7)),
+        "payload": rng.uniform(0.05, 3.0, ARMS),
+        "rotor": np.exp(rng.uniform(np.log(0.03), np.log(0.25), (ARMS, 7))),
+        "coulomb": rng.uniform(0.1, 0.6, (ARMS, 7)),
+        "viscous": rng.uniform(0.05, 0.4, (ARMS, 7)),
+    }
+    rows = []
+    for name, changes in LAWS.items():
+        scenario = load("panda-payload", {"simulation.substeps": 5, **changes})
+        plant, law, motion, state, *_ = scenario.parts
+
+        def define(v: Any, plant: Any = plant, law: Any = law, motion: Any = motion, state: Any = state) -> Any:
+            arm = law.nominal
+            changed = eqx.tree_at(
+                lambda p: (
+                    p.robot.masses,
+                    p.robot.inertias,
+                    p.robot.armature,
+                    p.robot.coulomb,
+                    p.robot.viscous,
+                    p.load.payload.mass,
+                ),
+                plant,
+                (
+                    arm.masses * v["mass"],
+                    arm.inertias * v["mass"][:, None, None],
+                    v["rotor"],
+                    v["coulomb"],
+                    v["viscous"],
+                    v["payload"],
+                ),
+            )
+            return changed, law, motion, state
+
+        run = simulate_batch(
+            define, jax.tree.map(jnp.asarray, values), t1=END, stepping=scenario.stepping, log_every=1, threads=2
+        )
+        _, outside, _ = _measured(run, scenario.period)
+        half = round(0.5 * END / scenario.period)
+        error = np.abs(np.asarray(run.log.e)[:, half:]).max(axis=(1, 2))
+        step = np.abs(np.diff(np.asarray(run.log.tau)[:, half:], axis=1)).max(axis=(1, 2))
+        rows.append(
+            [
+                name,
+                f"{np.sum(np.array(outside) == 0)} of {ARMS}",
+                f"{np.median(error):.1e}",
+                f"{error.max():.1e}",
+                f"{np.median(step):.2f}",
+            ]
+        )
+    head = ["learning", "inside", "median steady error [rad]", "largest", "median largest torque step [N m]"]
+    write_table(PAGE, "random-arms", table(head, rows))
+
+
+def _measured(run: Any, period: float) -> tuple[np.ndarray, list[int], np.ndarray]:
+    """Peak from just before the event on, samples outside, and error at the end, of each run."""
+    e = np.asarray(run.log.e)
+    lower, upper = np.asarray(run.log.envelope.lower), np.asarray(run.log.envelope.upper)
+    outside = ((e <= lower) | (e >= upper)).any(axis=-1).sum(axis=1)
+    largest = np.abs(e).max(axis=-1)
+    before, last = round((EVENT - 0.1) / period), round(STEADY / period)
+    return largest[:, before:].max(axis=1), [int(count) for count in outside], largest[:, -last:].max(axis=1)

@@ -1,0 +1,203 @@
+"""Adjusted: an arm with other link masses and a body added at its tip, and its equations linear in these changes."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from slidax.core.parameter import parameter, piece
+from slidax.core.tracing import barrier
+from slidax.core.types import Matrix, Scalar, Vector
+
+from .arm import AbstractRobot
+from .articulated import (
+    PAIRS,
+    Articulated,
+    Bodies,
+    JointAxes,
+    about_base_origin,
+    ancestry,
+    bias_forces,
+    cross,
+    inertia_matrix,
+    joint_axes,
+    momentum,
+    motion_of_links,
+)
+
+PAYLOAD = 10
+"""Parameters of a rigid body: mass, mass times centre (x, y, z), inertia about the origin (xx, yy, zz, xy, xz, yz)."""
+
+
+class Adjusted(AbstractRobot):
+    """A nominal arm whose link i has `1 + factors_i` times its inertia, with a body added to the link of the tip.
+
+    Mass and bias are linear in `factors` and `body`. Friction, rotors and tip are the nominal arm's.
+    """
+
+    joint_units: tuple[str, ...] = piece('"rad" or "m" for each joint', static=True)
+    joint_names: tuple[str, ...] = piece("of the joints", static=True)
+    nominal: Articulated = piece("the arm as it is described")
+    factors: Vector = parameter("relative change of each link's mass and inertia")
+    body: Float[Array, "10"] = parameter(
+        "added body in the frame of the joint that carries the tip: mass, mass times centre, inertia about the origin "
+        "(xx, yy, zz, xy, xz, yz)",
+        "kg, kg m, kg m²",
+    )
+
+    @classmethod
+    def of(cls, nominal: Articulated, factors: Vector, body: Float[Array, "10"]) -> Adjusted:
+        """Return the arm with these changes."""
+        return cls(
+            joint_units=nominal.joint_units,
+            joint_names=nominal.joint_names,
+            nominal=nominal,
+            factors=factors,
+            body=body,
+        )
+
+    def mass(self, q: Vector) -> Matrix:
+        return _mass(self, *_placed(self, q))
+
+    def bias(self, q: Vector, dq: Vector) -> Vector:
+        return _bias(self, *_placed(self, q), dq)
+
+    def friction(self, dq: Vector) -> Vector:
+        return self.nominal.friction(dq)
+
+    def potential(self, q: Vector) -> Scalar:
+        bodies, _ = _placed(self, q)
+        return -jnp.sum(self.nominal.gravity_vector * jnp.sum(bodies.moment, axis=1))
+
+    def tip(self, q: Vector) -> Float[Array, "3"]:
+        return self.nominal.tip(q)
+
+    def bodies(self) -> Bodies:
+        """Return the links about their joints' origins."""
+        arm, scale, body = self.nominal, 1.0 + self.factors, self.body
+        links = arm.bodies()
+        at_tip = np.arange(arm.joints) == arm.tip_joint
+        return Bodies(
+            mass=links.mass * scale + jnp.where(at_tip, body[0], 0.0),
+            moment=links.moment * scale + jnp.where(at_tip, body[1:4, None], 0.0),
+            inertia=links.inertia * scale + jnp.where(at_tip, body[4:, None], 0.0),
+        )
+
+
+# Traced once, and functions in exported C, as those of `Articulated`.
+@jax.jit
+def _placed(arm: Adjusted, q: Vector) -> tuple[Bodies, JointAxes]:
+    at = arm.nominal.joint_frames(q)
+    return about_base_origin(arm.bodies(), at), joint_axes(at, arm.nominal.revolute)
+
+
+@jax.jit
+def _mass(arm: Adjusted, bodies: Bodies, moved: JointAxes) -> Matrix:
+    matrix = inertia_matrix(bodies, moved, arm.nominal.parents)
+    return matrix + jnp.where(np.eye(arm.joints, dtype=bool), arm.nominal.armature, 0.0)
+
+
+@jax.jit
+def _bias(arm: Adjusted, bodies: Bodies, moved: JointAxes, dq: Vector) -> Vector:
+    return bias_forces(bodies, moved, arm.nominal.parents, dq, arm.nominal.gravity_vector)
+
+
+class Regressor(NamedTuple):
+    """Torque and inertia of an arm, linear in its inertial parameters: those of an added body, and link factors.
+
+    - `torque`: torque for each unit parameter [n 10+n], N m or N; without rotors and friction.
+    - `inertia`: diagonal entry of M for each [n 10+n], kg m² or kg.
+    """
+
+    torque: Float[Array, "n p"]
+    inertia: Float[Array, "n p"]
+
+
+# Traced once, and a function in exported C.
+@jax.jit
+def inertial_regressor(arm: Articulated, q: Vector, dq: Vector, ddq: Vector) -> Regressor:
+    """Return `∂τ/∂π` and `∂M_ii/∂π` for the body at the tip and for each link (Atkeson, An and Hollerbach 1986).
+
+    - `arm`: n joints; the sum over its link columns is its own inverse dynamics without rotors.
+    - `q`, `dq`, `ddq`: motion [n].
+    """
+    at = arm.joint_frames(q)
+    axes, links = joint_axes(at, arm.revolute), about_base_origin(arm.bodies(), at)
+    motion = barrier(motion_of_links(axes, arm.parents, dq, ddq, arm.gravity_vector))
+    v, w, av, aw = motion
+    force, torque = momentum(links, av, aw)
+    linear, angular = barrier(momentum(links, v, w))
+    force, torque = force + cross(w, linear), torque + cross(w, angular) + cross(v, linear)
+    ancestors = ancestry(arm.parents)
+    of_links = jnp.where(ancestors, _power(axes, force, torque), 0.0)
+    stacked = jnp.concatenate([links.mass[None], links.moment, links.inertia])
+    squares = jnp.sum(_squares(axes)[:, :, None] * stacked[:, None, :], axis=0)
+
+    # The body at the tip, in the frame of the joint that carries it.
+    tip = arm.tip_joint
+    rotation, place = at.rotation[..., tip], at.position[:, tip]
+    tip_axes = JointAxes(*barrier(_from(rotation, place, axes.angular, axes.linear)))
+    moves = ancestors[:, tip]
+    omega, velocity = (part[:, 0] for part in _from(rotation, place, w[:, tip, None], v[:, tip, None]))
+    alpha, acceleration = (part[:, 0] for part in _from(rotation, place, aw[:, tip, None], av[:, tip, None]))
+    forces, torques = barrier(_body_columns(omega, alpha, acceleration + cross(omega, velocity)))
+    of_body = jnp.where(moves[:, None], _power(tip_axes, forces, torques), 0.0)
+    own = jnp.where(moves[:, None], _squares(tip_axes).T, 0.0)
+    return Regressor(
+        torque=jnp.concatenate([of_body, of_links], axis=1),
+        inertia=jnp.concatenate([own, jnp.where(ancestors, squares, 0.0)], axis=1),
+    )
+
+
+def _power(axes: JointAxes, force: Float[Array, "3 k"], torque: Float[Array, "3 k"]) -> Float[Array, "n k"]:
+    """Torque of each joint under each wrench."""
+    return jnp.sum(axes.angular[:, :, None] * torque[:, None] + axes.linear[:, :, None] * force[:, None], axis=0)
+
+
+def _squares(axes: JointAxes) -> Float[Array, "10 n"]:
+    """Twice the kinetic energy for a unit velocity of each joint, by mass, moment and inertia of a body."""
+    w, v = axes
+    moment = 2.0 * cross(v, w)
+    products = [2.0 * w[0] * w[1], 2.0 * w[0] * w[2], 2.0 * w[1] * w[2]]
+    return jnp.concatenate([jnp.sum(v * v, axis=0)[None], moment, w * w, jnp.stack(products)])
+
+
+def _from(
+    rotation: Float[Array, "3 3"], place: Float[Array, "3"], angular: Float[Array, "3 k"], linear: Float[Array, "3 k"]
+) -> tuple[Float[Array, "3 k"], Float[Array, "3 k"]]:
+    """Spatial vectors at the base's origin, seen from a frame."""
+    moved = linear + cross(angular, place[:, None])
+    turned = (jnp.sum(rotation[:, :, None] * part[:, None], axis=0) for part in (angular, moved))
+    return next(turned), next(turned)
+
+
+def _body_columns(
+    w: Float[Array, "3"], alpha: Float[Array, "3"], a: Float[Array, "3"]
+) -> tuple[Float[Array, "3 10"], Float[Array, "3 10"]]:
+    """Force and torque at the origin of a body's frame for each of its parameters.
+
+    `F = m a + α x h + ω x (ω x h)`, `N = h x a + I α + ω x I ω`.
+
+    - `w`, `alpha`: angular velocity and acceleration.
+    - `a`: acceleration of the origin.
+    """
+    zero = jnp.zeros_like(w)
+    units = list(jnp.eye(3))
+    turns = [cross(alpha, unit) + cross(w, cross(w, unit)) for unit in units]
+    arms = [cross(unit, a) for unit in units]
+    moments = []
+    for i, j in PAIRS:
+        momentum_rate = _symmetric_image(i, j, alpha)
+        moments.append(momentum_rate + cross(w, _symmetric_image(i, j, w)))
+    return jnp.stack([a, *turns, *[zero] * 6], axis=1), jnp.stack([zero, *arms, *moments], axis=1)
+
+
+def _symmetric_image(i: int, j: int, x: Float[Array, "3"]) -> Float[Array, "3"]:
+    """Product of the symmetric matrix with ones at (i, j) and (j, i), and a vector."""
+    entries = [jnp.zeros(())] * 3
+    entries[i], entries[j] = x[j], x[i]
+    return jnp.stack(entries)

@@ -1,0 +1,427 @@
+"""Learn the whole arm during the motion: payload, link masses, friction and rotors."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from slidax.arms.adjusted import PAYLOAD, inertial_regressor
+from slidax.arms.arm import AbstractRobot
+from slidax.arms.articulated import Articulated
+from slidax.arms.pseudo_inertia import least_eigenvalue, nearest_body
+from slidax.core.parameter import parameter, piece
+from slidax.core.types import Matrix, PerJoint, Scalar, State, Vector
+
+from .adaptation import AbstractAdaptation, Believed, Experience, LearnedParameters
+from .arm_model import ArmParameters, KnownArm, arm_with, friction_shapes, parameter_count
+from .joint_learning import JointLearning, Learning
+from .least_squares import (
+    KINDS,
+    QUARTERS,
+    Window,
+    diagonal_covariance,
+    measured_once,
+    moved_along,
+    next_windows,
+    quadratic_form,
+    standard_deviations,
+    window_sums,
+    with_drift,
+)
+from .model_trust import Trust, judge
+
+UPDATE_TIME = 0.01
+"""s: time between two windows."""
+
+FEWEST = 3
+"""Least number of samples between two windows: for the least squares, the decision and the next window."""
+
+SETTLING = 5.0
+"""Samples after the start whose torques are not yet those that acted."""
+
+DRIFT = 5e-4
+"""1/s: growth of the parameters' variances, relative to those at the start."""
+
+LARGEST, OPENED = 4.0, 0.25
+"""Largest variance, and growth after a change of the arm, relative to the variances at the start."""
+
+CERTAIN = 0.2
+"""Largest deviation of each diagonal entry of M, relative to itself, in a model that may be used."""
+
+SMOOTHING, LARGEST_MOVE = 0.05, 0.1
+"""Time constant of the used parameters [s], and their largest move in a window, relative to the first deviations."""
+
+FACTOR = 0.6
+"""Largest relative change of a link's mass."""
+
+LEAST_EIGENVALUE = 1e-6
+"""Least eigenvalue of the pseudo-inertia of the last link with its payload, kg m² or kg."""
+
+SLOWEST, SOFTEST = 0.01, 0.1
+"""rad/s and rad/s², or m/s and m/s²: a joint below both teaches nothing."""
+
+
+class Equations(eqx.Module):
+    """One equation `y = aᵀθ` for each joint, from one window.
+
+    - `rows`: a [n p].
+    - `y`: torque that the nominal arm does not explain [n], N m or N.
+    - `inertia`: derivative of M_ii by payload and link factors [n b].
+    - `diagonal`: M_ii of the nominal arm [n].
+    - `teaches`: True for each equation that is used [n].
+    - `valid`, `loud`: True for a window without a gap, and for one with a loud innovation.
+    """
+
+    rows: Float[Array, "n p"]
+    y: Vector
+    inertia: Float[Array, "n b"]
+    diagonal: Vector
+    teaches: Bool[Array, " n"]
+    valid: Bool[Array, ""]
+    loud: Bool[Array, ""]
+
+
+class Estimates(eqx.Module):
+    """Parameters of the arm.
+
+    - `parameters`, `covariance`: θ, and P as its packed lower triangle.
+    - `used`: what the law uses, smoothed and physically consistent [p].
+    - `good`: the last good model [p].
+    - `deviation`: standard deviation of each parameter [p].
+    - `inertia_deviation`: standard deviation of M_ii relative to itself [n].
+    - `turn`: number of the joint whose inertia deviation is computed next.
+    """
+
+    parameters: Float[Array, " p"]
+    covariance: Float[Array, " c"]
+    used: Float[Array, " p"]
+    good: Float[Array, " p"]
+    deviation: Float[Array, " p"]
+    inertia_deviation: Vector
+    turn: Scalar
+
+
+class ArmLearningMemory(eqx.Module):
+    """Memory of the learning.
+
+    - `joints`: of each joint's own learning.
+    - `slot`: number of the next sample within the time between two windows.
+    - `clean`: samples since the last gap.
+    - `sums`: of the overlapping windows.
+    - `equations`, `estimates`, `trust`: from the last window on.
+    """
+
+    joints: Learning
+    slot: Scalar
+    clean: Scalar
+    sums: Float[Array, "4 6 n"]
+    equations: Equations
+    estimates: Estimates
+    trust: Trust
+
+
+class ArmLearning(AbstractAdaptation):
+    """Recursive least squares over smooth windows, for 10 + 5 n parameters of the arm (`ArmParameters`).
+
+    Each window of four times 10 ms gives position, velocity, acceleration and torque in its middle without a lag and
+    without numerical differentiation, and with them one equation for each joint, `τ - τ_nominal = aᵀθ`, linear in the
+    parameters. The update is spread over the samples until the next window.
+
+    The law uses `M̂`, bias and friction of a model between that of `joints`, its own learning of each joint, and the
+    arm's: their shares are 1 - α and α. α is 0 until every M_ii is known to 20 % and the model explains the torque,
+    and after a push, in contact and after a lasting change (`judge`). So a wrong model costs no more than not to learn
+    the arm.
+
+    θ is steered into the set of arms that can exist: link factors in [0.4, 1.6], rotors within those of `joints`, and
+    a positive definite pseudo-inertia of the last link with its payload. The used parameters are then projected.
+
+    Source: docs/arm-learning.md; Atkeson, An and Hollerbach, Estimation of inertial parameters of manipulator loads and
+    links, 1986; Wensing, Kim and Slotine, RA-L 2018.
+    """
+
+    title = "Payload, link masses, friction and rotors of the whole arm, learnt over smooth windows."
+    moves_bias: ClassVar[bool] = True
+
+    joints: JointLearning = piece(
+        "learning of each joint, in use while the arm's model is not", default_factory=JointLearning
+    )
+    samples: int = parameter("samples between two windows", "", ">= 3", static=True, default=10)
+    noise: Scalar = parameter("r, deviation of a window's torque", "N m or N", "> 0", default=0.02)
+    mass: Scalar = parameter("deviation of the payload's mass at the start", "kg", "> 0", default=2.5)
+    moment: Scalar = parameter("deviation of its mass times centre", "kg m", "> 0", default=0.5)
+    inertia: Scalar = parameter("deviation of its inertia", "kg m²", "> 0", default=0.08)
+    factor: PerJoint = parameter("deviation of a link's relative mass", "", "> 0", default=0.2)
+    viscous: PerJoint = parameter("deviation of viscous friction", "N m s/rad or N s/m", "> 0", default=0.4)
+    coulomb: PerJoint = parameter("deviation of Coulomb friction", "N m or N", "> 0", default=0.4)
+    rotor: PerJoint = parameter("deviation of a rotor's inertia", "kg m² or kg", "> 0", default=0.15)
+
+    def deviations(self, joints: int) -> Float[Array, " p"]:
+        """Return the standard deviations at the start [p]."""
+        payload = [self.mass[None], jnp.broadcast_to(self.moment, 3), jnp.broadcast_to(self.inertia, 6)]
+        each = self.factor, self.viscous, self.coulomb, self.coulomb, self.rotor
+        return jnp.concatenate([*payload, *(jnp.broadcast_to(value, joints) for value in each)])
+
+    def init(self, measured: State) -> ArmLearningMemory:
+        n = measured.q.size
+        p, deviations = parameter_count(n), self.deviations(n)
+        nothing = jnp.zeros(p)
+        return ArmLearningMemory(
+            joints=self.joints.init(measured),
+            slot=jnp.zeros(()),
+            clean=jnp.zeros(()) - SETTLING,
+            sums=jnp.zeros((QUARTERS, KINDS, n)),
+            equations=Equations(
+                rows=jnp.zeros((n, p)),
+                y=jnp.zeros(n),
+                inertia=jnp.zeros((n, PAYLOAD + n)),
+                diagonal=jnp.ones(n),
+                teaches=jnp.zeros(n, bool),
+                valid=jnp.zeros((), bool),
+                loud=jnp.zeros((), bool),
+            ),
+            estimates=Estimates(
+                parameters=nothing,
+                covariance=diagonal_covariance(deviations**2),
+                used=nothing,
+                good=nothing,
+                deviation=deviations,
+                inertia_deviation=jnp.ones(n),
+                turn=jnp.zeros(()),
+            ),
+            trust=Trust.init(n, self.noise**2),
+        )
+
+    def __call__(self, experience: Experience, memory: ArmLearningMemory) -> ArmLearningMemory:
+        m, x = self.samples, experience
+        shapes = friction_shapes(x.dq)
+        sums = window_sums(memory.sums, memory.slot, m, x.period, x.q, x.tau, *shapes)
+        clean = jnp.where(x.missed, 0.0, jnp.minimum(memory.clean + 1.0, float(QUARTERS * m)))
+        slot, equations, estimates, trust = memory.slot, memory.equations, memory.estimates, memory.trust
+
+        estimates = self._taught(slot, equations, estimates)
+        trust, estimates = jax.lax.cond(
+            slot == m - 2,
+            lambda: self._decided(x, equations, trust, estimates),
+            lambda: (trust, estimates),
+        )
+        last = slot >= m - 1
+        sums, equations, trust = jax.lax.cond(
+            last,
+            lambda: self._next(x, sums, clean >= QUARTERS * m, trust, estimates),
+            lambda: (sums, equations, trust),
+        )
+        joints = self.joints(x, memory.joints)
+        return ArmLearningMemory(joints, jnp.where(last, 0.0, slot + 1.0), clean, sums, equations, estimates, trust)
+
+    def _taught(self, slot: Scalar, equations: Equations, estimates: Estimates) -> Estimates:
+        """The estimates after this sample's share of the equations."""
+        n, m = equations.y.size, self.samples
+        both = estimates.parameters, estimates.covariance
+        share = math.ceil(n / (m - 2))
+        for k in range(share):
+            number = share * slot.astype(int) + k
+            at = jnp.minimum(number, n - 1)
+            both = jax.lax.cond(
+                (number < n) & equations.teaches[at],
+                lambda both=both, at=at: measured_once(*both, equations.rows[at], equations.y[at], self.noise**2),
+                lambda both=both: both,
+            )
+        return eqx.tree_at(lambda e: (e.parameters, e.covariance), estimates, both)
+
+    def _next(
+        self,
+        x: Experience,
+        sums: Float[Array, "4 6 n"],
+        valid: Bool[Array, ""],
+        trust: Trust,
+        estimates: Estimates,
+    ) -> tuple[Float[Array, "4 6 n"], Equations, Trust]:
+        """The equations of the window that ends with this sample."""
+        window, arm = Window.of(sums), articulated(x.nominal)
+        n = window.q.size
+        own = inertial_regressor(arm, window.q, window.dq, window.ddq)
+        each = (jnp.eye(n) * v for v in (window.dq, window.first, window.second, window.ddq))
+        rows = jnp.concatenate([own.torque, *each], axis=1)
+        y = window.tau - jnp.sum(own.torque[:, PAYLOAD:], axis=1) - arm.armature * window.ddq
+        missed = y - jnp.sum(rows * estimates.parameters, axis=1)
+        missed_by_good = y - jnp.sum(rows * estimates.good, axis=1)
+        moves = (jnp.abs(window.dq) > SLOWEST) | (jnp.abs(window.ddq) > SOFTEST)
+        squares = jnp.stack([missed * missed, missed_by_good * missed_by_good, y * y])
+        heard = valid & moves
+        trust, loud = trust.after_window(squares, heard, self.noise**2, self.samples * x.period)
+        equations = Equations(
+            rows=rows,
+            y=y,
+            inertia=own.inertia,
+            diagonal=jnp.sum(own.inertia[:, PAYLOAD:], axis=1) + arm.armature,
+            teaches=heard & (trust.relearns | ~loud),
+            valid=valid,
+            loud=loud,
+        )
+        return next_windows(sums), equations, trust
+
+    def _decided(
+        self, x: Experience, equations: Equations, trust: Trust, estimates: Estimates
+    ) -> tuple[Trust, Estimates]:
+        """Trust and estimates after a window's equations."""
+        n, duration = equations.y.size, self.samples * x.period
+        spread = self.deviations(n)
+        relative = self._inertia_deviation(equations, estimates)
+        trust, verdict = judge(
+            trust, jnp.all(relative < CERTAIN), equations.valid, equations.loud, self.noise**2, duration
+        )
+        parameters = jnp.where(verdict.restores, estimates.good, estimates.parameters)
+        # Only what teaches may fade: rest forgets nothing.
+        share = jnp.sum(jnp.where(equations.teaches, 1.0 / n, 0.0))
+        growth = DRIFT * duration * share + jnp.where(verdict.opens, OPENED, 0.0)
+        covariance = with_drift(estimates.covariance, growth * spread**2, LARGEST * spread**2)
+        parameters = self._steered(x, parameters, covariance)
+        move = -jnp.expm1(-duration / SMOOTHING) * (parameters - estimates.used)
+        used = estimates.used + jnp.clip(move, -LARGEST_MOVE * spread, LARGEST_MOVE * spread)
+        used = self._consistent(x, jnp.where(trust.share > 0.0, used, parameters))
+        return trust, Estimates(
+            parameters=parameters,
+            covariance=covariance,
+            used=used,
+            good=jnp.where(verdict.keeps, used, estimates.good),
+            deviation=standard_deviations(covariance, parameters.size),
+            inertia_deviation=relative,
+            turn=jnp.where(estimates.turn >= n - 1, 0.0, estimates.turn + 1.0),
+        )
+
+    def _inertia_deviation(self, equations: Equations, estimates: Estimates) -> Vector:
+        """`√(m_iᵀ P m_i)/M_ii` with `m_i = ∂M_ii/∂θ` [n], anew for one joint after each window."""
+        n, p = equations.y.size, estimates.parameters.size
+        turn = jnp.arange(n, dtype=float) == estimates.turn
+        inertia = equations.inertia[estimates.turn.astype(int)]
+        row = jnp.concatenate([inertia, jnp.zeros(p - inertia.size - n), jnp.where(turn, 1.0, 0.0)])
+        variance = quadratic_form(estimates.covariance, row)
+        nominal = jnp.sum(jnp.where(turn, equations.diagonal, 0.0))
+        mass = jnp.maximum(nominal + jnp.sum(row * estimates.parameters), 0.1 * nominal)
+        return jnp.where(turn, jnp.sqrt(jnp.maximum(variance, 0.0)) / mass, estimates.inertia_deviation)
+
+    def _steered(self, x: Experience, vector: Float[Array, " p"], covariance: Float[Array, " c"]) -> Float[Array, " p"]:
+        """The parameters, moved along P towards the most violated constraint of an arm that can exist."""
+        parameters, arm = ArmParameters.of(vector), articulated(x.nominal)
+        n, p = parameters.rotor.size, vector.size
+        value, slope = least_eigenvalue(self._last_body(arm, parameters))
+        link = link_body(arm)
+        of_body = jnp.zeros(p).at[:PAYLOAD].set(slope).at[PAYLOAD + arm.tip_joint].set(jnp.sum(slope * link))
+        bounded = np.concatenate([np.arange(PAYLOAD, PAYLOAD + n), np.arange(p - n, p)])
+        beyond = jnp.clip(vector[bounded], *self._bounds(n)) - vector[bounded]
+        worst = jnp.arange(2 * n) == jnp.argmax(jnp.abs(beyond))
+        of_bound = jnp.zeros(p).at[bounded].set(jnp.where(worst, 1.0, 0.0))
+        inside = value >= LEAST_EIGENVALUE
+        row = jnp.where(inside, of_bound, of_body)
+        missing = jnp.where(inside, jnp.sum(jnp.where(worst, beyond, 0.0)), LEAST_EIGENVALUE - value)
+        return jax.lax.cond(missing != 0.0, lambda: moved_along(vector, covariance, row, missing), lambda: vector)
+
+    def _consistent(self, x: Experience, vector: Float[Array, " p"]) -> Float[Array, " p"]:
+        """The nearest parameters of an arm that can exist."""
+        parameters, arm = ArmParameters.of(vector), articulated(x.nominal)
+        n = parameters.rotor.size
+        lower, upper = self._bounds(n)
+        parameters = eqx.tree_at(
+            lambda own: (own.factors, own.rotor),
+            parameters,
+            (jnp.clip(parameters.factors, lower[:n], upper[:n]), jnp.clip(parameters.rotor, lower[n:], upper[n:])),
+        )
+        body = self._last_body(arm, parameters)
+        payload = parameters.payload + (nearest_body(body, LEAST_EIGENVALUE) - body)
+        return eqx.tree_at(lambda own: own.payload, parameters, payload).vector()
+
+    def _last_body(self, arm: Articulated, parameters: ArmParameters) -> Float[Array, "10"]:
+        return parameters.payload + (1.0 + parameters.factors[arm.tip_joint]) * link_body(arm)
+
+    def _bounds(self, n: int) -> tuple[Float[Array, "m"], Float[Array, "m"]]:
+        """Bounds of link factors and changes of the rotors [2 n]."""
+        limits = self.joints.rotor_min - self.counted, self.joints.rotor_max - self.counted
+        lower, upper = (jnp.broadcast_to(limit, n) for limit in limits)
+        return jnp.concatenate([jnp.full(n, -FACTOR), lower]), jnp.concatenate([jnp.full(n, FACTOR), upper])
+
+    def learnt(self, memory: ArmLearningMemory) -> LearnedParameters:
+        own, share = self.joints.learnt(memory.joints), memory.trust.share
+        arm = ArmParameters.of(memory.estimates.used)
+        return LearnedParameters(
+            rotor=own.rotor + share * (self.counted + arm.rotor - own.rotor),
+            coulomb=own.coulomb + share * (arm.coulomb - own.coulomb),
+        )
+
+    def robot(self, nominal: AbstractRobot, memory: ArmLearningMemory) -> AbstractRobot:
+        """Return the nominal arm with a share of the learnt payload and link masses, and the rotors."""
+        arm = arm_with(nominal, memory.trust.share, ArmParameters.of(memory.estimates.used))
+        return Believed.of(arm, self.learnt(memory).rotor, self.counted)
+
+    def mass_at_start(self, mass: Matrix) -> Matrix:
+        return self.joints.mass_at_start(mass)
+
+    def friction(self, memory: ArmLearningMemory, dq: Vector) -> Vector:
+        own = self.joints.friction(memory.joints, dq)
+        return own + memory.trust.share * (ArmParameters.of(memory.estimates.used).friction(dq) - own)
+
+    def signals(self, memory: ArmLearningMemory) -> dict[str, Array]:
+        """Return `rotor`, `coulomb`, and the arm's parameters with their deviations.
+
+        `arm_share` is α; `inertia_deviation` [n] that of M_ii relative to itself.
+        """
+        arm, deviation = (ArmParameters.of(v) for v in (memory.estimates.used, memory.estimates.deviation))
+        return {
+            **super().signals(memory),
+            "arm_share": memory.trust.share,
+            "inertia_deviation": memory.estimates.inertia_deviation,
+            "payload_mass": arm.payload[0],
+            "payload_mass_deviation": deviation.payload[0],
+            "link_factors": 1.0 + arm.factors,
+            "link_factors_deviation": deviation.factors,
+            "viscous": arm.viscous,
+            "viscous_deviation": deviation.viscous,
+            "rotor_deviation": deviation.rotor,
+        }
+
+    def frozen(self, memory: ArmLearningMemory) -> AbstractAdaptation:
+        """Return the model in use as a constant one."""
+        learnt, arm = self.learnt(memory), ArmParameters.of(memory.trust.share * memory.estimates.used)
+        own = (1.0 - memory.trust.share) * self.joints.learnt(memory.joints).coulomb
+        return KnownArm(
+            counted=self.counted,
+            smoothing=self.smoothing,
+            payload=arm.payload,
+            factors=arm.factors,
+            viscous=arm.viscous,
+            first=arm.first + own,
+            second=arm.second,
+            rotor=learnt.rotor,
+        )
+
+    @classmethod
+    def of_arm(cls, joints: JointLearning, *, period: float, **parameters: Any) -> ArmLearning:
+        """Return the learning for an arm, with windows of 40 ms, or twelve periods if that is more.
+
+        - `joints`: learning of each joint, as of `JointLearning.of_arm`.
+        - `period`: h [s].
+        - `parameters`: parameters that replace the defaults.
+
+        Raises DefinitionError if one of them is out of its range.
+        """
+        samples = max(FEWEST, round(UPDATE_TIME / period))
+        known = {name: value for name, value in parameters.items() if value is not None}
+        own = {"counted": joints.counted, "smoothing": joints.smoothing, "joints": joints, "samples": samples}
+        return cls(**{**own, **known})
+
+
+def articulated(arm: AbstractRobot | None) -> Articulated:
+    """Return the arm itself, which `arm_with` has checked."""
+    assert isinstance(arm, Articulated)
+    return arm
+
+
+def link_body(arm: Articulated) -> Float[Array, "10"]:
+    """Return mass, moment and inertia of the link that carries the tip, with what it carries [10]."""
+    bodies, at = arm.bodies(), arm.tip_joint
+    return jnp.concatenate([bodies.mass[at][None], bodies.moment[:, at], bodies.inertia[:, at]])

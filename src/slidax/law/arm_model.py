@@ -1,0 +1,127 @@
+"""The parameters of an arm that a law can learn, and the arm that they describe."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from slidax.arms.adjusted import PAYLOAD, Adjusted
+from slidax.arms.arm import AbstractRobot
+from slidax.arms.articulated import Articulated
+from slidax.core.errors import DefinitionError
+from slidax.core.parameter import parameter
+from slidax.core.types import PerJoint, Scalar, State, Vector
+
+from .adaptation import AbstractAdaptation, Believed, Experience, LearnedParameters
+
+FRICTION_SPEEDS = 0.01, 0.04
+"""rad/s or m/s: velocities within which the two shapes of Coulomb friction turn; the plant's own lies between them."""
+
+
+class ArmParameters(eqx.Module):
+    """Differences of an arm from its nominal model, in 10 + 5 n numbers.
+
+    - `payload`: body added at the tip, in the frame of the joint that carries the tip [10], kg, kg m, kg m².
+    - `factors`: relative change of each link's mass and inertia [n].
+    - `viscous`: viscous friction [n], N m s/rad or N s/m.
+    - `first`, `second`: Coulomb friction that turns within the first and the second of `FRICTION_SPEEDS` [n], N m or N.
+    - `rotor`: change of each rotor's inertia [n], kg m² or kg.
+    """
+
+    payload: Float[Array, "10"]
+    factors: Vector
+    viscous: Vector
+    first: Vector
+    second: Vector
+    rotor: Vector
+
+    @classmethod
+    def of(cls, vector: Float[Array, " p"]) -> ArmParameters:
+        """Return the parameters from one vector, in the order of the fields."""
+        return cls(vector[:PAYLOAD], *vector[PAYLOAD:].reshape(5, -1))
+
+    def vector(self) -> Float[Array, " p"]:
+        """Return all parameters as one vector."""
+        friction = self.viscous, self.first, self.second
+        return jnp.concatenate([self.payload, self.factors, *friction, self.rotor])
+
+    def friction(self, dq: Vector) -> Vector:
+        """Return the friction at a velocity, [n], N m or N."""
+        slow, fast = friction_shapes(dq)
+        return self.viscous * dq + self.first * slow + self.second * fast
+
+    @property
+    def coulomb(self) -> Vector:
+        """Coulomb friction of both shapes [n], N m or N."""
+        return self.first + self.second
+
+
+def friction_shapes(dq: Vector) -> tuple[Vector, Vector]:
+    """Return `tanh(q̇/v_1)` and `tanh(q̇/v_2)`, [n]."""
+    first, second = FRICTION_SPEEDS
+    return jnp.tanh(dq / first), jnp.tanh(dq / second)
+
+
+def parameter_count(joints: int) -> int:
+    """Number of parameters of an arm."""
+    return PAYLOAD + 5 * joints
+
+
+def arm_with(nominal: AbstractRobot, share: Scalar, parameters: ArmParameters) -> Adjusted:
+    """Return a nominal arm with a share of its differences; rotors and friction stay nominal.
+
+    Raises DefinitionError for another class than an articulated arm.
+    """
+    if not isinstance(nominal, Articulated):
+        raise DefinitionError(
+            f"the payload and the links of a {type(nominal).__name__} cannot be learnt, only those of an articulated "
+            "arm: use `joint_learning`, or describe the arm by its links"
+        )
+    return Adjusted.of(nominal, share * parameters.factors, share * parameters.payload)
+
+
+class KnownArm(AbstractAdaptation):
+    """Constant differences from the nominal arm, from an identification or an earlier run of `arm_learning`."""
+
+    title = "Payload, link masses, friction and rotors that are known, and stay as they are."
+    moves_bias: ClassVar[bool] = True
+
+    payload: Float[Array, "10"] = parameter(
+        "body added at the tip, in the frame of the last joint: mass, mass times centre, inertia about the origin "
+        "(xx, yy, zz, xy, xz, yz)",
+        "kg, kg m, kg m²",
+        default=(0.0,) * PAYLOAD,
+    )
+    factors: PerJoint = parameter("relative change of each link's mass and inertia", "", "> -1", default=0.0)
+    viscous: PerJoint = parameter("viscous friction that is compensated", "N m s/rad or N s/m", default=0.0)
+    first: PerJoint = parameter("Coulomb friction that turns within 0.01 rad/s", "N m or N", default=0.0)
+    second: PerJoint = parameter("Coulomb friction that turns within 0.04 rad/s", "N m or N", default=0.0)
+    rotor: PerJoint = parameter("J, rotor inertia", "kg m² or kg", default=0.0)
+
+    def per_joint(self) -> AbstractAdaptation:
+        known: AbstractAdaptation = eqx.tree_at(lambda own: own.payload, self, None)
+        return known
+
+    def init(self, measured: State) -> Vector:
+        return jnp.zeros_like(measured.q)
+
+    def __call__(self, experience: Experience, memory: Vector) -> Vector:
+        return memory
+
+    def parameters(self, memory: Vector) -> ArmParameters:
+        """Return the differences, [n] each."""
+        friction = memory + self.viscous, memory + self.first, memory + self.second
+        return ArmParameters(self.payload, memory + self.factors, *friction, memory + self.rotor - self.counted)
+
+    def learnt(self, memory: Vector) -> LearnedParameters:
+        return LearnedParameters(rotor=memory + self.rotor, coulomb=memory + self.first + self.second)
+
+    def robot(self, nominal: AbstractRobot, memory: Vector) -> AbstractRobot:
+        arm = arm_with(nominal, jnp.ones(()), self.parameters(memory))
+        return Believed.of(arm, self.learnt(memory).rotor, self.counted)
+
+    def friction(self, memory: Vector, dq: Vector) -> Vector:
+        return self.parameters(memory).friction(dq)

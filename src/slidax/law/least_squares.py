@@ -1,0 +1,181 @@
+"""Smooth windows over samples, and recursive least squares with a packed covariance."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from slidax.core.types import Scalar, Vector
+
+TINY = 1e-30
+"""Keeps a quotient finite where the covariance is 0."""
+
+QUARTERS = 4
+"""Windows that overlap: each begins a quarter of its length after the one before."""
+
+
+class Window(eqx.Module):
+    """Smoothed motion in the middle of a window.
+
+    - `q`, `dq`, `ddq`: position and its two derivatives [n].
+    - `tau`: mean torque [n].
+    - `first`, `second`: means of `tanh(q̇/v_1)` and `tanh(q̇/v_2)` [n].
+    """
+
+    q: Vector
+    dq: Vector
+    ddq: Vector
+    tau: Vector
+    first: Vector
+    second: Vector
+
+    @classmethod
+    def of(cls, sums: Float[Array, "4 6 n"]) -> Window:
+        """Return the oldest of the overlapping windows."""
+        q, dq, ddq, tau, first, second = sums[-1]
+        return cls(q, dq, ddq, tau, first, second)
+
+
+KINDS = 6
+"""Sums of a window: q by three kernels, torque, and two shapes of friction."""
+
+
+def next_windows(sums: Float[Array, "4 6 n"]) -> Float[Array, "4 6 n"]:
+    """Return the sums without the oldest window, and with a new one."""
+    return jnp.concatenate([jnp.zeros_like(sums[:1]), sums[:-1]])
+
+
+def window_sums(
+    sums: Float[Array, "4 6 n"],
+    slot: Scalar,
+    samples: int,
+    period: Scalar,
+    q: Vector,
+    tau: Vector,
+    first: Vector,
+    second: Vector,
+) -> Float[Array, "4 6 n"]:
+    """Return the sums of the four overlapping windows after a sample, the youngest window first.
+
+    The kernel of a window of N = 4 `samples` periods is `w(s) ∝ cos⁴(π s/T)`, T = N h. Sums of q with w, -w' and w''
+    are position, velocity and acceleration in the middle of the window without a lag; those of the torque use w half a
+    period earlier, since a torque is held over the period before its sample.
+
+    - `slot`: number of this sample in its quarter, 0 .. `samples` - 1.
+    - `tau`: mean torque in the period before this sample [n].
+    - `first`, `second`: the shapes of friction at this sample [n].
+    """
+    size = QUARTERS * samples
+    rate, scale = _scales(samples)
+    phase = (2.0 * np.pi / size) * (slot + 0.5)
+    cosine, sine = _quarters(phase)
+    cosine_before, _ = _quarters(phase - np.pi / size)
+    falling = 1.0 - cosine
+    w = falling * falling / (1.5 * size)
+    slope = rate / period * (falling * sine)
+    curve = scale / (period * period) * (sine * sine + falling * cosine)
+    held = (1.0 - cosine_before) ** 2 / (1.5 * size)
+    weights = jnp.stack([w, slope, curve, held, w, w], axis=1)
+    signals = jnp.stack([q, q, q, tau, first, second])
+    return sums + weights[:, :, None] * signals[None]
+
+
+def _quarters(phase: Scalar) -> tuple[Float[Array, "4"], Float[Array, "4"]]:
+    """Cosine and sine of a phase and of those that are one, two and three quarters further."""
+    c, s = jnp.cos(phase), jnp.sin(phase)
+    return jnp.stack([c, -s, -c, s]), jnp.stack([s, c, -s, -c])
+
+
+@cache
+def _scales(samples: int) -> tuple[float, float]:
+    """Factors of the kernels of velocity and acceleration, so that `s` and `s²/2` have the derivatives 1 (h = 1)."""
+    size = QUARTERS * samples
+    s = np.arange(size) + 0.5 - 0.5 * size
+    phase = 2.0 * np.pi * (np.arange(size) + 0.5) / size
+    falling = 1.0 - np.cos(phase)
+    slope, curve = falling * np.sin(phase), np.sin(phase) ** 2 + falling * np.cos(phase)
+    return 1.0 / float(np.sum(slope * s)), 2.0 / float(np.sum(curve * s * s))
+
+
+def diagonal_covariance(variances: Float[Array, " p"]) -> Float[Array, " c"]:
+    """Return the packed covariance, its lower triangle row by row, of independent parameters."""
+    rows, columns, _ = places(variances.size)
+    return jnp.where(rows == columns, variances[rows], 0.0)
+
+
+def standard_deviations(covariance: Float[Array, " c"], size: int) -> Float[Array, " p"]:
+    """Return the standard deviation of each of `size` parameters."""
+    return jnp.sqrt(jnp.maximum(covariance[np.diagonal(places(size)[2])], 0.0))
+
+
+@cache
+def places(size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return row and column of each packed entry, and the place of each entry of the matrix [p p] among them."""
+    rows, columns = np.tril_indices(size)
+    place = np.empty((size, size), int)
+    place[rows, columns] = place[columns, rows] = np.arange(rows.size)
+    return rows, columns, place
+
+
+# Traced once, and a function in exported C.
+@jax.jit
+def measured_once(
+    parameters: Float[Array, " p"], covariance: Float[Array, " c"], row: Float[Array, " p"], y: Scalar, variance: Scalar
+) -> tuple[Float[Array, " p"], Float[Array, " c"]]:
+    """Return estimate and packed covariance after one scalar measurement `y = aᵀθ + noise`.
+
+    `S = aᵀP a + r²`, `θ⁺ = θ + P a (y - aᵀθ)/S`, `P⁺ = P - P a aᵀP/S`.
+
+    - `row`: a.
+    - `variance`: r².
+    """
+    rows, columns, _ = places(parameters.size)
+    image = _image(covariance, row)
+    spread = jnp.sum(row * image) + variance
+    gain = image / spread
+    missed = y - jnp.sum(row * parameters)
+    return parameters + gain * missed, covariance - gain[rows] * image[columns]
+
+
+def moved_along(
+    parameters: Float[Array, " p"], covariance: Float[Array, " c"], row: Float[Array, " p"], missing: Scalar
+) -> Float[Array, " p"]:
+    """Return the most likely parameters whose `aᵀθ` is larger by `missing`: `θ⁺ = θ + P a missing/(aᵀP a)`.
+
+    Constraints are met in this way: a step in another metric, such as clipping a parameter, leaves what was measured.
+    """
+    image = _image(covariance, row)
+    return parameters + image * (missing / jnp.maximum(jnp.sum(row * image), TINY))
+
+
+def quadratic_form(covariance: Float[Array, " c"], row: Float[Array, " p"]) -> Scalar:
+    """Return `aᵀP a`."""
+    return jnp.sum(row * _image(covariance, row))
+
+
+# Traced once, and a function in exported C.
+@jax.jit
+def _image(covariance: Float[Array, " c"], row: Float[Array, " p"]) -> Float[Array, " p"]:
+    """P a."""
+    return jnp.sum(covariance[places(row.size)[2]] * row[None, :], axis=1)
+
+
+def with_drift(
+    covariance: Float[Array, " c"], drift: Float[Array, " p"], largest: Float[Array, " p"]
+) -> Float[Array, " c"]:
+    """Return the packed covariance with larger variances, none above a bound, by scaling rows and columns.
+
+    - `drift`: added to the diagonal.
+    - `largest`: bound of the diagonal.
+    """
+    size = drift.size
+    rows, columns, place = places(size)
+    at = np.diagonal(place)
+    grown = covariance.at[at].add(drift)
+    keep = jnp.minimum(1.0, jnp.sqrt(largest / grown[at]))
+    return grown * keep[rows] * keep[columns]

@@ -1,0 +1,168 @@
+"""Which model of an arm to use: the one that is being learnt, the last good one, or each joint's own learning."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from slidax.core.types import Scalar, Vector
+
+LOUD = 4.0
+"""Innovation, relative to its usual size, from which a window teaches nothing."""
+
+USUAL_TIME, ENERGY_TIME = 1.0, 0.3
+"""s: time constants of the usual innovation, and of the energies that decide."""
+
+EXPLAINS, FAILS = 0.1, 0.25
+"""Energy of the innovations over that of the torque: below the first a model explains the torque, above the second it
+does not."""
+
+FLOOR = 5.0
+"""Torque that every joint is taken to have at least, relative to the noise."""
+
+SHORT, CALM = 0.025, 0.15
+"""s: loud time after which the joints' own learning takes over, and quiet time after which the arm's model returns."""
+
+LASTING = 0.5
+"""s: loud time after which the arm counts as changed, and is learnt anew."""
+
+CONFIRMED, PROVEN = 0.2, 1.0
+"""s: time in which the last good model must explain the torque before it is used again, and time in full use after
+which a model counts as good."""
+
+RISE, FALL = 0.2, 0.1
+"""s: times in which the share of the arm's model rises from 0 to 1 and falls from 1 to 0."""
+
+
+class Trust(eqx.Module):
+    """Evidence for the models.
+
+    - `energy`: recent means of the squared innovations of the learnt and of the last good model, and of the squared
+      torque [3 n], (N m)² or N².
+    - `usual`: usual squared innovation [n].
+    - `share`: α, share of the arm's model in what the law uses; 0 for the joints' own learning.
+    - `relearns`: True while the arm is learnt from the beginning, or anew after a lasting change.
+    - `since`: time since that began, or since the covariance was last opened [s].
+    - `loud`, `quiet`: time with loud windows, less that of quiet ones, and time since the last loud window [s].
+    - `good`: time of full use without a loud window [s].
+    - `confirmed`: time in which the last good model has explained the torque [s].
+    - `has_good`: True if there is a last good model.
+    """
+
+    energy: Float[Array, "3 n"]
+    usual: Vector
+    share: Scalar
+    relearns: Bool[Array, ""]
+    since: Scalar
+    loud: Scalar
+    quiet: Scalar
+    good: Scalar
+    confirmed: Scalar
+    has_good: Bool[Array, ""]
+
+    @classmethod
+    def init(cls, joints: int, variance: Scalar) -> Trust:
+        """Return the trust in a model that has not been taught yet; `variance`: of the torque's noise."""
+        nothing = jnp.zeros(())
+        return cls(
+            energy=jnp.zeros((3, joints)),
+            usual=jnp.zeros(joints) + variance,
+            share=nothing,
+            relearns=jnp.ones((), bool),
+            since=nothing,
+            loud=nothing,
+            quiet=nothing,
+            good=nothing,
+            confirmed=nothing,
+            has_good=jnp.zeros((), bool),
+        )
+
+    def after_window(
+        self, squares: Float[Array, "3 n"], heard: Bool[Array, " n"], variance: Scalar, duration: Scalar
+    ) -> tuple[Trust, Bool[Array, ""]]:
+        """Return the trust with the energies of a window, and True if the window is loud.
+
+        - `squares`: squared innovations of both models, and squared torque [3 n].
+        - `heard`: True for each joint whose equation is valid.
+        - `duration`: from one window to the next [s].
+        """
+        loud = jnp.any(heard & (squares[0] > LOUD * LOUD * self.usual))
+        newer = jnp.where(heard, -jnp.expm1(-duration / ENERGY_TIME), 0.0)
+        slower = jnp.where(heard, -jnp.expm1(-duration / USUAL_TIME), 0.0)
+        # A loud innovation counts as three usual ones, so that outliers cannot become usual.
+        clipped = jnp.minimum(squares[0], 9.0 * self.usual)
+        energy = self.energy + newer * (squares - self.energy)
+        usual = jnp.maximum(self.usual + slower * (clipped - self.usual), variance)
+        return eqx.tree_at(lambda trust: (trust.energy, trust.usual), self, (energy, usual)), loud
+
+
+class Verdict(eqx.Module):
+    """Decision about the models.
+
+    - `restores`: True to continue with the last good model in place of the learnt one.
+    - `opens`: True to enlarge the covariance, since the arm has changed.
+    - `keeps`: True to take the learnt model as the last good one.
+    """
+
+    restores: Bool[Array, ""]
+    opens: Bool[Array, ""]
+    keeps: Bool[Array, ""]
+
+
+def judge(
+    trust: Trust,
+    certain: Bool[Array, ""],
+    valid: Bool[Array, ""],
+    loud: Bool[Array, ""],
+    variance: Scalar,
+    duration: Scalar,
+) -> tuple[Trust, Verdict]:
+    """Decide after a window.
+
+    - A window whose innovation is loud teaches nothing, and after `SHORT` of them the joints' own learning takes over:
+      a push or a contact is no property of the arm. The model returns after `CALM`.
+    - Loud windows for `LASTING` show that the arm has changed. It is learnt anew, while the joints' own learning is in
+      use. The new model is used once it explains the torque and knows each inertia; the last good one returns as soon
+      as it explains the torque again.
+
+    - `certain`: True if the model knows each joint's inertia.
+    - `valid`, `loud`: of the window.
+    - `variance`: of the torque's noise.
+    - `duration`: from one window to the next [s].
+    """
+    learnt, good, torque = trust.energy
+    least = torque + FLOOR * FLOOR * variance
+    ratio, ratio_good = jnp.max(learnt / least), jnp.max(good / least)
+    since = trust.since + duration
+    louder = jnp.where(loud, trust.loud + duration, jnp.maximum(trust.loud - duration, 0.0))
+    loud_time = jnp.where(valid, louder, trust.loud)
+    quiet = jnp.where(valid & ~loud, trust.quiet + duration, 0.0)
+    confirmed = jnp.where(valid & (ratio_good < EXPLAINS), trust.confirmed + duration, 0.0)
+
+    learns = trust.relearns
+    done = learns & valid & certain & (ratio < EXPLAINS) & (since > ENERGY_TIME)
+    restores = learns & ~done & trust.has_good & (confirmed > CONFIRMED)
+    changed = ~learns & (loud_time > LASTING)
+    again = learns & ~done & ~restores & (ratio > FAILS) & (since > LASTING)
+    relearns = (learns & ~done & ~restores) | changed
+    settled = done | restores
+    usual = jnp.where(settled, jnp.maximum(jnp.where(restores, good, learnt), variance), trust.usual)
+    loud_time = jnp.where(changed | settled, 0.0, loud_time)
+    uses = ~relearns & ((loud_time < SHORT) | (quiet > CALM))
+    share = jnp.clip(trust.share + jnp.where(uses, duration / RISE, -duration / FALL), 0.0, 1.0)
+    proven = jnp.where((share >= 1.0) & ~loud, trust.good + duration, 0.0)
+    keeps = proven > PROVEN
+    after = Trust(
+        energy=trust.energy,
+        usual=usual,
+        share=share,
+        relearns=relearns,
+        since=jnp.where(changed | settled | again, 0.0, since),
+        loud=loud_time,
+        quiet=quiet,
+        good=proven,
+        confirmed=confirmed,
+        has_good=trust.has_good | keeps,
+    )
+    return after, Verdict(restores, changed | again, keeps)

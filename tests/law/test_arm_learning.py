@@ -1,0 +1,154 @@
+"""The learning of the whole arm: when its model is used, and when it is not."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from slidax.core.errors import DefinitionError
+from slidax.core.types import State
+from slidax.law import ArmLearning, ComputedTorque, JointLearning, KnownArm, sampled_data
+from slidax.law.arm_model import ArmParameters
+from slidax.law.model_trust import CALM, CONFIRMED, LASTING, PROVEN, SHORT, Trust, judge
+from slidax.scenarios import load
+from tests.law.moved import ARM
+from tests.paper_examples import TWO_LINK
+
+STEP = jnp.asarray(0.01)
+VARIANCE = jnp.asarray(4e-4)
+YES, NO = jnp.asarray(True), jnp.asarray(False)
+ARM_LEARNING = {"scheme.sampled_data.adaptation": {"kind": "arm_learning"}}
+
+
+def judged(trust, seconds, *, innovation=0.0, of_good=0.0, certain=YES):
+    """Trust after windows in which every joint has the same innovation, N m, and a torque of 1 N m."""
+    verdicts = []
+    for _ in range(round(seconds / float(STEP))):
+        squares = jnp.stack([jnp.full(2, innovation**2), jnp.full(2, of_good**2), jnp.ones(2)])
+        trust, loud = trust.after_window(squares, jnp.ones(2, bool), VARIANCE, STEP)
+        trust, verdict = judge(trust, certain, YES, loud, VARIANCE, STEP)
+        verdicts.append(verdict)
+    return trust, verdicts
+
+
+@pytest.fixture(scope="module")
+def in_use():
+    """A model that has been in full use for long."""
+    return judged(Trust.init(2, VARIANCE), 0.8 + PROVEN, innovation=0.01)[0]
+
+
+def test_a_model_that_explains_the_torque_and_knows_each_inertia_is_used(in_use):
+    assert in_use.share == 1.0 and not in_use.relearns and in_use.has_good
+    unsure, _ = judged(Trust.init(2, VARIANCE), 2.0, innovation=0.01, certain=NO)
+    wrong, _ = judged(Trust.init(2, VARIANCE), 2.0, innovation=0.6)
+    assert unsure.share == 0.0 and wrong.share == 0.0
+
+
+def test_a_push_returns_to_the_joints_learning_and_then_to_the_same_model(in_use):
+    pushed, verdicts = judged(in_use, SHORT + 0.15, innovation=3.0)
+    assert pushed.share == 0.0 and not pushed.relearns
+    after, more = judged(pushed, CALM + 0.4, innovation=0.01)
+    assert after.share == 1.0
+    assert not any(bool(verdict.opens | verdict.restores) for verdict in (*verdicts, *more))
+
+
+def test_a_lasting_change_is_learnt_anew(in_use):
+    changed, verdicts = judged(in_use, LASTING + 0.05, innovation=3.0, of_good=3.0)
+    assert changed.relearns and changed.share == 0.0 and any(bool(verdict.opens) for verdict in verdicts)
+    assert judged(changed, 3.0, innovation=0.01, of_good=3.0)[0].share == 1.0
+
+
+def test_the_last_good_model_returns_when_a_long_push_ends(in_use):
+    pushed, _ = judged(in_use, LASTING + 0.3, innovation=3.0, of_good=3.0)
+    restored, verdicts = judged(pushed, 2.0 + CONFIRMED, innovation=3.0, of_good=0.01)
+    first = next(k for k, verdict in enumerate(verdicts) if bool(verdict.restores))
+    # The energies need their time to show that the push is over.
+    assert first * float(STEP) > CONFIRMED
+    assert judged(pushed, (first + 1) * float(STEP), innovation=3.0, of_good=0.01)[0].relearns == NO
+    assert pushed.share == 0.0 and restored.has_good
+
+
+def learner(**changes):
+    return ArmLearning(joints=JointLearning(rotor=0.1, rotor_max=2.0, coulomb_max=3.0), **changes)
+
+
+def test_a_model_in_use_gives_the_arm_its_payload_and_links():
+    adaptation = learner()
+    memory = adaptation.init(State(q=jnp.zeros(2), dq=jnp.zeros(2)))
+    used = ArmParameters(
+        payload=jnp.array([1.0, *[0.0] * 9]),
+        factors=jnp.array([0.1, -0.1]),
+        viscous=jnp.array([0.3, 0.2]),
+        first=jnp.array([0.5, 0.1]),
+        second=jnp.zeros(2),
+        rotor=jnp.array([0.05, 0.02]),
+    )
+    half = eqx.tree_at(lambda m: (m.estimates.used, m.trust.share), memory, (used.vector(), jnp.asarray(0.5)))
+    q, dq = jnp.array([0.3, -0.5]), jnp.array([1.0, -0.4])
+    known = adaptation.frozen(half)
+    assert isinstance(known, KnownArm)
+    for robot in (adaptation.robot(ARM, half), known.robot(ARM, jnp.zeros(2))):
+        none = adaptation.robot(ARM, memory)
+        full = adaptation.robot(ARM, eqx.tree_at(lambda m: m.trust.share, half, jnp.asarray(1.0)))
+        np.testing.assert_allclose(robot.bias(q, dq), 0.5 * (none.bias(q, dq) + full.bias(q, dq)), atol=1e-12)
+        np.testing.assert_allclose(robot.mass(q), 0.5 * (none.mass(q) + full.mass(q)), atol=1e-12)
+    # The masses of both links, and of the body that was added at the elbow.
+    weight = 9.81 * (1.0 * 0.5 + 0.1 * 2.0 * 0.25 - 0.1 * 0.5 * (0.5 + 0.2))
+    rest = full.bias(0 * q, 0 * q) - ARM.bias(0 * q, 0 * q)
+    np.testing.assert_allclose(jnp.abs(rest[0]), weight, rtol=1e-12)
+
+
+def test_an_arm_that_is_not_described_by_its_links_is_refused():
+    law = sampled_data(ComputedTorque(TWO_LINK, 100.0, 20.0), period=1e-3, adaptation=learner())
+    state = State(q=jnp.zeros(2), dq=jnp.zeros(2))
+    reference = load("example-4.1").trajectory.reference(jnp.zeros(()))
+    with pytest.raises(DefinitionError, match="use `joint_learning`"):
+        law(jnp.zeros(()), state, reference, reference, law.init(jnp.zeros(()), state, reference))
+
+
+def test_two_compensations_of_viscous_friction_are_refused():
+    with pytest.raises(DefinitionError, match="both compensate viscous friction"):
+        sampled_data(ComputedTorque(ARM, 100.0, 20.0), period=1e-3, adaptation=learner(), viscous_feedforward=True)
+
+
+def test_the_windows_of_a_scenario_have_its_period_and_a_known_arm_its_payload():
+    slow = load("ur5e-payload", ARM_LEARNING).controller.adaptation
+    assert slow.samples == 5
+    body = [1.0, *[0.0] * 9]
+    known = load("panda-payload", {"scheme.sampled_data.adaptation": {"kind": "known_arm", "payload": body}})
+    np.testing.assert_array_equal(known.controller.adaptation.payload, body)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize(("name", "most"), [("panda-payload", 2e-5), ("ur5e-payload", 1e-4)])
+def test_the_steady_error_is_a_fifth_of_that_of_the_joints_learning(name, most):
+    learnt = np.asarray(load(name, ARM_LEARNING).simulate(log_every=1).log.e)
+    today = np.asarray(load(name).simulate(log_every=1).log.e)
+    half = len(learnt) // 2
+    error, before = np.abs(learnt[half:]).max(), np.abs(today[half:]).max()
+    assert error < most and error < before / 3.0
+
+
+PUSHED = {
+    "disturbance.terms": [
+        {"kind": "step", "value": [2.6, 2.6, -2.6, 2.6, 0.36, 0.36, -0.36], "start": 4.0, "end": 4.1},
+        {"kind": "step", "value": [26.0, -26.0, 26.0, 26.0, 3.6, 3.6, -3.6], "start": 5.0, "end": 5.1},
+    ]
+}
+
+
+@pytest.mark.full
+def test_after_pushes_the_error_is_soon_as_small_as_before():
+    run = load("panda-payload", {**ARM_LEARNING, **PUSHED}).simulate(log_every=1)
+    error = np.abs(np.asarray(run.log.e)).max(axis=1)
+    assert error[3000:4000].max() < 2e-5 and error[-1000:].max() < 2e-5
+    assert np.asarray(run.log.signals["arm_share"])[-1] == 1.0
+
+
+@pytest.mark.full
+def test_a_payload_that_is_let_go_is_learnt_anew():
+    run = load("panda-payload", {**ARM_LEARNING, "robot.plant.load.released": 3.0}).simulate(log_every=1)
+    share = np.asarray(run.log.signals["arm_share"])
+    error = np.abs(np.asarray(run.log.e)).max(axis=1)
+    assert share[2999] == 1.0 and share[3000:].min() == 0.0 and share[-1] == 1.0
+    assert error[-500:].max() < 5e-5 and run.outcome.kind == "ok"
