@@ -212,9 +212,9 @@ def by_mujoco(arm: Articulated, log: JointLog) -> tuple[np.ndarray, np.ndarray]:
         [sysid.TimeSeries.from_names(log.t[k : k + CHUNK], log.q[k : k + CHUNK], model) for k in starts],
     )
     residuals = sysid.build_residual_fn(models_sequences=[sequences], resample_true=False)
-    best, found = sysid.optimize(parameters, residuals, verbose=False, max_iters=60)
+    best, solution = sysid.optimize(parameters, residuals, verbose=False, max_iters=60)
     values = best.as_vector()
-    _, half = sysid.calculate_intervals(residuals(values, best)[0], np.asarray(found.jac))
+    _, half = sysid.calculate_intervals(residuals(values, best)[0], np.asarray(solution.jac))
     # The pseudo-inertia's factor: mass = exp(2 α), and its last column is the centre.
     mass = np.exp(2.0 * values[0])
     return np.array([mass, *values[7:10]]), np.array([mass * np.expm1(2.0 * half[0]), *half[7:10]])
