@@ -146,6 +146,7 @@ class JointLearningDescription(AbstractDescription):
     """Learns the rotor inertia and Coulomb friction of each joint while the arm moves."""
 
     kind: Literal["joint_learning"] = "joint_learning"
+    """Kind of the part."""
     rotor: Numbers | None = same_field(
         JointLearning, "rotor", default=None, source="the nominal arm's, or 0.002 kg m² per N m of rated torque"
     )
