@@ -109,7 +109,7 @@ SLOW, FAST = 0.25, 4.0
 NOISY = 0.5
 """Share of the torque rate limit above which noise makes an estimator too fast."""
 
-ESTIMATOR = "scheme.sampled_data.estimator"
+ESTIMATOR, HORIZON = "scheme.sampled_data.estimator", "scheme.sampled_data.horizon"
 
 
 class EstimatorCause(AbstractCause):
@@ -298,8 +298,21 @@ class PeriodCause(AbstractCause):
                 "horizon": record.horizon,
                 "period": record.period,
             },
-            remedies=[_shorter(record, factor) for factor in (2, 4, 8)],
+            remedies=[*_same_rate(record), *(_shorter(record, factor) for factor in (2, 4, 8))],
         )
+
+
+def _same_rate(record: RunRecord) -> list[Remedy]:
+    """Other horizons, and the usual estimator, at the arm's own rate."""
+    own, h = record.law.horizon, record.period
+    horizons = (3.0 * h, 7.0 * h) if own is None else tuple(factor * float(own) for factor in (0.7, 0.5, 1.5))
+    remedies = [
+        Remedy(f"a horizon of {1e3 * horizon:.3g} ms at the same rate", {HORIZON: float(f"{horizon:.3g}")})
+        for horizon in horizons
+        if horizon > 1.5 * h
+    ]
+    usual = Remedy("the Kalman filter with its usual density", {ESTIMATOR: {"kind": "kalman"}})
+    return remedies if isinstance(record.law.estimator, Kalman) else [*remedies, usual]
 
 
 def _shorter(record: RunRecord, factor: int) -> Remedy:
@@ -310,7 +323,7 @@ def _shorter(record: RunRecord, factor: int) -> Remedy:
         "simulation.substeps": max(1, simulation.substeps // factor),
     }
     if block is not None and block.horizon is not None:
-        changes["scheme.sampled_data.horizon"] = float(f"{block.horizon / factor:.6g}")
+        changes[HORIZON] = float(f"{block.horizon / factor:.6g}")
     return Remedy(f"a period of {1e3 * simulation.period / factor:g} ms, and a horizon in proportion", changes)
 
 
