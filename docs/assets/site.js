@@ -1,10 +1,11 @@
-// Tables that scroll by themselves can be reached by the keyboard, and the bars of buttons beside code have names.
+// Tables and figures that scroll can be reached by the keyboard, and the bars of buttons beside code have names.
 const reachable = () => {
   for (const wrap of document.querySelectorAll(".md-typeset__scrollwrap")) {
     wrap.tabIndex = 0;
     wrap.setAttribute("role", "group");
     wrap.setAttribute("aria-label", "table");
   }
+  for (const figure of document.querySelectorAll('.md-typeset p:has(> img[src$=".svg"])')) figure.tabIndex = 0;
   document.querySelectorAll(".md-code__nav").forEach((bar, i) => bar.setAttribute("aria-label", `code block ${i + 1}`));
 };
 // The theme wraps tables, and adds the bars, after the page has loaded.

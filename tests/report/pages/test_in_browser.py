@@ -40,7 +40,7 @@ def of_a_comparison(out):
 
 
 def of_a_certificate(out):
-    scenario = sx.scenarios.load("example-4.1")
+    scenario = sx.scenarios.load("example-4.2")
     write_certificate_report(scenario, certify(scenario, runs=0), out, seconds=1.0)
 
 
