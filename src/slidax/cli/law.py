@@ -186,6 +186,7 @@ def _write(result: DesignResult, out: Path, json: bool) -> None:
             "scenario": str(out),
             "certificate": str(path),
             "proof": result.proof,
+            **({"speeds": [row.as_json() for row in result.speeds]} if result.speeds else {}),
             **certificates.as_json(),
         }
         print_json(answer)
@@ -197,6 +198,10 @@ def _write(result: DesignResult, out: Path, json: bool) -> None:
         f"Steady error {result.worst.error:.2g}, torque step {result.worst.step:.2g} N m, in the worst common case."
     )
     typer.echo(result.check.statement)
+    if result.speeds:
+        from .tables import print_speeds
+
+        print_speeds(result.speeds)
     if certificates.failing:
         typer.echo(f"Certificates that do not hold: {', '.join(certificates.failing)}.")
     typer.echo(f"The scenario is in {out}, its certificates in {path}; next: slidax certify {out}")

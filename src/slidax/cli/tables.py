@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from slidax.certify.certify import Certificates
     from slidax.certify.motion.admission import MotionAdmission
     from slidax.certify.motion.certified_law import CertifiedLaw
+    from slidax.design.speed_table import SpeedRow
     from slidax.export.real_time_loop import LoopResult
     from slidax.report.comparison import Rival
     from slidax.scenarios.scenario import Scenario
@@ -276,6 +277,20 @@ def print_admissions(
             console.print(Text(f"  {assumption.status:>8}  {assumption.text}", style=style), soft_wrap=True)
     if monitor is not None:
         console.print(Text(f"scheme.sampled_data.monitor: {{disturbance: {monitor['disturbance']}}}"), soft_wrap=True)
+
+
+def print_speeds(rows: Sequence[SpeedRow]) -> None:
+    """Print the certified error of motions in a workspace against their speed."""
+    console = Console(markup=False, highlight=False)
+    motions = count_noun(rows[0].motions, "motion")
+    console.print(f"Bound along {motions} from rest to rest between random postures, the worst joint of each:")
+    table = Table(box=None, pad_edge=False)
+    for name in ("speed", "certified", "torque steps", "median", "largest", "mostly by"):
+        table.add_column(name, justify="left" if name == "mostly by" else "right", overflow="fold")
+    for row in rows:
+        bounds = ("-" if bound is None else f"{bound:.3g}" for bound in (row.median, row.largest))
+        table.add_row(f"{100 * row.speed:.0f} %", f"{row.certified}", f"{row.steps}", *bounds, row.reason)
+    console.print(table)
 
 
 def print_loop(parts: Scenario, result: LoopResult) -> None:

@@ -30,6 +30,7 @@ from .problem import DesignProblem
 from .proof import DriveDemand, certified_radii, drive_demand, tracking_verdict
 from .refusal import Refusal, accuracy_refusal, deadline_refusal, proof_refusal, torque_refusal, torque_step_refusal
 from .search import LEAST_MARGIN, MANY, MOST, SPARE, coarse_search, fine_search, narrowest_envelope
+from .speed_table import SpeedRow, random_motions, speed_table
 from .trials import CALM, DRIVE_SHARE, OWN_DRIVE_SHARE, Objective, Trials, WorstCase
 
 RUNS = 1000
@@ -68,6 +69,7 @@ class DesignResult:
     - `bound`: verdict of `tracking_bound`; None if no bound is required.
     - `check`: verdict of `statistical`, from random cases and a search.
     - `runs`: number of runs that were simulated for the design.
+    - `speeds`: certified error against the speed of other motions, if a bound is required in a workspace.
     """
 
     description: ScenarioDescription
@@ -79,6 +81,7 @@ class DesignResult:
     bound: Verdict | None
     check: Verdict
     runs: int
+    speeds: tuple[SpeedRow, ...] = ()
 
     @property
     def spared(self) -> float:
@@ -104,6 +107,7 @@ def design(problem: DesignProblem, *, runs: int = RUNS, say: Say = _ignore) -> D
     4. ρ∞ from `tracking_bound` if a bound is required; otherwise the smallest that holds in 48 cases.
     5. A check by new random cases and a search for the worst case. If a case leaves the envelope, step 3 is repeated
        with the worst cases added.
+    6. In a workspace, `tracking_bound` along other motions, at several speeds.
 
     - `problem`: from `read_problem`.
     - `runs`: number of random cases in the final check.
@@ -143,7 +147,16 @@ def design(problem: DesignProblem, *, runs: int = RUNS, say: Say = _ignore) -> D
     sized = _with_final_radius(problem, trials, best, _aim(problem, space))
     if isinstance(sized, Refusal):
         return sized
-    return _check(problem, trials, sized, demand, runs, say)
+    return _with_speeds(problem, _check(problem, trials, sized, demand, runs, say), say)
+
+
+def _with_speeds(problem: DesignProblem, result: Design, say: Say) -> Design:
+    """Return a law with a bound in a workspace together with its speed table; anything else as it is."""
+    if isinstance(result, Refusal) or result.bound is None or problem.workspace is None:
+        return result
+    say("bound along other motions in the workspace")
+    motions = random_motions(problem.workspace, problem.robot.build())
+    return replace(result, speeds=tuple(speed_table(result.description, motions, result.choice.final)))
 
 
 def _begin(problem: DesignProblem) -> tuple[DesignSpace, DesignPoint]:
@@ -329,7 +342,8 @@ def write_design(result: DesignResult, out: Path, certificates: Certificates) ->
     out.parent.mkdir(parents=True, exist_ok=True)
     write_text(out, design_text(result, out.parent))
     path = out.with_name(out.stem + CERTIFICATE)
-    text = json.dumps(certificates.as_json(), indent=2, allow_nan=False, ensure_ascii=False)
+    content = certificates.as_json() | ({"speeds": [row.as_json() for row in result.speeds]} if result.speeds else {})
+    text = json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False)
     write_text(path, text + "\n")
     return path
 

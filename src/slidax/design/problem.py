@@ -45,10 +45,10 @@ class WorkspaceDescription(AbstractDescription):
 
         - `arms`: the arms of the scenario.
 
-        Raises DefinitionError if the range is empty, or neither the file nor the arm has one.
+        Raises DefinitionError as `ends` does.
         """
         n = arms.true.joints
-        low, high = self._ends(arms, n)
+        low, high = self.ends(arms)
         speed, acceleration = self._each("speed", self.speed, n), self._each("acceleration", self.acceleration, n)
         amplitude = np.minimum(ROOM * 0.5 * (high - low), speed**2 / acceleration)
         slower = np.linspace(1.0, SPREAD, n)
@@ -61,7 +61,12 @@ class WorkspaceDescription(AbstractDescription):
             "frequency": _rounded(frequency),
         }
 
-    def _ends(self, arms: Arms, joints: int) -> tuple[Any, Any]:
+    def ends(self, arms: Arms) -> tuple[Any, Any]:
+        """Return least and largest positions of the joints [n].
+
+        Raises DefinitionError if the range is empty, or neither the file nor the arm has one.
+        """
+        joints = arms.true.joints
         if self.q is not None:
             low, high = self._each("q.low", self.q.low, joints, None), self._each("q.high", self.q.high, joints, None)
         elif arms.limits is not None:

@@ -222,7 +222,10 @@ def _slower_motion(problem: DesignProblem, description: ScenarioDescription) -> 
         }
         if not changes:
             return
-        requirements = changes
+        requirements = dict(changes)
+        if problem.start is None and description.start.dq is not None:
+            # The arm then starts on the motion, so that it starts slower, too.
+            changes["start.dq"] = (np.asarray(description.start.dq, float) / factor).tolist()
         if problem.workspace is not None:
             speed, acceleration = problem.workspace.speed, problem.workspace.acceleration
             requirements = {
