@@ -26,7 +26,7 @@ MOTIONS = 6
 
 @dataclass(frozen=True)
 class SpeedRow:
-    """How many motions at one speed are certified, and how exactly.
+    """Number of certified motions at one speed, and their bounds.
 
     - `speed`: share of the workspace's speed; accelerations have its square.
     - `motions`: number of motions.
