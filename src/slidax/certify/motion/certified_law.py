@@ -122,7 +122,8 @@ def _ends(scenario: Scenario) -> list[tuple[Plant, Articulated, Any]]:
         plant, state = scenario.plant, scenario.state0
         if family is not None and sets:
             values = {path: set_ends(each, family.space.leaves[path])[side] for path, each in sets.items()}
-            plant, _, _, state, *_ = family.parts(family.templates(values), values)
+            moving = family.case(values).as_it_is().moving()
+            plant, state = moving.plant, moving.state0
         if not isinstance(plant, Plant):
             raise DefinitionError("a bound along a motion is of slidax's own plant: leave out `simulation.mujoco`")
         both.append((plant, rigid_links(plant.robot), state))

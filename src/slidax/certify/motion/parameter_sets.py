@@ -19,7 +19,9 @@ import equinox as eqx
 import numpy as np
 from numpy.typing import NDArray
 
+from slidax.arms.arm import AbstractRobot
 from slidax.arms.articulated import Articulated
+from slidax.arms.mismatch import TimedPayload
 from slidax.arms.paper_arms import Scara, TwoLink
 from slidax.core.errors import DefinitionError
 from slidax.identify.band import arm_parameters
@@ -27,6 +29,7 @@ from slidax.identify.mass_bound import MassBound
 from slidax.identify.regressor import BODY
 from slidax.scenarios.family import Family
 from slidax.scenarios.scenario import Scenario
+from slidax.scenarios.uncertain_values import with_values
 from slidax.scenarios.uncertainty import INERTIAL_PATH
 from slidax.simulation.plant import Plant
 
@@ -59,7 +62,7 @@ def numbers_regions(scenario: Scenario, arm: Articulated, plant: Plant) -> list[
     nominal = arm_parameters(arm)
     size = np.maximum(np.abs(nominal), ROUNDING)
     if family is None or not sets:
-        offset, rows = true_parameters(plant) - nominal, np.zeros((0, nominal.size))
+        offset, rows = true_parameters(plant.robot, plant.load) - nominal, np.zeros((0, nominal.size))
     else:
         axes = [axis for path, each in sets.items() for axis in uncertain_values(path, each, family.space.leaves[path])]
         middle, rows = _affine(family, axes)
@@ -86,20 +89,20 @@ def rigid_links(robot: Any) -> Articulated:
     return robot
 
 
-def true_parameters(plant: Plant) -> Floats:
+def true_parameters(robot: AbstractRobot, load: TimedPayload | None) -> Floats:
     """Return the inertial parameters of a true arm with its payload [11n].
 
     Raises DefinitionError if the payload comes or goes, or the arm is not one of rigid links.
     """
-    robot, load = rigid_links(plant.robot), plant.load
+    links = rigid_links(robot)
     if load is not None:
         if float(load.attached) > 0.0 or np.isfinite(float(load.released)):
             raise DefinitionError(
                 "a payload that comes or goes during a motion has no bound: set `robot.plant.load.attached: 0` and "
                 "leave out `released`, or certify the motions before and after"
             )
-        robot = eqx.tree_at(lambda arm: arm.payload, robot, robot.payload.joined(load.payload))
-    return arm_parameters(robot)
+        links = eqx.tree_at(lambda arm: arm.payload, links, links.payload.joined(load.payload))
+    return arm_parameters(links)
 
 
 def _affine(family: Family, axes: list[UncertainValue]) -> tuple[Floats, Floats]:
@@ -110,16 +113,15 @@ def _affine(family: Family, axes: list[UncertainValue]) -> tuple[Floats, Floats]
     numbers = {path: each for path, each in family.space.sets.items() if path != INERTIAL_PATH}
     ends = {path: set_ends(each, family.space.leaves[path]) for path, each in numbers.items()}
     middle = {path: 0.5 * (low + high) for path, (low, high) in ends.items()}
-    template = family.templates(middle)
+    actual = family.case(middle).as_it_is()
 
     def parameters(signs: Floats) -> Floats:
         values = {path: np.array(value) for path, value in middle.items()}
         for axis, sign in zip(axes, signs, strict=True):
             share = np.array([0.5 * (1.0 + sign)])
             values[axis.path] = axis.moved(values[axis.path][None], share)[0]
-        plant = family.parts(template, values)[0]
-        assert isinstance(plant, Plant)
-        return true_parameters(plant)
+        arms = with_values(actual, values).robot.build()
+        return true_parameters(arms.true, arms.load)
 
     count = len(axes)
     base = parameters(np.zeros(count))
