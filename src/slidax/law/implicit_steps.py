@@ -318,9 +318,7 @@ class SlidingStep(AbstractSurfaceStep):
         n = self.nominal.joints
         for part in (self.reaching, self.bound):
             require_joints(part, n, type(self.nominal).__name__)
-        # Raises here, and not during a run, if the reaching law has no implicit step.
-        shapes = (jax.ShapeDtypeStruct(shape, float) for shape in ((n, n), (n,), ()))
-        eqx.filter_eval_shape(self.reaching.implicit, *shapes)
+        self.reaching.require_implicit()
 
     def reach_init(self) -> Memory:
         return ()

@@ -45,6 +45,9 @@ class AbstractReaching(AbstractPart):
         - `u`: size of the robust torque, >= 0, N m.
         """
 
+    def require_implicit(self) -> None:
+        """Raise DefinitionError if the implicit step does not exist for these values; by default it does."""
+
 
 STEPS = 64
 """Largest number of Newton steps and halvings; two to four are nearly always enough."""
@@ -242,16 +245,17 @@ class FixedTimeReaching(AbstractReaching):
         """`s + step`, [n]: Newton's steps need no other coordinates for a power above one."""
         return s + step
 
-    def implicit(self, metric: Matrix, s: Vector, u: Scalar) -> Vector:
-        """The implicit step, [n], with a diagonal K0: a full one times Sig^r is not monotone, so it may have none.
-
-        Raises DefinitionError if K0 is a matrix.
-        """
+    def require_implicit(self) -> None:
+        """Raise DefinitionError if K0 is a full matrix: K0 Sig^r is not monotone then, so that a step may not exist."""
         if self.gain.ndim == 2:
             raise DefinitionError(
                 "`FixedTimeReaching.gain` must be one number or a diagonal [n] for an implicit step, since a full "
                 f"matrix times Sig^r is not monotone (K0, eq. 43); got shape {list(self.gain.shape)}"
             )
+
+    def implicit(self, metric: Matrix, s: Vector, u: Scalar) -> Vector:
+        """The implicit step, [n]; raises DefinitionError as `require_implicit`."""
+        self.require_implicit()
         return proximal_step(self, metric, s, u)
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterable
+from copy import deepcopy
+from functools import lru_cache
 from pathlib import Path
 from textwrap import fill
 from typing import Any
@@ -49,6 +51,12 @@ def read_yaml(text: str) -> Any:
     """
     if len(text) > MOST_CHARACTERS:
         raise DefinitionError(f"the YAML has {len(text)} characters; at most {MOST_CHARACTERS} are allowed; {LONG}")
+    return deepcopy(_parsed(text))
+
+
+# Parsing takes a quarter of the time to load a scenario, and programs load the same one again and again.
+@lru_cache(maxsize=32)
+def _parsed(text: str) -> Any:
     try:
         value = YAML(typ="safe", pure=True).load(text)
     except YAMLError as error:
