@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -27,13 +27,19 @@ from slidax.plant.sensors import AbstractSensor
 from slidax.scenarios.scenario import Scenario
 from slidax.simulation.run import Run, columns_of
 
+Signal = NDArray[np.floating[Any]]
 
-def inertia_and_bias(robot: AbstractRobot, q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """`M(q)` [N n n] and `C(q, q̇) q̇ + G(q)` [N n] at each of N samples, in the units of the robot.
+InertiaAndBias = Callable[[Signal, Signal], tuple[Signal, Signal]]
+"""From positions and velocities [N n] to `M(q)` [N n n] and `C(q, q̇) q̇ + G(q)` [N n], in the units of the robot."""
 
-    - `robot`: the arm.
-    - `q`, `dq`: positions and velocities [N n].
-    """
+
+def inertia_and_bias(robot: AbstractRobot, q: Signal, dq: Signal) -> tuple[Signal, Signal]:
+    """`M(q)` and `C(q, q̇) q̇ + G(q)` of an arm at each of N samples."""
+    return compiled_inertia_and_bias(robot)(q, dq)
+
+
+def compiled_inertia_and_bias(robot: AbstractRobot) -> InertiaAndBias:
+    """Compile `inertia_and_bias` for an arm, to use it on several motions."""
 
     def at(q: Any, dq: Any) -> Any:
         return robot.mass(q), robot.bias(q, dq)
@@ -43,13 +49,20 @@ def inertia_and_bias(robot: AbstractRobot, q: np.ndarray, dq: np.ndarray) -> tup
             joint = jax.ShapeDtypeStruct((robot.joints,), float)
             program = trace(at, joint, joint, named=False)
             program.inputs[:] = [replace(variable, varying=True) for variable in program.inputs]
-            mass, bias = llvm.compile(program).batch([q, dq], runs=len(q), threads=1)
-            return mass, bias
-    mass, bias = jax.jit(jax.vmap(at))(jnp.asarray(q), jnp.asarray(dq))
-    return np.asarray(mass), np.asarray(bias)
+            kernel = llvm.compile(program)
 
+            def native(q: Signal, dq: Signal) -> tuple[Signal, Signal]:
+                mass, bias = kernel.batch([q, dq], runs=len(q), threads=1)
+                return mass, bias
 
-Signal = NDArray[np.floating[Any]]
+            return native
+    batched = jax.jit(jax.vmap(at))
+
+    def by_xla(q: Signal, dq: Signal) -> tuple[Signal, Signal]:
+        mass, bias = batched(jnp.asarray(q), jnp.asarray(dq))
+        return np.asarray(mass), np.asarray(bias)
+
+    return by_xla
 
 
 def low_pass(signal: Signal, cutoff: float, period: float) -> Signal:

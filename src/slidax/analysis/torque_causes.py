@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -15,7 +16,7 @@ from slidax.arms.articulated import Articulated
 from slidax.core.errors import as_array
 
 from .cause import AbstractCause, Finding, Remedy, data_sheet_limit, slower_motion
-from .run_record import SLOW, RunRecord, inertia_and_bias, low_pass
+from .run_record import SLOW, RunRecord, Signal, compiled_inertia_and_bias, inertia_and_bias, low_pass
 
 REACHED = 0.999
 """A torque of at least this share of its limit counts as saturated."""
@@ -238,6 +239,10 @@ class PayloadCause(AbstractCause):
         return 0.62 + 0.62 * float(np.clip(estimate.mass / max(estimate.most, LEAST) - HALF, 0.0, HALF))
 
 
+Torque = Callable[[Signal, Signal, Signal], Signal]
+"""From q, q̇ and q̈ [N n] to the torque of an arm [N n]."""
+
+
 def estimate_payload(record: RunRecord, nominal: Articulated) -> PayloadEstimate:
     """Estimate a payload's mass from the unexplained torque by least squares, with friction and the arm's mass scale.
 
@@ -249,17 +254,18 @@ def estimate_payload(record: RunRecord, nominal: Articulated) -> PayloadEstimate
     short, long = (round(seconds / record.period) for seconds in AROUND)
     until = slice(0, min(len(record.t), max(record.left + short, long // 2)))
     after = slice(max(record.left - short // 4, 0), min(len(record.t), record.left + long))
-    fits = [_fit_payload(record, nominal, part) for part in (until, after) if part.stop - part.start > short]
+    own, *loaded = (_compiled_torque(arm) for arm in (nominal, *(_with_mass(nominal, x) for x in OFFSETS)))
+    fits = [_fit_payload(record, own, loaded, part) for part in (until, after) if part.stop - part.start > short]
     return max(fits, key=lambda fit: fit.explained)
 
 
-def _fit_payload(record: RunRecord, nominal: Articulated, part: slice) -> PayloadEstimate:
+def _fit_payload(record: RunRecord, unloaded: Torque, loaded: list[Torque], part: slice) -> PayloadEstimate:
     h = record.period
     q = low_pass(record.q, SLOW, h)[part]
     dq = np.gradient(q, h, axis=0)
     ddq = np.gradient(dq, h, axis=0)
-    torques = [_torque(_with_mass(nominal, x), q, dq, ddq) - _torque(nominal, q, dq, ddq) for x in OFFSETS]
-    own = _torque(nominal, q, dq, ddq)
+    own = unloaded(q, dq, ddq)
+    torques = [torque(q, dq, ddq) - own for torque in loaded]
     n, scale = record.joints, np.where(np.isfinite(record.torque_limits), record.torque_limits, 1.0)
     friction = [np.where(np.arange(n) == joint, shape, 0.0) for shape in (np.tanh(dq / 0.02), dq) for joint in range(n)]
     lacks = (record.unexplained[part] / scale).ravel()
@@ -275,10 +281,10 @@ def _fit_payload(record: RunRecord, nominal: Articulated, part: slice) -> Payloa
     spread = float(np.sqrt(max(np.sum(covariance[:2, :2]), 0.0)))
     # Position of the payload between the two offsets.
     position = float(np.clip(solved[1] / mass if mass > LEAST else 0.5, 0.0, 1.0))
-    wanted = inertia_and_bias(nominal, record.q_d, record.dq_d)
-    needed = (1.0 + solved[2]) * (np.einsum("kij,kj->ki", wanted[0], record.ddq_d) + wanted[1])
-    each = [_torque(_with_mass(nominal, x), record.q_d, record.dq_d, record.ddq_d) for x in OFFSETS]
-    per_kg = (1.0 - position) * each[0] + position * each[1] - _torque(nominal, record.q_d, record.dq_d, record.ddq_d)
+    wanted = unloaded(record.q_d, record.dq_d, record.ddq_d)
+    needed = (1.0 + solved[2]) * wanted
+    each = [torque(record.q_d, record.dq_d, record.ddq_d) for torque in loaded]
+    per_kg = (1.0 - position) * each[0] + position * each[1] - wanted
     spare = record.torque_limits - np.abs(solved[3 : 3 + n])
     with np.errstate(divide="ignore", invalid="ignore"):
         bounds = (spare - np.sign(per_kg) * needed) / np.abs(per_kg)
@@ -293,9 +299,14 @@ def _with_mass(nominal: Articulated, offset: float) -> Articulated:
     return eqx.tree_at(lambda robot: robot.payload, nominal, nominal.payload.joined(more))
 
 
-def _torque(robot: Articulated, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
-    mass, bias = inertia_and_bias(robot, q, dq)
-    return np.einsum("kij,kj->ki", mass, ddq) + bias
+def _compiled_torque(robot: Articulated) -> Torque:
+    inertia_and_bias_at = compiled_inertia_and_bias(robot)
+
+    def torque(q: Signal, dq: Signal, ddq: Signal) -> Signal:
+        mass, bias = inertia_and_bias_at(q, dq)
+        return np.einsum("kij,kj->ki", mass, ddq) + bias
+
+    return torque
 
 
 def _payload_remedies(record: RunRecord, estimate: PayloadEstimate) -> list[Remedy]:
