@@ -3,6 +3,7 @@
 import json
 import sys
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,16 +24,16 @@ FILE = EXAMPLES / "panda-along.yaml"
 LAW = DesignPoint(0.01, 1.0, 1.0, np.array([1e-3, 2e-3]), 0.3)
 
 
-def space_of(folder: Any, **changes: Any) -> Any:
-    data = yaml.safe_load(FILE.read_text(encoding="utf-8")) | changes
+def space_of(folder: Any, file: Path = FILE) -> Any:
+    data = yaml.safe_load(file.read_text(encoding="utf-8"))
     path = folder / "asked.yaml"
     path.write_text(yaml.safe_dump(data), encoding="utf-8")
     return _begin(read_problem(path))[0]
 
 
 def test_a_required_bound_makes_a_law_that_tracking_bound_covers(tmp_path):
-    space = space_of(tmp_path)
-    described = space.described(DesignPoint(0.028, 1.0, 1.0, np.full(7, 0.0125), 0.3))
+    space = space_of(tmp_path, EXAMPLES / "two-link-along.yaml")
+    described = space.described(DesignPoint(0.04, 1.0, 1.0, np.full(2, 0.0125), 1.0))
     law = described.build("law")
     assert space.along and law.controller.adaptation is None and law.controller.midpoint
     verdict = tracking_verdict(described)

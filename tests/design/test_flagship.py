@@ -3,7 +3,7 @@
 import json
 import sys
 
-from slidax.design import search
+from slidax.design import candidates, search
 from slidax.export import export_c
 from slidax.scenarios import load
 from tests.cli.commands import in_process
@@ -16,9 +16,12 @@ def test_requirements_become_a_certified_law_whose_c_answers_the_golden_samples(
     # A short search and short runs; the design is only less exact.
     monkeypatch.setattr(search, "GENERATIONS", 2)
     monkeypatch.setattr(sys.modules["slidax.design.design"], "DRIFTS", (1.0,))
+    monkeypatch.setattr(candidates, "HORIZONS", (28.0,))
+    monkeypatch.setattr(candidates, "LONG_HORIZONS", (40.0,))
     requirements = tmp_path / "requirements.yaml"
     text = (EXAMPLES / "two-link-along.yaml").read_text(encoding="utf-8")
-    requirements.write_text(text.replace("t1: 3.0", "t1: 1.5"), encoding="utf-8")
+    text = text.replace("t1: 3.0", "t1: 1.5").replace("accuracy: best", "accuracy: 5.0e-3")
+    requirements.write_text(text, encoding="utf-8")
     done = in_process("design", str(requirements), "--out", str(tmp_path / "arm.yaml"), "--json", "--runs", "10")
     assert done.exit_code == 0, done.output
     answer = json.loads(done.stdout)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
+import runpy
 import shlex
 import subprocess
 import sys
+import warnings
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -24,18 +25,6 @@ from tests.cli.commands import in_process
 SCRIPTS = sorted((Path(__file__).parents[2] / "examples").glob("[0-9]*.py"))
 EVERY = pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
 
-# One process imports the package once for all of them.
-TOGETHER = """
-import contextlib, io, json, runpy, sys
-said = {}
-for script in sys.argv[1:]:
-    sys.argv = [script]
-    with contextlib.redirect_stdout(io.StringIO()) as out:
-        runpy.run_path(script, run_name="__main__")
-    said[script] = out.getvalue()
-print(json.dumps(said))
-"""
-
 
 def output(folder: Path, *arguments: str) -> str:
     """Output of Python, with warnings as errors."""
@@ -51,15 +40,24 @@ def output(folder: Path, *arguments: str) -> str:
     return result.stdout
 
 
+@pytest.fixture
+def empty_folder(tmp_path, monkeypatch):
+    mpl.use("agg")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
 def assert_says_something(printed: str) -> None:
     assert printed.strip() and "nan" not in printed
 
 
-def test_examples_run_one_after_the_other_and_print_something(tmp_path):
-    printed = json.loads(output(tmp_path, "-c", TOGETHER, *map(str, SCRIPTS)))
-    assert len(printed) == len(SCRIPTS)
-    for text in printed.values():
-        assert_says_something(text)
+@EVERY
+def test_an_example_runs_and_prints_something(script, empty_folder, capsys, monkeypatch):
+    monkeypatch.setattr(sys, "argv", [str(script)])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        runpy.run_path(str(script), run_name="__main__")
+    assert_says_something(capsys.readouterr().out)
 
 
 @pytest.mark.full
@@ -106,13 +104,6 @@ def test_documented_surface_is_explained_by_its_declarations_and_holds_the_envel
     surface = names()["Flattening"]
     assert "- `slope`: k, slope at zero, one number or [n], 1/s, > 0." in surface.__doc__
     assert names()["flattened"].outcome.ok
-
-
-@pytest.fixture
-def empty_folder(tmp_path, monkeypatch):
-    mpl.use("agg")
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
 
 
 def test_a_page_has_the_modules_of_the_extras_that_it_names():
