@@ -55,8 +55,10 @@ class HandOver:
     phi: Floats = field(repr=False)
 
     @classmethod
-    def of(cls, law: SampledData) -> HandOver | None:
+    def of(cls, law: SampledData, places: int = PLACES) -> HandOver | None:
         """Return the plan of a law; None for a law without a surface.
+
+        - `places`: M, length of the tables.
 
         Raises DefinitionError for a law whose s⁺ is not 0 in a boundary layer, with a remedy.
         """
@@ -71,15 +73,15 @@ class HandOver:
                 "a bound along a motion needs a reaching law without a boundary layer, with which s is exactly 0; got "
                 f"{np.max(np.asarray(layer)):g}: set the scheme's `layer` to 0"
             )
-        eps = np.concatenate([[0.0], np.geomspace(LEAST, LARGEST, PLACES - 1)])
-        rows = jnp.broadcast_to(jnp.asarray(eps)[:, None], (PLACES, n))
+        eps = np.concatenate([[0.0], np.geomspace(LEAST, LARGEST, places - 1)])
+        rows = jnp.broadcast_to(jnp.asarray(eps)[:, None], (places, n))
         phi = np.asarray(jax.vmap(lambda row: step.surface.phi_and_slope(row)[0])(rows), float).T
         if isinstance(step.transformation, PrescribedPerformance):
             overshoot = jnp.broadcast_to(step.transformation.overshoot, (n,))
             sides = Sides(-overshoot, jnp.ones(n)), Sides(-jnp.ones(n), overshoot)
             both = np.stack([np.asarray(psi(rows, each), float).T for each in sides])
         else:
-            both = np.broadcast_to(eps, (2, n, PLACES))
+            both = np.broadcast_to(eps, (2, n, places))
         return cls(step, float(law.period), horizon, linear_share(step, horizon), both, phi)
 
     def along(self, cells: PathCells) -> HandOverCells:
@@ -89,22 +91,35 @@ class HandOver:
         if not isinstance(transformation, PrescribedPerformance):
             even = np.ones((count, n))
             return HandOverCells(self, even, even, np.full((count, n), np.inf), np.zeros(n))
-        times = np.asarray(cells.period * np.arange(count * cells.per_cell + 1), float)
-        final = _frames(transformation, self.horizon, self.period, np.array([FAR], float), n)[2]
-        while True:
-            now, ahead, radius = _frames(transformation, self.horizon, self.period, times, n)
-            if np.all(radius[-1] <= final * (1.0 + SETTLED)) or times[-1] > FAR:
-                break
-            times = np.asarray(cells.period * np.arange(2 * len(times)), float)
+        now, ahead, radius = self._settled_frames(transformation, count * cells.per_cell + 1)
         # A cell ends where the next one begins; the last one stands for all times after it.
         starts = np.arange(count) * cells.per_cell
-        ends = np.append(starts[1:] + 1, len(times))
+        ends = np.append(starts[1:] + 1, len(now))
         least, most, narrow = (
             np.stack([pick(values[a:b], axis=0) for a, b in zip(starts, ends, strict=True)])
             for pick, values in ((np.min, now), (np.max, ahead), (np.min, radius))
         )
         room = narrow * np.asarray(transformation.overshoot)
         return HandOverCells(self, least, most, room, np.abs(now[0] - ahead[0]) / (self.horizon * now[0]))
+
+    def _settled_frames(self, transformation: PrescribedPerformance, count: int) -> tuple[Floats, Floats, Floats]:
+        """N, A and ρ at each sample, of which there are at least `count`, until the envelope is settled [times n]."""
+        n = len(self.phi)
+        times = np.asarray(self.period * np.arange(count), float)
+        final = _frames(transformation, self.horizon, self.period, np.array([FAR], float), n)[2]
+        while True:
+            now, ahead, radius = _frames(transformation, self.horizon, self.period, times, n)
+            if np.all(radius[-1] <= final * (1.0 + SETTLED)) or times[-1] > FAR:
+                return now, ahead, radius
+            times = np.asarray(self.period * np.arange(2 * len(times)), float)
+
+    def frames(self, n: int) -> tuple[Floats, Floats, Floats]:
+        """Return N, A and ϑ ρ at each sample until the envelope is settled [times n]; after that they stay."""
+        transformation = self.step.transformation
+        if not isinstance(transformation, PrescribedPerformance):
+            return np.ones((1, n)), np.ones((1, n)), np.full((1, n), np.inf)
+        now, ahead, radius = self._settled_frames(transformation, 2)
+        return now, ahead, radius * np.asarray(transformation.overshoot)
 
     @property
     def covered(self) -> float:
@@ -166,7 +181,7 @@ class HandOverCells:
         """
         plan, joints = self.plan, np.arange(led.shape[1])
         if plan.share:
-            return np.stack([np.interp(y, *row) for y, row in zip(led.T, self._apart, strict=True)], axis=1)
+            return np.stack([np.interp(y, *row) for y, row in zip(led.T, self.apart, strict=True)], axis=1)
         bound = np.zeros_like(led)
         for psi_side in plan.psi:
 
@@ -186,7 +201,7 @@ class HandOverCells:
         return np.asarray(np.minimum(bound, self.ahead / self.now * led) / plan.horizon**2)
 
     @property
-    def _apart(self) -> list[tuple[Floats, Floats]]:
+    def apart(self) -> list[tuple[Floats, Floats]]:
         """For each joint places y, and the largest |ψ(ε) - θ0 y|/H² up to the next one; the plan has no envelope."""
         plan, rows = self.plan, []
         for psi_row, phi_row in zip(plan.psi[0], plan.phi, strict=True):

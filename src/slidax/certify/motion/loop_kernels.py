@@ -88,18 +88,9 @@ def spread_kernels(loop: JointLoop, p: float, growth: float = 0.0) -> dict[str, 
 
     Raises DefinitionError if the loop is unstable for a κ of the band.
     """
-    count = 2 + int((1 / (1 - p) - 1 / (1 + p)) / FARTHEST)
-    ratios = np.array([1.0]) if p == 0.0 else np.concatenate([[1.0], np.linspace(1 / (1 + p), 1 / (1 - p), count)])
-    all_maps = [loop.maps_for(ratio) for ratio in ratios]
-    for ratio, maps in zip(ratios, all_maps, strict=True):
-        if not np.max(np.abs(np.linalg.eigvals(maps.step * np.exp(growth * loop.period)))) < 1.0 - 1e-6:
-            raise DefinitionError(
-                f"the loop of a joint is unstable where the true inertia is 1/{ratio:.3g} of the nominal one; identify "
-                "the arm better, or choose a longer horizon"
-            )
-    length = max(_length(maps.step * np.exp(growth * loop.period)) for maps in all_maps)
-    traces = [_Trace.of(loop, maps, ratio, length, growth) for maps, ratio in zip(all_maps, ratios, strict=True)]
-    nominal = _Trace.of(loop, all_maps[0], 1.0, length, 0.0)
+    ratios, maps = _stable_maps(loop, p, growth)
+    length = _longest(loop, maps, growth)
+    nominal, traces = _traces(loop, ratios, maps, growth, length)
     pushed = _largest([trace.kernel("acceleration") for trace in traces])
     bend = _bend(float(ratios[2] - ratios[1]), p, pushed.gain) if p > 0.0 else 0.0
     results = {}
@@ -109,6 +100,72 @@ def spread_kernels(loop: JointLoop, p: float, growth: float = 0.0) -> dict[str, 
         between = bend * _largest(own).gain
         results[name] = Spread(nominal.kernel(name), _largest(apart, pushed, between), _largest(own, pushed, between))
     return results
+
+
+def bare_kernels(
+    loop: JointLoop, p: float, growth: float, length: int, *, rest: bool = False
+) -> dict[str, dict[str, LoopKernel]]:
+    """Return the parts of `spread_kernels` for `nominal`, `departure` and `largest`, for each output.
+
+    - `length`: periods after which the kernels end.
+    - `rest`: True for what follows their end, in their last value; False for the kernels without it. Neither has the
+      share between two ratios.
+    """
+    ratios, maps = _stable_maps(loop, p, growth)
+    nominal, traces = _traces(loop, ratios, maps, growth, length)
+
+    def part(trace: _Trace) -> _Trace:
+        if rest:
+            return replace(trace, response=np.zeros_like(trace.response), own=np.zeros_like(trace.own))
+        return replace(trace, rest=np.zeros_like(trace.rest))
+
+    apart = [part(trace.less(traces[0])) for trace in traces]
+    whole = [part(trace) for trace in traces]
+    return {
+        "nominal": {name: part(nominal).kernel(name) for name in OUTPUTS},
+        "departure": {name: _largest([trace.kernel(name) for trace in apart]) for name in OUTPUTS},
+        "largest": {name: _largest([trace.kernel(name) for trace in whole]) for name in OUTPUTS},
+    }
+
+
+def kernel_length(loop: JointLoop, p: float, growth: float) -> int:
+    """Return the number of periods after which `spread_kernels` end.
+
+    Raises DefinitionError as `spread_kernels` does.
+    """
+    return _longest(loop, _stable_maps(loop, p, growth)[1], growth)
+
+
+def inertia_ratios(p: float) -> Floats:
+    """Return 1, and the ratios κ of a band at which responses are computed."""
+    if p == 0.0:
+        return np.array([1.0])
+    count = 2 + int((1 / (1 - p) - 1 / (1 + p)) / FARTHEST)
+    return np.concatenate([[1.0], np.linspace(1 / (1 + p), 1 / (1 - p), count)])
+
+
+def _stable_maps(loop: JointLoop, p: float, growth: float) -> tuple[Floats, list[PeriodMaps]]:
+    ratios = inertia_ratios(p)
+    all_maps = [loop.maps_for(ratio) for ratio in ratios]
+    for ratio, maps in zip(ratios, all_maps, strict=True):
+        if not np.max(np.abs(np.linalg.eigvals(maps.step * np.exp(growth * loop.period)))) < 1.0 - 1e-6:
+            raise DefinitionError(
+                f"the loop of a joint is unstable where the true inertia is 1/{ratio:.3g} of the nominal one; identify "
+                "the arm better, or choose a longer horizon"
+            )
+    return ratios, all_maps
+
+
+def _longest(loop: JointLoop, all_maps: list[PeriodMaps], growth: float) -> int:
+    return max(_length(maps.step * np.exp(growth * loop.period)) for maps in all_maps)
+
+
+def _traces(
+    loop: JointLoop, ratios: Floats, all_maps: list[PeriodMaps], growth: float, length: int
+) -> tuple[_Trace, list[_Trace]]:
+    """The nominal response without a weight, and those for all ratios."""
+    traces = [_Trace.of(loop, maps, ratio, length, growth) for maps, ratio in zip(all_maps, ratios, strict=True)]
+    return _Trace.of(loop, all_maps[0], 1.0, length, 0.0), traces
 
 
 FARTHEST = 0.006
