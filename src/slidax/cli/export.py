@@ -39,13 +39,21 @@ def export_c(
     name: LawName = None,
     single: Floats = False,
     quick: Quick = False,
+    admission: Annotated[
+        bool,
+        typer.Option("--admission", help="Add a function that decides on motions as `slidax admit` does."),
+    ] = False,
     changes: Changes = None,
 ) -> None:
     """Export the law as a C99 project: library, tests against Python, latency benchmark, example, C++ wrapper."""
 
-    def summary(project: Any) -> str:
+    def summary(project: Any, parts: Scenario) -> str:
         from slidax.export import measure_step
 
+        if admission:
+            from slidax.export.admission import export_admission
+
+            export_admission(parts, project, out)
         size = measure_step(project, out)
         operations = "" if project.longest is None else f" and {project.longest.operations} operations"
         return f"at most {project.stack} bytes of stack{operations} per step, {size}"
@@ -61,7 +69,7 @@ def export_micro(
 ) -> None:
     """Export the law for Cortex-M and RISC-V: Makefile, start-up code, and a test that runs in emulators."""
 
-    def summary(project: Any) -> str:
+    def summary(project: Any, _: Scenario) -> str:
         return f"at most {project.stack} bytes of stack; test it with `make test` in this folder"
 
     _export("micro", "slidax.export.micro", scenario, changes, out, summary, name=name, single=single)
@@ -189,14 +197,14 @@ def _export(
     scenario: str,
     changes: list[str] | None,
     out: Path,
-    summary: str | Callable[[Any], str],
+    summary: str | Callable[[Any, Scenario], str],
     **options: Any,
 ) -> None:
     """Export a project by the function `export_TARGET` of a module, and print a summary."""
     with _exporting(scenario, changes) as parts:
         export = getattr(import_module(module), f"export_{target}")
         project = export(parts, out, command=command_line(), **options)
-        text = summary if isinstance(summary, str) else summary(project)
+        text = summary if isinstance(summary, str) else summary(project, parts)
         readme = out.resolve() / "README.md"
         typer.echo(f"{project.law} in {project.real}s, {text}: {readme if readme.is_file() else out.resolve()}")
 

@@ -145,6 +145,7 @@ class _Numbers:
             "PASSES": tube_search.PASSES,
             "CONTINUOUS": CONTINUOUS,
             "HAND_OVER": int(law.hand_over is not None),
+            "COVERED": np.inf if law.hand_over is None else law.hand_over.covered,
         }
         rate = inputs.torque_rate if limited else np.zeros(law.arm.joints)
         limits, bodies = law.arm.limits, law.bodies
@@ -161,7 +162,7 @@ class _Numbers:
             _array("int before[N][N]", bodies.before.astype(int)),
             _array("double rotations[N][3][3]", bodies.rotations),
             _array("double translations[N][3]", bodies.translations),
-            _array("double points[N][4][4]", bodies.points),
+            _array("double body_points[N][4][4]", bodies.points),
             _array("double pseudo_inertias[N][4][4]", bodies.pseudo_inertias),
             _array("double rotors[N]", bodies.rotors),
             _array("double gravity[3]", bodies.gravity),
@@ -186,8 +187,9 @@ class _Numbers:
                 _array("double deviations[N][10][AXES]", weights),
                 _array("double rotor_deviations[N][AXES]", region.rotor_deviations.T),
             ]
-        plan = hand_over.HandOver.of(law_in_samples, FINE)
-        if plan is not None:
+        if law.hand_over is not None:
+            plan = law.hand_over if law.hand_over.share else hand_over.HandOver.of(law_in_samples, FINE)
+            assert plan is not None
             more, further = _plan(plan, n)
             macros, arrays = macros | more, arrays + further
         direct = ", ".join(repr(DIRECT_SHARE.get(name, 0.0) * h ** (2 - OUTPUTS[name])) for name in USED)
@@ -271,7 +273,8 @@ def _over_groups(kind: str, kernels: Mapping[str, LoopKernel], first: Places) ->
 
 def _plan(plan: hand_over.HandOver, n: int) -> tuple[dict[str, Any], list[_Array]]:
     """Macros and arrays of a plan with a sliding surface."""
-    places = np.unique(np.round(np.linspace(1, FINE - 1, PLACES)).astype(int))
+    fine = plan.phi.shape[1]
+    places = np.unique(np.round(np.linspace(1, fine - 1, PLACES)).astype(int))
 
     def lines(values: Floats, x: Floats) -> float:
         """How far a value of the fine table, or one before the next, is off the lines between places, relatively."""
@@ -284,7 +287,6 @@ def _plan(plan: hand_over.HandOver, n: int) -> tuple[dict[str, Any], list[_Array
         "HORIZON": plan.horizon,
         "PLACES": len(places),
         "FRAMES": len(frames[0]),
-        "COVERED": plan.covered,
         "LINEAR_PLAN": int(plan.share != 0.0),
     }
     arrays = [
@@ -292,20 +294,21 @@ def _plan(plan: hand_over.HandOver, n: int) -> tuple[dict[str, Any], list[_Array
         for name, values in zip(("now", "ahead", "room"), frames, strict=True)
     ]
     if plan.share:
-        even = np.ones((1, n))
+        # The rows that Python uses, but for the last place, from which on there is no bound.
+        even, some = np.ones((1, n)), places[places < plan.phi.shape[1] - 1] - 1
         rows = hand_over.HandOverCells(plan, even, even, even, np.zeros(n)).apart
-        led, apart = (np.log(np.maximum([row[which][1:] for row in rows], fixed_point.TINY)) for which in range(2))
-        macros["PLAN_OFF"] = np.expm1(max(map(_off_in_logarithms, apart, led, [places - 1] * n)))
+        led, apart = (np.log(np.maximum([row[k][1:-1] for row in rows], fixed_point.TINY)) for k in range(2))
+        macros |= {"PLACES": len(some), "PLAN_OFF": np.expm1(max(map(_off_in_logarithms, apart, led, [some] * n)))}
         arrays += [
-            _array("double log_led[N][PLACES]", led[:, places - 1]),
-            _array("double log_apart[N][PLACES]", apart[:, places - 1]),
+            _array("double log_led[N][PLACES]", led[:, some]),
+            _array("double log_apart[N][PLACES]", apart[:, some]),
         ]
         return macros, arrays
     # Joints with the same plan share a row.
     each = np.concatenate([plan.psi[0], plan.psi[1], plan.phi], axis=1)
     _, firsts, which = np.unique(each, axis=0, return_index=True, return_inverse=True)
     psi, phi = (np.maximum(table[..., 1:], fixed_point.TINY) for table in (plan.psi[:, firsts], plan.phi[firsts]))
-    eps = np.geomspace(hand_over.LEAST, hand_over.LARGEST, FINE - 1)
+    eps = np.geomspace(hand_over.LEAST, hand_over.LARGEST, fine - 1)
     macros |= {"PLAN_ROWS": len(firsts), "PLAN_OFF": max(lines(row, eps) for row in (*psi[0], *psi[1], *phi))}
     arrays += [
         _array("int plan_row[N]", which),
@@ -324,7 +327,9 @@ def _off_in_logarithms(values: Floats, x: Floats, places: Places) -> float:
 def _number(value: Any) -> str:
     if isinstance(value, int | np.integer):
         return str(value)
-    return "INFINITY" if np.isinf(value) else repr(float(value))
+    if np.isinf(value):
+        return "INFINITY" if value > 0.0 else "-INFINITY"
+    return repr(float(value))
 
 
 def _array(declaration: str, values: Any, *, upwards: bool = False) -> _Array:

@@ -1,0 +1,178 @@
+"""The admission of motions in C decides as the one in Python."""
+
+import ctypes
+from typing import Any
+
+import numpy as np
+import pytest
+
+import slidax as sx
+from slidax.certify.motion.admission import admit, certified_law
+from slidax.core.errors import DefinitionError
+from slidax.export.admission import PIECES, POWERS, export_admission
+from slidax.export.c_project import project
+from slidax.motions.waypoints import MinimumJerk
+from tests.certify.motion.test_hand_over import PANDA, SCHEMES
+from tests.certify.motion.test_paper_arms import NEAR
+from tests.certify.motion.test_parameter_sets import ROTORS, SETS
+from tests.cli.commands import in_process
+from tests.export.exported import COMPILERS, compiled, needs_a_compiler
+
+pytestmark = needs_a_compiler
+
+REASONS = {1: "error", 2: "position", 3: "speed", 4: "torque", 5: "torque step"}
+
+
+class CompiledAdmission:
+    """The function of an exported law, called from here."""
+
+    def __init__(self, scenario: Any, folder: Any) -> None:
+        export_admission(scenario, project(scenario, name="law", with_golden=False), folder)
+        self.joints = n = scenario.controller.joints
+        compiled(COMPILERS[0], folder, "-O2", "-shared", "-fPIC", "slidax_law_admission.c", "-o", "a.so", "-lm")
+        library = ctypes.CDLL(str(folder / "a.so"))
+
+        class Motion(ctypes.Structure):
+            _fields_ = (
+                ("pieces", ctypes.c_int),
+                ("powers", ctypes.c_int),
+                ("times", ctypes.c_double * (PIECES + 1)),
+                ("coefficients", ctypes.c_double * POWERS * n * PIECES),
+            )
+
+        class Options(ctypes.Structure):
+            _fields_ = (
+                ("allowed", ctypes.c_double * n),
+                ("assume_steps", ctypes.c_int),
+                ("slow_down", ctypes.c_int),
+            )
+
+        class Answer(ctypes.Structure):
+            _fields_ = (
+                ("reason", ctypes.c_int),
+                ("joint", ctypes.c_int),
+                ("time", ctypes.c_double),
+                ("value", ctypes.c_double),
+                ("limit", ctypes.c_double),
+                ("slow_down", ctypes.c_double),
+                ("bounded", ctypes.c_int),
+                ("error", ctypes.c_double * n),
+                ("torque", ctypes.c_double * n),
+                ("torque_step", ctypes.c_double * n),
+            )
+
+        self.motion, self.options = Motion, Options
+        library.slidax_law_admission_work_size.restype = ctypes.c_ulong
+        self.work = ctypes.create_string_buffer(library.slidax_law_admission_work_size())
+        self.function = library.slidax_law_admit_motion
+        self.function.restype = Answer
+
+    def __call__(self, motion: Any, allowed: float = 0.0, assume_steps: bool = False, slow_down: bool = False) -> Any:
+        coefficients, times = np.asarray(motion.coefficients), np.asarray(motion.times)
+        asked, options = self.motion(), self.options()
+        asked.powers, asked.pieces = coefficients.shape[:2]
+        asked.times[: len(times)] = times.tolist()
+        np.ctypeslib.as_array(asked.coefficients)[: asked.pieces, :, : asked.powers] = coefficients.transpose(1, 2, 0)
+        options.allowed[:] = [allowed] * self.joints
+        options.assume_steps, options.slow_down = int(assume_steps), int(slow_down)
+        return self.function(ctypes.byref(asked), ctypes.byref(options), self.work)
+
+
+def random_motions(law: Any, count: int, seed: int = 0) -> list[MinimumJerk]:
+    """Between random postures, from slow to too fast."""
+    rng, limits = np.random.default_rng(seed), law.arm.limits
+    low, high = (np.clip(np.asarray(limit, float), -2.0, 2.0) for limit in (limits.lower, limits.upper))
+    speed = np.clip(np.asarray(limits.velocity, float), 0.0, 2.0)
+    motions = []
+    for _ in range(count):
+        share = rng.uniform(0.1, 1.3)
+        # Near each other, so that the motion is short.
+        points = rng.uniform(low, high) + 0.3 * (high - low) * rng.uniform(-0.5, 0.5, (2, len(low)))
+        points = 0.5 * (low + high) + 0.6 * (points - 0.5 * (low + high))
+        motions.append(MinimumJerk.within(points, velocity=share * speed, acceleration=4.0 * share))
+    return motions
+
+
+def assert_same_decisions(scenario: Any, folder: Any, count: int, allowed: float) -> None:
+    decide, law = CompiledAdmission(scenario, folder), certified_law(scenario)
+    answers = []
+    for motion in random_motions(law, count):
+        expected = admit(law, motion, allowed=allowed, assume_steps=True, slow_down=False)
+        answer = decide(motion, allowed, assume_steps=True)
+        assert (answer.reason == 0) == expected.admitted
+        assert answer.bounded == ("error" in expected.verdict.bound)
+        if answer.bounded:
+            np.testing.assert_allclose(answer.error, expected.verdict.bound["error"], rtol=1e-3)
+        if "torque" in expected.verdict.bound:
+            # C adds disturbances up before it takes the larger one of two cells, which gives a little less.
+            np.testing.assert_allclose(answer.torque, expected.verdict.bound["torque"], rtol=5e-3)
+            np.testing.assert_allclose(answer.torque_step, expected.verdict.bound["torque_step"], rtol=5e-3)
+        if expected.limit is not None and expected.limit.what != "torque step":
+            assert REASONS[answer.reason] == expected.limit.what
+            assert law.arm.joint_names[answer.joint] == expected.limit.joint
+        answers.append(answer)
+    reasons = {answer.reason for answer in answers}
+    print([max(answer.error) for answer in answers])
+    print(f"{count} motions, {sum(answer.reason == 0 for answer in answers)} admitted, reasons {sorted(reasons)}")
+    assert 0 in reasons and len(reasons) > 1
+
+
+CASES: dict[str, tuple[str, dict[str, Any], float]] = {
+    "numbers of two links": ("example-4.1-1khz", NEAR, 1.2e-3),
+    "band of a panda": (PANDA, {}, 2e-4),
+    "numbers of a panda": (PANDA, {"uncertainty": SETS["each body and rotor"], **ROTORS}, 2e-4),
+    "sliding mode in an envelope": (PANDA, {"scheme": SCHEMES["cftsmppc"], "tolerance": None}, 5e-3),
+    "sliding mode without an envelope": (PANDA, {"scheme": SCHEMES["ftsmc"], "tolerance": None}, 2e-3),
+}
+"""By name: a scenario, changes of it, and an error that some of the motions exceed."""
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[] if name == "numbers of two links" else [pytest.mark.full]) for name in CASES]
+)
+def test_c_decides_as_python_with_the_same_bounds(name, tmp_path):
+    file, changes, allowed = CASES[name]
+    assert_same_decisions(sx.scenarios.load(file, changes), tmp_path, 8 if "two" in name else 20, allowed)
+
+
+@pytest.mark.full
+def test_a_motion_that_is_slowed_down_by_the_answer_is_admitted(tmp_path):
+    scenario = sx.scenarios.load(PANDA)
+    decide, law = CompiledAdmission(scenario, tmp_path), certified_law(scenario)
+    slowed = 0
+    for motion in random_motions(law, 12, seed=1):
+        answer = decide(motion, 2e-4, slow_down=True, assume_steps=True)
+        expected = admit(law, motion, allowed=2e-4, assume_steps=True)
+        assert answer.slow_down == pytest.approx(expected.slow_down or 0.0)
+        slowed += answer.slow_down > 1.0
+    assert slowed
+
+
+def test_what_is_no_motion_is_refused(tmp_path):
+    scenario = sx.scenarios.load("example-4.1-1khz", NEAR)
+    decide = CompiledAdmission(scenario, tmp_path)
+    (motion,) = random_motions(certified_law(scenario), 1)
+    coefficients, times = np.asarray(motion.coefficients), np.asarray(motion.times)
+
+    class Spoiled:
+        def __init__(self, times: Any, coefficients: Any) -> None:
+            self.times, self.coefficients = times, coefficients
+
+    jumps = coefficients.copy()
+    jumps[-2] += 0.1
+    for spoiled in (
+        Spoiled(times, coefficients * np.nan),
+        Spoiled(times[::-1], coefficients),
+        Spoiled(times - 1.0, coefficients),
+        Spoiled(times, jumps),
+        Spoiled(1e6 * times, coefficients),
+    ):
+        answer = decide(spoiled, slow_down=True)
+        assert answer.reason == 8 and answer.slow_down == 0.0 and not answer.bounded
+
+
+def test_the_command_adds_the_function_or_says_why_the_law_has_none(tmp_path):
+    done = in_process("export", "c", "example-4.1", "--out", str(tmp_path), "--admission", "--quick")
+    assert done.exit_code == 2 and "a bound along a motion needs a law in sampled-data form" in done.stderr
+    with pytest.raises(DefinitionError, match="kind: kalman"):
+        export_admission(sx.scenarios.load("example-4.1-1khz"), None, tmp_path)
