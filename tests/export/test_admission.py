@@ -93,8 +93,7 @@ def random_motions(law: Any, count: int, seed: int = 0) -> list[MinimumJerk]:
     return motions
 
 
-def assert_same_decisions(scenario: Any, folder: Any, count: int, allowed: float) -> None:
-    decide, law = CompiledAdmission(scenario, folder), certified_law(scenario)
+def assert_same_decisions(decide: CompiledAdmission, law: Any, count: int, allowed: float) -> None:
     answers = []
     for motion in random_motions(law, count):
         expected = admit(law, motion, allowed=allowed, assume_steps=True, slow_down=False)
@@ -102,7 +101,7 @@ def assert_same_decisions(scenario: Any, folder: Any, count: int, allowed: float
         assert (answer.reason == 0) == expected.admitted
         assert answer.bounded == ("error" in expected.verdict.bound)
         if answer.bounded:
-            np.testing.assert_allclose(answer.error, expected.verdict.bound["error"], rtol=1e-3)
+            np.testing.assert_allclose(answer.error, expected.verdict.bound["error"], rtol=2e-3)
         if "torque" in expected.verdict.bound:
             # C adds disturbances up before it takes the larger one of two cells, which gives a little less.
             np.testing.assert_allclose(answer.torque, expected.verdict.bound["torque"], rtol=5e-3)
@@ -112,27 +111,35 @@ def assert_same_decisions(scenario: Any, folder: Any, count: int, allowed: float
             assert law.arm.joint_names[answer.joint] == expected.limit.joint
         answers.append(answer)
     reasons = {answer.reason for answer in answers}
-    print([max(answer.error) for answer in answers])
     print(f"{count} motions, {sum(answer.reason == 0 for answer in answers)} admitted, reasons {sorted(reasons)}")
     assert 0 in reasons and len(reasons) > 1
 
 
-CASES: dict[str, tuple[str, dict[str, Any], float]] = {
-    "numbers of two links": ("example-4.1-1khz", NEAR, 1.2e-3),
-    "band of a panda": (PANDA, {}, 2e-4),
-    "numbers of a panda": (PANDA, {"uncertainty": SETS["each body and rotor"], **ROTORS}, 2e-4),
-    "sliding mode in an envelope": (PANDA, {"scheme": SCHEMES["cftsmppc"], "tolerance": None}, 5e-3),
-    "sliding mode without an envelope": (PANDA, {"scheme": SCHEMES["ftsmc"], "tolerance": None}, 2e-3),
+CASES: dict[str, tuple[dict[str, Any], float]] = {
+    "band": ({}, 1.5e-3),
+    "numbers": ({"uncertainty": SETS["each body and rotor"], **ROTORS}, 1.5e-3),
+    "sliding mode in an envelope": ({"scheme": SCHEMES["cftsmppc"], "tolerance": None}, 5e-3),
+    "sliding mode without an envelope": ({"scheme": SCHEMES["ftsmc"], "tolerance": None}, 2.6e-3),
 }
-"""By name: a scenario, changes of it, and an error that some of the motions exceed."""
+"""By name: changes of the law on a Panda, and an error that some of the motions exceed."""
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[] if name == "numbers of two links" else [pytest.mark.full]) for name in CASES]
-)
-def test_c_decides_as_python_with_the_same_bounds(name, tmp_path):
-    file, changes, allowed = CASES[name]
-    assert_same_decisions(sx.scenarios.load(file, changes), tmp_path, 8 if "two" in name else 20, allowed)
+@pytest.fixture(scope="module")
+def two_links(tmp_path_factory):
+    scenario = sx.scenarios.load("example-4.1-1khz", NEAR)
+    return CompiledAdmission(scenario, tmp_path_factory.mktemp("admission")), certified_law(scenario)
+
+
+def test_c_decides_as_python_with_the_same_bounds(two_links):
+    assert_same_decisions(*two_links, count=6, allowed=1.6e-4)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("name", CASES)
+def test_c_decides_as_python_on_a_panda(name, tmp_path):
+    changes, allowed = CASES[name]
+    scenario = sx.scenarios.load(PANDA, changes)
+    assert_same_decisions(CompiledAdmission(scenario, tmp_path), certified_law(scenario), 20, allowed)
 
 
 @pytest.mark.full
@@ -141,17 +148,16 @@ def test_a_motion_that_is_slowed_down_by_the_answer_is_admitted(tmp_path):
     decide, law = CompiledAdmission(scenario, tmp_path), certified_law(scenario)
     slowed = 0
     for motion in random_motions(law, 12, seed=1):
-        answer = decide(motion, 2e-4, slow_down=True, assume_steps=True)
-        expected = admit(law, motion, allowed=2e-4, assume_steps=True)
+        answer = decide(motion, 1.4e-3, slow_down=True, assume_steps=True)
+        expected = admit(law, motion, allowed=1.4e-3, assume_steps=True)
         assert answer.slow_down == pytest.approx(expected.slow_down or 0.0)
         slowed += answer.slow_down > 1.0
     assert slowed
 
 
-def test_what_is_no_motion_is_refused(tmp_path):
-    scenario = sx.scenarios.load("example-4.1-1khz", NEAR)
-    decide = CompiledAdmission(scenario, tmp_path)
-    (motion,) = random_motions(certified_law(scenario), 1)
+def test_what_is_no_motion_is_refused(two_links):
+    decide, law = two_links
+    (motion,) = random_motions(law, 1)
     coefficients, times = np.asarray(motion.coefficients), np.asarray(motion.times)
 
     class Spoiled:
@@ -174,5 +180,8 @@ def test_what_is_no_motion_is_refused(tmp_path):
 def test_the_command_adds_the_function_or_says_why_the_law_has_none(tmp_path):
     done = in_process("export", "c", "example-4.1", "--out", str(tmp_path), "--admission", "--quick")
     assert done.exit_code == 2 and "a bound along a motion needs a law in sampled-data form" in done.stderr
+    scenario = sx.scenarios.load("example-4.1-1khz")
     with pytest.raises(DefinitionError, match="kind: kalman"):
-        export_admission(sx.scenarios.load("example-4.1-1khz"), None, tmp_path)
+        export_admission(scenario, project(scenario, with_golden=False), tmp_path)
+    with pytest.raises(DefinitionError, match="without --float"):
+        export_admission(scenario, project(scenario, single=True, with_golden=False), tmp_path)

@@ -73,8 +73,11 @@ FILES = {
 def export_admission(scenario: Scenario, exported: CProject, out: str | Path) -> None:
     """Write the admission of motions for the law of a scenario into its C project.
 
-    Raises DefinitionError if no bound covers the law, as `CertifiedLaw.of`, or the folder cannot be written.
+    Raises DefinitionError if no bound covers the law, as `CertifiedLaw.of`, the step computes in floats, or the folder
+    cannot be written.
     """
+    if exported.real != "double":
+        raise DefinitionError("the guarantee is of a step in doubles: export it without --float (single=False)")
     law, law_in_samples = CertifiedLaw.of(scenario), scenario.controller
     assert isinstance(law_in_samples, SampledData)
     numbers = _Numbers.of(law, law_in_samples)
