@@ -69,13 +69,15 @@ class CompiledAdmission:
 
     def __call__(self, motion: Any, allowed: float = 0.0, assume_steps: bool = False, slow_down: bool = False) -> Any:
         coefficients, times = np.asarray(motion.coefficients), np.asarray(motion.times)
-        asked, options = self.motion(), self.options()
-        asked.powers, asked.pieces = coefficients.shape[:2]
-        asked.times[: len(times)] = times.tolist()
-        np.ctypeslib.as_array(asked.coefficients)[: asked.pieces, :, : asked.powers] = coefficients.transpose(1, 2, 0)
+        motion_in_c, options = self.motion(), self.options()
+        motion_in_c.powers, motion_in_c.pieces = coefficients.shape[:2]
+        motion_in_c.times[: len(times)] = times.tolist()
+        np.ctypeslib.as_array(motion_in_c.coefficients)[: motion_in_c.pieces, :, : motion_in_c.powers] = (
+            coefficients.transpose(1, 2, 0)
+        )
         options.allowed[:] = [allowed] * self.joints
         options.assume_steps, options.slow_down = int(assume_steps), int(slow_down)
-        return self.function(ctypes.byref(asked), ctypes.byref(options), self.work)
+        return self.function(ctypes.byref(motion_in_c), ctypes.byref(options), self.work)
 
 
 def random_motions(law: Any, count: int, seed: int = 0) -> list[MinimumJerk]:

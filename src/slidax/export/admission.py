@@ -280,7 +280,7 @@ def _plan(plan: hand_over.HandOver, n: int) -> tuple[dict[str, Any], list[_Array
     places = np.unique(np.round(np.linspace(1, fine - 1, PLACES)).astype(int))
 
     def lines(values: Floats, x: Floats) -> float:
-        """How far a value of the fine table, or one before the next, is off the lines between places, relatively."""
+        """The largest relative distance from the fine table, or the step before, to the lines between places."""
         line = np.interp(x, x[places - 1], values[places - 1])
         # Both grow, so that the values at the ends of a step bound those within it.
         return float(np.max([np.max(values[1:] / line[:-1]), np.max(line[1:] / values[:-1])]) - 1.0)
@@ -322,7 +322,7 @@ def _plan(plan: hand_over.HandOver, n: int) -> tuple[dict[str, Any], list[_Array
 
 
 def _off_in_logarithms(values: Floats, x: Floats, places: Places) -> float:
-    """How far the logarithm of a value that grows is off the lines between places at most."""
+    """The largest distance in logarithm from a growing value to the lines between places."""
     line = np.interp(x, x[places], values[places])
     return float(max(np.max(np.abs(values[1:] - line[:-1])), np.max(np.abs(line[1:] - values[:-1]))))
 
