@@ -69,15 +69,13 @@ class CompiledAdmission:
 
     def __call__(self, motion: Any, allowed: float = 0.0, assume_steps: bool = False, slow_down: bool = False) -> Any:
         coefficients, times = np.asarray(motion.coefficients), np.asarray(motion.times)
-        motion_in_c, options = self.motion(), self.options()
-        motion_in_c.powers, motion_in_c.pieces = coefficients.shape[:2]
-        motion_in_c.times[: len(times)] = times.tolist()
-        np.ctypeslib.as_array(motion_in_c.coefficients)[: motion_in_c.pieces, :, : motion_in_c.powers] = (
-            coefficients.transpose(1, 2, 0)
-        )
+        given, options = self.motion(), self.options()
+        given.powers, given.pieces = coefficients.shape[:2]
+        given.times[: len(times)] = times.tolist()
+        np.ctypeslib.as_array(given.coefficients)[: given.pieces, :, : given.powers] = coefficients.transpose(1, 2, 0)
         options.allowed[:] = [allowed] * self.joints
         options.assume_steps, options.slow_down = int(assume_steps), int(slow_down)
-        return self.function(ctypes.byref(motion_in_c), ctypes.byref(options), self.work)
+        return self.function(ctypes.byref(given), ctypes.byref(options), self.work)
 
 
 def random_motions(law: Any, count: int, seed: int = 0) -> list[MinimumJerk]:
