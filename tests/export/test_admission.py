@@ -69,13 +69,13 @@ class CompiledAdmission:
 
     def __call__(self, motion: Any, allowed: float = 0.0, assume_steps: bool = False, slow_down: bool = False) -> Any:
         coefficients, times = np.asarray(motion.coefficients), np.asarray(motion.times)
-        given, options = self.motion(), self.options()
-        given.powers, given.pieces = coefficients.shape[:2]
-        given.times[: len(times)] = times.tolist()
-        np.ctypeslib.as_array(given.coefficients)[: given.pieces, :, : given.powers] = coefficients.transpose(1, 2, 0)
+        plan, options = self.motion(), self.options()
+        plan.powers, plan.pieces = coefficients.shape[:2]
+        plan.times[: len(times)] = times.tolist()
+        np.ctypeslib.as_array(plan.coefficients)[: plan.pieces, :, : plan.powers] = coefficients.transpose(1, 2, 0)
         options.allowed[:] = [allowed] * self.joints
         options.assume_steps, options.slow_down = int(assume_steps), int(slow_down)
-        return self.function(ctypes.byref(given), ctypes.byref(options), self.work)
+        return self.function(ctypes.byref(plan), ctypes.byref(options), self.work)
 
 
 def random_motions(law: Any, count: int, seed: int = 0) -> list[MinimumJerk]:
