@@ -124,11 +124,14 @@ def export_ros2(
     gravity: Annotated[
         Compensation, typer.Option(help="Who compensates gravity: `robot` if the robot does so itself.")
     ] = Compensation.law,
+    admission: Annotated[
+        bool, typer.Option("--admission", help="Take only goals inside the guarantee of the law, as `slidax admit`.")
+    ] = False,
     quick: Quick = False,
     changes: Changes = None,
 ) -> None:
     """Export the law as a ROS 2 package: a ros2_control controller for MoveIt, and a node in Python."""
-    options = {"name": name, "single": single, "gravity": gravity.value, "golden": not quick}
+    options = {"name": name, "single": single, "gravity": gravity.value, "golden": not quick, "admission": admission}
     _export("ros2", "slidax.export.ros2", scenario, changes, out, "for ros2_control", **options)
 
 

@@ -69,9 +69,13 @@ FILES = {
     )
 }
 
+OF_TRAJECTORIES = {f"onboard/guarantee.{end}.j2": f"{{prefix}}_guarantee.{end}" for end in ("c", "h")}
 
-def export_admission(scenario: Scenario, exported: CProject, out: str | Path) -> None:
+
+def export_admission(scenario: Scenario, exported: CProject, out: str | Path, *, trajectories: bool = False) -> None:
     """Write the admission of motions for the law of a scenario into its C project.
+
+    - `trajectories`: also for the trajectories of an export for a robot.
 
     Raises DefinitionError if no bound covers the law, as `CertifiedLaw.of`, the step computes in floats, or the folder
     cannot be written.
@@ -82,10 +86,12 @@ def export_admission(scenario: Scenario, exported: CProject, out: str | Path) ->
     assert isinstance(law_in_samples, SampledData)
     numbers = _Numbers.of(law, law_in_samples)
     allowed = admission.allowed_error(scenario)
+    files = FILES | (OF_TRAJECTORIES if trajectories else {})
     write_files(
         exported,
         out,
-        FILES,
+        files,
+        rest=numbers.macros["REST"],
         n=law.arm.joints,
         set=law.uncertainty.region(law.bodies).title,
         allowed=None if allowed is None else allowed.tolist(),

@@ -9,17 +9,22 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import slidax
+from slidax.certify.motion.admission import allowed_error
 from slidax.core.errors import DefinitionError, short_repr
 from slidax.core.joint_names import are_numbered
 from slidax.core.writing import write_text
 from slidax.scenarios.scenario import Scenario
 
+from .admission import export_admission
 from .c_project import CProject, export_c, write_files, writing
 from .c_structures import Member
 from .onboard.ros2_node import Node
 from .robots import RobotLimits, own_plant, weight_by_robot, write_onboard
+
+Floats = NDArray[np.float64]
 
 KEPT = ("nominal_payload_mass", "nominal_payload_center", "nominal_gravity_vector", "nominal_armature")
 """Settable parameters of the nominal arm; the others describe the arm itself and keep their compiled values."""
@@ -48,8 +53,13 @@ class RosParameter:
     member: Member | None = None
 
 
-def ros_parameters(project: CProject, allowed: RobotLimits, joint_names: Sequence[str]) -> list[RosParameter]:
-    """All parameters of the controller."""
+def ros_parameters(
+    project: CProject, allowed: RobotLimits, joint_names: Sequence[str], guaranteed: Floats | None = None
+) -> list[RosParameter]:
+    """All parameters of the controller.
+
+    - `guaranteed`: largest guaranteed error of a goal [n]; None without the admission of motions.
+    """
     n = len(joint_names)
     rows = [
         RosParameter("joints", "string_array", as_list(map(as_text, joint_names)), "names, in the law's order"),
@@ -98,6 +108,13 @@ def ros_parameters(project: CProject, allowed: RobotLimits, joint_names: Sequenc
         ("limited", allowed.limited, "periods in a row with a limited torque, then it comes to rest"),
     ):
         rows.append(RosParameter(f"limits.{name}", "int", str(number), meaning, (("gt<>", "[0]"),)))
+    if guaranteed is not None:
+        meaning = f"largest guaranteed errors of a goal, {allowed.unit}, 0 for any"
+        rows += [
+            RosParameter("guarantee.required", "bool", "true", "take only goals inside the guarantee of the law"),
+            RosParameter("guarantee.error", "double_array", as_list(map(_number, guaranteed)), meaning, size),
+            RosParameter("guarantee.assume_steps", "bool", "false", "without a proof of the torque's rate limit"),
+        ]
     return rows + [_of_the_law(member) for member in project.parameters if _settable(member)]
 
 
@@ -197,6 +214,7 @@ def export_ros2(
     command: str = "",
     gravity: str = "law",
     golden: bool = True,
+    admission: bool = False,
 ) -> CProject:
     """Write a package with a controller for ros2_control and a node in Python, and the law that both run.
 
@@ -205,18 +223,28 @@ def export_ros2(
     - `name`, `single`, `command`: as in `export_c`.
     - `gravity`: "law" if the law carries the arm's weight, "robot" if the robot adds it to each effort.
     - `golden`: include the tests and golden samples, which take most of the time.
+    - `admission`: take only goals inside the guarantee of the law (`slidax admit`).
 
-    Raises DefinitionError if the scenario cannot be exported.
+    Raises DefinitionError if the scenario cannot be exported, or no bound covers its law.
     """
     if gravity not in ("law", "robot"):
         raise DefinitionError(f'`gravity` must be "law" or "robot"; got "{gravity}"')
     carried = gravity == "robot"
+    if admission and carried:
+        raise DefinitionError(
+            'the guarantee is of a law that carries the weight: set `gravity` to "law" (--gravity law)'
+        )
     fitted = weight_by_robot(scenario) if carried else scenario
     exported = export_c(fitted, out / "law", name=name, single=single, command=command, golden=golden)
     allowed = RobotLimits.of(fitted, exported, carried=carried)
     package = f"slidax_{exported.name}_controller"
     names = interface_names(own_plant(scenario).robot.joint_names)
-    rows = ros_parameters(exported, allowed, names)
+    guaranteed = None
+    if admission:
+        export_admission(fitted, exported, out / "law", trajectories=True)
+        tolerance = allowed_error(fitted)
+        guaranteed = np.zeros(len(names)) if tolerance is None else np.broadcast_to(tolerance, len(names))
+    rows = ros_parameters(exported, allowed, names, guaranteed)
     values: dict[str, Any] = {
         "o": allowed,
         "package": package,
@@ -225,6 +253,7 @@ def export_ros2(
         "joints": as_list(map(as_text, names)),
         "rate": round(1.0 / exported.period),
         "carried": carried,
+        "admission": admission,
         "version": slidax.__version__,
         "signals": _signals(exported),
     }

@@ -32,10 +32,13 @@ def package(tmp_path_factory):
     return folder
 
 
+def parameters_of(package):
+    return YAML(typ="safe").load((package / "src" / "parameters.yaml").read_text())
+
+
 @pytest.fixture(scope="module")
 def parameters(package):
-    result = YAML(typ="safe").load((package / "src" / "parameters.yaml").read_text())
-    return result
+    return parameters_of(package)
 
 
 def leaves(tree, path=""):
@@ -81,12 +84,11 @@ def header(tree):
     """
 
 
-@pytest.fixture(scope="module")
-def run(package, parameters):
-    """Compile the controller with one of our programs, and return its lines."""
+def programs_of(package):
+    """A function that compiles the controller with one of our programs, and returns its lines."""
     generated = package / "made" / PACKAGE
     generated.mkdir(parents=True)
-    (generated / "parameters.hpp").write_text(header(parameters))
+    (generated / "parameters.hpp").write_text(header(parameters_of(package)))
     includes = [f"-I{path}" for path in (STUBS, package / "include", package / "made", package / "law")]
     warnings = ["-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror"]
     sources = sorted((package / "law").glob("slidax_law*.c"))
@@ -105,6 +107,11 @@ def run(package, parameters):
         return done.stdout.splitlines()
 
     return lines_of
+
+
+@pytest.fixture(scope="module")
+def run(package):
+    return programs_of(package)
 
 
 @needs_a_compiler
