@@ -1,4 +1,4 @@
-"""Tables of docs/arm-learning.md: events during a run, and random arms, with and without learning of the whole arm."""
+"""Tables of docs/arm-learning.md: events and random arms, with learning of the whole arm and calm steps, or without."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from slidax.core.types import State
 from slidax.plant.disturbances import AbstractDisturbance
 from slidax.scenarios import load
 from slidax.simulation import simulate_batch
@@ -20,6 +21,21 @@ LAWS: dict[str, dict[str, Any]] = {
     "`joint_learning`": {},
     "`arm_learning`": {"scheme.sampled_data.adaptation": {"kind": "arm_learning"}},
 }
+ARM = LAWS["`arm_learning`"]
+FRONT: dict[str, dict[str, Any]] = {
+    "`cftsmppc`, `joint_learning`": {},
+    "`cftsmppc`, `joint_learning`, calm": {"scheme.sampled_data.calm": True},
+    "`computed_torque`": {**ARM, "scheme.name": "computed_torque"},
+    "`slotine_li`": {**ARM, "scheme.name": "slotine_li"},
+    "`super_twisting`": {**ARM, "scheme.name": "super_twisting"},
+    "`cftsmppc`": ARM,
+    "`cftsmppc`, horizon 14 ms": {**ARM, "scheme.sampled_data.horizon": 0.014},
+    "`cftsmppc`, horizon 20 ms": {**ARM, "scheme.sampled_data.horizon": 0.020},
+    "`cftsmppc`, calm, 200 rad/s": {**ARM, "scheme.sampled_data.calm": {"bandwidth": 200.0, "fastest": 400.0}},
+    "`cftsmppc`, calm": {**ARM, "scheme.sampled_data.calm": True},
+    "`cftsmppc`, calm, 30 rad/s": {**ARM, "scheme.sampled_data.calm": {"bandwidth": 30.0}},
+}
+"""Laws on `panda-payload`: all but the first two with `arm_learning`."""
 RATED = np.array([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0])
 NEVER = 1e9
 EVENT, END, STEADY = 5.0, 8.0, 1.0
@@ -184,6 +200,39 @@ def write_random_arms() -> None:
         )
     head = ["learning", "inside", "median steady error [rad]", "largest", "median largest torque step [N m]"]
     write_table(PAGE, "random-arms", table(head, rows))
+
+
+def write_calm_front() -> None:
+    """Simulate `panda-payload` with each law, and write the table of error against torque noise."""
+    rows = []
+    for name, changes in FRONT.items():
+        scenario = load("panda-payload", changes)
+        log = scenario.simulate().log
+        late = np.asarray(log.t) > 0.5 * END
+        steps = np.diff(np.asarray(log.tau)[late], axis=0)
+        noise = steps - np.diff(ideal_torque(scenario, np.asarray(log.t)[late]), axis=0)
+        rows.append(
+            [
+                name,
+                f"{np.abs(np.asarray(log.e)[late]).max():.1e}",
+                f"{np.abs(steps).max():.3f}",
+                f"{np.sqrt(np.mean(noise**2, axis=0)).max():.4f}",
+            ]
+        )
+    head = ["law", "steady error [rad]", "largest torque step [N m]", "torque noise [N m]"]
+    write_table(PAGE, "calm-front", table(head, rows))
+
+
+def ideal_torque(scenario: Any, times: np.ndarray) -> np.ndarray:
+    """The torque that the true arm needs on its reference at these times [samples n], N m."""
+    plant, _, motion, *_ = scenario.parts
+
+    def needed(t: jax.Array) -> jax.Array:
+        now = motion.reference(t)
+        state, still = State(q=now.q, dq=now.dq), jnp.zeros_like(now.q)
+        return plant.at(t).mass(now.q) @ (now.ddq - plant.acceleration(t, state, still))
+
+    return np.asarray(jax.jit(jax.vmap(needed))(jnp.asarray(times)))
 
 
 def _measured(run: Any, period: float) -> tuple[np.ndarray, list[int], np.ndarray]:

@@ -28,13 +28,13 @@ def law(folder):
     return sx.load_export(folder)
 
 
-def samples(count):
+def samples(count, scenario=SCENARIO, noise=1e-4):
     rng = np.random.default_rng(1)
-    reference = eqx.filter_jit(SCENARIO.trajectory.reference)
-    h = SCENARIO.period
+    reference = eqx.filter_jit(scenario.trajectory.reference)
+    h = scenario.period
     for k in range(count):
         now, following = (reference(jnp.asarray(t)) for t in (k * h, (k + 1) * h))
-        q, dq = (np.asarray(part) + rng.normal(scale=1e-4, size=2) for part in (now.q, now.dq))
+        q, dq = (np.asarray(part) + rng.normal(scale=noise, size=part.shape) for part in (now.q, now.dq))
         yield k * h, q, dq, now, following
 
 
@@ -42,10 +42,10 @@ def rows(reference):
     return np.stack([reference.q, reference.dq, reference.ddq])
 
 
-def test_an_exported_law_answers_as_python_does(law):
-    guard, memory = guarded_law(SCENARIO), None
+def assert_same_answers(law, scenario, count, noise=1e-4):
+    guard, memory = guarded_law(scenario), None
     step = eqx.filter_jit(guard.step)
-    for t, q, dq, now, following in samples(60):
+    for t, q, dq, now, following in samples(count, scenario, noise):
         state = State(jnp.asarray(q), jnp.asarray(dq))
         if memory is None:
             memory = guard.init(jnp.asarray(t), state, now)
@@ -53,8 +53,23 @@ def test_an_exported_law_answers_as_python_does(law):
         memory = command.memory
         tau, bits = law.step(t, q, dq, rows(now), rows(following))
         assert tau == pytest.approx(np.asarray(command.tau), rel=1e-9, abs=1e-9) and bits == int(status)
+    return tau
+
+
+def test_an_exported_law_answers_as_python_does(law):
+    tau = assert_same_answers(law, SCENARIO, 60)
     assert law.signals["tau"].tolist() == tau.tolist() and "s" in law.signals
     assert law.joints == 2 and law.period == pytest.approx(1e-3)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("name", ["example-4.1-1khz", "panda-payload"])
+def test_calm_steps_in_c_are_those_of_python(name, tmp_path):
+    scenario = scenarios.load(name, {"scheme.sampled_data.calm": True})
+    export_c(scenario, tmp_path, name="law", golden=False)
+    law = sx.load_export(tmp_path)
+    assert_same_answers(law, scenario, 250, noise=1e-7)
+    assert law.signals["calm"].all()
 
 
 def test_a_reference_without_a_next_row_is_extrapolated_with_its_acceleration(law):

@@ -17,6 +17,8 @@ from .adaptation import LearnedParameters as LearnedParameters
 from .arm_learning import ArmLearning as ArmLearning
 from .arm_model import ArmParameters as ArmParameters
 from .arm_model import KnownArm as KnownArm
+from .calm_step import Calm as Calm
+from .calm_step import CalmStep as CalmStep
 from .controllers import AbstractController as AbstractController
 from .controllers import AbstractModelBased as AbstractModelBased
 from .controllers import AbstractSurfaceBased as AbstractSurfaceBased

@@ -150,6 +150,10 @@ class AbstractAdaptation(AbstractPart):
         learnt = self.learnt(memory)
         return {"rotor": learnt.rotor, "coulomb": learnt.coulomb}
 
+    def settled(self, memory: Memory) -> Bool[Array, ""]:
+        """True while the learnt model is in full use."""
+        return jnp.ones((), bool)
+
     def robot(self, nominal: AbstractRobot, memory: Memory) -> AbstractRobot:
         """Return the nominal arm with the estimated inertias; its friction stays nominal."""
         return Believed.of(nominal, self.learnt(memory).rotor, self.counted)

@@ -365,6 +365,10 @@ class ArmLearning(AbstractAdaptation):
         own = self.joints.friction(memory.joints, dq)
         return own + memory.trust.share * (ArmParameters.of(memory.estimates.used).friction(dq) - own)
 
+    def settled(self, memory: ArmLearningMemory) -> Bool[Array, ""]:
+        """True while α is 1."""
+        return memory.trust.share >= 1.0
+
     def signals(self, memory: ArmLearningMemory) -> dict[str, Array]:
         """Return `rotor`, `coulomb`, and the arm's parameters with their deviations.
 

@@ -32,6 +32,8 @@ class StepInput(eqx.Module):
     - `horizon`: H [s]; None for a law without a plan.
     - `planned`: True if the last sample was one period ago, and no limit changed its torque.
     - `expected`: the velocity that it planned for now [n], rad/s or m/s.
+    - `disturbance`: ŵ, the acceleration that the model does not explain [n], rad/s² or m/s².
+    - `settled`: True while the learnt model, if there is one, is in full use.
     """
 
     t: Scalar
@@ -45,6 +47,8 @@ class StepInput(eqx.Module):
     horizon: Scalar | None
     planned: Bool[Array, ""]
     expected: Vector
+    disturbance: Vector
+    settled: Bool[Array, ""]
 
 
 class Decision(eqx.Module):

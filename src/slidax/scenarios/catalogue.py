@@ -18,7 +18,13 @@ from .descriptions import AbstractDescription, union_of
 from .instruments import ActuatorDescription, InstrumentDescription, SensorDescription, Term
 from .load import names, read_description
 from .robots import RobotDescription
-from .sampled_data import AdaptationDescription, EstimatorDescription, RecoveryDescription, SampledDataDescription
+from .sampled_data import (
+    AdaptationDescription,
+    CalmDescription,
+    EstimatorDescription,
+    RecoveryDescription,
+    SampledDataDescription,
+)
 from .scenario import ScenarioDescription, SimulationDescription
 from .schemes import AnyScheme
 from .trajectories import TrajectoryDescription
@@ -46,6 +52,7 @@ BLOCKS: dict[str, type[AbstractDescription]] = {
     "actuator": ActuatorDescription,
     "sampled_data": SampledDataDescription,
     "recovery": RecoveryDescription,
+    "calm": CalmDescription,
 }
 """Blocks of a scenario with one kind."""
 

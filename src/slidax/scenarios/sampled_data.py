@@ -14,6 +14,7 @@ from slidax.arms.arm import AbstractRobot
 from slidax.core.errors import DefinitionError, as_array, locate_errors
 from slidax.law.adaptation import AbstractAdaptation
 from slidax.law.arm_learning import ArmLearning
+from slidax.law.calm_step import Calm
 from slidax.law.controllers import AbstractController
 from slidax.law.estimators import AbstractEstimator, Measured
 from slidax.law.joint_learning import JointLearning
@@ -206,9 +207,11 @@ class ArmLearningDescription(AbstractDescription):
 if TYPE_CHECKING:
     AdaptationDescription = PartDescription | JointLearningDescription | ArmLearningDescription
     EstimatorDescription = PartDescription
+    CalmDescription = PartDescription
     RecoveryDescription = PartDescription
     MonitorDescription = PartDescription
 else:
+    CalmDescription = plain_of(Calm, "CalmDescription")
     RecoveryDescription = plain_of(Recovery, "RecoveryDescription")
     MonitorDescription = plain_of(Monitor, "MonitorDescription")
     EstimatorDescription = union_of(AbstractEstimator, MeasuredDescription, KalmanDescription)
@@ -239,6 +242,8 @@ class SampledDataDescription(AbstractDescription):
     )
     recovery: RecoveryDescription | None = RecoveryDescription()
     """Recovery outside the envelope; null: return to the prescribed envelope."""
+    calm: CalmDescription | None = None
+    """Least changes of the torque while the error is well inside its envelope; true for the defaults, null for none."""
     monitor: MonitorDescription | None = None
     """Guarantee monitor, which checks at every sample that the guarantee still holds; null for none."""
     gate: GateDescription = GateDescription()
@@ -256,6 +261,12 @@ class SampledDataDescription(AbstractDescription):
     def _learns(cls, value: Any) -> Any:
         """Add the default kind."""
         return {"kind": "joint_learning", **value} if isinstance(value, dict) else value
+
+    @field_validator("calm", mode="before")
+    @classmethod
+    def _is_calm(cls, value: Any) -> Any:
+        """Take true for the defaults, and false for none."""
+        return {True: {}, False: None}[value] if isinstance(value, bool) else value
 
     def build(self, law: AbstractController, sampling: Sampling) -> AbstractController:
         """Build the sampled-data form of a law.
@@ -287,6 +298,10 @@ class SampledDataDescription(AbstractDescription):
         if self.recovery is not None:
             with locate_errors("recovery"):
                 recovery = self.recovery.build()
+        calm = None
+        if self.calm is not None:
+            with locate_errors("calm"):
+                calm = self.calm.build()
         monitor = None
         if self.monitor is not None:
             with locate_errors("monitor"):
@@ -309,6 +324,7 @@ class SampledDataDescription(AbstractDescription):
             delay=sampling.delay,
             dead_time=sampling.dead_time,
             slopes=self.slopes,
+            calm=calm,
             adaptation=adaptation,
             monitor=monitor,
             gate=gate,

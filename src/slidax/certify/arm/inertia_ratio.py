@@ -9,6 +9,7 @@ import numpy as np
 
 from slidax.analysis.cause import Remedy
 from slidax.analysis.run_record import joint_loops
+from slidax.law.calm_step import CalmStep
 from slidax.law.implicit_steps import AbstractSurfaceStep
 from slidax.law.joint_learning import JointLearning
 from slidax.law.joint_loop import LinearLoop
@@ -99,6 +100,8 @@ def linear_loops(scenario: Scenario) -> tuple[SampledData, tuple[LinearLoop, ...
     law = scenario.controller
     if not isinstance(law, SampledData):
         return "the scheme is not in sampled-data form"
+    if isinstance(law.step, CalmStep):
+        return "the law takes calm steps, which are not covered: leave `scheme.sampled_data.calm` out"
     if not isinstance(law.step, AbstractSurfaceStep) or law.horizon is None:
         return "the law does not plan over a horizon"
     if law.midpoint or law.viscous_feedforward:

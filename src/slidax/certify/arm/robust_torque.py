@@ -12,6 +12,7 @@ import numpy as np
 
 from slidax.analysis.cause import Remedy
 from slidax.core.types import State
+from slidax.law.calm_step import CalmStep
 from slidax.law.sampled.controller import SampledData
 from slidax.law.torque_bounds import AbstractBound, StateBound, UncertaintyBound
 from slidax.scenarios.family import Family
@@ -78,7 +79,8 @@ def robust_torque(scenario: Scenario, demand: Demand | None = None) -> Verdict:
 def robust_bound(scenario: Scenario) -> AbstractBound | None:
     """Return the bound u of a scenario's law; None for a law without one."""
     law: Any = scenario.controller
-    bound = getattr(law.step if isinstance(law, SampledData) else law, "bound", None)
+    decides = law.step if isinstance(law, SampledData) else law
+    bound = getattr(decides.plan if isinstance(decides, CalmStep) else decides, "bound", None)
     return bound if isinstance(bound, AbstractBound) else None
 
 

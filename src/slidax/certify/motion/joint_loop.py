@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slidax.core.errors import DefinitionError
+from slidax.law.calm_step import CalmStep
 from slidax.law.error_transformations import Unconstrained
 from slidax.law.implicit_steps import AbstractSurfaceStep
 from slidax.law.kalman import Kalman, steady_gains
@@ -253,6 +254,8 @@ def _feedback(law: SampledData) -> tuple[float, float, float]:
         period, horizon = float(law.period), float(law.horizon)
         lead, share = horizon - 0.5 * period, linear_share(law.step, horizon)
         return (1.0 - share) / horizon**2, (1.0 - share) * lead / horizon**2 + 1.0 / horizon, lead
+    if isinstance(law.step, CalmStep):
+        raise DefinitionError("a bound along a motion does not cover calm steps: leave `scheme.sampled_data.calm` out")
     explicit = law.step.law if isinstance(law.step, ExplicitStep) else None
     if not isinstance(explicit, ComputedTorque):
         kind = type(law.step if explicit is None else explicit).__name__

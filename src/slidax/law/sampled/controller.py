@@ -249,7 +249,7 @@ class SampledData(AbstractController):
 
         predicted = self._predict(learned, missed, memory)
         now, following = predicted.state, predicted.following
-        request = self._step_input(t, now, reference_now, reference_next, missed, learned.robot, memory)
+        request = self._step_input(t, now, reference_now, reference_next, missed, learned, memory)
         decision = self.step(request, memory.step)
         if self.midpoint:
             request, decision = self._at_midpoint(request, decision)
@@ -319,7 +319,7 @@ class SampledData(AbstractController):
         """The model after this sample; without an adaptation, the model as it is."""
         known = memory.adapted
         if self.adaptation is None or known is None:
-            return LearnedModel(robot, estimate, pending, known)
+            return LearnedModel(robot, estimate, pending, known, jnp.ones((), bool))
         h = self.period
         # During a recovery all joints accelerate at once, which disturbs the learning of each joint alone. A long
         # recovery does not pause it, since the arm may have changed.
@@ -338,7 +338,8 @@ class SampledData(AbstractController):
         if self.adaptation.moves_bias:
             before, after = (self.adaptation.friction(part.memory, reference.dq) for part in (known, adapted))
             lumped = lumped + newly_explained(robot, revised, at, reference) + after - before
-        return LearnedModel(revised, Estimate(at, solve_symmetric(revised.mass(at.q), lumped)), net, adapted)
+        explained = Estimate(at, solve_symmetric(revised.mass(at.q), lumped))
+        return LearnedModel(revised, explained, net, adapted, self.adaptation.settled(adapted.memory))
 
     def _predict(self, learned: LearnedModel, missed: Bool[Array, ""], memory: LawMemory) -> Prediction:
         """The prediction over the delay."""
@@ -382,12 +383,12 @@ class SampledData(AbstractController):
         reference_now: Reference,
         reference_next: Reference,
         missed: Bool[Array, ""],
-        robot: AbstractRobot,
+        learned: LearnedModel,
         memory: LawMemory,
     ) -> StepInput:
         """The step's input at the time when its torque sets in."""
+        robot, planned = learned.robot, memory.planned & ~missed
         m0 = barrier(robot.mass(now.q))
-        planned = memory.planned & ~missed
         return StepInput(
             t=t + self.dead_time * self.period,
             state=now,
@@ -400,6 +401,8 @@ class SampledData(AbstractController):
             horizon=self.horizon,
             planned=planned,
             expected=memory.dq,
+            disturbance=learned.estimate.disturbance,
+            settled=learned.settled,
         )
 
     def _compensate(
@@ -449,8 +452,7 @@ class SampledData(AbstractController):
         if envelope is None or self.horizon is None:
             raise DefinitionError("`SampledData.monitor` watches an envelope, and this law has none: leave it out")
         desired = State(q=request.reference.q, dq=request.reference.dq)
-        span = self.period, self.horizon
-        wanted = decision.acceleration
+        span, wanted = (self.period, self.horizon), decision.acceleration
         return self.monitor(
             request.state, unseen, desired, wanted, fresh, envelope, learnt, disturbance, span, memory.watched
         )
@@ -471,8 +473,7 @@ class SampledData(AbstractController):
 
     def _within_reason(self, estimate: Estimate) -> Estimate:
         """The estimate, bounded, so that no gains of an estimator lead to infinite values."""
-        fastest = self.gate.speed
-        state = State(q=estimate.state.q, dq=jnp.clip(estimate.state.dq, -fastest, fastest))
+        state = State(q=estimate.state.q, dq=jnp.clip(estimate.state.dq, -self.gate.speed, self.gate.speed))
         return Estimate(state=state, disturbance=jnp.clip(estimate.disturbance, -STRONGEST, STRONGEST))
 
     def _share(self, lumped: Vector, decision: Decision) -> Scalar:

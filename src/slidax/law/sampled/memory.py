@@ -53,9 +53,11 @@ class LearnedModel(NamedTuple):
     - `estimate`: the state, and the disturbance of this robot.
     - `net`: pending torques without the compensated friction [k n], N m or N.
     - `adapted`: the adaptation's memory; None for a law that does not learn.
+    - `settled`: True while the learnt model is in full use.
     """
 
     robot: AbstractRobot
     estimate: Estimate
     net: Array
     adapted: AdaptationMemory | None
+    settled: Bool[Array, ""]

@@ -15,8 +15,10 @@ from slidax.core.types import Envelope, Memory, Reference, Scalar, State
 from slidax.plant.actuators import TorqueLimits
 
 from ..adaptation import AbstractAdaptation
+from ..calm_step import Calm, CalmStep
 from ..controllers import AbstractController
 from ..estimators import AbstractEstimator, Measured
+from ..implicit_steps import AbstractSurfaceStep
 from ..steps import AbstractStep, Decision, Recovery, StepInput
 from .controller import SampledData
 from .gate import MeasurementGate
@@ -81,6 +83,7 @@ def sampled_data(
     delay: float = 0.0,
     dead_time: float = 0.0,
     slopes: bool = True,
+    calm: Calm | None = None,
     adaptation: AbstractAdaptation | None = None,
     monitor: Monitor | None = None,
     gate: MeasurementGate | None = None,
@@ -104,6 +107,7 @@ def sampled_data(
     - `delay`: age of a measurement when its torque sets in, in periods.
     - `dead_time`: the part of it after the command, in periods.
     - `slopes`: True if u counts the slopes of τ1, as printed in (45); without them u, and the torque, is smaller.
+    - `calm`: least changes of the torque while the error is well inside its envelope; None for the law's own step.
     - `adaptation`: adaptation law, such as `JointLearning.of_arm(...)`; None for none.
     - `monitor`: checks at every sample if the guarantee of the envelope still holds; None for none.
     - `gate`: rejects measurements that the arm cannot have produced; None: the gate for the nominal arm.
@@ -114,6 +118,13 @@ def sampled_data(
     """
     period = as_array(period)
     step: AbstractStep = law.implicit_step(recovery, slopes) or ExplicitStep(law.at_period(period))
+    if calm is not None:
+        if not isinstance(step, AbstractSurfaceStep):
+            raise DefinitionError(
+                f"`{type(law).__name__}` does not plan inside an envelope: leave `calm` out, or choose a scheme with "
+                "an envelope, such as `cftsmppc`"
+            )
+        step = CalmStep(step, calm)
     if horizon is not None and not step.plans:
         raise DefinitionError(f"`{type(law).__name__}` does not plan over a horizon; leave `horizon` out")
     least = max(2.0, 1.5 * (delay + 1.0)) * period
