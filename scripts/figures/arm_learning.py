@@ -22,6 +22,7 @@ LAWS: dict[str, dict[str, Any]] = {
     "`arm_learning`": {"scheme.sampled_data.adaptation": {"kind": "arm_learning"}},
 }
 ARM = LAWS["`arm_learning`"]
+CALM = "`arm_learning`, calm"
 FRONT: dict[str, dict[str, Any]] = {
     "`cftsmppc`, `joint_learning`": {},
     "`cftsmppc`, `joint_learning`, calm": {"scheme.sampled_data.calm": True},
@@ -107,8 +108,8 @@ def write_events() -> None:
     """Simulate `panda-payload` with events at 5 s, and write the table."""
     cases = events()
     stacked = jax.tree.map(lambda *values: jnp.stack([jnp.asarray(v) for v in values]), *cases.values())
-    columns = []
-    for changes in LAWS.values():
+    columns = {}
+    for law_name, changes in {**LAWS, CALM: {**ARM, "scheme.sampled_data.calm": True}}.items():
         scenario = load("panda-payload", {"simulation.substeps": 5, **changes})
         plant, law, motion, state, *_ = scenario.parts
 
@@ -122,26 +123,15 @@ def write_events() -> None:
             return changed, law, motion, state
 
         run = simulate_batch(define, stacked, t1=END, stepping=scenario.stepping, log_every=1, threads=2)
-        columns.append(_measured(run, scenario.period))
-    rows = []
-    for i, name in enumerate(cases):
-        (peak, outside, steady), (arm_peak, arm_outside, arm_steady) = ([part[i] for part in each] for each in columns)
-        rows.append(
-            [
-                name,
-                f"{peak:.1e}",
-                f"{arm_peak:.1e}",
-                f"{outside}",
-                f"{arm_outside}",
-                f"{steady:.1e}",
-                f"{arm_steady:.1e}",
-            ]
-        )
-    head = [
-        "event",
-        *(f"{what}, {law}" for what in ("peak [rad]", "samples outside", "error at the end [rad]") for law in LAWS),
-    ]
-    write_table(PAGE, "events", table(head, rows))
+        columns[law_name] = _measured(run, scenario.period)
+    words = [lambda value: f"{value:.1e}", str, lambda value: f"{value:.1e}"]
+    for laws, name, count in ((list(LAWS), "events", 3), ([list(LAWS)[1], CALM], "calm-events", 2)):
+        rows = [
+            [event, *(words[k](columns[law][k][i]) for k in range(count) for law in laws)]
+            for i, event in enumerate(cases)
+        ]
+        heads = ("peak [rad]", "samples outside", "error at the end [rad]")[:count]
+        write_table(PAGE, name, table(["event", *(f"{what}, {law}" for what in heads for law in laws)], rows))
 
 
 def write_random_arms() -> None:
@@ -155,7 +145,7 @@ def write_random_arms() -> None:
         "viscous": rng.uniform(0.05, 0.4, (ARMS, 7)),
     }
     rows = []
-    for name, changes in LAWS.items():
+    for name, changes in {**LAWS, CALM: {**ARM, "scheme.sampled_data.calm": True}}.items():
         scenario = load("panda-payload", {"simulation.substeps": 5, **changes})
         plant, law, motion, state, *_ = scenario.parts
 

@@ -29,7 +29,7 @@ class CompiledAdmission:
     def __init__(self, scenario: Any, folder: Any) -> None:
         export_admission(scenario, project(scenario, name="law", with_golden=False), folder)
         self.joints = n = scenario.controller.joints
-        compiled(COMPILERS[0], folder, "-O2", "-shared", "-fPIC", "slidax_law_admission.c", "-o", "a.so", "-lm")
+        compiled(COMPILERS[0], folder, "-O1", "-shared", "-fPIC", "slidax_law_admission.c", "-o", "a.so", "-lm")
         library = ctypes.CDLL(str(folder / "a.so"))
 
         class Motion(ctypes.Structure):
@@ -131,7 +131,7 @@ def two_links(tmp_path_factory):
 
 
 def test_c_decides_as_python_with_the_same_bounds(two_links):
-    assert_same_decisions(*two_links, count=6, allowed=1.6e-4)
+    assert_same_decisions(*two_links, count=4, allowed=1.6e-4)
 
 
 @pytest.mark.full

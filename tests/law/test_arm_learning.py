@@ -45,7 +45,7 @@ def test_a_model_that_explains_the_torque_and_knows_each_inertia_is_used(in_use)
 
 
 def test_a_push_returns_to_the_joints_learning_and_then_to_the_same_model(in_use):
-    pushed, verdicts = judged(in_use, SHORT + 0.15, innovation=3.0)
+    pushed, verdicts = judged(in_use, SHORT + 0.15, innovation=3.0, of_good=3.0)
     assert pushed.share == 0.0 and not pushed.relearns
     after, more = judged(pushed, CALM + 0.4, innovation=0.01)
     assert after.share == 1.0
@@ -66,6 +66,14 @@ def test_the_last_good_model_returns_when_a_long_push_ends(in_use):
     assert first * float(STEP) > CONFIRMED
     assert judged(pushed, (first + 1) * float(STEP), innovation=3.0, of_good=0.01)[0].relearns == NO
     assert pushed.share == 0.0 and restored.has_good
+
+
+def test_the_last_good_model_replaces_a_model_in_use_that_explains_the_torque_less_well(in_use):
+    spoiled, verdicts = judged(in_use, 1.0, innovation=0.5, of_good=0.01)
+    assert any(bool(verdict.restores) for verdict in verdicts) and not spoiled.relearns
+    # A good model and a better one are both left alone.
+    for innovation, of_good in ((0.03, 0.03), (0.03, 0.5), (0.04, 0.01)):
+        assert not any(bool(v.restores) for v in judged(in_use, 1.0, innovation=innovation, of_good=of_good)[1])
 
 
 def learner(**changes):

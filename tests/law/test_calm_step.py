@@ -81,7 +81,8 @@ def calm_memory(step, decide):
     for _ in range(round(WAIT / H) + 2):
         memory = decide(moment_of(step, still, still, still), memory).memory
     assert (memory.inside >= WAIT).all()
-    return memory
+    # An arm on which disturbances usually change that much.
+    return eqx.tree_at(lambda memory: memory.usual, memory, still + 20.0)
 
 
 def test_without_an_error_the_torque_stands_but_for_the_disturbances_change(step, decide, calm_memory):
@@ -97,7 +98,7 @@ def test_a_calm_step_aims_inside_the_envelope_for_any_state(step, decide, calm_m
     frame = step.transformation.frame(jnp.asarray(5.0), jnp.asarray(0.0115), jnp.asarray(0.012), calm_memory.plan.sides)
     calm = 0
     for _ in range(40):
-        q, dq = jnp.asarray(rng.uniform(-4e-3, 4e-3, 2)), jnp.asarray(rng.uniform(-0.3, 0.3, 2))
+        q, dq = jnp.asarray(rng.uniform(-4e-4, 4e-4, 2)), jnp.asarray(rng.uniform(-0.05, 0.05, 2))
         decision = decide(moment_of(step, q, dq, jnp.asarray(rng.uniform(-50.0, 50.0, 2))), calm_memory)
         y, acceleration = q + 0.0115 * dq, decision.acceleration
         place = (0.012 * (0.012 * acceleration + dq) + y) / frame.ahead
@@ -109,22 +110,22 @@ def test_a_calm_step_aims_inside_the_envelope_for_any_state(step, decide, calm_m
     assert calm > 10
 
 
-@pytest.mark.parametrize("change", ["far", "lost", "new", "unsettled"])
+@pytest.mark.parametrize("change", ["far", "lost", "new", "unsettled", "sudden"])
 def test_the_laws_own_step_decides_outside_of_the_calm_region(step, decide, calm_memory, change):
     still = jnp.zeros(2)
     far = jnp.array([0.05, 0.0]) if change == "far" else still
     memory = calm_memory
     if change == "new":
         memory = step.restarted(jnp.asarray(5.0), memory)
-    decision = decide(
-        moment_of(step, far, still, still, planned=change != "lost", settled=change != "unsettled"), memory
-    )
+    disturbance = still + 200.0 if change == "sudden" else still
+    moment = moment_of(step, far, still, disturbance, planned=change != "lost", settled=change != "unsettled")
+    decision = decide(moment, memory)
     assert decision.signals["calm"].tolist() == ([0.0, 1.0] if change == "far" else [0.0, 0.0])
 
 
 def test_the_bandwidth_grows_while_the_error_is_large_and_falls_again(step, decide, calm_memory):
     envelope = step.envelope(jnp.asarray(5.0), calm_memory)
-    still, off = jnp.zeros(2), jnp.array([0.2, 0.0]) * jnp.minimum(envelope.upper, -envelope.lower)
+    still, off = jnp.zeros(2), jnp.array([0.15, 0.0]) * jnp.minimum(envelope.upper, -envelope.lower)
     memory = calm_memory
     for _ in range(20):
         decision = decide(moment_of(step, off, still, still), memory)

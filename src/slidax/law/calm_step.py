@@ -22,8 +22,11 @@ from .steps import AbstractStep, Decision, StepInput
 WAIT = 0.1
 """s: how long a joint must be well inside before its steps are calm."""
 
-ERROR_SHARE, LED_SHARE = 0.5, 0.7
+ERROR_SHARE, LED_SHARE = 0.2, 0.3
 """Shares of the envelope, and of the led envelope, inside which a joint is well inside."""
+
+SUDDEN, USUAL_TIME = 6.0, 1.0
+"""Change of the estimated disturbance that ends calm steps, over the usual change; and its time constant, s."""
 
 DAMPING, TURN = 0.7, 0.71
 """Real and imaginary part of two poles, over the bandwidth; the third one is the bandwidth itself."""
@@ -55,6 +58,7 @@ class CalmMemory(eqx.Module):
     - `disturbance`: ŵ of the last step, rad/s² or m/s².
     - `inside`: time well inside the envelope so far, s.
     - `pace`: bandwidth over its least value.
+    - `usual`: usual change of ŵ from one sample to the next, rad/s² or m/s².
     """
 
     plan: Memory
@@ -62,6 +66,7 @@ class CalmMemory(eqx.Module):
     disturbance: Vector
     inside: Vector
     pace: Vector
+    usual: Vector
 
 
 class CalmStep(AbstractStep):
@@ -77,8 +82,9 @@ class CalmStep(AbstractStep):
        `a = ((ρ_a ψ - y)/H - v)/H`.
 
     y moves to `(1 - h/H) y + (h/H) ρ_a ψ` in one period as in the law's own step, with a ψ in the same sides
-    (docs/sampled-data.md). The law's own step decides for a joint outside of `0.5 ϑρ` or `0.7` of the led envelope,
-    for 0.1 s after that, after lost samples, after a limit of the drives has acted, and while a learnt model of the arm
+    (docs/sampled-data.md). The law's own step decides for a joint outside of `0.2 ϑρ` or `0.3` of the led envelope, and
+    for 0.1 s after that. It decides for all joints after lost samples, after a limit of the drives has acted, after a
+    sudden disturbance (a ŵ that changes by six times the mean of the last second), and while a learnt model of the arm
     is not in full use.
 
     ω is `ω0 (M0_ii)^(-1/3)`: the least sum of the squares of error and torque step has it for every inertia. It grows
@@ -113,7 +119,7 @@ class CalmStep(AbstractStep):
     def init(self, t: Scalar, state: State, reference: Reference, period: Scalar, horizon: Scalar | None) -> CalmMemory:
         zero = jnp.zeros_like(state.q)
         plan = self.plan.init(t, state, reference, period, horizon)
-        return CalmMemory(plan=plan, acceleration=zero, disturbance=zero, inside=zero, pace=zero + 1.0)
+        return CalmMemory(plan=plan, acceleration=zero, disturbance=zero, inside=zero, pace=zero + 1.0, usual=zero)
 
     def restarted(self, t: Scalar, memory: CalmMemory) -> CalmMemory:
         return replace(memory, plan=self.plan.restarted(t, memory.plan), inside=jnp.zeros_like(memory.inside))
@@ -133,17 +139,20 @@ class CalmStep(AbstractStep):
 
         e, v = moment.state.q - desired.q, moment.state.dq - desired.dq
         y = e + (horizon - 0.5 * h) * v
-        inside = self._inside(moment, e, y, memory)
+        change = moment.disturbance - memory.disturbance
+        usual = memory.usual + (h / USUAL_TIME) * (jnp.abs(change) - memory.usual)
+        sudden = jnp.any(jnp.abs(change) > SUDDEN * usual)
+        inside = jnp.where(sudden, 0.0, self._inside(moment, e, y, memory))
         calm = inside >= WAIT
         bandwidth, pace = self._bandwidth(moment, e, memory)
-        z = memory.acceleration + (moment.disturbance - memory.disturbance)
+        z = memory.acceleration + change
         k1, k2, k3 = gains(bandwidth, h)
         acceleration = self._held_inside(moment, z - k1 * e - k2 * v - k3 * z, y, v, memory)
         acceleration = jnp.where(calm, acceleration, own.acceleration - desired.ddq)
         total = desired.ddq + acceleration
 
         def kept(plan: Memory) -> CalmMemory:
-            return CalmMemory(plan, acceleration, moment.disturbance, inside, jnp.where(calm, pace, 1.0))
+            return CalmMemory(plan, acceleration, moment.disturbance, inside, jnp.where(calm, pace, 1.0), usual)
 
         return replace(
             own,

@@ -18,6 +18,9 @@ EXPLAINS, FAILS = 0.1, 0.25
 """Energy of the innovations over that of the torque: below the first a model explains the torque, above the second it
 does not."""
 
+WORSE, WRONG = 4.0, 0.02
+"""Energy of a model's innovations over the last good model's and over the torque's, from which the good one returns."""
+
 FLOOR = 5.0
 """Torque that every joint is taken to have at least, relative to the noise."""
 
@@ -124,7 +127,7 @@ def judge(
       a push or a contact is no property of the arm. The model returns after `CALM`.
     - Loud windows for `LASTING` show that the arm has changed. It is learnt anew, while the joints' own learning is in
       use. The new model is used once it explains the torque and knows each inertia; the last good one returns as soon
-      as it explains the torque again.
+      as it explains the torque again, also where the new one is in use and explains it less well.
 
     - `certain`: True if the model knows each joint's inertia.
     - `valid`, `loud`: of the window.
@@ -142,7 +145,8 @@ def judge(
 
     learns = trust.relearns
     done = learns & valid & certain & (ratio < EXPLAINS) & (since > ENERGY_TIME)
-    restores = learns & ~done & trust.has_good & (confirmed > CONFIRMED)
+    worse = (ratio > WORSE * ratio_good) & (ratio > WRONG)
+    restores = (learns | worse) & ~done & trust.has_good & (confirmed > CONFIRMED)
     changed = ~learns & (loud_time > LASTING)
     again = learns & ~done & ~restores & (ratio > FAILS) & (since > LASTING)
     relearns = (learns & ~done & ~restores) | changed

@@ -80,6 +80,7 @@ def test_a_fault_ends_the_program_as_documented(built, fault, code, message):
     assert (result.returncode, message in result.stdout) == (code, True), result.stdout + result.stderr
 
 
+@pytest.mark.full
 @needs_cmake
 def test_wrong_input_is_one_line_with_exit_code_2(built):
     for arguments, message in (

@@ -387,8 +387,8 @@ class SampledData(AbstractController):
         memory: LawMemory,
     ) -> StepInput:
         """The step's input at the time when its torque sets in."""
-        robot, planned = learned.robot, memory.planned & ~missed
-        m0 = barrier(robot.mass(now.q))
+        robot = learned.robot
+        m0, planned = barrier(robot.mass(now.q)), memory.planned & ~missed
         return StepInput(
             t=t + self.dead_time * self.period,
             state=now,
