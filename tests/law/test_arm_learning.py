@@ -9,7 +9,7 @@ from slidax.core.errors import DefinitionError
 from slidax.core.types import State
 from slidax.law import ArmLearning, ComputedTorque, JointLearning, KnownArm, sampled_data
 from slidax.law.arm_model import ArmParameters
-from slidax.law.model_trust import CALM, CONFIRMED, LASTING, PROVEN, SHORT, Trust, judge
+from slidax.law.model_trust import CALM, CONFIRMED, LASTING, PROBATION, PROVEN, SHORT, Trust, judge
 from slidax.scenarios import load
 from tests.law.moved import ARM
 from tests.paper_examples import TWO_LINK
@@ -34,7 +34,7 @@ def judged(trust, seconds, *, innovation=0.0, of_good=0.0, certain=YES):
 @pytest.fixture(scope="module")
 def in_use():
     """A model that has been in full use for long."""
-    return judged(Trust.init(2, VARIANCE), 0.8 + PROVEN, innovation=0.01)[0]
+    return judged(Trust.init(2, VARIANCE), 0.8 + PROBATION + PROVEN, innovation=0.01)[0]
 
 
 def test_a_model_that_explains_the_torque_and_knows_each_inertia_is_used(in_use):
@@ -74,6 +74,13 @@ def test_the_last_good_model_replaces_a_model_in_use_that_explains_the_torque_le
     # A good model and a better one are both left alone.
     for innovation, of_good in ((0.03, 0.03), (0.03, 0.5), (0.04, 0.01)):
         assert not any(bool(v.restores) for v in judged(in_use, 1.0, innovation=innovation, of_good=of_good)[1])
+
+
+def test_a_new_model_is_used_only_after_its_probation():
+    first, _ = judged(Trust.init(2, VARIANCE), 0.4, innovation=0.01)
+    assert not first.relearns and first.share == 0.0
+    assert judged(first, 0.7 * PROBATION, innovation=0.01)[0].share == 0.0
+    assert judged(first, PROBATION + 0.3, innovation=0.01)[0].share == 1.0
 
 
 def learner(**changes):

@@ -30,9 +30,9 @@ SHORT, CALM = 0.025, 0.15
 LASTING = 0.5
 """s: loud time after which the arm counts as changed, and is learnt anew."""
 
-CONFIRMED, PROVEN = 0.2, 1.0
-"""s: time in which the last good model must explain the torque before it is used again, and time in full use after
-which a model counts as good."""
+CONFIRMED, PROBATION, PROVEN = 0.2, 0.6, 1.0
+"""s: time in which the last good model must explain the torque before it is used again, time for which a new model must
+explain it before it is used, and time in full use after which a model counts as good."""
 
 RISE, FALL = 0.2, 0.1
 """s: times in which the share of the arm's model rises from 0 to 1 and falls from 1 to 0."""
@@ -46,7 +46,7 @@ class Trust(eqx.Module):
     - `usual`: usual squared innovation [n].
     - `share`: α, share of the arm's model in what the law uses; 0 for the joints' own learning.
     - `relearns`: True while the arm is learnt from the beginning, or anew after a lasting change.
-    - `since`: time since that began, or since the covariance was last opened [s].
+    - `since`: time since that began or ended, or since the covariance was last opened [s].
     - `loud`, `quiet`: time with loud windows, less that of quiet ones, and time since the last loud window [s].
     - `good`: time of full use without a loud window [s].
     - `confirmed`: time in which the last good model has explained the torque [s].
@@ -126,7 +126,8 @@ def judge(
     - A window whose innovation is loud teaches nothing, and after `SHORT` of them the joints' own learning takes over:
       a push or a contact is no property of the arm. The model returns after `CALM`.
     - Loud windows for `LASTING` show that the arm has changed. It is learnt anew, while the joints' own learning is in
-      use. The new model is used once it explains the torque and knows each inertia; the last good one returns as soon
+      use. The new model is used once it has explained the torque for `PROBATION` and knows each inertia: a push that is
+      taken for a payload ends before. The last good one returns as soon
       as it explains the torque again, also where the new one is in use and explains it less well.
 
     - `certain`: True if the model knows each joint's inertia.
@@ -151,9 +152,11 @@ def judge(
     again = learns & ~done & ~restores & (ratio > FAILS) & (since > LASTING)
     relearns = (learns & ~done & ~restores) | changed
     settled = done | restores
-    usual = jnp.where(settled, jnp.maximum(jnp.where(restores, good, learnt), variance), trust.usual)
+    # Not the energy of a new model: what it has not explained yet would count as usual.
+    usual = jnp.where(restores, jnp.maximum(good, variance), trust.usual)
     loud_time = jnp.where(changed | settled, 0.0, loud_time)
-    uses = ~relearns & ((loud_time < SHORT) | (quiet > CALM))
+    since = jnp.where(restores, PROBATION, jnp.where(changed | done | again, 0.0, since))
+    uses = ~relearns & (since >= PROBATION) & ((loud_time < SHORT) | (quiet > CALM))
     share = jnp.clip(trust.share + jnp.where(uses, duration / RISE, -duration / FALL), 0.0, 1.0)
     proven = jnp.where((share >= 1.0) & ~loud, trust.good + duration, 0.0)
     keeps = proven > PROVEN
@@ -162,7 +165,7 @@ def judge(
         usual=usual,
         share=share,
         relearns=relearns,
-        since=jnp.where(changed | settled | again, 0.0, since),
+        since=since,
         loud=loud_time,
         quiet=quiet,
         good=proven,
