@@ -1,3 +1,5 @@
+import re
+
 import numpy as np
 import pytest
 
@@ -49,6 +51,26 @@ def test_requirements_of_a_file_become_a_law(tmp_path):
 def test_a_payload_that_the_drives_cannot_hold_is_refused_with_the_joint():
     answer = in_process("new", "--robot", "panda", "--payload", "30", code=2)
     assert "panda_joint6" in answer.output and "at most 80% is allowed" in answer.output
+
+
+def test_a_mounted_arm_has_its_gravity_in_law_and_simulation(tmp_path):
+    file = tmp_path / "wall.yaml"
+    in_process("new", "--robot", "ur5e", "--gravity", "0,9.81,0", "--out", str(file), code=0)
+    scenario = scenarios.load(file)
+    for arm in (scenario.controller.nominal, scenario.plant.robot):
+        assert arm.gravity_vector.tolist() == [0.0, 9.81, 0.0]
+    in_process("new", "--robot", "ur5e", "--gravity", "0,9.81", code=2)
+
+
+def test_impossible_inertias_are_refused_if_asked(tmp_path):
+    file = tmp_path / "arm.urdf"
+    text = SMALL_ARM.read_text(encoding="utf-8")
+    file.write_text(re.sub(r'ixx="[^"]*"', 'ixx="100.0"', text, count=2), encoding="utf-8")
+    assert "inerti" in in_process("new", "--robot", str(file), "--inertias", "strict", code=2).stderr
+    out = tmp_path / "arm.yaml"
+    in_process("new", "--robot", str(file), "--out", str(out), code=0)
+    assert "inertias: nearest" in out.read_text(encoding="utf-8")
+    in_process("new", "--robot", "panda", "--inertias", "strict", code=2)
 
 
 def test_a_locked_joint_is_not_part_of_the_arm(tmp_path):

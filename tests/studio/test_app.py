@@ -57,10 +57,11 @@ def everywhere(name):
     ]
 
 
-def test_no_path_trick_of_a_request_reaches_a_file_outside(client, shared_root):
+@pytest.mark.parametrize("every", [pytest.param(1, marks=pytest.mark.full), 8])
+def test_no_path_trick_of_a_request_reaches_a_file_outside(client, shared_root, every):
     (shared_root / "own.csv").write_text("t\n")
     before, tried = state_of(shared_root.parent / "outside"), 0
-    for name in tricks(shared_root):
+    for name in tricks(shared_root)[::every]:
         for method, address, sent in everywhere(name):
             tried += 1
             answer = client.request(method, address, **sent)
@@ -72,7 +73,7 @@ def test_no_path_trick_of_a_request_reaches_a_file_outside(client, shared_root):
                     client.delete(f"/api/jobs/{answer.json()['id']}")
             else:
                 assert answer.status_code in (403, 404, 409, 422), (answer.status_code, name, address, answer.text)
-    assert tried >= 40 * 30 and state_of(shared_root.parent / "outside") == before
+    assert tried >= 40 // every * 30 and state_of(shared_root.parent / "outside") == before
     assert sorted(path.name for path in shared_root.parent.iterdir()) == ["outside", "root"]
 
 

@@ -38,7 +38,9 @@ def new(
     tip: Annotated[
         str | None, typer.Option(help="Link, body or site of the tip; default: found automatically.")
     ] = None,
+    inertias: Inertias = None,
     locked: Locked = None,
+    gravity: Gravity = None,
     requirements: Annotated[
         bool, typer.Option("--requirements", help="Write a requirements file for `slidax design` instead.")
     ] = False,
@@ -64,6 +66,8 @@ def new(
             rate,
             tip=tip,
             locked=positions("--locked", locked or []),
+            inertias=inertias,
+            gravity=None if gravity is None else numbers("--gravity", gravity),
             payload=payload,
             requirements=requirements,
             folder=Path() if out is None else out.parent,

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os.path import relpath
 from pathlib import Path
 from typing import Any
 
+import equinox as eqx
 import numpy as np
 
 from slidax.arms.articulated import Articulated
@@ -19,7 +20,7 @@ from slidax.arms.files.find_arm import find_arm
 from slidax.arms.files.mjcf import from_mjcf
 from slidax.arms.files.robot_descriptions import description_file, is_description
 from slidax.arms.files.urdf import from_urdf
-from slidax.core.errors import DefinitionError, DefinitionWarning, nearest_word
+from slidax.core.errors import DefinitionError, DefinitionWarning, as_array, nearest_word
 from slidax.simulation.states import Numbers
 
 from .draft_choices import Motion, Ratings, home_of, motion_about, ratings_of, tip_share
@@ -274,6 +275,8 @@ def draft(
     *,
     tip: str | None = None,
     locked: Mapping[str, float] | None = None,
+    inertias: str | None = None,
+    gravity: Sequence[float] | None = None,
     payload: float = 0.0,
     requirements: bool = False,
     folder: str | Path = Path(),
@@ -284,6 +287,8 @@ def draft(
     - `rate`: loop rate, Hz.
     - `tip`: link, body or site at the end of the arm; None to search for it.
     - `locked`: further joints that do not move, with their positions [rad or m].
+    - `inertias`: "nearest" replaces inertias that no rigid body can have, "strict" refuses them; None: as "nearest".
+    - `gravity`: in the base frame [3], m/s², for a mounted arm; None: as described.
     - `payload`: mass at the tip of the simulated arm that the law does not know, kg.
     - `requirements`: True for a requirements file of `slidax design` in place of a scenario.
     - `folder`: folder of the scenario file, to which the robot file's path is relative.
@@ -295,7 +300,12 @@ def draft(
         raise DefinitionError(f"the rate must be {SLOWEST:g} to {FASTEST:g} Hz; got {rate:g}")
     if not (math.isfinite(payload) and payload >= 0):
         raise DefinitionError(f"the payload must be >= 0 kg; got {payload:g}")
-    arm, block, notes = _arm(str(robot), tip, dict(locked or {}), Path(folder))
+    arm, block, notes = _arm(str(robot), tip, dict(locked or {}), inertias, Path(folder))
+    if gravity is not None:
+        if len(gravity) != 3 or not all(map(math.isfinite, gravity)):
+            raise DefinitionError(f"the gravity must be three numbers, such as 0,0,-9.81; got {list(gravity)}")
+        arm = eqx.tree_at(lambda arm: arm.gravity_vector, arm, as_array(list(gravity)))
+        block["nominal"] = {"gravity": [float(each) for each in gravity]}
     ratings = ratings_of(arm)
     share = tip_share(arm, payload)
     home = home_of(arm, ratings, share)
@@ -347,29 +357,34 @@ def new(
     *,
     tip: str | None = None,
     locked: Mapping[str, float] | None = None,
+    inertias: str | None = None,
+    gravity: Sequence[float] | None = None,
     payload: float = 0.0,
 ) -> Scenario:
     """Return a scenario for an arm that runs, as `slidax new` writes it.
 
         scenario = slidax.new("arm.urdf", rate=500)
 
-    - `robot`, `rate`, `tip`, `locked`, `payload`: as in `draft`. A warning lists assumptions in place of missing data.
+    - `robot`, `rate`, `tip`, `locked`, `inertias`, `gravity`, `payload`: as in `draft`. A warning lists assumptions in
+      place of missing data.
 
     Raises DefinitionError as `draft` does.
     """
-    drafted = draft(robot, rate, tip=tip, locked=locked, payload=payload)
+    drafted = draft(robot, rate, tip=tip, locked=locked, inertias=inertias, gravity=gravity, payload=payload)
     if drafted.notes:
         warnings.warn(f"assumed: {'; '.join(drafted.notes)}", DefinitionWarning, stacklevel=2)
     return parse(drafted.text).build(Path(robot).stem)
 
 
 def _arm(
-    robot: str, tip: str | None, locked: dict[str, float], folder: Path
+    robot: str, tip: str | None, locked: dict[str, float], inertias: str | None, folder: Path
 ) -> tuple[Articulated, dict[str, Any], tuple[str, ...]]:
     """The arm, the scenario's `robot`, and notes about it."""
     if robot in built_in_names():
-        if tip is not None or locked:
-            raise DefinitionError(f"`{robot}` has its tip and joints; `tip` and `locked` are for robot files")
+        if tip is not None or locked or inertias is not None:
+            raise DefinitionError(
+                f"`{robot}` has its tip, joints and inertias; `tip`, `locked` and `inertias` are for robot files"
+            )
         return built_in_arm(robot).robot, {"kind": robot}, ()
     notes: list[str] = []
     path = Path(robot)
@@ -386,7 +401,7 @@ def _arm(
     read = from_urdf if kind == "urdf" else from_mjcf
     with warnings.catch_warnings(record=True) as assumed:
         warnings.simplefilter("always")
-        arm = read(path, tip=chain.tip, locked=chain.locked | locked, inertias="nearest")
+        arm = read(path, tip=chain.tip, locked=chain.locked | locked, inertias=inertias or "nearest")
     if isinstance(arm, Coupled):
         raise DefinitionError(_with_followers(arm, kind, path, chain.tip))
     messages = [str(warning.message).removeprefix(f"{path}: ") for warning in assumed]
@@ -401,8 +416,8 @@ def _arm(
             f"{', '.join(held)}: not part of the arm with tip `{chain.tip}`; held at the position in its range nearest "
             "to 0"
         )
-    if changed:
-        block["inertias"] = "nearest"
+    if changed or inertias is not None:
+        block["inertias"] = inertias or "nearest"
     return arm, block, tuple(notes)
 
 

@@ -304,8 +304,16 @@ def test_the_super_twisting_step_solves_its_inclusion_and_is_zero_exactly_there(
             "period": jnp.asarray(STEP_PERIOD),
             "horizon": jnp.asarray(H),
             "planned": jnp.ones((), bool),
+            "settled": jnp.ones((), bool),
         }
-        arm = {"mass": jnp.eye(3), "bias": zero, "limits": TorqueLimits(), "expected": zero, "robot": SCARA}
+        arm = {
+            "mass": jnp.eye(3),
+            "bias": zero,
+            "limits": TorqueLimits(),
+            "expected": zero,
+            "robot": SCARA,
+            "disturbance": zero,
+        }
         moment = StepInput(state=state, reference=reference, **times, **arm)
         frame = law.transformation.frame(unity, unity, unity, ())
         plan = Plan.near(Barrier(frame, law.surface, times["horizon"]), zero, zero, s, zero)
