@@ -399,9 +399,10 @@ def _arm(
         )
     chain = find_arm(path, tip)
     read = from_urdf if kind == "urdf" else from_mjcf
+    how: Any = inertias or "nearest"
     with warnings.catch_warnings(record=True) as assumed:
         warnings.simplefilter("always")
-        arm = read(path, tip=chain.tip, locked=chain.locked | locked, inertias=inertias or "nearest")
+        arm = read(path, tip=chain.tip, locked=chain.locked | locked, inertias=how)
     if isinstance(arm, Coupled):
         raise DefinitionError(_with_followers(arm, kind, path, chain.tip))
     messages = [str(warning.message).removeprefix(f"{path}: ") for warning in assumed]
@@ -417,7 +418,7 @@ def _arm(
             "to 0"
         )
     if changed or inertias is not None:
-        block["inertias"] = inertias or "nearest"
+        block["inertias"] = how
     return arm, block, tuple(notes)
 
 
