@@ -26,10 +26,10 @@ REASONS = {1: "error", 2: "position", 3: "speed", 4: "torque", 5: "torque step"}
 class CompiledAdmission:
     """The function of an exported law, called from here."""
 
-    def __init__(self, scenario: Any, folder: Any) -> None:
+    def __init__(self, scenario: Any, folder: Any, optimised: str = "-O1") -> None:
         export_admission(scenario, project(scenario, name="law", with_golden=False), folder)
         self.joints = n = scenario.controller.joints
-        compiled(COMPILERS[0], folder, "-O1", "-shared", "-fPIC", "slidax_law_admission.c", "-o", "a.so", "-lm")
+        compiled(COMPILERS[0], folder, optimised, "-shared", "-fPIC", "slidax_law_admission.c", "-o", "a.so", "-lm")
         library = ctypes.CDLL(str(folder / "a.so"))
 
         class Motion(ctypes.Structure):
@@ -66,13 +66,27 @@ class CompiledAdmission:
         self.work = ctypes.create_string_buffer(library.slidax_law_admission_work_size())
         self.function = library.slidax_law_admit_motion
         self.function.restype = Answer
+        self._slow = library.slidax_law_slow_motion
 
-    def __call__(self, motion: Any, allowed: float = 0.0, assume_steps: bool = False, slow_down: bool = False) -> Any:
+    def plan(self, motion: Any) -> Any:
+        """The motion as C takes it."""
         coefficients, times = np.asarray(motion.coefficients), np.asarray(motion.times)
-        plan, options = self.motion(), self.options()
+        plan = self.motion()
         plan.powers, plan.pieces = coefficients.shape[:2]
         plan.times[: len(times)] = times.tolist()
         np.ctypeslib.as_array(plan.coefficients)[: plan.pieces, :, : plan.powers] = coefficients.transpose(1, 2, 0)
+        return plan
+
+    def __call__(self, motion: Any, allowed: float = 0.0, assume_steps: bool = False, slow_down: bool = False) -> Any:
+        return self.decide(self.plan(motion), allowed, assume_steps, slow_down)
+
+    def slow(self, plan: Any, factor: float) -> None:
+        """Multiply a motion's times."""
+        self._slow(ctypes.byref(plan), ctypes.c_double(factor))
+
+    def decide(self, plan: Any, allowed: float, assume_steps: bool, slow_down: bool) -> Any:
+        """The answer for a motion in C's form."""
+        options = self.options()
         options.allowed[:] = [allowed] * self.joints
         options.assume_steps, options.slow_down = int(assume_steps), int(slow_down)
         return self.function(ctypes.byref(plan), ctypes.byref(options), self.work)

@@ -76,7 +76,7 @@ def estimate_from_log(record: RunRecord) -> LogEstimate:
         extra.append(more)
         unexplained.append(np.sum(left * left, axis=0) / np.sum((rest + nominal * filtered) ** 2 + 1e-300, axis=0))
     left = np.array(unexplained)[:, known]
-    believed = int(np.argmin(np.abs(DELAYS - float(record.law.delay))))
+    believed = int(np.argmin(np.abs(DELAYS - float(record.law.believed_delay))))
     best, gain = believed, 0.0
     if left.size:
         # Relative shares, so that every joint counts equally.

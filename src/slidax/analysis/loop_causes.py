@@ -27,7 +27,7 @@ class DelayCause(AbstractCause):
     name: ClassVar[str] = "delay"
 
     def finding(self, record: RunRecord) -> Finding | None:
-        estimate, believed = estimate_from_log(record), float(record.law.delay)
+        estimate, believed = estimate_from_log(record), float(record.law.believed_delay)
         if not estimate.delay_gain > GAIN or estimate.delay - believed < APART:
             return None
         loops = [loop for loop in record.loops if loop is not None]
@@ -273,7 +273,7 @@ class PeriodCause(AbstractCause):
     name: ClassVar[str] = "period"
 
     def finding(self, record: RunRecord) -> Finding | None:
-        age = record.horizon + float(record.law.delay) * record.period
+        age = record.horizon + float(record.law.believed_delay) * record.period
         deviation = age**2 * record.missed
         ratio = deviation / record.half_width
         joint = int(np.argmax(ratio))

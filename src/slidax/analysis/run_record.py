@@ -373,7 +373,7 @@ class RunRecord:
     @cached_property
     def missed(self) -> np.ndarray:
         """w̄ of the loop-rate rule, the largest estimation error while the envelope is narrow [n], rad/s² or m/s²."""
-        d = float(self.law.delay)
+        d = float(self.law.believed_delay)
         missed = np.abs(self.signals["residual"][1:]) + d * np.abs(np.diff(self.signals["disturbance"], axis=0))
         narrow = self.narrow[1:]
         return missed[narrow].max(axis=0) if narrow.any() else missed.max(axis=0)
@@ -384,7 +384,7 @@ class RunRecord:
         a = np.zeros_like(self.q)
         a[1:-1] = np.diff(self.q, 2, axis=0) / self.period**2
         mass, bias = self.mass_and_bias
-        delay = np.arange(len(self.t)) - float(self.law.delay)
+        delay = np.arange(len(self.t)) - float(self.law.believed_delay)
         torque = 0.5 * (held_torque(self.tau, delay) + held_torque(self.tau, delay - 1.0))
         return low_pass(torque - np.einsum("kij,kj->ki", mass, a) - bias, SLOW, self.period)
 

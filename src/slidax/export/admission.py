@@ -44,7 +44,7 @@ SUMMED = 5
 BLOCK = 32
 """Lags in a group beyond the loop's memory."""
 
-POWERS, PIECES, CELLS = 12, 256, 1024
+POWERS, PIECES, CELLS = 12, 256, 2048
 """Most coefficients of a polynomial, pieces of a motion, and cells."""
 
 FINE = 2**18

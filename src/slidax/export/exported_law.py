@@ -98,6 +98,9 @@ class ExportedLaw(MutableMapping[str, np.ndarray]):
     def __delitem__(self, name: str) -> None:
         raise DefinitionError(f"the parameter `{name}` is part of the exported law and cannot be removed")
 
+    def __contains__(self, name: object) -> bool:
+        return name in self._sizes
+
     def __iter__(self) -> Iterator[str]:
         return iter(self._sizes)
 

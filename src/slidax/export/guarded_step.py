@@ -311,7 +311,7 @@ class GuardedStep(AbstractController):
         law = self.controller
         if not isinstance(law, SampledData) or law.delay == law.dead_time:
             return reference.q
-        return reference.q - (law.delay - law.dead_time) * law.period * reference.dq
+        return reference.q - (law.believed_delay - law.dead_time) * law.period * reference.dq
 
     def _nothing(self, t: Scalar, state: State, reference: Reference) -> StepMemory:
         """The memory after a reset: all zeros."""

@@ -77,7 +77,7 @@ class LinearLoop:
         return cls(
             h=float(law.period),
             horizon=float(law.horizon) / float(law.period),
-            believed=float(law.delay),
+            believed=float(law.believed_delay),
             gains=(first, second, third),
             measures_velocity=isinstance(estimator, Measured),
             follows=None if cutoff is None else -math.expm1(-cutoff * float(law.period)),

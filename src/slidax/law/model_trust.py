@@ -127,8 +127,8 @@ def judge(
       a push or a contact is no property of the arm. The model returns after `CALM`.
     - Loud windows for `LASTING` show that the arm has changed. It is learnt anew, while the joints' own learning is in
       use. The new model is used once it has explained the torque for `PROBATION` and knows each inertia: a push that is
-      taken for a payload ends before. The last good one returns as soon
-      as it explains the torque again, also where the new one is in use and explains it less well.
+      taken for a payload ends before. The last good one returns as soon as it explains the torque again, also where
+      the new one is in use and explains it less well.
 
     - `certain`: True if the model knows each joint's inertia.
     - `valid`, `loud`: of the window.
@@ -152,8 +152,9 @@ def judge(
     again = learns & ~done & ~restores & (ratio > FAILS) & (since > LASTING)
     relearns = (learns & ~done & ~restores) | changed
     settled = done | restores
-    # Not the energy of a new model: what it has not explained yet would count as usual.
-    usual = jnp.where(restores, jnp.maximum(good, variance), trust.usual)
+    # After a change not the energy of the new model: what it has not explained yet would count as usual.
+    of_model = jnp.where(restores, good, learnt)
+    usual = jnp.where(restores | (done & ~trust.has_good), jnp.maximum(of_model, variance), trust.usual)
     loud_time = jnp.where(changed | settled, 0.0, loud_time)
     since = jnp.where(restores, PROBATION, jnp.where(changed | done | again, 0.0, since))
     uses = ~relearns & (since >= PROBATION) & ((loud_time < SHORT) | (quiet > CALM))

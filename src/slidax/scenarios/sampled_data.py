@@ -240,6 +240,13 @@ class SampledDataDescription(AbstractDescription):
         default=None,
         source="the sensor's delay plus the actuator's dead time",
     )
+    delay_at_most: float | None = input_field(
+        "largest delay that the law can be told while it runs, by its parameter `actual_delay`",
+        "periods",
+        "[0, 20]",
+        default=None,
+        source="a fixed delay",
+    )
     recovery: RecoveryDescription | None = RecoveryDescription()
     """Recovery outside the envelope; null: return to the prescribed envelope."""
     calm: CalmDescription | None = None
@@ -286,6 +293,13 @@ class SampledDataDescription(AbstractDescription):
                 sampling = replace(sampling, mass=adaptation.mass_at_start(sampling.mass), variance=variance)
         if self.delay is not None:
             sampling = replace(sampling, delay=self.delay, dead_time=min(sampling.dead_time, self.delay))
+        delay = sampling.delay
+        if self.delay_at_most is not None:
+            if self.delay_at_most < delay:
+                raise DefinitionError(
+                    f"must be at least the delay, {delay:g} periods; got {self.delay_at_most:g}", where="delay_at_most"
+                )
+            sampling = replace(sampling, delay=self.delay_at_most)
         estimator: AbstractEstimator | None = None
         with locate_errors("estimator"):
             if self.estimator is not None:
@@ -321,7 +335,8 @@ class SampledDataDescription(AbstractDescription):
             estimator=estimator,
             limits=sampling.limits,
             recovery=recovery,
-            delay=sampling.delay,
+            delay=delay,
+            delay_at_most=self.delay_at_most,
             dead_time=sampling.dead_time,
             slopes=self.slopes,
             calm=calm,

@@ -96,8 +96,10 @@ def quintic(arm: Any, rng: np.random.Generator, share: float, acceleration: floa
     return Tabulated.through([0.0, time], ends, np.zeros_like(ends), np.zeros_like(ends))
 
 
-def knotted(arm: Any, rng: np.random.Generator, share: float, acceleration: float = 10.0) -> Any:
-    """Like a time-optimal path along three straight stretches with blends, with knots each 0.1 s."""
+def knotted(
+    arm: Any, rng: np.random.Generator, share: float, acceleration: float = 10.0, most: int | None = None
+) -> Any:
+    """Like a time-optimal path along two straight stretches with a blend, with at most `most` knots each 0.1 s."""
     lower, upper = box(arm)
     points = rng.uniform(lower, upper, size=(3, arm.joints))
     # A blended polygon by its length, with a trapezoid in time.
@@ -121,7 +123,8 @@ def knotted(arm: Any, rng: np.random.Generator, share: float, acceleration: floa
         rate = rate[::-1]
         push = push[::-1]
     times = np.concatenate([[0.0], np.cumsum(2 * step / np.maximum(rate[1:] + rate[:-1], 1e-6))])
-    knots = np.linspace(0.0, times[-1], max(3, int(np.ceil(times[-1] / 0.1)) + 1))
+    count = max(3, int(np.ceil(times[-1] / 0.1)) + 1)
+    knots = np.linspace(0.0, times[-1], count if most is None else min(count, most))
     at = np.interp(knots, times, s)
     through = np.stack([np.interp(at, s, path[:, j]) for j in range(arm.joints)], axis=1)
     return Tabulated.through(knots, through, acceleration=200.0)

@@ -168,9 +168,9 @@ def _encoders(sensor: AbstractSensor | None, law: SampledData) -> tuple[Floats, 
         if sensor.jitter:
             raise DefinitionError("a bound along a motion needs samples of one age: set `sensor.jitter: 0`")
         delay, sensor = float(sensor.periods), sensor.sensor
-    if delay != law.delay:
+    if delay != law.believed_delay:
         raise DefinitionError(
-            f"measurements are {delay:g} periods old, and the law believes {law.delay:g}: leave out "
+            f"measurements are {delay:g} periods old, and the law believes {law.believed_delay:g}: leave out "
             "`scheme.sampled_data.delay`"
         )
     if sensor is None or isinstance(sensor, Exact):

@@ -118,8 +118,8 @@ class JointLoop:
                 f"set `{block}.viscous_feedforward: true`",
             ),
             (
-                law.delay == int(law.delay),
-                f"the delay is {law.delay:g} periods, not a whole number",
+                float(law.believed_delay).is_integer(),
+                f"the delay is {law.believed_delay:g} periods, not a whole number",
                 "set `sensor.delay` to a whole number",
             ),
             (
@@ -135,7 +135,7 @@ class JointLoop:
             for k, gain in enumerate(np.asarray(law.estimator.gains))
         )
         kp, kd, lead = _feedback(law)
-        return cls(float(law.period), kp, kd, (gains[0], gains[1], gains[2]), int(law.delay), lead)
+        return cls(float(law.period), kp, kd, (gains[0], gains[1], gains[2]), int(law.believed_delay), lead)
 
     @classmethod
     def with_horizon(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import equinox as eqx
@@ -36,6 +37,7 @@ from .prediction import (
     mean_past_torque,
     newly_explained,
     predict_state,
+    predict_up_to,
     reference_ahead,
 )
 
@@ -75,11 +77,19 @@ class SampledData(AbstractController):
         "H, how far a step plans; None for a law that decides for one period", "s", ">= period", default=None
     )
     delay: float = parameter(
-        "age of a measurement when its torque sets in, transport and dead time together",
+        "age of a measurement when its torque sets in, transport and dead time together; the largest one with "
+        "`actual_delay`",
         "periods",
         ">= 0",
         default=0.0,
         static=True,
+    )
+    actual_delay: Scalar | None = parameter(
+        "the age itself, which may be changed while the law runs; None for `delay`",
+        "periods",
+        "[dead_time, delay]",
+        "since the law keeps the commands of `delay` periods",
+        default=None,
     )
     dead_time: float = parameter(
         "the part of it after the command",
@@ -154,6 +164,11 @@ class SampledData(AbstractController):
     @property
     def joints(self) -> int:
         return self.nominal.joints
+
+    @property
+    def believed_delay(self) -> float | Scalar:
+        """Age of a measurement when its torque sets in, as the law believes [periods]."""
+        return self.delay if self.actual_delay is None else self.actual_delay
 
     def init(self, t: Scalar, state: State, reference: Reference) -> Memory:
         """Return the memory of an arm at rest under the torque of its own weight."""
@@ -259,6 +274,8 @@ class SampledData(AbstractController):
         reached = decision.acceleration - withheld
         if following is None:
             following = advance(now, reached, (1.0 - self.delay % 1.0) * h)
+        elif self.actual_delay is not None:
+            following = advance(following, reached, jnp.clip(1.0 - self.actual_delay, 0.0, 1.0) * h)
         step = decision.memory
         if decision.limited is not None:
             step = jax.tree.map(lambda usual, limited: jnp.where(free, usual, limited), step, decision.limited)
@@ -327,7 +344,7 @@ class SampledData(AbstractController):
         recovering = jnp.where(recovers, known.recovering + h, 0.0)
         paused = recovers & (recovering <= PAUSE)
         surprised = ~self.gate.learnable(state, prior.state, h, self.estimator.reads_velocity)
-        torque = mean_past_torque(pending, self.delay)
+        torque = mean_past_torque(pending, self.delay, self.actual_delay)
         experience = experience_of(self.nominal, state, estimate, torque, h, missed | surprised | paused)
         friction = jnp.where(missed, known.friction[-1], known.friction)
         net = pending[-friction.shape[0] :] - friction
@@ -344,21 +361,22 @@ class SampledData(AbstractController):
     def _predict(self, learned: LearnedModel, missed: Bool[Array, ""], memory: LawMemory) -> Prediction:
         """The prediction over the delay."""
 
-        def under_torques() -> Prediction:
-            def acceleration(state: State, age: int) -> Vector:
-                return self._free_acceleration(learned.robot, state, learned.net[-age])
+        def predicted(acceleration: Callable[[State, int], Vector]) -> Prediction:
+            if self.actual_delay is None:
+                return predict_state(learned.estimate, acceleration, self.delay, self.period)
+            pending = math.ceil(self.delay)
+            return predict_up_to(learned.estimate, acceleration, pending, self.actual_delay, self.period)
 
-            return predict_state(learned.estimate, acceleration, self.delay, self.period)
+        def under_torques() -> Prediction:
+            return predicted(
+                lambda state, age: self._free_acceleration(learned.robot, state, learned.net[-age]),
+            )
 
         planned = memory.accelerations
         if planned is None:
             return under_torques()
         # After lost samples the last torque stood, for which no acceleration was planned.
-        return jax.lax.cond(
-            missed,
-            under_torques,
-            lambda: predict_state(learned.estimate, lambda _, age: planned[-age], self.delay, self.period),
-        )
+        return jax.lax.cond(missed, under_torques, lambda: predicted(lambda _, age: planned[-age]))
 
     def _free_acceleration(self, robot: AbstractRobot, state: State, net: Vector) -> Vector:
         """The nominal arm's acceleration under a torque; with viscous friction where that is compensated."""

@@ -89,6 +89,27 @@ def predict_state(
     return Prediction(now, following, tuple(accelerations))
 
 
+def predict_up_to(
+    estimate: Estimate, acceleration: Callable[[State, int], Vector], pending: int, delay: Scalar, period: Scalar
+) -> Prediction:
+    """As `predict_state`, for a delay of at most `pending` periods that is known only at run time.
+
+    The command of age k acts for `min(max(delay - (k - 1), 0), 1)` periods, which may be 0. `following` is the state
+    at the next measurement, or before it, when this sample's torque sets in.
+    """
+    accelerations: list[Vector] = []
+    now = following = estimate.state
+    for age in range(pending, 0, -1):
+        free = acceleration(now, age)
+        acts = jnp.clip(delay - float(age - 1), 0.0, 1.0)
+        until_next = jnp.clip(1.0 - jnp.maximum(delay - float(age), 0.0), 0.0, acts)
+        total = free + estimate.disturbance
+        following = advance(following, total, until_next * period)
+        now = advance(now, total, acts * period)
+        accelerations.append(free)
+    return Prediction(now, following, tuple(accelerations))
+
+
 def reference_ahead(now: Reference, following: Reference, dead_time: float, period: Scalar) -> Reference:
     """Return the desired motion a dead time after a sample, with the mean acceleration over the following period.
 
@@ -129,7 +150,7 @@ class AdaptationMemory(eqx.Module):
         return cls(memory=adaptation.init(state), friction=friction, recovering=jnp.zeros(()))
 
 
-def mean_past_torque(torques: Float[Array, "m n"], delay: float) -> Vector:
+def mean_past_torque(torques: Float[Array, "m n"], delay: float, actual: Scalar | None = None) -> Vector:
     """Return the mean torque in the period before a measurement, [n], N m or N.
 
     With a whole number D of periods of delay it is the command of D + 1 samples ago. Else the torque changed within the
@@ -137,7 +158,11 @@ def mean_past_torque(torques: Float[Array, "m n"], delay: float) -> Vector:
 
     - `torques`: pending commands and those before, the oldest first.
     - `delay`: age of a measurement when its torque sets in [periods].
+    - `actual`: the age at run time, at most `delay`; None for `delay`.
     """
+    if actual is not None:
+        weights = [jnp.maximum(1.0 - jnp.abs(actual - float(age)), 0.0) for age in range(math.ceil(delay) + 1)]
+        return jnp.stack(weights) @ jnp.flip(torques, axis=0)[: len(weights)]
     whole, part = int(delay), delay % 1.0
     torque: Vector = torques[-1 - whole]
     return torque if part == 0 else part * torques[-2 - whole] + (1.0 - part) * torque

@@ -81,6 +81,7 @@ def sampled_data(
     limits: TorqueLimits | None = None,
     recovery: Recovery | None = None,
     delay: float = 0.0,
+    delay_at_most: float | None = None,
     dead_time: float = 0.0,
     slopes: bool = True,
     calm: Calm | None = None,
@@ -105,6 +106,7 @@ def sampled_data(
     - `limits`: known limits of torque and torque rate; None for none.
     - `recovery`: policy of an implicit step outside the envelope; None: pull back to the prescribed envelope.
     - `delay`: age of a measurement when its torque sets in, in periods.
+    - `delay_at_most`: largest delay that the law can be told while it runs, in periods; None for a fixed delay.
     - `dead_time`: the part of it after the command, in periods.
     - `slopes`: True if u counts the slopes of τ1, as printed in (45); without them u, and the torque, is smaller.
     - `calm`: least changes of the torque while the error is well inside its envelope; None for the law's own step.
@@ -127,17 +129,19 @@ def sampled_data(
         step = CalmStep(step, calm)
     if horizon is not None and not step.plans:
         raise DefinitionError(f"`{type(law).__name__}` does not plan over a horizon; leave `horizon` out")
-    least = max(2.0, 1.5 * (delay + 1.0)) * period
+    longest = delay if delay_at_most is None else delay_at_most
+    least = max(2.0, 1.5 * (longest + 1.0)) * period
     horizon = jnp.maximum(as_array(HORIZON), least) if horizon is None else as_array(horizon)
     if estimator is None:
-        estimator = Measured.tolerant(delay, 2.0 * period / horizon)
+        estimator = Measured.tolerant(longest, 2.0 * period / horizon)
     return SampledData(
         step=step,
         estimator=estimator,
         limits=TorqueLimits() if limits is None else limits,
         period=period,
         horizon=horizon if step.plans else None,
-        delay=delay,
+        delay=longest,
+        actual_delay=None if delay_at_most is None else as_array(delay),
         dead_time=dead_time,
         adaptation=adaptation,
         monitor=monitor,

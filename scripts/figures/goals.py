@@ -1,0 +1,263 @@
+"""Random goals of a planner: what the exported law's admission decides, and how well each is kept in MuJoCo."""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import subprocess
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+import yaml
+
+import slidax as sx
+import slidax.arms as arms
+from slidax.certify.motion.admission import admit, certified_law
+from slidax.certify.motion.path_cells import Pieces
+from slidax.export import export_c
+from slidax.export.admission import PIECES
+from slidax.identify import excite, identify, write_arm
+from tests.certify.motion import cases
+from tests.certify.motion.campaign import LIMITED, REJECTED
+from tests.certify.motion.plant import Chain
+from tests.export.test_admission import REASONS, CompiledAdmission
+from tests.identify.recorded import recorded
+
+SUBSTEPS, REST, MEMBERS = 2, 0.3, 40
+"""Steps of MuJoCo in a period, seconds after a motion, and number of arms in MuJoCo."""
+
+COMPARED = 40
+"""Number of refusals that are compared with `slidax admit`."""
+
+SCENARIO = """
+title: goals of a planner
+robot: {{kind: identified, file: arm.yaml}}
+uncertainty: {{file: arm.yaml}}
+trajectory: {{kind: minimum_jerk, times: [0, 1], waypoints: [{home}, {home}]}}
+start: {{q: {home}}}
+sensor: {{resolution: {resolution}, velocity: differenced, delay: 1}}
+actuator: {actuator}
+scheme:
+  name: computed_torque
+  horizon: {horizon}
+  sampled_data:
+    midpoint: true
+    viscous_feedforward: true
+    adaptation: null
+    estimator: {{kind: kalman, acceleration_density: {density}}}
+simulation: {{mode: held, period: {period}, t1: 1.0}}
+"""
+
+ARMS: dict[str, dict[str, Any]] = {
+    "panda": {
+        "period": 1e-3,
+        "horizon": 0.012,
+        "density": 0.3,
+        "resolution": 1e-6,
+        "actuator": "{torque: robot, rate: robot}",
+    },
+    "ur5e": {"period": 2e-3, "horizon": 0.02, "density": 10.0, "resolution": 1e-5, "actuator": "{torque: robot}"},
+}
+ALLOWED = {"panda": 3e-3, "ur5e": 5e-3}
+"""Largest error [rad]."""
+
+
+def scenario_of(name: str, folder: Path) -> tuple[Any, Any]:
+    """The scenario of an arm as a log of 20 s shows it, and the true arm: with a payload and friction of 0.3 N m."""
+    true = {"panda": cases.panda, "ur5e": cases.ur5e}[name]()
+    true = eqx.tree_at(lambda arm: arm.coulomb, true, jnp.full(true.joints, 0.3))
+    known, rate = getattr(arms, name)(), 1.0 / ARMS[name]["period"]
+    motion = excite(known, seed=0, duration=20.0, rate=rate, payload=true.payload, links=True).motion
+    log = recorded(true, noise=0.01, seed=0, times_and_motion=(np.arange(len(motion.q)) / rate, motion))
+    write_arm(identify(log, known, links=True), {"kind": name}, folder / "arm.yaml")
+    low, high = cases.box(known)
+    home = np.round(np.clip(0.5 * (low + high), -1.5, 1.5), 3).tolist()
+    text = SCENARIO.format(home=home, **ARMS[name])
+    (folder / "scenario.yaml").write_text(text, encoding="utf-8")
+    return sx.scenarios.load(folder / "scenario.yaml"), true
+
+
+def mujoco_arm(chain: Chain, coulomb: np.ndarray, timestep: float) -> mujoco.MjModel:
+    """MuJoCo's model of an arm that is given as numbers."""
+    spec, arm = mujoco.MjSpec(), chain.struct()
+    spec.option.timestep = timestep
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.gravity = list(arm.gravity)
+    parent = spec.worldbody
+    for i in range(arm.n):
+        parent = parent.add_body(pos=list(arm.pos[i]), quat=quaternion(np.array(arm.rot[i][:]).reshape(3, 3)))
+        parent.explicitinertial, parent.mass, parent.inertia = True, 1.0, [1.0, 1.0, 1.0]
+        joint = parent.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0.0, 0.0, 1.0], armature=arm.rotor[i])
+        joint.damping[0], joint.frictionloss = arm.viscous[i], coulomb[i]
+    model = spec.compile()
+    # After the compiler, which refuses what no body can have: a log shows combinations of links, not each link.
+    for i in range(arm.n):
+        moments, axes = np.linalg.eigh(np.array(arm.inertia[i][:]).reshape(3, 3))
+        axes[:, 0] *= np.sign(np.linalg.det(axes))
+        model.body_mass[i + 1], model.body_ipos[i + 1], model.body_inertia[i + 1] = arm.mass[i], arm.com[i][:], moments
+        model.body_iquat[i + 1] = quaternion(axes)
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+    return model
+
+
+def quaternion(rotation: np.ndarray) -> np.ndarray:
+    """The quaternion of a rotation matrix."""
+    result = np.empty(4)
+    mujoco.mju_mat2Quat(result, rotation.ravel())
+    return result
+
+
+def members(law: Any, true: Any, file: Path, rng: np.random.Generator) -> list[mujoco.MjModel]:
+    """The true arm, and others at the edge of the set in the identified arm's file."""
+    band = yaml.safe_load(file.read_text(encoding="utf-8"))["uncertainty"]["robot.plant.inertial"]
+    rows, p = np.array(band["deviations"]), float(band["band"])
+    region, inputs = law.uncertainty.region(law.bodies), law.uncertainty.inputs(law.arm)
+    bound = cases.MassBound(law.arm, cases.arm_parameters(law.arm))
+    step, nominal = law.loop.period / SUBSTEPS, Chain.of(law.arm)
+    models = [mujoco_arm(Chain.of(true), np.asarray(true.coulomb), step)]
+    for _ in range(MEMBERS - 1):
+        share = rng.normal(size=len(region.deviations))
+        share /= np.linalg.norm(share)
+        share *= min(1.0, p / float(bound.of(share[None] @ rows)[0]))
+        bodies, rotors = (np.tensordot(share, part, axes=1) for part in (region.deviations, region.rotor_deviations))
+        arm = nominal.deviated(bodies, rotors)
+        viscous = np.maximum(arm.viscous + rng.choice([-1.0, 1.0], size=law.arm.joints) * inputs.viscous_error, 0.0)
+        size = rng.choice([0.0, 1.0, 1.0], size=law.arm.joints)
+        models.append(mujoco_arm(Chain(**{**vars(arm), "viscous": viscous}), size * inputs.coulomb, step))
+    return models
+
+
+class Goals:
+    """A law in C with its admission, and arms in MuJoCo that run it."""
+
+    def __init__(self, name: str, folder: Path) -> None:
+        self.name = name
+        self.scenario, true = scenario_of(name, folder)
+        export_c(self.scenario, folder / "law", name="law", golden=False)
+        self.admission = CompiledAdmission(self.scenario, folder / "law", "-O3")
+        self.law = certified_law(self.scenario)
+        self.models = members(self.law, true, folder / "arm.yaml", np.random.default_rng(1))
+        self.data = [mujoco.MjData(model) for model in self.models]
+        package = Path(mujoco.__file__).parent
+        (library,) = package.glob("libmujoco.so.*")
+        sources = [Path(__file__).with_name("goals.c"), *(folder / "law" / f"slidax_law{end}.c" for end in ENDS)]
+        include = [f"-I{folder / 'law'}", f"-I{package / 'include'}"]
+        built = ["-o", folder / "goals.so", library, f"-Wl,-rpath,{package}", "-lm"]
+        subprocess.run(["cc", "-O2", "-shared", "-fPIC", *include, *sources, *built], check=True)
+        self.library = ctypes.CDLL(str(folder / "goals.so"))
+        self.library.slidax_law_flat_size.restype = ctypes.c_size_t
+        self.library.follow.restype = ctypes.c_uint32
+        self.memory = ctypes.create_string_buffer(self.library.slidax_law_flat_size())
+        self.library.slidax_law_flat_default(self.memory)
+
+    def decide(self, plan: Any, slow_down: bool) -> Any:
+        """The answer of the exported admission."""
+        return self.admission.decide(plan, ALLOWED[self.name], True, slow_down)
+
+    def run(self, plan: Any, member: int) -> tuple[np.ndarray, int]:
+        """Largest error of each joint [n], and all bits of the status."""
+        worst = np.zeros(self.admission.joints)
+        bits = self.library.follow(
+            *(ctypes.c_void_p(each._address) for each in (self.models[member], self.data[member])),
+            self.memory,
+            ctypes.byref(plan),
+            ctypes.c_double(self.law.loop.period),
+            SUBSTEPS,
+            1,
+            ctypes.c_double(REST),
+            ctypes.c_double(ARMS[self.name]["resolution"]),
+            worst.ctypes.data_as(ctypes.c_void_p),
+        )
+        return worst, bits
+
+
+ENDS = ("", "_flat", "_admission")
+
+
+def random_goal(index: int, arm: Any, rng: np.random.Generator) -> Any:
+    """From rest to rest between random postures, at 0.1 to 1 of the arm's speeds: a quintic, or a planner's points."""
+    share = rng.uniform(0.1, 1.0)
+    return cases.knotted(arm, rng, share, most=PIECES) if index % 2 else cases.quintic(arm, rng, share)
+
+
+def is_true(answer: Any, motion: Any, law: Any, name: str) -> bool | None:
+    """True if the named joint passes the named limit, as `slidax admit` or the motion itself says; None: it is admitted.
+
+    C takes longer cells for long motions, which makes its bound larger.
+    """
+    what, limits = REASONS.get(answer.reason), law.arm.limits
+    if what in ("position", "speed"):
+        q, dq, *_ = (part[0, answer.joint] for part in Pieces.of(motion).at(np.array([answer.time])))
+        if what == "speed":
+            return abs(abs(dq) - answer.value) < 1e-6 and answer.value > float(limits.velocity[answer.joint])
+        return not float(limits.lower[answer.joint]) <= q <= float(limits.upper[answer.joint])
+    there = admit(law, motion, allowed=ALLOWED[name], assume_steps=True, slow_down=False).limit
+    if there is None:
+        return None
+    return there.what == what and there.joint == law.arm.joint_names[answer.joint]
+
+
+def reason_of(answer: Any, law: Any) -> str:
+    """The refusal in words."""
+    joint, what = law.arm.joint_names[answer.joint], REASONS.get(answer.reason)
+    return f"{what} of {joint} at {answer.time:.3f} s: {answer.value:.4g}, allowed {answer.limit:.4g}"
+
+
+def measure_goals() -> None:
+    """Decide on random goals in C, run the admitted and the slowed ones in MuJoCo, and check some refusals."""
+    parser = argparse.ArgumentParser(description=measure_goals.__doc__)
+    parser.add_argument("--arm", choices=sorted(ARMS), default="panda")
+    parser.add_argument("--count", type=int, default=5000)
+    parser.add_argument("--seed", type=int, default=11)
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        goals = Goals(options.arm, Path(folder))
+    rng, law = np.random.default_rng(options.seed), goals.law
+    print(f"{options.arm}: p = {100 * law.uncertainty.region(law.bodies).p:.2f} %", flush=True)
+    counts: Counter[str] = Counter()
+    shares, factors, seconds, longest = [], [], [], 0.0
+    for index in range(options.count):
+        motion = random_goal(index, law.arm, rng)
+        plan = goals.admission.plan(motion)
+        begun = time.process_time()
+        first = goals.decide(plan, slow_down=False)
+        seconds.append(time.process_time() - begun)
+        counts["admitted as it is" if first.reason == 0 else f"refused: {REASONS.get(first.reason, 'no motion')}"] += 1
+        bound = np.array(first.error[:])
+        if first.reason:
+            if counts["compared"] < COMPARED:
+                counts["compared"] += 1
+                confirmed = is_true(first, motion, law, options.arm)
+                counts["confirmed"] += confirmed is True
+                counts["admitted by `slidax admit`"] += confirmed is None
+                if confirmed is False:
+                    print(f"  goal {index} not confirmed: {reason_of(first, law)}", flush=True)
+            factor = goals.decide(plan, slow_down=True).slow_down
+            if not factor:
+                counts["not by a slow-down of at most 4"] += 1
+                continue
+            goals.admission.slow(plan, factor)
+            second = goals.decide(plan, slow_down=False)
+            counts["slowed"] += 1
+            counts["slowed, and not admitted then"] += second.reason != 0
+            factors.append(factor)
+            bound = np.array(second.error[:])
+        worst, bits = goals.run(plan, int(rng.integers(MEMBERS)))
+        shares.append(float(np.max(worst / bound)))
+        longest = max(longest, plan.times[plan.pieces])
+        counts["outside the bound"] += shares[-1] > 1.0
+        counts["a sample rejected"] += bool(bits & REJECTED)
+        counts["a torque limited"] += bool(bits & LIMITED)
+        if index % 500 == 499:
+            print(f"  {index + 1}: {dict(counts)}", flush=True)
+    print(f"of {options.count} goals: {dict(counts)}")
+    print(f"error over its bound: median {np.median(shares):.2f}, largest {np.max(shares):.2f}")
+    print(f"slow-down: median {np.median(factors):.2f} of those slowed; longest motion {longest:.1f} s")
+    print(f"decision: median {1e3 * np.median(seconds):.0f} ms, 99 % within {1e3 * np.quantile(seconds, 0.99):.0f} ms")
