@@ -1,8 +1,9 @@
-"""Five laws of the literature as a user writes them: `tests/export/test_own_laws.py` exports them to C."""
+"""Nine laws of the literature as a user writes them: `tests/export/test_own_laws.py` exports them to C."""
 
 import jax.numpy as jnp
 
 import slidax as sx
+from slidax.arms.adjusted import inertial_regressor
 from slidax.core import PerJoint, Scalar, matvec, parameter
 from slidax.law import AbstractModelBased
 
@@ -124,4 +125,135 @@ class L1Adaptive(AbstractModelBased):
         return sx.Command(tau=tau, memory=(ahead, filtered), signals={"sigma": sigma})
 
 
-LAWS = (PDPlus, IntegralSlidingMode, TimeDelayControl, Rise, L1Adaptive)
+class LinearDisturbanceRejection(AbstractModelBased):
+    """LADRC: `τ = M̄ (q̈_d + ωc² (q_d - z1) + 2 ωc (q̇_d - z2) - z3)`, without a model of the arm but M̄.
+
+    z estimates q, q̇ and all other accelerations from positions alone: a third-order observer with its poles at
+    `exp(-ωo h)`. Source: Gao, ACC 2003; the current discrete observer of Miklosovic, Radke and Gao, ACC 2006.
+    """
+
+    interval: Scalar = parameter("h", "s", "> 0", default=1e-3)
+    inertia: PerJoint = parameter("M̄", "kg m²", "> 0", default=2.0)
+    bandwidth: PerJoint = parameter("ωc", "rad/s", "> 0", default=12.0)
+    observer: PerJoint = parameter("ωo", "rad/s", "> 0", default=120.0)
+    limit: PerJoint = parameter("torque of the drives", "N m", "> 0", default=60.0)
+
+    def init(self, t, state, reference):
+        tau = self.nominal.gravity(state.q)
+        return state.q, state.dq, -tau / self.inertia, tau
+
+    def __call__(self, t, state, now, following, memory):
+        (z1, z2, z3, tau), h, pole = memory, self.interval, jnp.exp(-self.observer * self.interval)
+        total = z3 + tau / self.inertia
+        z1, z2 = z1 + h * z2 + 0.5 * h * h * total, z2 + h * total
+        miss = state.q - z1
+        z1 = z1 + (1.0 - pole**3) * miss
+        z2 = z2 + 1.5 * (1.0 - pole) ** 2 * (1.0 + pole) / h * miss
+        z3 = z3 + (1.0 - pole) ** 3 / (h * h) * miss
+        u = now.ddq + self.bandwidth**2 * (now.q - z1) + 2.0 * self.bandwidth * (now.dq - z2)
+        tau = jnp.clip(self.inertia * (u - z3), -self.limit, self.limit)
+        return sx.Command(tau=tau, memory=(z1, z2, z3, tau), signals={"z3": z3})
+
+
+class MomentumObserver(AbstractModelBased):
+    """Computed torque less the residual of the generalised momentum: `τ = M0 (q̈_d - kp e - kd ė) + C0 q̇ + G0 - r`.
+
+    `r = ko (M0 q̇ - z)`, `ż = τ + C0ᵀ q̇ - G0 + r`, which follows the disturbance torque as a first-order low-pass.
+    Source: De Luca and Mattone, ICRA 2003.
+    """
+
+    kp: PerJoint = parameter("kp", "1/s²", "> 0", default=100.0)
+    kd: PerJoint = parameter("kd", "1/s", "> 0", default=20.0)
+    observer: PerJoint = parameter("ko", "1/s", "> 0", default=60.0)
+    limit: PerJoint = parameter("torque of the drives, which z must know", "N m", "> 0", default=60.0)
+
+    def init(self, t, state, reference):
+        return matvec(self.nominal.mass(state.q), state.dq)
+
+    def __call__(self, t, state, now, following, memory):
+        arm, q, dq = self.nominal, state.q, state.dq
+        mass, coriolis, gravity = arm.mass(q), arm.coriolis(q, dq), arm.gravity(q)
+        residual = self.observer * (matvec(mass, dq) - memory)
+        u = now.ddq - self.kp * (q - now.q) - self.kd * (dq - now.dq)
+        tau = jnp.clip(matvec(mass, u) + matvec(coriolis, dq) + gravity - residual, -self.limit, self.limit)
+        rate = tau + matvec(coriolis.T, dq) - gravity + residual
+        return sx.Command(tau=tau, memory=memory, signals={"residual": residual}, rate=rate)
+
+
+class AdaptiveSlotineLi(AbstractModelBased):
+    """`τ = M0 q̈_r + C0 q̇_r + G0 + Y â - Kd s`, `â' = -Γ Yᵀ s`, `s = q̇ - q̇_r`, `q̇_r = q̇_d - λ e`.
+
+    Y is linear in a body at the tip, a factor of each link's mass, viscous and Coulomb friction. Its Coriolis part is
+    `c((q̇+q̇_r)/2) - c((q̇-q̇_r)/2) = C(q, q̇) q̇_r`. Source: Slotine and Li, Int. J. Robotics Research 6, 1987.
+    """
+
+    decay: PerJoint = parameter("λ", "1/s", "> 0", default=10.0)
+    kd: PerJoint = parameter("diagonal of Kd", "N m s/rad", "> 0", default=40.0)
+    body: Scalar = parameter(
+        "Γ of the body's mass; a tenth and a hundredth of it for its moments", "", "> 0", default=1.0
+    )
+    factor: Scalar = parameter("Γ of the links' factors", "", "> 0", default=0.1)
+    friction: Scalar = parameter("Γ of the friction", "", "> 0", default=10.0)
+
+    def init(self, t, state, reference):
+        return jnp.zeros(10 + 3 * self.joints)
+
+    def __call__(self, t, state, now, following, memory):
+        q, dq, n = state.q, state.dq, self.joints
+        arm = self.nominal.rigid_links() if hasattr(self.nominal, "rigid_links") else self.nominal
+        v, a = now.dq - self.decay * (q - now.q), now.ddq - self.decay * (dq - now.dq)
+        s, rest = dq - v, jnp.zeros_like(q)
+
+        def torque(dq, ddq):
+            return inertial_regressor(arm, q, dq, ddq).torque
+
+        links = torque(0.5 * (dq + v), a) - torque(0.5 * (dq - v), rest) + torque(rest, rest)
+        regressor = jnp.concatenate([links, jnp.diag(v), jnp.diag(jnp.tanh(v / 0.02))], axis=1)
+        gains = jnp.concatenate([
+            self.body * jnp.array([1.0] + [0.1] * 3 + [0.01] * 6),
+            jnp.zeros(n) + self.factor,
+            jnp.zeros(2 * n) + self.friction,
+        ])  # fmt: skip
+        known = matvec(self.nominal.mass(q), a) + matvec(self.nominal.coriolis(q, dq), v) + self.nominal.gravity(q)
+        tau = known + regressor @ memory - self.kd * s
+        return sx.Command(tau=tau, memory=memory, signals={"s": s}, rate=-gains * (regressor.T @ s))
+
+
+class AdaptiveSuperTwisting(AbstractModelBased):
+    """`τ = M0 (q̈_d - λ ė - α √|s| sgn(s) - ν) + C0 q̇ + G0`, `ν̇ = β/2 sgn(s)`, `s = ė + λ e`, `β = 2 ε α`.
+
+    α grows while `|s| > μ` and falls else: `α' = growth sgn(|s| - μ)`, and never falls below `least`.
+    Source: Shtessel, Taleb and Plestan, Automatica 48, 2012.
+    """
+
+    decay: PerJoint = parameter("λ", "1/s", "> 0", default=10.0)
+    growth: PerJoint = parameter("ω1 √(γ1/2)", "√(rad/s²)/s", "> 0", default=5.0)
+    ratio: Scalar = parameter("ε", "√(rad/s²)", "> 0", default=2.0)
+    zone: PerJoint = parameter("μ", "rad/s", "> 0", default=0.01)
+    least: PerJoint = parameter("smallest α", "√(rad/s²)", "> 0", default=0.5)
+
+    def init(self, t, state, reference):
+        return jnp.zeros_like(state.q) + self.least, jnp.zeros_like(state.q)
+
+    def __call__(self, t, state, now, following, memory):
+        alpha, integral = memory
+        e, de = state.q - now.q, state.dq - now.dq
+        s = de + self.decay * e
+        u = now.ddq - self.decay * de - alpha * jnp.sqrt(jnp.abs(s)) * jnp.sign(s) - integral
+        tau = matvec(self.nominal.mass(state.q), u) + self.nominal.bias(state.q, state.dq)
+        change = self.growth * jnp.where(alpha > self.least, jnp.sign(jnp.abs(s) - self.zone), 1.0)
+        rate = (change, self.ratio * alpha * jnp.sign(s))
+        return sx.Command(tau=tau, memory=memory, signals={"s": s, "alpha": alpha}, rate=rate)
+
+
+LAWS = (
+    PDPlus,
+    IntegralSlidingMode,
+    TimeDelayControl,
+    Rise,
+    L1Adaptive,
+    LinearDisturbanceRejection,
+    MomentumObserver,
+    AdaptiveSlotineLi,
+    AdaptiveSuperTwisting,
+)

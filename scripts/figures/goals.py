@@ -188,7 +188,7 @@ def random_goal(index: int, arm: Any, rng: np.random.Generator) -> Any:
 
 
 def is_true(answer: Any, motion: Any, law: Any, name: str) -> bool | None:
-    """True if the named joint passes the named limit, as `slidax admit` or the motion itself says; None: it is admitted.
+    """Return whether `slidax admit` or the motion confirms joint and limit; None if it admits the motion.
 
     C takes longer cells for long motions, which makes its bound larger.
     """

@@ -27,6 +27,10 @@ SOURCES = {
     "TimeDelayControl": "time-delay control (Youcef-Toumi and Ito, 1990)",
     "Rise": "RISE (Xian and others, 2004)",
     "L1Adaptive": "L1 adaptive control (Hovakimyan and Cao, 2010)",
+    "LinearDisturbanceRejection": "linear disturbance rejection, LADRC (Gao, 2003)",
+    "MomentumObserver": "computed torque with a momentum observer (De Luca and Mattone, 2003)",
+    "AdaptiveSlotineLi": "adaptive control with a regressor (Slotine and Li, 1987)",
+    "AdaptiveSuperTwisting": "adaptive super-twisting (Shtessel, Taleb and Plestan, 2012)",
 }
 
 

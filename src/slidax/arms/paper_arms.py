@@ -128,7 +128,9 @@ class TwoLink(AbstractRobot):
         l1, l2 = self.lengths
         places = jnp.array([[0.0, 0.0, 0.0], [l1, 0.0, 0.0]])
         centers = jnp.array([[l1, 0.0, 0.0], [l2, 0.0, 0.0]])
-        return _point_masses(self, jnp.tile(jnp.eye(3), (2, 1, 1)), places, centers, self.inertias, [0.0, -1.0, 0.0])
+        return _point_masses(
+            self, jnp.array([jnp.eye(3), jnp.eye(3)]), places, centers, self.inertias, [0.0, -1.0, 0.0]
+        )
 
 
 class Scara(AbstractRobot):

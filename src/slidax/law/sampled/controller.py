@@ -13,11 +13,10 @@ from jaxtyping import Array, Bool
 
 from slidax.arms.arm import AbstractRobot
 from slidax.core.errors import DefinitionError, count_noun, require_joints
-from slidax.core.linear_algebra import matvec, nearest_in_box, solve_symmetric
+from slidax.core.linear_algebra import matvec, solve_symmetric
 from slidax.core.parameter import parameter, piece
-from slidax.core.powers import vector_norm
 from slidax.core.tracing import barrier, select
-from slidax.core.types import Command, Envelope, Matrix, Memory, Reference, Scalar, State, Vector
+from slidax.core.types import Command, Envelope, Memory, Reference, Scalar, State, Vector
 from slidax.plant.actuators import TorqueLimits
 
 from ..adaptation import AbstractAdaptation, LearnedParameters
@@ -25,6 +24,7 @@ from ..controllers import AbstractController
 from ..estimators import AbstractEstimator, Estimate
 from ..steps import AbstractStep, Decision, StepInput
 from .gate import Admission, MeasurementGate
+from .limits import compensated_share, within_limits
 from .memory import LawMemory, LearnedModel
 from .monitor import Monitor, MonitorMemory
 from .prediction import (
@@ -270,7 +270,7 @@ class SampledData(AbstractController):
             request, decision = self._at_midpoint(request, decision)
 
         wanted, disturbance, adapted = self._compensate(request, decision, learned.estimate, learned.adapted)
-        tau, withheld, free = self._within_limits(wanted, memory.torques[-1], request.mass)
+        tau, withheld, free = within_limits(wanted, memory.torques[-1], request.mass, self.limits, h)
         reached = decision.acceleration - withheld
         if following is None:
             following = advance(now, reached, (1.0 - self.delay % 1.0) * h)
@@ -368,9 +368,7 @@ class SampledData(AbstractController):
             return predict_up_to(learned.estimate, acceleration, pending, self.actual_delay, self.period)
 
         def under_torques() -> Prediction:
-            return predicted(
-                lambda state, age: self._free_acceleration(learned.robot, state, learned.net[-age]),
-            )
+            return predicted(lambda state, age: self._free_acceleration(learned.robot, state, learned.net[-age]))
 
         planned = memory.accelerations
         if planned is None:
@@ -428,7 +426,7 @@ class SampledData(AbstractController):
     ) -> tuple[Vector, Vector, AdaptationMemory | None]:
         """The torque before the limits, the compensated disturbance, and the adaptation's memory with this friction."""
         lumped = matvec(request.mass, estimate.disturbance)
-        share = self._share(lumped, decision)
+        share = compensated_share(lumped, decision.cover, self.limits)
         disturbance = share * estimate.disturbance
         wanted = decision.tau - share * lumped
         if self.viscous_feedforward:
@@ -493,26 +491,3 @@ class SampledData(AbstractController):
         """The estimate, bounded, so that no gains of an estimator lead to infinite values."""
         state = State(q=estimate.state.q, dq=jnp.clip(estimate.state.dq, -self.gate.speed, self.gate.speed))
         return Estimate(state=state, disturbance=jnp.clip(estimate.disturbance, -STRONGEST, STRONGEST))
-
-    def _share(self, lumped: Vector, decision: Decision) -> Scalar:
-        """Share of the disturbance torque `M0 w` that is compensated.
-
-        The law's own bound limits it. Without a bound the torque limits do: an estimate beyond them is wrong.
-        """
-        if decision.cover is None:
-            return 1.0 / jnp.maximum(jnp.max(jnp.abs(lumped) / self.limits.torque), 1.0)
-        size, u = vector_norm(lumped), decision.cover
-        return jnp.where(size > u, u / jnp.maximum(size, u), 1.0)
-
-    def _within_limits(self, wanted: Vector, last: Vector, m0: Matrix) -> tuple[Vector, Vector, Bool[Array, ""]]:
-        """The torque within the limits, the acceleration that they withhold, and True if they withhold none."""
-        endless = jnp.full_like(wanted, jnp.inf)
-        lower, upper = self.limits(-endless, last, self.period), self.limits(endless, last, self.period)
-        free = jnp.all((wanted >= lower) & (wanted <= upper))
-
-        def limited() -> tuple[Vector, Vector]:
-            tau = nearest_in_box(wanted, lower, upper, m0)
-            return tau, solve_symmetric(m0, wanted - tau)
-
-        tau, withheld = jax.lax.cond(free, lambda: (wanted, jnp.zeros_like(wanted)), limited)
-        return tau, withheld, free

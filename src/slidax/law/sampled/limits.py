@@ -1,0 +1,47 @@
+"""The torque of a sampled law within the limits of the drives."""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool
+
+from slidax.core.linear_algebra import nearest_in_box, solve_symmetric
+from slidax.core.powers import vector_norm
+from slidax.core.types import Matrix, Scalar, Vector
+from slidax.plant.actuators import TorqueLimits
+
+
+def compensated_share(lumped: Vector, cover: Scalar | None, limits: TorqueLimits) -> Scalar:
+    """Return the share of the disturbance torque `M0 w` that is compensated.
+
+    The law's own bound limits it. Without a bound the torque limits do: an estimate beyond them is wrong.
+
+    - `lumped`: `M0 w` [n], N m or N.
+    - `cover`: the law's bound of its norm; None without one.
+    """
+    if cover is None:
+        return 1.0 / jnp.maximum(jnp.max(jnp.abs(lumped) / limits.torque), 1.0)
+    size = vector_norm(lumped)
+    return jnp.where(size > cover, cover / jnp.maximum(size, cover), 1.0)
+
+
+def within_limits(
+    wanted: Vector, last: Vector, m0: Matrix, limits: TorqueLimits, period: Scalar
+) -> tuple[Vector, Vector, Bool[Array, ""]]:
+    """Return the torque within the limits, the acceleration that they withhold, and True if they withhold none.
+
+    - `wanted`, `last`: this sample's torque before the limits, and the torque of the last sample [n], N m or N.
+    - `m0`: inertia matrix [n n], in whose metric the torque within the limits is the nearest.
+    - `period`: [s].
+    """
+    endless = jnp.full_like(wanted, jnp.inf)
+    lower, upper = limits(-endless, last, period), limits(endless, last, period)
+    free = jnp.all((wanted >= lower) & (wanted <= upper))
+
+    def limited() -> tuple[Vector, Vector]:
+        tau = nearest_in_box(wanted, lower, upper, m0)
+        return tau, solve_symmetric(m0, wanted - tau)
+
+    tau, withheld = jax.lax.cond(free, lambda: (wanted, jnp.zeros_like(wanted)), limited)
+    return tau, withheld, free
