@@ -38,9 +38,9 @@ def scenario_of(believed, longest=None, true=None, midpoint=False, t1=0.25):
 @pytest.mark.parametrize("midpoint", [False, True])
 @pytest.mark.parametrize("believed", [0.0, 1.0, 1.5, pytest.param(0.5, marks=pytest.mark.full), 3.0])
 def test_a_law_that_is_told_its_delay_acts_as_one_made_for_it(believed, midpoint):
-    made, told = (scenario_of(believed, longest, midpoint=midpoint).simulate() for longest in (None, 3.0))
-    np.testing.assert_allclose(told.log.tau, made.log.tau, rtol=1e-6, atol=1e-6)
-    assert np.ptp(np.asarray(made.log.tau)) > 1.0
+    fixed, told = (scenario_of(believed, longest, midpoint=midpoint).simulate() for longest in (None, 3.0))
+    np.testing.assert_allclose(told.log.tau, fixed.log.tau, rtol=1e-6, atol=1e-6)
+    assert np.ptp(np.asarray(fixed.log.tau)) > 1.0
 
 
 def test_the_delay_that_the_law_is_told_matters():
@@ -59,18 +59,18 @@ def test_the_past_torque_of_a_told_delay_is_that_of_a_fixed_one(delay):
 
 @needs_a_compiler
 def test_an_exported_law_is_told_its_delay_by_a_parameter(tmp_path):
-    made, told = scenario_of(2.0), scenario_of(1.0, 3.0)
+    fixed, told = scenario_of(2.0), scenario_of(1.0, 3.0)
     laws = []
-    for name, scenario in (("made", made), ("told", told)):
+    for name, scenario in (("fixed", fixed), ("told", told)):
         export_c(scenario, tmp_path / name, name="law", golden=False)
         laws.append(sx.load_export(tmp_path / name))
     assert laws[1]["actual_delay"] == 1.0 and "actual_delay" not in laws[0]
     laws[1]["actual_delay"] = 2.0
-    reference = [made.trajectory.reference(jnp.asarray(k * made.period)) for k in range(42)]
+    reference = [fixed.trajectory.reference(jnp.asarray(k * fixed.period)) for k in range(42)]
     rows = [np.stack([each.q, each.dq, each.ddq]) for each in reference]
     for k in range(40):
         q = rows[max(k - 2, 0)][0] + 1e-3
-        answers = [law.step(k * made.period, q, rows[k][1], rows[k], rows[k + 1]) for law in laws]
+        answers = [law.step(k * fixed.period, q, rows[k][1], rows[k], rows[k + 1]) for law in laws]
         np.testing.assert_allclose(answers[0][0], answers[1][0], rtol=1e-9)
         assert answers[0][1] == answers[1][1]
 
