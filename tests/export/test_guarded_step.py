@@ -334,3 +334,15 @@ def test_a_sampled_data_law_shares_its_limits_and_its_period_with_its_guards():
     assert step(guard, memory)[1] == TORQUE_LIMITED.bit
     loose = eqx.tree_at(lambda g: g.controller.limits, guard, TorqueLimits(jnp.full(2, 1e9), jnp.full(2, 1e9)))
     assert step(loose, memory)[1] == 0
+
+
+def test_the_weight_that_the_arm_bears_before_the_first_command_counts_as_no_limit():
+    guard = sampled()
+    still = Reference(q=NOW.q, dq=jnp.zeros(2), ddq=jnp.zeros(2))
+    state = State(q=still.q, dq=still.dq)
+    # Far less than the weight, each period.
+    slow = eqx.tree_at(lambda g: g.controller.limits.rate, guard, jnp.full(2, 100.0))
+    command, status = step(slow, begun(slow, state=state), state=state, now=still, following=still)
+    weight = slow.controller.nominal.gravity(state.q)
+    assert np.abs(weight).max() > 1.0 and status == 0
+    np.testing.assert_allclose(command.tau, weight, atol=0.1)

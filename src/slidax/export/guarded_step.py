@@ -247,12 +247,13 @@ class GuardedStep(AbstractController):
         # The arm's weight before the first command.
         held = self._within(memory.tau)
         tau = self._limits()(command.tau, held, period)
+        if isinstance(self.controller, SampledData):
+            # Its own memory has the torque from which its first command is limited.
+            tau = jnp.where(memory.commanded, tau, self._within(command.tau))
         limited = jnp.any(tau != command.tau)
         if isinstance(self.controller, SampledData):
             # It keeps the limits itself, and reports when they act.
             limited = limited | ~command.memory.planned
-            # Its own memory has the torque from which its first command is limited.
-            tau = jnp.where(memory.commanded, tau, self._within(command.tau))
         checked, before_law = law, memory.law
         if isinstance(self.controller, SampledData):
             # The gate keeps the measurement, which is finite, even of a rejected sample.
