@@ -76,10 +76,10 @@ def test_every_page_of_the_navigation_exists_and_every_link_has_a_target():
 
 def test_links_are_rewritten_for_the_site_and_code_is_unchanged():
     stage = Stage(ROOT / "nowhere")
-    text = "[a](../examples/design) [b](../benchmarks/PERFORMANCE.md#x) `[c](../d)` [symbols.md](symbols.md)"
+    text = "[a](../examples/design) [b](../benchmarks/PERFORMANCE.md#x) `[c](../d)` [glossary.md](glossary.md)"
     result = stage.linked(f"{text}\n\n    [e](../f)\n", "docs/tutorials/../design.md", "design.md")
     assert result == (
-        "[a](files/examples/design/index.md) [b](benchmarks.md#x) `[c](../d)` [Symbols](symbols.md)\n\n    [e](../f)\n"
+        "[a](files/examples/design/index.md) [b](benchmarks.md#x) `[c](../d)` [Glossary and symbols](glossary.md)\n\n    [e](../f)\n"
     )
     assert stage.files == {"examples/design"}
 
