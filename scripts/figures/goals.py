@@ -255,7 +255,7 @@ def measure_goals() -> None:
         counts["outside the bound"] += shares[-1] > 1.0
         counts["a sample rejected"] += bool(bits & REJECTED)
         counts["a torque limited"] += bool(bits & LIMITED)
-        if index % 250 == 249:
+        if index % 100 == 99:
             print(f"  {index + 1}: {dict(counts)}", flush=True)
     print(f"of {options.count} goals: {dict(counts)}")
     print(f"error over its bound: median {np.median(shares):.2f}, largest {np.max(shares):.2f}")

@@ -20,7 +20,7 @@ from tests.export.exported import COMPILERS, compiled, needs_a_compiler
 
 pytestmark = needs_a_compiler
 
-REASONS = {1: "error", 2: "position", 3: "speed", 4: "torque", 5: "torque step"}
+REASONS = {1: "error", 2: "position", 3: "speed", 4: "torque", 5: "torque step", 9: "planned torque step"}
 
 
 class CompiledAdmission:
@@ -167,6 +167,20 @@ def test_a_motion_that_is_slowed_down_by_the_answer_is_admitted(tmp_path):
         assert answer.slow_down == pytest.approx(expected.slow_down or 0.0)
         slowed += answer.slow_down > 1.0
     assert slowed
+
+
+def test_a_step_of_the_motion_itself_is_refused_in_c_as_in_python_also_if_steps_are_assumed(tmp_path):
+    scenario = sx.scenarios.load("example-4.1-1khz", {**NEAR, "actuator.rate": 150.0})
+    decide, law = CompiledAdmission(scenario, tmp_path), certified_law(scenario)
+    motions = random_motions(law, 6)
+    for motion in motions:
+        expected = admit(law, motion, assume_steps=True, slow_down=False)
+        answer = decide(motion, assume_steps=True)
+        assert (answer.reason == 9) == (expected.limit is not None and expected.limit.what == "planned torque step")
+        if answer.reason == 9:
+            assert answer.value == pytest.approx(expected.limit.value, rel=1e-6)
+            assert law.arm.joint_names[answer.joint] == expected.limit.joint
+    assert {decide(motion, assume_steps=True).reason for motion in motions} >= {0, 9}
 
 
 def test_what_is_no_motion_is_refused(two_links):

@@ -79,7 +79,7 @@ def admit(
         typer.Option(min=0.0, help="Largest error [rad or m]; default: the scenario's tolerance, or any bound."),
     ] = None,
     assume_steps: Annotated[
-        bool, typer.Option("--assume-steps", help="Admit also if the torque rate limit is not proved to be idle.")
+        bool, typer.Option("--assume-steps", help="Admit also if only the feedback may reach the torque rate limit.")
     ] = False,
     slow_down: Annotated[
         bool, typer.Option("--slow-down/--no-slow-down", help="Search how much slower a refused motion must be.")

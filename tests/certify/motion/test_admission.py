@@ -3,12 +3,14 @@
 import json
 from dataclasses import replace
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import slidax as sx
 from slidax.certify.motion.admission import admit, certified_law, judge_motion, slowed, tracking_bound
+from slidax.certify.motion.path_cells import Pieces
 from slidax.core.errors import DefinitionError
 from slidax.motions.tabulated import Tabulated
 from slidax.scenarios.family import Family
@@ -126,6 +128,23 @@ def test_torque_steps_that_are_not_proved_lower_the_grade_and_admit_only_if_assu
     assert not refused.admitted and refused.limit.what == "torque step" and refused.verdict.holds
     assert refused.verdict.grade == "B"
     assert admit(tight, motion(1.5), assume_steps=True, slow_down=False).admitted
+
+
+def test_a_motion_that_itself_needs_larger_torque_steps_than_the_drives_have_is_refused_also_if_they_are_assumed(law):
+    arm, h, path = law.arm, law.loop.period, Pieces.of(motion(1.5))
+    q, dq = (np.asarray(part) for part in path.at(np.arange(0.0, 1.5, h))[:2])
+    mean = np.diff(dq, axis=0) / h
+    q, dq = q[:-1] + 0.5 * h * dq[:-1] + 0.125 * h * h * mean, dq[:-1] + 0.5 * h * mean
+    planned = jax.vmap(lambda q, dq, ddq: arm.mass(q) @ ddq + arm.bias(q, dq))(q, dq, mean) + arm.viscous * dq
+    needed = float(np.abs(np.diff(planned, axis=0)).max())
+    answers = [
+        admit(replace(law, torque_rate=np.full(7, share * needed / h)), motion(1.5), assume_steps=True, slow_down=False)
+        for share in (0.99, 1.02)
+    ]
+    assert [answer.admitted for answer in answers] == [False, True]
+    limit = answers[0].limit
+    assert limit.what == "planned torque step" and limit.value == pytest.approx(needed, rel=1e-2)
+    assert [line.status for line in answers[0].verdict.assumptions if "torque step" in line.text] == ["fails", "fails"]
 
 
 def test_the_command_answers_for_each_file_in_json_and_by_its_exit_code(tmp_path, law):

@@ -53,7 +53,7 @@ class MotionLimit:
     """A limit that a motion may pass, where that is worst.
 
     - `joint`: its name. `time`: s.
-    - `what`: `error`, `position`, `speed`, `torque` or `torque step`.
+    - `what`: `error`, `position`, `speed`, `torque`, `torque step` or `planned torque step`.
     - `value`, `allowed`: in SI units; the value is None if it has no bound.
     """
 
@@ -175,7 +175,8 @@ def admit(
     """Decide if a motion is inside the guarantee of a law, and how much slower it must be if not.
 
     - `allowed`: largest error, one number or [n], rad or m; None for any that has a bound.
-    - `assume_steps`: True to admit a motion for which it is not proved that the torque rate limit does not act.
+    - `assume_steps`: True to admit a motion for which it is not proved that the torque rate limit does not act, if the
+      motion itself needs no larger step.
     - `slow_down`: True to search the smallest factor on the motion's time with which it is admitted.
     """
 
@@ -320,8 +321,24 @@ def _passed_ranges(law: CertifiedLaw, motion: AbstractPieces) -> list[MotionLimi
 def _drive_lines(
     law: CertifiedLaw, certified: CertifiedPath, drives: DriveBounds
 ) -> tuple[list[Assumption], list[MotionLimit]]:
-    """Assumptions about the drives' limits, and those limits that may act."""
+    """Assumptions about the drives' limits, and those limits that may act.
+
+    A torque step of the motion itself is no matter of what is proved: the nominal arm needs it, and cannot have it.
+    """
     lines, passed = [], []
+    allowed = np.broadcast_to(law.loop.period * law.torque_rate, drives.planned_step.shape)
+    needed = drives.planned_step / allowed
+    cell, joint = (int(i) for i in np.unravel_index(int(np.argmax(needed)), needed.shape))
+    possible = bool(needed[cell, joint] <= 1.0)
+    if not possible:
+        name, time = law.arm.joint_names[joint], float(certified.path.cells.centres[cell])
+        value, most = float(drives.planned_step[cell, joint]), float(allowed[cell, joint])
+        text = (
+            f"the motion needs no larger torque step than the drives have: `{name}` needs {value:.3g} of {most:.3g} "
+            f"{law.arm.torque_units[joint]} at {time:.3g} s"
+        )
+        lines.append(Assumption(text, "fails", value))
+        passed.append(MotionLimit(name, time, "planned torque step", value, most))
     for what, value, plan, limit in (
         ("torque", drives.torque, drives.planned_torque, law.torque),
         ("torque step", drives.step, drives.planned_step, law.loop.period * law.torque_rate),
@@ -340,6 +357,7 @@ def _drive_lines(
         if share[cell, joint] <= 1.0:
             lines.append(Assumption(text, "proved", float(value[cell, joint])))
             continue
-        lines.append(Assumption(text, "fails" if what == "torque" else "assumed", float(value[cell, joint])))
+        status = "assumed" if what == "torque step" and possible else "fails"
+        lines.append(Assumption(text, status, float(value[cell, joint])))
         passed.append(MotionLimit(name, time, what, float(value[cell, joint]), float(limit[joint])))
     return lines, passed
