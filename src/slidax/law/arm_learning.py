@@ -51,6 +51,9 @@ DRIFT = 5e-4
 LARGEST, OPENED = 4.0, 0.25
 """Largest variance, and growth after a change of the arm, relative to the variances at the start."""
 
+RESTORED = 0.01
+"""Share of the covariance that is left when the last good model returns."""
+
 CERTAIN = 0.2
 """Largest deviation of each diagonal entry of M, relative to itself, in a model that may be used."""
 
@@ -75,7 +78,7 @@ class Equations(eqx.Module):
     - `inertia`: derivative of M_ii by payload and link factors [n b].
     - `diagonal`: M_ii of the nominal arm [n].
     - `teaches`: True for each equation that is used [n].
-    - `valid`, `loud`: True for a window without a gap, and for one with a loud innovation.
+    - `valid`: True for a window without a gap. `loud`: for one with a loud innovation of the learnt, and the good model.
     """
 
     rows: Float[Array, "n p"]
@@ -84,7 +87,7 @@ class Equations(eqx.Module):
     diagonal: Vector
     teaches: Bool[Array, " n"]
     valid: Bool[Array, ""]
-    loud: Bool[Array, ""]
+    loud: Bool[Array, "2"]
 
 
 class Estimates(eqx.Module):
@@ -183,7 +186,7 @@ class ArmLearning(AbstractAdaptation):
                 diagonal=jnp.ones(n),
                 teaches=jnp.zeros(n, bool),
                 valid=jnp.zeros((), bool),
-                loud=jnp.zeros((), bool),
+                loud=jnp.zeros(2, bool),
             ),
             estimates=Estimates(
                 parameters=nothing,
@@ -260,7 +263,7 @@ class ArmLearning(AbstractAdaptation):
             y=y,
             inertia=own.inertia,
             diagonal=jnp.sum(own.inertia[:, PAYLOAD:], axis=1) + arm.armature,
-            teaches=heard & (trust.relearns | ~loud),
+            teaches=heard & (trust.relearns | ~loud[0]),
             valid=valid,
             loud=loud,
         )
@@ -273,6 +276,7 @@ class ArmLearning(AbstractAdaptation):
         n, duration = equations.y.size, self.samples * x.period
         spread = self.deviations(n)
         relative = self._inertia_deviation(equations, estimates)
+        in_use = trust.share > 0.0
         trust, verdict = judge(
             trust, jnp.all(relative < CERTAIN), equations.valid, equations.loud, self.noise**2, duration
         )
@@ -280,11 +284,14 @@ class ArmLearning(AbstractAdaptation):
         # Only what teaches may fade: rest forgets nothing.
         share = jnp.sum(jnp.where(equations.teaches, 1.0 / n, 0.0))
         growth = DRIFT * duration * share + jnp.where(verdict.opens, OPENED, 0.0)
-        covariance = with_drift(estimates.covariance, growth * spread**2, LARGEST * spread**2)
+        # The covariance is of the model that is given up, and the good one is known better.
+        covariance = estimates.covariance * jnp.where(verdict.restores, RESTORED, 1.0)
+        covariance = with_drift(covariance, growth * spread**2, LARGEST * spread**2)
         parameters = self._steered(x, parameters, covariance)
         move = -jnp.expm1(-duration / SMOOTHING) * (parameters - estimates.used)
         used = estimates.used + jnp.clip(move, -LARGEST_MOVE * spread, LARGEST_MOVE * spread)
-        used = self._consistent(x, jnp.where(trust.share > 0.0, used, parameters))
+        # A model that is given up, or not yet in use, must not be on the way to the good one.
+        used = self._consistent(x, jnp.where(in_use & ~verdict.restores, used, parameters))
         return trust, Estimates(
             parameters=parameters,
             covariance=covariance,

@@ -83,14 +83,14 @@ class Trust(eqx.Module):
 
     def after_window(
         self, squares: Float[Array, "3 n"], heard: Bool[Array, " n"], variance: Scalar, duration: Scalar
-    ) -> tuple[Trust, Bool[Array, ""]]:
-        """Return the trust with the energies of a window, and True if the window is loud.
+    ) -> tuple[Trust, Bool[Array, "2"]]:
+        """Return the trust with the energies of a window, and if the window is loud by each of both models.
 
         - `squares`: squared innovations of both models, and squared torque [3 n].
         - `heard`: True for each joint whose equation is valid.
         - `duration`: from one window to the next [s].
         """
-        loud = jnp.any(heard & (squares[0] > LOUD * LOUD * self.usual))
+        loud = jnp.any(heard & (squares[:2] > LOUD * LOUD * self.usual), axis=1)
         newer = jnp.where(heard, -jnp.expm1(-duration / ENERGY_TIME), 0.0)
         slower = jnp.where(heard, -jnp.expm1(-duration / USUAL_TIME), 0.0)
         # A loud innovation counts as three usual ones, so that outliers cannot become usual.
@@ -117,7 +117,7 @@ def judge(
     trust: Trust,
     certain: Bool[Array, ""],
     valid: Bool[Array, ""],
-    loud: Bool[Array, ""],
+    loud: Bool[Array, "2"],
     variance: Scalar,
     duration: Scalar,
 ) -> tuple[Trust, Verdict]:
@@ -131,23 +131,27 @@ def judge(
       the new one is in use and explains it less well.
 
     - `certain`: True if the model knows each joint's inertia.
-    - `valid`, `loud`: of the window.
+    - `valid`: True for a valid window. `loud`: if it is loud by the learnt, and by the last good model.
     - `variance`: of the torque's noise.
     - `duration`: from one window to the next [s].
     """
     learnt, good, torque = trust.energy
+    loud, loud_by_good = loud
     least = torque + FLOOR * FLOOR * variance
     ratio, ratio_good = jnp.max(learnt / least), jnp.max(good / least)
     since = trust.since + duration
     louder = jnp.where(loud, trust.loud + duration, jnp.maximum(trust.loud - duration, 0.0))
     loud_time = jnp.where(valid, louder, trust.loud)
     quiet = jnp.where(valid & ~loud, trust.quiet + duration, 0.0)
-    confirmed = jnp.where(valid & (ratio_good < EXPLAINS), trust.confirmed + duration, 0.0)
+    # The energies remember a push for seconds, single windows do not.
+    explains = (ratio_good < EXPLAINS) | ~loud_by_good
+    confirmed = jnp.where(valid & explains, trust.confirmed + duration, 0.0)
 
     learns = trust.relearns
     done = learns & valid & certain & (ratio < EXPLAINS) & (since > ENERGY_TIME)
     worse = (ratio > WORSE * ratio_good) & (ratio > WRONG)
-    restores = (learns | worse) & ~done & trust.has_good & (confirmed > CONFIRMED)
+    unproven = learns | (trust.share <= 0.0) & (since < PROBATION)
+    restores = (unproven | worse) & ~done & trust.has_good & (confirmed > CONFIRMED)
     changed = ~learns & (loud_time > LASTING)
     again = learns & ~done & ~restores & (ratio > FAILS) & (since > LASTING)
     relearns = (learns & ~done & ~restores) | changed
