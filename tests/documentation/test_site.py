@@ -79,7 +79,8 @@ def test_links_are_rewritten_for_the_site_and_code_is_unchanged():
     text = "[a](../examples/design) [b](../benchmarks/PERFORMANCE.md#x) `[c](../d)` [glossary.md](glossary.md)"
     result = stage.linked(f"{text}\n\n    [e](../f)\n", "docs/tutorials/../design.md", "design.md")
     assert result == (
-        "[a](files/examples/design/index.md) [b](benchmarks.md#x) `[c](../d)` [Glossary and symbols](glossary.md)\n\n    [e](../f)\n"
+        "[a](files/examples/design/index.md) [b](benchmarks.md#x) `[c](../d)` [Glossary and symbols](glossary.md)"
+        "\n\n    [e](../f)\n"
     )
     assert stage.files == {"examples/design"}
 

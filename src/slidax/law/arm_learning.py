@@ -78,7 +78,7 @@ class Equations(eqx.Module):
     - `inertia`: derivative of M_ii by payload and link factors [n b].
     - `diagonal`: M_ii of the nominal arm [n].
     - `teaches`: True for each equation that is used [n].
-    - `valid`: True for a window without a gap. `loud`: for one with a loud innovation of the learnt, and the good model.
+    - `valid`: True for a window without a gap. `loud`: for a loud innovation of the learnt, and of the good model.
     """
 
     rows: Float[Array, "n p"]

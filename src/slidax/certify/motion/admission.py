@@ -332,13 +332,13 @@ def _drive_lines(
     possible = bool(needed[cell, joint] <= 1.0)
     if not possible:
         name, time = law.arm.joint_names[joint], float(certified.path.cells.centres[cell])
-        value, most = float(drives.planned_step[cell, joint]), float(allowed[cell, joint])
+        planned, most = float(drives.planned_step[cell, joint]), float(allowed[cell, joint])
         text = (
-            f"the motion needs no larger torque step than the drives have: `{name}` needs {value:.3g} of {most:.3g} "
+            f"the motion needs no larger torque step than the drives have: `{name}` needs {planned:.3g} of {most:.3g} "
             f"{law.arm.torque_units[joint]} at {time:.3g} s"
         )
-        lines.append(Assumption(text, "fails", value))
-        passed.append(MotionLimit(name, time, "planned torque step", value, most))
+        lines.append(Assumption(text, "fails", planned))
+        passed.append(MotionLimit(name, time, "planned torque step", planned, most))
     for what, value, plan, limit in (
         ("torque", drives.torque, drives.planned_torque, law.torque),
         ("torque step", drives.step, drives.planned_step, law.loop.period * law.torque_rate),
@@ -357,7 +357,7 @@ def _drive_lines(
         if share[cell, joint] <= 1.0:
             lines.append(Assumption(text, "proved", float(value[cell, joint])))
             continue
-        status = "assumed" if what == "torque step" and possible else "fails"
-        lines.append(Assumption(text, status, float(value[cell, joint])))
+        assumed = what == "torque step" and possible
+        lines.append(Assumption(text, "assumed" if assumed else "fails", float(value[cell, joint])))
         passed.append(MotionLimit(name, time, what, float(value[cell, joint]), float(limit[joint])))
     return lines, passed
