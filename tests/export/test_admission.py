@@ -169,6 +169,7 @@ def test_a_motion_that_is_slowed_down_by_the_answer_is_admitted(tmp_path):
     assert slowed
 
 
+@pytest.mark.full
 def test_a_step_of_the_motion_itself_is_refused_in_c_as_in_python_also_if_steps_are_assumed(tmp_path):
     scenario = sx.scenarios.load("example-4.1-1khz", {**NEAR, "actuator.rate": 150.0})
     decide, law = CompiledAdmission(scenario, tmp_path), certified_law(scenario)
