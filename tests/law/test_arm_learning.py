@@ -20,12 +20,12 @@ YES, NO = jnp.asarray(True), jnp.asarray(False)
 ARM_LEARNING = {"scheme.sampled_data.adaptation": {"kind": "arm_learning"}}
 
 
-def judged(trust, seconds, *, innovation=0.0, of_good=0.0, certain=YES):
+def judged(trust, seconds, *, innovation=0.0, of_good=0.0, certain=YES, heard=True):
     """Trust after windows in which every joint has the same innovation, N m, and a torque of 1 N m."""
     verdicts = []
     for _ in range(round(seconds / float(STEP))):
         squares = jnp.stack([jnp.full(2, innovation**2), jnp.full(2, of_good**2), jnp.ones(2)])
-        trust, loud = trust.after_window(squares, jnp.ones(2, bool), VARIANCE, STEP)
+        trust, loud = trust.after_window(squares, jnp.full(2, heard), VARIANCE, STEP)
         trust, verdict = judge(trust, certain, YES, loud, VARIANCE, STEP)
         verdicts.append(verdict)
     return trust, verdicts
@@ -76,8 +76,10 @@ def test_the_last_good_model_replaces_one_that_was_learnt_in_a_push_before_that_
     assert learnt.share == 0.0 and learnt.since < PROBATION - CONFIRMED
     after, verdicts = judged(learnt, CONFIRMED + 0.05, innovation=0.3, of_good=0.01)
     assert any(bool(verdict.restores) for verdict in verdicts) and not after.relearns
-    # A payload that was grasped stays: by the earlier model its windows are loud.
-    assert not any(bool(v.restores) for v in judged(learnt, 0.5, innovation=0.01, of_good=3.0)[1])
+    # A payload that was grasped stays: by the earlier model its windows are loud, and rest says nothing.
+    for heard, of_good in ((True, 3.0), (False, 0.0)):
+        more = judged(learnt, 0.5, innovation=0.01, of_good=of_good, heard=heard)[1]
+        assert not any(bool(verdict.restores) for verdict in more)
 
 
 def test_the_last_good_model_replaces_a_model_in_use_that_explains_the_torque_less_well(in_use):

@@ -10,12 +10,15 @@ from slidax.core.errors import DefinitionError
 from slidax.scenarios.own_code import VARIABLE
 from slidax.scenarios.yaml_text import as_yaml
 from tests.cli.commands import in_process
+from tests.export.exported import COMPILERS, compiled, needs_a_compiler, run
+
+SOURCES = ("slidax_law.c", "slidax_law_scenario.c", "test_law.c")
 
 MODULE = '''
 import jax.numpy as jnp
 
-from slidax.core import PerJoint, parameter
-from slidax.law import AbstractSurface
+from slidax.core import Command, PerJoint, parameter
+from slidax.law import AbstractModelBased, AbstractSurface
 
 
 class Straight(AbstractSurface):
@@ -32,6 +35,18 @@ class Straight(AbstractSurface):
 
 class Other:
     pass
+
+
+class Simple(AbstractModelBased):
+    """Computed torque with two gains."""
+
+    kp: PerJoint = parameter("kp", "1/s²", "> 0", default=100.0)
+    kd: PerJoint = parameter("kd", "1/s", "> 0", default=20.0)
+
+    def __call__(self, t, state, now, following, memory):
+        u = now.ddq - self.kp * (state.q - now.q) - self.kd * (state.dq - now.dq)
+        tau = self.nominal.mass(state.q) @ u + self.nominal.bias(state.q, state.dq)
+        return Command(tau=tau, memory=memory, signals={})
 '''
 
 
@@ -102,3 +117,71 @@ def test_the_flag_of_the_command_line_allows_code(own_file, monkeypatch):
     short = ["--set", change, "--set", "simulation.t1=0.05"]
     assert "--allow-code" in in_process("run", "mine.yaml", *short, code=2).output
     in_process("--allow-code", "run", "mine.yaml", *short, code=0)
+
+
+LAW = "straight_surface:Simple"
+
+
+@pytest.fixture
+def own_law(own_file):
+    """A scenario whose scheme is a law of the user's own, with its sampled-data form or without."""
+
+    def of(printed=False, **values):
+        folder, text = own_file
+        changes = {"scheme.name": LAW, "simulation.t1": 1.0, **{f"scheme.{k}": v for k, v in values.items()}}
+        if printed:
+            changes["scheme.sampled_data"] = None
+        return scenarios.parse(text, changes, folder=folder)
+
+    return of
+
+
+def test_an_own_law_is_refused_unless_code_is_allowed(own_law):
+    with pytest.raises(DefinitionError, match=r"scheme.*slidax --allow-code COMMAND"):
+        own_law()
+
+
+@pytest.mark.parametrize("printed", [False, pytest.param(True, marks=pytest.mark.full)])
+def test_an_own_law_runs_as_the_same_law_of_the_package_and_is_written_into_a_file_again(own_law, own_file, printed):
+    scenarios.allow_code()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        again = scenarios.parse(as_yaml(own_law(printed, kp=80.0)), folder=own_file[0])
+    assert again.scheme.name == LAW
+    ours = {"scheme.name": "computed_torque", "scheme.kp": 80.0, "scheme.kd": 20.0, "simulation.t1": 1.0}
+    if printed:
+        ours["scheme.sampled_data"] = None
+    expected = scenarios.load("example-4.1-1khz", ours).simulate()
+    run = again.build("own").simulate()
+    np.testing.assert_allclose(run.log.tau, expected.log.tau, rtol=1e-6, atol=1e-6)
+
+
+def test_values_of_an_own_law_are_checked_by_its_declarations(own_law):
+    scenarios.allow_code()
+    with pytest.raises(DefinitionError, match="unknown key `kq`"):
+        own_law(kq=1.0)
+    with pytest.raises(DefinitionError, match="must be > 0"):
+        own_law(kp=-1.0).build("own")
+
+
+@pytest.mark.full
+@needs_a_compiler
+def test_the_command_line_exports_an_own_law_to_c(own_file, monkeypatch):
+    folder, text = own_file
+    (folder / "mine.yaml").write_text(text, encoding="utf-8")
+    monkeypatch.chdir(folder)
+    in_process(
+        "--allow-code",
+        "export",
+        "c",
+        "mine.yaml",
+        "--set",
+        f"scheme.name={LAW}",
+        "--name",
+        "law",
+        "--out",
+        "law",
+        code=0,
+    )
+    compiled(COMPILERS[0], folder / "law", *SOURCES, "-o", "test_law", "-lm")
+    assert run(folder / "law", "./test_law").endswith("0 faults\n")

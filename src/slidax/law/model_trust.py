@@ -86,11 +86,14 @@ class Trust(eqx.Module):
     ) -> tuple[Trust, Bool[Array, "2"]]:
         """Return the trust with the energies of a window, and if the window is loud by each of both models.
 
+        A window at rest says nothing for the last good model: it counts as loud by that one.
+
         - `squares`: squared innovations of both models, and squared torque [3 n].
         - `heard`: True for each joint whose equation is valid.
         - `duration`: from one window to the next [s].
         """
         loud = jnp.any(heard & (squares[:2] > LOUD * LOUD * self.usual), axis=1)
+        loud = loud | jnp.stack([jnp.zeros((), bool), ~jnp.any(heard)])
         newer = jnp.where(heard, -jnp.expm1(-duration / ENERGY_TIME), 0.0)
         slower = jnp.where(heard, -jnp.expm1(-duration / USUAL_TIME), 0.0)
         # A loud innovation counts as three usual ones, so that outliers cannot become usual.

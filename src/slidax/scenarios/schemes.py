@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union
 
 import equinox as eqx
 import numpy as np
 from jaxtyping import Array
-from pydantic import ConfigDict, Field, create_model, model_validator
+from pydantic import ConfigDict, Field, SerializeAsAny, WrapValidator, create_model, model_validator
 from pydantic_core import PydanticCustomError
 
+from slidax.core.errors import DefinitionError
 from slidax.core.parameter import parameters_of
 from slidax.core.part import kind_of
-from slidax.law.controllers import AbstractController
+from slidax.law.controllers import AbstractController, AbstractModelBased
 from slidax.law.error_transformations import PrescribedPerformance
 from slidax.law.linear_controllers import ComputedTorque, JointPID
 from slidax.law.presets import (
@@ -46,6 +48,7 @@ from .descriptions import (
     type_of,
     union_of,
 )
+from .own_code import own_class
 from .sampled_data import SampledDataDescription
 
 PRESETS: dict[str, Preset] = {
@@ -239,8 +242,14 @@ def switch_scheme(scheme: Any, name: Any) -> Any:
     """
     if not isinstance(scheme, dict):
         return {"name": name}
+    if scheme.get("name") == name:
+        return scheme
+    if isinstance(name, str) and ":" in name:
+        block = scheme.get("sampled_data")
+        kept = {k: v for k, v in block.items() if k not in OF_PLANS} if isinstance(block, dict) else None
+        return {"name": name} if kept is None else {"name": name, "sampled_data": kept}
     preset = PRESETS.get(name) if isinstance(name, str) else None
-    if preset is None or scheme.get("name") == name:
+    if preset is None:
         return {**scheme, "name": name}
     old, new = place_parameters(scheme), {"name": name}
     for key in ("transformation", "bound"):
@@ -286,10 +295,28 @@ def described_scheme(name: str, preset: Preset) -> type[SchemeDescription]:
     return model
 
 
+@functools.cache
+def _own_scheme(name: str, law: type[AbstractController]) -> type[SchemeDescription]:
+    return described_scheme(name, Preset(law, (law.__doc__ or name).strip()))
+
+
+def _validated(value: Any, others: Callable[[Any], Any], info: Any) -> Any:
+    """Validate a scheme, whose name may be the `module:Class` of a law of the user's own."""
+    name = value.get("name") if isinstance(value, dict) else None
+    if not isinstance(name, str) or ":" not in name:
+        return value if isinstance(value, SchemeDescription) else others(value)
+    try:
+        law = own_class(name, AbstractModelBased, (info.context or {}).get("folder", ""))
+    except DefinitionError as error:
+        raise PydanticCustomError("own_law", "{message}", {"message": error.message}) from None
+    return _own_scheme(name, law).model_validate(value, context=info.context)
+
+
 SCHEMES = {name: described_scheme(name, preset) for name, preset in PRESETS.items()}
 """Descriptions of the schemes by name."""
 
 if TYPE_CHECKING:
     AnyScheme = SchemeDescription
 else:
-    AnyScheme = Annotated[Union[tuple(SCHEMES.values())], Field(discriminator="name")]  # noqa: UP007
+    OPTIONS = (Field(discriminator="name"), SerializeAsAny(), WrapValidator(_validated))
+    AnyScheme = Annotated[Union[tuple(SCHEMES.values())], *OPTIONS]  # noqa: UP007

@@ -47,7 +47,11 @@ NEAR: dict[str, Any] = {
 
 
 def test_simulated_arms_of_the_set_stay_within_the_bound():
-    scenario = sx.scenarios.load("example-4.1-1khz", NEAR)
+    # From rest the motion begins with an acceleration, for which 4 N m a period are too few.
+    assert tracking_bound(sx.scenarios.load("example-4.1-1khz", NEAR)).statement.startswith(
+        "Not certified: planned torque step"
+    )
+    scenario = sx.scenarios.load("example-4.1-1khz", {**NEAR, "actuator.rate": 4e4})
     verdict = tracking_bound(scenario)
     assert verdict.holds, verdict.statement
     family = Family.of(scenario.description)
