@@ -246,8 +246,9 @@ def switch_scheme(scheme: Any, name: Any) -> Any:
         return scheme
     if isinstance(name, str) and ":" in name:
         block = scheme.get("sampled_data")
-        kept = {k: v for k, v in block.items() if k not in OF_PLANS} if isinstance(block, dict) else None
-        return {"name": name} if kept is None else {"name": name, "sampled_data": kept}
+        if not isinstance(block, dict):
+            return {"name": name}
+        return {"name": name, "sampled_data": {k: v for k, v in block.items() if k not in OF_PLANS}}
     preset = PRESETS.get(name) if isinstance(name, str) else None
     if preset is None:
         return {**scheme, "name": name}
