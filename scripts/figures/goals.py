@@ -196,7 +196,8 @@ def is_true(answer: Any, motion: Any, law: Any, name: str) -> bool | None:
     if what in ("position", "speed"):
         q, dq, *_ = (part[0, answer.joint] for part in Pieces.of(motion).at(np.array([answer.time])))
         if what == "speed":
-            return abs(abs(dq) - answer.value) < 1e-6 and answer.value > float(limits.velocity[answer.joint])
+            size = abs(answer.value)
+            return bool(abs(abs(dq) - size) < 1e-6 and size > float(limits.velocity[answer.joint]))
         return not float(limits.lower[answer.joint]) <= q <= float(limits.upper[answer.joint])
     there = admit(law, motion, allowed=ALLOWED[name], assume_steps=True, slow_down=False).limit
     if there is None:

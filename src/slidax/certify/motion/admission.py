@@ -323,7 +323,7 @@ def _drive_lines(
 ) -> tuple[list[Assumption], list[MotionLimit]]:
     """Assumptions about the drives' limits, and those limits that may act.
 
-    A torque step of the motion itself is no matter of what is proved: the nominal arm needs it, and cannot have it.
+    A torque step that the motion itself needs cannot be assumed away: even the nominal arm needs it.
     """
     lines, passed = [], []
     allowed = np.broadcast_to(law.loop.period * law.torque_rate, drives.planned_step.shape)
@@ -360,4 +360,6 @@ def _drive_lines(
         assumed = what == "torque step" and possible
         lines.append(Assumption(text, "assumed" if assumed else "fails", float(value[cell, joint])))
         passed.append(MotionLimit(name, time, what, float(value[cell, joint]), float(limit[joint])))
+    # A torque beyond its limit is named first, as in C.
+    passed.sort(key=lambda limit: limit.what != "torque")
     return lines, passed
