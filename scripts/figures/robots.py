@@ -45,7 +45,7 @@ ENTRIES = {(0, 0): "ixx", (0, 1): "ixy", (0, 2): "ixz", (1, 1): "iyy", (1, 2): "
 """Attributes of <inertia> by row and column."""
 
 REASONS = {
-    "no masses": r"has a mass, as in files that are for drawing|has no mass|inertia but no mass",
+    "no masses": r"has a mass, as in files that are only for drawing|has no mass|inertia but no mass",
     "no inertia": r"write the body's own",
     "an inertia of no body": r"principal moments",
     "xacro in it, whose files are missing": r"xacro",
@@ -62,7 +62,7 @@ def arm_of(path: Path, inertias: str) -> tuple[Articulated | Coupled | None, str
         return from_urdf(path, inertias=inertias), "", ""
     except DefinitionError as error:
         refusal = error.message
-    offered = re.search(r"say tip=NAME; (.*) carry no other", refusal)
+    offered = re.search(r"give tip=NAME; (.*) carry no other", refusal)
     for tip in offered[1].split(", ") if offered else ():
         try:
             return from_urdf(path, tip=tip, inertias=inertias), tip, ""
