@@ -146,7 +146,7 @@ class Step:
 
 
 def newcomer_steps(wheel: Path) -> list[Step]:
-    """The commands, as docs/troubleshooting.md has them.
+    """The commands, as docs/explain.md has them.
 
     - `wheel`: in place of the name on the package index.
     """
@@ -176,7 +176,7 @@ def built(place: Path) -> Path:
 
 def requirements() -> str:
     """The file that the page shows."""
-    text = (DOCS / "troubleshooting.md").read_text(encoding="utf-8")
+    text = (DOCS / "explain.md").read_text(encoding="utf-8")
     (block,) = re.findall(r"```yaml\n# requirements.yaml\n(.*?)```", text, re.DOTALL)
     return str(block)
 
@@ -225,7 +225,7 @@ def newcomer_table(timed: list[tuple[Step, float, float]]) -> str:
 
 
 def measure_newcomer() -> None:
-    """Walk the newcomer's path in a fresh environment, and write its times into docs/troubleshooting.md.
+    """Walk the newcomer's path in a fresh environment, and write its times into docs/explain.md.
 
     The path begins with a wheel that is built here: an environment, the installation, a first run, an arm from a URDF
     file, a law designed for it, its certificates, and its C, compiled and tested. Only pip's downloads are kept from
@@ -246,7 +246,7 @@ def measure_newcomer() -> None:
         place.mkdir(parents=True)
         (Path(top) / "dist").mkdir()
         text = newcomer_table(walked(place, built(Path(top) / "dist"), options.python, robot))
-    write_table("troubleshooting.md", "newcomer", text)
+    write_table("explain.md", "newcomer", text)
 
 
 FIGURE = DOCS / "figures" / "loop-latency.svg"
