@@ -1,4 +1,4 @@
-"""Figures and tables of docs/searches.md and docs/studies.md."""
+"""Figures and tables of docs/studies.md."""
 
 from __future__ import annotations
 
@@ -93,12 +93,12 @@ SEEDED_HEAD = [
 
 
 def write_seeded_flaws() -> None:
-    """Random cases, the search, and the search where the flaw is mended; the table of docs/searches.md."""
+    """Random cases, the search, and the search where the flaw is mended; the table of docs/studies.md."""
     rows = []
     for scenario in SEEDED:
         rows.append(seeded_row(scenario))
         print(rows[-1], flush=True)
-    write_table("searches.md", "seeded", table(SEEDED_HEAD, rows))
+    write_table("studies.md", "seeded", table(SEEDED_HEAD, rows))
 
 
 def seeded_row(seeded: Seeded) -> list[str]:
@@ -198,7 +198,7 @@ BUILT_IN: tuple[tuple[str, str, dict[str, Any], int], ...] = (
 
 
 def write_worst_cases() -> None:
-    """Search each for its worst case, and write the table of docs/searches.md."""
+    """Search each for its worst case, and write the table of docs/studies.md."""
     rows = []
     for name, words, sets, runs in BUILT_IN:
         result = study_of({"study": "falsify", "scenario": name, "uncertainty": sets, "runs": runs}).run(RunOptions())
@@ -213,7 +213,7 @@ def write_worst_cases() -> None:
         )
         print(rows[-1], flush=True)
     head = ["scenario", "what is uncertain", "runs", "fail", "least margin"]
-    write_table("searches.md", "built-in", table(head, rows))
+    write_table("studies.md", "built-in", table(head, rows))
 
 
 FRONT_HEAD = ["gains", "steady error [rad]", "steady torque step [N m]", "failed"]
@@ -238,7 +238,7 @@ def write_tune_fronts() -> None:
             rows.append(
                 [gains, *(f"{value:.4g}" for value in judged.aims.values()), f"{judged.failures} of {judged.runs}"]
             )
-        write_table("searches.md", f"tune-{name}", table(FRONT_HEAD, rows))
+        write_table("studies.md", f"tune-{name}", table(FRONT_HEAD, rows))
         draw_front(name)
         print(f"{name}: {result.summary}", flush=True)
         for aim in result.aims:
@@ -249,7 +249,7 @@ def write_tune_fronts() -> None:
 
 def draw_front(name: str) -> None:
     """The picture of the table on the page."""
-    page = (DOCS / "searches.md").read_text(encoding="utf-8")
+    page = (DOCS / "studies.md").read_text(encoding="utf-8")
     rows = FRONT_ROW.findall(page.partition(f"<!-- table tune-{name} -->")[2].partition("<!-- end -->")[0])
     numbers = {gains: [1e6 * float(error), float(step)] for gains, _, error, step in rows}
     today = np.array(numbers.pop("today"))

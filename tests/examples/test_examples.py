@@ -147,7 +147,7 @@ def test_the_page_for_beginners_installs_what_it_uses(words, extra):
 
 def test_pages_name_the_default_of_design():
     (runs,) = (parameter for parameter in get_command(app).commands["design"].params if parameter.name == "runs")
-    pages = {"explain.md": "`--runs {}`, its", "tutorials/design-and-certify.md": "{} cases are tried"}
+    pages = {"explain.md": "`--runs {}`, its", "design.md": "{} cases are tried"}
     for page, words in pages.items():
         assert words.format(runs.default) in (ROOT / "docs" / page).read_text(encoding="utf-8")
 
