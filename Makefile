@@ -62,7 +62,7 @@ figures: .venv/.installed ## Renew the figures of the documentation, and the tab
 	@.venv/bin/python examples/01_run_a_scenario.py docs/figures/tracking-error.svg
 	@.venv/bin/python scripts/measure $(ARGS)
 
-tables: .venv/.installed ## Renew the measured tables of docs/choosing.md
+tables: .venv/.installed ## Renew the tables of schemes as printed, in docs/benchmark-of-schemes.md
 	@.venv/bin/python scripts/measure choosing
 
 targets: .venv/.installed ## Build and run the exported step on every target that is here, and renew docs/targets.md

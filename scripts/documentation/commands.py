@@ -17,7 +17,7 @@ Written by `scripts/write-commands`; do not edit. `slidax COMMAND --help` prints
 
 `SCENARIO` is a built-in scenario (`slidax list scenarios`) or a YAML file ([scenario files](scenarios.md)). Results go
 to standard output; errors, warnings and notes go to standard error. `NO_COLOR=1` switches colours off.
-`slidax --allow-code COMMAND` lets files name [classes of your own](extending.md) as `module:Class`.
+`slidax --allow-code COMMAND` lets files name [classes of your own](your-own-law.md) as `module:Class`.
 
 ## Exit codes
 

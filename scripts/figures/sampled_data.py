@@ -1,4 +1,4 @@
-"""Figures and tables of docs/sampled-data.md, docs/choosing.md, and of noise in docs/loop-rate.md."""
+"""Figures and tables of docs/sampled-data.md, docs/benchmark-of-schemes.md, and of noise in docs/loop-rate.md."""
 
 from __future__ import annotations
 
@@ -506,9 +506,8 @@ def choosing_row(scheme: str, period: float) -> str:
 
 
 def write_choosing() -> None:
-    """Write the tables of docs/choosing.md: every scheme on Example 4.1, held, at two periods."""
+    """Write tables of docs/benchmark-of-schemes.md: every scheme on Example 4.1, held, at two periods."""
     for period in ("1e-4", "1e-3"):
         schemes = [name for name, preset in PRESETS.items() if preset.complete]
-        write_table(
-            "choosing.md", period, CHOOSING_HEAD + "\n".join(choosing_row(scheme, float(period)) for scheme in schemes)
-        )
+        rows = [choosing_row(scheme, float(period)) for scheme in schemes]
+        write_table("benchmark-of-schemes.md", period, CHOOSING_HEAD + "\n".join(rows))

@@ -72,16 +72,16 @@ def test_an_example_is_under_60_lines(script):
 
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "your-own-law.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
 
 
 @cache
 def names() -> dict[str, Any]:
-    """Names that the blocks of docs/extending.md define, run in their order."""
+    """Names that the blocks of docs/your-own-law.md define, run in their order."""
     namespace: dict[str, Any] = {}
     for code in BLOCKS:
-        exec(compile(code, "extending.md", "exec"), namespace)
+        exec(compile(code, "your-own-law.md", "exec"), namespace)
     return namespace
 
 

@@ -2,7 +2,7 @@
 
 A component (`AbstractPart`) is a frozen, differentiable piece of a control loop: a surface, a reaching law, a robot.
 Each parameter is declared once, in the class, by `parameter`; docstrings, checks, the JSON schema of scenario files,
-`slidax list`, reports and the comments of exported C are derived from the declaration. docs/extending.md shows how.
+`slidax list`, reports and the comments of exported C are derived from the declaration. docs/your-own-law.md shows how.
 
 Read first: `types.py` (State, Reference, Envelope, Command, Timing), `parameter.py`, `part.py`.
 """

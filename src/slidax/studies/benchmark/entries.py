@@ -148,7 +148,7 @@ def gains_of(scheme: str, preset: Preset, form: str) -> Gains:
     if not tuned:
         raise DefinitionError(
             f"`{scheme}` has nothing to tune: it declares no parameter > 0 with a default; declare one, as "
-            "docs/extending.md shows"
+            "docs/your-own-law.md shows"
         )
     return Gains(tuned, {})
 
