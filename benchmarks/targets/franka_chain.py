@@ -35,7 +35,7 @@ def python() -> Path | None:
 def missing() -> str:
     """What this machine lacks; "" if nothing."""
     if python() is None:
-        return "franka-sim and pylibfranka, in an environment .venv-franka of Python 3.12 (docs/franka.md)"
+        return "franka-sim and pylibfranka, in an environment .venv-franka of Python 3.12 (docs/targets.md)"
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:

@@ -148,4 +148,4 @@ def measure_openarm() -> None:
             rest, moving = errors(model, motors, controller, reference)
             rows.append([f"{name}, {payload:g} kg", f"{1e3 * rest:.2f}", f"{1e3 * moving:.2f}"])
     head = ["controller, payload", "largest error at rest [mrad]", "RMS in motion, worst joint [mrad]"]
-    write_table("can.md", "openarm", table(head, rows))
+    write_table("targets.md", "openarm", table(head, rows))
