@@ -175,7 +175,7 @@ ALL = {
 }
 
 UNPROMISED = ("monitor, filter",)
-"""Checks whose bound is no guarantee: docs/certificates/monitor.md."""
+"""Checks whose bound is no guarantee: docs/certificates/index.md."""
 
 
 def measure_soundness() -> None:
@@ -250,7 +250,7 @@ def monitor_cost(repeats: int = 15) -> float:
 
 
 def measure_monitor() -> None:
-    """Measure the monitor inside, in the corners and outside of its set, and its cost: docs/certificates/monitor.md."""
+    """Measure the monitor inside, in the corners and outside of its set, and its cost: docs/certificates/index.md."""
     parser = argparse.ArgumentParser(description=measure_monitor.__doc__)
     parser.add_argument("--runs", type=int, default=1000)
     runs = parser.parse_args().runs

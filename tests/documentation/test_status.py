@@ -1,4 +1,4 @@
-"""The status page states figures of other pages, and commands that exist."""
+"""The page of guarantees states figures of other pages, and commands that exist."""
 
 import re
 from pathlib import Path
@@ -9,7 +9,7 @@ from scripts.documentation.pages import check
 from slidax.cli import app
 from tests.documentation.pages import ROOT
 
-PAGE = ROOT / "docs" / "status.md"
+PAGE = ROOT / "docs" / "guarantees.md"
 STATUSES = ("proved", "tested", "measured", "never run")
 FIGURE = re.compile(r"\d[\d ,.e-]*\d|\d")
 

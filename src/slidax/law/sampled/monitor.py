@@ -73,14 +73,14 @@ class Monitor(AbstractPart):
         "",
         "(0, 1]",
         default=0.5,
-        source="docs/certificates/monitor.md",
+        source="docs/certificates/index.md",
     )
     led: PerJoint = parameter(
         "share of its envelope that the led error may take up",
         "",
         "(0, 1]",
         default=0.95,
-        source="docs/certificates/monitor.md",
+        source="docs/certificates/index.md",
     )
     rotor_min: PerJoint | None = parameter(
         "least learnt inertia (in addition to that of the links) that the guarantee covers; None for any",
@@ -98,7 +98,7 @@ class Monitor(AbstractPart):
         "rad/s² or m/s²",
         "> 0",
         default=None,
-        source="docs/certificates/monitor.md",
+        source="docs/certificates/index.md",
     )
 
     def __check_init__(self) -> None:
