@@ -16,7 +16,8 @@ FIGURE = re.compile(r"\d[\d ,.e-]*\d|\d")
 
 def claims():
     """The rows of all tables whose first column is `claim`, by column."""
-    for part in re.split(r"^## .*$", PAGE.read_text(encoding="utf-8"), flags=re.MULTILINE)[1:]:
+    text = PAGE.read_text(encoding="utf-8").partition("\n## Status of each claim\n")[2]
+    for part in re.split(r"^### .*$", text, flags=re.MULTILINE)[1:]:
         rows = [[cell.strip() for cell in line.strip("| ").split(" | ")] for line in cells(part)]
         yield from (dict(zip(rows[0], row, strict=True)) for row in rows[2:])
 
