@@ -1,4 +1,4 @@
-"""The closed loop in WebAssembly beside `slidax run`: how equal, how fast, how large (docs/web.md)."""
+"""The closed loop in WebAssembly beside `slidax run`: how equal, how fast, how large (docs/browser.md)."""
 
 from __future__ import annotations
 

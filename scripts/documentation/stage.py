@@ -205,7 +205,7 @@ def _pre(rows: list[str]) -> str:
 
 
 GALLERY_MARK = "<!-- gallery -->"
-GALLERY_PAGE = "playground.md"
+GALLERY_PAGE = "browser.md"
 
 PROGRAM = """
 import sys
@@ -284,7 +284,7 @@ def _section(name: str, title: str, numbers: dict[str, str]) -> str:
 
 
 PLAYGROUND_MARK = "<!-- playground -->"
-PLAYGROUND_PAGE = "playground.md"
+PLAYGROUND_PAGE = "browser.md"
 THERE = """<iframe class="playground" src="playground/index.html" title="The playground" loading="lazy"></iframe>
 
 [The playground on a page of its own](playground/index.html)"""

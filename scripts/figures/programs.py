@@ -47,7 +47,7 @@ def slider_times(visit: Visit, moves: int = 15) -> list[float]:
 
 
 def measure_page() -> None:
-    """Measure the page that `slidax export web` wrote, for docs/web.md, in Chromium.
+    """Measure the page that `slidax export web` wrote, for docs/browser.md, in Chromium.
 
     Prints its size, its requests, the time to the first picture from a server on loopback, the time from a slider's
     event to the picture (median and worst of 15), and the findings of axe-core.
@@ -96,7 +96,7 @@ def measure_page() -> None:
 
 
 def measure_studio() -> None:
-    """Click at random in a studio, and write the table of docs/studio.md after a run of 20 minutes.
+    """Click at random in a studio, and write the table of docs/browser.md after a run of 20 minutes.
 
     A visitor with a seed clicks, types and drags in Chromium. A traceback, an error in the console, an answer of 500,
     a job that hangs, a process that is left, or a byte outside the folder is a fault, and gives exit code 1.
@@ -126,7 +126,7 @@ def measure_studio() -> None:
     print(table, *clicking.faults, sep="\n")
     print(dict(clicking.actions), dict(clicking.answers), dict(clicking.jobs), sep="\n", file=sys.stderr)
     if not clicking.faults and options.time >= 1200.0:
-        write_table("studio.md", "clicking", table)
+        write_table("browser.md", "clicking", table)
     sys.exit(1 if clicking.faults else 0)
 
 

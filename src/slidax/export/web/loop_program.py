@@ -176,7 +176,7 @@ class LoopProgram:
     """A closed loop for a browser, shared by several variants.
 
     - `module`: the WebAssembly.
-    - `entry`: its call interface, as JSON; see `docs/web.md`.
+    - `entry`: its call interface, as JSON; see `docs/browser.md`.
     - `constants`: for each variant, the inputs after the tunables.
     """
 
