@@ -145,7 +145,7 @@ def _title(page: Path) -> str:
     return first.partition(":")[0].strip()
 
 
-SHOWN = ("tutorials/", "getting-started.md")
+SHOWN = ("tutorials/", "getting-started.md", "design.md", "studies.md", "identification.md", "loop.md")
 """The pages that show what their code prints; on the others it is run only."""
 
 LONGEST = 40
