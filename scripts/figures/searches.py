@@ -140,7 +140,7 @@ BUILT_IN: tuple[tuple[str, str, dict[str, Any], int], ...] = (
     ("example-4.2", "the same", DISTURBANCE, 100),
     (
         "example-4.1-1khz",
-        "also masses and inertias, 20 % either way from those the law is told",
+        "also masses and inertias, 20 % either way from the law's values",
         {
             **DISTURBANCE,
             "robot.plant.masses": {"between": [[0.48, 1.44], [0.72, 2.16]]},
