@@ -1,0 +1,300 @@
+"""LuGre friction and elastic joints against known facts, and against SciPy's stiff solver with tight tolerances."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from slidax.arms import AbstractRobot
+from slidax.core import semi_implicit_euler
+from slidax.core.errors import DefinitionError
+from slidax.core.types import Command, State
+from slidax.law import AbstractController
+from slidax.motions import AbstractMotion
+from slidax.plant import Constant, Elasticity, Encoders, Harmonic, LuGre, Transmission
+from slidax.scenarios import load
+from slidax.simulation import MujocoPlant, Plant, simulate, simulate_batch
+from slidax.studies import study
+from tests.paper_examples import TWO_LINK
+from tests.simulation.simple import Pendulum
+
+FRICTION = LuGre(0.3, 0.45, 0.05, 1e4, 50.0, 0.1)
+MASS = 0.5
+
+
+class Mass(AbstractRobot):
+    """A mass on a line."""
+
+    size: jax.Array = eqx.field(converter=jnp.asarray, default=MASS)
+    joint_units: ClassVar[tuple[str, ...]] = ("m",)
+    joint_names: ClassVar[tuple[str, ...]] = ("joint 1",)
+
+    def mass(self, q):
+        return self.size * jnp.ones((1, 1))
+
+    def bias(self, q, dq):
+        return jnp.zeros(1)
+
+    def friction(self, dq):
+        return jnp.zeros_like(dq)
+
+    def potential(self, q):
+        return jnp.zeros(())
+
+    def tip(self, q):
+        return jnp.array([q[0], 0.0, 0.0])
+
+
+class Still(AbstractMotion):
+    """A motion that stays at zero."""
+
+    joints: int = eqx.field(static=True, default=1)
+
+    def position(self, t):
+        return jnp.zeros(self.joints)
+
+
+class Held(AbstractController):
+    """`τ = τ_0 - k q`, from the measured position."""
+
+    torque: jax.Array = eqx.field(converter=jnp.asarray)
+    stiffness: jax.Array = eqx.field(converter=jnp.asarray, default=0.0)
+    damping: jax.Array = eqx.field(converter=jnp.asarray, default=0.0)
+
+    @property
+    def joints(self):
+        return self.torque.size
+
+    def init(self, t, state, reference):
+        return ()
+
+    def __call__(self, t, state, reference_now, reference_next, memory):
+        tau = self.torque - self.stiffness * state.q - self.damping * state.dq
+        return Command(tau=tau, memory=(), signals={"measured": state.q})
+
+    def envelope(self, t, memory):
+        return None
+
+
+def run(transmission, *, h=1e-4, t1=1.0, force=(0.0,), start=(0.0, 0.0), robot=None, law=None, disturbance=None, **more):
+    """Simulate a mass, or another robot with one joint, under a constant force."""
+    plant = Plant(robot or Mass(), disturbance or Constant([0.0]), transmission=transmission)
+    state = State([start[0]], [start[1]])
+    options = {"period": h, "integrator": semi_implicit_euler, "engine": "xla"} | more
+    return simulate(plant, law or Held(list(force)), Still(), state, t1=t1, **options)
+
+
+def test_a_sticking_joint_gives_way_by_the_force_over_the_bristles_stiffness():
+    force = 0.05 * 0.45
+    log = run(Transmission(FRICTION), t1=2.0, force=[force]).log
+    # z = F/σ₀, and dq = dz/(1 - σ₀ z/F_s) while it gives way slowly.
+    assert q[0] == pytest.approx(-0.45 / 1e4 * np.log(1.0 - 0.05), rel=1e-3)
+    assert abs(dq[0]) < 1e-9
+
+
+@pytest.mark.parametrize("speed", [0.01, -0.05, 0.2, 3.0])
+def test_steady_sliding_has_the_friction_of_the_stribeck_curve(speed):
+    # A mass this heavy keeps its speed, and what it loses is the friction.
+    run_of = run(Transmission(FRICTION), robot=Mass(1e6), start=(0.0, speed), t1=2.0, h=1e-3)
+    dq = np.asarray(run_of.log.state.dq)[:, 0]
+    lost = -1e6 * (dq[-1] - dq[-201]) / 0.2
+    level = 0.3 + 0.15 * np.exp(-((speed / 0.05) ** 2))
+    assert lost == pytest.approx(np.sign(speed) * level + 0.1 * speed, rel=1e-4)
+
+
+def lugre_rate(bristle, v):
+    level = 0.3 + 0.15 * np.exp(-((v / 0.05) ** 2))
+    rate = v - 1e4 * np.abs(v) / level * bristle
+    return rate, 1e4 * bristle + 50.0 * rate + 0.1 * v
+
+
+def test_lugre_friction_converges_to_the_stiff_solver_with_order_one():
+    def rate(t, y):
+        dz, friction = lugre_rate(y[2], y[1])
+        return [y[1], (0.6 * np.sin(2.0 * np.pi * t) - friction) / MASS, dz]
+
+    times = [0.5, 1.0, 1.5]
+    exact = solve_ivp(rate, (0.0, 1.6), [0.0, 0.0, 0.0], method="LSODA", rtol=1e-10, atol=1e-13, t_eval=times).y
+    errors = []
+    for h in (1e-3, 2.5e-4):
+        push = Harmonic([0.6], 2.0 * np.pi)
+        log = run(Transmission(FRICTION), h=h, t1=1.6, disturbance=push).log
+        rows = [round(t / h) for t in times]
+        errors.append([np.abs(x[rows, 0] - y).max() for x, y in zip((log.state.q, log.state.dq), exact, strict=False)])
+    fine, coarse = np.array(errors[1]), np.array(errors[0])
+    assert np.all(fine < [5e-4, 2.5e-3])
+    np.testing.assert_allclose(coarse / fine, 4.0, rtol=0.1)
+
+
+def test_stiff_bristles_are_stable_at_a_step_of_a_millisecond():
+    stiff = LuGre(0.3, 0.45, 0.05, 1e8, 0.0)
+    log = run(Transmission(stiff), h=1e-3, t1=3.0, start=(0.0, 1.0)).log
+    dq = np.asarray(log.state.dq)[:, 0]
+    assert np.all(np.abs(dq) <= 1.0)
+    assert np.all(np.abs(dq[-100:]) < 1e-9)
+    # It stops where Coulomb friction of 0.3 to 0.45 N stops it.
+    assert 0.5 * MASS / 0.45 < float(log.state.q[-1, 0]) < 0.5 * MASS / 0.3
+
+
+@pytest.mark.parametrize("inertia", [0.1, 0.02])
+def test_a_spring_swings_at_the_resonance_of_two_masses(inertia):
+    k, h = 800.0, 1e-4
+    spring = Transmission(elasticity=Elasticity(k, inertia, encoder="motor"))
+    log = run(spring, h=h, t1=0.5, disturbance=Harmonic([1.0], 1e5, np.pi / 2)).log
+    twist = np.asarray(log.signals["measured"] - log.state.q)[:, 0]
+    omega = np.sqrt(k * (1.0 / MASS + 1.0 / inertia))
+    # The step is x⁺ - 2 x + x⁻ = -(ω h)² x, whose frequency is (2/h) asin(ω h/2), and the push of the first step.
+    change = twist[3:] - 2.0 * twist[2:-1] + twist[1:-2]
+    pushed = -(h**2) * np.cos(1e5 * h * np.arange(1, len(twist) - 2)) / MASS
+    np.testing.assert_allclose(change, -((omega * h) ** 2) * twist[2:-1] + pushed, atol=1e-12 * np.abs(twist).max())
+    assert np.abs(twist).max() > 1e-8
+
+
+class Free(AbstractController):
+    """Torque of 1 N m in the first 10 ms."""
+
+    joints: int = eqx.field(static=True, default=2)
+
+    def init(self, t, state, reference):
+        return ()
+
+    def __call__(self, t, state, reference_now, reference_next, memory):
+        return Command(tau=jnp.where(t < 0.1, jnp.array([20.0, -8.0]), 0.0), memory=(), signals={"measured": state.q})
+
+    def envelope(self, t, memory):
+        return None
+
+
+def test_an_arm_with_friction_and_springs_converges_to_the_stiff_solver_with_order_one():
+    friction, k, d, inertia = LuGre(0.3, 0.45, 0.05, 1e4, 50.0, 0.1), np.array([3000.0, 1500.0]), 2.0, [0.2, 0.1]
+    mass_of, bias_of = jax.jit(TWO_LINK.mass), jax.jit(TWO_LINK.bias)
+    start = np.array([0.3, -0.4])
+    held = np.asarray(bias_of(start, np.zeros(2)))
+
+    def rate(t, y):
+        q, v, motor, w, z = y.reshape(5, 2)
+        dz, loss = lugre_rate(z, w)
+        spring = k * (motor - q) + d * (w - v)
+        tau = np.array([20.0, -8.0]) * (t < 0.1)
+        a = np.linalg.solve(np.asarray(mass_of(q)), spring - np.asarray(bias_of(q, v)))
+        return np.concatenate([v, a, w, (tau - spring - loss) / inertia, dz])
+
+    y = np.concatenate([start, np.zeros(2), start + held / k, np.zeros(4)])
+    for t0, t1 in ((0.0, 0.1), (0.1, 0.3)):
+        y = solve_ivp(rate, (t0, t1), y, method="LSODA", rtol=1e-9, atol=1e-12).y[:, -1]
+    transmission = Transmission(friction, Elasticity(k, inertia, d))
+    errors = []
+    for h in (2e-4, 5e-5):
+        plant = Plant(TWO_LINK, Constant([0.0, 0.0]), transmission=transmission)
+        log = simulate(plant, Free(), Still(2), State(start), t1=0.3, period=h, integrator=semi_implicit_euler).log
+        numbers = np.concatenate([log.state.q[-1], log.state.dq[-1], log.signals["measured"][-1]])
+        errors.append(np.abs(numbers - y[[0, 1, 2, 3, 4, 5]]))
+    assert np.all(errors[1] < [2e-4, 2e-4, 5e-3, 5e-3, 2e-4, 2e-4])
+    np.testing.assert_allclose(errors[0].max() / errors[1].max(), 4.0, rtol=0.15)
+
+
+@pytest.mark.parametrize("encoder", ["motor", "link"])
+def test_the_encoder_is_where_it_is_declared(encoder):
+    """A pendulum of 3 N m that a stiff law holds bends its spring by its weight over the stiffness."""
+    elastic = Transmission(elasticity=Elasticity(600.0, 0.3, 1.0, encoder=encoder))
+    law = Held([0.0], 400.0, 30.0)
+    start = State([1.0], [0.0])
+    plant = Plant(Pendulum(), Constant([2.0]), Encoders(0.0), transmission=elastic)
+    log = simulate(plant, law, Still(), start, t1=6.0, period=1e-3, integrator=semi_implicit_euler).log
+    q, measured, tau = (float(x[-1, 0]) for x in (log.state.q, log.signals["measured"], log.tau))
+    needed = 3.0 * np.sin(q) - 2.0
+    assert tau == pytest.approx(needed, abs=1e-6)
+    assert tau == pytest.approx(-400.0 * measured, abs=1e-6)
+    assert measured - q == pytest.approx(needed / 600.0 if encoder == "motor" else 0.0, abs=1e-8)
+
+
+BOTH = {
+    "transmission": {
+        "friction": {"coulomb": 0.3, "static": 0.4},
+        "elasticity": {"stiffness": 8000.0, "damping": 5.0},
+    },
+    "robot.plant.coulomb": 0.0,
+    "simulation.t1": 0.3,
+}
+
+
+def test_engines_and_batches_agree_on_a_panda_with_friction_and_springs():
+    scenario = load("panda-payload", BOTH)
+    native, xla = (scenario.replace(engine=engine).simulate().log for engine in ("native", "xla"))
+    np.testing.assert_allclose(native.e, xla.e, atol=1e-9)
+
+    def define(stiffness):
+        plant = eqx.tree_at(lambda p: p.transmission.elasticity.stiffness, scenario.plant, stiffness)
+        return plant, *scenario.parts[1:]
+
+    runs = simulate_batch(define, jnp.array([8000.0, 3000.0]), t1=0.3, stepping=scenario.stepping, log_every=1)
+    np.testing.assert_allclose(runs[0].log.e, native.e, atol=1e-9)
+    assert np.abs(np.asarray(runs[1].log.e) - np.asarray(native.e)).max() > 1e-5
+
+
+def test_friction_of_an_elastic_joint_is_the_motors():
+    """An arm whose motors are stuck moves by its springs alone."""
+    stuck = Transmission(LuGre(50.0, 50.0, stiffness=1e6), Elasticity(500.0, 0.3, 3.0, encoder="motor"))
+    plant = Plant(Pendulum(), Constant([0.0]), transmission=stuck)
+    start = State([0.5], [0.0])
+    plant = eqx.tree_at(lambda p: p.disturbance.value, plant, jnp.array([10.0]))
+    log = simulate(plant, Held([0.0]), Still(), start, t1=3.0, period=1e-4, integrator=semi_implicit_euler).log
+    # Link: 500 (θ - q) = 3 sin q - 10, and the motor bends its bristles by the same torque.
+    q, motor = float(log.state.q[-1, 0]), float(log.signals["measured"][-1, 0])
+    assert 500.0 * (motor - q) == pytest.approx(3.0 * np.sin(q) - 10.0, abs=1e-3)
+    assert abs(motor - (0.5 + 3.0 * np.sin(0.5) / 500.0)) < 5e-5
+
+
+def test_a_study_varies_friction_and_stiffness():
+    changes = BOTH | {"simulation.t1": 0.05}
+    sets = {"transmission.friction.static": {"between": [0.3, 0.6]}, "transmission.elasticity.stiffness": {"between": [5e3, 2e4]}}
+    table = study(load("panda-payload", changes | {"uncertainty": sets}), runs=4, seed=1)
+    assert len(np.unique(np.asarray(table.columns["max_error"]))) == 4
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"simulation.integrator": "rk4"}, "integrator: semi_implicit_euler"),
+        ({"simulation.plant": "mujoco"}, "set `simulation.plant` to `own`"),
+        ({"transmission.elasticity.stiffness": 1e7}, "substeps` to at least"),
+        ({"transmission": {}}, "must have `friction` or `elasticity`"),
+        ({"transmission.friction.static": 0.1}, "transmission.friction: `LuGre.static` must be >= `coulomb`"),
+        ({"transmission.friction.coulomb": [0.3, 0.2]}, "must be one number or one for each of the 7 joints"),
+        ({"robot.plant.armature": 0.0}, "set `transmission.elasticity.inertia`"),
+    ],
+)
+def test_what_does_not_fit_is_refused_with_a_remedy(changes, message):
+    with pytest.raises(DefinitionError, match="") as error:
+        load("panda-payload", BOTH | changes).simulate()
+    assert message in str(error.value)
+
+
+def test_the_remedy_for_fast_springs_suffices():
+    stiff = BOTH | {"transmission.elasticity.stiffness": 1e6, "simulation.t1": 0.01}
+    with pytest.raises(DefinitionError) as error:
+        load("panda-payload", stiff).simulate()
+    substeps = int(str(error.value).rpartition("at least ")[2])
+    assert load("panda-payload", stiff | {"simulation.substeps": substeps}).simulate().outcome.ok
+    with pytest.raises(DefinitionError, match="too fast"):
+        load("panda-payload", stiff | {"simulation.substeps": substeps - 1}).simulate()
+
+
+def test_mujoco_and_continuous_mode_refuse_a_transmission():
+    plant = load("panda-payload", BOTH).plant
+    with pytest.raises(DefinitionError, match="MuJoCo simulates neither"):
+        MujocoPlant.of(plant)
+    with pytest.raises(DefinitionError, match="held"):
+        run(Transmission(FRICTION), mode="continuous")
+
+
+def test_no_certificate_covers_a_transmission():
+    from slidax.certify import tracking_bound
+
+    verdict = tracking_bound(load("panda-payload", BOTH))
+    assert verdict.holds is None
+    assert "LuGre" in verdict.statement
