@@ -233,3 +233,64 @@ def _measured(run: Any, period: float) -> tuple[np.ndarray, list[int], np.ndarra
     largest = np.abs(e).max(axis=-1)
     before, last = round((EVENT - 0.1) / period), round(STEADY / period)
     return largest[:, before:].max(axis=1), [int(count) for count in outside], largest[:, -last:].max(axis=1)
+
+
+FRICTIONS: dict[str, dict[str, Any]] = {
+    "as in the model": {},
+    "Stribeck friction, 30 % above Coulomb": {
+        "disturbance.terms": [{"kind": "stribeck", "excess": 0.09, "velocity": 0.05, "smoothing": 0.006}]
+    },
+    "cogging of 0.05 N m": {"disturbance.terms": [{"kind": "ripple", "amplitude": [0.05] * 7, "periods": 30.0}]},
+    "cogging of 0.2 N m": {"disturbance.terms": [{"kind": "ripple", "amplitude": [0.2] * 7, "periods": 30.0}]},
+    "Stribeck friction and cogging of 0.05 N m": {
+        "disturbance.terms": [
+            {"kind": "stribeck", "excess": 0.09, "velocity": 0.05, "smoothing": 0.006},
+            {"kind": "ripple", "amplitude": [0.05] * 7, "periods": 30.0},
+        ]
+    },
+    "LuGre friction": {
+        "robot.plant.coulomb": 0.0,
+        "transmission.friction": {"coulomb": 0.3, "static": 0.39, "stribeck_velocity": 0.05},
+    },
+    "LuGre friction and cogging of 0.05 N m": {
+        "robot.plant.coulomb": 0.0,
+        "transmission.friction": {"coulomb": 0.3, "static": 0.39, "stribeck_velocity": 0.05},
+        "disturbance.terms": [{"kind": "ripple", "amplitude": [0.05] * 7, "periods": 30.0}],
+    },
+    "elastic joints of 10 000 N m/rad, encoders on the motors": {
+        "transmission.elasticity": {"stiffness": 1e4, "damping": 5.0}
+    },
+}
+"""Friction and joints of `panda-payload`'s true arm, by dotted path."""
+
+SHAPES = {
+    "`joint_learning`": {},
+    "`arm_learning`": {"kind": "arm_learning"},
+    "with Stribeck": {"kind": "arm_learning", "stribeck": 0.05},
+    "with ripple": {"kind": "arm_learning", "ripple": 30.0},
+    "with both": {"kind": "arm_learning", "stribeck": 0.05, "ripple": 30.0},
+}
+"""What the law learns."""
+
+
+def write_unmodelled_friction() -> None:
+    """Simulate `panda-payload` with friction and joints that its model lacks, and write the table."""
+    rows = []
+    for name, plant in FRICTIONS.items():
+        errors, steps = [], []
+        for learning in SHAPES.values():
+            adaptation = {"scheme.sampled_data.adaptation": learning} if learning else {}
+            run = load("panda-payload", {**plant, **adaptation}).simulate(log_every=1, progress=False)
+            log = run.log
+            late = np.asarray(log.t) > 0.5 * END
+            inside = run.outcome.ok and not np.asarray(run.tally.violations)
+            error = np.abs(np.asarray(log.e)[late]).max()
+            errors.append(f"{error:.1e}" if inside else f"{error:.1e}, left the envelope")
+            steps.append(f"{np.abs(np.diff(np.asarray(log.tau)[late], axis=0)).max():.2f}")
+        rows.append([name, *errors, *steps[:2]])
+    head = [
+        "friction of the true arm",
+        *(f"{name} [rad]" for name in SHAPES),
+        *(f"torque step [N m], {name}" for name in list(SHAPES)[:2]),
+    ]
+    write_table(PAGE, "unmodelled-friction", table(head, rows))

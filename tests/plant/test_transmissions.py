@@ -80,7 +80,9 @@ class Held(AbstractController):
         return None
 
 
-def run(transmission, *, h=1e-4, t1=1.0, force=(0.0,), start=(0.0, 0.0), robot=None, law=None, disturbance=None, **more):
+def run(
+    transmission, *, h=1e-4, t1=1.0, force=(0.0,), start=(0.0, 0.0), robot=None, law=None, disturbance=None, **more
+):
     """Simulate a mass, or another robot with one joint, under a constant force."""
     plant = Plant(robot or Mass(), disturbance or Constant([0.0]), transmission=transmission)
     state = State([start[0]], [start[1]])
@@ -89,8 +91,9 @@ def run(transmission, *, h=1e-4, t1=1.0, force=(0.0,), start=(0.0, 0.0), robot=N
 
 
 def test_a_sticking_joint_gives_way_by_the_force_over_the_bristles_stiffness():
-    force = 0.05 * 0.45
-    log = run(Transmission(FRICTION), t1=2.0, force=[force]).log
+    force, overdamped = 0.05 * 0.45, LuGre(0.3, 0.45, 0.05, 1e4, 400.0)
+    log = run(Transmission(overdamped), t1=2.0, force=[force]).log
+    q, dq = np.asarray(log.state.q[-1]), np.asarray(log.state.dq[-1])
     # z = F/σ₀, and dq = dz/(1 - σ₀ z/F_s) while it gives way slowly.
     assert q[0] == pytest.approx(-0.45 / 1e4 * np.log(1.0 - 0.05), rel=1e-3)
     assert abs(dq[0]) < 1e-9
@@ -251,7 +254,10 @@ def test_friction_of_an_elastic_joint_is_the_motors():
 
 def test_a_study_varies_friction_and_stiffness():
     changes = BOTH | {"simulation.t1": 0.05}
-    sets = {"transmission.friction.static": {"between": [0.3, 0.6]}, "transmission.elasticity.stiffness": {"between": [5e3, 2e4]}}
+    sets = {
+        "transmission.friction.static": {"between": [0.3, 0.6]},
+        "transmission.elasticity.stiffness": {"between": [5e3, 2e4]},
+    }
     table = study(load("panda-payload", changes | {"uncertainty": sets}), runs=4, seed=1)
     assert len(np.unique(np.asarray(table.columns["max_error"]))) == 4
 

@@ -133,9 +133,7 @@ def unknowns_of(
     if asymmetric:
         drives.append(("asymmetry", np.abs(motion.dq), largest, False))
     if stribeck is not None:
-        drives.append(
-            ("stribeck", np.sign(motion.dq) * np.exp(-((motion.dq / stribeck) ** 2)), np.ones(n), True)
-        )
+        drives.append(("stribeck", np.sign(motion.dq) * np.exp(-((motion.dq / stribeck) ** 2)), np.ones(n), True))
     for periods in ripple:
         for name, wave in (("cos", np.cos), ("sin", np.sin)):
             drives.append((f"ripple_{periods:g}_{name}", wave(periods * motion.q), np.ones(n), False))
