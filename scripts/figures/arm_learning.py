@@ -240,12 +240,12 @@ FRICTIONS: dict[str, dict[str, Any]] = {
     "Stribeck friction, 30 % above Coulomb": {
         "disturbance.terms": [{"kind": "stribeck", "excess": 0.09, "velocity": 0.05, "smoothing": 0.006}]
     },
-    "cogging of 0.05 N m": {"disturbance.terms": [{"kind": "ripple", "amplitude": [0.05] * 7, "periods": 30.0}]},
-    "cogging of 0.2 N m": {"disturbance.terms": [{"kind": "ripple", "amplitude": [0.2] * 7, "periods": 30.0}]},
+    "cogging of 0.05 N m": {"disturbance.terms": [{"kind": "ripple", "amplitude": 0.05, "periods": 30.0}]},
+    "cogging of 0.2 N m": {"disturbance.terms": [{"kind": "ripple", "amplitude": 0.2, "periods": 30.0}]},
     "Stribeck friction and cogging of 0.05 N m": {
         "disturbance.terms": [
             {"kind": "stribeck", "excess": 0.09, "velocity": 0.05, "smoothing": 0.006},
-            {"kind": "ripple", "amplitude": [0.05] * 7, "periods": 30.0},
+            {"kind": "ripple", "amplitude": 0.05, "periods": 30.0},
         ]
     },
     "LuGre friction": {
@@ -255,7 +255,7 @@ FRICTIONS: dict[str, dict[str, Any]] = {
     "LuGre friction and cogging of 0.05 N m": {
         "robot.plant.coulomb": 0.0,
         "transmission.friction": {"coulomb": 0.3, "static": 0.39, "stribeck_velocity": 0.05},
-        "disturbance.terms": [{"kind": "ripple", "amplitude": [0.05] * 7, "periods": 30.0}],
+        "disturbance.terms": [{"kind": "ripple", "amplitude": 0.05, "periods": 30.0}],
     },
     "elastic joints of 10 000 N m/rad, encoders on the motors": {
         "transmission.elasticity": {"stiffness": 1e4, "damping": 5.0}

@@ -310,7 +310,7 @@ class Ripple(AbstractDisturbance):
 
     title = "Torque ripple over the joint's position: cogging, or the ripple of a harmonic drive."
 
-    amplitude: Vector = parameter("a, amplitude", "N m or N")
+    amplitude: PerJoint = parameter("a, amplitude", "N m or N")
     periods: PerJoint = parameter("N, periods per turn of the joint (2π rad or m)", "", "> 0")
     phase: PerJoint = parameter("φ, phase at position 0", "rad", default=0.0)
 
