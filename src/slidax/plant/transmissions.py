@@ -180,7 +180,7 @@ class Transmission(AbstractPart):
             bristle = self.friction.deflection(bristle, moving.dq, moved.dq, h)
         return after, TransmissionState(bristle, motor)
 
-    def fastest_mode(self, mass: np.ndarray, rotors: np.ndarray) -> float:
+    def fastest_mode(self, mass: np.ndarray, rotors: Vector) -> float:
         """Return the largest angular frequency ω of the springs, rad/s; 0 for rigid joints.
 
         `ω²` is the largest eigenvalue of `K ((M - R)⁻¹ + J⁻¹)`, with the rotors R in M.
@@ -193,7 +193,7 @@ class Transmission(AbstractPart):
         joints = len(mass)
         motor = np.broadcast_to(np.asarray(self.elasticity.motor(rotors)), joints)
         root = np.sqrt(np.broadcast_to(np.asarray(self.elasticity.stiffness), joints))
-        inverse = np.linalg.inv(mass - np.diag(rotors)) + np.diag(1.0 / motor)
+        inverse = np.linalg.inv(mass - np.diag(np.asarray(rotors))) + np.diag(1.0 / motor)
         return float(np.sqrt(np.linalg.eigvalsh(root[:, None] * inverse * root).max()))
 
 

@@ -149,9 +149,9 @@ def require_transmission(plant: Plant | MujocoPlant, state0: State, stepping: St
         )
     if transmission.elasticity is None or is_traced((transmission, plant.robot, state0)):
         return
-    rotors = np.asarray(rotors_of(plant.robot))
-    if transmission.elasticity.inertia is None and not (rotors > 0.0).all():
-        joint = joint_label(plant.robot.joint_names[int(np.argmin(rotors))])
+    rotors = rotors_of(plant.robot)
+    if transmission.elasticity.inertia is None and not (np.asarray(rotors) > 0.0).all():
+        joint = joint_label(plant.robot.joint_names[int(np.argmin(np.asarray(rotors)))])
         raise DefinitionError(f"the motor of {joint} has no inertia: set `transmission.elasticity.inertia` > 0 kg m²")
     mode = transmission.fastest_mode(states_of(plant.robot, np.asarray(state0.q)[None]).mass[0], rotors)
     step = stepping.period / stepping.substeps
