@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from slidax.analysis import require_explainable
+from slidax.analysis.linearise import operating_point
 from slidax.arms import AbstractRobot
+from slidax.certify.motion.admission import tracking_bound
 from slidax.core import semi_implicit_euler
 from slidax.core.errors import DefinitionError
 from slidax.core.types import Command, State
@@ -17,8 +20,9 @@ from slidax.law import AbstractController
 from slidax.motions import AbstractMotion
 from slidax.plant import Constant, Elasticity, Encoders, Harmonic, LuGre, Transmission
 from slidax.scenarios import load
-from slidax.simulation import MujocoPlant, Plant, simulate, simulate_batch
-from slidax.studies import study
+from slidax.scenarios.family import Family
+from slidax.simulation import Plant, simulate, simulate_batch
+from slidax.studies.cases import Cases
 from tests.paper_examples import TWO_LINK
 from tests.simulation.simple import Pendulum
 
@@ -230,19 +234,21 @@ def test_the_encoder_is_where_it_is_declared(encoder):
     assert measured - q == pytest.approx(needed / 600.0 if encoder == "motor" else 0.0, abs=1e-8)
 
 
+ARM = "example-4.1-1khz"
 BOTH = {
-    "transmission.friction.coulomb": 0.3,
-    "transmission.friction.static": 0.4,
+    "transmission.friction.coulomb": 3.0,
+    "transmission.friction.static": 4.0,
     "transmission.elasticity.stiffness": 8000.0,
     "transmission.elasticity.damping": 5.0,
-    "robot.plant.coulomb": 0.0,
+    "transmission.elasticity.inertia": 0.3,
+    "simulation.integrator": "semi_implicit_euler",
     "simulation.t1": 0.3,
 }
 
 
-def test_engines_and_batches_agree_on_a_panda_with_friction_and_springs():
-    scenario = load("panda-payload", BOTH)
-    native, xla = (scenario.replace(engine=engine).simulate().log for engine in ("native", "xla"))
+def test_engines_and_batches_agree_on_an_arm_with_friction_and_springs():
+    scenario = load(ARM, BOTH)
+    native, xla = (scenario.replace(engine=engine).simulate(log_every=1).log for engine in ("native", "xla"))
     np.testing.assert_allclose(native.e, xla.e, atol=1e-9)
 
     def define(stiffness):
@@ -267,54 +273,63 @@ def test_friction_of_an_elastic_joint_is_the_motors():
 
 
 def test_a_study_varies_friction_and_stiffness():
-    changes = BOTH | {"simulation.t1": 0.05}
     sets = {
-        "transmission.friction.static": {"between": [0.3, 0.6]},
-        "transmission.elasticity.stiffness": {"between": [5e3, 2e4]},
+        "uncertainty": {
+            "transmission.friction.static": {"between": [3.0, 6.0]},
+            "transmission.elasticity.stiffness": {"between": [5e3, 2e4], "each": "joint"},
+        }
     }
-    table = study(load("panda-payload", changes | {"uncertainty": sets}), runs=4, seed=1)
-    assert len(np.unique(np.asarray(table.columns["max_error"]))) == 4
+    cases = Cases(Family.of(load(ARM, BOTH | sets | {"simulation.t1": 0.05}).description))
+    static, stiffness = np.array([3.0, 5.0, 3.0]), np.array([[8e3, 8e3], [8e3, 8e3], [8e3, 5e3]])
+    columns = cases.run({"transmission.friction.static": static, "transmission.elasticity.stiffness": stiffness})
+    assert len(np.unique(columns["steady_error"])) == 3
 
 
 @pytest.mark.parametrize(
-    ("changes", "message"),
+    ("name", "changes", "message"),
     [
-        ({"simulation.integrator": "rk4"}, "integrator: semi_implicit_euler"),
-        ({"simulation.plant": "mujoco"}, "set `simulation.plant` to `own`"),
-        ({"transmission.elasticity.stiffness": 1e7}, "substeps` to at least"),
-        ({"transmission.friction": None, "transmission.elasticity": None}, "must have `friction` or `elasticity`"),
-        ({"transmission.friction.static": 0.1}, "transmission.friction: `LuGre.static` must be >= `coulomb`"),
-        ({"transmission.friction.coulomb": [0.3, 0.2]}, "must be one number or one for each of the 7 joints"),
-        ({"robot.plant.armature": 0.0}, "set `transmission.elasticity.inertia`"),
+        (ARM, {"simulation.integrator": "rk4"}, "integrator: semi_implicit_euler"),
+        (ARM, {"transmission.elasticity.stiffness": 1e8}, "substeps` to at least"),
+        (ARM, {"transmission.friction": None, "transmission.elasticity": None}, "must have `friction` or `elasticity`"),
+        (ARM, {"transmission.friction.static": 0.1}, "transmission.friction: `LuGre.static` must be >= `coulomb`"),
+        (ARM, {"transmission.friction.coulomb": [1, 2, 3]}, "must be one number or one for each of the 2 joints"),
+        (ARM, {"transmission.elasticity.inertia": None}, "set `transmission.elasticity.inertia`"),
+        ("panda-payload", {"simulation.plant": "mujoco"}, "set `simulation.plant` to `own`"),
     ],
 )
-def test_what_does_not_fit_is_refused_with_a_remedy(changes, message):
+def test_what_does_not_fit_is_refused_with_a_remedy(name, changes, message):
     with pytest.raises(DefinitionError) as error:
-        load("panda-payload", BOTH | changes).simulate()
+        load(name, BOTH | changes).simulate()
     assert message in str(error.value)
 
 
 def test_the_remedy_for_fast_springs_suffices():
-    stiff = BOTH | {"transmission.elasticity.stiffness": 1e6, "simulation.t1": 0.01}
+    stiff = BOTH | {"transmission.elasticity.stiffness": 3e7, "simulation.t1": 0.01}
     with pytest.raises(DefinitionError) as error:
-        load("panda-payload", stiff).simulate()
+        load(ARM, stiff).simulate()
     substeps = int(str(error.value).rpartition("at least ")[2])
-    assert load("panda-payload", stiff | {"simulation.substeps": substeps}).simulate().outcome.ok
+    assert load(ARM, stiff | {"simulation.substeps": substeps}).simulate().outcome.ok
     with pytest.raises(DefinitionError, match="too fast"):
-        load("panda-payload", stiff | {"simulation.substeps": substeps - 1}).simulate()
+        load(ARM, stiff | {"simulation.substeps": substeps - 1}).simulate()
 
 
-def test_mujoco_and_continuous_mode_refuse_a_transmission():
-    plant = load("panda-payload", BOTH).plant
-    with pytest.raises(DefinitionError, match="MuJoCo simulates neither"):
-        MujocoPlant.of(plant)
+def test_continuous_mode_has_no_transmission():
     with pytest.raises(DefinitionError, match="held"):
         run(Transmission(FRICTION), mode="continuous")
 
 
 def test_no_certificate_covers_a_transmission():
-    from slidax.certify import tracking_bound
-
-    verdict = tracking_bound(load("panda-payload", BOTH))
+    verdict = tracking_bound(load(ARM, BOTH))
     assert verdict.holds is None
     assert "LuGre" in verdict.statement
+
+
+def test_a_log_of_links_does_not_explain_a_law_that_measured_the_motors():
+    with pytest.raises(DefinitionError, match="encoder: link"):
+        require_explainable(load(ARM, BOTH))
+    assert require_explainable(load(ARM, BOTH | {"transmission.elasticity.encoder": "link"})) is not None
+
+
+def test_a_linear_loop_has_no_transmission():
+    with pytest.raises(DefinitionError, match="leave `transmission` out"):
+        operating_point(load(ARM, BOTH), 0.1)
