@@ -268,7 +268,7 @@ SHAPES: dict[str, dict[str, Any]] = {
     "with `ripple`": {"kind": "arm_learning", "ripple": 30.0},
     "with both": {"kind": "arm_learning", "stribeck": 0.05, "ripple": 30.0},
 }
-"""What the law learns."""
+"""Adaptations of the law."""
 
 
 def write_unmodelled_friction() -> None:

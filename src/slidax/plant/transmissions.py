@@ -101,7 +101,7 @@ class TransmissionState(eqx.Module):
 
 
 class Load(NamedTuple):
-    """What a transmission moves in a step.
+    """Inertia and forces that a transmission moves in a step.
 
     - `mass`: M(q), with the rotors [n n].
     - `rotors`: inertias of the rotors in its diagonal [n].
