@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from typing import Any
 
 import equinox as eqx
@@ -233,3 +234,64 @@ def _measured(run: Any, period: float) -> tuple[np.ndarray, list[int], np.ndarra
     largest = np.abs(e).max(axis=-1)
     before, last = round((EVENT - 0.1) / period), round(STEADY / period)
     return largest[:, before:].max(axis=1), [int(count) for count in outside], largest[:, -last:].max(axis=1)
+
+
+FREE = 1e-9
+"""N m: LuGre friction of a joint without it."""
+RIGID = {
+    "transmission.friction": {"coulomb": FREE, "static": FREE, "stribeck_velocity": 0.05},
+    "disturbance.terms": [
+        {"kind": "stribeck", "excess": 0.0, "velocity": 0.05, "smoothing": 0.006},
+        {"kind": "ripple", "amplitude": 0.0, "periods": 30.0},
+    ],
+}
+ELASTIC = {"transmission.elasticity": {"stiffness": 1e4, "damping": 5.0, "encoder": "link"}}
+STRIBECK = {"disturbance.terms.0.excess": 0.09}
+COGGING = {"disturbance.terms.1.amplitude": 0.05}
+LUGRE = {
+    "robot.plant.coulomb": 0.0,
+    "transmission.friction.coulomb": 0.3,
+    "transmission.friction.static": 0.39,
+}
+FRICTIONS: dict[str, tuple[dict[str, Any], dict[str, float]]] = {
+    "as in the model": (RIGID, {}),
+    "Stribeck friction, 30 % above Coulomb": (RIGID, STRIBECK),
+    "cogging of 0.05 N m": (RIGID, COGGING),
+    "cogging of 0.2 N m": (RIGID, {"disturbance.terms.1.amplitude": 0.2}),
+    "Stribeck friction, cogging of 0.05 N m": (RIGID, {**STRIBECK, **COGGING}),
+    "LuGre friction": (RIGID, LUGRE),
+    "LuGre friction, cogging of 0.05 N m": (RIGID, {**LUGRE, **COGGING}),
+    "elastic joints of 10 kN m/rad": (ELASTIC, {}),
+    "elastic joints of 30 kN m/rad": (ELASTIC, {"transmission.elasticity.stiffness": 3e4}),
+}
+"""Friction and joints of `panda-payload`'s true arm: what they have in common with others, and their own values."""
+
+SHAPES: dict[str, dict[str, Any]] = {
+    "`joint_learning`": {},
+    "`arm_learning`": {"kind": "arm_learning"},
+    "`arm_learning` with both": {"kind": "arm_learning", "stribeck": 0.05, "ripple": 30.0},
+}
+"""Adaptations of the law; the last one with `stribeck` and `ripple`."""
+
+
+def write_unmodelled_friction() -> None:
+    """Simulate `panda-payload` with friction and joints that its model lacks, and write the table."""
+    rows: dict[str, list[str]] = {name: [name] for name in FRICTIONS}
+    steps: dict[str, list[str]] = {name: [] for name in FRICTIONS}
+    for label, learning in SHAPES.items():
+        law = {"scheme.sampled_data.adaptation": learning} if learning else {}
+        for name, (common, own) in FRICTIONS.items():
+            run = load("panda-payload", deepcopy({**common, **own, **law})).simulate(log_every=1, progress=False)
+            late = np.asarray(run.log.t) > 0.5 * END
+            error = np.abs(np.asarray(run.log.e)[late]).max()
+            step = np.abs(np.diff(np.asarray(run.log.tau)[late], axis=0)).max()
+            outside = int(run.tally.violations)
+            print(f"{name}, {label}: {error:.2e} rad, {step:.3f} N m, {outside} samples outside", flush=True)
+            rows[name].append(f"{error:.1e}, {outside} outside" if outside else f"{error:.1e}")
+            steps[name].append(f"{step:.2f}")
+    head = [
+        "true arm",
+        *(f"{name} [rad]" for name in SHAPES),
+        *(f"torque step, {name} [N m]" for name in SHAPES),
+    ]
+    write_table(PAGE, "unmodelled-friction", table(head, [[*row, *steps[name]] for name, row in rows.items()]))

@@ -1,5 +1,7 @@
 """Identification of an arm whose parameters are known."""
 
+from dataclasses import replace
+
 import equinox as eqx
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ import slidax as sx
 from slidax.arms import Payload
 from slidax.core import as_array
 from slidax.core.errors import DefinitionError
-from slidax.identify import JointLog, identify
+from slidax.identify import JointLog, identify, write_arm
 from slidax.identify.regressor import parameters_of_body
 from slidax.identify.torque_model import UNIT_MASSES
 from tests.identify.recorded import PAYLOAD, moved, recorded, true_arm
@@ -42,6 +44,34 @@ def test_identified_arm_has_the_estimates_and_predicts_the_held_out_part(identif
     assert (identified.held_out_rms < 0.1 * identified.measured_rms).all()
     assert "payload.mass" in str(identified) and "held out" in str(identified)
     assert not identified.unseen or {parameter.name.split(".")[0] for parameter in identified.unseen} == {"payload"}
+
+
+def test_stribeck_friction_and_torque_ripple_are_identified_where_they_are_asked_for(tmp_path):
+    arm = true_arm()
+    t, motion = moved(10.0, 250.0, 6)
+    log = recorded(arm, times_and_motion=(t, motion), noise=0.002)
+    excess, wave = np.array([1.0, 1.2, 0.8, 0.4, 0.3, 0.3]), np.array([0.9, -1.1, 0.7, 0.3, -0.2, 0.2])
+    slow = np.exp(-((motion.dq / 0.4) ** 2)) * np.sign(motion.dq)
+    tau = log.tau + excess * slow + wave * np.sin(6.0 * motion.q) + 0.5 * wave * np.cos(6.0 * motion.q)
+    log = replace(log, tau=tau)
+    plain = identify(log, sx.arms.ur5e(), cut_off=12.0)
+    full = identify(log, sx.arms.ur5e(), cut_off=12.0, stribeck=0.4, ripple=[6.0])
+    assert (full.held_out_rms < 0.7 * plain.held_out_rms).all()
+    assert not any(name in str(plain) for name in ("stribeck", "ripple"))
+    for name, true in {"stribeck": excess, "ripple_6_sin": wave, "ripple_6_cos": 0.5 * wave}.items():
+        np.testing.assert_allclose(full.values(name), true, atol=0.1, err_msg=name)
+        assert (np.abs(full.values(name) - true) < 4.0 * full.standard_errors(name)).all(), name
+    np.testing.assert_allclose(full.values("coulomb"), arm.coulomb, atol=0.15)
+    write_arm(full, {"kind": "ur5e"}, tmp_path / "arm.yaml")
+    text = (tmp_path / "arm.yaml").read_text()
+    assert "torque_stribeck:" in text and "torque_ripple_6_cos:" in text
+    sx.scenarios.load("ur5e-payload", {"robot.kind": "identified", "robot.file": str(tmp_path / "arm.yaml")})
+
+
+@pytest.mark.parametrize("options", [{"stribeck": -1.0}, {"ripple": [0.0]}, {"ripple": [3.0, 3.0]}])
+def test_impossible_friction_columns_are_refused(options):
+    with pytest.raises(DefinitionError, match=f"`{next(iter(options))}` must be"):
+        identify(recorded(true_arm()), sx.arms.ur5e(), **options)
 
 
 def test_confidence_intervals_have_about_their_stated_coverage():

@@ -1,17 +1,19 @@
 """The learning of the whole arm: when its model is used, and when it is not."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from slidax.core.errors import DefinitionError
+from slidax.core.integrators import value_rate_curvature
 from slidax.core.types import State
 from slidax.law import ArmLearning, ComputedTorque, JointLearning, KnownArm, sampled_data
 from slidax.law.arm_model import ArmParameters
 from slidax.law.model_trust import CALM, CONFIRMED, LASTING, PROBATION, PROVEN, SHORT, Trust, judge
 from slidax.scenarios import load
-from tests.law.moved import ARM
+from tests.law.moved import ARM, PERIOD, taught
 from tests.paper_examples import TWO_LINK
 
 STEP = jnp.asarray(0.01)
@@ -125,6 +127,65 @@ def test_a_model_in_use_gives_the_arm_its_payload_and_links():
     weight = 9.81 * (1.0 * 0.5 + 0.1 * 2.0 * 0.25 - 0.1 * 0.5 * (0.5 + 0.2))
     rest = full.bias(0 * q, 0 * q) - ARM.bias(0 * q, 0 * q)
     np.testing.assert_allclose(jnp.abs(rest[0]), weight, rtol=1e-12)
+
+
+def slow_and_fast(t):
+    """Positions of two joints that move slowly and fast, with many reversals [n]."""
+    first = 0.6 * jnp.sin(1.3 * t) + 0.1 * jnp.sin(9.0 * t) + 0.02 * jnp.sin(23.0 * t)
+    second = 0.5 * jnp.sin(1.7 * t + 1.0) + 0.12 * jnp.sin(8.0 * t) + 0.02 * jnp.sin(29.0 * t)
+    return jnp.stack([first, second])
+
+
+@pytest.mark.full
+def test_stribeck_friction_and_ripple_are_learnt_where_they_are_asked_for():
+    times = PERIOD * np.arange(12000)
+    excess, cosine, sine = jnp.array([0.3, 0.1]), jnp.array([0.2, -0.1]), jnp.array([-0.1, 0.15])
+
+    def state(t):
+        q, dq, ddq = value_rate_curvature(slow_and_fast, t)
+        return q, dq, ddq
+
+    def needed(t):
+        q, dq, ddq = state(t)
+        shapes = 0.4 * jnp.tanh(dq / 0.01) + excess * jnp.exp(-((dq / 0.1) ** 2)) * jnp.tanh(dq / 0.01)
+        waves = cosine * jnp.cos(20.0 * q) + sine * jnp.sin(20.0 * q)
+        return ARM.mass(q) @ ddq + ARM.bias(q, dq) + 0.2 * dq + shapes + waves
+
+    q, dq, _ = jax.jit(jax.vmap(state))(times)
+    torque = jax.jit(jax.vmap(needed))(times + 0.5 * PERIOD)
+    adaptation = learner(stribeck=0.1, ripple=20.0)
+    memory, _ = taught(adaptation, *(np.asarray(x) for x in (q, dq, torque)))
+    arm = adaptation.parameters(memory.estimates.parameters)
+    assert arm.more.shape == (3, 2)
+    for learnt, true in zip(arm.more, (excess, cosine, sine), strict=True):
+        np.testing.assert_allclose(learnt, true, atol=0.03)
+    np.testing.assert_allclose(arm.coulomb, 0.4, atol=0.05)
+    assert memory.trust.share == 1.0
+
+
+def test_a_model_with_stribeck_friction_and_ripple_compensates_both():
+    adaptation, at, still = learner(stribeck=0.1, ripple=[20.0, 12.0]), jnp.array([0.3, -0.2]), jnp.zeros(2)
+    memory = adaptation.init(State(q=at, dq=still))
+    assert memory.sums.shape == (4, 9, 2) and memory.estimates.used.shape == (10 + 8 * 2,)
+    assert learner().init(State(q=at, dq=still)).sums.shape == (4, 6, 2)
+    excess, cosine, sine = jnp.array([[0.3, 0.1], [0.2, -0.1], [-0.1, 0.15]])
+    nothing = eqx.tree_at(lambda m: m.trust.share, memory, jnp.asarray(1.0))
+    used = nothing.estimates.used.at[-8:-2].set(jnp.concatenate([excess, cosine, sine]))
+    known = eqx.tree_at(lambda m: m.estimates.used, nothing, used)
+    phase = jnp.array([20.0, 12.0]) * at
+    ripple = cosine * jnp.cos(phase) + sine * jnp.sin(phase)
+    with_ripple, without = (adaptation.robot(ARM, each) for each in (known, nothing))
+    np.testing.assert_allclose(with_ripple.bias(at, still) - without.bias(at, still), ripple, atol=1e-12)
+    slopes = [jax.grad(robot.potential)(at) for robot in (with_ripple, without)]
+    np.testing.assert_allclose(slopes[0] - slopes[1], ripple, atol=1e-12)
+    np.testing.assert_array_equal(with_ripple.mass(at), without.mass(at))
+    slow = jnp.array([0.05, -0.1])
+    more = adaptation.friction(known, slow) - adaptation.friction(nothing, slow)
+    np.testing.assert_allclose(more, excess * jnp.exp(-((slow / 0.1) ** 2)) * jnp.tanh(slow / 0.01), atol=1e-12)
+    signals = adaptation.signals(known)
+    np.testing.assert_array_equal(signals["static_excess"], excess)
+    np.testing.assert_array_equal(signals["ripple_sine"], sine)
+    assert not {"static_excess", "ripple_cosine"} & set(learner().signals(learner().init(State(q=at, dq=still))))
 
 
 def test_an_arm_that_is_not_described_by_its_links_is_refused():

@@ -37,10 +37,12 @@ def operating_point(scenario: Scenario, at: float) -> tuple[ClosedLoop, Carry, l
 
     - `at`: time of the sample [s], a whole number of periods, at least one.
 
-    Raises DefinitionError if the run ends earlier, or MuJoCo simulates the arm.
+    Raises DefinitionError if the run ends earlier, MuJoCo simulates the arm, or the arm has a transmission.
     """
     if isinstance(scenario.plant, MujocoPlant):
         raise DefinitionError("an arm simulated by MuJoCo has no derivatives here: set `simulation.plant` to `own`")
+    if scenario.plant.transmission is not None:
+        raise DefinitionError("LuGre friction and elastic joints have no linear loop here: leave `transmission` out")
     stepping = scenario.stepping
     plant, left_out = _smooth(scenario.plant, stepping.mode == "held")
     parts = plant, scenario.controller, scenario.trajectory, scenario.state0
@@ -305,7 +307,7 @@ def linearise(scenario: Scenario, at: float | None = None) -> LinearisedLoop:
 
     - `at`: time [s], rounded to the nearest sample; by default the end of the run.
 
-    Raises DefinitionError if the run ends earlier, or MuJoCo simulates the arm.
+    Raises DefinitionError if the run ends earlier, MuJoCo simulates the arm, or the arm has a transmission.
     """
     h = scenario.period
     at = scenario.t1 if at is None else at

@@ -178,6 +178,13 @@ def require_explainable(scenario: Scenario) -> SampledData:
     Raises DefinitionError if its scheme is not in sampled-data form, or has no envelope.
     """
     law, start = scenario.controller, scenario.state0
+    transmission = getattr(scenario.plant, "transmission", None)
+    elasticity = None if transmission is None else transmission.elasticity
+    if elasticity is not None and elasticity.encoder == "motor":
+        raise DefinitionError(
+            "a simulated log has the links' positions, and the law measured the motors': set "
+            "`transmission.elasticity.encoder: link` for a diagnosis"
+        )
     if isinstance(law, SampledData):
 
         def envelope(t: Scalar) -> Envelope | None:

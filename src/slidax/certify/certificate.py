@@ -164,6 +164,11 @@ class Certificate(Generic[Options]):
 
     def _uncovered(self, scenario: Scenario, other_sets: Iterable[Family]) -> str:
         """Return the reason why the certificate does not apply, with the uncovered paths; empty if it applies."""
+        if scenario.description.transmission is not None and self.may_read("transmission"):
+            return (
+                "not applicable: no certificate of an arm covers LuGre friction or elastic joints; `statistical` tests "
+                "them, and without `transmission` in the file this certificate applies"
+            )
         own = family_of(scenario)
         families = [to_canonical(family) for family in other_sets] or ([] if own is None else [own])
         blocks = {

@@ -179,6 +179,12 @@ def identify(
         ),
     ] = None,
     asymmetric: Annotated[bool, typer.Option("--asymmetric", help="Viscous friction differs by direction.")] = False,
+    stribeck: Annotated[
+        float | None, typer.Option(help="Identify Stribeck friction with this Stribeck velocity [rad/s].")
+    ] = None,
+    ripple: Annotated[
+        str | None, typer.Option(metavar="N,...", help="Identify torque ripple with so many periods per turn.")
+    ] = None,
     cut_off: Annotated[float | None, typer.Option(help="Filter cut-off [Hz]; default: from the log.")] = None,
     held_out: Annotated[float, typer.Option(help="Share of the log, at its end, held out for validation.")] = 0.25,
     gravity: Gravity = None,
@@ -276,6 +282,8 @@ def identify(
             payload=payload,
             links=links,
             asymmetric=asymmetric,
+            stribeck=stribeck,
+            ripple=numbers("--ripple", ripple) if ripple else [],
             cut_off=cut_off,
             held_out=held_out,
         )

@@ -324,6 +324,11 @@ def arm_plan(scenario: Scenario, *, transport: int) -> ArmPlan:
     require_samples(scenario)
     plant = scenario.plant
     own = plant.with_friction if isinstance(plant, MujocoPlant) else plant
+    if own.transmission is not None:
+        raise DefinitionError(
+            "an arm that is moved sample by sample has neither LuGre friction nor elastic joints: leave `transmission` "
+            "out, or run the scenario with `slidax run`"
+        )
     stepping = scenario.stepping
     loop, _ = define_loop(
         own, scenario.controller, scenario.trajectory, scenario.state0, scenario.t1, stepping, None, BANDS

@@ -181,9 +181,12 @@ UNITS = {
     "coulomb": ("N m", "N"),
     "viscous": ("N m s/rad", "N s/m"),
     "asymmetry": ("N m s/rad", "N s/m"),
-    "offset": ("N m", "N"),
+    **dict.fromkeys(("offset", "stribeck", "ripple"), ("N m", "N")),
 }
-"""Units of a drive's parameters, for a revolute and for a prismatic joint."""
+"""Units of a drive's parameters, for a revolute and for a prismatic joint; `ripple_30_cos` is a `ripple`."""
+
+NOT_OF_ARM = ("offset", "asymmetry", "stribeck", "ripple")
+"""Drive parameters that no arm's description has."""
 
 PATHS = {"armature": "nominal.armature", "coulomb": "plant.coulomb", "viscous": "nominal.viscous"}
 """Keys of drive parameters in a robot's description."""
@@ -246,7 +249,7 @@ def estimates_of(
                 name=name,
                 joint=robot.joint_names[joint],
                 path=f"{PATHS[name]}.{joint}" if name in PATHS else "",
-                unit=UNITS[name][robot.joint_units[joint] == "m"],
+                unit=UNITS[name.partition("_")[0]][robot.joint_units[joint] == "m"],
                 value=float(theta[i]),
                 standard_error=float(errors[i]),
                 identifiable=bool(errors[i] < IDENTIFIABLE * unknowns.scale[i]),
@@ -312,7 +315,8 @@ def write_arm(identification: Identification, robot: Mapping[str, Any], path: st
 
     `robot` has the arm's description as in scenario files, with the identified parameters. `uncertainty` has the set
     that contains the true arm with the band's confidence or, for an arm without a band, the standard error of each
-    parameter. `torque_offset` and `torque_asymmetry` have the terms that no arm description has.
+    parameter. `torque_offset`, `torque_asymmetry`, `torque_stribeck` and `torque_ripple_N_cos` have the terms that no
+    arm description has.
 
     - `identification`: the identified arm.
     - `robot`: the description of the arm as it was known, such as `{"kind": "panda"}`.
@@ -363,7 +367,7 @@ def arm_as_yaml(identification: Identification, robot: Mapping[str, Any], folder
         "uncertainty:",
         *(_standard_errors(identification) if identification.band is None else _band_lines(identification.band)),
     ]
-    offsets = [parameter for parameter in identification.parameters if parameter.name in ("offset", "asymmetry")]
+    offsets = [each for each in identification.parameters if each.name.partition("_")[0] in NOT_OF_ARM]
     for name in dict.fromkeys(parameter.name for parameter in offsets):
         own = [parameter for parameter in offsets if parameter.name == name]
         lines.append(f"torque_{name}:")

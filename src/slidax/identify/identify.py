@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -35,6 +36,8 @@ def identify(
     payload: bool | None = None,
     links: bool = False,
     asymmetric: bool = False,
+    stribeck: float | None = None,
+    ripple: Sequence[float] = (),
     cut_off: float | None = None,
     held_out: float = 0.25,
 ) -> Identification:
@@ -59,6 +62,8 @@ def identify(
       then contains it.
     - `links`: True to identify the links' inertial parameters; the prior of a link's mass is the file's value ± 50 %.
     - `asymmetric`: True if viscous friction may differ between the two directions.
+    - `stribeck`: Stribeck velocity of static friction above Coulomb friction [rad/s or m/s]; by default there is none.
+    - `ripple`: periods per turn of torque ripple, such as cogging, that all joints may have; by default there is none.
     - `cut_off`: cut-off frequency of the filter [Hz]; chosen from the data by default.
     - `held_out`: share at the end of the log that is predicted and not fitted, in (0, 0.9].
 
@@ -67,6 +72,10 @@ def identify(
     started = time.perf_counter()
     if not 0.0 < held_out <= 0.9:
         raise DefinitionError(f"`held_out` must be in (0, 0.9], the share of the log that is predicted; got {held_out}")
+    if stribeck is not None and not (np.isfinite(stribeck) and stribeck > 0.0):
+        raise DefinitionError(f"`stribeck` must be > 0 rad/s, the Stribeck velocity; got {stribeck:g}")
+    if not all(np.isfinite(periods) and periods > 0.0 for periods in ripple) or len(set(ripple)) < len(ripple):
+        raise DefinitionError(f"`ripple` must be different numbers > 0, periods per turn; got {list(ripple)}")
     if not isinstance(log, JointLog):
         log = read_log(log, robot.joint_names)
     if len(log.joints) != robot.joints:
@@ -89,7 +98,7 @@ def identify(
 
     def equation(signals: LogSignals) -> Unknowns:
         options = {"rotors": rotors, "payload": payload, "links": links, "asymmetric": asymmetric}
-        return unknowns_of(robot, signals, **options, ignored=ignored)
+        return unknowns_of(robot, signals, **options, stribeck=stribeck, ripple=ripple, ignored=ignored)
 
     signals = signals_of(pieces, robot, cut_off)
     split = int((1.0 - held_out) * len(signals.t))

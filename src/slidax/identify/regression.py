@@ -72,9 +72,13 @@ def unknowns_of(
     payload: bool,
     links: bool,
     asymmetric: bool,
+    stribeck: float | None,
+    ripple: Sequence[float],
     ignored: np.ndarray,
 ) -> Unknowns:
     """The equation of an arm, `τ = Y φ + J q̈ + f_c sign(q̇) + f_v q̇ + f_a |q̇| + f_o`.
+
+    With `stribeck`, there is `f_s exp(-(q̇/v_s)²) sign(q̇)` too, and with `ripple` `c cos(N q) + s sin(N q)` for each N.
 
     f_o is the offset of the torque measurement, or half the difference of friction between the two directions: a log
     cannot tell them apart. f_a is half the difference of viscous friction between the two directions, if `asymmetric`.
@@ -82,6 +86,8 @@ def unknowns_of(
     - `robot`: the arm as it is known.
     - `rotors`, `payload`, `links`: True if rotors, payload, or the links' inertial parameters are unknown.
     - `asymmetric`: True if viscous friction may differ between the two directions.
+    - `stribeck`: v_s [rad/s or m/s]; None without Stribeck friction.
+    - `ripple`: N, periods of torque ripple per turn.
     - `ignored`: True for joints whose torques are not used [n].
     """
     motion, n = signals.motion, robot.joints
@@ -126,6 +132,11 @@ def unknowns_of(
     ]
     if asymmetric:
         drives.append(("asymmetry", np.abs(motion.dq), largest, False))
+    if stribeck is not None:
+        drives.append(("stribeck", np.sign(motion.dq) * np.exp(-((motion.dq / stribeck) ** 2)), np.ones(n), True))
+    for periods in ripple:
+        for name, wave in (("cos", np.cos), ("sin", np.sin)):
+            drives.append((f"ripple_{periods:g}_{name}", wave(periods * motion.q), np.ones(n), False))
     if rotors:
         fastest = np.sqrt(np.mean(motion.ddq**2, axis=0)) + 1e-2
         drives.insert(0, ("armature", motion.ddq, fastest, True))

@@ -19,7 +19,7 @@ from slidax.core.parameter import parameter, piece
 from slidax.core.types import Matrix, PerJoint, Scalar, State, Vector
 
 from .adaptation import AbstractAdaptation, Believed, Experience, LearnedParameters
-from .arm_model import ArmParameters, KnownArm, arm_with, friction_shapes, parameter_count
+from .arm_model import ArmParameters, KnownArm, Rippled, TorqueShapes, arm_with, friction_shapes, parameter_count
 from .joint_learning import JointLearning, Learning
 from .least_squares import (
     KINDS,
@@ -123,7 +123,7 @@ class ArmLearningMemory(eqx.Module):
     joints: Learning
     slot: Scalar
     clean: Scalar
-    sums: Float[Array, "4 6 n"]
+    sums: Float[Array, "4 k n"]
     equations: Equations
     estimates: Estimates
     trust: Trust
@@ -163,22 +163,40 @@ class ArmLearning(AbstractAdaptation):
     viscous: PerJoint = parameter("deviation of viscous friction", "N m s/rad or N s/m", "> 0", default=0.4)
     coulomb: PerJoint = parameter("deviation of Coulomb friction", "N m or N", "> 0", default=0.4)
     rotor: PerJoint = parameter("deviation of a rotor's inertia", "kg m² or kg", "> 0", default=0.15)
+    stribeck: PerJoint | None = parameter(
+        "v_st, Stribeck velocity of static friction that is learnt too; none by default",
+        "rad/s or m/s",
+        "> 0",
+        default=None,
+    )
+    ripple: PerJoint | None = parameter(
+        "N, periods per turn of torque ripple that is learnt too; none by default", "", "> 0", default=None
+    )
+
+    @property
+    def shapes(self) -> TorqueShapes:
+        """Stribeck friction and ripple; their coefficients begin with the deviation of Coulomb friction."""
+        return TorqueShapes(self.stribeck, self.ripple)
+
+    def parameters(self, vector: Float[Array, " p"]) -> ArmParameters:
+        """Return the parameters of the arm from one vector."""
+        return ArmParameters.of(vector, self.shapes.count)
 
     def deviations(self, joints: int) -> Float[Array, " p"]:
         """Return the standard deviations at the start [p]."""
         payload = [self.mass[None], jnp.broadcast_to(self.moment, 3), jnp.broadcast_to(self.inertia, 6)]
-        each = self.factor, self.viscous, self.coulomb, self.coulomb, self.rotor
+        each = self.factor, self.viscous, *[self.coulomb] * (2 + self.shapes.count), self.rotor
         return jnp.concatenate([*payload, *(jnp.broadcast_to(value, joints) for value in each)])
 
     def init(self, measured: State) -> ArmLearningMemory:
         n = measured.q.size
-        p, deviations = parameter_count(n), self.deviations(n)
+        p, deviations = parameter_count(n, self.shapes.count), self.deviations(n)
         nothing = jnp.zeros(p)
         return ArmLearningMemory(
             joints=self.joints.init(measured),
             slot=jnp.zeros(()),
             clean=jnp.zeros(()) - SETTLING,
-            sums=jnp.zeros((QUARTERS, KINDS, n)),
+            sums=jnp.zeros((QUARTERS, KINDS + self.shapes.count, n)),
             equations=Equations(
                 rows=jnp.zeros((n, p)),
                 y=jnp.zeros(n),
@@ -202,7 +220,7 @@ class ArmLearning(AbstractAdaptation):
 
     def __call__(self, experience: Experience, memory: ArmLearningMemory) -> ArmLearningMemory:
         m, x = self.samples, experience
-        shapes = friction_shapes(x.dq)
+        shapes = *friction_shapes(x.dq), *self.shapes.of(x.q, x.dq)
         sums = window_sums(memory.sums, memory.slot, m, x.period, x.q, x.tau, *shapes)
         clean = jnp.where(x.missed, 0.0, jnp.minimum(memory.clean + 1.0, float(QUARTERS * m)))
         slot, equations, estimates, trust = memory.slot, memory.equations, memory.estimates, memory.trust
@@ -240,16 +258,16 @@ class ArmLearning(AbstractAdaptation):
     def _next(
         self,
         x: Experience,
-        sums: Float[Array, "4 6 n"],
+        sums: Float[Array, "4 k n"],
         valid: Bool[Array, ""],
         trust: Trust,
         estimates: Estimates,
-    ) -> tuple[Float[Array, "4 6 n"], Equations, Trust]:
+    ) -> tuple[Float[Array, "4 k n"], Equations, Trust]:
         """The equations of the window that ends with this sample."""
         window, arm = Window.of(sums), articulated(x.nominal)
         n = window.q.size
         own = inertial_regressor(arm, window.q, window.dq, window.ddq)
-        each = (jnp.eye(n) * v for v in (window.dq, window.first, window.second, window.ddq))
+        each = (jnp.eye(n) * v for v in (window.dq, window.first, window.second, *window.more, window.ddq))
         rows = jnp.concatenate([own.torque, *each], axis=1)
         y = window.tau - jnp.sum(own.torque[:, PAYLOAD:], axis=1) - arm.armature * window.ddq
         missed = y - jnp.sum(rows * estimates.parameters, axis=1)
@@ -315,7 +333,7 @@ class ArmLearning(AbstractAdaptation):
 
     def _steered(self, x: Experience, vector: Float[Array, " p"], covariance: Float[Array, " c"]) -> Float[Array, " p"]:
         """The parameters, moved along P towards the most violated constraint of an arm that can exist."""
-        parameters, arm = ArmParameters.of(vector), articulated(x.nominal)
+        parameters, arm = self.parameters(vector), articulated(x.nominal)
         n, p = parameters.rotor.size, vector.size
         value, slope = least_eigenvalue(self._last_body(arm, parameters))
         link = link_body(arm)
@@ -331,7 +349,7 @@ class ArmLearning(AbstractAdaptation):
 
     def _consistent(self, x: Experience, vector: Float[Array, " p"]) -> Float[Array, " p"]:
         """The nearest parameters of an arm that can exist."""
-        parameters, arm = ArmParameters.of(vector), articulated(x.nominal)
+        parameters, arm = self.parameters(vector), articulated(x.nominal)
         n = parameters.rotor.size
         lower, upper = self._bounds(n)
         parameters = eqx.tree_at(
@@ -354,7 +372,7 @@ class ArmLearning(AbstractAdaptation):
 
     def learnt(self, memory: ArmLearningMemory) -> LearnedParameters:
         own, share = self.joints.learnt(memory.joints), memory.trust.share
-        arm = ArmParameters.of(memory.estimates.used)
+        arm = self.parameters(memory.estimates.used)
         return LearnedParameters(
             rotor=own.rotor + share * (self.counted + arm.rotor - own.rotor),
             coulomb=own.coulomb + share * (arm.coulomb - own.coulomb),
@@ -362,15 +380,22 @@ class ArmLearning(AbstractAdaptation):
 
     def robot(self, nominal: AbstractRobot, memory: ArmLearningMemory) -> AbstractRobot:
         """Return the nominal arm with a share of the learnt payload and link masses, and the rotors."""
-        arm = arm_with(nominal, memory.trust.share, ArmParameters.of(memory.estimates.used))
-        return Believed.of(arm, self.learnt(memory).rotor, self.counted)
+        own = self.parameters(memory.estimates.used)
+        arm = Believed.of(arm_with(nominal, memory.trust.share, own), self.learnt(memory).rotor, self.counted)
+        if self.ripple is None or own.more is None:
+            return arm
+        return Rippled(arm.joint_units, arm.joint_names, arm, self.shapes, memory.trust.share * own.more)
 
     def mass_at_start(self, mass: Matrix) -> Matrix:
         return self.joints.mass_at_start(mass)
 
     def friction(self, memory: ArmLearningMemory, dq: Vector) -> Vector:
         own = self.joints.friction(memory.joints, dq)
-        return own + memory.trust.share * (ArmParameters.of(memory.estimates.used).friction(dq) - own)
+        arm = self.parameters(memory.estimates.used)
+        learnt = arm.friction(dq)
+        if arm.more is not None:
+            learnt = learnt + self.shapes.friction(dq, arm.more)
+        return own + memory.trust.share * (learnt - own)
 
     def settled(self, memory: ArmLearningMemory) -> Bool[Array, ""]:
         """True while α is 1."""
@@ -379,9 +404,10 @@ class ArmLearning(AbstractAdaptation):
     def signals(self, memory: ArmLearningMemory) -> dict[str, Array]:
         """Return `rotor`, `coulomb`, and the arm's parameters with their deviations.
 
-        `arm_share` is α; `inertia_deviation` [n] that of M_ii relative to itself.
+        `arm_share` is α; `inertia_deviation` [n] that of M_ii relative to itself. `static_excess`, `ripple_cosine` and
+        `ripple_sine` [n] are the coefficients of Stribeck friction and ripple, if they are learnt.
         """
-        arm, deviation = (ArmParameters.of(v) for v in (memory.estimates.used, memory.estimates.deviation))
+        arm, deviation = (self.parameters(v) for v in (memory.estimates.used, memory.estimates.deviation))
         return {
             **super().signals(memory),
             "arm_share": memory.trust.share,
@@ -393,11 +419,12 @@ class ArmLearning(AbstractAdaptation):
             "viscous": arm.viscous,
             "viscous_deviation": deviation.viscous,
             "rotor_deviation": deviation.rotor,
+            **self.shapes.signals(arm.more),
         }
 
     def frozen(self, memory: ArmLearningMemory) -> AbstractAdaptation:
-        """Return the model in use as a constant one."""
-        learnt, arm = self.learnt(memory), ArmParameters.of(memory.trust.share * memory.estimates.used)
+        """Return the model in use as a constant one, without Stribeck friction and ripple."""
+        learnt, arm = self.learnt(memory), self.parameters(memory.trust.share * memory.estimates.used)
         own = (1.0 - memory.trust.share) * self.joints.learnt(memory.joints).coulomb
         return KnownArm(
             counted=self.counted,

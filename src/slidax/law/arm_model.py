@@ -12,8 +12,8 @@ from slidax.arms.adjusted import PAYLOAD, Adjusted
 from slidax.arms.arm import AbstractRobot
 from slidax.arms.articulated import Articulated
 from slidax.core.errors import DefinitionError
-from slidax.core.parameter import parameter
-from slidax.core.types import PerJoint, Scalar, State, Vector
+from slidax.core.parameter import parameter, piece
+from slidax.core.types import Matrix, PerJoint, Scalar, State, Vector
 
 from .adaptation import AbstractAdaptation, Believed, Experience, LearnedParameters
 
@@ -29,6 +29,7 @@ class ArmParameters(eqx.Module):
     - `viscous`: viscous friction [n], N m s/rad or N s/m.
     - `first`, `second`: Coulomb friction that turns within the first and the second of `FRICTION_SPEEDS` [n], N m or N.
     - `rotor`: change of each rotor's inertia [n], kg m² or kg.
+    - `more`: coefficients of further shapes of the drives' torque (`TorqueShapes`) [m n], N m or N; None without.
     """
 
     payload: Float[Array, "10"]
@@ -37,16 +38,24 @@ class ArmParameters(eqx.Module):
     first: Vector
     second: Vector
     rotor: Vector
+    more: Float[Array, "m n"] | None = None
 
     @classmethod
-    def of(cls, vector: Float[Array, " p"]) -> ArmParameters:
-        """Return the parameters from one vector, in the order of the fields."""
-        return cls(vector[:PAYLOAD], *vector[PAYLOAD:].reshape(5, -1))
+    def of(cls, vector: Float[Array, " p"], more: int = 0) -> ArmParameters:
+        """Return the parameters from one vector, in the order of the fields, but `rotor` last.
+
+        - `more`: number of further shapes m.
+        """
+        each = vector[PAYLOAD:].reshape(5 + more, -1)
+        return cls(vector[:PAYLOAD], *each[:4], each[-1], each[4:-1] if more else None)
 
     def vector(self) -> Float[Array, " p"]:
         """Return all parameters as one vector."""
         friction = self.viscous, self.first, self.second
-        return jnp.concatenate([self.payload, self.factors, *friction, self.rotor])
+        return jnp.concatenate([self.payload, self.factors, *friction, *self._more(), self.rotor])
+
+    def _more(self) -> list[Vector]:
+        return [] if self.more is None else list(self.more)
 
     def friction(self, dq: Vector) -> Vector:
         """Return the friction at a velocity, [n], N m or N."""
@@ -65,9 +74,83 @@ def friction_shapes(dq: Vector) -> tuple[Vector, Vector]:
     return jnp.tanh(dq / first), jnp.tanh(dq / second)
 
 
-def parameter_count(joints: int) -> int:
-    """Number of parameters of an arm."""
-    return PAYLOAD + 5 * joints
+class TorqueShapes(eqx.Module):
+    """Further torques of the drives, each linear in its coefficient.
+
+    Stribeck friction is `c exp(-(q̇/v_st)²) tanh(q̇/v_1)`; ripple over the position is `c cos(N q) + s sin(N q)`.
+
+    - `stribeck`: v_st; None without Stribeck friction.
+    - `ripple`: N, periods per turn; None without ripple.
+    """
+
+    stribeck: PerJoint | None
+    ripple: PerJoint | None
+
+    @property
+    def count(self) -> int:
+        """Number of coefficients for each joint."""
+        return (self.stribeck is not None) + 2 * (self.ripple is not None)
+
+    def signals(self, coefficients: Float[Array, "m n"] | None) -> dict[str, Vector]:
+        """Return the coefficients by name."""
+        names = ["static_excess"] * (self.stribeck is not None)
+        names += ["ripple_cosine", "ripple_sine"] * (self.ripple is not None)
+        return {} if coefficients is None else dict(zip(names, coefficients, strict=True))
+
+    def of(self, q: Vector, dq: Vector) -> list[Vector]:
+        """Return the shapes at a state, [n] each."""
+        return [*self._slow(dq), *self._waves(q)]
+
+    def friction(self, dq: Vector, coefficients: Float[Array, "m n"]) -> Vector:
+        """Return Stribeck friction, [n], N m or N."""
+        slow = self._slow(dq)
+        return coefficients[0] * slow[0] if slow else jnp.zeros_like(dq)
+
+    def ripple_torque(self, q: Vector, coefficients: Float[Array, "m n"]) -> Vector:
+        """Return the torque that the drives need against ripple, [n], N m or N."""
+        cosine, sine = self._waves(q)
+        return coefficients[-2] * cosine + coefficients[-1] * sine
+
+    def _slow(self, dq: Vector) -> list[Vector]:
+        if self.stribeck is None:
+            return []
+        return [jnp.exp(-((dq / self.stribeck) ** 2)) * jnp.tanh(dq / FRICTION_SPEEDS[0])]
+
+    def _waves(self, q: Vector) -> list[Vector]:
+        return [] if self.ripple is None else [jnp.cos(self.ripple * q), jnp.sin(self.ripple * q)]
+
+
+class Rippled(AbstractRobot):
+    """An arm whose bias has the torque that its drives need against ripple over the position."""
+
+    joint_units: tuple[str, ...] = piece('"rad" or "m" for each joint', static=True)
+    joint_names: tuple[str, ...] = piece("of the joints", static=True)
+    arm: AbstractRobot = piece("the arm without ripple")
+    shapes: TorqueShapes = piece("shapes of the ripple")
+    coefficients: Float[Array, "m n"] = parameter("their coefficients", "N m or N")
+
+    def mass(self, q: Vector) -> Matrix:
+        return self.arm.mass(q)
+
+    def bias(self, q: Vector, dq: Vector) -> Vector:
+        return self.arm.bias(q, dq) + self.shapes.ripple_torque(q, self.coefficients)
+
+    def friction(self, dq: Vector) -> Vector:
+        return self.arm.friction(dq)
+
+    def potential(self, q: Vector) -> Scalar:
+        cosine, sine = self.coefficients[-2:]
+        assert self.shapes.ripple is not None
+        phase = self.shapes.ripple * q
+        return self.arm.potential(q) + jnp.sum((cosine * jnp.sin(phase) - sine * jnp.cos(phase)) / self.shapes.ripple)
+
+    def tip(self, q: Vector) -> Float[Array, "3"]:
+        return self.arm.tip(q)
+
+
+def parameter_count(joints: int, more: int = 0) -> int:
+    """Number of parameters of an arm with `more` further shapes of torque."""
+    return PAYLOAD + (5 + more) * joints
 
 
 def arm_with(nominal: AbstractRobot, share: Scalar, parameters: ArmParameters) -> Adjusted:

@@ -25,6 +25,7 @@ class Window(eqx.Module):
     - `q`, `dq`, `ddq`: position and its two derivatives [n].
     - `tau`: mean torque [n].
     - `first`, `second`: means of `tanh(q̇/v_1)` and `tanh(q̇/v_2)` [n].
+    - `more`: means of further shapes of torque, [n] each.
     """
 
     q: Vector
@@ -33,33 +34,33 @@ class Window(eqx.Module):
     tau: Vector
     first: Vector
     second: Vector
+    more: list[Vector]
 
     @classmethod
-    def of(cls, sums: Float[Array, "4 6 n"]) -> Window:
+    def of(cls, sums: Float[Array, "4 k n"]) -> Window:
         """Return the oldest of the overlapping windows."""
-        q, dq, ddq, tau, first, second = sums[-1]
-        return cls(q, dq, ddq, tau, first, second)
+        q, dq, ddq, tau, first, second, *more = sums[-1]
+        return cls(q, dq, ddq, tau, first, second, more)
 
 
 KINDS = 6
-"""Sums of a window: q by three kernels, torque, and two shapes of friction."""
+"""Sums of a window: q by three kernels, torque, and two shapes of friction; further shapes follow."""
 
 
-def next_windows(sums: Float[Array, "4 6 n"]) -> Float[Array, "4 6 n"]:
+def next_windows(sums: Float[Array, "4 k n"]) -> Float[Array, "4 k n"]:
     """Return the sums without the oldest window, and with a new one."""
     return jnp.concatenate([jnp.zeros_like(sums[:1]), sums[:-1]])
 
 
 def window_sums(
-    sums: Float[Array, "4 6 n"],
+    sums: Float[Array, "4 k n"],
     slot: Scalar,
     samples: int,
     period: Scalar,
     q: Vector,
     tau: Vector,
-    first: Vector,
-    second: Vector,
-) -> Float[Array, "4 6 n"]:
+    *shapes: Vector,
+) -> Float[Array, "4 k n"]:
     """Return the sums of the four overlapping windows after a sample, the youngest window first.
 
     The kernel of a window of N = 4 `samples` periods is `w(s) ∝ cos⁴(π s/T)`, T = N h. Sums of q with w, -w' and w''
@@ -68,7 +69,7 @@ def window_sums(
 
     - `slot`: number of this sample in its quarter, 0 .. `samples` - 1.
     - `tau`: mean torque in the period before this sample [n].
-    - `first`, `second`: the shapes of friction at this sample [n].
+    - `shapes`: the shapes of friction and further torques at this sample, [n] each.
     """
     size = QUARTERS * samples
     rate, scale = _scales(samples)
@@ -80,8 +81,8 @@ def window_sums(
     slope = rate / period * (falling * sine)
     curve = scale / (period * period) * (sine * sine + falling * cosine)
     held = (1.0 - cosine_before) ** 2 / (1.5 * size)
-    weights = jnp.stack([w, slope, curve, held, w, w], axis=1)
-    signals = jnp.stack([q, q, q, tau, first, second])
+    weights = jnp.stack([w, slope, curve, held, *[w] * len(shapes)], axis=1)
+    signals = jnp.stack([q, q, q, tau, *shapes])
     return sums + weights[:, :, None] * signals[None]
 
 

@@ -1,9 +1,10 @@
 """Sensors, actuators and disturbances: everything that surrounds the arm in a simulation.
 
 A sensor turns a sample of the true state into a measurement. An actuator turns a commanded torque into the torque at
-the joint. Disturbances are torques that no controller knows; they add up and scale.
+the joint. Disturbances are torques that no controller knows; they add up and scale. A transmission has LuGre friction
+and elastic joints, whose states the arm's equations of motion lack.
 
-Read first: `sensors.py`, `actuators.py`, `disturbances.py`.
+Read first: `sensors.py`, `actuators.py`, `disturbances.py`, `transmissions.py`.
 """
 
 from .actuators import Actuator as Actuator
@@ -13,9 +14,11 @@ from .disturbances import Constant as Constant
 from .disturbances import ElasticStop as ElasticStop
 from .disturbances import Friction as Friction
 from .disturbances import Harmonic as Harmonic
+from .disturbances import Ripple as Ripple
 from .disturbances import Samples as Samples
 from .disturbances import Scaled as Scaled
 from .disturbances import Step as Step
+from .disturbances import Stribeck as Stribeck
 from .disturbances import Sum as Sum
 from .sensors import AbstractSensor as AbstractSensor
 from .sensors import Delayed as Delayed
@@ -25,3 +28,7 @@ from .sensors import Exact as Exact
 from .sensors import Lossy as Lossy
 from .sensors import Measurement as Measurement
 from .timing import TRACES as TRACES
+from .transmissions import Elasticity as Elasticity
+from .transmissions import LuGre as LuGre
+from .transmissions import Transmission as Transmission
+from .transmissions import TransmissionState as TransmissionState

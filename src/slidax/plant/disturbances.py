@@ -1,4 +1,4 @@
-"""Disturbance torques: constant, step, harmonic, friction, elastic stop, their sums and multiples."""
+"""Disturbance torques: constant, step, harmonic, friction, ripple, elastic stop, their sums and multiples."""
 
 from __future__ import annotations
 
@@ -233,6 +233,9 @@ class Harmonic(AbstractDisturbance):
 TANH_CURVATURE = 4.0 / (3.0 * 3.0**0.5)
 """The largest second derivative of tanh."""
 
+BELL_SLOPE = (2.0 / np.e) ** 0.5
+"""The largest derivative of exp(-x²)."""
+
 
 class Friction(AbstractDisturbance):
     """`τ_d = -(f_c tanh(q̇/v_s) + f_v q̇)`: Coulomb friction, smoothed near rest, and viscous friction."""
@@ -263,6 +266,69 @@ class Friction(AbstractDisturbance):
         """f_c; infinite with viscous friction, which grows with the velocity."""
         viscous = largest_magnitude(self.viscous, upper.viscous)
         return np.broadcast_to(np.where(viscous > 0.0, np.inf, largest_magnitude(self.coulomb, upper.coulomb)), joints)
+
+
+class Stribeck(AbstractDisturbance):
+    """`τ_d = -f_s exp(-(q̇/v_st)²) tanh(q̇/v_s)`: static friction above Coulomb friction, which a slow joint has.
+
+    The Coulomb friction itself is the arm's, or that of `Friction`.
+
+    Source: Armstrong-Hélouvry, Dupont and Canudas de Wit, A survey of models, analysis tools and compensation methods
+    for the control of machines with friction, Automatica 1994.
+    """
+
+    title = "Static friction in excess of Coulomb friction (Stribeck effect)."
+
+    excess: PerJoint = parameter("f_s, static less Coulomb friction", "N m or N", ">= 0", "or it would drive the joint")
+    velocity: PerJoint = parameter("v_st, Stribeck velocity", "rad/s or m/s", "> 0", default=0.05)
+    smoothing: PerJoint = parameter("v_s, width of the smoothed sign change", "rad/s or m/s", "> 0", default=0.01)
+
+    def __call__(self, t: Scalar, state: State) -> Vector:
+        """The friction force, [n], N m or N."""
+        return -self.excess * jnp.exp(-((state.dq / self.velocity) ** 2)) * jnp.tanh(state.dq / self.smoothing)
+
+    def chord_deviation(self, upper: Any, samples: Samples) -> Floats:
+        """`f_s min(c |Δq̇|²/8, |Δq̇| (1/v_s + 0.86/v_st), 2)`: by the curvature, slope or range of the force.
+
+        `c = 0.77/v_s² + 1.72/(v_s v_st) + 2/v_st²`, since `|d/dx exp(-x²)| <= 0.858` and `|d²/dx² exp(-x²)| <= 2`.
+        """
+        x, y = (samples.dq_change / np.asarray(width) for width in (self.smoothing, self.velocity))
+        curved = TANH_CURVATURE * x * x + 2.0 * BELL_SLOPE * x * y + 2.0 * y * y
+        size = np.minimum(np.minimum(curved / 8.0, x + BELL_SLOPE * y), 2.0)
+        return largest_magnitude(self.excess, upper.excess) * size
+
+    def largest(self, upper: Any, joints: int) -> Floats:
+        """f_s."""
+        return np.broadcast_to(largest_magnitude(self.excess, upper.excess), joints)
+
+
+class Ripple(AbstractDisturbance):
+    """`τ_d = a sin(N q + φ)`: a torque that repeats with the joint's position.
+
+    Cogging of a motor with p poles and gear ratio i has `N = p i` and multiples of it; a harmonic drive has `N = 2 i`.
+    """
+
+    title = "Torque ripple over the joint's position: cogging, or the ripple of a harmonic drive."
+
+    amplitude: PerJoint = parameter("a, amplitude", "N m or N")
+    periods: PerJoint = parameter("N, periods per turn of the joint (2π rad or m)", "", "> 0")
+    phase: PerJoint = parameter("φ, phase at position 0", "rad", default=0.0)
+
+    def __call__(self, t: Scalar, state: State) -> Vector:
+        """`a sin(N q + φ)`, [n], N m or N."""
+        return self.amplitude * jnp.sin(self.periods * state.q + self.phase)
+
+    def chord_deviation(self, upper: Any, samples: Samples) -> Floats:
+        """`|a| min((x² + N |Δq̇| h)/8, x, 2)`, `x = N (|q̇| + |Δq̇|) h`: by the curvature, slope or range of the force."""
+        periods = largest_magnitude(self.periods, upper.periods)
+        x = periods * samples.travel
+        curved = x * x + periods * samples.dq_change * samples.period
+        size = np.minimum(np.minimum(curved / 8.0, x), 2.0)
+        return largest_magnitude(self.amplitude, upper.amplitude) * size
+
+    def largest(self, upper: Any, joints: int) -> Floats:
+        """|a|."""
+        return np.broadcast_to(largest_magnitude(self.amplitude, upper.amplitude), joints)
 
 
 class ElasticStop(AbstractDisturbance):

@@ -15,7 +15,15 @@ from slidax.law.surfaces import AbstractSurface
 from slidax.law.torque_bounds import AbstractBound
 
 from .descriptions import AbstractDescription, union_of
-from .instruments import ActuatorDescription, InstrumentDescription, SensorDescription, Term
+from .instruments import (
+    ActuatorDescription,
+    ElasticityDescription,
+    InstrumentDescription,
+    LuGreDescription,
+    SensorDescription,
+    Term,
+    TransmissionDescription,
+)
 from .load import names, read_description
 from .robots import RobotDescription
 from .sampled_data import (
@@ -50,6 +58,9 @@ BLOCKS: dict[str, type[AbstractDescription]] = {
     "simulation": SimulationDescription,
     "sensor": SensorDescription,
     "actuator": ActuatorDescription,
+    "transmission": TransmissionDescription,
+    "lugre": LuGreDescription,
+    "elasticity": ElasticityDescription,
     "sampled_data": SampledDataDescription,
     "recovery": RecoveryDescription,
     "calm": CalmDescription,

@@ -18,6 +18,7 @@ from slidax.plant.disturbances import AbstractDisturbance, Sum
 from slidax.plant.noise import as_integer
 from slidax.plant.sensors import AbstractSensor, Delayed, DifferencedEncoders, Encoders, Exact, Lossy
 from slidax.plant.timing import TRACES
+from slidax.plant.transmissions import Elasticity, LuGre, Transmission
 
 from .descriptions import AbstractDescription, Numbers, PartDescription, input_field, plain_of, same_field, union_of
 
@@ -195,6 +196,36 @@ class DisturbanceDescription(AbstractDescription):
             with locate_errors(f"terms.{number}"):
                 built.append(term.build())
         return self.scale * Sum(tuple(built))
+
+
+if TYPE_CHECKING:
+    LuGreDescription = ElasticityDescription = PartDescription
+else:
+    LuGreDescription = plain_of(LuGre, "LuGreDescription", doc="LuGre friction of the true joints.")
+    ElasticityDescription = plain_of(Elasticity, "ElasticityDescription", doc="A spring between motor and link.")
+
+
+class TransmissionDescription(AbstractDescription):
+    """Friction and elasticity of the true joints, with states of their own; unknown to the law."""
+
+    friction: LuGreDescription | None = None
+    """LuGre friction, in addition to the arm's own friction."""
+    elasticity: ElasticityDescription | None = None
+    """Elasticity of the joints; by default they are rigid."""
+
+    def build(self, joints: int) -> Transmission:
+        """Build the transmission.
+
+        Raises DefinitionError if a list has the wrong length, or a number is out of range.
+        """
+        parts = {}
+        for name in ("friction", "elasticity"):
+            part = getattr(self, name)
+            if part is not None:
+                with locate_errors(name):
+                    part.require_joints(joints)
+                    parts[name] = part.build()
+        return Transmission(**parts)
 
 
 if TYPE_CHECKING:

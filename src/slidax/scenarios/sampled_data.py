@@ -197,6 +197,8 @@ class ArmLearningDescription(AbstractDescription):
     viscous: Numbers = same_field(ArmLearning, "viscous")
     coulomb: Numbers = same_field(ArmLearning, "coulomb")
     rotor: Numbers = same_field(ArmLearning, "rotor")
+    stribeck: Numbers | None = same_field(ArmLearning, "stribeck")
+    ripple: Numbers | None = same_field(ArmLearning, "ripple")
 
     def build(self, sampling: Sampling) -> AbstractAdaptation:
         """Build the adaptation."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, replace
 from functools import partial
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self
+from typing import Any, Literal, NamedTuple, Self
 
 import equinox as eqx
 import jax
@@ -48,6 +48,7 @@ from .instruments import (
     DisturbanceDescription,
     SensorDescription,
     ToleranceDescription,
+    TransmissionDescription,
     tolerance_of,
 )
 from .robots import Arms, RobotDescription
@@ -56,9 +57,6 @@ from .schemes import AnyScheme, described_scheme
 from .trajectories import TrajectoryDescription, trajectory_of, warn_of_units
 from .uncertainty import Uncertainty
 from .yaml_text import validation_error
-
-if TYPE_CHECKING:
-    pass
 
 
 # Compared by identity: arrays have no single truth value, and scenarios are keys of compiled batches.
@@ -317,6 +315,8 @@ class ScenarioDescription(AbstractDescription):
     """Surroundings of the arm; by default none."""
     actuator: ActuatorDescription = ActuatorDescription()
     """Drives; by default they deliver each torque exactly and without delay."""
+    transmission: TransmissionDescription | None = None
+    """Friction and elasticity of the true joints, unknown to the law; by default none."""
     start: StartDescription
     """The state at t = 0."""
     scheme: AnyScheme
@@ -430,7 +430,11 @@ class ScenarioDescription(AbstractDescription):
             actuator = drive.build(true.joints)
         with locate_errors("start"):
             state0 = self.start.build(true.joints)
-        plant = self._plant(Plant(true, disturbance, sensor, actuator, arms.load))
+        transmission = None
+        if self.transmission is not None:
+            with locate_errors("transmission"):
+                transmission = self.transmission.build(true.joints)
+        plant = self._plant(Plant(true, disturbance, sensor, actuator, arms.load, transmission))
         return OpenLoop(arms, drive, plant, trajectory, state0)
 
     def law(self, moving: OpenLoop) -> AbstractController:

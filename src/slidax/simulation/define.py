@@ -12,6 +12,7 @@ from jaxtyping import Array
 
 from slidax.codegen.trace.tracing import located_tracing_errors
 from slidax.core.errors import DefinitionError, count_noun, each_of, is_traced, require_joints
+from slidax.core.integrators import semi_implicit_euler
 from slidax.core.joint_names import joint_label, quote_names
 from slidax.core.tracing import require_64_bits
 from slidax.core.types import Envelope, Reference, State
@@ -21,8 +22,8 @@ from slidax.law.sampled.controller import SampledData
 from slidax.motions.trajectory import AbstractMotion
 
 from .loop import ClosedLoop, begin, sample
-from .plant import MujocoPlant, Plant
-from .states import require_within_limits
+from .plant import MujocoPlant, Plant, rotors_of
+from .states import require_within_limits, states_of
 from .stepping import Stepping
 from .tally import Windows
 
@@ -53,6 +54,7 @@ def define_loop(
     require_fitting(plant, controller, trajectory, state0, tolerance, stepping=stepping)
     steps = _steps(float(t1), stepping.period)
     require_within_limits(plant.robot, trajectory, state0, steps, stepping)
+    require_transmission(plant, state0, stepping)
     loop = ClosedLoop(
         plant=plant,
         controller=controller,
@@ -124,6 +126,40 @@ def require_fitting(
                 f"the sampled-data law is designed for a period of {period:g} s; it cannot be sampled every "
                 f"{stepping.period:g} s"
             )
+
+
+SLOW_ENOUGH = 1.0
+"""Largest angle ω h of a joint's spring in one step. The step is stable up to 2; at 1 the frequency is 5 % too high."""
+
+
+def require_transmission(plant: Plant | MujocoPlant, state0: State, stepping: Stepping) -> None:
+    """Raise a DefinitionError if a plant's transmission does not fit its arm and the time steps.
+
+    Traced values are not checked, except for their shapes.
+    """
+    transmission = getattr(plant, "transmission", None)
+    if transmission is None:
+        return
+    n = plant.robot.joints
+    require_joints(transmission, n, "the plant")
+    if stepping.mode == "continuous" or stepping.integrator is not semi_implicit_euler:
+        raise DefinitionError(
+            "LuGre friction and elastic joints have a step of their own, for `simulation.mode: held` with "
+            "`simulation.integrator: semi_implicit_euler`: set both"
+        )
+    if transmission.elasticity is None or is_traced((transmission, plant.robot, state0)):
+        return
+    rotors = rotors_of(plant.robot)
+    if transmission.elasticity.inertia is None and not (np.asarray(rotors) > 0.0).all():
+        joint = joint_label(plant.robot.joint_names[int(np.argmin(np.asarray(rotors)))])
+        raise DefinitionError(f"the motor of {joint} has no inertia: set `transmission.elasticity.inertia` > 0 kg m²")
+    mode = transmission.fastest_mode(states_of(plant.robot, np.asarray(state0.q)[None]).mass[0], rotors)
+    step = stepping.period / stepping.substeps
+    if not mode * step <= SLOW_ENOUGH:
+        raise DefinitionError(
+            f"an elastic joint swings at {mode / (2.0 * np.pi):.4g} Hz, too fast for steps of {step:g} s: set "
+            f"`simulation.substeps` to at least {math.ceil(stepping.period * mode / SLOW_ENOUGH)}"
+        )
 
 
 def windows_of(steps: int, period: float, bands: tuple[float, ...]) -> Windows:

@@ -17,6 +17,7 @@ from slidax.law.controllers import AbstractController
 from slidax.law.error_transformations import PrescribedPerformance
 from slidax.law.sampled.controller import SampledData
 from slidax.motions.trajectory import AbstractMotion, ToolMotion
+from slidax.plant.transmissions import TransmissionState
 
 from .outcome import Excursion, Fault, find_fault, first_fault, no_fault
 from .plant import Plant
@@ -62,6 +63,7 @@ class Carry(eqx.Module):
     - `fault`: the first fault.
     - `excursion`: samples outside the envelope; None if the first of them ends the run.
     - `torque`: the last command [n], held while samples are lost; None without a sensor.
+    - `transmission`: state of LuGre friction and elastic joints; None without.
     """
 
     k: Int[Array, ""]
@@ -74,6 +76,7 @@ class Carry(eqx.Module):
     sensor: Memory
     actuator: Memory
     torque: Vector | None
+    transmission: TransmissionState | None = None
 
 
 class Memories(eqx.Module):
@@ -138,9 +141,10 @@ class HeldTorque(eqx.Module):
 def evaluate_sample(loop: ClosedLoop, carry: Carry, t: Scalar) -> tuple[Evaluation, Memories, HeldTorque]:
     """Evaluate the law once on the measurement; a memory with a rate advances by Euler's rule."""
     plant, period = loop.plant, loop.period
-    measured, sensor, torque, actuator, fresh = carry.state, None, None, None, None
+    sensed = _sensed(plant, carry.state, carry.transmission)
+    measured, sensor, torque, actuator, fresh = sensed, None, None, None, None
     if plant.sensor is not None:
-        measurement, sensor = plant.sensor(carry.k, carry.state, period, carry.sensor)
+        measurement, sensor = plant.sensor(carry.k, sensed, period, carry.sensor)
         measured, fresh = measurement.state, measurement.fresh
     now = evaluate(loop, t, carry.state, measured, carry.memory, t + period)
     memory = now.command.memory_after(period)
@@ -160,6 +164,11 @@ def evaluate_sample(loop: ClosedLoop, carry: Carry, t: Scalar) -> tuple[Evaluati
         now = checked_evaluation(loop, t, carry.state, carry.memory, now.reference, command)
     memories = Memories(memory=memory, sensor=sensor, actuator=actuator, torque=torque)
     return now, memories, HeldTorque(tau=now.command.tau, actuator=actuator)
+
+
+def _sensed(plant: Plant, state: State, own: TransmissionState | None) -> State:
+    """State that the sensors see: the links', or that of the motors of elastic joints."""
+    return state if plant.transmission is None or own is None else plant.transmission.measured(state, own)
 
 
 def delivered_torque(loop: ClosedLoop, held: HeldTorque, t: Scalar, time: Scalar) -> Vector:
@@ -183,6 +192,21 @@ def move_plant(loop: ClosedLoop, state: State, t: Scalar, held: HeldTorque) -> S
     if loop.substeps == 1:
         return loop.integrator(rate, t, state, h)[0]
     return jax.lax.scan(substep, state, jnp.arange(loop.substeps))[0]
+
+
+def move_both(
+    loop: ClosedLoop, state: State, own: TransmissionState | None, t: Scalar, held: HeldTorque
+) -> tuple[State, TransmissionState | None]:
+    """States of arm and transmission one period after the sample at t [s]."""
+    if own is None:
+        return move_plant(loop, state, t, held), None
+    h = loop.period / loop.substeps
+
+    def substep(both: tuple[State, TransmissionState], i: Int[Array, ""]) -> tuple[Any, None]:
+        time = t + i.astype(float) * h
+        return loop.plant.step(time, *both, delivered_torque(loop, held, t, time), h), None
+
+    return jax.lax.scan(substep, (state, own), jnp.arange(loop.substeps))[0]
 
 
 def force(loop: ClosedLoop, held: HeldTorque, k: Int[Array, ""], i: Int[Array, ""], state: State) -> Vector:
@@ -214,10 +238,11 @@ def begin(loop: ClosedLoop, state: State) -> LoopStart:
     sensor, torque = None, None
     # Until the run begins, the arm is held at rest or in uniform motion, with its payload at t = 0.
     held = plant.at(t).bias(state.q, state.dq)
-    measured = state
+    transmission = None if plant.transmission is None else plant.transmission.begin(state, held)
+    measured = sensed = _sensed(plant, state, transmission)
     if plant.sensor is not None:
-        sensor = plant.sensor.init(state)
-        measured = plant.sensor(jnp.zeros((), int), state, period, sensor)[0].state
+        sensor = plant.sensor.init(sensed)
+        measured = plant.sensor(jnp.zeros((), int), sensed, period, sensor)[0].state
         torque = held
     memory = loop.controller.init(t, measured, reference)
     joints = state.q.shape[0]
@@ -240,6 +265,7 @@ def begin(loop: ClosedLoop, state: State) -> LoopStart:
         sensor=sensor,
         actuator=None if plant.actuator is None else plant.actuator.init(held),
         torque=torque,
+        transmission=transmission,
     )
     return carry, loop.controller.envelope(t, memory), reference, None if plant.actuator is None else held
 
@@ -248,23 +274,33 @@ def sample(loop: ClosedLoop, carry: Carry) -> tuple[Carry, Log]:
     """Evaluate the law, count the sample, and move the plant by one period, unless the run is over."""
     t = carry.k.astype(float) * loop.period
     if loop.continuous:
-        return _advance_carry(loop, carry, t, *_continuous_step(loop, carry, t))
+        moved, memories, stages = _continuous_step(loop, carry, t)
+        return _advance_carry(loop, carry, t, (moved, None), memories, stages)
     now, memories, held = evaluate_sample(loop, carry, t)
-    return _advance_carry(loop, carry, t, move_plant(loop, carry.state, t, held), memories, (now,))
+    moved_both = move_both(loop, carry.state, carry.transmission, t, held)
+    return _advance_carry(loop, carry, t, moved_both, memories, (now,))
 
 
 def decide(loop: ClosedLoop, carry: Carry) -> tuple[Carry, Log, HeldTorque]:
     """Evaluate the law in held mode and count the sample; another simulator moves the carry's state."""
     t = carry.k.astype(float) * loop.period
     now, memories, held = evaluate_sample(loop, carry, t)
-    after, log = _advance_carry(loop, carry, t, carry.state, memories, (now,))
+    after, log = _advance_carry(loop, carry, t, (carry.state, None), memories, (now,))
     return after, log, held
 
 
 def _advance_carry(
-    loop: ClosedLoop, carry: Carry, t: Scalar, moved: State, memories: Memories, stages: tuple[Evaluation, ...]
+    loop: ClosedLoop,
+    carry: Carry,
+    t: Scalar,
+    moved: tuple[State, TransmissionState | None],
+    memories: Memories,
+    stages: tuple[Evaluation, ...],
 ) -> tuple[Carry, Log]:
-    """Return the carry after a sample, and its log."""
+    """Return the carry after a sample, and its log.
+
+    - `moved`: states of arm and transmission after the period.
+    """
     now = stages[0]
     e = carry.state.q - now.reference.q
 
@@ -296,7 +332,7 @@ def _advance_carry(
     after = Carry(
         # k also increases in ended runs: all runs of a batch have the same time and share what depends on time only.
         k=carry.k + 1,
-        state=select(onward, moved, carry.state),
+        state=select(onward, moved[0], carry.state),
         good=select(good, carry.state, carry.good),
         memory=select(onward, memories.memory, carry.memory),
         tally=tally,
@@ -305,6 +341,7 @@ def _advance_carry(
         sensor=memories.sensor,
         actuator=memories.actuator,
         torque=memories.torque,
+        transmission=None if carry.transmission is None else select(onward, moved[1], carry.transmission),
     )
     log = Log(
         k=carry.k,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Literal, NamedTuple, get_args
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -19,6 +20,7 @@ from slidax.core.types import Scalar, State, Vector
 from slidax.plant.actuators import Actuator
 from slidax.plant.disturbances import AbstractDisturbance, Friction
 from slidax.plant.sensors import AbstractSensor
+from slidax.plant.transmissions import Load, Transmission, TransmissionState
 
 
 class Plant(AbstractPart):
@@ -33,6 +35,7 @@ class Plant(AbstractPart):
     load: TimedPayload | None = piece(
         "payload that the tip carries for some time; None without one, or if it is part of the robot", default=None
     )
+    transmission: Transmission | None = piece("LuGre friction and elastic joints; None without", default=None)
 
     @classmethod
     def of_nominal(
@@ -56,6 +59,28 @@ class Plant(AbstractPart):
     def at(self, t: Scalar) -> AbstractRobot:
         """The robot with its payload at time t [s]."""
         return self.robot if self.load is None else self.load.on(self.robot, t)
+
+    def step(
+        self, t: Scalar, state: State, own: TransmissionState, tau: Vector, h: Scalar
+    ) -> tuple[State, TransmissionState]:
+        """Return the states of arm and transmission one step after t [s].
+
+        - `own`: state of the transmission, which the plant must have.
+        - `tau`: torque of the drives [n], N m or N.
+        - `h`: step [s].
+        """
+        assert self.transmission is not None
+        robot = self.at(t)
+        rotors = rotors_of(robot)
+        force = self.disturbance(t, state) - robot.bias(state.q, state.dq)
+        return self.transmission.step(state, own, tau, Load(robot.mass(state.q), rotors, force, robot.friction), h)
+
+
+def rotors_of(robot: AbstractRobot) -> Vector:
+    """Return the rotor inertias in the diagonal of a robot's M(q) [n], kg m² or kg; 0 for a class without rotors."""
+    if isinstance(robot, Articulated | Coupled):
+        return robot.armature
+    return jnp.zeros(robot.joints)
 
 
 MujocoIntegrator = Literal["implicitfast", "implicit", "euler", "rk4"]
@@ -117,8 +142,13 @@ class MujocoPlant(AbstractPart):
     ) -> MujocoPlant:
         """Return the plant with its robot moved by MuJoCo.
 
-        Raises DefinitionError if the robot is not an `Articulated` arm.
+        Raises DefinitionError if the robot is not an `Articulated` arm, or the plant has a transmission.
         """
+        if plant.transmission is not None:
+            raise DefinitionError(
+                "MuJoCo simulates neither LuGre friction nor elastic joints here: set `simulation.plant` to `own`, or "
+                "leave `transmission` out"
+            )
         parts = (plant.robot, plant.disturbance, plant.sensor, plant.actuator, plant.load)
         return cls(*parts, surroundings=surroundings, integrator=integrator, dry=dry, stops=stops)
 

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from slidax.core.types import State
-from slidax.plant import Friction, Step, Sum
+from slidax.plant import Friction, Ripple, Step, Stribeck, Sum
 
 
 def at_rest(n):
@@ -24,6 +24,28 @@ def test_friction_is_smoothed_coulomb_plus_viscous_and_none_at_rest():
     moving = State(q=jnp.zeros(3), dq=jnp.array([2.0, -3.0, 0.01]))
     np.testing.assert_allclose(friction(jnp.asarray(0.0), moving), [-0.5, 0.35, -0.3 * np.tanh(1.0)], rtol=1e-14)
     np.testing.assert_array_equal(friction(jnp.asarray(0.0), at_rest(3)), np.zeros(3))
+
+
+def test_stribeck_friction_is_all_of_the_excess_when_slow_and_nothing_when_fast():
+    stribeck = Stribeck([0.3, 0.2], [0.05, 0.1], 1e-4)
+    for dq, expected in (
+        ([1e-3, -1e-3], [-0.3, 0.2]),
+        ([0.05, 0.1], [-0.3 / np.e, -0.2 / np.e]),
+        ([1.0, -2.0], [0, 0]),
+    ):
+        tau = stribeck(jnp.asarray(0.0), State(q=jnp.zeros(2), dq=jnp.array(dq)))
+        np.testing.assert_allclose(tau, expected, rtol=1e-3, atol=1e-15)
+    np.testing.assert_array_equal(stribeck(jnp.asarray(0.0), at_rest(2)), np.zeros(2))
+
+
+def test_ripple_repeats_so_many_times_per_turn_and_takes_no_energy_over_one():
+    ripple = Ripple([0.5, 0.2], [30.0, 200.0], [0.0, 0.7])
+    q = np.linspace(0.0, 2.0 * np.pi, 12001)[:-1, None] * np.ones(2)
+    tau = np.asarray(jax.vmap(lambda q: ripple(jnp.asarray(0.0), State(q=q)))(jnp.asarray(q)))
+    np.testing.assert_allclose(tau.mean(axis=0), 0.0, atol=1e-12)
+    np.testing.assert_allclose(np.abs(tau).max(axis=0), [0.5, 0.2], rtol=1e-3)
+    for joint, periods in enumerate((30, 200)):
+        assert np.argmax(np.abs(np.fft.rfft(tau[:, joint]))) == periods
 
 
 def test_step_includes_its_start_and_excludes_its_end():
