@@ -21,6 +21,7 @@ from slidax.codegen.passes import NO_OPERATIONS, OperationCount, count_iteration
 from slidax.core.errors import DefinitionError
 from slidax.core.writing import error_reason, write_text
 from slidax.law.sampled.controller import SampledData
+from slidax.motions.stream import Streamed, StreamFilter
 from slidax.plant.actuators import TorqueLimits
 from slidax.simulation.plant import MujocoPlant
 
@@ -36,6 +37,7 @@ from .programs import (
     motion_program,
     references,
     step_programs,
+    stream_program,
 )
 from .status import ANSWERED, CHECKED, CONDITIONS, HELD, WAITING, Condition
 
@@ -51,6 +53,28 @@ class JointUnits:
 
 
 @dataclass(frozen=True)
+class StreamCode:
+    """The filter of streamed positions in C.
+
+    - `options`, `state`: members of its structures.
+    - `body`: its step; `helpers`: small functions that it calls.
+    """
+
+    options: list[Member]
+    state: list[Member]
+    body: FunctionBody
+    helpers: list[str]
+
+    @classmethod
+    def of(cls, stream: StreamFilter, joints: int, dialect: Dialect) -> StreamCode:
+        """Write the filter."""
+        step, options, state = stream_program(stream, joints)
+        helpers = Helpers(dialect)
+        body = function_body(step, dialect, ("stream", "options", "newest", "fresh", "reference"), helpers)
+        return cls(options, state, body, helpers.lines)
+
+
+@dataclass(frozen=True)
 class CProject:
     """The data for the templates.
 
@@ -62,6 +86,7 @@ class CProject:
     - `motion`, `arm`: the scenario's reference and acceleration.
     - `scenario_helpers`: small functions called by those two.
     - `tables`: long constant arrays read by those two.
+    - `stream`: the filter of streamed positions; None unless the scenario's motion is one.
     - `golden`: the step's answers in Python; None without tests.
     - `period`, `t1`: of the scenario [s].
     - `delay`: delay of sensor and actuator together, in whole periods.
@@ -81,6 +106,7 @@ class CProject:
     arm: FunctionBody
     scenario_helpers: list[str]
     tables: list[Member]
+    stream: StreamCode | None
     golden: GoldenSamples | None
     period: float
     t1: float
@@ -347,6 +373,9 @@ STEP = {
 }
 """The files that a program needs: all but tests and golden samples."""
 
+STREAM = {"stream.h.j2": "{prefix}_stream.h", "stream.c.j2": "{prefix}_stream.c"}
+"""Further files of a law with a streamed reference."""
+
 
 def export_c(
     scenario: Scenario,
@@ -368,7 +397,7 @@ def export_c(
     written.
     """
     exported = project(scenario, name=name, single=single, command=command, with_golden=golden)
-    write_files(exported, out, FILES if golden else STEP)
+    write_files(exported, out, (FILES if golden else STEP) | (STREAM if exported.stream else {}))
     with writing(out):
         write_text(Path(out, "law.json"), json.dumps(describe_law(exported), indent=1) + "\n")
     return exported
@@ -388,6 +417,7 @@ def describe_law(exported: CProject) -> dict[str, Any]:
         "period": exported.period,
         "t1": exported.t1,
         "delay": exported.delay,
+        "streams": exported.stream is not None,
         "version": exported.version,
         "structures": {
             "parameters": _described(exported.parameters, exported),
@@ -476,6 +506,9 @@ def project(
         arm=arm,
         scenario_helpers=helpers.lines,
         tables=[*of_motion.tables, *of_arm.tables],
+        stream=StreamCode.of(scenario.trajectory.stream, robot.joints, dialect)
+        if isinstance(scenario.trajectory, Streamed)
+        else None,
         golden=golden_samples(scenario, guard, dialect.real, same=same) if with_golden else None,
         period=scenario.period,
         t1=scenario.t1,
