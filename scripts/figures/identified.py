@@ -253,8 +253,8 @@ def urdf_of(arm: Articulated) -> str:
 def by_figaroh(arm: Articulated, log: JointLog, cutoff: float) -> tuple[np.ndarray, np.ndarray]:
     """Mass and centre of the payload by figaroh's base parameters, and half of their 95 % intervals.
 
-    figaroh fits the base parameters of the arm with its payload, rotors, friction and offsets, by weighted least squares.
-    The payload follows by generalised least squares with their covariance, as the links are known.
+    figaroh fits the base parameters of the arm with its payload, rotors, friction and offsets, by weighted least
+    squares. The payload follows by generalised least squares with their covariance, as the links are known.
 
     - `cutoff`: of the filter of positions [Hz].
     """
@@ -284,7 +284,7 @@ def by_figaroh(arm: Articulated, log: JointLog, cutoff: float) -> tuple[np.ndarr
         file.write_text(urdf_of(arm))
         settings.write_text(yaml.safe_dump(config))
         found = Identification(Robot(str(file), folder), str(settings))
-        found.identif_config |= dict.fromkeys(("act_idxq", "act_idxv"), list(range(arm.joints)))
+        found.identif_config |= {key: list(range(arm.joints)) for key in ("act_idxq", "act_idxv")}
         found.initialize(truncate=(CUT, len(log.t) - CUT))
         base = found.solve(plotting=False, wls=True)
     weighted = found.dynamic_regressor_base * found._wls_row_weight[:, None]
@@ -315,7 +315,7 @@ def by_figaroh(arm: Articulated, log: JointLog, cutoff: float) -> tuple[np.ndarr
 
 
 def measure_sysid() -> None:
-    """Identify payloads by `slidax identify`, `mujoco.sysid` and figaroh on the same logs, for docs/identification.md."""
+    """Identify payloads by slidax, `mujoco.sysid` and figaroh on the same logs, for docs/identification.md."""
     parser = argparse.ArgumentParser(description=measure_sysid.__doc__)
     parser.add_argument("--logs", type=int, default=4, help="logs per arm")
     parser.add_argument("--seconds", type=float, default=5.0, help="duration of a log")
