@@ -10,7 +10,9 @@ import slidax as sx
 from slidax import scenarios
 from slidax.core.errors import DefinitionError
 from slidax.export import export_c
-from tests.export.exported import COMPILERS, STRICT, compiled, needs_a_compiler
+from slidax.export.ros2 import export_ros2
+from tests.export.exported import COMPILERS, STRICT, compiled, needs_a_compiler, needs_cmake
+from tests.export.ros2.test_controller import programs_of
 
 pytestmark = needs_a_compiler
 RATE, PER_MESSAGE = 50.0, 20
@@ -96,3 +98,21 @@ def test_the_filter_in_c_keeps_its_limits_and_compiles_strictly(scenario, single
     slack = 1e-5 if single else 1e-12
     assert 0.25 < np.abs(rows[:, 0]).max() <= 0.3 * (1 + slack)
     assert 1.9 < np.abs(rows[:, 1]).max() <= 2.0 * (1 + slack)
+
+
+@needs_cmake
+def test_the_ros2_controller_follows_positions_from_a_topic(scenario, tmp_path):
+    export_ros2(scenario.set({"trajectory.upper": [0.5, 3.0]}), tmp_path, name="law", golden=False)
+    lines = [line.split() for line in programs_of(tmp_path)("stream")]
+    rows = {words[0]: words[1:] for words in lines}
+    start = np.array(message(0))
+    assert rows["active"] == ["1"] and " ".join(rows["bad:"]) == "positions rejected: they must be 2 finite numbers"
+    numbers = {name: np.array(row[:5], float) for name, row in rows.items() if "phase" in row}
+    for name, (ok, error, speed, *_) in numbers.items():
+        # The filter's limit is 0.3 rad/s, and the errors stay small, also at a jump.
+        assert ok == 1.0 and error < 0.02 and (name == "trajectory" or speed < 0.33), (name, numbers[name])
+    assert numbers["silence"][3:] == pytest.approx(np.add(start, [0.396, -0.198]), abs=5e-3)
+    assert numbers["jump"][3] < numbers["silence"][3] - 0.02
+    assert numbers["trajectory"][3:] == pytest.approx(start, abs=5e-3)
+    assert numbers["beyond"][3] < 0.5 + 1e-3
+    assert rows["way"][-1] == "6"

@@ -21,11 +21,10 @@ from slidax.codegen.passes import NO_OPERATIONS, OperationCount, count_iteration
 from slidax.core.errors import DefinitionError
 from slidax.core.writing import error_reason, write_text
 from slidax.law.sampled.controller import SampledData
-from slidax.motions.stream import Streamed, StreamFilter
 from slidax.plant.actuators import TorqueLimits
 from slidax.simulation.plant import MujocoPlant
 
-from .c_source import CALLS, FunctionBody, StepSource, function_body, step_source
+from .c_source import CALLS, FunctionBody, StepSource, StreamCode, function_body, step_source
 from .c_structures import Member, comment, render
 from .golden_samples import GoldenSamples, golden_samples
 from .guarded_step import GuardedStep
@@ -37,7 +36,6 @@ from .programs import (
     motion_program,
     references,
     step_programs,
-    stream_program,
 )
 from .status import ANSWERED, CHECKED, CONDITIONS, HELD, WAITING, Condition
 
@@ -50,28 +48,6 @@ class JointUnits:
     q: str
     dq: str
     tau: str
-
-
-@dataclass(frozen=True)
-class StreamCode:
-    """The filter of streamed positions in C.
-
-    - `options`, `state`: members of its structures.
-    - `body`: its step; `helpers`: small functions that it calls.
-    """
-
-    options: list[Member]
-    state: list[Member]
-    body: FunctionBody
-    helpers: list[str]
-
-    @classmethod
-    def of(cls, stream: StreamFilter, joints: int, dialect: Dialect) -> StreamCode:
-        """Write the filter."""
-        step, options, state = stream_program(stream, joints)
-        helpers = Helpers(dialect)
-        body = function_body(step, dialect, ("stream", "options", "newest", "fresh", "reference"), helpers)
-        return cls(options, state, body, helpers.lines)
 
 
 @dataclass(frozen=True)
@@ -506,9 +482,7 @@ def project(
         arm=arm,
         scenario_helpers=helpers.lines,
         tables=[*of_motion.tables, *of_arm.tables],
-        stream=StreamCode.of(scenario.trajectory.stream, robot.joints, dialect)
-        if isinstance(scenario.trajectory, Streamed)
-        else None,
+        stream=StreamCode.of(scenario.trajectory, robot.joints, dialect),
         golden=golden_samples(scenario, guard, dialect.real, same=same) if with_golden else None,
         period=scenario.period,
         t1=scenario.t1,

@@ -9,19 +9,23 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
+from numpy.typing import NDArray
 
 from slidax.core.errors import DefinitionError, as_array, is_traced, require, short_repr
 from slidax.core.parameter import parameter, piece
 from slidax.core.part import AbstractPart
 from slidax.core.types import PerJoint, Reference, Scalar, Vector
 
-from .trajectory import AbstractPiecewisePolynomial
+from .trajectory import AbstractPiecewisePolynomial, Rows
 
 BRAKING = 0.5
 """Share of the acceleration limit with which the filter plans to brake; the rest is left to correct itself."""
 
 JERK = 6.0
 """Largest jerk that the filter asks for, in units of bandwidth times acceleration limit."""
+
+TORQUE_SHARE = 0.5
+"""Share of the drives' torque rate that a streamed motion may need; the law needs the rest."""
 
 AT_REST = 1e-12
 """Distance from the last position, as a share of the stream's range, at which the motion ends."""
@@ -182,6 +186,28 @@ class StreamFilter(AbstractPart):
         return Reference(state.q, state.dq, state.ddq), Reference(after.q, after.dq, after.ddq), after
 
 
+def jerk_of_drives(
+    mass: Rows, torque_rate: object, bandwidth: object, acceleration: object, period: float
+) -> NDArray[np.float64]:
+    """Return the jerk limit [n] that needs a share of the drives' torque rate.
+
+    - `mass`: inertia matrix of the arm in the posture where the stream begins [n n].
+    - `torque_rate`: fastest change of the torque, N m/s or N/s.
+    - `bandwidth`, `acceleration`, `period`: as in `StreamFilter`.
+
+    Raises DefinitionError if the filter needs a larger jerk to brake.
+    """
+    push = np.broadcast_to(np.asarray(acceleration, float), len(mass))
+    pace = float(np.min(TORQUE_SHARE * np.asarray(torque_rate) / (np.abs(mass) @ push)))
+    needed = float(np.max(np.asarray(bandwidth)))
+    if pace < needed:
+        raise DefinitionError(
+            "the drives cannot change their torque as fast as this filter changes the acceleration: lower "
+            f"`bandwidth` to {pace:.3g} rad/s, or `acceleration` to {pace / needed:.3g} times its value, or set `jerk`"
+        )
+    return push * np.minimum(min(pace, 2.0 / period), JERK * np.asarray(bandwidth))
+
+
 class Streamed(AbstractPiecewisePolynomial):
     """The motion that a `StreamFilter` makes of streamed positions: one cubic per period of the law, from rest to rest.
 
@@ -190,6 +216,12 @@ class Streamed(AbstractPiecewisePolynomial):
 
     stream: StreamFilter = piece("the filter")
     behind: Vector = parameter("largest distance of the host's newest position from the motion", "rad or m")
+
+    @property
+    def summary(self) -> str:
+        """The lag of the motion in words."""
+        lag = 1e3 * float(jnp.max(self.stream.lag(0.0)))
+        return f"{lag:.3g} ms after a slow stream, at most {float(jnp.max(self.behind)):.3g} rad or m behind"
 
     @staticmethod
     def through(times: object, positions: object, stream: StreamFilter) -> Streamed:

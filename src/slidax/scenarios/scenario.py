@@ -141,8 +141,7 @@ class Scenario:
             "uncertainty": ", ".join(self.description.uncertainty) or "none",
         }
         if isinstance(self.trajectory, Streamed):
-            lag, behind = (float(jnp.max(x)) for x in (self.trajectory.stream.lag(0.0), self.trajectory.behind))
-            facts["reference"] = f"{1e3 * lag:.3g} ms after a slow stream, at most {behind:.3g} rad or m behind"
+            facts["reference"] = self.trajectory.summary
         return facts | ({"replaced": ", ".join(self.changed)} if self.changed else {})
 
     def __repr__(self) -> str:

@@ -18,7 +18,7 @@ from slidax.core.files import read_text
 from slidax.core.joint_names import match_names, quote_names
 from slidax.motions.follow import follow
 from slidax.motions.moves import AbstractMove, Circle, Line, Pause, Screw, Through
-from slidax.motions.stream import JERK, Streamed, StreamFilter
+from slidax.motions.stream import Streamed, StreamFilter, jerk_of_drives
 from slidax.motions.table_files import csv_lines, csv_table, unit_of
 from slidax.motions.tabulated import Tabulated, TimeUnit
 from slidax.motions.trajectory import AbstractMotion, AbstractPiecewisePolynomial
@@ -329,10 +329,6 @@ class CsvTrajectory(TableTrajectory):
         return Tabulated.from_csv(self._source(), units=units, **self._arguments(limits, robot))
 
 
-TORQUE_SHARE = 0.5
-"""Share of the drives' torque rate that a streamed motion may need; the law needs the rest."""
-
-
 class StreamedTrajectory(TableTrajectory):
     """Positions that a host streams at its own rate, through a filter from which velocity and acceleration come."""
 
@@ -371,24 +367,12 @@ class StreamedTrajectory(TableTrajectory):
         values = self.parameters() | robot_limits(self, limits, "lower", "upper", "velocity")
         if limits is not None:
             values = {"lower": np.asarray(limits.lower), "upper": np.asarray(limits.upper)} | values
-        names = ("bandwidth", "velocity", "acceleration", "jerk", "rate", "lower", "upper")
-        options = {name: values[name] for name in names if name in values}
+        outside = ("file", "text", "joints", "time_unit", "start")
+        options = {name: value for name, value in values.items() if name not in outside}
         if self.jerk is None and np.isfinite(torque_rate).any():
-            options["jerk"] = self._jerk(robot.mass(as_array(table.positions[0])), torque_rate, period)
+            mass = np.asarray(robot.mass(as_array(table.positions[0])))
+            options["jerk"] = jerk_of_drives(mass, torque_rate, self.bandwidth, self.acceleration, period)
         return Streamed.through(table.times, table.positions, StreamFilter.fitting(period=period, **options))
-
-    def _jerk(self, mass: Any, torque_rate: Any, period: float) -> Any:
-        """The jerk limit for which the inertia at the start needs a share of the torque rate."""
-        push = np.broadcast_to(np.asarray(self.acceleration, float), len(mass))
-        pace = float(np.min(TORQUE_SHARE * np.asarray(torque_rate) / (np.abs(mass) @ push)))
-        needed = float(np.max(self.bandwidth))
-        if pace < needed:
-            raise DefinitionError(
-                "the drives cannot change their torque as fast as this filter changes the acceleration: lower "
-                f"`bandwidth` to {pace:.3g} rad/s, or `acceleration` to {pace / needed:.3g} times its value, or "
-                "set `jerk`"
-            )
-        return push * np.minimum(min(pace, 2.0 / period), JERK * np.asarray(self.bandwidth))
 
 
 class JointTrajectory(TableTrajectory):
