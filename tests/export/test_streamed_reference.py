@@ -102,7 +102,8 @@ def test_the_filter_in_c_keeps_its_limits_and_compiles_strictly(scenario, single
 
 @needs_cmake
 def test_the_ros2_controller_follows_positions_from_a_topic(scenario, tmp_path):
-    export_ros2(scenario.set({"trajectory.upper": [0.5, 3.0]}), tmp_path, name="law", golden=False)
+    changes = {"trajectory.upper": [0.5, 3.0], "scheme": {"name": "computed_torque"}}
+    export_ros2(scenario.set(changes), tmp_path, name="law", golden=False)
     lines = [line.split() for line in programs_of(tmp_path)("stream")]
     rows = {words[0]: words[1:] for words in lines}
     start = np.array(message(0))
@@ -111,8 +112,8 @@ def test_the_ros2_controller_follows_positions_from_a_topic(scenario, tmp_path):
     for name, (ok, error, speed, *_) in numbers.items():
         # The filter's limit is 0.3 rad/s, and the errors stay small, also at a jump.
         assert ok == 1.0 and error < 0.02 and (name == "trajectory" or speed < 0.33), (name, numbers[name])
-    assert numbers["silence"][3:] == pytest.approx(np.add(start, [0.396, -0.198]), abs=5e-3)
+    assert numbers["silence"][3:] == pytest.approx(np.add(start, [0.396, -0.198]), abs=0.015)
     assert numbers["jump"][3] < numbers["silence"][3] - 0.02
-    assert numbers["trajectory"][3:] == pytest.approx(start, abs=5e-3)
+    assert numbers["trajectory"][3:] == pytest.approx(start, abs=0.015)
     assert numbers["beyond"][3] < 0.5 + 1e-3
     assert rows["way"][-1] == "6"
