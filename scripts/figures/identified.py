@@ -283,18 +283,21 @@ def by_figaroh(arm: Articulated, log: JointLog, cutoff: float) -> tuple[np.ndarr
         file, settings = Path(folder, "arm.urdf"), Path(folder, "arm.yaml")
         file.write_text(urdf_of(arm))
         settings.write_text(yaml.safe_dump(config))
-        found = Identification(Robot(str(file), folder), str(settings))
-        found.identif_config |= {key: list(range(arm.joints)) for key in ("act_idxq", "act_idxv")}
-        found.initialize(truncate=(CUT, len(log.t) - CUT))
-        base = found.solve(plotting=False, wls=True)
-    weighted = found.dynamic_regressor_base * found._wls_row_weight[:, None]
+        identification = Identification(Robot(str(file), folder), str(settings))
+        identification.identif_config |= {key: list(range(arm.joints)) for key in ("act_idxq", "act_idxv")}
+        identification.initialize(truncate=(CUT, len(log.t) - CUT))
+        base = identification.solve(plotting=False, wls=True)
+    weighted = identification.dynamic_regressor_base * identification._wls_row_weight[:, None]
     information = weighted.T @ weighted
-    labels = found._params_r_for_recon
+    labels = identification._params_r_for_recon
     links = np.array(
-        [value if name[0] in "mI" and name[:2] != "Ia" else 0.0 for name, value in found.standard_parameter.items()]
+        [
+            value if name[0] in "mI" and name[:2] != "Ia" else 0.0
+            for name, value in identification.standard_parameter.items()
+        ]
     )
-    known = dict(zip(found.standard_parameter, links, strict=True))
-    mapping = np.asarray(found._M_matrix)
+    known = dict(zip(identification.standard_parameter, links, strict=True))
+    mapping = np.asarray(identification._M_matrix)
     last = names[arm.tip_joint]
     free = [
         k

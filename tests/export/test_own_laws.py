@@ -146,11 +146,11 @@ class KeepsInItself(Wrong):
 
 
 class KeepsOutside(Wrong):
-    seen: ClassVar[list] = []
+    errors: ClassVar[list] = []
 
     def effort(self, e):
-        self.seen.append(e)
-        return self.seen[0]
+        self.errors.append(e)
+        return self.errors[0]
 
 
 class Prints(Wrong):

@@ -129,7 +129,7 @@ class StreamFilter(AbstractPart):
         return d**3 / k2 / h, k2 / k3 / h, k3 / h
 
     def lag(self, speed: object) -> PerJoint:
-        """How late a constant velocity is followed [s].
+        """Time by which the motion lags behind a stream of constant velocity [s].
 
         `1/k = (3/δ - 1) h` up to the speed `B/k`, with the braking deceleration `B = A/2`; above it the distance is
         that of the braking curve, and the lag `v/(2 B) + B/(2 k² v)`. A goal on a line adds the host's period, less h.
