@@ -335,18 +335,8 @@ FILES = {
 }
 """Templates, and the files that they become."""
 
-STEP = {
-    template: FILES[template]
-    for template in (
-        "header.h.j2",
-        "step.c.j2",
-        "wrapper.hpp.j2",
-        "flat.h.j2",
-        "flat.c.j2",
-        "scenario.h.j2",
-        "scenario.c.j2",
-    )
-}
+NEEDED = ("header.h", "step.c", "wrapper.hpp", "flat.h", "flat.c", "scenario.h", "scenario.c")
+STEP = {f"{name}.j2": FILES[f"{name}.j2"] for name in NEEDED}
 """The files that a program needs: all but tests and golden samples."""
 
 STREAM = {"stream.h.j2": "{prefix}_stream.h", "stream.c.j2": "{prefix}_stream.c"}
