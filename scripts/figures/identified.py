@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import io
 import sys
+import tempfile
 import time
+from pathlib import Path
 from typing import Any
 
 import equinox as eqx
 import mujoco
 import numpy as np
+import yaml
 from scipy import signal
+from scipy.spatial.transform import Rotation
 
 import slidax as sx
 from slidax.arms import Articulated, Payload
@@ -220,11 +226,103 @@ def by_mujoco(arm: Articulated, log: JointLog) -> tuple[np.ndarray, np.ndarray]:
     return np.array([mass, *values[7:10]]), np.array([mass * np.expm1(2.0 * half[0]), *half[7:10]])
 
 
+CUTOFFS = (20.0, 30.0, 40.0)
+"""Cut-off frequencies for figaroh's filter [Hz]: the best result of them counts."""
+
+
+def urdf_of(arm: Articulated) -> str:
+    """The arm without its payload as URDF."""
+    lines = ['<robot name="arm"><link name="base"/>']
+    for i, parent in enumerate(arm.parents):
+        roll, pitch, yaw = Rotation.from_matrix(np.asarray(arm.rotations[i])).as_euler("xyz")
+        place = " ".join(map(repr, np.asarray(arm.translations[i]).tolist()))
+        center = " ".join(map(repr, np.asarray(arm.centers[i]).tolist()))
+        inertia = np.asarray(arm.inertias[i])
+        moments = " ".join(f'i{"xyz"[j]}{"xyz"[k]}="{inertia[j, k]!r}"' for j in range(3) for k in range(j, 3))
+        torque, speed = float(arm.limits.torque[i]), float(arm.limits.velocity[i])
+        lines.append(
+            f'<link name="link{i}"><inertial><origin xyz="{center}"/><mass value="{float(arm.masses[i])!r}"/>'
+            f'<inertia {moments}/></inertial></link><joint name="{arm.joint_names[i]}" type="revolute">'
+            f'<parent link="{f"link{parent}" if parent >= 0 else "base"}"/><child link="link{i}"/><axis xyz="0 0 1"/>'
+            f'<origin xyz="{place}" rpy="{roll!r} {pitch!r} {yaw!r}"/>'
+            f'<limit lower="-9" upper="9" effort="{torque}" velocity="{speed}"/></joint>'
+        )
+    return "".join([*lines, "</robot>"]).replace("np.float64(", "").replace(")", "")
+
+
+def by_figaroh(arm: Articulated, log: JointLog, cutoff: float) -> tuple[np.ndarray, np.ndarray]:
+    """Mass and centre of the payload by figaroh's base parameters, and half of their 95 % intervals.
+
+    figaroh fits the base parameters of the arm with its payload, rotors, friction and offsets, by weighted least
+    squares. The payload follows by generalised least squares with their covariance, as the links are known.
+
+    - `cutoff`: of the filter of positions [Hz].
+    """
+    from figaroh.identification.base_identification import BaseIdentification
+    from figaroh.tools.robot import Robot
+
+    class Identification(BaseIdentification):
+        def load_trajectory_data(self, data_source: str | None = None) -> dict[str, Any]:
+            rows = {"velocities": None, "accelerations": None}
+            return {"timestamps": log.t, "positions": log.q, "torques": log.tau, **rows}
+
+    problem = {"model_components": dict.fromkeys(("friction", "actuator_inertia", "joint_offset"), True)}
+    filters = {"sampling_frequency": float(RATE), "cutoff_frequency": cutoff}
+    names = list(arm.joint_names)
+    config = {
+        "robot": {"name": "arm", "properties": {"joints": {"active_joints": names}}},
+        "tasks": {
+            "identification": {
+                "type": "dynamic_identification",
+                "problem": {**problem, "qr_relative_tolerance": 1e-6},
+                "signal_processing": filters,
+            }
+        },
+    }
+    with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()):
+        file, settings = Path(folder, "arm.urdf"), Path(folder, "arm.yaml")
+        file.write_text(urdf_of(arm))
+        settings.write_text(yaml.safe_dump(config))
+        identification = Identification(Robot(str(file), folder), str(settings))
+        identification.identif_config |= {key: list(range(arm.joints)) for key in ("act_idxq", "act_idxv")}
+        identification.initialize(truncate=(CUT, len(log.t) - CUT))
+        base = identification.solve(plotting=False, wls=True)
+    weighted = identification.dynamic_regressor_base * identification._wls_row_weight[:, None]
+    information = weighted.T @ weighted
+    labels = identification._params_r_for_recon
+    links = np.array(
+        [
+            value if name[0] in "mI" and name[:2] != "Ia" else 0.0
+            for name, value in identification.standard_parameter.items()
+        ]
+    )
+    known = dict(zip(identification.standard_parameter, links, strict=True))
+    mapping = np.asarray(identification._M_matrix)
+    last = names[arm.tip_joint]
+    free = [
+        k
+        for k, name in enumerate(labels)
+        if name.endswith(f"_{last}") or name.split("_")[0] in ("fv", "fs", "Ia", "off")
+    ]
+    unknown, rest = mapping[:, free], base - mapping @ np.array([known[name] for name in labels])
+    # Directions that no torque shows stay where they are.
+    covariance = np.linalg.pinv(unknown.T @ information @ unknown, rcond=1e-12, hermitian=True)
+    values = covariance @ unknown.T @ information @ rest
+    at = [free.index(labels.index(f"{name}_{last}")) for name in ("m", "mx", "my", "mz")]
+    mass, moment = values[at[0]], values[at[1:]]
+    rotation, offset = np.asarray(arm.tip_rotation), np.asarray(arm.tip_translation)
+    center = rotation.T @ (moment / mass - offset)
+    slope = np.vstack([[1.0, 0.0, 0.0, 0.0], rotation.T @ np.column_stack([-moment / mass, np.eye(3)]) / mass])
+    spread = np.sqrt(np.diag(slope @ covariance[np.ix_(at, at)] @ slope.T))
+    return np.array([mass, *center]), 1.96 * spread
+
+
 def measure_sysid() -> None:
-    """Identify payloads by `slidax identify` and by `mujoco.sysid` on the same logs, for docs/identification.md."""
+    """Identify payloads by slidax, `mujoco.sysid` and figaroh on the same logs, for docs/identification.md."""
     parser = argparse.ArgumentParser(description=measure_sysid.__doc__)
     parser.add_argument("--logs", type=int, default=4, help="logs per arm")
     parser.add_argument("--seconds", type=float, default=5.0, help="duration of a log")
+    parser.add_argument("--programs", default="slidax,mujoco.sysid,figaroh", help="comma-separated")
     arguments = parser.parse_args()
     print(
         "| arm | program | mass error, largest [%] | centre error, largest [mm] | "
@@ -233,16 +331,20 @@ def measure_sysid() -> None:
     for name in ("panda", "ur5e"):
         motion, base = motion_for(name), getattr(sx.arms, name)()
         motion = JointMotion(*(part[: int(arguments.seconds * RATE)] for part in motion))
-        results: dict[str, list[Any]] = {"slidax": [], "mujoco.sysid": []}
+        results: dict[str, list[Any]] = {program: [] for program in arguments.programs.split(",")}
         for number in range(arguments.logs):
             arm = random_tool(name, number)
             log = recorded(arm, motion, number)
             for program, rows in results.items():
-                started = time.perf_counter()
-                values, half = by_mujoco(base, log) if program == "mujoco.sysid" else by_slidax(base, log)
-                off = np.abs(values - numbers_of(arm.payload))
-                took = time.perf_counter() - started
-                rows.append((100 * off[0] / float(arm.payload.mass), 1e3 * off[1:].max(), np.sum(off <= half), took))
+                tries = []
+                for cutoff in CUTOFFS if program == "figaroh" else (0.0,):
+                    started = time.perf_counter()
+                    values, half = by_figaroh(base, log, cutoff) if cutoff else PROGRAMS[program](base, log)
+                    off = np.abs(values - numbers_of(arm.payload))
+                    took = time.perf_counter() - started
+                    relative = 100 * off[0] / float(arm.payload.mass)
+                    tries.append((relative, 1e3 * off[1:].max(), np.sum(off <= half), took))
+                rows.append(min(tries))
                 print(name, number, program, rows[-1], file=sys.stderr, flush=True)
         for program, rows in results.items():
             mass, center, inside, seconds = np.array(rows).T
@@ -255,3 +357,7 @@ def by_slidax(arm: Articulated, log: JointLog) -> tuple[np.ndarray, np.ndarray]:
     result = identify(log, arm)
     spread = np.concatenate([result.standard_errors(name) for name in NUMBERS])
     return numbers_of(result.robot.payload), 1.96 * spread
+
+
+PROGRAMS = {"slidax": by_slidax, "mujoco.sysid": by_mujoco}
+"""Programs that take a log as it is."""

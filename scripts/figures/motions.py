@@ -19,6 +19,7 @@ from slidax.certify.motion.certified_law import CertifiedLaw
 from slidax.certify.motion.joint_loop import JointLoop
 from slidax.certify.motion.tracking_bound import ArmUncertainty
 from slidax.identify import excite, identify
+from slidax.motions import Streamed, StreamFilter
 from slidax.scenarios import load
 from tests.certify.motion import cases
 from tests.identify.recorded import recorded
@@ -110,3 +111,60 @@ def measure_motions() -> None:
     )
     print(f"error: median {1e3 * np.median(bounds):.2f} mrad, largest that is finite {1e3 * np.max(finite):.2f} mrad")
     print(f"time of a motion: median {np.median(seconds):.2f} s, largest {np.max(seconds):.2f} s of processor time")
+
+
+def random_stream(kind: int, centre: np.ndarray, rng: np.random.Generator, times: np.ndarray) -> np.ndarray:
+    """Positions from a host within 0.5 rad of a posture: jumps to new goals, ways to them, or a trembling hand."""
+    rate, n = 1.0 / times[1], len(centre)
+    if kind == 2:
+        waves = rng.uniform(0.02, 0.15, (3, n, 1)) * np.sin(
+            2.0 * np.pi * rng.uniform(0.1, 1.5, (3, n, 1)) * times + rng.uniform(0.0, 2.0 * np.pi, (3, n, 1))
+        )
+        hand: np.ndarray = centre + waves.sum(0).T + rng.normal(scale=5e-4, size=(len(times), n))
+        return hand
+    new = np.concatenate([[False], rng.random(len(times) - 1) < 1.0 / rate])
+    goals = np.where(new[:, None], rng.uniform(-0.5, 0.5, (len(times), n)), 0.0)
+    goals = centre + goals[np.maximum.accumulate(np.where(new, np.arange(len(times)), 0))]
+    if kind == 1:
+        for k in range(1, len(goals)):
+            goals[k] = goals[k - 1] + np.clip(goals[k] - goals[k - 1], -1.0 / rate, 1.0 / rate)
+    return goals
+
+
+def measure_streams() -> None:
+    """Bound the error along random streams of positions: jumps, ways and a trembling hand."""
+    parser = argparse.ArgumentParser(description=measure_streams.__doc__)
+    parser.add_argument("--arm", choices=sorted(RATES), default="panda")
+    parser.add_argument("--horizon", type=float, default=0.012, help="H of the law [s]")
+    parser.add_argument("--density", type=float, default=0.3, help="of the Kalman filter [(rad/s³)² s]")
+    parser.add_argument("--resolution", type=float, default=1e-6, help="of the encoders [rad]")
+    parser.add_argument("--bandwidth", type=float, default=20.0, help="of the filter [rad/s]")
+    parser.add_argument("--acceleration", type=float, default=3.0, help="limit of the filter [rad/s²]")
+    parser.add_argument("--speed", type=float, default=1.0, help="limit of the filter [rad/s]")
+    parser.add_argument("--rate", type=float, default=50.0, help="the host's positions per second")
+    parser.add_argument("--allowed", type=float, default=3e-3, help="largest error [rad]")
+    parser.add_argument("--count", type=int, default=60)
+    options = parser.parse_args()
+    law = law_of(options.arm, options.horizon, options.density, options.resolution, 20.0)
+    stream = StreamFilter.fitting(
+        bandwidth=options.bandwidth,
+        velocity=options.speed,
+        acceleration=options.acceleration,
+        period=1.0 / RATES[options.arm],
+        rate=options.rate,
+    )
+    rng, times = np.random.default_rng(7), np.arange(0.0, 4.0, 1.0 / options.rate)
+    low, high = (np.clip(np.asarray(end), -3.0, 3.0) for end in (law.arm.limits.lower, law.arm.limits.upper))
+    bounds, behind, admitted = [], [], []
+    for index in range(options.count):
+        centre = low + 0.6 + rng.random(law.arm.joints) * np.maximum(high - low - 1.2, 0.0)
+        motion = Streamed.through(times, random_stream(index % 3, centre, rng, times), stream)
+        answer = admit(law, motion, str(index), allowed=options.allowed, assume_steps=True, slow_down=False)
+        admitted.append(answer.admitted)
+        bounds.append(np.inf if answer.bound is None else float(np.max(answer.bound)))
+        behind.append(float(np.max(motion.behind)))
+        if not answer.admitted:
+            print(f"  stream {index}: {answer.limit}, bound {1e3 * bounds[-1]:.3g} mrad", flush=True)
+    lag = 1e3 * float(stream.lag(0.0))
+    print(f"| {options.arm} | {lag:.0f} | {np.median(behind):.2f}, {np.max(behind):.2f} | {options.count} | ", end="")
+    print(f"{sum(admitted)} | {1e3 * np.median(bounds):.2f}, {1e3 * np.max(bounds):.2f} |")

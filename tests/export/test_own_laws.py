@@ -1,9 +1,12 @@
 """Laws from outside of the package: simulated, linearised, and exported to C that answers as Python does."""
 
 import math
+import random
 import re
+from typing import ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -130,7 +133,97 @@ class BranchesAtTheStart(PDPlus):
         return jnp.zeros(2) if state.q[0] > 0 else jnp.ones(2)
 
 
+class Assigns(Wrong):
+    def effort(self, e):
+        e[0] = 0.0
+        return e
+
+
+class KeepsInItself(Wrong):
+    def effort(self, e):
+        self.last = e
+        return e
+
+
+class KeepsOutside(Wrong):
+    errors: ClassVar[list] = []
+
+    def effort(self, e):
+        self.errors.append(e)
+        return self.errors[0]
+
+
+class Prints(Wrong):
+    def effort(self, e):
+        print(f"{e[0]:.3f}")
+        return e
+
+
+class Misspells(Wrong):
+    def effort(self, e):
+        return self.gain * e
+
+
+class HasAnotherShape(Wrong):
+    def effort(self, e):
+        return jnp.ones((3, 3)) @ e
+
+
+class Draws(Wrong):
+    def effort(self, e):
+        return e + random.random()
+
+
+class ReturnsATorque(Wrong):
+    def __call__(self, t, state, now, following, memory):
+        return now.q - state.q
+
+
+class ReturnsNothing(Wrong):
+    def __call__(self, t, state, now, following, memory):
+        sx.Command(tau=now.q - state.q, memory=memory, signals={})
+
+
+class CommandsTooManyTorques(Wrong):
+    def __call__(self, t, state, now, following, memory):
+        return sx.Command(tau=jnp.append(now.q - state.q, 0.0), memory=memory, signals={})
+
+
+class CountsInPython(Wrong):
+    def init(self, t, state, reference):
+        return 0
+
+
+class GrowsItsMemory(Wrong):
+    def init(self, t, state, reference):
+        return jnp.zeros(2)
+
+    def __call__(self, t, state, now, following, memory):
+        return sx.Command(tau=now.q - state.q, memory=jnp.append(memory, 0.0), signals={})
+
+
+class SignalsAWord(Wrong):
+    def __call__(self, t, state, now, following, memory):
+        command = sx.Command(tau=now.q - state.q, memory=memory, signals={})
+        # The type checker of the tests would refuse it first.
+        object.__setattr__(command, "signals", {"mode": "hold"})
+        return command
+
+
 REMEDIES = {
+    Assigns: "`x = x.at[i].set(value)`",
+    KeepsInItself: "keep what changes in the memory",
+    KeepsOutside: "a number that Python draws or keeps stays in it",
+    Prints: "jax.debug.print",
+    Misspells: "no attribute 'gain'",
+    HasAnotherShape: "got (3,) and (2,)",
+    Draws: "take random numbers from `jax.random`",
+    ReturnsATorque: "`Command(tau=..., memory=memory, signals={})`; got an array",
+    ReturnsNothing: "the `return` is missing",
+    CommandsTooManyTorques: "an array of 2 torques, one per joint; got shape [3]",
+    CountsInPython: "got 0, a int: write `jnp.asarray(0)`",
+    GrowsItsMemory: "that `init` gives it, float64[2]; got float64[3]",
+    SignalsAWord: "the signal `mode` must be made of arrays of numbers; got 'hold'",
     Branches: "jnp.where(condition, a, b)",
     BranchesAtTheStart: "jnp.where(condition, a, b)",
     CallsNumPy: "`jnp.tanh` for `np.tanh`",
@@ -152,6 +245,46 @@ def test_untraceable_code_is_named_with_its_line_and_remedy(law, tmp_path):
             with pytest.raises(DefinitionError) as simulation:
                 scenario.replace(engine=engine).simulate()
             messages.append(str(simulation.value))
+        with pytest.raises(DefinitionError) as batch:
+            scenario.simulate_batch(lambda scenario, q: scenario.replace(state0=sx.State(q)), scenario.state0.q[None])
+        messages.append(str(batch.value))
     for message in messages:
         assert REMEDIES[law] in message and "\n" not in message
-        assert re.search(rf"line \d+ of {re.escape(__file__)}, in `{law.__name__}\.(effort|init)`", message)
+        assert re.search(rf"line \d+ of {re.escape(__file__)}, in `{law.__name__}\.(effort|init|__call__)`", message)
+
+
+class Strange(Wrong):
+    """Integer memory, random numbers, a scan and an error function: what the tracer can do."""
+
+    def init(self, t, state, reference):
+        return jnp.zeros((), int)
+
+    def __call__(self, t, state, now, following, memory):
+        e, de = state.q - now.q, state.dq - now.dq
+        half = jax.lax.scan(lambda x, _: (0.5 * x, None), e, None, length=1)[0]
+        noise = jax.random.normal(jax.random.fold_in(jax.random.key(0), memory), (2,))
+        tau = self.nominal.gravity(state.q) - self.kp * (half + jax.scipy.special.erf(half)) - 60.0 * de + 1e-3 * noise
+        return sx.Command(tau=tau, memory=memory + 1, signals={"count": memory.astype(float), "e": noise})
+
+
+@needs_a_compiler
+def test_integers_random_numbers_scans_and_special_functions_run_everywhere(tmp_path):
+    scenario = scenario_of(Strange).replace(t1=0.3)
+    native, xla = (scenario.replace(engine=engine).simulate() for engine in ("native", "xla"))
+    np.testing.assert_allclose(native.log.tau, xla.log.tau, rtol=1e-8)
+    np.testing.assert_allclose(native.log.signals["e"], xla.log.signals["e"], rtol=1e-12)
+    assert np.asarray(native.log.signals["count"])[-1] == 300 and np.std(native.log.signals["e"]) > 0.5
+    exported = Exported(scenario, tmp_path)
+    samples = random_samples(exported.project.guard, scenario.trajectory, scenario.period, scenario.t1, 200, seed=3)
+    expected = answer(exported.project.guard, samples)[0].tau
+    np.testing.assert_allclose(exported.answers(samples).command["tau"], expected, rtol=1e-9, atol=1e-9)
+
+
+class Undefined(Wrong):
+    def effort(self, e):
+        return e * jnp.sqrt(-1.0 - e * e)
+
+
+def test_a_torque_that_is_no_number_at_the_start_is_named():
+    run = scenario_of(Undefined).replace(t1=0.1).simulate()
+    assert run.outcome.kind == "not_finite" and "roots and logarithms" in run.outcome.message

@@ -2,13 +2,23 @@
 
 import numpy as np
 
-from slidax.motions import AbstractMotion, ConstantPosture, MinimumJerk, Tabulated, ToolMotion, Trapezoidal
+from slidax.motions import (
+    AbstractMotion,
+    ConstantPosture,
+    MinimumJerk,
+    Streamed,
+    StreamFilter,
+    Tabulated,
+    ToolMotion,
+    Trapezoidal,
+)
 from tests.paper_examples import MOTION_4_1, MOTION_4_2
 
 TIMES = np.array([0.5, 1.3, 2.0, 3.1])
 PLACES = np.array([[0.0, 1.0], [0.8, 0.2], [0.5, -0.4], [-0.3, 0.6]])
 SPEEDS = np.array([[0.0, 0.0], [0.4, -1.0], [-0.6, 0.1], [0.0, 0.0]])
 CURVES = np.array([[0.5, 0.0], [-1.0, 0.3], [0.0, 2.0], [0.0, -1.0]])
+SLOW = StreamFilter.fitting(bandwidth=3.0, velocity=1.0, acceleration=2.0, period=0.01)
 SPLINE = MinimumJerk.through(TIMES, PLACES)
 
 TRAJECTORIES: list[tuple[str, AbstractMotion]] = [
@@ -22,6 +32,7 @@ TRAJECTORIES: list[tuple[str, AbstractMotion]] = [
     ("tabulated", Tabulated.through(TIMES, PLACES)),
     ("tabulated_with_velocities", Tabulated.through(TIMES, PLACES, SPEEDS, acceleration=40.0)),
     ("tabulated_with_accelerations", Tabulated.through(TIMES, PLACES, SPEEDS, CURVES)),
+    ("streamed", Streamed.through(TIMES, PLACES, SLOW)),
     ("tool_motion", ToolMotion(SPLINE.times, SPLINE.coefficients)),
 ]
 

@@ -37,6 +37,10 @@ class Other:
     pass
 
 
+class Unfinished(AbstractSurface):
+    """Without its functions."""
+
+
 class Simple(AbstractModelBased):
     """Computed torque with two gains."""
 
@@ -57,6 +61,7 @@ def own_file(tmp_path, monkeypatch):
     # The variable is restored after a test that sets it.
     monkeypatch.setenv(VARIABLE, "0")
     (tmp_path / "straight_surface.py").write_text(MODULE, encoding="utf-8")
+    (tmp_path / "broken.py").write_text("x = 0\ny = 1 / x\n", encoding="utf-8")
     text = as_yaml(scenarios.load("example-4.1-1khz").description)
     return tmp_path, text
 
@@ -90,6 +95,8 @@ def test_an_own_surface_runs_and_is_written_into_a_file_again(own_file):
 @pytest.mark.parametrize(
     ("kind", "message"),
     [
+        ("broken:Surface", r"line 2 of .*broken\.py: ZeroDivisionError"),
+        ("straight_surface:Unfinished", "must define `phi_and_slope` and `reach`"),
         ("straight_surface:Other", "must be a class derived from `AbstractSurface`"),
         ("straight_surface:Missing", "cannot import `straight_surface:Missing`"),
         ("no_such_module:Straight", "No module named 'no_such_module'"),

@@ -169,7 +169,8 @@ class DesignProblem(AbstractDescription):
         if self.start is None:
             with locate_errors("trajectory"):
                 described = TypeAdapter(TrajectoryDescription).validate_python(data["trajectory"])
-                motion = trajectory_of(described, arms.limits, arms.nominal)
+                rate = self.actuator.of_robot(arms.limits).limits().rate
+                motion = trajectory_of(described, arms.limits, arms.nominal, self.simulation.period, rate)
                 reference = motion.reference(as_array(0.0))
             data["start"] = {"q": np.asarray(reference.q).tolist(), "dq": np.asarray(reference.dq).tolist()}
         return data

@@ -24,7 +24,7 @@ from slidax.law.sampled.controller import SampledData
 from slidax.plant.actuators import TorqueLimits
 from slidax.simulation.plant import MujocoPlant
 
-from .c_source import CALLS, FunctionBody, StepSource, function_body, step_source
+from .c_source import CALLS, FunctionBody, StepSource, StreamCode, function_body, step_source
 from .c_structures import Member, comment, render
 from .golden_samples import GoldenSamples, golden_samples
 from .guarded_step import GuardedStep
@@ -62,6 +62,7 @@ class CProject:
     - `motion`, `arm`: the scenario's reference and acceleration.
     - `scenario_helpers`: small functions called by those two.
     - `tables`: long constant arrays read by those two.
+    - `stream`: the filter of streamed positions; None unless the scenario's motion is one.
     - `golden`: the step's answers in Python; None without tests.
     - `period`, `t1`: of the scenario [s].
     - `delay`: delay of sensor and actuator together, in whole periods.
@@ -81,6 +82,7 @@ class CProject:
     arm: FunctionBody
     scenario_helpers: list[str]
     tables: list[Member]
+    stream: StreamCode | None
     golden: GoldenSamples | None
     period: float
     t1: float
@@ -333,19 +335,12 @@ FILES = {
 }
 """Templates, and the files that they become."""
 
-STEP = {
-    template: FILES[template]
-    for template in (
-        "header.h.j2",
-        "step.c.j2",
-        "wrapper.hpp.j2",
-        "flat.h.j2",
-        "flat.c.j2",
-        "scenario.h.j2",
-        "scenario.c.j2",
-    )
-}
+NEEDED = ("header.h", "step.c", "wrapper.hpp", "flat.h", "flat.c", "scenario.h", "scenario.c")
+STEP = {f"{name}.j2": FILES[f"{name}.j2"] for name in NEEDED}
 """The files that a program needs: all but tests and golden samples."""
+
+STREAM = {"stream.h.j2": "{prefix}_stream.h", "stream.c.j2": "{prefix}_stream.c"}
+"""Further files of a law with a streamed reference."""
 
 
 def export_c(
@@ -368,7 +363,7 @@ def export_c(
     written.
     """
     exported = project(scenario, name=name, single=single, command=command, with_golden=golden)
-    write_files(exported, out, FILES if golden else STEP)
+    write_files(exported, out, (FILES if golden else STEP) | (STREAM if exported.stream else {}))
     with writing(out):
         write_text(Path(out, "law.json"), json.dumps(describe_law(exported), indent=1) + "\n")
     return exported
@@ -388,6 +383,7 @@ def describe_law(exported: CProject) -> dict[str, Any]:
         "period": exported.period,
         "t1": exported.t1,
         "delay": exported.delay,
+        "streams": exported.stream is not None,
         "version": exported.version,
         "structures": {
             "parameters": _described(exported.parameters, exported),
@@ -476,6 +472,7 @@ def project(
         arm=arm,
         scenario_helpers=helpers.lines,
         tables=[*of_motion.tables, *of_arm.tables],
+        stream=StreamCode.of(scenario.trajectory, robot.joints, dialect),
         golden=golden_samples(scenario, guard, dialect.real, same=same) if with_golden else None,
         period=scenario.period,
         t1=scenario.t1,

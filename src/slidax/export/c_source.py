@@ -12,9 +12,11 @@ from slidax.codegen.c.placement import loop_invariant
 from slidax.codegen.c.writer import Callee
 from slidax.codegen.ir import Call, Program, Value, digest, functions
 from slidax.codegen.naming.names import Name, Names, index_suffix
+from slidax.motions.stream import Streamed
+from slidax.motions.trajectory import AbstractMotion
 
 from .c_structures import Member
-from .programs import CArray, Function, StepPrograms, with_float_constants
+from .programs import CArray, Function, StepPrograms, stream_program, with_float_constants
 
 TYPES = ("status_bits", "measured", "wanted", "settings", "remembered", "workshop")
 """Names of the types in the C file."""
@@ -277,6 +279,30 @@ class StepSource:
     workspace: list[Member]
     helpers: list[str]
     bytes: int
+
+
+@dataclass(frozen=True)
+class StreamCode:
+    """The filter of streamed positions in C.
+
+    - `options`, `state`: members of its structures.
+    - `body`: its step; `helpers`: small functions that it calls.
+    """
+
+    options: list[Member]
+    state: list[Member]
+    body: FunctionBody
+    helpers: list[str]
+
+    @classmethod
+    def of(cls, motion: AbstractMotion, joints: int, dialect: Dialect) -> StreamCode | None:
+        """Write the filter of a streamed motion; None for another one."""
+        if not isinstance(motion, Streamed):
+            return None
+        step, options, state = stream_program(motion.stream, joints)
+        helpers = Helpers(dialect)
+        body = function_body(step, dialect, ("stream", "options", "newest", "fresh", "reference"), helpers)
+        return cls(options, state, body, helpers.lines)
 
 
 CALLS = {"double": 640, "float": 512}

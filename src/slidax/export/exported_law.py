@@ -69,6 +69,26 @@ class ExportedLaw(MutableMapping[str, np.ndarray]):
         status = self._step(self._at, self._real(t), *vectors, *references, tau)
         return np.array(tau, float), int(status)
 
+    def follow(
+        self, t: float, q: Sequence[float], dq: Sequence[float], newest: Any = None
+    ) -> tuple[np.ndarray, int, np.ndarray]:
+        """Return torque [n], status and reference [3 n] of one sample for positions that a host streams.
+
+        The reference is that of the law's filter, at rest at the first `q`.
+
+        - `t`, `q`, `dq`: as in `step`.
+        - `newest`: the host's positions [n] if they have arrived since the last sample, else None.
+
+        Raises DefinitionError if the law was exported without a streamed reference.
+        """
+        if not self.about.get("streams"):
+            raise DefinitionError("this law has no streamed reference: export a scenario whose motion is `streamed`")
+        vectors = [self._vector(*self._row(value, name)) for name, value in (("q", q), ("dq", dq))]
+        sent = None if newest is None else self._vector(*self._row(newest, "newest"))
+        wanted, tau = self._reference(), self._vector()
+        status = self._function("follow", ctypes.c_uint32)(self._at, self._real(t), *vectors, sent, wanted, tau)
+        return np.array(tau, float), int(status), np.array(wanted, float).reshape(3, self.joints)
+
     def reset(self) -> None:
         """Clear the state: the next good sample starts the law."""
         self._function("reset", None)(self._at)
@@ -153,7 +173,8 @@ def load_export(folder: str | Path) -> ExportedLaw:
     about = json.loads((project / "law.json").read_text(encoding="utf-8"))
     prefix = about["prefix"]
     try:
-        library = compile_library(project, [f"{prefix}.c", f"{prefix}_flat.c"], f"lib{prefix}_flat.so")
+        sources = ["", "_flat", *(["_stream"] if about.get("streams") else [])]
+        library = compile_library(project, [f"{prefix}{each}.c" for each in sources], f"lib{prefix}_flat.so")
     except FileNotFoundError as error:
         raise DefinitionError(
             f"`{error.filename}` is missing: install a C compiler or set CC, or export again"

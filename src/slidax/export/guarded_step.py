@@ -18,6 +18,7 @@ from slidax.law.controllers import AbstractController
 from slidax.law.error_transformations import PrescribedPerformance
 from slidax.law.sampled.controller import SampledData
 from slidax.law.sampled.gate import LONGEST_GAP, MeasurementGate
+from slidax.law.sound import require_sound_law
 from slidax.plant.actuators import TorqueLimits
 
 from .status import (
@@ -103,6 +104,7 @@ class GuardedStep(AbstractController):
         - `period`: time between two samples [s].
         - `gate`: for a law that has none; None: the gate for its nominal arm.
         """
+        require_sound_law(controller)
         n = controller.joints
         wide: TorqueLimits = jax.tree.map(lambda x: jnp.broadcast_to(x, (n,)), limits)
         reads = arrays_read(controller)

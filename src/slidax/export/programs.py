@@ -19,6 +19,7 @@ from slidax.codegen.trace.library import Library
 from slidax.codegen.trace.tracing import ir_type, trace
 from slidax.core.linear_algebra import matvec
 from slidax.core.types import Reference, Scalar, State, Vector
+from slidax.motions.stream import StreamFilter
 from slidax.motions.trajectory import AbstractMotion
 from slidax.simulation.plant import Plant
 
@@ -209,6 +210,26 @@ def arm_program(plant: Plant) -> Function:
     ]
     outputs = [CArray("", Member("ddq", "f64", shape))]
     return _function(acceleration, (t, state, state.q, long), ("t", "", "tau", "table"), inputs, outputs)
+
+
+def stream_program(stream: StreamFilter, joints: int) -> tuple[Function, list[Member], list[Member]]:
+    """Trace the filter of streamed positions; return it with the members of its options and of its state."""
+    names = ("bandwidth", "velocity", "acceleration", "jerk", "lower", "upper")
+    wide = [jnp.broadcast_to(getattr(stream, name), (joints,)) for name in names]
+    stream = eqx.tree_at(lambda part: [getattr(part, name) for name in names], stream, wide)
+    vector = jnp.zeros(joints)
+    state = stream.begin(vector)
+    options, kept = members(stream, values=True), members(jax.eval_shape(lambda: state))
+    inputs = [
+        *_arrays("options->", options),
+        *_arrays("stream->", kept),
+        CArray("", Member("newest", "f64", (joints,))),
+        CArray("", Member("fresh", "f64", ())),
+    ]
+    outputs = _arrays("reference->", references(joints)) + _arrays("stream->", kept)
+    names = ("options", "stream", "newest", "fresh")
+    step = _function(StreamFilter.step, (stream, state, vector, jnp.zeros(())), names, inputs, outputs)
+    return step, options, kept
 
 
 def torque_program(guard: GuardedStep, step: StepPrograms, robot: AbstractRobot) -> Function:

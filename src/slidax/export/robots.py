@@ -390,7 +390,8 @@ def write_onboard(
     c_files = (*C_FILES, *(f"{name}.{ending}" for name in sources for ending in ("c", "h")))
     write_files(exported, folder, {f"onboard/{name}.j2": f"{{prefix}}_{name}" for name in c_files}, o=limits)
     law = describe_law(exported) | dict(more or {}) | ({"names": list(names)} if names else {})
-    law["sources"] = ["", "_scenario", *(f"_{name}" for name in (*SOURCES, *sources))]
+    streamed = ("stream",) if exported.stream else ()
+    law["sources"] = ["", "_scenario", *(f"_{name}" for name in (*SOURCES, *streamed, *sources))]
     law["reasons"] = [{"name": each.name, "meaning": each.meaning, "stops": each.stops} for each in limits.reasons]
     law["phases"] = ["hold", "approach", "small", "widen", "motion", "rest", "follow"]
     files: dict[str, Any] = {f"{_stem(part)}.py": part for part in (Pilot, MotionLog, load_law, rehearse)}

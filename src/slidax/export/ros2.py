@@ -65,6 +65,15 @@ def ros_parameters(
         RosParameter("joints", "string_array", as_list(map(as_text, joint_names)), "names, in the law's order"),
         RosParameter("state_topic", "string", '"~/state"', "where signals, errors and status are published"),
         RosParameter("trajectory_topic", "string", '"~/joint_trajectory"', "where trajectories come from"),
+        *(
+            [
+                RosParameter(
+                    "positions_topic", "string", '"~/positions"', "where a host streams positions, in the law's order"
+                )
+            ]
+            if project.stream
+            else []
+        ),
         RosParameter("hold", "double", "1.0", "initial hold of the measured posture, s", (("gt_eq<>", "[0.0]"),)),
         RosParameter("ramp", "double", "1.0", "duration of a requested stop, s", (("gt<>", "[0.0]"),)),
         RosParameter("retime", "bool", "false", "slow down a goal that breaks a limit, instead of refusing it"),

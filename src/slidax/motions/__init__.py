@@ -12,6 +12,8 @@ from .moves import Line as Line
 from .moves import Pause as Pause
 from .moves import Screw as Screw
 from .moves import Through as Through
+from .stream import Streamed as Streamed
+from .stream import StreamFilter as StreamFilter
 from .tabulated import Tabulated as Tabulated
 from .trajectory import AbstractMotion as AbstractMotion
 from .trajectory import ConstantPosture as ConstantPosture

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import sys
+import traceback
 from importlib import import_module
 from pathlib import Path
 
@@ -42,11 +44,21 @@ def own_class(name: str, family: type, folder: str | Path) -> type[AbstractPart]
     sys.path[:0] = places
     try:
         part = getattr(import_module(module), attribute)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise DefinitionError(f"cannot import `{shown}` from {' or '.join(dict.fromkeys(places))}: {error}") from None
+    except Exception as error:
+        # Any, since the module's own code runs.
+        own = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename.startswith(tuple(places))]
+        line = f"line {own[-1].lineno} of {own[-1].filename}: " if own else ""
+        kind = "" if isinstance(error, ImportError | AttributeError) else f"{type(error).__name__}: "
+        raise DefinitionError(
+            f"cannot import `{shown}` from {' or '.join(dict.fromkeys(places))}: {line}{kind}{error}"
+        ) from None
     finally:
         for place in places:
             sys.path.remove(place)
     if not (isinstance(part, type) and issubclass(part, family) and issubclass(part, AbstractPart)):
         raise DefinitionError(f"`{shown}` must be a class derived from `{family.__name__}`")
+    if inspect.isabstract(part):
+        raise DefinitionError(
+            f"`{shown}` must define {' and '.join(f'`{name}`' for name in sorted(part.__abstractmethods__))}"
+        )
     return part

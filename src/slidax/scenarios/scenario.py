@@ -33,6 +33,7 @@ from slidax.core.types import State, Timing
 from slidax.law.controllers import AbstractController
 from slidax.law.error_transformations import PrescribedPerformance
 from slidax.law.presets import Preset
+from slidax.motions.stream import Streamed
 from slidax.motions.trajectory import AbstractMotion
 from slidax.simulation.define import require_fitting
 from slidax.simulation.plant import MujocoPlant, Plant, Table
@@ -137,6 +138,8 @@ class Scenario:
             "duration": f"{self.t1:g} s",
             "uncertainty": ", ".join(self.description.uncertainty) or "none",
         }
+        if isinstance(self.trajectory, Streamed):
+            facts["reference"] = self.trajectory.summary
         return facts | ({"replaced": ", ".join(self.changed)} if self.changed else {})
 
     def __repr__(self) -> str:
@@ -414,8 +417,11 @@ class ScenarioDescription(AbstractDescription):
         with locate_errors("robot"):
             arms = self.robot.build()
             true = arms.true
+        with locate_errors("actuator"):
+            drive = self.actuator.of_robot(arms.limits)
+            rate = drive.limits().rate
         with locate_errors("trajectory"):
-            trajectory = trajectory_of(self.trajectory, arms.limits, arms.nominal)
+            trajectory = trajectory_of(self.trajectory, arms.limits, arms.nominal, self.simulation.period, rate)
             followed = eqx.filter_eval_shape(trajectory.position, jax.ShapeDtypeStruct((), float)).shape
             if followed != (true.joints,):
                 raise DefinitionError(f"moves {count_noun(followed[0], 'joint')}, but the robot has {true.joints}")
@@ -426,7 +432,6 @@ class ScenarioDescription(AbstractDescription):
         with locate_errors("sensor"):
             sensor = self.sensor.build(self.simulation.period, true.joints)
         with locate_errors("actuator"):
-            drive = self.actuator.of_robot(arms.limits)
             actuator = drive.build(true.joints)
         with locate_errors("start"):
             state0 = self.start.build(true.joints)

@@ -13,17 +13,18 @@ from pydantic import Field
 
 from slidax.arms.arm import AbstractRobot, JointLimits
 from slidax.arms.chain import Pose
-from slidax.core.errors import DefinitionError, DefinitionWarning, count_noun, each_of, locate_errors
+from slidax.core.errors import DefinitionError, DefinitionWarning, as_array, count_noun, each_of, locate_errors
 from slidax.core.files import read_text
 from slidax.core.joint_names import match_names, quote_names
 from slidax.motions.follow import follow
 from slidax.motions.moves import AbstractMove, Circle, Line, Pause, Screw, Through
-from slidax.motions.table_files import csv_lines, unit_of
+from slidax.motions.stream import Streamed, StreamFilter, jerk_of_drives
+from slidax.motions.table_files import csv_lines, csv_table, unit_of
 from slidax.motions.tabulated import Tabulated, TimeUnit
 from slidax.motions.trajectory import AbstractMotion, AbstractPiecewisePolynomial
 from slidax.motions.waypoints import MinimumJerk, Trapezoidal
 
-from .descriptions import AbstractDescription, FileName, Numbers, input_field, union_of
+from .descriptions import AbstractDescription, FileName, Numbers, input_field, same_field, union_of
 from .yaml_text import read_yaml
 
 Limit = Annotated[float | list[float] | Literal["robot"], Field(union_mode="left_to_right")]
@@ -328,6 +329,52 @@ class CsvTrajectory(TableTrajectory):
         return Tabulated.from_csv(self._source(), units=units, **self._arguments(limits, robot))
 
 
+class StreamedTrajectory(TableTrajectory):
+    """Positions that a host streams at its own rate, through a filter from which velocity and acceleration come."""
+
+    kind: Literal["streamed"]
+    bandwidth: Numbers = same_field(StreamFilter, "bandwidth")
+    velocity: Limit = input_field("velocity limit, or `robot`", "rad/s or m/s")
+    acceleration: Numbers = same_field(StreamFilter, "acceleration")
+    jerk: Numbers | None = same_field(
+        StreamFilter, "jerk", default=None, source="half of the drives' torque rate, or a limit that does not act"
+    )
+    rate: float | None = input_field(
+        "positions per second; the goal moves on a line from one to the next",
+        "Hz",
+        "> 0",
+        default=None,
+        source="each position is held",
+    )
+    lower: Limit | None = input_field("lower position limits", "rad or m", default=None, source="the robot's")
+    upper: Limit | None = input_field("upper position limits", "rad or m", default=None, source="the robot's")
+
+    def build(
+        self,
+        limits: JointLimits | None = None,
+        robot: AbstractRobot | None = None,
+        period: float = 1e-3,
+        torque_rate: Any = np.inf,
+    ) -> AbstractMotion:
+        """Build the motion.
+
+        - `period`: sample time of the law [s].
+        - `torque_rate`: fastest change of the drives' torque, N m/s or N/s.
+        """
+        assert robot is not None
+        table = csv_table(self._source(), self._names(robot.joint_names), self.time_unit, robot.joint_units)
+        table = table.shifted(self.start)
+        values = self.parameters() | robot_limits(self, limits, "lower", "upper", "velocity")
+        if limits is not None:
+            values = {"lower": np.asarray(limits.lower), "upper": np.asarray(limits.upper)} | values
+        outside = ("file", "text", "joints", "time_unit", "start")
+        options = {name: value for name, value in values.items() if name not in outside}
+        if self.jerk is None and np.isfinite(torque_rate).any():
+            mass = np.asarray(robot.mass(as_array(table.positions[0])))
+            options["jerk"] = jerk_of_drives(mass, torque_rate, self.bandwidth, self.acceleration, period)
+        return Streamed.through(table.times, table.positions, StreamFilter.fitting(period=period, **options))
+
+
 class JointTrajectory(TableTrajectory):
     """A motion from a ROS message, trajectory_msgs/JointTrajectory, as JSON or, in a file, as YAML."""
 
@@ -367,18 +414,25 @@ else:
         TrapezoidalTrajectory,
         CsvTrajectory,
         JointTrajectory,
+        StreamedTrajectory,
         ToolPathTrajectory,
     )
 
 
-def trajectory_of(described: Any, limits: JointLimits | None, robot: AbstractRobot) -> AbstractMotion:
+def trajectory_of(
+    described: Any, limits: JointLimits | None, robot: AbstractRobot, period: float, torque_rate: Any
+) -> AbstractMotion:
     """Build the trajectory of a `TrajectoryDescription`.
 
     - `limits`: limits of the robot, for fields with the value `robot`; None if it has none.
     - `robot`: the nominal arm.
+    - `period`: sample time of the law [s].
+    - `torque_rate`: fastest change of the drives' torque, N m/s or N/s.
 
     Raises DefinitionError if the description is invalid.
     """
+    if isinstance(described, StreamedTrajectory):
+        return described.build(limits, robot, period, torque_rate)
     if isinstance(described, ToolPathTrajectory | CsvTrajectory | JointTrajectory):
         return described.build(limits, robot)
     if isinstance(described, WaypointTrajectory):

@@ -19,6 +19,7 @@ from slidax.core.types import Envelope, Reference, State
 from slidax.law.controllers import AbstractController
 from slidax.law.error_transformations import PrescribedPerformance
 from slidax.law.sampled.controller import SampledData
+from slidax.law.sound import require_sound_law
 from slidax.motions.trajectory import AbstractMotion
 
 from .loop import ClosedLoop, begin, sample
@@ -52,6 +53,7 @@ def define_loop(
     if log_every is not None and not 1 <= log_every <= MOST_SAMPLES:
         raise DefinitionError(f"`log_every` must be in [1, {MOST_SAMPLES:.0e}], or None for no log; got {log_every}")
     require_fitting(plant, controller, trajectory, state0, tolerance, stepping=stepping)
+    require_sound_law(controller)
     steps = _steps(float(t1), stepping.period)
     require_within_limits(plant.robot, trajectory, state0, steps, stepping)
     require_transmission(plant, state0, stepping)

@@ -51,6 +51,25 @@ def test_simulated_arms_of_the_set_stay_within_the_bound(scenario):
         assert np.abs(np.asarray(log.tau)).max() < verdict.bound["torque"].max()
 
 
+def test_arms_that_follow_a_stream_of_positions_stay_within_the_bound_along_it(scenario):
+    # A new goal each 0.5 s at once, at 20 Hz: the filter makes the motion.
+    times, start = np.arange(0.0, 1.5, 0.05), np.array(scenario.state0.q)
+    goals = start + np.random.default_rng(0).uniform(-0.3, 0.3, (3, 7))
+    goals[0] = start
+    names = scenario.plant.robot.joint_names
+    lines = [",".join(map(str, (round(t, 6), *goals[int(2 * t + 1e-9)]))) for t in times]
+    stream = {"kind": "streamed", "text": "\n".join([f"time,{','.join(names)}", *lines]), "rate": 20.0}
+    stream |= {"bandwidth": 20.0, "velocity": 0.5, "acceleration": 2.0, "jerk": 100.0}
+    streamed = scenario.set({"trajectory": stream, "simulation.t1": 2.5})
+    verdict = tracking_bound(streamed)
+    assert verdict.holds and verdict.grade == "A"
+    assert float(np.asarray(streamed.trajectory.behind).max()) > 0.2
+    family = Family.of(streamed.description)
+    drawn = family.uncertain.values(np.random.default_rng(1).random((1, family.uncertain.dimensions)))
+    log = family.scenario({path: values[0] for path, values in drawn.items()}, "arm").simulate().log
+    assert (np.abs(np.asarray(log.e)).max(axis=0) <= verdict.bound["error"]).all()
+
+
 def test_a_gate_that_may_reject_a_sample_of_the_arm_lowers_the_grade():
     changes = {"scheme.sampled_data.gate": {"acceleration": 0.01, "spread": 1e-7}}
     verdict = tracking_bound(sx.scenarios.load(PANDA, changes))

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import itertools
 import math
 import os
+import sysconfig
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from types import CodeType
@@ -13,6 +15,7 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
+from jax.errors import UnexpectedTracerError
 from jax.extend.core import ClosedJaxpr  # type: ignore[attr-defined]
 
 from slidax.core.errors import DefinitionError
@@ -26,6 +29,9 @@ from .control_flow import expand, linear_solve, platform_index
 from .library import Library, keep_array
 
 HERE = os.path.dirname(__file__)
+OURS = (os.path.dirname(os.path.dirname(HERE)), sysconfig.get_path("stdlib"), os.path.dirname(np.__file__))
+"""Folders whose code is never from outside."""
+
 LIBRARIES = tuple(f"{os.sep}{name}{os.sep}" for name in ("jax", "equinox", "jaxtyping", "beartype"))
 
 
@@ -192,9 +198,18 @@ UNTRACEABLE: dict[type[Exception], tuple[str, str]] = {
 """Errors of JAX for code that depends on the values of arrays, subclasses first: what is wrong, and the remedy."""
 
 
+OWN_MISTAKES: dict[type[Exception], str] = {
+    dataclasses.FrozenInstanceError: "a law is a constant: keep what changes in the memory, and return that",
+    UnexpectedTracerError: "an array was kept outside of the law: return it as memory",
+}
+"""Remedies for other exceptions in code from outside of the package."""
+
+IN_PLACE = "write `x = x.at[i].set(value)` for `x[i] = value`"
+
+
 @contextmanager
 def located_tracing_errors() -> Iterator[None]:
-    """Convert JAX's errors for code that depends on the values of arrays.
+    """Convert JAX's errors for code that depends on the values of arrays, and all errors in code from outside.
 
     Raises DefinitionError with the line of the traced function, the rule and the remedy.
     """
@@ -202,15 +217,38 @@ def located_tracing_errors() -> Iterator[None]:
         yield
     except tuple(UNTRACEABLE) as error:
         wrong, remedy = next(words for kind, words in UNTRACEABLE.items() if isinstance(error, kind))
-        place, trace_back = "", error.__traceback__
-        while trace_back is not None:
-            code = trace_back.tb_frame.f_code
-            if _is_user_code(code.co_filename) and not code.co_filename.startswith(HERE):
-                place = f"line {trace_back.tb_lineno} of {code.co_filename}, in `{code.co_qualname}`: "
-            trace_back = trace_back.tb_next
         raise DefinitionError(
-            f"{place}{wrong}, but a law is traced once for all values, before any is known: {remedy}"
+            f"{_place_of(error)}{wrong}, but a law is traced once for all values, before any is known: {remedy}"
         ) from error
+    except DefinitionError:
+        raise
+    except Exception as error:
+        place = _place_of(error, own=True)
+        if not place:
+            raise
+        message = str(error).strip().partition("\n")[0].rstrip(".")
+        remedy = next((words for kind, words in OWN_MISTAKES.items() if isinstance(error, kind)), "")
+        if "item assignment" in message:
+            message, remedy = "an array cannot be changed in place", IN_PLACE
+        elif "__format__" in message:
+            message, remedy = "a number is not known while the law is traced", "print by `jax.debug.print`"
+        raise DefinitionError(f"{place}{type(error).__name__}: {message}{': ' if remedy else ''}{remedy}") from error
+
+
+def _place_of(error: BaseException, *, own: bool = False) -> str:
+    """Where an exception was raised: the innermost line outside of the package, or else outside of the libraries.
+
+    - `own`: true for lines outside of the package alone; empty if there is none.
+    """
+    places = {True: "", False: ""}
+    trace_back = error.__traceback__
+    while trace_back is not None:
+        code = trace_back.tb_frame.f_code
+        if _is_user_code(code.co_filename) and not code.co_filename.startswith(HERE):
+            place = f"line {trace_back.tb_lineno} of {code.co_filename}, in `{code.co_qualname}`: "
+            places[not code.co_filename.startswith(OURS)] = place
+        trace_back = trace_back.tb_next
+    return places[True] if own else places[True] or places[False]
 
 
 def inline(

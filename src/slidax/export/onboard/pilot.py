@@ -164,6 +164,8 @@ class CompiledLaw:
             ("pilot_take", [ctypes.POINTER(self.Trajectory)], ctypes.c_int),
         ):
             self.call(name).argtypes, self.call(name).restype = [pilot, *rest], result
+        if self.about.get("streams"):
+            self.call("pilot_stream").argtypes, self.call("pilot_stream").restype = [pilot, vector], ctypes.c_int
         parts = [ctypes.POINTER(getattr(self, name)) for name in ("Options", "Parameters", "Reference", "Trajectory")]
         self.call("admit").argtypes = [*parts, self.real, ctypes.POINTER(self.Admission)]
         self.call("nominal_torque").argtypes = [parts[1], vector, vector, vector, vector]
@@ -232,6 +234,15 @@ class Pilot:
         if len(times) >= POINTS:
             return self.law.text("taken", 1)
         taken: int = self.law.call("pilot_take")(self._at, self.trajectory(times, q, dq, ddq))
+        return self.law.text("taken", taken) if taken else ""
+
+    def stream(self, q: Sequence[float]) -> str:
+        """Follow the positions of a host from now on, if `options.follows` is set; return "" or why they are refused.
+
+        For a law that was exported with a streamed reference; call it for each of the host's positions, at any rate.
+        """
+        self._q[:] = q
+        taken: int = self.law.call("pilot_stream")(self._at, self._q)
         return self.law.text("taken", taken) if taken else ""
 
     def admit(self, trajectory: Any, slowest: float = 1.0) -> Any:

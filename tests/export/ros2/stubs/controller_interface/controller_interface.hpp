@@ -9,6 +9,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 namespace controller_interface {
@@ -33,9 +34,14 @@ public:
     template <typename Message>
     std::shared_ptr<rclcpp::Subscription<Message>> create_subscription(
         const std::string &, rclcpp::SystemDefaultsQoS, std::function<void(const Message &)> callback) {
-        subscription = std::make_shared<rclcpp::Subscription<Message>>();
-        subscription->callback = std::move(callback);
-        return subscription;
+        const auto made = std::make_shared<rclcpp::Subscription<Message>>();
+        made->callback = std::move(callback);
+        if constexpr (std::is_same_v<Message, trajectory_msgs::msg::JointTrajectory>) {
+            subscription = made;
+        } else {
+            positions = made;
+        }
+        return made;
     }
 
     std::shared_ptr<rclcpp::TimerBase> create_wall_timer(std::chrono::milliseconds, std::function<void()> callback) {
@@ -50,6 +56,7 @@ public:
     std::shared_ptr<rclcpp::TimerBase> timer;
     std::shared_ptr<rclcpp::Publisher<std_msgs::msg::Float64MultiArray>> publisher;
     std::shared_ptr<rclcpp::Subscription<trajectory_msgs::msg::JointTrajectory>> subscription;
+    std::shared_ptr<rclcpp::Subscription<std_msgs::msg::Float64MultiArray>> positions;
 };
 
 class LoanedInterface {
