@@ -126,7 +126,10 @@ class Torques:
         self.acting = {
             "friction": np.broadcast_to(friction, cells.speed.shape),
             "disturbance": np.zeros_like(torque) if limited else torque,
-            "band feedback": weight * acceleration[:, None],
+            "band feedback": np.minimum(
+                weight * acceleration[:, None],
+                np.einsum("nij,nj->ni", at.band_error, outputs["acceleration"] + problem.unplanned),
+            ),
             "prediction": (
                 np.minimum(weight * (at.coriolis * norms["velocity_miss"])[:, None], velocity)
                 + np.minimum(weight * (at.stiffness * norms["position_miss"])[:, None], position)
@@ -135,12 +138,7 @@ class Torques:
             "sampling": weight * (at.held + at.reference)[:, None],
         }
         self.slow = at.band_torque + (torque if limited else 0.0)
-        self.slow_norm = at.band_rate + (
-            np.sqrt(np.einsum("ni,nij,nj->n", torque_rate, at.inverse, torque_rate))
-            + 2.0 * at.growth * problem.pushed_norm
-            if limited
-            else 0.0
-        )
+        self.slow_rate = at.torque_rate + (torque_rate if limited else 0.0)
         self.tube = weight * at.band_tube[:, None]
         self.total_norm = bounds.disturbance_norm + acceleration + at.band + problem.pushed_norm
 
@@ -159,13 +157,13 @@ class Torques:
         shares = {key: past(table.any_form, value) for key, value in self.acting.items()}
         # A slow w is followed: s = -w + (s + w), and the step of s is that of -w and of s + w.
         followed = USED.index("acceleration") if name == "command" else i
-        moving = self.weight * past(problem.weighted.ramp, self.slow_norm[:, None], followed)
+        moving = past(table.ramp, self.slow_rate, followed)
         if name == "command":
             moving = moving + self.slow
         begun = np.zeros(shape)
         if not inputs.settled:
             begun[0] = self.slow[0]
-        begun = begun + self.weight * (problem.p * self.cell.jump)[:, None]
+        begun = begun + at.torque_jump
         moving = moving + table.step.since(begun)[..., i]
         shares["inertial band"] = np.minimum(past(table.any_form, self.slow), moving)
         shares["inertial band"] = shares["inertial band"] + past(table.any_form, self.tube)

@@ -4,7 +4,8 @@ All joints have the same scalar loop, so that a bound of the disturbance w in a 
 that norm. With `M = M0 + E` and `K = M⁻¹ M0` the arm obeys `ë = K (s + w) + ρ`, and w depends on the outputs itself.
 Two bounds of each output are used, and the smaller one counts:
 
-- small gain: `ë = s + w - M0⁻¹ E (ë - ρ) + ρ`, with the nominal loop and `‖M0⁻¹ E x‖ <= p ‖x‖`;
+- small gain: `ë = s + w - M0⁻¹ E (ë - ρ) + ρ`, with the nominal loop and `‖M0⁻¹ E x‖ <= p ‖x‖`, or by element
+  `|M0⁻¹ E| |x|`;
 - modes: K is self-adjoint in the metric of M0, with eigenvalues κ in [1/(1+p), 1/(1-p)], and the loop of a constant K
   is a function of it. For one joint the nominal response counts in full and its departure over κ in the metric; the
   change of K since an earlier instant is a further disturbance (drift).
@@ -235,7 +236,11 @@ class Problem:
         change = np.minimum(float(np.max(at.slide)) * ages * weight, self.p * (1.0 + weight))
         self.drift = Lags.of([spreads[name].largest.any_form * change for name in USED], *cut)
         self.h = h
+        # By element, a has one bound only if |M0⁻¹ E| is a contraction, here in the largest entry relative to c.
+        scale = at.conversion[:, :, None] / at.conversion[:, None]
+        self.by_element = np.max(np.sum(at.band_relative / scale, axis=2), axis=1) < 1.0
         self.fixed_joints, self.fixed_norms, self.acting = self._acting()
+        self.unplanned = 0.5 * h * cells.jerk + cells.jump
         self.small_gain, self.modes = self._constant()
         self.fixed = [[_total(values, k) for k in range(2)] for values in (self.small_gain, self.modes)]
 
@@ -351,7 +356,7 @@ class Problem:
         acceleration = parts["acceleration"][1]
         total, total_norm = sum(joints.values(), nothing), sum(norms.values(), nothing[:, 0])
         band = self.p * (acceleration + self.acting)
-        fed = conversion * band[:, None]
+        fed = self.fed_back(parts["acceleration"][0], band)
         by_gain, by_modes = np.split(
             self.nominal.any_form.past(np.concatenate([total + fed, total], axis=1)), 2, axis=1
         )
@@ -393,6 +398,15 @@ class Problem:
             goal = goal[..., 0] if by_gain_is_less else (goal + more)[..., 0]
         shares = partial(self._terms, joints, fed if by_gain_is_less else apart[..., 0], within, by_gain_is_less, goal)
         return Bounds(error, velocity, outputs, sizes, shares, total, total_norm)
+
+    def fed_back(self, acceleration: Floats, band: Floats) -> Floats:
+        """Bound of |M0⁻¹ E ë| per joint [N n]: in the metric, or by element.
+
+        - `acceleration`: of |a| per joint [N n]. `band`: of ‖M0⁻¹ E ë‖ [N].
+        """
+        in_metric = self.at.conversion * band[:, None]
+        each = np.einsum("nij,nj->ni", self.at.band_relative, acceleration + self.unplanned)
+        return np.where(self.by_element[:, None], np.minimum(in_metric, each), in_metric)
 
     def _apart(self, total_norm: Floats, acceleration: Floats) -> tuple[Floats, Floats]:
         """Departure of the outputs from the nominal loop by the modes of K [N n outputs], and all in the metric."""

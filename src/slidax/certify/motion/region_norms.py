@@ -31,19 +31,23 @@ class RegionNorms:
     """Suprema at the centres, norms in the metric of M0 there.
 
     - `torque`, `joints`: |T|_i and |M0⁻¹ T|_i [N n]; `force`: norm of M0⁻¹ T [N].
-    - `rate`: norm of M0⁻¹ times the rate of T without `E q⃛` [N].
+    - `rate`: norm of M0⁻¹ times the rate of T without `E q⃛` [N]; `torque_rate`: that rate per joint [N n].
     - `coriolis`: norm of `∂T/∂q̇` [N]; `stiffness`: norms of the columns of `∂T/∂q` [N n].
     - `growth`: norm of Ė [N]; `slopes`: norms of ∂_j E [N n].
+    - `error`, `relative`: |E|_ij and |M0⁻¹ E|_ij by element [N n n].
     """
 
     torque: Floats
     joints: Floats
     force: Floats
     rate: Floats
+    torque_rate: Floats
     coriolis: Floats
     stiffness: Floats
     growth: Floats
     slopes: Floats
+    error: Floats
+    relative: Floats
 
     @classmethod
     def of(cls, path: Path) -> RegionNorms:
@@ -57,7 +61,7 @@ class RegionNorms:
     @classmethod
     def _over_cover(cls, path: Path) -> RegionNorms:
         at, points, root, cells = path.cover_norms, path.cover, path.root, path.cells
-        y, _, y2 = points.columns
+        y, y1, y2 = points.columns
         rotors = np.sqrt(path.region.rotors)
         force = np.concatenate([at.force, rotors * np.abs(cells.ddq)], axis=1)
         size = np.linalg.norm(force, axis=1)
@@ -72,10 +76,13 @@ class RegionNorms:
             joints=np.einsum("nbi,nb->ni", levers, force),
             force=bound * size,
             rate=at.first * whole + at.size * pushed,
+            torque_rate=np.einsum("nbi,nb->ni", by_body(y1), at.force) + np.einsum("nbi,nb->ni", by_body(y), at.bend),
             coriolis=2.0 * at.size * at.first,
             stiffness=at.slopes * whole[:, None] + at.size[:, None] * np.linalg.norm(y2, axis=1),
             growth=2.0 * at.size * np.minimum(at.first, relative),
             slopes=2.0 * at.size[:, None] * slopes,
+            error=arms.swapaxes(1, 2) @ arms,
+            relative=levers.swapaxes(1, 2) @ arms,
         )
 
 
@@ -91,16 +98,15 @@ def over_ellipsoid(path: Path) -> dict[str, Floats]:
 def _over_ellipsoid(path: Path, some: slice) -> dict[str, Floats]:
     """The suprema in some cells.
 
-    With `Γ_ijk = ∂_iX · ∂_j∂_kX` for each axis of the ellipsoid: `∂_j E = Γ_·j· + Γ_·j·ᵀ`, and `C = Σ_k Γ_··k q̇_k`.
+    With `Γ_ij = ∂_iX · ∂_jẊ` for each axis of the ellipsoid: `C = Γ` and `Ė = Γ + Γᵀ`.
     """
     region, root, inverse = path.region, path.root[some], path.inverse[some]
-    dq, ddq = path.cells.dq[some], path.cells.ddq[some]
-    (count, n), transposed = ddq.shape, root.swapaxes(1, 2)
+    (count, n), transposed = path.cells.ddq[some].shape, root.swapaxes(1, 2)
     products = _products(path, some)
-    torque = products.force + ddq[..., None] * region.rotor_deviations.T
-    rate = (dq[:, None, None] @ products.bent)[:, :, 0] + products.bend
-    stiffness = products.bent + products.second
-    coriolis = 2.0 * (dq[:, None, None, None] @ products.gamma)[:, :, :, 0]
+    torque = products.force + path.cells.ddq[some][..., None] * region.rotor_deviations.T
+    error = products.inertia
+    error[:, range(n), range(n)] += region.rotor_deviations.T
+    relative = (inverse @ error.reshape(count, n, -1)).reshape(error.shape)
 
     def largest(columns: Floats) -> Floats:
         """The largest norm of the columns' combinations: of all of them next to each other [N]."""
@@ -112,16 +118,17 @@ def _over_ellipsoid(path: Path, some: slice) -> dict[str, Floats]:
         square = transposed @ (forms.reshape(count, n, -1) @ right.swapaxes(1, 2)) @ root
         return np.sqrt(np.maximum(np.linalg.eigvalsh(square)[:, -1], 0.0))
 
-    slopes = [products.gamma[:, :, j] for j in range(n)]
+    turning = products.turning
     return {
         "torque": np.linalg.norm(torque, axis=2),
         "joints": np.linalg.norm(inverse @ torque, axis=2),
         "force": largest(transposed @ torque),
-        "rate": largest(transposed @ rate),
-        "coriolis": np.minimum(largest_form(coriolis), largest_form(coriolis.swapaxes(1, 2))),
-        "stiffness": largest((transposed[:, None] @ stiffness).reshape(count * n, n, -1)).reshape(count, n),
-        "growth": largest_form(0.5 * (coriolis + coriolis.swapaxes(1, 2))),
-        "slopes": np.stack([largest_form(slope + slope.swapaxes(1, 2)) for slope in slopes], axis=1),
+        "rate": largest(transposed @ products.rate),
+        "torque_rate": np.linalg.norm(products.rate, axis=2),
+        "coriolis": 2.0 * np.minimum(largest_form(turning), largest_form(turning.swapaxes(1, 2))),
+        "growth": largest_form(turning + turning.swapaxes(1, 2)),
+        "error": np.linalg.norm(error, axis=3),
+        "relative": np.linalg.norm(relative, axis=3),
     }
 
 
@@ -129,38 +136,33 @@ def _over_ellipsoid(path: Path, some: slice) -> dict[str, Floats]:
 class _Products:
     """Inner products of fields for each of the r axes of an ellipsoid; F is `Ẍ - g`.
 
-    - `gamma`: `∂_iX · ∂_j∂_kX` [N n n n r]; `bent`: `∂_j∂_kX · F` [N n n r]; `second`: `∂_jẌ · ∂_kX` [N n n r].
-    - `force`, `bend`: `∂_jX` times F, and times the rate of F without the jerk [N n r].
+    - `inertia`: `∂_iX · ∂_jX`; `turning`: `∂_iX · ∂_jẊ` [N n n r].
+    - `force`: `∂_jX · F`, and `rate`: its rate without the jerk of the motion [N n r].
     """
 
-    gamma: Floats
-    bent: Floats
-    second: Floats
+    inertia: Floats
+    turning: Floats
     force: Floats
-    bend: Floats
+    rate: Floats
 
 
 def _products(path: Path, some: slice) -> _Products:
     """The products in some cells. A product of derivatives needs only the bodies behind their outermost joint c."""
     frames, deviations, before = path.frames, path.region.deviations, path.bodies.before
-    y, _, y2 = (part[some] for part in frames.columns)
-    slopes, force = frames.slopes[some], frames.acceleration[some, None]
+    y, y1, _ = (part[some] for part in frames.columns)
+    force = frames.acceleration[some, None]
     bend = frames.jerk[some, None] - np.einsum("nkbpi,nk->nbpi", y, path.cells.dddq[some])[:, None]
     count, n, axes = len(y), y.shape[1], len(deviations)
-    result = _Products(*(np.zeros((count, *[n] * order, axes)) for order in (3, 2, 2, 1, 1)))
+    result = _Products(*(np.zeros((count, *[n] * order, axes)) for order in (2, 2, 1, 1)))
     for c in range(n):
         behind, upto = np.flatnonzero(before[c]), np.flatnonzero(before[:, c])
-        ahead = upto[upto != c]
-        contracted = _Contraction(behind, deviations[:, behind].reshape(axes, -1).T)
-        outermost = contracted([y[:, upto], force], [slopes[:, c, upto]])
-        result.gamma[:, upto[:, None], c, upto] = result.gamma[:, upto[:, None], upto, c] = outermost[:, :-1]
-        result.bent[:, c, upto] = result.bent[:, upto, c] = outermost[:, -1]
-        first, second = (grid.ravel() for grid in np.meshgrid(ahead, ahead))
-        own = contracted([y[:, c, None]], [slopes[:, first, second], y2[:, upto], force, bend])[:, 0]
-        result.gamma[:, c, first, second] = own[:, : first.size]
-        result.second[:, upto, c] = own[:, first.size : -2]
-        result.force[:, c], result.bend[:, c] = own[:, -2], own[:, -1]
-        result.second[:, c, upto] = contracted([y2[:, c, None]], [y[:, upto]])[:, 0]
+        size, contracted = len(upto), _Contraction(behind, deviations[:, behind].reshape(axes, -1).T)
+        own = contracted(y[:, c], [y[:, upto], y1[:, upto], force, bend])
+        turned = contracted(y1[:, c], [y[:, upto], force])
+        result.inertia[:, upto, c] = result.inertia[:, c, upto] = own[:, :size]
+        result.turning[:, c, upto] = own[:, size : 2 * size]
+        result.turning[:, upto, c] = turned[:, :size]
+        result.force[:, c], result.rate[:, c] = own[:, -2], own[:, -1] + turned[:, -1]
     return result
 
 
@@ -171,11 +173,11 @@ class _Contraction:
     bodies: NDArray[np.intp]
     weights: Floats
 
-    def __call__(self, a: Sequence[Floats], b: Sequence[Floats]) -> Floats:
-        """Return `Σ_b tr(a_b J_r b_bᵀ)` for all of the fields a and b [N . n 4 3], as [N a b r]."""
-        left, right = (np.concatenate([field[:, :, self.bodies] for field in fields], axis=1) for fields in (a, b))
-        moments = left[:, :, None] @ right[:, None].swapaxes(-1, -2)
-        return np.asarray(moments.reshape(*moments.shape[:3], -1) @ self.weights)
+    def __call__(self, field: Floats, others: Sequence[Floats]) -> Floats:
+        """Return `Σ_b tr(a_b J_r b_bᵀ)` for a field a [N n 4 3] and all others b [N . n 4 3], as [N b r]."""
+        right = np.concatenate([other[:, :, self.bodies] for other in others], axis=1)
+        moments = field[:, None, self.bodies] @ right.swapaxes(-1, -2)
+        return np.asarray(moments.reshape(*moments.shape[:2], -1) @ self.weights)
 
 
 def _relative_slopes(path: Path) -> tuple[Floats, Floats]:
