@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from slidax.arms.articulated import Articulated
 
 from ..certificate import Assumption, Verdict
-from .fixed_point import USED, Bounds, Problem, spreads_of
-from .lagged_sums import Lags
+from .fixed_point import USED, Bounds, Problem
+from .lagged_sums import SUMMED, Lags
 from .path_cells import PathCells
 from .path_norms import size_in
 from .path_tube import Cell
@@ -178,18 +178,20 @@ class Torques:
             table.start_error.since(starts[0]) + table.start_speed.since(starts[1]) + table.start_miss.since(starts[2])
         )[..., i]
         # M0 now less M0 when w acted, in the metric.
-        kernel = spreads_of(problem.loop, problem.p, 0.0)[name].nominal
-        ages = h * (1.0 + np.arange(kernel.any_form.size))
+        kernels = problem.stacks["nominal"].summed
+        ages = h * (1.0 + np.arange(len(kernels)))
         turned = np.expm1(2.0 * problem.growth * ages) + float(np.max(self.cell.tube_shift))
-        drift = Lags.of([kernel.any_form * turned], *problem.cut).past(self.total_norm[:, None])[..., 0]
-        noisy = Lags.of([kernel.noise * turned], *problem.cut)
+        turning = {
+            kind: Lags.of(kernels[:, SUMMED.index(kind), i, None] * turned[:, None], *problem.cut)
+            for kind in ("any_form", "noise", "goal")
+        }
+        drift = turning["any_form"].past(self.total_norm[:, None])[..., 0]
         rounding = size_in(np.broadcast_to(0.5 * inputs.resolution, shape), at.inertia)
-        drift = drift + noisy.past(rounding[:, None])[..., 0]
-        if problem.hand_over is not None and problem.goal is not None:
+        drift = drift + turning["noise"].past(rounding[:, None])[..., 0]
+        if problem.hand_over is not None:
             goal = problem.hand_over.goal(self.bounds.outputs["led"])
-            shares["hand-over"] = past(problem.goal.nominal, np.einsum("nij,nj->ni", at.inertia, goal))
-            turning = Lags.of([kernel.goal * turned], *problem.cut)
-            drift = drift + turning.past(size_in(goal, at.inertia)[:, None])[..., 0]
+            shares["hand-over"] = past(table.goal, np.einsum("nij,nj->ni", at.inertia, goal))
+            drift = drift + turning["goal"].past(size_in(goal, at.inertia)[:, None])[..., 0]
         shares["drift"] = self.weight * drift
         return shares
 

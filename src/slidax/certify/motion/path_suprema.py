@@ -32,8 +32,8 @@ class Suprema:
     - `per_command`: norm of its share of the command s, per joint and norm of s [N n].
     - `band`: norm of `M0⁻¹ (E q̈_d + Δn)` along the motion [N]; `band_joints`: per joint [N n]; `band_rate`: norm of its
       rate, but for jumps of the acceleration [N]; `band_tube`: further norm by the tube, without ë [N]; `band_torque`:
-      |E q̈_d + Δn| per joint along the motion [N n]; `torque_rate`: its rate but for jumps, and `torque_jump`: the sum of
-      its jumps [N n].
+      |E q̈_d + Δn| per joint along the motion [N n]; `torque_rate`: its rate but for jumps [N n]; `torque_jump`: the sum
+      of its jumps [N n].
     - `band_error`, `band_relative`: |E| and |M0⁻¹ E| by element [N n n].
     - `held`: norm of the disturbance by travel within a period that is even about its middle [N]; `odd`: rate of the
       odd part [N]. `reference`: norm of the disturbance by the reference's own miss between samples [N].
