@@ -21,7 +21,7 @@ from slidax.certify.motion.tracking_bound import ArmUncertainty
 from slidax.core.errors import DefinitionError
 from slidax.identify.regressor import JointMotion
 
-from .cases import Members, identified, knotted
+from .cases import Members, identified, knotted, still
 
 NAMES = ("panda", "ur5e")
 WIDTH, SPEED = 2e-3, 0.1
@@ -68,13 +68,6 @@ def test_the_choice_of_unidentifiable_parameters_changes_no_torque(name: str) ->
     assert np.all(size < np.linalg.norm(bodies.pseudo_inertias, axis=(1, 2)))
 
 
-def still(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, dddq: np.ndarray | None = None) -> PathCells:
-    """Cells of no length at some states."""
-    nothing = np.zeros_like(q)
-    jerk = nothing if dddq is None else dddq
-    return PathCells(1e-9, 1, q, dq, ddq, jerk, np.abs(dq), np.abs(ddq), np.abs(jerk), nothing, nothing, None, None)
-
-
 def largest(columns: np.ndarray, mass: np.ndarray) -> np.ndarray:
     """`max ‖M0⁻¹ A ξ‖` over |ξ| <= 1 in the metric, for forces A [N n r]."""
     scaled = np.linalg.inv(np.linalg.cholesky(mass)) @ columns
@@ -111,13 +104,24 @@ def test_suprema_at_a_state_are_those_of_the_worst_arms(name: str) -> None:
 
     rate = (members.torque(*ahead(step)) - members.torque(*ahead(-step))) / (2 * step)
     np.testing.assert_allclose(exact["rate"], largest(rate, mass), rtol=1e-5)
-    by_dq = np.stack(
-        [
-            (members.torque(q, dq + row, ddq) - members.torque(q, dq - row, ddq)) / (2 * step)
-            for row in step * np.eye(q.shape[1])
-        ],
-        axis=2,
+    units = step * np.eye(q.shape[1])
+    by_q, by_dq = (
+        np.stack(
+            [
+                (members.torque(q + a * row, dq + b * row, ddq) - members.torque(q - a * row, dq - b * row, ddq))
+                / (2 * step)
+                for row in units
+            ],
+            axis=2,
+        )
+        for a, b in ((1.0, 0.0), (0.0, 1.0))
     )
+    stiffness = np.stack([largest(by_q[:, :, j], mass) for j in range(q.shape[1])], axis=1)
+    np.testing.assert_allclose(exact["stiffness"], stiffness, rtol=1e-5, atol=1e-9)
+    by_joint = [(members.inertia(q + row) - members.inertia(q - row)) / (2 * step) for row in units]
+    slopes = np.stack([of_matrices(matrices, mass) for matrices in by_joint], axis=1)
+    assert np.all(slopes <= exact["slopes"] * (1 + 1e-6) + 1e-9)
+    assert np.all(exact["slopes"] <= 2.5 * slopes + 1e-9)
     error = members.inertia(q)
     np.testing.assert_allclose(exact["error"], np.linalg.norm(error, axis=3), rtol=1e-6, atol=1e-9)
     relative = np.linalg.solve(mass[:, None], np.moveaxis(error, 3, 1))

@@ -98,15 +98,21 @@ def over_ellipsoid(path: Path) -> dict[str, Floats]:
 def _over_ellipsoid(path: Path, some: slice) -> dict[str, Floats]:
     """The suprema in some cells.
 
-    With `Γ_ij = ∂_iX · ∂_jẊ` for each axis of the ellipsoid: `C = Γ` and `Ė = Γ + Γᵀ`.
+    With `Γ_ijk = ∂_iX · ∂_j∂_kX` for each axis of the ellipsoid: `∂_j E = Γ_·j· + Γ_·j·ᵀ`, and `C = Σ_k Γ_··k q̇_k`.
     """
-    region, root, inverse = path.region, path.root[some], path.inverse[some]
-    (count, n), transposed = path.cells.ddq[some].shape, root.swapaxes(1, 2)
+    region, root, inverse, pairs = path.region, path.root[some], path.inverse[some], path.pairs
+    dq, ddq, axes = path.cells.dq[some], path.cells.ddq[some], path.frames.axes[some]
+    (count, n), transposed = ddq.shape, root.swapaxes(1, 2)
     products = _products(path, some)
-    torque = products.force + path.cells.ddq[some][..., None] * region.rotor_deviations.T
+    torque = products.force + ddq[..., None] * region.rotor_deviations.T
     error = products.inertia
     error[:, range(n), range(n)] += region.rotor_deviations.T
     relative = (inverse @ error.reshape(count, n, -1)).reshape(error.shape)
+    turned = (axes @ products.turned.reshape(count, 3, -1)).reshape(count, n, n, n, -1)
+    bent = (axes @ products.bent.reshape(count, 3, -1)).reshape(count, n, n, -1)
+    bent = bent[:, pairs.inner, pairs.outer] * pairs.known[..., None]
+    rate = (dq[:, None, None] @ bent)[:, :, 0] + products.bend
+    stiffness = bent + products.second
 
     def largest(columns: Floats) -> Floats:
         """The largest norm of the columns' combinations: of all of them next to each other [N]."""
@@ -118,15 +124,22 @@ def _over_ellipsoid(path: Path, some: slice) -> dict[str, Floats]:
         square = transposed @ (forms.reshape(count, n, -1) @ right.swapaxes(1, 2)) @ root
         return np.sqrt(np.maximum(np.linalg.eigvalsh(square)[:, -1], 0.0))
 
-    turning = products.turning
+    coriolis, slopes = np.zeros_like(error), []
+    for j in range(n):
+        # Γ_ijk in the order (k, i).
+        slope = turned[:, pairs.inner[j], pairs.outer[j]] * pairs.known[j][:, None, None]
+        coriolis[:, :, j] = (dq[:, None] @ slope.reshape(count, n, -1)).reshape(count, n, -1)
+        slopes.append(largest_form(slope + slope.swapaxes(1, 2)))
     return {
         "torque": np.linalg.norm(torque, axis=2),
         "joints": np.linalg.norm(inverse @ torque, axis=2),
         "force": largest(transposed @ torque),
-        "rate": largest(transposed @ products.rate),
-        "torque_rate": np.linalg.norm(products.rate, axis=2),
-        "coriolis": 2.0 * np.minimum(largest_form(turning), largest_form(turning.swapaxes(1, 2))),
-        "growth": largest_form(turning + turning.swapaxes(1, 2)),
+        "rate": largest(transposed @ rate),
+        "torque_rate": np.linalg.norm(rate, axis=2),
+        "coriolis": 2.0 * np.minimum(largest_form(coriolis), largest_form(coriolis.swapaxes(1, 2))),
+        "stiffness": largest((transposed[:, None] @ stiffness).reshape(count * n, n, -1)).reshape(count, n),
+        "growth": largest_form(coriolis + coriolis.swapaxes(1, 2)),
+        "slopes": np.stack(slopes, axis=1),
         "error": np.linalg.norm(error, axis=3),
         "relative": np.linalg.norm(relative, axis=3),
     }
@@ -136,34 +149,51 @@ def _over_ellipsoid(path: Path, some: slice) -> dict[str, Floats]:
 class _Products:
     """Inner products of fields for each of the r axes of an ellipsoid; F is `Ẍ - g`.
 
-    - `inertia`: `∂_iX · ∂_jX`; `turning`: `∂_iX · ∂_jẊ` [N n n r].
-    - `force`: `∂_jX · F`, and `rate`: its rate without the jerk of the motion [N n r].
+    - `inertia`: `∂_jX · ∂_kX`; `second`: `∂_jẌ · ∂_kX` [N n n r].
+    - `turned`: `Σ ∂_kX × ∂_iX` [N 3 n n r], of which `(z × ∂_kX) · ∂_iX` is the product with z; `bent`: `Σ ∂_kX × F`
+      [N 3 n r].
+    - `force`, `bend`: `∂_jX` times F, and times the rate of F without the jerk [N n r].
     """
 
     inertia: Floats
-    turning: Floats
+    second: Floats
+    turned: Floats
+    bent: Floats
     force: Floats
-    rate: Floats
+    bend: Floats
 
 
 def _products(path: Path, some: slice) -> _Products:
     """The products in some cells. A product of derivatives needs only the bodies behind their outermost joint c."""
     frames, deviations, before = path.frames, path.region.deviations, path.bodies.before
-    y, y1, _ = (part[some] for part in frames.columns)
+    y, _, y2 = (part[some] for part in frames.columns)
     force = frames.acceleration[some, None]
     bend = frames.jerk[some, None] - np.einsum("nkbpi,nk->nbpi", y, path.cells.dddq[some])[:, None]
+    # u · (v × e) = e · (u × v).
+    across, bowed = _crossed(y), _crossed(force)
     count, n, axes = len(y), y.shape[1], len(deviations)
-    result = _Products(*(np.zeros((count, *[n] * order, axes)) for order in (2, 2, 1, 1)))
+    result = _Products(*(np.zeros((count, *shape, axes)) for shape in ((n, n), (n, n), (3, n, n), (3, n), (n,), (n,))))
     for c in range(n):
         behind, upto = np.flatnonzero(before[c]), np.flatnonzero(before[:, c])
         size, contracted = len(upto), _Contraction(behind, deviations[:, behind].reshape(axes, -1).T)
-        own = contracted(y[:, c], [y[:, upto], y1[:, upto], force, bend])
-        turned = contracted(y1[:, c], [y[:, upto], force])
+        others = [y[:, upto], y2[:, upto], *(part[:, upto] for part in across), *bowed, force, bend]
+        own = contracted(y[:, c], others)
         result.inertia[:, upto, c] = result.inertia[:, c, upto] = own[:, :size]
-        result.turning[:, c, upto] = own[:, size : 2 * size]
-        result.turning[:, upto, c] = turned[:, :size]
-        result.force[:, c], result.rate[:, c] = own[:, -2], own[:, -1] + turned[:, -1]
+        result.second[:, upto, c] = own[:, size : 2 * size]
+        result.second[:, c, upto] = contracted(y2[:, c], [y[:, upto]])
+        for x in range(3):
+            result.turned[:, x, c, upto] = own[:, (2 + x) * size : (3 + x) * size]
+            result.turned[:, x, upto, c] = -result.turned[:, x, c, upto]
+            result.bent[:, x, c] = own[:, x - 5]
+        result.force[:, c], result.bend[:, c] = own[:, -2], own[:, -1]
     return result
+
+
+def _crossed(field: Floats) -> list[Floats]:
+    """The products `v × e` of a field's vectors [... 3] with the three units e."""
+    x, y, z = np.moveaxis(field, -1, 0)
+    nothing = np.zeros_like(x)
+    return [np.stack(parts, axis=-1) for parts in ((nothing, z, -y), (-z, nothing, x), (y, -x, nothing))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,13 +215,21 @@ def _relative_slopes(path: Path) -> tuple[Floats, Floats]:
 
     A common rotation of all bodies about joint j's axis z changes no inner product.
     """
-    y, slopes = path.cover.columns[0].swapaxes(1, 2), np.moveaxis(path.cover.slopes, 1, 3)
-    count, n, _ = y.shape
-    # Rows times this matrix are z × row.
-    turn = np.cross(path.frames.axes[:, :, None], np.eye(3))
-    rest = slopes - (y.reshape(count, 1, -1, 3) @ turn).reshape(slopes.shape)
-    square = np.sum((rest @ rest.swapaxes(2, 3)) * path.inverse[:, None], axis=(2, 3))
-    least = np.sqrt(np.maximum(square, 0.0))
-    rest = np.where((least < path.cover_norms.slopes)[..., None, None], rest, slopes)
-    along = (path.cells.dq[:, None] @ rest.reshape(count, n, -1)).reshape(y.shape).swapaxes(1, 2)
-    return np.minimum(least, path.cover_norms.slopes), spectral_norm(along @ path.root)
+    pairs, y, y1 = path.pairs, path.cover.columns[0], path.cover.columns[1]
+    products = path.cover_moments.slopes_products
+    (count, _, n), known = y.shape, pairs.known
+    least = np.empty((count, n))
+    for j in range(n):
+        # Of ∂_j∂_k X and of z_j × ∂_k X.
+        own = products[:, pairs.inner[j], pairs.outer[j]] * known[j][:, None, None]
+        both = own[:, :, j]
+        square = (
+            own[:, :, pairs.inner[j], pairs.outer[j]] * known[j] - both - both.swapaxes(1, 2) + products[:, j, :, j]
+        )
+        least[:, j] = np.sum(square * path.inverse, axis=(1, 2))
+    least = np.sqrt(np.maximum(least, 0.0))
+    turned = np.where(least < path.cover_norms.slopes, path.cells.dq, 0.0)
+    spin = np.einsum("nj,njx->nx", turned, path.frames.axes)
+    # ∂_j Y q̇_j summed over all joints is Ẏ.
+    common = np.cross(spin[:, None], y.swapaxes(1, 2).reshape(count, -1, 3)).reshape(count, n, -1).swapaxes(1, 2)
+    return np.minimum(least, path.cover_norms.slopes), spectral_norm((y1 - common) @ path.root)
