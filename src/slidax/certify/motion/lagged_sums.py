@@ -51,7 +51,8 @@ class Lags:
         count = len(self.weights) - 1
         # Columns first, so that each window is a stretch of memory.
         padded = np.concatenate([np.repeat(before.T, count, axis=1), values.T], axis=1)
-        windows = np.lib.stride_tricks.sliding_window_view(padded, count, axis=1)[:, 1:]
+        columns, step = padded.strides
+        windows = np.lib.stride_tricks.as_strided(padded[:, 1:], (*values.T.shape, count), (columns, step, step))
         flat = np.ascontiguousarray(windows).reshape(-1, count) @ self.weights[count - 1 :: -1]
         sums = flat.reshape(len(padded), len(values), -1) + rest[:, None, None] * self.weights[count]
         return sums.swapaxes(0, 1)

@@ -90,7 +90,8 @@ def spectral_norm(a: Floats) -> Floats:
 class JointPairs:
     """Pairs (j, k) of joints, of which `∂_j∂_k X = z_inner × ∂_outer X` where one carries the other.
 
-    - `inner`, `outer`: the smaller and the larger joint of each pair [n n]. `known`: 1 where one carries the other, or 0.
+    - `inner`, `outer`: the smaller and the larger joint of each pair [n n]. `known`: 1 where one carries the other,
+      else 0.
     """
 
     inner: NDArray[np.intp]
@@ -130,15 +131,14 @@ class PointMoments:
         sums = np.trace(moments, axis1=1, axis2=3)
         angles = axes @ axes.swapaxes(1, 2)
         products = angles[:, :, None, :, None] * sums[:, None, :, None] - both.transpose(0, 4, 2, 1, 3)
-        x, y_, z = ((1, 2), (2, 0), (0, 1))
-        crossed = np.stack([moments[:, i, :, j] - moments[:, j, :, i] for i, j in (x, y_, z)], axis=1)
-        columns = (axes @ crossed.reshape(count, 3, -1)).reshape(count, n, n, n)
+        crossed = [moments[:, i, :, j] - moments[:, j, :, i] for i, j in ((1, 2), (2, 0), (0, 1))]
+        columns = (axes @ np.stack(crossed, axis=1).reshape(count, 3, -1)).reshape(count, n, n, n)
         return cls(products, columns)
 
     def slopes(self, pairs: JointPairs, inverse: Floats, root: Floats) -> tuple[Floats, Floats]:
         """Return the norms of `∂_j Y` [N n], and a bound of that of `Σ_j v_j ∂_j Y` for all v of norm 1 [N]."""
         count, n = inverse.shape[:2]
-        j, i, k, l = np.indices((n, n, n, n))  # noqa: E741
+        j, i, k, l = np.indices((n, n, n, n))
         places = np.ravel_multi_index(
             (pairs.inner[j, k], pairs.outer[j, k], pairs.inner[i, l], pairs.outer[i, l]), (n, n, n, n)
         )

@@ -222,10 +222,8 @@ def _relative_slopes(path: Path) -> tuple[Floats, Floats]:
     for j in range(n):
         # Of ∂_j∂_k X and of z_j × ∂_k X.
         own = products[:, pairs.inner[j], pairs.outer[j]] * known[j][:, None, None]
-        both = own[:, :, j]
-        square = (
-            own[:, :, pairs.inner[j], pairs.outer[j]] * known[j] - both - both.swapaxes(1, 2) + products[:, j, :, j]
-        )
+        both, common = own[:, :, j], products[:, j, :, j]
+        square = own[:, :, pairs.inner[j], pairs.outer[j]] * known[j] - both - both.swapaxes(1, 2) + common
         least[:, j] = np.sum(square * path.inverse, axis=(1, 2))
     least = np.sqrt(np.maximum(least, 0.0))
     turned = np.where(least < path.cover_norms.slopes, path.cells.dq, 0.0)
