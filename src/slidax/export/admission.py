@@ -41,6 +41,9 @@ KINDS = ("any_form", "ramp", "pulse", "noise", "goal", "step", "start_error", "s
 
 SUMMED = 5
 
+LANES = 4
+"""Innermost loops count to a multiple of this number, so that compilers make vectors of them."""
+
 BLOCK = 32
 """Lags in a group beyond the loop's memory."""
 
@@ -128,8 +131,8 @@ class _Numbers:
         macros: dict[str, Any] = {
             "N": law.arm.joints,
             "CELLS": CELLS,
-            "AXES": len(region.deviations),
-            "OUTPUTS": len(USED),
+            "AXES": LANES * -(-len(region.deviations) // LANES),
+            "OUTPUTS": LANES * -(-len(USED) // LANES),
             "PERIOD": h,
             "MASS_BAND": float(region.p),
             "DECAY": float(law.loop.decay),
@@ -148,10 +151,13 @@ class _Numbers:
             "WIDEST": tracking_bound.WIDEST,
             "ROUNDS": fixed_point.ROUNDS,
             "CONVERGED": fixed_point.SETTLED,
+            "NEAR": fixed_point.NEAR,
             "WIDENINGS": fixed_point.WIDENINGS,
             "TINY": fixed_point.TINY,
             "TUBES": tube_search.TUBES,
             "PASSES": tube_search.PASSES,
+            "WIDE": tube_search.WIDE,
+            "WIDE_TUBES": tube_search.WIDE_TUBES,
             "CONTINUOUS": CONTINUOUS,
             "HAND_OVER": int(law.hand_over is not None),
             "COVERED": np.inf if law.hand_over is None else law.hand_over.covered,
@@ -164,7 +170,7 @@ class _Numbers:
             for both in ((limits.lower, limits.upper), (-limits.velocity, limits.velocity))
         ]
         entries = [(p, q) for p in range(4) for q in range(p, 4)]
-        weights = np.array([region.deviations[:, :, p, q] for p, q in entries]).transpose(2, 0, 1)
+        weights = _in_lanes(np.array([region.deviations[:, :, p, q] for p, q in entries]).transpose(2, 0, 1))
         arrays = [
             _array("int parents[N]", np.asarray(bodies.parents, int)),
             _array("int revolute[N]", bodies.revolute.astype(int)),
@@ -194,7 +200,7 @@ class _Numbers:
         if region.has_ellipsoid:
             arrays += [
                 _array("double deviations[N][10][AXES]", weights),
-                _array("double rotor_deviations[N][AXES]", region.rotor_deviations.T),
+                _array("double rotor_deviations[N][AXES]", _in_lanes(region.rotor_deviations.T)),
             ]
         if law.hand_over is not None:
             plan = law.hand_over if law.hand_over.share else hand_over.HandOver.of(law_in_samples, FINE)
@@ -252,9 +258,9 @@ class _Kernels:
             _array("int lag_last[LAGS]", last),
             _array("double group_growth[GROUPS]", growths),
             _array("int group_length[GROUPS]", lengths),
-            _array("float kernels[3][9][LAGS][OUTPUTS]", np.array(tables), upwards=True),
-            _array("double beyond[3][OUTPUTS]", beyond),
-            _array("double rests[GROUPS][4][9][OUTPUTS]", rests),
+            _array("float kernels[3][9][LAGS][OUTPUTS]", _in_lanes(np.array(tables)), upwards=True),
+            _array("double beyond[3][OUTPUTS]", _in_lanes(np.array(beyond))),
+            _array("double rests[GROUPS][4][9][OUTPUTS]", _in_lanes(np.array(rests))),
         ]
         step = float(ratios[2] - ratios[1]) if p > 0.0 else 0.0
         return cls(first, last, growths, lengths, memory, step, arrays)
@@ -331,6 +337,11 @@ def _off_in_logarithms(values: Floats, x: Floats, places: Places) -> float:
     """The largest distance in logarithm from a growing value to the lines between places."""
     line = np.interp(x, x[places], values[places])
     return float(max(np.max(np.abs(values[1:] - line[:-1])), np.max(np.abs(line[1:] - values[:-1]))))
+
+
+def _in_lanes(values: Floats) -> Floats:
+    """The array with zeros behind its last axis, up to a multiple of `LANES`."""
+    return np.pad(values, [(0, 0)] * (values.ndim - 1) + [(0, -values.shape[-1] % LANES)])
 
 
 def _number(value: Any) -> str:

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import slidax.arms as arms
+from slidax.certify.motion.path_cells import PathCells
 from slidax.identify.band import Band, EstimateErrors, arm_parameters, band_of, base_parameters, inertial_regressor
 from slidax.identify.mass_bound import MassBound
 from slidax.identify.regressor import BODY, JointMotion
@@ -128,6 +129,13 @@ def knotted(
     at = np.interp(knots, times, s)
     through = np.stack([np.interp(at, s, path[:, j]) for j in range(arm.joints)], axis=1)
     return Tabulated.through(knots, through, acceleration=200.0)
+
+
+def still(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, dddq: np.ndarray | None = None) -> PathCells:
+    """Cells of no length at some states."""
+    nothing = np.zeros_like(q)
+    jerk = nothing if dddq is None else dddq
+    return PathCells(1e-9, 1, q, dq, ddq, jerk, np.abs(dq), np.abs(ddq), np.abs(jerk), nothing, nothing, None, None)
 
 
 def desired(motion: Any, period: float, slots: int, sub: int, delay: int) -> np.ndarray:

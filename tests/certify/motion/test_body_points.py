@@ -8,8 +8,10 @@ import pytest
 
 import slidax.arms as arms
 from slidax.certify.motion.body_points import BodyPoints, PointMotion, frame_motion
+from slidax.certify.motion.parameter_region import BodyBand
+from slidax.certify.motion.path import Path
 
-from .cases import panda, ur5e
+from .cases import panda, still, ur5e
 
 ARMS = {"panda": panda, "ur5e": ur5e, "gen3": arms.gen3, "xarm7": arms.xarm7}
 
@@ -41,9 +43,8 @@ def test_inertia_coriolis_and_torques_are_inner_products(name: str) -> None:
 def test_the_derivative_of_the_torques_by_the_positions_is_an_inner_product() -> None:
     arm = panda()
     q, dq, ddq, dddq = motion(arm, 5)
-    points = at(BodyPoints.of(arm), [q, dq, ddq, dddq])
-    y, _, y2 = points.columns
-    own = np.einsum("ndjk,nd->nkj", points.slopes, points.acceleration) + y.swapaxes(1, 2) @ y2
+    bodies = BodyPoints.of(arm)
+    own = Path.of(bodies, BodyBand(0.0, 0.0).region(bodies), still(q, dq, ddq, dddq)).stiffness
     torque = jax.jacfwd(lambda q, dq, ddq: arm.mass(q) @ ddq + arm.bias(q, dq))
     np.testing.assert_allclose(own, jax.vmap(torque)(q, dq, ddq), atol=1e-11)
 
@@ -71,7 +72,31 @@ def test_derivatives_agree_with_differences(name: str) -> None:
         slope = (after.columns[order - 1] - before.columns[order - 1]) / (2 * step)
         np.testing.assert_allclose(slope, points.columns[order], atol=1e-6)
     np.testing.assert_allclose((after.acceleration - before.acceleration) / (2 * step), points.jerk, atol=1e-6)
-    np.testing.assert_allclose(np.einsum("ndkj,nj->ndk", points.slopes, dq), points.columns[1], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["panda", "ur5e"])
+def test_norms_of_second_derivatives_are_those_of_differences(name: str) -> None:
+    arm = ARMS[name]()
+    bodies, parts = BodyPoints.of(arm), motion(arm, 5)
+    path = Path.of(bodies, BodyBand(0.0, 0.0).region(bodies), still(*parts))
+    step, n = 1e-5, arm.joints
+    slopes = []
+    for row in step * np.eye(n):
+        ahead, behind = (at(bodies, [parts[0] + shift, *parts[1:]]).columns[0] for shift in (row, -row))
+        slopes.append((ahead - behind) / (2 * step) @ path.root)
+    unit = at(bodies, parts).columns[0] @ path.root
+    for each, bound, columns in (
+        (path.norms.slopes, path.norms.slopes_norm, slopes),
+        (path.norms.turning, path.norms.turning_norm, [unit.swapaxes(1, 2) @ slope for slope in slopes]),
+    ):
+        sizes = np.stack([np.linalg.norm(part, axis=(1, 2)) for part in columns], axis=1)
+        np.testing.assert_allclose(each, sizes, rtol=1e-6, atol=1e-8)
+        # A sum over the joints is largest for some velocities of norm 1, of which 200 are tried.
+        velocity = np.random.default_rng(0).normal(size=(200, 5, n, 1))
+        velocity = (path.root @ velocity)[..., 0] / np.linalg.norm(velocity, axis=2)
+        sums = np.einsum("snj,jnab->snab", velocity, np.stack(columns))
+        largest = np.linalg.norm(sums, 2, axis=(2, 3)).max(axis=0)
+        assert np.all((0.3 * bound < largest) & (largest <= bound * (1 + 1e-6)))
 
 
 def test_a_pseudo_inertia_within_the_band_changes_forces_within_it() -> None:

@@ -21,7 +21,7 @@ from slidax.certify.motion.tracking_bound import ArmUncertainty
 from slidax.core.errors import DefinitionError
 from slidax.identify.regressor import JointMotion
 
-from .cases import Members, identified, knotted
+from .cases import Members, identified, knotted, still
 
 NAMES = ("panda", "ur5e")
 WIDTH, SPEED = 2e-3, 0.1
@@ -66,13 +66,6 @@ def test_the_choice_of_unidentifiable_parameters_changes_no_torque(name: str) ->
     np.testing.assert_allclose(exact["torque"], band.torque_error(arm, JointMotion(q, dq, ddq)), rtol=1e-6)
     size = np.sqrt(np.sum(region.deviations**2, axis=(0, 2, 3)))
     assert np.all(size < np.linalg.norm(bodies.pseudo_inertias, axis=(1, 2)))
-
-
-def still(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, dddq: np.ndarray | None = None) -> PathCells:
-    """Cells of no length at some states."""
-    nothing = np.zeros_like(q)
-    jerk = nothing if dddq is None else dddq
-    return PathCells(1e-9, 1, q, dq, ddq, jerk, np.abs(dq), np.abs(ddq), np.abs(jerk), nothing, nothing, None, None)
 
 
 def largest(columns: np.ndarray, mass: np.ndarray) -> np.ndarray:
@@ -129,6 +122,10 @@ def test_suprema_at_a_state_are_those_of_the_worst_arms(name: str) -> None:
     slopes = np.stack([of_matrices(matrices, mass) for matrices in by_joint], axis=1)
     assert np.all(slopes <= exact["slopes"] * (1 + 1e-6) + 1e-9)
     assert np.all(exact["slopes"] <= 2.5 * slopes + 1e-9)
+    error = members.inertia(q)
+    np.testing.assert_allclose(exact["error"], np.linalg.norm(error, axis=3), rtol=1e-6, atol=1e-9)
+    relative = np.linalg.solve(mass[:, None], np.moveaxis(error, 3, 1))
+    np.testing.assert_allclose(exact["relative"], np.linalg.norm(relative, axis=1), rtol=1e-6, atol=1e-9)
     growth = (members.inertia(q + step * dq) - members.inertia(q - step * dq)) / (2 * step)
     for key, matrices in (("coriolis", by_dq), ("growth", growth)):
         norms = of_matrices(matrices, mass)
@@ -186,6 +183,15 @@ def band_tube(members: Members, at: State, there: State) -> np.ndarray:
     return largest(members.torque(there[0], there[1], at[2]) - moved @ planned, moved)
 
 
+def band_error(members: Members, at: State, there: State) -> np.ndarray:
+    return np.linalg.norm(members.inertia(there[0]), axis=3)
+
+
+def band_relative(members: Members, at: State, there: State) -> np.ndarray:
+    error = np.moveaxis(members.inertia(there[0]), 3, 1)
+    return np.linalg.norm(np.linalg.solve(members.nominal(there[0])[:, None], error), axis=1)
+
+
 def slide(members: Members, at: State, there: State) -> np.ndarray:
     q, dq = there[:2]
     step = 1e-5
@@ -204,6 +210,8 @@ QUANTITIES: dict[str, tuple[Callable[[Members, State, State], np.ndarray], float
     "band_torque": (band_torque, 0.4),
     "band_rate": (band_rate, 0.1),
     "band_tube": (band_tube, 0.05),
+    "band_error": (band_error, 0.4),
+    "band_relative": (band_relative, 0.4),
     "slide": (slide, 0.05),
 }
 
@@ -241,7 +249,7 @@ def climb(name: str, which: str, starts: int, steps: int) -> float:
 
 @pytest.mark.parametrize("name", QUANTITIES)
 def test_no_arm_of_the_band_exceeds_a_supremum(name: str) -> None:
-    steps = 1 if name in ("band_tube", "slide") else 0
+    steps = 1 if name in ("band_tube", "band_error", "band_relative", "slide") else 0
     assert QUANTITIES[name][1] < climb(name, "panda", 16, steps) <= 1.0
 
 

@@ -41,14 +41,24 @@ class Point:
 
     def __init__(self, bodies: BodyPoints, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> None:
         points = frame_motion(bodies, q, dq, ddq, np.zeros_like(q)).of(bodies.points)
-        y, y1, y2 = points.columns
+        y, y1, _ = points.columns
         t = y.swapaxes(1, 2)
         self.mass = t @ y + np.diag(bodies.rotors)
         self.inverse = np.linalg.inv(self.mass)
         self.root = np.linalg.inv(np.linalg.cholesky(self.mass)).swapaxes(1, 2)
         self.coriolis = 2.0 * t @ y1
         self.rate = t @ y1 + y1.swapaxes(1, 2) @ y
-        self.stiffness = np.einsum("ndjk,nd->nkj", points.slopes, points.acceleration) + t @ y2
+        step = 1e-6
+        ahead, behind = (
+            np.stack([self.force(bodies, q + shift, dq, ddq) for shift in side * step * np.eye(q.shape[1])], axis=2)
+            for side in (1.0, -1.0)
+        )
+        self.stiffness = (ahead - behind) / (2.0 * step)
+
+    @staticmethod
+    def force(bodies: BodyPoints, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
+        points = frame_motion(bodies, q, dq, ddq, np.zeros_like(q)).of(bodies.points)
+        return np.einsum("ndk,nd->nk", points.columns[0], points.acceleration)
 
     def norm(self, form: np.ndarray) -> np.ndarray:
         return np.linalg.norm(self.root.swapaxes(1, 2) @ form @ self.root, 2, axis=(1, 2))

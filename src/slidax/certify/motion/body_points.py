@@ -118,12 +118,10 @@ class PointMotion:
     """Points along a motion, at N times; D numbers, 12 for each body.
 
     - `columns`: Y and its first two derivatives by time, each [N D n].
-    - `slopes`: `∂_j Y` [N D n n], symmetric in its last two axes.
     - `acceleration`: `Ẍ - g` [N D], and `jerk`: `X⃛` [N D].
     """
 
     columns: tuple[Floats, Floats, Floats]
-    slopes: Floats
     acceleration: Floats
     jerk: Floats
 
@@ -134,13 +132,11 @@ class FrameMotion:
 
     - `columns`: derivatives by the positions, and their first two derivatives by time, each [N n n 4 3]: joint, frame,
       point.
-    - `slopes`: derivatives of `columns` by the positions [N n n n 4 3].
     - `acceleration`: less gravity [N n 4 3], and `jerk`.
     - `axes`: the joints' axes of rotation z [N n 3]; 0 for a prismatic joint.
     """
 
     columns: tuple[Floats, Floats, Floats]
-    slopes: Floats
     acceleration: Floats
     jerk: Floats
     axes: Floats
@@ -161,7 +157,6 @@ class FrameMotion:
 
         return PointMotion(
             columns=tuple(moved(part).swapaxes(1, 2) for part in self.columns),  # type: ignore[arg-type]
-            slopes=np.moveaxis(moved(self.slopes), 3, 1),
             acceleration=moved(self.acceleration).reshape(count, -1),
             jerk=moved(self.jerk).reshape(count, -1),
         )
@@ -202,18 +197,10 @@ def frame_motion(bodies: BodyPoints, q: Floats, dq: Floats, ddq: Floats, dddq: F
         else:
             for order in range(3):
                 columns[order][:, k, behind, 3] = axes[k][order][:, None]
-    slopes = np.zeros((count, n, n, n, 4, 3))
-    for j in range(n):
-        if bodies.revolute[j]:
-            behind = np.flatnonzero(bodies.before[j])
-            turned = np.cross(axes[j][0][:, None, None, None], columns[0][:, behind])
-            slopes[:, j, behind] = turned
-            slopes[:, behind, j] = turned
     acceleration = points[2]
     acceleration[:, :, 3] -= bodies.gravity
     return FrameMotion(
         columns=(columns[0], columns[1], columns[2]),
-        slopes=slopes,
         acceleration=acceleration,
         jerk=points[3],
         axes=np.where(bodies.revolute[:, None], np.stack([axis[0] for axis in axes], axis=1), 0.0),

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from slidax.arms.articulated import Articulated
 
 from ..certificate import Assumption, Verdict
-from .fixed_point import USED, Bounds, Problem, spreads_of
-from .lagged_sums import Lags
+from .fixed_point import USED, Bounds, Problem
+from .lagged_sums import SUMMED, Lags
 from .path_cells import PathCells
 from .path_norms import size_in
 from .path_tube import Cell
@@ -126,7 +126,10 @@ class Torques:
         self.acting = {
             "friction": np.broadcast_to(friction, cells.speed.shape),
             "disturbance": np.zeros_like(torque) if limited else torque,
-            "band feedback": weight * acceleration[:, None],
+            "band feedback": np.minimum(
+                weight * acceleration[:, None],
+                np.einsum("nij,nj->ni", at.band_error, outputs["acceleration"] + problem.unplanned),
+            ),
             "prediction": (
                 np.minimum(weight * (at.coriolis * norms["velocity_miss"])[:, None], velocity)
                 + np.minimum(weight * (at.stiffness * norms["position_miss"])[:, None], position)
@@ -135,12 +138,7 @@ class Torques:
             "sampling": weight * (at.held + at.reference)[:, None],
         }
         self.slow = at.band_torque + (torque if limited else 0.0)
-        self.slow_norm = at.band_rate + (
-            np.sqrt(np.einsum("ni,nij,nj->n", torque_rate, at.inverse, torque_rate))
-            + 2.0 * at.growth * problem.pushed_norm
-            if limited
-            else 0.0
-        )
+        self.slow_rate = at.torque_rate + (torque_rate if limited else 0.0)
         self.tube = weight * at.band_tube[:, None]
         self.total_norm = bounds.disturbance_norm + acceleration + at.band + problem.pushed_norm
 
@@ -159,13 +157,13 @@ class Torques:
         shares = {key: past(table.any_form, value) for key, value in self.acting.items()}
         # A slow w is followed: s = -w + (s + w), and the step of s is that of -w and of s + w.
         followed = USED.index("acceleration") if name == "command" else i
-        moving = self.weight * past(problem.weighted.ramp, self.slow_norm[:, None], followed)
+        moving = past(table.ramp, self.slow_rate, followed)
         if name == "command":
             moving = moving + self.slow
         begun = np.zeros(shape)
         if not inputs.settled:
             begun[0] = self.slow[0]
-        begun = begun + self.weight * (problem.p * self.cell.jump)[:, None]
+        begun = begun + at.torque_jump
         moving = moving + table.step.since(begun)[..., i]
         shares["inertial band"] = np.minimum(past(table.any_form, self.slow), moving)
         shares["inertial band"] = shares["inertial band"] + past(table.any_form, self.tube)
@@ -180,18 +178,20 @@ class Torques:
             table.start_error.since(starts[0]) + table.start_speed.since(starts[1]) + table.start_miss.since(starts[2])
         )[..., i]
         # M0 now less M0 when w acted, in the metric.
-        kernel = spreads_of(problem.loop, problem.p, 0.0)[name].nominal
-        ages = h * (1.0 + np.arange(kernel.any_form.size))
+        kernels = problem.stacks["nominal"].summed
+        ages = h * (1.0 + np.arange(len(kernels)))
         turned = np.expm1(2.0 * problem.growth * ages) + float(np.max(self.cell.tube_shift))
-        drift = Lags.of([kernel.any_form * turned], *problem.cut).past(self.total_norm[:, None])[..., 0]
-        noisy = Lags.of([kernel.noise * turned], *problem.cut)
+        turning = {
+            kind: Lags.of(kernels[:, SUMMED.index(kind), i, None] * turned[:, None], *problem.cut)
+            for kind in ("any_form", "noise", "goal")
+        }
+        drift = turning["any_form"].past(self.total_norm[:, None])[..., 0]
         rounding = size_in(np.broadcast_to(0.5 * inputs.resolution, shape), at.inertia)
-        drift = drift + noisy.past(rounding[:, None])[..., 0]
-        if problem.hand_over is not None and problem.goal is not None:
+        drift = drift + turning["noise"].past(rounding[:, None])[..., 0]
+        if problem.hand_over is not None:
             goal = problem.hand_over.goal(self.bounds.outputs["led"])
-            shares["hand-over"] = past(problem.goal.nominal, np.einsum("nij,nj->ni", at.inertia, goal))
-            turning = Lags.of([kernel.goal * turned], *problem.cut)
-            drift = drift + turning.past(size_in(goal, at.inertia)[:, None])[..., 0]
+            shares["hand-over"] = past(table.goal, np.einsum("nij,nj->ni", at.inertia, goal))
+            drift = drift + turning["goal"].past(size_in(goal, at.inertia)[:, None])[..., 0]
         shares["drift"] = self.weight * drift
         return shares
 

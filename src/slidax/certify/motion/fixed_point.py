@@ -4,7 +4,8 @@ All joints have the same scalar loop, so that a bound of the disturbance w in a 
 that norm. With `M = M0 + E` and `K = M⁻¹ M0` the arm obeys `ë = K (s + w) + ρ`, and w depends on the outputs itself.
 Two bounds of each output are used, and the smaller one counts:
 
-- small gain: `ë = s + w - M0⁻¹ E (ë - ρ) + ρ`, with the nominal loop and `‖M0⁻¹ E x‖ <= p ‖x‖`;
+- small gain: `ë = s + w - M0⁻¹ E (ë - ρ) + ρ`, with the nominal loop and `‖M0⁻¹ E x‖ <= p ‖x‖`, or by element
+  `|M0⁻¹ E| |x|`;
 - modes: K is self-adjoint in the metric of M0, with eigenvalues κ in [1/(1+p), 1/(1-p)], and the loop of a constant K
   is a function of it. For one joint the nominal response counts in full and its departure over κ in the metric; the
   change of K since an earlier instant is a further disturbance (drift).
@@ -24,7 +25,7 @@ from numpy.typing import NDArray
 
 from .hand_over import HandOverCells
 from .joint_loop import OUTPUTS, JointLoop
-from .lagged_sums import Lags, LagTable
+from .lagged_sums import KernelStack, Lags, LagTable
 from .loop_kernels import LoopKernel, Spread, spread_kernels
 from .path import Path
 from .path_norms import size_in
@@ -38,6 +39,9 @@ ROUNDS = 100
 
 SETTLED = 1e-3
 """Relative change at which an iteration is extrapolated and verified."""
+
+NEAR = 0.03
+"""Relative change of the largest error at which an iteration is near its limit."""
 
 WIDENINGS = 4
 """Times that bounds which may be one are widened where they are not."""
@@ -168,8 +172,8 @@ def spreads_of(loop: JointLoop, p: float, growth: float) -> dict[str, Spread]:
 
 
 @lru_cache(maxsize=64)
-def tables_of(loop: JointLoop, p: float, growth: float, cell: int, count: int) -> dict[str, LagTable]:
-    """Return the kernels over cells, computed once for all motions and tubes."""
+def stacks_of(loop: JointLoop, p: float, growth: float) -> dict[str, KernelStack]:
+    """Return the kernels of the outputs that are used, computed once for all motions."""
     spreads, grown = spreads_of(loop, p, growth), spreads_of(loop, 0.0, growth)
     kernels = {
         "nominal": [spreads[name].nominal for name in USED],
@@ -177,30 +181,13 @@ def tables_of(loop: JointLoop, p: float, growth: float, cell: int, count: int) -
         "departure": [spreads[name].departure for name in USED],
         "largest": [spreads[name].largest for name in USED],
     }
-    return {name: LagTable.of(each, cell, count) for name, each in kernels.items()}
+    return {name: KernelStack.of(each) for name, each in kernels.items()}
 
 
-@dataclass(frozen=True, eq=False)
-class GoalTable:
-    """Kernels of the goal over cells: `nominal` and `weighted` of Theorem 1, and the others of Theorem 2."""
-
-    nominal: Lags
-    weighted: Lags
-    departure: Lags
-    largest: Lags
-
-
-@lru_cache(maxsize=64)
-def goals_of(loop: JointLoop, p: float, growth: float, cell: int, count: int) -> GoalTable:
-    """Return the kernels of the goal, computed once for all motions and tubes."""
-    spreads, grown = spreads_of(loop, p, growth), spreads_of(loop, 0.0, growth)
-    kernels = (
-        [spreads[name].nominal for name in USED],
-        [grown[name].largest for name in USED],
-        [spreads[name].departure for name in USED],
-        [spreads[name].largest for name in USED],
-    )
-    return GoalTable(*(Lags.of([kernel.goal for kernel in each], cell, count) for each in kernels))
+@lru_cache(maxsize=256)
+def tables_of(loop: JointLoop, p: float, growth: float, cell: int, count: int) -> dict[str, LagTable]:
+    """Return the kernels over cells, computed once for all motions and tubes."""
+    return {name: stack.over(cell, count) for name, stack in stacks_of(loop, p, growth).items()}
 
 
 class Problem:
@@ -228,14 +215,19 @@ class Problem:
         tables = tables_of(loop, self.p, growth, *cut)
         self.nominal, self.weighted = tables["nominal"], tables["weighted"]
         self.departure, self.largest = tables["departure"], tables["largest"]
-        self.goal = None if hand_over is None else goals_of(loop, self.p, growth, *cut)
         # The change of K in the time of a lag, which is at most one period longer than its number.
-        ages = h * (1.0 + np.arange(spreads["error"].largest.any_form.size))
+        self.stacks = stacks_of(loop, self.p, growth)
+        kernel = self.stacks["largest"].summed[:, 0]
+        ages = h * (1.0 + np.arange(len(kernel)))
         weight = np.exp(2.0 * growth * ages)
         change = np.minimum(float(np.max(at.slide)) * ages * weight, self.p * (1.0 + weight))
-        self.drift = Lags.of([spreads[name].largest.any_form * change for name in USED], *cut)
+        self.drift = Lags.of(kernel * change[:, None], *cut)
         self.h = h
+        # By element, a has one bound only if |M0⁻¹ E| is a contraction, here in the largest entry relative to c.
+        scale = at.conversion[:, :, None] / at.conversion[:, None]
+        self.by_element = np.max(np.sum(at.band_relative / scale, axis=2), axis=1) < 1.0
         self.fixed_joints, self.fixed_norms, self.acting = self._acting()
+        self.unplanned = 0.5 * h * cells.jerk + cells.jump
         self.small_gain, self.modes = self._constant()
         self.fixed = [[_total(values, k) for k in range(2)] for values in (self.small_gain, self.modes)]
 
@@ -351,7 +343,7 @@ class Problem:
         acceleration = parts["acceleration"][1]
         total, total_norm = sum(joints.values(), nothing), sum(norms.values(), nothing[:, 0])
         band = self.p * (acceleration + self.acting)
-        fed = conversion * band[:, None]
+        fed = self.fed_back(parts["acceleration"][0], band)
         by_gain, by_modes = np.split(
             self.nominal.any_form.past(np.concatenate([total + fed, total], axis=1)), 2, axis=1
         )
@@ -361,13 +353,13 @@ class Problem:
         mode_joints = by_modes + apart + self.fixed[1][0]
         mode_norms = mode_norms + self.fixed[1][1]
         goal = None
-        if self.hand_over is not None and self.goal is not None:
+        if self.hand_over is not None:
             own = self.hand_over.goal(parts["led"][0])
             size = size_in(own, at.inertia)[:, None]
-            goal = self.goal.nominal.past(own)
-            more = conversion[..., None] * self.goal.departure.past(size)
-            gain_joints, gain_norms = gain_joints + goal, gain_norms + self.goal.weighted.past(size)
-            mode_joints, mode_norms = mode_joints + goal + more, mode_norms + self.goal.largest.past(size)
+            goal = self.nominal.goal.past(own)
+            more = conversion[..., None] * self.departure.goal.past(size)
+            gain_joints, gain_norms = gain_joints + goal, gain_norms + self.weighted.goal.past(size)
+            mode_joints, mode_norms = mode_joints + goal + more, mode_norms + self.largest.goal.past(size)
         least, least_norms = np.minimum(gain_joints, mode_joints), np.minimum(gain_norms, mode_norms)[:, 0]
         least_norms = np.minimum(least_norms, np.sqrt(np.sum(least * (at.inertia @ least), axis=1)))
         outputs = {name: least[..., i] for i, name in enumerate(USED)}
@@ -393,6 +385,15 @@ class Problem:
             goal = goal[..., 0] if by_gain_is_less else (goal + more)[..., 0]
         shares = partial(self._terms, joints, fed if by_gain_is_less else apart[..., 0], within, by_gain_is_less, goal)
         return Bounds(error, velocity, outputs, sizes, shares, total, total_norm)
+
+    def fed_back(self, acceleration: Floats, band: Floats) -> Floats:
+        """Bound of |M0⁻¹ E ë| per joint [N n]: in the metric, or by element.
+
+        - `acceleration`: of |a| per joint [N n]. `band`: of ‖M0⁻¹ E ë‖ [N].
+        """
+        in_metric = self.at.conversion * band[:, None]
+        each = np.einsum("nij,nj->ni", self.at.band_relative, acceleration + self.unplanned)
+        return np.where(self.by_element[:, None], np.minimum(in_metric, each), in_metric)
 
     def _apart(self, total_norm: Floats, acceleration: Floats) -> tuple[Floats, Floats]:
         """Departure of the outputs from the nominal loop by the modes of K [N n outputs], and all in the metric."""
@@ -427,6 +428,19 @@ class Problem:
         terms = {name: _or_next(shares[name]) for name in TERMS if name in shares}
         terms["sampling"] = terms["sampling"] + within
         return terms
+
+    def approach(self, cap: float) -> Bounds | None:
+        """Return bounds near the least ones that may satisfy the inequalities; None if none is below `cap`."""
+        bounds = self.round(None)
+        for _ in range(ROUNDS):
+            following = self.round(bounds)
+            size, before = float(following.error.max()), float(bounds.error.max())
+            if not size < cap:
+                return None
+            bounds = following
+            if size < before * (1.0 + NEAR):
+                return bounds
+        return None
 
     def solve(self, start: Bounds | None, cap: float) -> Bounds:
         """Return bounds that satisfy the inequalities, or unverified ones if none is below `cap`, in rad or m."""

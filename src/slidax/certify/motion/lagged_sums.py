@@ -19,26 +19,9 @@ class Lags:
     weights: Floats
 
     @classmethod
-    def of(cls, kernels: list[Floats], cell: int, count: int) -> Lags:
-        """Sum kernels over cells; what is further back than `count` cells goes to the last row."""
-        values = np.stack(kernels, axis=1)
-        values = np.pad(values, ((0, -len(values) % cell), (0, 0))).reshape(-1, cell, values.shape[1]).sum(axis=1)
-        head = np.zeros((count + 1, values.shape[1]))
-        head[: min(count, len(values))] = values[:count]
-        head[count] = values[count:].sum(axis=0)
-        return cls(head)
-
-    @classmethod
-    def of_steps(cls, kernels: list[Floats], cell: int, count: int) -> Lags:
-        """The largest responses to a step or a start in a cell, for each later one."""
-        values = np.stack(kernels, axis=1)
-        values = np.pad(values, ((0, -len(values) % cell), (0, 0)), mode="edge")
-        values = values.reshape(-1, cell, values.shape[1]).max(axis=1)
-        head = np.tile(values[min(count, len(values) - 1) :].max(axis=0), (count + 1, 1))
-        head[: min(count, len(values))] = values[:count]
-        # A step late in its cell is less than j cells ago; and what is to come counts now.
-        head = np.maximum(head, np.concatenate([head[:1], head[:-1]]))
-        return cls(np.maximum.accumulate(head[::-1])[::-1])
+    def of(cls, kernel: Floats, cell: int, count: int) -> Lags:
+        """Sum a kernel [L outputs] over cells; what is further back than `count` cells goes to the last row."""
+        return cls(_summed(kernel, cell, count))
 
     def output(self, which: int) -> Lags:
         """Return the weights of one output."""
@@ -68,7 +51,8 @@ class Lags:
         count = len(self.weights) - 1
         # Columns first, so that each window is a stretch of memory.
         padded = np.concatenate([np.repeat(before.T, count, axis=1), values.T], axis=1)
-        windows = np.lib.stride_tricks.sliding_window_view(padded, count, axis=1)[:, 1:]
+        columns, step = padded.strides
+        windows = np.lib.stride_tricks.as_strided(padded[:, 1:], (*values.T.shape, count), (columns, step, step))
         flat = np.ascontiguousarray(windows).reshape(-1, count) @ self.weights[count - 1 :: -1]
         sums = flat.reshape(len(padded), len(values), -1) + rest[:, None, None] * self.weights[count]
         return sums.swapaxes(0, 1)
@@ -80,30 +64,59 @@ class LagTable:
 
     any_form: Lags
     ramp: Lags
-    step: Lags
     pulse: Lags
     noise: Lags
+    goal: Lags
+    step: Lags
     start_error: Lags
     start_speed: Lags
     start_miss: Lags
     beyond: Floats
 
+
+SUMMED = ("any_form", "ramp", "pulse", "noise", "goal")
+STEPS = ("step", "start_error", "start_speed", "start_miss")
+
+
+@dataclass(frozen=True, eq=False)
+class KernelStack:
+    """Kernels of several outputs as arrays [L kinds outputs]: those of `SUMMED`, and those of `STEPS`."""
+
+    summed: Floats
+    steps: Floats
+    beyond: Floats
+
     @classmethod
-    def of(cls, kernels: list[LoopKernel], cell: int, count: int) -> LagTable:
-        def sums(name: str) -> Lags:
-            return Lags.of([getattr(kernel, name) for kernel in kernels], cell, count)
-
-        def steps(name: str) -> Lags:
-            return Lags.of_steps([getattr(kernel, name) for kernel in kernels], cell, count)
-
-        return cls(
-            any_form=sums("any_form"),
-            ramp=sums("ramp"),
-            step=steps("step"),
-            pulse=sums("pulse"),
-            noise=sums("noise"),
-            start_error=steps("start_error"),
-            start_speed=steps("start_speed"),
-            start_miss=steps("start_miss"),
-            beyond=np.array([kernel.beyond for kernel in kernels]),
+    def of(cls, kernels: list[LoopKernel]) -> KernelStack:
+        """Return the kernels of some outputs as arrays."""
+        summed, steps = (
+            np.stack([np.stack([getattr(kernel, kind) for kernel in kernels], axis=1) for kind in kinds], axis=1)
+            for kinds in (SUMMED, STEPS)
         )
+        return cls(summed, steps, np.array([kernel.beyond for kernel in kernels]))
+
+    def over(self, cell: int, count: int) -> LagTable:
+        """Return the kernels over cells."""
+        summed, steps = _summed(self.summed, cell, count), _largest(self.steps, cell, count)
+        lags = {kind: Lags(np.ascontiguousarray(summed[:, i])) for i, kind in enumerate(SUMMED)}
+        lags |= {kind: Lags(np.ascontiguousarray(steps[:, i])) for i, kind in enumerate(STEPS)}
+        return LagTable(**lags, beyond=self.beyond)
+
+
+def _summed(values: Floats, cell: int, count: int) -> Floats:
+    """Sums over cells of the first axis; the last row is for all that is further back than `count` cells."""
+    sums = np.add.reduceat(values, np.arange(0, len(values), cell), axis=0)
+    head = np.zeros((count + 1, *values.shape[1:]))
+    head[: min(count, len(sums))] = sums[:count]
+    head[count] = sums[count:].sum(axis=0)
+    return head
+
+
+def _largest(values: Floats, cell: int, count: int) -> Floats:
+    """The largest responses to a step or a start in a cell, for each later one."""
+    values = np.maximum.reduceat(values, np.arange(0, len(values), cell), axis=0)
+    head = np.repeat(values[None, min(count, len(values) - 1) :].max(axis=1), count + 1, axis=0)
+    head[: min(count, len(values))] = values[:count]
+    # A step late in its cell is less than j cells ago; and what is to come counts now.
+    head = np.maximum(head, np.concatenate([head[:1], head[:-1]]))
+    return np.asarray(np.maximum.accumulate(head[::-1])[::-1])

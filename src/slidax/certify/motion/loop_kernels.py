@@ -6,6 +6,7 @@ Inside this module the unit of time is the period.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +33,7 @@ LONGEST = 2**15
 
 @dataclass(frozen=True)
 class LoopKernel:
-    """Bounds of one output per lag in periods, in SI units; each [L].
+    """Bounds of one output per lag in periods, in SI units; each [L], or [L outputs] for several outputs.
 
     - `any_form`: for an acceleration w of size 1, of any form within and between periods.
     - `ramp`: for a continuous w whose rate has the size 1; with it goes `beyond` times the size of w itself.
@@ -46,7 +47,7 @@ class LoopKernel:
 
     any_form: Floats
     ramp: Floats
-    beyond: float
+    beyond: Any
     step: Floats
     pulse: Floats
     noise: Floats
@@ -59,6 +60,13 @@ class LoopKernel:
     def gain(self) -> float:
         """l1 norm of the response to a w of any form."""
         return float(np.sum(self.any_form))
+
+    def by_output(self) -> dict[str, LoopKernel]:
+        """Return the kernel of each output, from those of all."""
+        return {
+            name: LoopKernel(**{kind: values[..., i] for kind, values in vars(self).items()})
+            for i, name in enumerate(OUTPUTS)
+        }
 
 
 @dataclass(frozen=True)
@@ -91,15 +99,14 @@ def spread_kernels(loop: JointLoop, p: float, growth: float = 0.0) -> dict[str, 
     ratios, maps = _stable_maps(loop, p, growth)
     length = _longest(loop, maps, growth)
     nominal, traces = _traces(loop, ratios, maps, growth, length)
-    pushed = _largest([trace.kernel("acceleration") for trace in traces])
+    own = [trace.kernels() for trace in traces]
+    largest = _largest(own)
+    pushed = largest.by_output()["acceleration"]
     bend = _bend(float(ratios[2] - ratios[1]), p, pushed.gain) if p > 0.0 else 0.0
-    results = {}
-    for name in OUTPUTS:
-        own = [trace.kernel(name) for trace in traces]
-        apart = [trace.less(traces[0]).kernel(name) for trace in traces]
-        between = bend * _largest(own).gain
-        results[name] = Spread(nominal.kernel(name), _largest(apart, pushed, between), _largest(own, pushed, between))
-    return results
+    between = bend * np.sum(largest.any_form, axis=0)
+    apart = _largest([trace.less(traces[0]).kernels() for trace in traces], pushed, between)
+    parts = [part.by_output() for part in (nominal.kernels(), apart, _largest(own, pushed, between))]
+    return {name: Spread(*(part[name] for part in parts)) for name in OUTPUTS}
 
 
 def bare_kernels(
@@ -122,9 +129,9 @@ def bare_kernels(
     apart = [part(trace.less(traces[0])) for trace in traces]
     whole = [part(trace) for trace in traces]
     return {
-        "nominal": {name: part(nominal).kernel(name) for name in OUTPUTS},
-        "departure": {name: _largest([trace.kernel(name) for trace in apart]) for name in OUTPUTS},
-        "largest": {name: _largest([trace.kernel(name) for trace in whole]) for name in OUTPUTS},
+        "nominal": part(nominal).kernels().by_output(),
+        "departure": _largest([trace.kernels() for trace in apart]).by_output(),
+        "largest": _largest([trace.kernels() for trace in whole]).by_output(),
     }
 
 
@@ -241,52 +248,58 @@ class _Trace:
         response, rest, own = self.response - other.response, self.rest + other.rest, self.own - other.own
         return replace(self, response=response, rest=rest, own=own)
 
-    def kernel(self, name: str) -> LoopKernel:
-        i, h = list(OUTPUTS).index(name), self.period
-        response, rest, weight = self.response[:, i], self.rest[i], self.weight
-        direct, constant, beyond, goal_direct = self.own[i]
-        noise, pulse, velocity, start_error, start_speed, goal, late = response.T
+    def kernels(self) -> LoopKernel:
+        """The kernels of all outputs [L outputs]."""
+        h, rest, weight = self.period, self.rest.T, self.weight[:, None]
+        direct, constant, beyond, goal_direct = self.own.T
+        noise, pulse, velocity, start_error, start_speed, goal, late = np.moveaxis(self.response, 2, 0)
         # A w at the start of its period acts by `late + velocity`, at its end by `velocity`; a maximum over κ of the
         # size of such a line is convex in time.
         ends = np.stack([np.abs(velocity), np.abs(velocity + late)])
-        reached = constant + np.concatenate([[0.0], np.cumsum(0.5 * late + velocity)])
+        reached = constant + np.concatenate([np.zeros((1, len(constant))), np.cumsum(0.5 * late + velocity, axis=0)])
         between = 0.5 * (np.abs(reached[:-1]) + np.abs(reached[1:])) + np.abs(late) / 12.0
-        stepped = np.maximum(np.abs(reached), np.append(np.abs(reached[1:]), np.abs(reached[-1])))
+        stepped = np.maximum(np.abs(reached), np.abs(np.concatenate([reached[1:], reached[-1:]])))
         stepped[:-1] += np.abs(late) / 8.0
-        unit = h ** -OUTPUTS[name]
-        w_rest = float(rest[6] + rest[2])
+        unit = h ** -np.array(list(OUTPUTS.values()), float)
+        w_rest = rest[6] + rest[2]
 
-        def joined(own: float, later: Floats, rest: float) -> Floats:
-            value = np.concatenate([[abs(own)], np.abs(later)]) * weight
+        def joined(own: Floats, later: Floats, rest: Floats) -> Floats:
+            value = np.concatenate([np.abs(own)[None], np.abs(later)]) * weight
             value[-1] += rest
-            return value
+            return np.asarray(value)
+
+        def begun(later: Floats, rest: Floats) -> Floats:
+            return np.concatenate([np.abs(later) * weight[:-1], rest[None]])
 
         areas = _area(velocity, velocity + late) if self.ratio == 1.0 else 0.5 * np.sum(ends, axis=0)
         return LoopKernel(
-            any_form=joined(abs(constant) + abs(beyond), areas, w_rest) * (unit * h**2),
-            ramp=joined(constant + abs(beyond), between, w_rest * len(response)) * (unit * h**3),
-            beyond=float(abs(beyond)) * unit * h**2,
+            any_form=joined(np.abs(constant) + np.abs(beyond), areas, w_rest) * (unit * h**2),
+            ramp=joined(constant + np.abs(beyond), between, w_rest * len(late)) * (unit * h**3),
+            beyond=np.abs(beyond) * unit * h**2,
             step=stepped * weight * (unit * h**2) + w_rest * (unit * h**2),
             # The filter does not know of a pulse by the arm, but knows the reference's own.
-            pulse=joined(0.0, np.maximum(np.abs(pulse), np.abs(start_error)), float(rest[1] + rest[3])) * unit,
-            noise=joined(float(direct), noise, float(rest[0])) * unit,
-            start_error=np.append(np.abs(start_error) * weight[:-1], float(rest[3])) * unit,
-            start_speed=np.append(np.abs(start_speed) * weight[:-1], float(rest[4])) * (unit * h),
+            pulse=joined(0.0 * direct, np.maximum(np.abs(pulse), np.abs(start_error)), rest[1] + rest[3]) * unit,
+            noise=joined(direct, noise, rest[0]) * unit,
+            start_error=begun(start_error, rest[3]) * unit,
+            start_speed=begun(start_speed, rest[4]) * (unit * h),
             # A known error less one that the filter does not know.
-            start_miss=np.append(np.abs(start_error - pulse) * weight[:-1], float(rest[3] + rest[1])) * unit,
-            goal=self._acting(float(goal_direct), goal, float(rest[5])) * (unit * h**2),
+            start_miss=begun(start_error - pulse, rest[3] + rest[1]) * unit,
+            goal=self._acting(goal_direct, goal, rest[5]) * (unit * h**2),
         )
 
-    def _acting(self, own: float, later: Floats, rest: float) -> Floats:
+    def _acting(self, own: Floats, later: Floats, rest: Floats) -> Floats:
         """Sizes of the response to a goal, from when it acts; before that it has no effect."""
-        value = np.concatenate([[abs(own)], np.abs(later)])
-        value = np.concatenate([value[self.delay :], np.zeros(self.delay)]) * self.weight
+        value = np.concatenate([np.abs(own)[None], np.abs(later)])
+        value = np.concatenate([value[self.delay :], np.zeros((self.delay, len(own)))]) * self.weight[:, None]
         value[-1] += rest
         return value
 
 
-def _largest(kernels: list[LoopKernel], pushed: LoopKernel | None = None, between: float = 0.0) -> LoopKernel:
-    """The largest of several kernels at each lag, and a share `between` of the acceleration's kernel."""
+def _largest(kernels: list[LoopKernel], pushed: LoopKernel | None = None, between: Any = 0.0) -> LoopKernel:
+    """The largest of several kernels [L outputs] at each lag, and a share `between` of the acceleration's kernel.
+
+    - `pushed`: the acceleration's. `between`: [outputs].
+    """
 
     def most(name: str) -> Floats:
         value = np.max([getattr(kernel, name) for kernel in kernels], axis=0)
@@ -300,7 +313,7 @@ def _largest(kernels: list[LoopKernel], pushed: LoopKernel | None = None, betwee
     return LoopKernel(
         any_form=most("any_form"),
         ramp=most("ramp"),
-        beyond=max(kernel.beyond for kernel in kernels),
+        beyond=np.max([kernel.beyond for kernel in kernels], axis=0),
         step=most_at_once("step"),
         pulse=most("pulse"),
         noise=most("noise"),

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from .body_points import BodyPoints, FrameMotion, PointMotion, frame_motion
 from .parameter_region import ParameterRegion
 from .path_cells import PathCells
-from .path_norms import PointNorms, gram, spectral_norm
+from .path_norms import JointPairs, PointMoments, PointNorms, gram, spectral_norm
 from .region_norms import RegionNorms
 
 Floats = NDArray[np.float64]
@@ -73,17 +73,30 @@ class Path:
     def stiffness(self) -> Floats:
         """The derivative P of the inverse dynamics by q [N n n]."""
         y, _, y2 = self.points.columns
-        return np.einsum("ndjk,nd->nkj", self.points.slopes, self.points.acceleration) + gram(y, y2)
+        (count, _, n), pairs = y.shape, self.pairs
+        force = np.cross(y.swapaxes(1, 2).reshape(count, n, -1, 3), self.points.acceleration.reshape(count, 1, -1, 3))
+        turned = self.frames.axes @ force.sum(axis=2).swapaxes(1, 2)
+        return np.asarray(pairs.known * turned[:, pairs.inner, pairs.outer] + gram(y, y2))
+
+    @cached_property
+    def pairs(self) -> JointPairs:
+        """The pairs of joints."""
+        return JointPairs.of(self.bodies.before)
+
+    @cached_property
+    def cover_moments(self) -> PointMoments:
+        """Moments of the cover's points at the centres."""
+        return PointMoments.of(self.cover.columns[0], self.frames.axes)
 
     @cached_property
     def norms(self) -> PointNorms:
         """Norms of the nominal points at the centres."""
-        return PointNorms.of(self, self.points)
+        return PointNorms.of(self, self.points, PointMoments.of(self.points.columns[0], self.frames.axes))
 
     @cached_property
     def cover_norms(self) -> PointNorms:
         """Norms of the cover's points at the centres."""
-        return PointNorms.of(self, self.cover)
+        return PointNorms.of(self, self.cover, self.cover_moments)
 
     @cached_property
     def region_norms(self) -> RegionNorms:

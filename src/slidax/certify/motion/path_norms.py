@@ -43,18 +43,16 @@ class PointNorms:
     bend: Floats
 
     @classmethod
-    def of(cls, path: Path, points: PointMotion) -> PointNorms:
+    def of(cls, path: Path, points: PointMotion, moments: PointMoments) -> PointNorms:
         """Compute the norms at the centres of a path's cells."""
-        root = path.root
+        root, pairs = path.root, path.pairs
         y = points.columns[0]
         unit, unit1, unit2 = (part @ root for part in points.columns)
-        slopes = np.moveaxis(points.slopes, 1, 3).reshape(len(y), -1, y.shape[1])
-        turning = slopes @ unit
         before = path.bodies.before
         behind = before[None, :, :, None] & before[None, :, None, :]
         parts = np.where(behind, gram(y, y)[:, None], 0.0)
-        slopes_each, slopes_norm = slope_norms(slopes, root)
-        turning_each, turning_norm = slope_norms(turning, root)
+        slopes_each, slopes_norm = moments.slopes(pairs, path.inverse, root)
+        turning_each, turning_norm = moments.turning(pairs, path.inverse, root)
         return cls(
             size=spectral_norm(unit),
             first=spectral_norm(unit1),
@@ -88,18 +86,84 @@ def spectral_norm(a: Floats) -> Floats:
     return np.sqrt(np.maximum(np.linalg.eigvalsh(gram(a, a))[:, -1], 0.0))
 
 
-def slope_norms(slopes: Floats, root: Floats) -> tuple[Floats, Floats]:
-    """Return the norms of `∂_j Y` [N n], and a bound of the norm of `Σ_j v_j ∂_j Y` for all v of norm 1 [N].
+@dataclass(frozen=True, eq=False)
+class JointPairs:
+    """Pairs (j, k) of joints, of which `∂_j∂_k X = z_inner × ∂_outer X` where one carries the other.
 
-    - `slopes`: `∂_j Y_k` [N n² D] in the order (j, k).
+    - `inner`, `outer`: the smaller and the larger joint of each pair [n n]. `known`: 1 where one carries the other,
+      else 0.
     """
-    n = root.shape[1]
-    products = (slopes @ slopes.swapaxes(1, 2)).reshape(-1, n, n, n, n)
-    inverse = root @ root.swapaxes(1, 2)
-    each = np.einsum("njkjl,nkl->nj", products, inverse)
-    square = root.swapaxes(1, 2) @ np.einsum("njkil,nji->nkl", products, inverse) @ root
-    both = np.sqrt(np.maximum(each, 0.0)), np.sqrt(np.maximum(np.linalg.eigvalsh(square)[:, -1], 0.0))
-    return both
+
+    inner: NDArray[np.intp]
+    outer: NDArray[np.intp]
+    known: Floats
+
+    @classmethod
+    def of(cls, before: NDArray[np.bool_]) -> JointPairs:
+        """Return the pairs of an arm's joints."""
+        inner, outer = np.sort(np.indices(before.shape), axis=0)
+        return cls(inner, outer, np.where(before[inner, outer], 1.0, 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class PointMoments:
+    """Inner products of the fields `z_a × ∂_k X`, for the axes z of all joints.
+
+    - `slopes_products`: `(z_a × ∂_k X) · (z_b × ∂_l X)` [N a k b l].
+    - `slopes_columns`: `(z_a × ∂_k X) · ∂_l X` [N a k l].
+    """
+
+    slopes_products: Floats
+    slopes_columns: Floats
+
+    @classmethod
+    def of(cls, y: Floats, axes: Floats) -> PointMoments:
+        """Compute the products from `Σ ∂_k X ∂_l Xᵀ`, a 3 × 3 matrix of each pair of joints.
+
+        - `y`: Y [N D n]. `axes`: [N n 3].
+        """
+        count, n = axes.shape[:2]
+        stacked = y.reshape(count, -1, 3 * n)
+        moments = (stacked.swapaxes(1, 2) @ stacked).reshape(count, 3, n, 3, n)
+        # (a × u)·(b × v) = (a·b)(u·v) - (a·v)(b·u).
+        along = moments.swapaxes(3, 4).reshape(count, -1, 3) @ axes.swapaxes(1, 2)
+        both = (axes @ along.reshape(count, 3, -1)).reshape(count, n, n, n, n)
+        sums = np.trace(moments, axis1=1, axis2=3)
+        angles = axes @ axes.swapaxes(1, 2)
+        products = angles[:, :, None, :, None] * sums[:, None, :, None] - both.transpose(0, 4, 2, 1, 3)
+        crossed = [moments[:, i, :, j] - moments[:, j, :, i] for i, j in ((1, 2), (2, 0), (0, 1))]
+        columns = (axes @ np.stack(crossed, axis=1).reshape(count, 3, -1)).reshape(count, n, n, n)
+        return cls(products, columns)
+
+    def slopes(self, pairs: JointPairs, inverse: Floats, root: Floats) -> tuple[Floats, Floats]:
+        """Return the norms of `∂_j Y` [N n], and a bound of that of `Σ_j v_j ∂_j Y` for all v of norm 1 [N]."""
+        count, n = inverse.shape[:2]
+        j, i, k, l = np.indices((n, n, n, n))
+        places = np.ravel_multi_index(
+            (pairs.inner[j, k], pairs.outer[j, k], pairs.inner[i, l], pairs.outer[i, l]), (n, n, n, n)
+        )
+        products = self.slopes_products.reshape(count, -1)[:, places.reshape(n * n, n * n)]
+        products = products * (pairs.known[j, k] * pairs.known[i, l]).reshape(n * n, n * n)
+        each = (products[:, :: n + 1] @ inverse.reshape(count, -1, 1))[..., 0]
+        square = (inverse.reshape(count, 1, -1) @ products).reshape(count, n, n)
+        return _sizes(each, square, root)
+
+    def turning(self, pairs: JointPairs, inverse: Floats, root: Floats) -> tuple[Floats, Floats]:
+        """Return the norms of `Yᵀ ∂_j Y` [N n], and a bound of that of `Σ_j v_j Yᵀ ∂_j Y` for all v of norm 1 [N]."""
+        count, n = inverse.shape[:2]
+        columns = self.slopes_columns[:, pairs.inner, pairs.outer] * pairs.known[..., None]
+        columns = (columns.reshape(count, n * n, n) @ root).reshape(count, n, n, n)
+        # Symmetric in the first two joints.
+        turned = (inverse @ columns.reshape(count, n, -1)).reshape(columns.shape)
+        each = np.sum((inverse[:, None] @ columns) * columns, axis=(2, 3))
+        square = columns.reshape(count, n, -1) @ turned.swapaxes(1, 2).reshape(count, n, -1).swapaxes(1, 2)
+        return _sizes(each, square, root)
+
+
+def _sizes(each: Floats, square: Floats, root: Floats) -> tuple[Floats, Floats]:
+    """Roots of squares of norms, and of the largest eigenvalue of a form in the metric."""
+    values = np.linalg.eigvalsh(root.swapaxes(1, 2) @ square @ root)[:, -1]
+    return np.sqrt(np.maximum(each, 0.0)), np.sqrt(np.maximum(values, 0.0))
 
 
 def size_in(x: Floats, inertia: Floats) -> Floats:

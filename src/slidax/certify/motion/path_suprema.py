@@ -32,7 +32,9 @@ class Suprema:
     - `per_command`: norm of its share of the command s, per joint and norm of s [N n].
     - `band`: norm of `M0⁻¹ (E q̈_d + Δn)` along the motion [N]; `band_joints`: per joint [N n]; `band_rate`: norm of its
       rate, but for jumps of the acceleration [N]; `band_tube`: further norm by the tube, without ë [N]; `band_torque`:
-      |E q̈_d + Δn| per joint along the motion [N n].
+      |E q̈_d + Δn| per joint along the motion [N n]; `torque_rate`: its rate but for jumps [N n]; `torque_jump`: the sum
+      of its jumps [N n].
+    - `band_error`, `band_relative`: |E| and |M0⁻¹ E| by element [N n n].
     - `held`: norm of the disturbance by travel within a period that is even about its middle [N]; `odd`: rate of the
       odd part [N]. `reference`: norm of the disturbance by the reference's own miss between samples [N].
     """
@@ -53,6 +55,10 @@ class Suprema:
     band_rate: Floats
     band_tube: Floats
     band_torque: Floats
+    torque_rate: Floats
+    torque_jump: Floats
+    band_error: Floats
+    band_relative: Floats
     held: Floats
     odd: Floats
     reference: Floats
@@ -156,13 +162,13 @@ def _region_bounds(cell: Cell, change: Floats, motion_change: Floats, conversion
         + cover.first * (2.0 * cover.bend + cover.reach * cell.jerk)
         + (cover.whole * cover.bend_rate)
     )
-    rate = at.rate + half * rate_change + 4.0 * cover.first * cover.whole * cell.jump + p * cell.jerk
+    rate_change = half * rate_change + 4.0 * cover.first * cover.whole * cell.jump
+    rate = at.rate + rate_change + p * cell.jerk
     jump = p * cell.jump
     force = at.force + half * rate + jump
     band = force * grown
     band_rate = rate * grown + motion_change * inflated * band
     band_joints = at.joints + conversion * (half * band_rate + jump * inflated)[:, None]
-    band_torque = at.torque + weight * (half * rate + jump)[:, None]
 
     # Its change by the tube: by the mean derivatives between the motion and the arm.
     stiffness = at.stiffness + cover.stiffness_change(model=False)
@@ -172,6 +178,24 @@ def _region_bounds(cell: Cell, change: Floats, motion_change: Floats, conversion
 
     # The rate of E along the arm's own motion, and that of M0⁻¹ E.
     growth = at.growth + 2.0 * half * (cover.first**2 + cover.second * cover.whole)
+
+    # E itself: its change along the motion and by the tube, and that of M0⁻¹.
+    shift = half * growth + 2.0 * cover.whole * cover.drift + cover.drift**2
+    spread = cell.shift * inflated * p * (1.0 + cell.shift)
+    inverse, diagonal = cell.conversion[:, :, None], cell.diagonal[:, None]
+    band_error = at.error + shift[:, None, None] * cell.diagonal[:, :, None] * diagonal
+    band_relative = at.relative + (shift + spread)[:, None, None] * inverse * diagonal
+
+    # The torque per joint.
+    torque_rate, torque_jump = (
+        np.einsum("nij,nj->ni", band_error, part) for part in (path.cells.jerk, path.cells.jump)
+    )
+    torque_rate = (
+        at.torque_rate + weight * rate_change[:, None] + np.minimum(torque_rate, weight * (p * cell.jerk)[:, None])
+    )
+    torque_jump = np.minimum(torque_jump, weight * jump[:, None])
+    band_torque = at.torque + np.minimum(half * torque_rate, weight * (half * rate)[:, None]) + torque_jump
+
     growth = growth + np.sum(at.slopes * tube.speed, axis=1)
     further = cover.whole * (cover.crossed(tube.speed) + cover.moved) + cover.along * cover.sums(tube.speed)
     growth = growth + 2.0 * (further + cover.first * cover.drift)
@@ -182,4 +206,8 @@ def _region_bounds(cell: Cell, change: Floats, motion_change: Floats, conversion
         "band_rate": band_rate,
         "band_tube": band_tube,
         "band_torque": band_torque,
+        "torque_rate": torque_rate,
+        "torque_jump": torque_jump,
+        "band_error": band_error,
+        "band_relative": band_relative,
     }

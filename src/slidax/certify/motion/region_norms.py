@@ -31,19 +31,23 @@ class RegionNorms:
     """Suprema at the centres, norms in the metric of M0 there.
 
     - `torque`, `joints`: |T|_i and |M0⁻¹ T|_i [N n]; `force`: norm of M0⁻¹ T [N].
-    - `rate`: norm of M0⁻¹ times the rate of T without `E q⃛` [N].
+    - `rate`: norm of M0⁻¹ times the rate of T without `E q⃛` [N]; `torque_rate`: that rate per joint [N n].
     - `coriolis`: norm of `∂T/∂q̇` [N]; `stiffness`: norms of the columns of `∂T/∂q` [N n].
     - `growth`: norm of Ė [N]; `slopes`: norms of ∂_j E [N n].
+    - `error`, `relative`: |E|_ij and |M0⁻¹ E|_ij by element [N n n].
     """
 
     torque: Floats
     joints: Floats
     force: Floats
     rate: Floats
+    torque_rate: Floats
     coriolis: Floats
     stiffness: Floats
     growth: Floats
     slopes: Floats
+    error: Floats
+    relative: Floats
 
     @classmethod
     def of(cls, path: Path) -> RegionNorms:
@@ -57,7 +61,7 @@ class RegionNorms:
     @classmethod
     def _over_cover(cls, path: Path) -> RegionNorms:
         at, points, root, cells = path.cover_norms, path.cover, path.root, path.cells
-        y, _, y2 = points.columns
+        y, y1, y2 = points.columns
         rotors = np.sqrt(path.region.rotors)
         force = np.concatenate([at.force, rotors * np.abs(cells.ddq)], axis=1)
         size = np.linalg.norm(force, axis=1)
@@ -72,10 +76,13 @@ class RegionNorms:
             joints=np.einsum("nbi,nb->ni", levers, force),
             force=bound * size,
             rate=at.first * whole + at.size * pushed,
+            torque_rate=np.einsum("nbi,nb->ni", by_body(y1), at.force) + np.einsum("nbi,nb->ni", by_body(y), at.bend),
             coriolis=2.0 * at.size * at.first,
             stiffness=at.slopes * whole[:, None] + at.size[:, None] * np.linalg.norm(y2, axis=1),
             growth=2.0 * at.size * np.minimum(at.first, relative),
             slopes=2.0 * at.size[:, None] * slopes,
+            error=arms.swapaxes(1, 2) @ arms,
+            relative=levers.swapaxes(1, 2) @ arms,
         )
 
 
@@ -93,14 +100,19 @@ def _over_ellipsoid(path: Path, some: slice) -> dict[str, Floats]:
 
     With `Γ_ijk = ∂_iX · ∂_j∂_kX` for each axis of the ellipsoid: `∂_j E = Γ_·j· + Γ_·j·ᵀ`, and `C = Σ_k Γ_··k q̇_k`.
     """
-    region, root, inverse = path.region, path.root[some], path.inverse[some]
-    dq, ddq = path.cells.dq[some], path.cells.ddq[some]
+    region, root, inverse, pairs = path.region, path.root[some], path.inverse[some], path.pairs
+    dq, ddq, axes = path.cells.dq[some], path.cells.ddq[some], path.frames.axes[some]
     (count, n), transposed = ddq.shape, root.swapaxes(1, 2)
     products = _products(path, some)
     torque = products.force + ddq[..., None] * region.rotor_deviations.T
-    rate = (dq[:, None, None] @ products.bent)[:, :, 0] + products.bend
-    stiffness = products.bent + products.second
-    coriolis = 2.0 * (dq[:, None, None, None] @ products.gamma)[:, :, :, 0]
+    error = products.inertia
+    error[:, range(n), range(n)] += region.rotor_deviations.T
+    relative = (inverse @ error.reshape(count, n, -1)).reshape(error.shape)
+    turned = (axes @ products.turned.reshape(count, 3, -1)).reshape(count, n, n, n, -1)
+    bent = (axes @ products.bent.reshape(count, 3, -1)).reshape(count, n, n, -1)
+    bent = bent[:, pairs.inner, pairs.outer] * pairs.known[..., None]
+    rate = (dq[:, None, None] @ bent)[:, :, 0] + products.bend
+    stiffness = bent + products.second
 
     def largest(columns: Floats) -> Floats:
         """The largest norm of the columns' combinations: of all of them next to each other [N]."""
@@ -112,16 +124,24 @@ def _over_ellipsoid(path: Path, some: slice) -> dict[str, Floats]:
         square = transposed @ (forms.reshape(count, n, -1) @ right.swapaxes(1, 2)) @ root
         return np.sqrt(np.maximum(np.linalg.eigvalsh(square)[:, -1], 0.0))
 
-    slopes = [products.gamma[:, :, j] for j in range(n)]
+    coriolis, slopes = np.zeros_like(error), []
+    for j in range(n):
+        # Γ_ijk in the order (k, i).
+        slope = turned[:, pairs.inner[j], pairs.outer[j]] * pairs.known[j][:, None, None]
+        coriolis[:, :, j] = (dq[:, None] @ slope.reshape(count, n, -1)).reshape(count, n, -1)
+        slopes.append(largest_form(slope + slope.swapaxes(1, 2)))
     return {
         "torque": np.linalg.norm(torque, axis=2),
         "joints": np.linalg.norm(inverse @ torque, axis=2),
         "force": largest(transposed @ torque),
         "rate": largest(transposed @ rate),
-        "coriolis": np.minimum(largest_form(coriolis), largest_form(coriolis.swapaxes(1, 2))),
+        "torque_rate": np.linalg.norm(rate, axis=2),
+        "coriolis": 2.0 * np.minimum(largest_form(coriolis), largest_form(coriolis.swapaxes(1, 2))),
         "stiffness": largest((transposed[:, None] @ stiffness).reshape(count * n, n, -1)).reshape(count, n),
-        "growth": largest_form(0.5 * (coriolis + coriolis.swapaxes(1, 2))),
-        "slopes": np.stack([largest_form(slope + slope.swapaxes(1, 2)) for slope in slopes], axis=1),
+        "growth": largest_form(coriolis + coriolis.swapaxes(1, 2)),
+        "slopes": np.stack(slopes, axis=1),
+        "error": np.linalg.norm(error, axis=3),
+        "relative": np.linalg.norm(relative, axis=3),
     }
 
 
@@ -129,13 +149,16 @@ def _over_ellipsoid(path: Path, some: slice) -> dict[str, Floats]:
 class _Products:
     """Inner products of fields for each of the r axes of an ellipsoid; F is `Ẍ - g`.
 
-    - `gamma`: `∂_iX · ∂_j∂_kX` [N n n n r]; `bent`: `∂_j∂_kX · F` [N n n r]; `second`: `∂_jẌ · ∂_kX` [N n n r].
+    - `inertia`: `∂_jX · ∂_kX`; `second`: `∂_jẌ · ∂_kX` [N n n r].
+    - `turned`: `Σ ∂_kX × ∂_iX` [N 3 n n r], of which `(z × ∂_kX) · ∂_iX` is the product with z; `bent`: `Σ ∂_kX × F`
+      [N 3 n r].
     - `force`, `bend`: `∂_jX` times F, and times the rate of F without the jerk [N n r].
     """
 
-    gamma: Floats
-    bent: Floats
+    inertia: Floats
     second: Floats
+    turned: Floats
+    bent: Floats
     force: Floats
     bend: Floats
 
@@ -144,24 +167,33 @@ def _products(path: Path, some: slice) -> _Products:
     """The products in some cells. A product of derivatives needs only the bodies behind their outermost joint c."""
     frames, deviations, before = path.frames, path.region.deviations, path.bodies.before
     y, _, y2 = (part[some] for part in frames.columns)
-    slopes, force = frames.slopes[some], frames.acceleration[some, None]
+    force = frames.acceleration[some, None]
     bend = frames.jerk[some, None] - np.einsum("nkbpi,nk->nbpi", y, path.cells.dddq[some])[:, None]
+    # u · (v × e) = e · (u × v).
+    across, bowed = _crossed(y), _crossed(force)
     count, n, axes = len(y), y.shape[1], len(deviations)
-    result = _Products(*(np.zeros((count, *[n] * order, axes)) for order in (3, 2, 2, 1, 1)))
+    result = _Products(*(np.zeros((count, *shape, axes)) for shape in ((n, n), (n, n), (3, n, n), (3, n), (n,), (n,))))
     for c in range(n):
         behind, upto = np.flatnonzero(before[c]), np.flatnonzero(before[:, c])
-        ahead = upto[upto != c]
-        contracted = _Contraction(behind, deviations[:, behind].reshape(axes, -1).T)
-        outermost = contracted([y[:, upto], force], [slopes[:, c, upto]])
-        result.gamma[:, upto[:, None], c, upto] = result.gamma[:, upto[:, None], upto, c] = outermost[:, :-1]
-        result.bent[:, c, upto] = result.bent[:, upto, c] = outermost[:, -1]
-        first, second = (grid.ravel() for grid in np.meshgrid(ahead, ahead))
-        own = contracted([y[:, c, None]], [slopes[:, first, second], y2[:, upto], force, bend])[:, 0]
-        result.gamma[:, c, first, second] = own[:, : first.size]
-        result.second[:, upto, c] = own[:, first.size : -2]
+        size, contracted = len(upto), _Contraction(behind, deviations[:, behind].reshape(axes, -1).T)
+        others = [y[:, upto], y2[:, upto], *(part[:, upto] for part in across), *bowed, force, bend]
+        own = contracted(y[:, c], others)
+        result.inertia[:, upto, c] = result.inertia[:, c, upto] = own[:, :size]
+        result.second[:, upto, c] = own[:, size : 2 * size]
+        result.second[:, c, upto] = contracted(y2[:, c], [y[:, upto]])
+        for x in range(3):
+            result.turned[:, x, c, upto] = own[:, (2 + x) * size : (3 + x) * size]
+            result.turned[:, x, upto, c] = -result.turned[:, x, c, upto]
+            result.bent[:, x, c] = own[:, x - 5]
         result.force[:, c], result.bend[:, c] = own[:, -2], own[:, -1]
-        result.second[:, c, upto] = contracted([y2[:, c, None]], [y[:, upto]])[:, 0]
     return result
+
+
+def _crossed(field: Floats) -> list[Floats]:
+    """The products `v × e` of a field's vectors [... 3] with the three units e."""
+    x, y, z = np.moveaxis(field, -1, 0)
+    nothing = np.zeros_like(x)
+    return [np.stack(parts, axis=-1) for parts in ((nothing, z, -y), (-z, nothing, x), (y, -x, nothing))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,11 +203,11 @@ class _Contraction:
     bodies: NDArray[np.intp]
     weights: Floats
 
-    def __call__(self, a: Sequence[Floats], b: Sequence[Floats]) -> Floats:
-        """Return `Σ_b tr(a_b J_r b_bᵀ)` for all of the fields a and b [N . n 4 3], as [N a b r]."""
-        left, right = (np.concatenate([field[:, :, self.bodies] for field in fields], axis=1) for fields in (a, b))
-        moments = left[:, :, None] @ right[:, None].swapaxes(-1, -2)
-        return np.asarray(moments.reshape(*moments.shape[:3], -1) @ self.weights)
+    def __call__(self, field: Floats, others: Sequence[Floats]) -> Floats:
+        """Return `Σ_b tr(a_b J_r b_bᵀ)` for a field a [N n 4 3] and all others b [N . n 4 3], as [N b r]."""
+        right = np.concatenate([other[:, :, self.bodies] for other in others], axis=1)
+        moments = field[:, None, self.bodies] @ right.swapaxes(-1, -2)
+        return np.asarray(moments.reshape(*moments.shape[:2], -1) @ self.weights)
 
 
 def _relative_slopes(path: Path) -> tuple[Floats, Floats]:
@@ -183,13 +215,19 @@ def _relative_slopes(path: Path) -> tuple[Floats, Floats]:
 
     A common rotation of all bodies about joint j's axis z changes no inner product.
     """
-    y, slopes = path.cover.columns[0].swapaxes(1, 2), np.moveaxis(path.cover.slopes, 1, 3)
-    count, n, _ = y.shape
-    # Rows times this matrix are z × row.
-    turn = np.cross(path.frames.axes[:, :, None], np.eye(3))
-    rest = slopes - (y.reshape(count, 1, -1, 3) @ turn).reshape(slopes.shape)
-    square = np.sum((rest @ rest.swapaxes(2, 3)) * path.inverse[:, None], axis=(2, 3))
-    least = np.sqrt(np.maximum(square, 0.0))
-    rest = np.where((least < path.cover_norms.slopes)[..., None, None], rest, slopes)
-    along = (path.cells.dq[:, None] @ rest.reshape(count, n, -1)).reshape(y.shape).swapaxes(1, 2)
-    return np.minimum(least, path.cover_norms.slopes), spectral_norm(along @ path.root)
+    pairs, y, y1 = path.pairs, path.cover.columns[0], path.cover.columns[1]
+    products = path.cover_moments.slopes_products
+    (count, _, n), known = y.shape, pairs.known
+    least = np.empty((count, n))
+    for j in range(n):
+        # Of ∂_j∂_k X and of z_j × ∂_k X.
+        own = products[:, pairs.inner[j], pairs.outer[j]] * known[j][:, None, None]
+        both, common = own[:, :, j], products[:, j, :, j]
+        square = own[:, :, pairs.inner[j], pairs.outer[j]] * known[j] - both - both.swapaxes(1, 2) + common
+        least[:, j] = np.sum(square * path.inverse, axis=(1, 2))
+    least = np.sqrt(np.maximum(least, 0.0))
+    turned = np.where(least < path.cover_norms.slopes, path.cells.dq, 0.0)
+    spin = np.einsum("nj,njx->nx", turned, path.frames.axes)
+    # ∂_j Y q̇_j summed over all joints is Ẏ.
+    common = np.cross(spin[:, None], y.swapaxes(1, 2).reshape(count, -1, 3)).reshape(count, n, -1).swapaxes(1, 2)
+    return np.minimum(least, path.cover_norms.slopes), spectral_norm((y1 - common) @ path.root)

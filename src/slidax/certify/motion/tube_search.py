@@ -20,6 +20,9 @@ TUBES = 16
 PASSES = 3
 """Times that verified bounds are tightened."""
 
+WIDE, WIDE_TUBES = 1.25, 2
+"""Factor on the first tubes that are tried, and their number; the bounds in them are tightened afterwards."""
+
 
 @dataclass(frozen=True, eq=False)
 class Solution:
@@ -38,6 +41,9 @@ def bounds_along(
 
     None if the inertia changes too much within a cell.
     """
+    wide = _in_a_wide_tube(loop, path, inputs, cap, hand_over)
+    if wide is not None:
+        return wide
     tube = Tube.none(path.cells)
     bounds: Bounds | None = None
     problem: Problem | None = None
@@ -52,7 +58,7 @@ def bounds_along(
         if not bounds.verified:
             return Solution(bounds, problem)
         needed = tube_of(bounds, path, loop.period, at)
-        if all(np.all(getattr(needed, name) <= getattr(tube, name)) for name in vars(tube)):
+        if _contains(tube, needed):
             return _tightened(Solution(bounds, problem), needed)
         steps.append(float(bounds.error.max()))
         if len(steps) > 3 and steps[-1] - steps[-2] > steps[-2] - steps[-3] > steps[-3] - steps[-4]:
@@ -61,6 +67,30 @@ def bounds_along(
     if bounds is None or problem is None:
         return None
     return Solution(replace(bounds, verified=False), problem)
+
+
+def _in_a_wide_tube(
+    loop: JointLoop, path: Path, inputs: Inputs, cap: float, hand_over: HandOverCells | None
+) -> Solution | None:
+    """Verified bounds by a tube that is wider than what the bounds without a tube need; None if that is none."""
+    tube, bounds = Tube.none(path.cells), None
+    for tries in range(1 + WIDE_TUBES):
+        at = suprema(path, tube)
+        if at is None or np.max(at.growth) > 0.5 * loop.decay:
+            return None
+        problem = Problem(loop, path, inputs, at, tube, hand_over)
+        bounds = problem.solve(bounds, cap) if tries else problem.approach(cap)
+        if bounds is None or (tries and not bounds.verified):
+            return None
+        needed = tube_of(bounds, path, loop.period, at)
+        if tries and _contains(tube, needed):
+            return _tightened(Solution(bounds, problem), needed)
+        tube = Tube(**{name: value * WIDE for name, value in vars(needed).items()})
+    return None
+
+
+def _contains(tube: Tube, needed: Tube) -> bool:
+    return all(np.all(getattr(needed, name) <= getattr(tube, name)) for name in vars(tube))
 
 
 def _tightened(solution: Solution, needed: Tube) -> Solution:
