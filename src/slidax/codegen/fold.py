@@ -8,21 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .ir import FLOATS, Number, Type, Value
+from .ir import DTYPES, FLOATS, Number, Type, Value
 
 if TYPE_CHECKING:
     from .builder import Builder
-
-DTYPES: dict[str, Any] = {
-    "f64": np.float64,
-    "f32": np.float32,
-    "i64": np.int64,
-    "i32": np.int32,
-    "u64": np.uint64,
-    "u32": np.uint32,
-    "b1": np.bool_,
-}
-"""NumPy dtype of each type."""
 
 # Without exp, log and other elementary functions, whose last digits in NumPy differ between machines.
 _COMPUTE: dict[str, Callable[..., Any]] = {

@@ -5,39 +5,36 @@ from __future__ import annotations
 import functools
 import hashlib
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
+
+import numpy as np
 
 from slidax.core.errors import DefinitionError
 
 Type = Literal["f64", "f32", "i64", "i32", "u64", "u32", "b1", "none"]
 """Type of a value; `none` for blocks and stores."""
 
+DTYPES: dict[Type, Any] = {
+    "f64": np.float64,
+    "f32": np.float32,
+    "i64": np.int64,
+    "i32": np.int32,
+    "u64": np.uint64,
+    "u32": np.uint32,
+    "b1": np.bool_,
+}
+"""NumPy dtype of each type."""
+
 FLOATS: tuple[Type, ...] = ("f64", "f32")
 
-ELEMENTARY = [
-    "exp",
-    "expm1",
-    "log",
-    "log1p",
-    "pow",
-    "sin",
-    "cos",
-    "tan",
-    "asin",
-    "acos",
-    "atan",
-    "atan2",
-    "sinh",
-    "cosh",
-    "tanh",
-    "erf",
-    "erf_inv",
-    "cbrt",
-]
+ELEMENTARY = (
+    *("exp", "expm1", "log", "log1p", "pow", "sin", "cos", "tan", "asin", "acos", "atan", "atan2"),
+    *("sinh", "cosh", "tanh", "erf", "erf_inv", "cbrt"),
+)
 """Functions without a processor instruction: printed as calls, or expanded first."""
 
 BLOCKS = frozenset({"loop", "branch"})
@@ -208,6 +205,28 @@ class Program:
     def walk(self) -> Iterator[Value]:
         """Iterate over all values, a block before its contents."""
         yield from walk(self.body)
+
+
+def checked_inputs(program: Program, inputs: Sequence[Any], runs: int | None) -> list[np.ndarray]:
+    """Return inputs as arrays.
+
+    - `inputs`: arrays in the program's shapes and dtypes; those that vary have a first axis for the runs.
+    - `runs`: number of runs; None for one, without that axis.
+
+    Raises DefinitionError if an input has another shape or dtype.
+    """
+    if len(inputs) != len(program.inputs):
+        raise DefinitionError(f"the program has {len(program.inputs)} inputs; got {len(inputs)}")
+    arrays = [np.asarray(array) for array in inputs]
+    for array, entry in zip(arrays, program.inputs, strict=True):
+        shape = (runs, *entry.shape) if entry.varying and runs is not None else entry.shape
+        dtype = np.dtype(DTYPES[entry.type])
+        if array.shape != shape or array.dtype != dtype:
+            raise DefinitionError(
+                f"input `{entry.name}` must be {dtype} of shape {list(shape)}; "
+                f"got {array.dtype} of shape {list(array.shape)}"
+            )
+    return arrays
 
 
 def functions(program: Program) -> list[Program]:

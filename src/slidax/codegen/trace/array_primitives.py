@@ -66,12 +66,6 @@ def _expand(b: Builder, equation: Any, arrays: list[Values]) -> Values:
     return arrays[0].reshape(equation.outvars[0].aval.shape)
 
 
-def _platform(b: Builder, equation: Any, arrays: list[Values]) -> Values:
-    """Return the index of the branch that JAX itself takes on the CPU."""
-    platforms = equation.params["platforms"]
-    return constant_array(b, np.int32(next(k for k, names in enumerate(platforms) if names is None or "cpu" in names)))
-
-
 def _empty(b: Builder, equation: Any, arrays: list[Values]) -> Values:
     return full_array(b.constant(0, type_of(equation.outvars[0].aval.dtype)), equation.outvars[0].aval.shape)
 
@@ -91,7 +85,6 @@ SHAPE_RULES: dict[str, Callable[[Builder, Any, list[Values]], Values | list[Valu
     "unstack": _unstack,
     "split": _split,
     "empty": _empty,
-    "platform_index": _platform,
     "optimization_barrier": lambda b, eqn, arrays: arrays,
     "device_put": lambda b, eqn, arrays: arrays,
 }

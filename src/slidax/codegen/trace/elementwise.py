@@ -9,56 +9,21 @@ import jax
 import numpy as np
 
 from ..builder import Builder, Values
-from ..fold import DTYPES
-from ..ir import FLOATS, Type, Value
+from ..ir import DTYPES, ELEMENTARY, FLOATS, Type, Value
 from .arrays import Inline, constant_array, each, type_of, value_array
 
-OPERATIONS = {
-    "add": "add",
+SAME = (
+    *("add", "sub", "mul", "div", "rem", "neg", "abs", "min", "max", "sqrt", "floor", "ceil"),
+    *("and", "or", "xor", "not", "eq", "ne", "lt", "le", "gt", "ge"),
+)
+"""Primitives with an IR operation of the same name, besides the elementary functions."""
+
+OPERATIONS = {name: name for name in (*SAME, *ELEMENTARY)} | {
     "add_any": "add",
-    "sub": "sub",
-    "mul": "mul",
-    "div": "div",
-    "neg": "neg",
-    "abs": "abs",
-    "min": "min",
-    "max": "max",
-    "rem": "rem",
-    "sqrt": "sqrt",
-    "floor": "floor",
-    "ceil": "ceil",
-    "exp": "exp",
-    "expm1": "expm1",
-    "log": "log",
-    "log1p": "log1p",
-    "pow": "pow",
-    "sin": "sin",
-    "cos": "cos",
-    "tan": "tan",
-    "asin": "asin",
-    "acos": "acos",
-    "atan": "atan",
-    "atan2": "atan2",
-    "sinh": "sinh",
-    "cosh": "cosh",
-    "tanh": "tanh",
-    "erf": "erf",
-    "erf_inv": "erf_inv",
-    "cbrt": "cbrt",
-    "and": "and",
-    "or": "or",
-    "xor": "xor",
-    "not": "not",
     "shift_left": "shl",
     "shift_right_logical": "shr",
     "shift_right_arithmetic": "sar",
     "is_finite": "isfinite",
-    "eq": "eq",
-    "ne": "ne",
-    "lt": "lt",
-    "le": "le",
-    "gt": "gt",
-    "ge": "ge",
 }
 """IR operation of each primitive that has one."""
 
@@ -131,18 +96,9 @@ def _sign(b: Builder, x: Value) -> Value:
 def _round(b: Builder, equation: Any, x: Value) -> Value:
     if int(equation.params["rounding_method"]) == 1:
         return b.apply("rint", x)
-    half = b.constant(0.5, x.type)
-    size = b.apply("floor", b.apply("abs", x))
-    size = b.apply(
-        "add",
-        size,
-        b.apply(
-            "select",
-            b.apply("ge", b.apply("sub", b.apply("abs", x), size), half),
-            b.constant(1.0, x.type),
-            b.constant(0.0, x.type),
-        ),
-    )
+    whole = b.apply("floor", b.apply("abs", x))
+    is_half = b.apply("ge", b.apply("sub", b.apply("abs", x), whole), b.constant(0.5, x.type))
+    size = b.apply("add", whole, b.apply("select", is_half, b.constant(1.0, x.type), b.constant(0.0, x.type)))
     return b.apply("select", b.apply("lt", x, b.constant(0.0, x.type)), b.apply("neg", size), size)
 
 
