@@ -16,9 +16,6 @@ Real = Literal["double", "float"]
 FLOAT_MAX = float(np.finfo(np.float32).max)
 FLOAT_MIN = float(np.finfo(np.float32).tiny)
 
-SIZES: dict[Type, int] = {"f64": 8, "f32": 4, "i64": 8, "i32": 4, "u64": 8, "u32": 4, "b1": 1, "none": 0}
-"""Bytes of each type."""
-
 
 @dataclass(frozen=True)
 class Dialect:
@@ -38,10 +35,6 @@ class Dialect:
     def type(self, type: Type) -> str:
         """Return the C name of a type."""
         return (_KERNEL_TYPES if self.kernel else _C_TYPES)[self.effective_type(type)]
-
-    def size(self, type: Type) -> int:
-        """Return the bytes of a value."""
-        return SIZES[self.effective_type(type)]
 
     def function(self, name: str, type: Type) -> str:
         """Return the name of a function of `math.h`, from its name for doubles."""

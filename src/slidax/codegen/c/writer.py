@@ -76,7 +76,6 @@ class Writer:
         # Values that are elements of an array: the array's number and the index.
         self.array_elements: dict[Value, tuple[int, int]] = {}
         self.called: list[Program] = []
-        self.bytes = 0
         self.level = 1
         # Variables of outer blocks that inner blocks assign directly.
         self.result_names: dict[Value, str] = {}
@@ -106,8 +105,7 @@ class Writer:
         return name
 
     def new_variable(self, value: Value, hint: str | None = None) -> tuple[str, str]:
-        """Return type and name of a new variable for a value, and count its bytes."""
-        self.bytes += self.dialect.size(value.type)
+        """Return type and name of a new variable for a value."""
         return self.dialect.type(value.type), self.new_name(hint or self.hint(value))
 
     def hint(self, value: Value) -> str | None:
@@ -260,7 +258,6 @@ class Writer:
         size = sum(output.size for output in call.program.outputs)
         name = self.new_name(self._hint_of(call) or f"{callee.name}_result")
         self.line(f"{self.dialect.type('f64')} {name}[{size}];", call)
-        self.bytes += size * self.dialect.size("f64")
         self.line(f"{callee.name}({', '.join((*arguments, name))});", call)
         for k, result in self.placement.results_of(call).items():
             self.texts[result] = CExpression(f"{name}[{k}]")
@@ -283,7 +280,6 @@ class Writer:
             if all(text == f"{array}[{start + k}]" for k, text in enumerate(texts)):
                 return f"&{array}[{start}]" if start else array
         name = self.new_name(f"{callee.name}_at")
-        self.bytes += entry.size * self.dialect.size(entry.type)
         self.line(f"const {self.dialect.type(entry.type)} {name}[{entry.size}] = {{")
         width = WIDTH - len(INDENT) * (self.level + 1)
         row = ""
@@ -326,7 +322,6 @@ class Writer:
             if into[k] is None:
                 start = f" = {self.texts[no[k]].text}" if plain else ""
                 self.line(f"{self.dialect.type(result.type)} {names[k]}{start};", result)
-                self.bytes += self.dialect.size(result.type)
             self.texts[result] = CExpression(names[k])
         self.line(f"if ({condition.text}) {{")
         self._leave(then, [(names[k], value) for k, value in yes.items()])

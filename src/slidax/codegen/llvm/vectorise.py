@@ -230,12 +230,11 @@ def lower_and_fuse(program: Program, lowered: Set[str] = FUNCTIONS) -> Program:
 
     - `lowered`: the functions that are expanded; functions of constants always are.
     """
-    fuse = fuse_products()
 
     def replace(builder: Builder, value: Value, args: tuple[Value, ...]) -> Value | None:
         if value.op in FUNCTIONS:
             known = all(arg.op == "const" for arg in args)
             return lower(builder, value.op, args) if known or value.op in lowered else None
-        return fuse(builder, value, args)
+        return fuse_products(builder, value, args)
 
     return rebuild(program, replace)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import itertools
-import math
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -70,11 +69,6 @@ class Origin:
         self.shape = shape
         self.within = within
         self.visit: object = self if visit is None else visit
-
-    @property
-    def size(self) -> int:
-        """Number of elements of the result."""
-        return math.prod(self.shape)
 
     @property
     def frames(self) -> list[SourceFrame]:

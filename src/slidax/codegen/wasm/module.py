@@ -118,8 +118,7 @@ def substitute_inputs(program: Program, known: Mapping[int, np.ndarray]) -> Prog
 
     - `known`: constants by the input's position.
     """
-    fuse = fuse_products()
-    ready = rebuild(program, lambda builder, value, args: None if value.origin else fuse(builder, value, args))
+    ready = rebuild(program, lambda builder, value, args: None if value.origin else fuse_products(builder, value, args))
     return _Substitution(ready, known).finish()
 
 
