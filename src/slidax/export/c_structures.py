@@ -85,7 +85,7 @@ def members(tree: Any, *, strip: Sequence[str] = (), values: bool = False) -> li
     """
     structure = []
     for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
-        parts = [_part(key) for key in path]
+        parts = [part_of_path(key) for key in path]
         while len(parts) > 1 and parts[0] in strip:
             parts = parts[1:]
         structure.append(
@@ -105,7 +105,8 @@ def members(tree: Any, *, strip: Sequence[str] = (), values: bool = False) -> li
     return structure
 
 
-def _part(key: Any) -> str:
+def part_of_path(key: Any) -> str:
+    """The name of a field, entry or element on the way to a leaf."""
     for field in ("name", "key", "idx"):
         if hasattr(key, field):
             return str(getattr(key, field))
@@ -144,7 +145,7 @@ def objects_on_path(tree: Any, path: Sequence[Any]) -> Iterator[tuple[Any, Any]]
     place = tree
     for key in path:
         yield place, key
-        name = _part(key)
+        name = part_of_path(key)
         place = getattr(place, name) if hasattr(key, "name") else place[getattr(key, "key", getattr(key, "idx", name))]
 
 

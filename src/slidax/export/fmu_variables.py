@@ -6,7 +6,6 @@ import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -16,7 +15,7 @@ import numpy as np
 from slidax.core.parameter import Parameter, parameters_of
 
 from .c_project import CProject
-from .c_structures import Member
+from .c_structures import Member, objects_on_path, part_of_path
 from .guarded_step import GuardedStep
 from .programs import envelope_members
 from .status import HELD, Condition
@@ -223,21 +222,12 @@ def _declared(guard: GuardedStep) -> list[Parameter]:
     """Declaration of each parameter, in the order of the members; the innermost declaration counts."""
     declarations = []
     for path, _ in jax.tree_util.tree_leaves_with_path(guard):
-        declaration, node = Parameter("", ""), guard
-        for key in path:
-            name = getattr(key, "name", None)
-            if name is not None:
-                fields = {each.name: each for each in parameters_of(type(node))}
-                declaration = fields.get(name, declaration)
-            node = _child(node, key)
+        declaration = Parameter("", "")
+        for node, key in objects_on_path(guard, path):
+            fields = {each.name: each for each in parameters_of(type(node))} if hasattr(key, "name") else {}
+            declaration = fields.get(part_of_path(key), declaration)
         declarations.append(declaration)
     return declarations
-
-
-def _child(node: Any, key: Any) -> Any:
-    if hasattr(key, "name"):
-        return getattr(node, key.name)
-    return node[getattr(key, "key", getattr(key, "idx", None))]
 
 
 TYPES = {3: {"real": "Float64", "integer": "Int32", "boolean": "Boolean"},

@@ -63,9 +63,6 @@ def lockstep(scenario: Scenario, samples: int, *, transport: int = 0) -> Lockste
     return LockstepResult(of_law.channels, of_law.columns(np.stack(answers)), of_arm.columns(np.stack(ticks)))
 
 
-if TYPE_CHECKING:
-    from slidax.scenarios.scenario import Scenario
-
 CHUNK = 500
 """Ticks that are compressed together."""
 

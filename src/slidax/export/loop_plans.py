@@ -27,6 +27,9 @@ from slidax.simulation.simulate import BANDS
 from .guarded_step import GuardedStep
 from .status import CONDITIONS, StepMemory
 
+if TYPE_CHECKING:
+    from slidax.scenarios.scenario import Scenario
+
 WORD = 8
 
 
@@ -119,9 +122,6 @@ def kernel(function: Callable[..., Any], *args: Any) -> tuple[llvm.Kernel, Any]:
 def _is_slot(x: Any) -> bool:
     return isinstance(x, Slot)
 
-
-if TYPE_CHECKING:
-    from slidax.scenarios.scenario import Scenario
 
 REFERENCE_COLUMNS = ("q_d", "dq_d", "ddq_d", "q_d_next", "dq_d_next", "ddq_d_next")
 """Now, and one period later."""
@@ -266,9 +266,6 @@ def _state(vector: Any) -> State:
 def _reference(vector: Any) -> Reference:
     return jax.eval_shape(lambda q: Reference(q, q, q), vector)
 
-
-if TYPE_CHECKING:
-    from slidax.scenarios.scenario import Scenario
 
 BRAKES_IN = 0.05
 """Time constant of the brakes [s]."""
