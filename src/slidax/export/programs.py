@@ -61,6 +61,11 @@ class Function:
         return self.inputs[which].element(element)
 
     @property
+    def local(self) -> list[str]:
+        """Names of its variables."""
+        return [array.member.name for array in self.outputs if not array.pointer]
+
+    @property
     def tables(self) -> list[Member]:
         """The constant arrays that it reads."""
         read = {value.data[0] for value in self.program.body.values if value.op == "input"}
