@@ -89,7 +89,8 @@ def reduce_conditions(lines: Sequence[CodeLine], new_name: NewName, index: str, 
         declared = BOOL_DECLARATION.fullmatch(before)
         if declared is not None and reduction.lines and text == reduction.result:
             # The loop computes just this variable.
-            out[-LOOP:] = [_rename(each, text, declared.group(1)) for each in out[-LOOP:]]
+            renamed = [re.sub(rf"\b{text}\b", declared.group(1), each.text) for each in out[-LOOP:]]
+            out[-LOOP:] = [CodeLine(e.level, new, e.about) for e, new in zip(out[-LOOP:], renamed, strict=True)]
         else:
             out.append(CodeLine(line.level, before + text + after, line.about))
     return out
@@ -174,10 +175,6 @@ class _Reduction:
         return name
 
 
-def _rename(line: CodeLine, name: str, other: str) -> CodeLine:
-    return CodeLine(line.level, re.sub(rf"\b{name}\b", other, line.text), line.about)
-
-
 def _element(access: Access, index: str) -> str:
     return access.element(index) if access.step else access.text
 
@@ -249,7 +246,9 @@ class _Rerolling:
             else:
                 self.out.append(self.lines[k])
             k = end
-        renamed = [CodeLine(line.level, self._with_arrays(line.text), line.about) for line in self.out]
+        pieces = [parse(line.text) for line in self.out]
+        texts = [piece.fill([self.arrays.read(word) for word in piece.operands]) for piece in pieces]
+        renamed = [CodeLine(line.level, text, line.about) for line, text in zip(self.out, texts, strict=True)]
         return reduce_conditions(pass_in_place(renamed), self.arrays.new_name, self.index, self.helpers)
 
     def _run_of(self, k: int) -> tuple[int, str]:
@@ -260,9 +259,6 @@ class _Rerolling:
             while end < len(self.lines) and self.lines[end].level == level and _kind(self.lines[end]) == kind:
                 end += 1
         return end, kind
-
-    def _with_arrays(self, text: str) -> str:
-        return parse(text).with_operands(lambda word: self.arrays.read(word))
 
     # ---- constants ---------------------------------------------------------------------------------------------------
 

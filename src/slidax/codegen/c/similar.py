@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from .layout import CodeLine
@@ -42,10 +42,6 @@ class Piece:
         """Return the expression with other operands."""
         parts = self.template.split("\0")
         return parts[0] + "".join(text + part for text, part in zip(texts, parts[1:], strict=True))
-
-    def with_operands(self, rename: Callable[[str], str]) -> str:
-        """Return the expression with each operand renamed."""
-        return self.fill([rename(word) for word in self.operands])
 
 
 def parse(text: str) -> Piece:

@@ -7,7 +7,7 @@ import hashlib
 import itertools
 import os
 import os.path
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -209,18 +209,13 @@ class Kernel:
             part = table[piece]
             self._run(part.ctypes.data, len(part), rows)
 
-        pieces = list(_pieces(len(table), 1 if threads == 1 else threads * CHUNKS))
+        ends = np.linspace(0, len(table), min(len(table), 1 if threads == 1 else threads * CHUNKS) + 1).astype(int)
+        pieces = [slice(int(first), int(end)) for first, end in itertools.pairwise(ends)]
         if len(pieces) == 1:
             run(pieces[0])
             return
         with ThreadPoolExecutor(threads) as pool:
             list(pool.map(run, pieces))
-
-
-def _pieces(groups: int, pieces: int) -> Iterator[slice]:
-    ends = np.linspace(0, groups, min(groups, pieces) + 1).astype(int)
-    for first, end in itertools.pairwise(ends):
-        yield slice(int(first), int(end))
 
 
 def _processors() -> int:

@@ -117,10 +117,6 @@ def _select(b: Builder, equation: Any, arrays: list[Values]) -> Values:
     return each(choice, which, *cases)
 
 
-def _clamp(b: Builder, equation: Any, arrays: list[Values]) -> Values:
-    return each(lambda low, x, high: b.apply("min", b.apply("max", x, low), high), *arrays)
-
-
 def _logistic(b: Builder, x: Value) -> Value:
     unit = b.constant(1.0, x.type)
     return b.apply("div", unit, b.apply("add", unit, b.apply("exp", b.apply("neg", x))))
@@ -162,7 +158,7 @@ ELEMENTWISE_RULES: dict[str, Rule] = {
     "select_n": _select,
     "lt_to": _total_order_comparison("lt"),
     "le_to": _total_order_comparison("le"),
-    "clamp": _clamp,
+    "clamp": lambda b, eqn, arrays: each(lambda low, x, high: b.apply("min", b.apply("max", x, low), high), *arrays),
     "copy": lambda b, eqn, arrays: arrays[0],
     "copy_p": lambda b, eqn, arrays: arrays[0],
     "stop_gradient": lambda b, eqn, arrays: arrays[0],
@@ -205,16 +201,11 @@ def counters(b: Builder, equation: Any, arrays: list[Values]) -> list[Values]:
     return [constant_array(b, np.zeros_like(low)), constant_array(b, low)]
 
 
-def _implementation(equation: Any) -> Any:
-    impl = equation.params.get("impl")
-    return impl if impl is not None else equation.invars[0].aval.dtype._impl
-
-
 def inline_generator(name: str) -> Callable[[Builder, Any, list[Values], Inline], list[Values]]:
     """Return the rule of a primitive on keys, which inlines the function `name` of JAX's generator."""
 
     def rule(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> list[Values]:
-        impl = _implementation(equation)
+        impl = equation.params.get("impl") or equation.invars[0].aval.dtype._impl
         if impl.name != "threefry2x32":
             raise NotImplementedError(f"the generator `{impl.name}`; use JAX's default, threefry2x32")
         if equation.invars[0].aval.ndim:
@@ -225,15 +216,11 @@ def inline_generator(name: str) -> Callable[[Builder, Any, list[Values], Inline]
             more = (equation.params["bit_width"], equation.params["shape"])
         elif name == "split":
             more = (equation.params["shape"],)
-        shapes = [jax.ShapeDtypeStruct(array.shape, _dtype(array)) for array in arrays]
+        shapes = [jax.ShapeDtypeStruct(array.shape, DTYPES[array.flat[0].type]) for array in arrays]
         jaxpr = jax.make_jaxpr(lambda *args: function(*args, *more))(*shapes)
         return inline(jaxpr, arrays)
 
     return rule
-
-
-def _dtype(array: Values) -> Any:
-    return DTYPES[array.flat[0].type]
 
 
 def key_words(b: Builder, equation: Any, arrays: list[Values]) -> Values:

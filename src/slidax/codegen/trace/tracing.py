@@ -266,7 +266,8 @@ class _Inlining:
                 return [keep_array(self.builder, array) for array in arrays]
             if name in CALLS:
                 around, self.call = self.call, self.call or equation
-                results = self.run(_as_closed(equation.params[CALLS[name]]), arrays)
+                inner = equation.params[CALLS[name]]
+                results = self.run(inner if hasattr(inner, "jaxpr") else ClosedJaxpr(inner, ()), arrays)
                 self.call = around
                 return results
             if self.named:
@@ -320,10 +321,6 @@ class _Inlining:
             for frame in frames_of(nearest)[:1]:
                 return f" (line {frame.line} of {frame.file}, in `{frame.function}`)"
         return ""
-
-
-def _as_closed(jaxpr: Any) -> Any:
-    return jaxpr if hasattr(jaxpr, "jaxpr") else ClosedJaxpr(jaxpr, ())
 
 
 def trace(
