@@ -234,12 +234,9 @@ def render(template: str, values: dict[str, Any]) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters |= {"comment": comment, "capitalised": _capitalised, "wrapped": _wrapped}
-    environment.globals |= {
-        "declarations": declarations,
-        "initialisers": initialisers,
-        "table_definitions": table_definitions,
-    }
+    environment.filters |= {"comment": comment, "wrapped": _wrapped}
+    environment.filters["capitalised"] = lambda text: text[:1].upper() + text[1:]
+    environment.globals |= {each.__name__: each for each in (declarations, initialisers, table_definitions)}
     return environment.get_template(template).render(values)
 
 
@@ -296,10 +293,6 @@ def default(member: Member, dialect: Dialect) -> str:
 
 def _number(number: Any, member: Member, dialect: Dialect) -> str:
     return dialect.number(number.item(), member.type)
-
-
-def _capitalised(text: str) -> str:
-    return text[:1].upper() + text[1:]
 
 
 def _wrapped(text: str, before: str, width: int = 116) -> str:

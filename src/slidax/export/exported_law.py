@@ -161,6 +161,3 @@ def load_export(folder: str | Path) -> ExportedLaw:
     except subprocess.CalledProcessError as error:
         raise DefinitionError(f"the law in `{project}` does not compile: {error}") from None
     return ExportedLaw(project, about, ctypes.CDLL(str(library)))
-
-
-__all__ = ["ExportedLaw", "load_export"]

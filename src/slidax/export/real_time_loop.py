@@ -101,19 +101,19 @@ class LoopResult:
 
     def not_granted(self) -> list[str]:
         """Real-time properties that the system refused, with remedies."""
-        sides = [side for side in (self.law, self.arm) if side is not None]
+        granted = [side.granted for side in (self.law, self.arm) if side is not None]
         refusals = []
-        if any(side.priority is None for side in sides):
+        if any(each.priority is None for each in granted):
             refusals.append(
                 "no real-time priority (SCHED_FIFO), so other processes interfere: run `ulimit -r 99` in a privileged "
                 "shell, or add a line `@realtime - rtprio 99` to /etc/security/limits.conf"
             )
-        if any(not side.locked for side in sides):
+        if any(not each.locked for each in granted):
             refusals.append(
                 "memory is not locked (mlockall), so page faults can occur: run `ulimit -l unlimited`, or add a line "
                 "`@realtime - memlock unlimited` there"
             )
-        if any(not side.absolute for side in sides):
+        if any(not each.absolute for each in granted):
             refusals.append("no absolute wake-ups (clock_nanosleep): only Linux has them")
         return refusals
 
@@ -143,7 +143,11 @@ class LoopResult:
             "system": {
                 name: None
                 if report is None
-                else {"fifo": report.priority, "locked": report.locked, "absolute": report.absolute}
+                else {
+                    "fifo": report.granted.priority,
+                    "locked": report.granted.locked,
+                    "absolute": report.granted.absolute,
+                }
                 for name, report in sides.items()
             },
             "hogs": self.hogs,

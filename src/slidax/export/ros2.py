@@ -255,7 +255,8 @@ def export_ros2(
         "carried": carried,
         "admission": admission,
         "version": slidax.__version__,
-        "signals": _signals(exported),
+        # Signals of the law to publish, with their sizes.
+        "signals": [(each.name, each.size) for each in exported.outputs if each.type == "f64"],
     }
     write_onboard(exported, allowed, out, {"node.py": Node}, names)
     write_files(exported, out, FILES, **values)
@@ -278,11 +279,3 @@ def interface_names(joints: Sequence[str]) -> list[str]:
                 "used in a ROS 2 parameter file: rename the joint in the robot's and the hardware's files"
             )
     return list(joints)
-
-
-def _signals(exported: CProject) -> list[tuple[str, int]]:
-    """Signals of the law to publish, with their sizes."""
-    return [(each.name, each.size) for each in exported.outputs if each.type == "f64"]
-
-
-__all__ = ["RosParameter", "export_ros2"]
