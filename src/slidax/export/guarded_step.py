@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import jax
@@ -20,6 +20,7 @@ from slidax.law.error_transformations import PrescribedPerformance
 from slidax.law.sampled.controller import SampledData
 from slidax.law.sampled.gate import LONGEST_GAP, MeasurementGate
 from slidax.plant.actuators import TorqueLimits
+from slidax.simulation.plant import MujocoPlant, Plant
 
 from .status import (
     ENVELOPE_LEFT,
@@ -38,6 +39,9 @@ from .status import (
     Status,
     StepMemory,
 )
+
+if TYPE_CHECKING:
+    from slidax.scenarios.scenario import Scenario
 
 
 def arrays_read(controller: AbstractController) -> frozenset[str]:
@@ -328,6 +332,18 @@ class GuardedStep(AbstractController):
         transformation = getattr(self._decides(), "transformation", None)
         deadline = getattr(getattr(transformation, "performance", None), "deadline", None)
         return jnp.ones(()) if deadline is None else jnp.max(deadline)
+
+
+def own_plant(scenario: Scenario) -> Plant:
+    """The plant that slidax itself integrates."""
+    return scenario.plant.own if isinstance(scenario.plant, MujocoPlant) else scenario.plant
+
+
+def guarded_law(scenario: Scenario) -> GuardedStep:
+    """A scenario's law behind its guards, as in `slidax export`."""
+    actuator = own_plant(scenario).actuator
+    limits = TorqueLimits() if actuator is None else actuator.limits
+    return GuardedStep.around(scenario.controller, limits, scenario.period)
 
 
 def _per_joint(gate: MeasurementGate, joints: int) -> MeasurementGate:

@@ -15,7 +15,6 @@ from slidax.codegen import llvm
 from slidax.codegen.trace.tracing import trace
 from slidax.core.errors import DefinitionError
 from slidax.core.types import Reference, Scalar, State, Vector
-from slidax.plant.actuators import TorqueLimits
 from slidax.plant.sensors import AbstractSensor, Delayed, Lossy
 from slidax.runtime.logs.messages import Channels
 from slidax.runtime.shared_memory import CodePlan, MachineCode, Slot
@@ -24,7 +23,7 @@ from slidax.simulation.loop import ClosedLoop, HeldTorque, force, move_plant
 from slidax.simulation.plant import MujocoPlant, Plant
 from slidax.simulation.simulate import BANDS
 
-from .guarded_step import GuardedStep
+from .guarded_step import GuardedStep, guarded_law
 from .status import CONDITIONS, StepMemory
 
 if TYPE_CHECKING:
@@ -164,13 +163,6 @@ def require_samples(scenario: Scenario) -> None:
             "running a law sample by sample needs held mode: `--set simulation.mode=held`, or a scenario "
             "such as example-4.1-1khz"
         )
-
-
-def guarded_law(scenario: Scenario) -> GuardedStep:
-    """A scenario's law behind its guards, as in `slidax export`."""
-    plant = scenario.plant.own if isinstance(scenario.plant, MujocoPlant) else scenario.plant
-    limits = TorqueLimits() if plant.actuator is None else plant.actuator.limits
-    return GuardedStep.around(scenario.controller, limits, scenario.period)
 
 
 def law_plan(scenario: Scenario) -> LawPlan:

@@ -21,8 +21,9 @@ from slidax.scenarios.scenario import Scenario
 from .admission import export_admission
 from .c_project import CProject, export_c, write_files, writing
 from .c_structures import Member
+from .guarded_step import own_plant
 from .onboard.ros2_node import Node
-from .robots import RobotLimits, own_plant, weight_by_robot, write_onboard
+from .robots import RobotLimits, weight_by_robot, write_onboard
 
 Floats = NDArray[np.float64]
 

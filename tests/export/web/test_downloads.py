@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from slidax.export.golden_samples import record_closed_loop
-from slidax.export.loop_plans import guarded_law
+from slidax.export.guarded_step import guarded_law
 from slidax.export.web import settings, write_playground
 from slidax.export.web.playground import playground
 from slidax.export.web.settings import settings_of
