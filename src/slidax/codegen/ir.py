@@ -46,6 +46,7 @@ PLACED = frozenset({"const", "input", "param", "result"})
 Number = float | int | bool
 
 
+@dataclass(slots=True, eq=False)
 class Region:
     """A list of values that are computed one after the other.
 
@@ -56,14 +57,11 @@ class Region:
     - `known`: values by operation and arguments, for the builder.
     """
 
-    __slots__ = ("kind", "known", "owner", "parent", "values")
-
-    def __init__(self, kind: Literal["program", "head", "body", "branch"], parent: Region | None) -> None:
-        self.kind = kind
-        self.parent = parent
-        self.owner: Value | None = None
-        self.values: list[Value] = []
-        self.known: dict[Any, Value] = {}
+    kind: Literal["program", "head", "body", "branch"]
+    parent: Region | None
+    owner: Value | None = None
+    values: list[Value] = field(default_factory=list)
+    known: dict[Any, Value] = field(default_factory=dict)
 
     def within(self, other: Region) -> bool:
         """True if this region is the other one or inside it."""
@@ -75,6 +73,7 @@ class Region:
         return False
 
 
+@dataclass(slots=True, eq=False, repr=False)
 class Value:
     """One operation and its result.
 
@@ -88,18 +87,13 @@ class Value:
     - `origin`: source location, as the tracer records it.
     """
 
-    __slots__ = ("args", "data", "number", "op", "origin", "region", "type")
-
-    def __init__(
-        self, op: str, type: Type, args: tuple[Value, ...], data: Any, region: Region, number: int, origin: Any
-    ) -> None:
-        self.op = op
-        self.type = type
-        self.args = args
-        self.data = data
-        self.region = region
-        self.number = number
-        self.origin = origin
+    op: str
+    type: Type
+    args: tuple[Value, ...]
+    data: Any
+    region: Region
+    number: int
+    origin: Any = None
 
     def __repr__(self) -> str:
         return f"%{self.number}:{self.type} = {self.op}({', '.join(f'%{a.number}' for a in self.args)}) {self.data}"

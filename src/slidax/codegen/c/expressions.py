@@ -293,19 +293,18 @@ def constant(number: float | int | bool, type: Type, dialect: Dialect) -> CExpre
     return CExpression(text, UNARY if text[0] == "-" or text.startswith("(double)") else PRIMARY)
 
 
+@dataclass
 class Expressions:
     """Writes operations as expressions.
 
-    With `ordered_operands`, sums and products of equal operands have the same order, independent of the numbers in
-    their names.
-
     - `helpers`: collects the helpers that the expressions need.
+    - `ordered_operands`: True for an order of sums and products that is independent of the numbers in the operands'
+      names.
     """
 
-    def __init__(self, dialect: Dialect, helpers: Helpers) -> None:
-        self.dialect = dialect
-        self.helpers = helpers
-        self.ordered_operands = False
+    dialect: Dialect
+    helpers: Helpers
+    ordered_operands: bool = False
 
     def operation(
         self, op: str, type: Type, of: Type, args: list[CExpression], *, cannot_overflow: bool = False

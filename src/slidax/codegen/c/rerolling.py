@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 
 from .arrays import Arrays, AssignmentRun, runs_of
 from .expressions import Helpers
@@ -96,16 +97,17 @@ def reduce_conditions(lines: Sequence[CodeLine], new_name: NewName, index: str, 
     return out
 
 
+@dataclass
 class _Reduction:
-    def __init__(self, new_name: NewName, index: str, helpers: Helpers, line: CodeLine, *, loops: bool) -> None:
-        self.new_name = new_name
-        self.index = index
-        self.helpers = helpers
-        self.line = line
-        self.loops = loops
-        self.lines: list[CodeLine] = []
-        # Variable of the last loop's result.
-        self.result = ""
+    """The reduction of one condition; `result` is the variable of the last loop's result."""
+
+    new_name: NewName
+    index: str
+    helpers: Helpers
+    line: CodeLine
+    loops: bool
+    lines: list[CodeLine] = field(default_factory=list)
+    result: str = ""
 
     def reduce(self, text: str) -> str:
         """Return a condition with its loops moved to `lines`."""
@@ -268,7 +270,7 @@ class _Rerolling:
         for k in range(first, end):
             match = DECLARATION.fullmatch(self.lines[k].text)
             assert match is not None
-            statements.append(Statement(self.lines[k], k, match.group(2), match.group(3), match.group(4)))
+            statements.append(Statement(self.lines[k], k, match.group(2), match.group(3), parse(match.group(4))))
         self._print(order_groups(self.arrays.groups_of(statements)), self.lines[first].level)
 
     def _print(self, order: list[Group], level: int) -> None:
@@ -367,7 +369,7 @@ class _Rerolling:
             self.arrays.stored[match.group(3)] = (array, k)
         self.out.append(CodeLine(line.level, f"{type} {array}[{end - first}];", line.about))
         starts = [
-            Statement(self.lines[first + k], first + k, "", f"{array}[{k}]", match.group(4))
+            Statement(self.lines[first + k], first + k, "", f"{array}[{k}]", parse(match.group(4)))
             for k, match in enumerate(variables)
             if match.group(4) is not None
         ]
@@ -378,7 +380,7 @@ class _Rerolling:
         for k in range(first, end):
             match = ASSIGNMENT.fullmatch(self.lines[k].text)
             assert match is not None
-            statements.append(Statement(self.lines[k], k, "", match.group(1), match.group(2)))
+            statements.append(Statement(self.lines[k], k, "", match.group(1), parse(match.group(2))))
         self._print_assignments(statements, self.lines[first].level)
 
     def _print_assignments(self, statements: list[Statement], level: int) -> None:

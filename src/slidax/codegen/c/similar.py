@@ -130,6 +130,7 @@ def _access(column: Sequence[str], stored: Stored) -> Access:
     return Access(place[0], place[1], second[1] - place[1])
 
 
+@dataclass(eq=False)
 class Statement:
     """A declaration or an assignment.
 
@@ -138,14 +139,14 @@ class Statement:
     - `piece`: its expression.
     """
 
-    def __init__(self, line: CodeLine, index: int, type: str, name: str, text: str) -> None:
-        self.line = line
-        self.index = index
-        self.type = type
-        self.name = name
-        self.piece: Piece = parse(text)
+    line: CodeLine
+    index: int
+    type: str
+    name: str
+    piece: Piece
 
 
+@dataclass(eq=False)
 class Group:
     """Statements that one loop computes, or a single statement.
 
@@ -155,11 +156,10 @@ class Group:
     - `target`: rule for the values; None for a single statement.
     """
 
-    def __init__(self, lanes: list[Statement], array: str = "", at: Sequence[Access] = ()) -> None:
-        self.lanes = lanes
-        self.array = array
-        self.at = list(at)
-        self.target: Access | None = None
+    lanes: list[Statement]
+    array: str = ""
+    at: Sequence[Access] = ()
+    target: Access | None = None
 
     @property
     def iterations(self) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from ..ir import Branch, Call, Input, Loop, Program, Region, Value
@@ -40,6 +41,7 @@ class Callee(NamedTuple):
 Callees = Callable[[Program], Callee]
 
 
+@dataclass(eq=False)
 class Writer:
     """Writes the values of one function, with its loops and branches.
 
@@ -47,32 +49,26 @@ class Writer:
     - `precomputed`: C text that reads a value without computing it.
     - `names`: preferred names and comments of values.
     - `taken`: names in use.
+    - `rows`, `callees`, `loops`: as in `statements`.
     """
 
-    def __init__(
-        self,
-        placement: Placement,
-        dialect: Dialect,
-        read: Read,
-        precomputed: Mapping[Value, str],
-        names: Names,
-        taken: set[str],
-    ) -> None:
-        self.placement = placement
-        self.dialect = dialect
-        self.read = read
-        self.precomputed = precomputed
-        self.names = names
-        self.taken = taken
-        self.helpers = Helpers(dialect)
-        self.expressions = Expressions(dialect, self.helpers)
+    placement: Placement
+    dialect: Dialect
+    read: Read
+    precomputed: Mapping[Value, str]
+    names: Names
+    taken: set[str]
+    rows: Rows | None = None
+    callees: Callees | None = None
+    loops: bool = False
+
+    def __post_init__(self) -> None:
+        self.helpers = Helpers(self.dialect)
+        self.expressions = Expressions(self.dialect, self.helpers, ordered_operands=self.loops)
         self.lines: list[CodeLine] = []
         self.texts: dict[Value, CExpression] = {}
         self.reads: set[int] = set()
         self.input_places: dict[Value, str] = {}
-        self.rows: Rows | None = None
-        self.callees: Callees | None = None
-        self.loops = False
         # Values that are elements of an array: the array's number and the index.
         self.array_elements: dict[Value, tuple[int, int]] = {}
         self.called: list[Program] = []

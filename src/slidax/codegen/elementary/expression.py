@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from ..builder import Builder
 from ..ir import Number, Type, Value
@@ -18,17 +19,15 @@ def _operator(op: str) -> Callable[[Expression, Expression | Number], Expression
     return method
 
 
+@dataclass(slots=True, eq=False)
 class Expression:
     """A value with operators; numbers become constants of its type.
 
     Comparisons give a b1; `equals` and `differs` compare for equality, and NaN differs from every number.
     """
 
-    __slots__ = ("builder", "value")
-
-    def __init__(self, builder: Builder, value: Value) -> None:
-        self.builder = builder
-        self.value = value
+    builder: Builder
+    value: Value
 
     def constant(self, number: Number) -> Expression:
         """A constant of this value's type."""
