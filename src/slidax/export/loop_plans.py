@@ -81,6 +81,11 @@ class Planner:
         assert [slot.shape for slot in slots] == shapes
         self._routines[name] = MachineCode(kernel.object, kernel.entry, tuple(slot.offset for slot in slots))
 
+    def compile(self, name: str, function: Callable[..., Any], inputs: tuple[Any, ...], outputs: Any) -> None:
+        """Compile a function of trees of arrays, and add its code; arguments as in `code`."""
+        shapes = jax.tree.map(lambda slot: jax.ShapeDtypeStruct(slot.shape, slot.dtype), inputs, is_leaf=_is_slot)
+        self.code(name, kernel(function, *shapes)[0], inputs, outputs)
+
     def plan(self) -> CodePlan:
         """Return the plan."""
         return CodePlan(b"".join(part.tobytes() for part in self._parts), self._routines, self._views, self._regions)
@@ -196,7 +201,6 @@ def law_plan(scenario: Scenario) -> LawPlan:
         return command.memory, (command.tau, command.signals, status, error, bounds)
 
     step_code, (_, shapes) = kernel(step, guard, zeros, NUMBER, state, wanted, wanted)
-    motion_code, _ = kernel(motion, scenario.trajectory, NUMBER, NUMBER)
 
     fields: dict[str, Slot] = {name: planner.view(name, WHOLE) for name in ("k", "basis")}
     fields["t"] = planner.view("t", NUMBER)
@@ -219,7 +223,7 @@ def law_plan(scenario: Scenario) -> LawPlan:
         planner.region(name, start, end)
     references = [fields[name] for name in REFERENCE_COLUMNS]
     sample = (fields["t"], fields["q"], fields["dq"], *references)
-    planner.code("motion", motion_code, (motion_numbers, period, fields["t"]), references)
+    planner.compile("motion", motion, (motion_numbers, period, fields["t"]), references)
     for at in range(2):
         answer = (memories[1 - at], (tau, signals, status, error, bounds))
         planner.code(f"step_{at}", step_code, (numbers, memories[at], *sample), answer)
@@ -384,33 +388,20 @@ def arm_plan(scenario: Scenario, *, transport: int) -> ArmPlan:
     fields["true_t"] = planner.allocate(NUMBER)
     fields |= {name: planner.allocate(vector) for name in ("true_q", "true_dq", "true_e")}
     fields["true_wake"] = planner.view("wake", NUMBER)
-    shapes = (jax.tree.map(_shape, part) for part in (arrays, start, first, delivery))
-    of_loop, of_state, of_sensor, of_delivery = shapes
-    flag = jax.ShapeDtypeStruct((), bool)
-    code, _ = kernel(measure, of_loop, WHOLE, of_state, of_sensor)
-    truth = (fields["true_t"], *(fields[name] for name in ("true_q", "true_dq", "true_e")))
-    planner.code(
-        "measure",
-        code,
-        (numbers, k, state, memories["sensor"]),
-        (measured, fresh, memories["sensor_after"], truth),
-    )
-    code, _ = kernel(set_, of_loop, WHOLE, of_state, of_delivery, vector, flag)
-    planner.code(
-        "set",
-        code,
-        (numbers, k, state, memories["delivery"], tau, brakes),
-        (set_tau, memories["delivery_after"]),
-    )
+    truth = [fields[name] for name in ("true_t", "true_q", "true_dq", "true_e")]
+    measurement = (measured, fresh, memories["sensor_after"], truth)
+    planner.compile("measure", measure, (numbers, k, state, memories["sensor"]), measurement)
+    inputs = (numbers, k, state, memories["delivery"], tau, brakes)
+    planner.compile("set", set_, inputs, (set_tau, memories["delivery_after"]))
     force_slot = planner.view("force", vector)
     world = None
     if isinstance(plant, MujocoPlant):
-        code, _ = kernel(external_torque, of_loop, WHOLE, WHOLE, of_state, vector, of_delivery)
-        planner.code("move", code, (numbers, k, i, state, set_tau, memories["delivery"]), force_slot)
+        inputs = (numbers, k, i, state, set_tau, memories["delivery"])
+        planner.compile("move", external_torque, inputs, force_slot)
         world = _world(plant, float(period) / stepping.substeps, start, scenario.t1)
     else:
-        code, _ = kernel(move, of_loop, WHOLE, of_state, vector, of_delivery)
-        planner.code("move", code, (numbers, k, state, set_tau, memories["delivery"]), memories["state_after"])
+        inputs = (numbers, k, state, set_tau, memories["delivery"])
+        planner.compile("move", move, inputs, memories["state_after"])
     planner.region("row", set_tau, fields["true_wake"])
     return ArmPlan(
         plan=planner.plan(),
@@ -442,7 +433,3 @@ def _world(plant: MujocoPlant, timestep: float, start: State, until: float) -> t
         )
     world = World(plant, timestep, start)
     return world.model, world.positions, world.dofs
-
-
-def _shape(x: Any) -> Any:
-    return jax.ShapeDtypeStruct(np.shape(x), x.dtype)
