@@ -7,7 +7,7 @@ import textwrap
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import groupby, pairwise
 
 INDENT = "    "
 WIDTH = 100
@@ -50,8 +50,8 @@ def format_lines(lines: list[CodeLine]) -> list[str]:
     texts: list[str] = []
     last = ""
     commented: set[str] = set()
-    for run in _runs(lines):
-        about, level = run[0].about, run[0].level
+    for (about, level), group in groupby(lines, lambda line: (line.about, line.level)):
+        run = list(group)
         if about and about != last and len(run) > 1:
             if texts and not texts[-1].endswith("{"):
                 texts.append("")
@@ -105,18 +105,6 @@ def _comment(text: str, level: int) -> list[str]:
     lines[1:] = [f"{before} * {line}" for line in lines[1:]]
     lines[-1] += " */"
     return lines
-
-
-def _runs(lines: list[CodeLine]) -> Iterator[list[CodeLine]]:
-    """Yield runs of adjacent lines with the same comment and level."""
-    run: list[CodeLine] = []
-    for line in lines:
-        if run and (line.about, line.level) != (run[-1].about, run[-1].level):
-            yield run
-            run = []
-        run.append(line)
-    if run:
-        yield run
 
 
 SIZES = {"double": 8, "float": 4, "int64_t": 8, "uint64_t": 8, "int32_t": 4, "uint32_t": 4, "int": 4, "bool": 1}
@@ -198,14 +186,7 @@ def _inner_bytes(item: _Item) -> int:
     """Return the stack size of the blocks in an item, of which only one is active at a time."""
     if len(item.lines) < 3 or VARIABLE.match(item.lines[0].text):
         return 0
-    level, most = item.lines[0].level, 0
-    part: list[CodeLine] = []
-    for line in item.lines:
-        if line.level != level:
-            part.append(line)
-        elif part:
-            most = max(most, stack_bytes(part))
-            part = []
+    most = max((stack_bytes(part) for part, _ in _parts(item) if part), default=0)
     return most + (8 if item.lines[0].text.startswith("for (") else 0)
 
 
@@ -213,17 +194,18 @@ def _with_inner_scopes(item: _Item) -> list[CodeLine]:
     """Return the lines of an item, with blocks added inside it."""
     if len(item.lines) < 4 or VARIABLE.match(item.lines[0].text):
         return item.lines
-    out: list[CodeLine] = []
-    level = item.lines[0].level
+    return [line for part, end in _parts(item) for line in (*add_scopes(part), end)]
+
+
+def _parts(item: _Item) -> Iterator[tuple[list[CodeLine], CodeLine]]:
+    """Yield the blocks of an item, each with the line that ends it; the first, without lines, ends with the head."""
     part: list[CodeLine] = []
     for line in item.lines:
-        if line.level == level:
-            out += add_scopes(part)
+        if line.level == item.lines[0].level:
+            yield part, line
             part = []
-            out.append(line)
         else:
             part.append(line)
-    return out + part
 
 
 def _items(lines: Sequence[CodeLine]) -> list[_Item]:
