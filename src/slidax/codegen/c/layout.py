@@ -42,6 +42,21 @@ class CodeLine:
     element: tuple[int, int] | None = None
 
 
+ELEMENT = re.compile(r"([A-Za-z_]\w*(?:->\w+)?)\[(\d+)\]")
+"""An element of an array, or of a structure's array."""
+
+
+def pointer_to(elements: Sequence[str]) -> str | None:
+    """Return a pointer to contiguous elements of an array, else None."""
+    first = ELEMENT.fullmatch(elements[0])
+    if first is None:
+        return None
+    array, start = first.group(1), int(first.group(2))
+    if any(element != f"{array}[{start + k}]" for k, element in enumerate(elements)):
+        return None
+    return f"&{array}[{start}]" if start else array
+
+
 def format_lines(lines: list[CodeLine]) -> list[str]:
     """Return the lines as text, with a comment before two or more lines about a new subject.
 

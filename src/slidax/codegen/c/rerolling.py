@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 
 from .arrays import Arrays, AssignmentRun, runs_of
 from .expressions import Helpers
-from .layout import INDENT, WIDTH, CodeLine
-from .similar import ELEMENT, LEAST, Access, Group, Piece, Statement, find_accesses, fits_loop, order_groups, parse
+from .layout import INDENT, WIDTH, CodeLine, pointer_to
+from .similar import LEAST, Access, Group, Piece, Statement, find_accesses, fits_loop, order_groups, parse
 
 ARRAY_HEAD = re.compile(r"const \w+ (\w+)\[(\d+)\] = \{")
 
@@ -35,25 +35,13 @@ def pass_in_place(lines: Sequence[CodeLine]) -> list[CodeLine]:
             k += 1
             continue
         end = next(n for n in range(k, len(lines)) if lines[n].text == "};")
-        elements = " ".join(line.text.strip() for line in lines[k + 1 : end]).split(", ")
-        pointer = _pointer(elements)
+        pointer = pointer_to(" ".join(line.text.strip() for line in lines[k + 1 : end]).split(", "))
         if pointer is None:
             out += lines[k : end + 1]
         else:
             where[opened.group(1)] = pointer
         k = end + 1
     return out
-
-
-def _pointer(elements: Sequence[str]) -> str | None:
-    """Return a pointer to contiguous elements, else None."""
-    first = ELEMENT.fullmatch(elements[0])
-    if first is None:
-        return None
-    array, start = first.group(1), int(first.group(2))
-    if any(element != f"{array}[{start + k}]" for k, element in enumerate(elements)):
-        return None
-    return f"&{array}[{start}]" if start else array
 
 
 ANY_ELEMENT = re.compile(r"(.*)\[(\d+)\]")

@@ -7,7 +7,7 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from .layout import CodeLine
+from .layout import ELEMENT, CodeLine
 
 LEAST = 3
 """Smallest number of iterations that is worth a loop."""
@@ -18,7 +18,6 @@ WORD = re.compile(
     r"|(?:0x[\da-fA-F.]+(?:p[+-]?\d+)?|\d+\.?\d*(?:e[+-]?\d+)?)[fuUlL]*+"
     r")"
 )
-ELEMENT = re.compile(r"([A-Za-z_]\w*(?:->\w+)?)\[(\d+)\]")
 
 Stored = dict[str, tuple[str, int]]
 """Array and index of each value that has become an element, by the value's name."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -10,7 +9,7 @@ from typing import NamedTuple
 from ..ir import Branch, Call, Input, Loop, Program, Region, Value
 from ..naming.names import Names, identifier
 from .expressions import CHOICE, EITHER, UNARY, CExpression, Dialect, Expressions, Helpers, constant
-from .layout import INDENT, WIDTH, CodeLine
+from .layout import INDENT, WIDTH, CodeLine, pointer_to
 from .placement import Placement, is_counter, is_counter_increment
 
 Read = Callable[[int, int | str], str]
@@ -269,12 +268,9 @@ class Writer:
 
     def _array(self, entry: Input, elements: Sequence[Value], callee: Callee) -> str:
         """Return an array of values: a part of an existing one if they are contiguous there, else a new one."""
-        texts = [self.input_places.get(value, self.texts[value].text) for value in elements]
-        first = re.fullmatch(r"(.*)\[(\d+)\]", texts[0])
-        if first is not None:
-            array, start = first.group(1), int(first.group(2))
-            if all(text == f"{array}[{start + k}]" for k, text in enumerate(texts)):
-                return f"&{array}[{start}]" if start else array
+        pointer = pointer_to([self.input_places.get(value, self.texts[value].text) for value in elements])
+        if pointer is not None:
+            return pointer
         name = self.new_name(f"{callee.name}_at")
         self.line(f"const {self.dialect.type(entry.type)} {name}[{entry.size}] = {{")
         width = WIDTH - len(INDENT) * (self.level + 1)
