@@ -210,13 +210,8 @@ INDEXING_RULES: dict[str, Callable[[Builder, Any, list[Values]], Values]] = {
     ),
     "gather": _gather,
     "scatter": _scatter(None),
-    "scatter-add": _scatter("add"),
-    "scatter-mul": _scatter("mul"),
-    "scatter-min": _scatter("min"),
-    "scatter-max": _scatter("max"),
-    "scatter_mul": _scatter("mul"),
-    "scatter_min": _scatter("min"),
-    "scatter_max": _scatter("max"),
+    # Their names differ between versions of JAX.
+    **{f"scatter{sign}{op}": _scatter(op) for sign in "-_" for op in ("add", "mul", "min", "max")},
 }
 """Rule of each primitive, by its name."""
 
