@@ -75,11 +75,12 @@ class LoopResult:
             return "the law's process was killed, and the arm braked"
         if self.arm is None:
             return "the arm's process was killed"
-        if self.arm.reason == "no command":
-            return "the arm braked, as no command had come for too long"
-        if self.arm.reason == "stop requested":
-            return "the arm braked, as the law asked for a stop (STOP_REQUESTED): too many commands in a row were held"
-        return {"done": "done", "stopped": "stopped", "not finite": "the arm's motion became infinite"}[self.arm.reason]
+        return {
+            "no command": "the arm braked, as no command had come for too long",
+            "stop requested": "the arm braked, as the law asked for a stop (STOP_REQUESTED): "
+            "too many commands in a row were held",
+            "not finite": "the arm's motion became infinite",
+        }.get(self.arm.reason, self.arm.reason)
 
     @property
     def good(self) -> bool:
@@ -93,11 +94,11 @@ class LoopResult:
 
     def percentiles(self) -> dict[str, dict[str, float]]:
         """Percentiles of each time [s]."""
-        table = {}
-        for name, values in self.times.items():
-            if len(values):
-                table[name] = {share: float(np.percentile(values, at)) for share, at in SHARES.items()}
-        return table
+        return {
+            name: {share: float(np.percentile(values, at)) for share, at in SHARES.items()}
+            for name, values in self.times.items()
+            if len(values)
+        }
 
     def not_granted(self) -> list[str]:
         """Real-time properties that the system refused, with remedies."""
