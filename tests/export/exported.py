@@ -107,6 +107,12 @@ def quickly_compiled(folder):
         return CompiledLaw(folder)
 
 
+def shorten(pilot, seconds):
+    """Shorten each part of the pilot's motion."""
+    path = pilot.options.path
+    path.hold = path.small = path.widen = path.motion = seconds
+
+
 def allow_error(pilot, size):
     for name in ("error_hold", "error_small", "error_full"):
         getattr(pilot.options, name)[:] = [size] * len(pilot.reference.q)
