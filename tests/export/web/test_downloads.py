@@ -39,7 +39,7 @@ def moved(chromium, tmp_path_factory):
     described = load("example-4.1-1khz", {"simulation.t1": 2.0, "actuator": {}}).description
     with pytest.MonkeyPatch.context() as patch:
         # Its lights are no matter here, and take long.
-        patch.setattr(settings, "certificates_of", lambda scenario, paths, rate: [])
+        patch.setattr(settings, "certificates_of", lambda scenario, paths: [])
         manifest = playground("test", settings_of(described, "arm"), {"arm": "Arm"})
     visit = Visit(chromium, write_playground(manifest, folder).as_uri())
     for path, value in MOVED.items():
