@@ -9,14 +9,12 @@ from dataclasses import dataclass, replace
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
-import jax
 import numpy as np
 
-from slidax.core.parameter import Parameter, parameters_of
+from slidax.core.parameter import Parameter
 
 from .c_project import CProject
-from .c_structures import Member, objects_on_path, part_of_path
-from .guarded_step import GuardedStep
+from .c_structures import Member, declared_arrays
 from .programs import envelope_members
 from .status import HELD, Condition
 
@@ -169,8 +167,8 @@ def variables(exported: CProject, *, with_envelope: bool) -> list[Variable]:
     listed += [_flag(condition) for condition in exported.conditions]
     listed.append(Variable("status.held", "boolean", "output", f"bits[{len(exported.conditions)}]",
                           f"true if the torque is the last safe one: any bit of {HELD}"))  # fmt: skip
-    for member, parameter in zip(exported.parameters, _declared(exported.guard), strict=True):
-        listed += _parameters(member, parameter, revolute)
+    for member, (_, parameter, _) in zip(exported.parameters, declared_arrays(exported.guard), strict=True):
+        listed += _parameters(member, parameter or Parameter("", ""), revolute)
     return listed
 
 
@@ -216,18 +214,6 @@ def _numbers(
             UNIT_SUFFIX.sub("", meaning),
             parse_unit(words, revolute=kind),
         )
-
-
-def _declared(guard: GuardedStep) -> list[Parameter]:
-    """Declaration of each parameter, in the order of the members; the innermost declaration counts."""
-    declarations = []
-    for path, _ in jax.tree_util.tree_leaves_with_path(guard):
-        declaration = Parameter("", "")
-        for node, key in objects_on_path(guard, path):
-            fields = {each.name: each for each in parameters_of(type(node))} if hasattr(key, "name") else {}
-            declaration = fields.get(part_of_path(key), declaration)
-        declarations.append(declaration)
-    return declarations
 
 
 TYPES = {3: {"real": "Float64", "integer": "Int32", "boolean": "Boolean"},

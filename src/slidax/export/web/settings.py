@@ -24,7 +24,7 @@ from slidax.scenarios.schemes import PRESETS
 from ..c_project import FILES, STEP, project
 from ..c_structures import render
 from .loop_program import LoopProgram, Variant, loop_program, pack_bytes
-from .tunables import Tunable, tunables_of
+from .tunables import Tunable, tunables_of, value_at
 
 TEMPLATES = (*STEP, "example.c.j2")
 """The files that a program needs; not the tests, whose samples are large."""
@@ -238,9 +238,7 @@ class BuiltSetting:
 
 
 def _choice(choice: ProgramChoice, described: ScenarioDescription) -> dict[str, Any]:
-    own: Any = described
-    for name in choice.path.split("."):
-        own = own[int(name)] if isinstance(own, tuple | list) else getattr(own, name)
+    own = value_at(described, choice.path.split("."))
     return asdict(choice) | {"values": list(choice.values), "default": choice.values.index(own)}
 
 
