@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from slidax.codegen import c_code
-from slidax.codegen.fold import DTYPES
+from slidax.codegen.ir import DTYPES
 
 STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-Wdouble-promotion", "-Werror", "-pedantic"]
 GUARDS = ["-fsanitize=undefined", "-fno-sanitize-recover=undefined"]

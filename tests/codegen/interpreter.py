@@ -8,8 +8,7 @@ import ctypes.util
 import numpy as np
 import scipy.special
 
-from slidax.codegen.fold import DTYPES
-from slidax.codegen.ir import Branch, Loop
+from slidax.codegen.ir import DTYPES, Branch, Loop
 
 
 def interpreted(program, *inputs):

@@ -118,10 +118,10 @@ def test_without_a_gpu_the_remedy_is_named():
     if cuda.card_available():
         pytest.skip("there is a card")
     with pytest.raises(DefinitionError, match=r"slidax\[cuda\]|driver|on the CPU"):
-        cuda.compile_cuda(pendulum())
+        cuda.CudaKernel(pendulum())
 
 
 def test_a_gpu_computes_all_runs():
     if not cuda.card_available():
         pytest.skip("CuPy or a card is missing")
-    assert_pendulum(*cuda.compile_cuda(pendulum()).batch(pendulum_arrays(), RUNS, STEPS // 4), 1e-12)
+    assert_pendulum(*cuda.CudaKernel(pendulum()).batch(pendulum_arrays(), RUNS, STEPS // 4), 1e-12)

@@ -8,8 +8,7 @@ import pytest
 
 from slidax.codegen import llvm
 from slidax.codegen.builder import Builder
-from slidax.codegen.fold import DTYPES
-from slidax.codegen.ir import Branch
+from slidax.codegen.ir import DTYPES, Branch
 from slidax.codegen.llvm import machine
 from slidax.codegen.llvm.blocks import varying_values
 from slidax.codegen.llvm.machine import host

@@ -270,7 +270,7 @@ def test_a_value_has_its_source_location():
     (origin, *_) = [value.origin for value in program.walk() if value.op == "mul"]
     assert origin.frames[0].file == __file__
     assert "scaled" in origin.frames[0].function
-    assert (origin.element, origin.size) == (0, 3)
+    assert (origin.element, origin.shape) == (0, (3,))
 
 
 def test_a_nested_branch_on_the_same_condition_is_removed():

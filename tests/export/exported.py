@@ -13,8 +13,9 @@ import pytest
 from slidax.export.c_project import project
 from slidax.export.c_structures import render
 from slidax.export.onboard.pilot import CompiledLaw
+from tests.codegen.compiled_c import COMPILERS as COMPILERS
+from tests.codegen.compiled_c import needs_a_compiler as needs_a_compiler
 
-COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)]
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-Werror", "-pedantic")
 TYPES = {"b1": "?", "u32": "u4", "i32": "i4", "i64": "i8", "u64": "u8"}
 
@@ -35,7 +36,6 @@ void many(long count, const {p}_measurement *m, const {p}_reference *r, const {p
 """
 
 needs_cmake = pytest.mark.skipif(not (shutil.which("cmake") and shutil.which("g++")), reason="cmake or g++ is not here")
-needs_a_compiler = pytest.mark.skipif(not COMPILERS, reason="neither gcc nor clang is here")
 
 
 class Answers(NamedTuple):
@@ -105,6 +105,12 @@ def quickly_compiled(folder):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("CFLAGS", "-O0")
         return CompiledLaw(folder)
+
+
+def shorten(pilot, seconds):
+    """Shorten each part of the pilot's motion."""
+    path = pilot.options.path
+    path.hold = path.small = path.widen = path.motion = seconds
 
 
 def allow_error(pilot, size):

@@ -8,7 +8,7 @@ from slidax import scenarios
 from slidax.core.errors import DefinitionError
 from slidax.core.types import Reference, State
 from slidax.export import export_c
-from slidax.export.loop_plans import guarded_law
+from slidax.export.guarded_step import guarded_law
 from slidax.export.robots import export_ur
 from tests.export.exported import needs_a_compiler
 

@@ -6,7 +6,7 @@ from jaxtyping import Array
 from slidax.codegen.c import Dialect
 from slidax.core.errors import DefinitionError
 from slidax.export.c_source import with_unused_arguments
-from slidax.export.c_structures import bullets, comment, declarations, members, shorten
+from slidax.export.c_structures import comment, declarations, members, shorten
 from slidax.export.programs import float_constant
 
 
@@ -64,10 +64,6 @@ def test_declarations_stand_under_their_part_with_aligned_comments():
     assert lines[1] == "double gain[2]; /* 1.5, 2.0: K and its rate, N m, > 0; in two lines */"
     assert lines[2] == "double rate;    /* none: K and its rate, N m, > 0; in two lines */"
     assert lines[3] == "bool flag;      /* true: whether de counts */"
-
-
-def test_bullets_of_a_docstring_are_read_over_several_lines():
-    assert bullets(Inner)["rate"] == "K and its rate, one number or [n], N m, > 0; in two lines."
 
 
 def test_a_comment_is_ascii_and_cannot_end_early():

@@ -22,7 +22,7 @@ def card(monkeypatch, tmp_path):
     """A stand-in that takes the kernel's text as a card would; the list of its programs."""
     programs = []
     monkeypatch.setattr(
-        cuda, "compile_cuda", lambda program: programs.append(program) or CardOnTheProcessor(program, tmp_path)
+        cuda, "CudaKernel", lambda program: programs.append(program) or CardOnTheProcessor(program, tmp_path)
     )
     monkeypatch.setattr(cuda, "require_card", lambda: None)
     yield programs

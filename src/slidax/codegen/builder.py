@@ -12,14 +12,6 @@ from .fold import fold_operation
 from .ir import FLOATS, Branch, Call, Input, Loop, Number, Output, Program, Region, Type, Value, regions
 
 
-def prune(program: Program) -> None:
-    """Remove all values that no output and no store needs, in place.
-
-    Carried values of loops and results of branches are removed as well.
-    """
-    _drop(program.body, _needed_values(program))
-
-
 def _needed_values(program: Program) -> set[Value]:
     needed: set[Value] = set()
     pending: list[Value] = [value for output in program.outputs for value in output.values or ()]
@@ -257,8 +249,8 @@ class Builder:
         return [self._new(region, "result", type, (call,), k) for k, type in enumerate(types)]
 
     def finish(self) -> Program:
-        """Return the program without unused values."""
-        prune(self.program)
+        """Return the program without values, carried values and results that no output and no store needs."""
+        _drop(self.program.body, _needed_values(self.program))
         return self.program
 
     # ---- inside -----------------------------------------------------------------------------------------------------

@@ -8,21 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .ir import FLOATS, Number, Type, Value
+from .ir import DTYPES, FLOATS, Number, Type, Value
 
 if TYPE_CHECKING:
     from .builder import Builder
 
-DTYPES: dict[str, Any] = {
-    "f64": np.float64,
-    "f32": np.float32,
-    "i64": np.int64,
-    "i32": np.int32,
-    "u64": np.uint64,
-    "u32": np.uint32,
-    "b1": np.bool_,
-}
-"""NumPy dtype of each type."""
+Rule = Callable[["Builder", Type, tuple[Value, ...]], Value | None]
+"""Map a builder, and type and arguments of an operation, to a simpler value; None if there is none."""
 
 # Without exp, log and other elementary functions, whose last digits in NumPy differ between machines.
 _COMPUTE: dict[str, Callable[..., Any]] = {
@@ -156,8 +148,8 @@ def _div(b: Builder, type: Type, args: tuple[Value, ...]) -> Value | None:
     return args[0] if _is(args[1], 1) else None
 
 
-def _neg(b: Builder, type: Type, args: tuple[Value, ...]) -> Value | None:
-    return args[0].args[0] if args[0].op == "neg" else None
+def _undo(op: str) -> Rule:
+    return lambda b, type, args: args[0].args[0] if args[0].op == op else None
 
 
 def _abs(b: Builder, type: Type, args: tuple[Value, ...]) -> Value | None:
@@ -170,30 +162,20 @@ def _same(b: Builder, type: Type, args: tuple[Value, ...]) -> Value | None:
     return args[0] if args[0] is args[1] else None
 
 
-def _and(b: Builder, type: Type, args: tuple[Value, ...]) -> Value | None:
-    for x, y in (args, args[::-1]):
-        if x.op == "const" and type == "b1":
-            return y if x.data else x
-        if _is(x, 0):
-            return x
-    return _same(b, type, args)
+def _logical(decides: bool) -> Rule:
+    """Return the rule of `and`, which false or zero decides, or of `or`, which true decides."""
 
+    def rule(b: Builder, type: Type, args: tuple[Value, ...]) -> Value | None:
+        for x, y in (args, args[::-1]):
+            if _is(x, 0) or (x.op == "const" and type == "b1"):
+                return x if bool(x.data) is decides else y
+        return _same(b, type, args)
 
-def _or(b: Builder, type: Type, args: tuple[Value, ...]) -> Value | None:
-    for x, y in (args, args[::-1]):
-        if x.op == "const" and type == "b1":
-            return x if x.data else y
-        if _is(x, 0):
-            return y
-    return _same(b, type, args)
+    return rule
 
 
 def _xor(b: Builder, type: Type, args: tuple[Value, ...]) -> Value | None:
     return b.constant(0, type) if args[0] is args[1] else None
-
-
-def _not(b: Builder, type: Type, args: tuple[Value, ...]) -> Value | None:
-    return args[0].args[0] if args[0].op == "not" else None
 
 
 def _select(b: Builder, type: Type, args: tuple[Value, ...]) -> Value | None:
@@ -231,7 +213,7 @@ def _pow(b: Builder, type: Type, args: tuple[Value, ...]) -> Value | None:
     return None
 
 
-def _comparison_rule(op: str) -> Callable[[Builder, Type, tuple[Value, ...]], Value | None]:
+def _comparison_rule(op: str) -> Rule:
     def rule(b: Builder, type: Type, args: tuple[Value, ...]) -> Value | None:
         if args[0] is args[1] and args[0].type not in FLOATS:
             return b.constant(_EQUAL_GIVES[op], "b1")
@@ -245,19 +227,19 @@ def _comparison_rule(op: str) -> Callable[[Builder, Type, tuple[Value, ...]], Va
     return rule
 
 
-_RULES: dict[str, Callable[[Builder, Type, tuple[Value, ...]], Value | None]] = {
+_RULES: dict[str, Rule] = {
     "add": _add,
     "sub": _sub,
     "mul": _mul,
     "div": _div,
-    "neg": _neg,
+    "neg": _undo("neg"),
     "abs": _abs,
     "min": _same,
     "max": _same,
-    "and": _and,
-    "or": _or,
+    "and": _logical(False),
+    "or": _logical(True),
     "xor": _xor,
-    "not": _not,
+    "not": _undo("not"),
     "select": _select,
     "convert": _convert,
     "pow": _pow,

@@ -5,39 +5,36 @@ from __future__ import annotations
 import functools
 import hashlib
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
+
+import numpy as np
 
 from slidax.core.errors import DefinitionError
 
 Type = Literal["f64", "f32", "i64", "i32", "u64", "u32", "b1", "none"]
 """Type of a value; `none` for blocks and stores."""
 
+DTYPES: dict[Type, Any] = {
+    "f64": np.float64,
+    "f32": np.float32,
+    "i64": np.int64,
+    "i32": np.int32,
+    "u64": np.uint64,
+    "u32": np.uint32,
+    "b1": np.bool_,
+}
+"""NumPy dtype of each type."""
+
 FLOATS: tuple[Type, ...] = ("f64", "f32")
 
-ELEMENTARY = [
-    "exp",
-    "expm1",
-    "log",
-    "log1p",
-    "pow",
-    "sin",
-    "cos",
-    "tan",
-    "asin",
-    "acos",
-    "atan",
-    "atan2",
-    "sinh",
-    "cosh",
-    "tanh",
-    "erf",
-    "erf_inv",
-    "cbrt",
-]
+ELEMENTARY = (
+    *("exp", "expm1", "log", "log1p", "pow", "sin", "cos", "tan", "asin", "acos", "atan", "atan2"),
+    *("sinh", "cosh", "tanh", "erf", "erf_inv", "cbrt"),
+)
 """Functions without a processor instruction: printed as calls, or expanded first."""
 
 BLOCKS = frozenset({"loop", "branch"})
@@ -49,6 +46,7 @@ PLACED = frozenset({"const", "input", "param", "result"})
 Number = float | int | bool
 
 
+@dataclass(slots=True, eq=False)
 class Region:
     """A list of values that are computed one after the other.
 
@@ -59,14 +57,11 @@ class Region:
     - `known`: values by operation and arguments, for the builder.
     """
 
-    __slots__ = ("kind", "known", "owner", "parent", "values")
-
-    def __init__(self, kind: Literal["program", "head", "body", "branch"], parent: Region | None) -> None:
-        self.kind = kind
-        self.parent = parent
-        self.owner: Value | None = None
-        self.values: list[Value] = []
-        self.known: dict[Any, Value] = {}
+    kind: Literal["program", "head", "body", "branch"]
+    parent: Region | None
+    owner: Value | None = None
+    values: list[Value] = field(default_factory=list)
+    known: dict[Any, Value] = field(default_factory=dict)
 
     def within(self, other: Region) -> bool:
         """True if this region is the other one or inside it."""
@@ -78,6 +73,7 @@ class Region:
         return False
 
 
+@dataclass(slots=True, eq=False, repr=False)
 class Value:
     """One operation and its result.
 
@@ -91,18 +87,13 @@ class Value:
     - `origin`: source location, as the tracer records it.
     """
 
-    __slots__ = ("args", "data", "number", "op", "origin", "region", "type")
-
-    def __init__(
-        self, op: str, type: Type, args: tuple[Value, ...], data: Any, region: Region, number: int, origin: Any
-    ) -> None:
-        self.op = op
-        self.type = type
-        self.args = args
-        self.data = data
-        self.region = region
-        self.number = number
-        self.origin = origin
+    op: str
+    type: Type
+    args: tuple[Value, ...]
+    data: Any
+    region: Region
+    number: int
+    origin: Any = None
 
     def __repr__(self) -> str:
         return f"%{self.number}:{self.type} = {self.op}({', '.join(f'%{a.number}' for a in self.args)}) {self.data}"
@@ -208,6 +199,28 @@ class Program:
     def walk(self) -> Iterator[Value]:
         """Iterate over all values, a block before its contents."""
         yield from walk(self.body)
+
+
+def checked_inputs(program: Program, inputs: Sequence[Any], runs: int | None) -> list[np.ndarray]:
+    """Return inputs as arrays.
+
+    - `inputs`: arrays in the program's shapes and dtypes; those that vary have a first axis for the runs.
+    - `runs`: number of runs; None for one, without that axis.
+
+    Raises DefinitionError if an input has another shape or dtype.
+    """
+    if len(inputs) != len(program.inputs):
+        raise DefinitionError(f"the program has {len(program.inputs)} inputs; got {len(inputs)}")
+    arrays = [np.asarray(array) for array in inputs]
+    for array, entry in zip(arrays, program.inputs, strict=True):
+        shape = (runs, *entry.shape) if entry.varying and runs is not None else entry.shape
+        dtype = np.dtype(DTYPES[entry.type])
+        if array.shape != shape or array.dtype != dtype:
+            raise DefinitionError(
+                f"input `{entry.name}` must be {dtype} of shape {list(shape)}; "
+                f"got {array.dtype} of shape {list(array.shape)}"
+            )
+    return arrays
 
 
 def functions(program: Program) -> list[Program]:

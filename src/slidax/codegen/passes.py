@@ -119,37 +119,28 @@ class Rebuilding:
         )
 
 
-def fuse(program: Program) -> Program:
-    """Return the program with products fused into the sums that use them."""
-    return rebuild(program, fuse_products())
-
-
-def fuse_products() -> Replace:
-    """Return the replacement for `rebuild` that fuses products into sums and differences.
+def fuse_products(builder: Builder, value: Value, args: tuple[Value, ...]) -> Value | None:
+    """Fuse products into sums and differences, as a replacement for `rebuild`.
 
     A product is fused if it is in the same region as the sum; a product outside the loop is already computed. Other
     users of the product do not matter, so that logging does not change the rounding. If a sum has two products, only
     their order decides which one is fused, so that all targets round equally.
     """
-
-    def replace(builder: Builder, value: Value, args: tuple[Value, ...]) -> Value | None:
-        if value.op not in ("add", "sub") or value.type not in FLOATS:
-            return None
-        # The sum usually waits for the later product.
-        for k in sorted((0, 1), key=lambda k: -value.args[k].number):
-            product = args[k]
-            if product.op == "mul" and value.args[k].region is value.region:
-                a, b = product.args
-                c = args[1 - k]
-                if value.op == "sub":
-                    if k == 0:
-                        c = builder.apply("neg", c, type=value.type)
-                    else:
-                        a = builder.apply("neg", a, type=value.type)
-                return builder.apply("fma", a, b, c, type=value.type)
+    if value.op not in ("add", "sub") or value.type not in FLOATS:
         return None
-
-    return replace
+    # The sum usually waits for the later product.
+    for k in sorted((0, 1), key=lambda k: -value.args[k].number):
+        product = args[k]
+        if product.op == "mul" and value.args[k].region is value.region:
+            a, b = product.args
+            c = args[1 - k]
+            if value.op == "sub":
+                if k == 0:
+                    c = builder.apply("neg", c, type=value.type)
+                else:
+                    a = builder.apply("neg", a, type=value.type)
+            return builder.apply("fma", a, b, c, type=value.type)
+    return None
 
 
 FREE = frozenset({"const", "input", "param", "result", "copy", "bitcast"})

@@ -21,13 +21,11 @@ from slidax.codegen.passes import NO_OPERATIONS, OperationCount, count_iteration
 from slidax.core.errors import DefinitionError
 from slidax.core.writing import error_reason, write_text
 from slidax.law.sampled.controller import SampledData
-from slidax.plant.actuators import TorqueLimits
-from slidax.simulation.plant import MujocoPlant
 
 from .c_source import CALLS, FunctionBody, StepSource, StreamCode, function_body, step_source
 from .c_structures import Member, comment, render
 from .golden_samples import GoldenSamples, golden_samples
-from .guarded_step import GuardedStep
+from .guarded_step import GuardedStep, guarded_law, own_plant
 from .programs import (
     StepPrograms,
     arm_program,
@@ -444,10 +442,8 @@ def project(
     Raises DefinitionError if there is no native code for the law, or the name is not valid in C.
     """
     name = _checked_name(scenario.name if name is None else name, clean=name is None)
-    plant = scenario.plant.own if isinstance(scenario.plant, MujocoPlant) else scenario.plant
-    described, robot, actuator = scenario.description, plant.robot, plant.actuator
-    limits = TorqueLimits() if actuator is None else actuator.limits
-    guard = GuardedStep.around(scenario.controller, limits, scenario.period)
+    plant, guard = own_plant(scenario), guarded_law(scenario)
+    described, robot = scenario.description, plant.robot
     dialect = Dialect("float" if single else "double")
     step = step_programs(guard, dialect.real)
     same = not single or has_float_constants(step.answered.program)

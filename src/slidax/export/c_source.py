@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from slidax.codegen.c.expressions import Dialect, Helpers
 from slidax.codegen.c.functions import statements
@@ -26,23 +26,40 @@ LEAST = 3
 """Fewest elements of an array."""
 
 
+@dataclass(frozen=True)
+class FunctionBody:
+    """Body of a C function.
+
+    - `lines`: lines of C, indented, including those that silence warnings about unused arguments.
+    - `bytes`: stack of its variables, no two sharing memory, and of the deepest call.
+    """
+
+    lines: list[str]
+    bytes: int
+
+
+NO_BODY = FunctionBody([], 0)
+
+
 @dataclass
 class SharedFunction:
     """A function of the step.
 
     - `name`: name in C.
     - `arrays`: for each input, the parameter that all calls pass; None if calls differ.
-    - `lines`, `derived`: its body, and the body of the function that precomputes from the parameters.
-    - `bytes`, `derived_bytes`: stack of their variables, no two sharing memory, including called functions.
+    - `body`, `derived`: its body, and the body of the function that precomputes from the parameters.
     """
 
     program: Program
     name: str
     arrays: list[CArray | None]
-    lines: list[str] = field(default_factory=list)
-    derived: list[str] = field(default_factory=list)
-    bytes: int = 0
-    derived_bytes: int = 0
+    body: FunctionBody = NO_BODY
+    derived: FunctionBody = NO_BODY
+
+    @property
+    def local(self) -> list[str]:
+        """Names of its variables."""
+        return [RESULT, *(self.argument(k) for k in self.passed)]
 
     @property
     def passed(self) -> tuple[int, ...]:
@@ -136,38 +153,18 @@ class SharedFunctions:
                         calls_of.setdefault(id(self.of(value.program)), []).append(_passed(value, arrays))
 
     def _write(self, shared: SharedFunction, dialect: Dialect, helpers: Helpers, members: WorkspaceMembers) -> None:
-        program = shared.program
-        names = Names(program)
+        program, names, shares = shared.program, Names(shared.program), ("parameters", "workspace")
         fixed = {k for k, array in enumerate(shared.arrays) if array is not None}
         kept = members.add(loop_invariant(program, fixed), names)
         outputs = [value for output in program.outputs for value in output.values or ()]
-        arguments = [shared.argument(k) for k in shared.passed]
-        taken = ("parameters", "workspace", RESULT, *TYPES, *arguments, *(each.name for each in self.shared))
-        into = [(text, value) for value, text in kept.items()]
-        derived = statements(
-            program, into, shared.read, dialect=dialect, names=names, callees=self.callee, loops=True, taken=taken
-        )
-        inside = statements(
-            program,
-            [(f"{RESULT}[{k}]", value) for k, value in enumerate(outputs)],
-            shared.read,
-            dialect=dialect,
-            precomputed=kept,
-            names=names,
-            callees=self.callee,
-            loops=True,
-            taken=taken,
-        )
-        for written in (derived, inside):
-            helpers.extend(written.helpers)
-        shared.derived = derived.lines
-        shared.lines = with_unused_arguments(inside.lines, ("parameters", "workspace"))
-        shared.bytes = inside.bytes + self.deepest(inside.called)
-        shared.derived_bytes = derived.bytes + self.deepest(derived.called)
+        results = [(f"{RESULT}[{k}]", value) for k, value in enumerate(outputs)]
+        if kept:
+            shared.derived = function_body(shared, dialect, shares, helpers, self, names, _stored(kept))
+        shared.body = function_body(shared, dialect, shares, helpers, self, names, results, kept)
 
     def deepest(self, called: Sequence[Program]) -> int:
         """Largest stack of a call to one of these functions [bytes]."""
-        return max((self.of(program).bytes + FRAME for program in called), default=0)
+        return max((self.of(program).body.bytes + FRAME for program in called), default=0)
 
 
 FRAME = 128
@@ -246,18 +243,6 @@ def _numbered(name: str) -> Iterable[str]:
 
 
 @dataclass(frozen=True)
-class FunctionBody:
-    """Body of a C function.
-
-    - `lines`: lines of C, indented, including those that silence warnings about unused arguments.
-    - `bytes`: stack of its variables, no two sharing memory.
-    """
-
-    lines: list[str]
-    bytes: int
-
-
-@dataclass(frozen=True)
 class StepSource:
     """All functions of a step.
 
@@ -331,17 +316,17 @@ def step_source(step: StepPrograms, dialect: Dialect) -> StepSource:
     begun = function_body(step.begun, dialect, (*sample, "workspace", "memory"), helpers, library)
     held = function_body(step.held, dialect, ("parameters", "memory"), helpers)
     valid = function_body(step.valid, dialect, ("parameters",), helpers)
-    into = [(text, value) for value, text in kept.items()]
-    derived = _body(answered, into, dialect, ("parameters", "workspace"), helpers, names, {}, library)
+    shares = ("parameters", "workspace")
+    derived = function_body(answered, dialect, shares, helpers, library, names, _stored(kept))
     arguments = (*sample, "workspace", "memory", "command")
-    inside = _body(answered, answered.assigned, dialect, arguments, helpers, names, kept, library)
+    inside = function_body(answered, dialect, arguments, helpers, library, names, answered.assigned, kept)
     # They run one after the other; only `derived` calls others.
-    deriving = derived.bytes + max((each.derived_bytes for each in library.shared), default=0)
+    deriving = derived.bytes + max((each.derived.bytes for each in library.shared), default=0)
     total = (
         round(SPILLED * max(checked.bytes, held.bytes, valid.bytes, begun.bytes, deriving, inside.bytes))
         + CALLS[dialect.real]
     )
-    lines = [*derived.lines, *(line for each in library.shared for line in each.derived)]
+    lines = [*derived.lines, *(line for each in library.shared for line in each.derived.lines)]
     return StepSource(
         checked=checked,
         begun=begun,
@@ -357,48 +342,46 @@ def step_source(step: StepPrograms, dialect: Dialect) -> StepSource:
 
 
 def function_body(
-    function: Function,
+    function: Function | SharedFunction,
     dialect: Dialect,
     arguments: Sequence[str],
     helpers: Helpers,
     library: SharedFunctions | None = None,
+    names: Names | None = None,
+    assigned: list[tuple[str, Value]] | None = None,
+    kept: Mapping[Value, str] | None = None,
 ) -> FunctionBody:
     """Write the body of a function.
 
     - `arguments`: names of the C function's arguments.
     - `helpers`: collects the small functions that it calls.
     - `library`: the shared functions that it calls.
+    - `names`: names of its values; None: those of the source and of the signals.
+    - `assigned`: C lvalues and their values; None: the outputs.
+    - `kept`: values that need no computation, with the C text that reads them.
     """
-    names = Names(function.program, _outputs(function))
-    return _body(function, function.assigned, dialect, arguments, helpers, names, {}, library)
-
-
-def _body(
-    function: Function,
-    assigned: list[tuple[str, Value]],
-    dialect: Dialect,
-    arguments: Sequence[str],
-    helpers: Helpers,
-    names: Names,
-    kept: dict[Value, str],
-    library: SharedFunctions | None,
-) -> FunctionBody:
-    local = [array.member.name for array in function.outputs if not array.pointer]
+    if isinstance(function, Function):
+        names = names or Names(function.program, _outputs(function))
+        assigned = function.assigned if assigned is None else assigned
     called = [] if library is None else [shared.name for shared in library.shared]
     written = statements(
         function.program,
-        assigned,
+        assigned or [],
         function.read,
         dialect=dialect,
         precomputed=kept,
         names=names,
         callees=None if library is None else library.callee,
         loops=True,
-        taken=(*arguments, *local, *called, *TYPES, *TAKEN),
+        taken=(*arguments, *function.local, *called, *TYPES, *TAKEN),
     )
     helpers.extend(written.helpers)
     deepest = 0 if library is None else library.deepest(written.called)
     return FunctionBody(with_unused_arguments(written.lines, arguments), written.bytes + deepest)
+
+
+def _stored(kept: Mapping[Value, str]) -> list[tuple[str, Value]]:
+    return [(text, value) for value, text in kept.items()]
 
 
 def _fitted(function: Function) -> Function:

@@ -85,7 +85,7 @@ def members(tree: Any, *, strip: Sequence[str] = (), values: bool = False) -> li
     """
     structure = []
     for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
-        parts = [_part(key) for key in path]
+        parts = [_part_of_path(key) for key in path]
         while len(parts) > 1 and parts[0] in strip:
             parts = parts[1:]
         structure.append(
@@ -105,7 +105,8 @@ def members(tree: Any, *, strip: Sequence[str] = (), values: bool = False) -> li
     return structure
 
 
-def _part(key: Any) -> str:
+def _part_of_path(key: Any) -> str:
+    """The name of a field, entry or element on the way to a leaf."""
     for field in ("name", "key", "idx"):
         if hasattr(key, field):
             return str(getattr(key, field))
@@ -115,7 +116,7 @@ def _part(key: Any) -> str:
 def _meaning(tree: Any, path: Sequence[Any]) -> str:
     """The bullet of the innermost field on the way to the leaf, without words that the declaration repeats."""
     meaning = ""
-    for place, key in objects_on_path(tree, path):
+    for place, key in _objects_on_path(tree, path):
         if hasattr(key, "name"):
             meaning = bullets(type(place)).get(key.name, meaning)
     for repeated in (
@@ -131,7 +132,7 @@ def _meaning(tree: Any, path: Sequence[Any]) -> str:
 
 def _part_of(tree: Any, path: Sequence[Any]) -> str:
     """The first sentence about the innermost object that has the leaf."""
-    owners = [place for place, key in objects_on_path(tree, path) if hasattr(key, "name")]
+    owners = [place for place, key in _objects_on_path(tree, path) if hasattr(key, "name")]
     if not owners:
         return ""
     name = type(owners[-1]).__name__
@@ -139,12 +140,12 @@ def _part_of(tree: Any, path: Sequence[Any]) -> str:
     return f"{name}: {shorten(comment(' '.join(first.split())), 108 - len(name))}"
 
 
-def objects_on_path(tree: Any, path: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
+def _objects_on_path(tree: Any, path: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
     """The objects on the way to a leaf, each with the key that leads on."""
     place = tree
     for key in path:
         yield place, key
-        name = _part(key)
+        name = _part_of_path(key)
         place = getattr(place, name) if hasattr(key, "name") else place[getattr(key, "key", getattr(key, "idx", name))]
 
 
@@ -182,7 +183,7 @@ def constant_bounds(tree: Any, real: str) -> list[ParameterBounds | None]:
         return -outward * least if number == 0.0 else float(np.nextafter(kind(number), kind(-outward * np.inf)))
 
     bounds: list[ParameterBounds | None] = []
-    for _, parameter, leaf in _declarations(tree):
+    for _, parameter, leaf in declared_arrays(tree):
         if not jnp.issubdtype(leaf.dtype, jnp.inexact):
             bounds.append(None)
         elif parameter is None:
@@ -198,7 +199,7 @@ def constant_bounds(tree: Any, real: str) -> list[ParameterBounds | None]:
 def related_valid(tree: Any) -> Flag:
     """True if every parameter whose range depends on another parameter is in that range."""
     conditions = []
-    for part, parameter, value in _declarations(tree):
+    for part, parameter, value in declared_arrays(tree):
         if parameter is None or not jnp.issubdtype(value.dtype, jnp.inexact):
             continue
         for end, is_lower in zip(parameter.range.ends, (True, False), strict=True):
@@ -209,11 +210,11 @@ def related_valid(tree: Any) -> Flag:
     return jnp.all(jnp.concatenate(conditions)) if conditions else jnp.ones((), bool)
 
 
-def _declarations(tree: Any) -> Iterator[tuple[Any, Parameter | None, Any]]:
+def declared_arrays(tree: Any) -> Iterator[tuple[Any, Parameter | None, Any]]:
     """For each array its part, its declaration (None if it has none), and itself."""
     for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
         owner, parameter = None, None
-        for place, key in objects_on_path(tree, path):
+        for place, key in _objects_on_path(tree, path):
             # A pytree within a parameter, such as a tuple of arrays, belongs to the part that declares it.
             if isinstance(place, AbstractPart):
                 field = next(field for field in place.__dataclass_fields__.values() if field.name == key.name)
@@ -233,12 +234,9 @@ def render(template: str, values: dict[str, Any]) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters |= {"comment": comment, "capitalised": _capitalised, "wrapped": _wrapped}
-    environment.globals |= {
-        "declarations": declarations,
-        "initialisers": initialisers,
-        "table_definitions": table_definitions,
-    }
+    environment.filters |= {"comment": comment, "wrapped": _wrapped}
+    environment.filters["capitalised"] = lambda text: text[:1].upper() + text[1:]
+    environment.globals |= {each.__name__: each for each in (declarations, initialisers, table_definitions)}
     return environment.get_template(template).render(values)
 
 
@@ -295,10 +293,6 @@ def default(member: Member, dialect: Dialect) -> str:
 
 def _number(number: Any, member: Member, dialect: Dialect) -> str:
     return dialect.number(number.item(), member.type)
-
-
-def _capitalised(text: str) -> str:
-    return text[:1].upper() + text[1:]
 
 
 def _wrapped(text: str, before: str, width: int = 116) -> str:

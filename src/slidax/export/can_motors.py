@@ -87,6 +87,3 @@ def export_can(
     )
     write_files(exported, out, {"can/README.md.j2": "README.md"}, o=limits, motors=chosen)
     return exported
-
-
-__all__ = ["MOTORS", "CanMotor", "export_can"]

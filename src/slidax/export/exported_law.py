@@ -55,7 +55,7 @@ class ExportedLaw(MutableMapping[str, np.ndarray]):
         - `now`, `following`: positions, velocities and accelerations [3 n] of the reference at this sample and one
           period later; by default `following` continues `now` with its acceleration.
         """
-        wanted = self._rows(now, "now")
+        wanted = self._numbers(now, "now", 3)
         if following is None:
             h, (position, velocity, acceleration) = self.period, wanted
             following = (
@@ -63,8 +63,8 @@ class ExportedLaw(MutableMapping[str, np.ndarray]):
                 velocity + h * acceleration,
                 acceleration,
             )
-        later, tau = self._rows(following, "following"), self._vector()
-        vectors = [self._vector(*self._row(value, name)) for name, value in (("q", q), ("dq", dq))]
+        later, tau = self._numbers(following, "following", 3), self._vector()
+        vectors = [self._vector(*self._numbers(value, name)) for name, value in (("q", q), ("dq", dq))]
         references = [self._reference(*rows.ravel()) for rows in (wanted, later)]
         status = self._step(self._at, self._real(t), *vectors, *references, tau)
         return np.array(tau, float), int(status)
@@ -132,17 +132,11 @@ class ExportedLaw(MutableMapping[str, np.ndarray]):
             raise DefinitionError(f"unknown parameter `{name}`; {nearest_word(name, self._sizes)}")
         return name
 
-    def _row(self, value: Any, name: str) -> np.ndarray:
-        row = np.asarray(value, float)
-        if row.shape != (self.joints,):
-            raise DefinitionError(f"`{name}` must have shape [{self.joints}]; got {list(row.shape)}")
-        return row
-
-    def _rows(self, value: Any, name: str) -> np.ndarray:
-        rows = np.asarray(value, float)
-        if rows.shape != (3, self.joints):
-            raise DefinitionError(f"`{name}` must have shape [3, {self.joints}]; got {list(rows.shape)}")
-        return rows
+    def _numbers(self, value: Any, name: str, *rows: int) -> np.ndarray:
+        numbers, shape = np.asarray(value, float), (*rows, self.joints)
+        if numbers.shape != shape:
+            raise DefinitionError(f"`{name}` must have shape {list(shape)}; got {list(numbers.shape)}")
+        return numbers
 
     def _function(self, name: str, result: Any) -> Any:
         function = getattr(self._library, f"{self.about['prefix']}_flat_{name}")
@@ -182,6 +176,3 @@ def load_export(folder: str | Path) -> ExportedLaw:
     except subprocess.CalledProcessError as error:
         raise DefinitionError(f"the law in `{project}` does not compile: {error}") from None
     return ExportedLaw(project, about, ctypes.CDLL(str(library)))
-
-
-__all__ = ["ExportedLaw", "load_export"]

@@ -269,9 +269,8 @@ def _texts(exported: CProject, fmi: int) -> tuple[dict[str, str], list[Variable]
 
 def _page(exported: CProject, listed: Sequence[Variable], fmi: int) -> dict[str, Any]:
     groups = {
-        "Inputs": [each for each in listed if each.causality == "input"],
-        "Outputs": [each for each in listed if each.causality == "output"],
-        "Parameters": [each for each in listed if each.causality == "parameter"],
+        f"{kind.capitalize()}s": [each for each in listed if each.causality == kind]
+        for kind in ("input", "output", "parameter")
     }
     return {"x": exported, "groups": groups, "fmi": fmi, "range": _range}
 

@@ -6,18 +6,15 @@ import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
-import jax
 import numpy as np
 
-from slidax.core.parameter import Parameter, parameters_of
+from slidax.core.parameter import Parameter
 
 from .c_project import CProject
-from .c_structures import Member
-from .guarded_step import GuardedStep
+from .c_structures import Member, declared_arrays
 from .programs import envelope_members
 from .status import HELD, Condition
 
@@ -170,8 +167,8 @@ def variables(exported: CProject, *, with_envelope: bool) -> list[Variable]:
     listed += [_flag(condition) for condition in exported.conditions]
     listed.append(Variable("status.held", "boolean", "output", f"bits[{len(exported.conditions)}]",
                           f"true if the torque is the last safe one: any bit of {HELD}"))  # fmt: skip
-    for member, parameter in zip(exported.parameters, _declared(exported.guard), strict=True):
-        listed += _parameters(member, parameter, revolute)
+    for member, (_, parameter, _) in zip(exported.parameters, declared_arrays(exported.guard), strict=True):
+        listed += _parameters(member, parameter or Parameter("", ""), revolute)
     return listed
 
 
@@ -217,27 +214,6 @@ def _numbers(
             UNIT_SUFFIX.sub("", meaning),
             parse_unit(words, revolute=kind),
         )
-
-
-def _declared(guard: GuardedStep) -> list[Parameter]:
-    """Declaration of each parameter, in the order of the members; the innermost declaration counts."""
-    declarations = []
-    for path, _ in jax.tree_util.tree_leaves_with_path(guard):
-        declaration, node = Parameter("", ""), guard
-        for key in path:
-            name = getattr(key, "name", None)
-            if name is not None:
-                fields = {each.name: each for each in parameters_of(type(node))}
-                declaration = fields.get(name, declaration)
-            node = _child(node, key)
-        declarations.append(declaration)
-    return declarations
-
-
-def _child(node: Any, key: Any) -> Any:
-    if hasattr(key, "name"):
-        return getattr(node, key.name)
-    return node[getattr(key, "key", getattr(key, "idx", None))]
 
 
 TYPES = {3: {"real": "Float64", "integer": "Int32", "boolean": "Boolean"},

@@ -20,6 +20,9 @@ from slidax.simulation.simulate import simulate
 from .guarded_step import GuardedStep
 from .status import HELD, Status, StepMemory
 
+if TYPE_CHECKING:
+    from slidax.scenarios.scenario import Scenario
+
 INSIDE = 0.95
 """Largest error of a random sample, relative to its bound."""
 
@@ -144,10 +147,6 @@ def with_bad_numbers(samples: StepSample) -> StepSample:
     return eqx.tree_at(places, samples, [jnp.asarray(part) for part in parts])
 
 
-if TYPE_CHECKING:
-    from slidax.scenarios.scenario import Scenario
-
-
 @dataclass(frozen=True)
 class Recording:
     """Samples of a closed loop, each array with the sample as first axis.
@@ -210,9 +209,6 @@ def record_closed_loop(scenario: Scenario, guard: GuardedStep, t1: float | None 
     samples: StepSample = jax.tree.unflatten(jax.tree.structure(like), arrays)
     return Recording(samples, np.asarray(run.log.signals["tau"]), np.asarray(run.log.signals["status"]).astype(int))
 
-
-if TYPE_CHECKING:
-    from slidax.scenarios.scenario import Scenario
 
 OF_A_RUN, RANDOM, BAD = 200, 200, 100
 """Number of samples of each kind."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import jax
@@ -20,6 +21,7 @@ from slidax.law.sampled.controller import SampledData
 from slidax.law.sampled.gate import LONGEST_GAP, MeasurementGate
 from slidax.law.sound import require_sound_law
 from slidax.plant.actuators import TorqueLimits
+from slidax.simulation.plant import MujocoPlant, Plant
 
 from .status import (
     ENVELOPE_LEFT,
@@ -38,6 +40,9 @@ from .status import (
     Status,
     StepMemory,
 )
+
+if TYPE_CHECKING:
+    from slidax.scenarios.scenario import Scenario
 
 
 def arrays_read(controller: AbstractController) -> frozenset[str]:
@@ -174,7 +179,7 @@ class GuardedStep(AbstractController):
         finite = _finite((t, measured))
         return {
             MEASUREMENT_NOT_FINITE: ~finite,
-            MEASUREMENT_OUT_OF_RANGE: finite & ~self._gate().in_range(state.q),
+            MEASUREMENT_OUT_OF_RANGE: finite & ~self._part("gate").in_range(state.q),
             REFERENCE_NOT_FINITE: ~_finite(wanted),
         }
 
@@ -190,36 +195,17 @@ class GuardedStep(AbstractController):
             nominal = getattr(self.controller, "nominal", None)
             if nominal is not None:
                 tau = jnp.where(memory.commanded, tau, nominal.bias(state.q, state.dq))
-            gate = self._gate().init(t, state, self._velocity)
-        return StepMemory(
-            started=_finite((law, tau)),
-            commanded=memory.commanded,
-            t=t - self._period(),
-            tau=tau,
-            held=memory.held,
-            stop=memory.stop,
-            outside=jnp.zeros(()),
-            law=law,
-            gate=gate,
-        )
+            gate = self._part("gate").init(t, state, self._velocity)
+        started, before = _finite((law, tau)), t - self._part("period")
+        return replace(memory, started=started, t=before, tau=tau, outside=jnp.zeros(()), law=law, gate=gate)
 
     def held(self, memory: StepMemory) -> tuple[StepMemory, Flags]:
         """Return the memory after a step that holds its command, within limits that may have been lowered since."""
         # Before the first command `tau` is the arm's weight, from which the rate counts.
         tau = jnp.where(memory.commanded, self._within(memory.tau), 0.0)
         held = memory.held + 1.0
-        stop = memory.stop | (held >= self._gate().patience)
-        kept = StepMemory(
-            started=memory.started,
-            commanded=jnp.ones((), bool),
-            t=memory.t,
-            tau=tau,
-            held=held,
-            stop=stop,
-            outside=memory.outside,
-            law=memory.law,
-            gate=memory.gate,
-        )
+        stop = memory.stop | (held >= self._part("gate").patience)
+        kept = replace(memory, commanded=jnp.ones((), bool), tau=tau, held=held, stop=stop)
         return kept, {STOP_REQUESTED: stop}
 
     def answered(
@@ -229,7 +215,7 @@ class GuardedStep(AbstractController):
 
         The law must have started.
         """
-        period = self._period()
+        period = self._part("period")
         gate, before = memory.gate, memory.law
         accepted = jnp.ones((), bool)
         if self.gate is not None and gate is not None:
@@ -248,7 +234,7 @@ class GuardedStep(AbstractController):
 
         # The arm's weight before the first command.
         held = self._within(memory.tau)
-        tau = self._limits()(command.tau, held, period)
+        tau = self._part("limits")(command.tau, held, period)
         if isinstance(self.controller, SampledData):
             # Its own memory has the torque from which its first command is limited.
             tau = jnp.where(memory.commanded, tau, self._within(command.tau))
@@ -274,7 +260,7 @@ class GuardedStep(AbstractController):
         passed = jnp.clip(elapsed, 0.0, LONGEST_GAP * period)
         outside = jnp.where(accepted, jnp.where(left, memory.outside + passed, 0.0), memory.outside)
         counted = jnp.where(used, 0.0, memory.held + 1.0)
-        stop = memory.stop | (counted >= self._gate().patience)
+        stop = memory.stop | (counted >= self._part("gate").patience)
         flags = {
             TORQUE_NOT_FINITE: ~finite,
             ENVELOPE_LEFT: left,
@@ -285,8 +271,8 @@ class GuardedStep(AbstractController):
             STOP_REQUESTED: stop,
             RECOVERY_OVERDUE: outside > self._deadline(),
         }
-        kept = StepMemory(
-            started=memory.started,
+        kept = replace(
+            memory,
             commanded=jnp.ones((), bool),
             t=jnp.where(used, t, memory.t),
             tau=jnp.where(used, tau, jnp.where(memory.commanded, held, 0.0)),
@@ -297,8 +283,7 @@ class GuardedStep(AbstractController):
             gate=gate,
         )
         signals = command.signals
-        decides = self._decides()
-        transformation = getattr(decides, "transformation", None)
+        transformation = getattr(self._decides(), "transformation", None)
         if isinstance(transformation, PrescribedPerformance):
             signals = {**signals, "rho": transformation.performance.radius(t)}
         shown = {name: jnp.where(used & jnp.isfinite(value), value, 0.0) for name, value in signals.items()}
@@ -319,33 +304,20 @@ class GuardedStep(AbstractController):
     def _nothing(self, t: Scalar, state: State, reference: Reference) -> StepMemory:
         """The memory after a reset: all zeros."""
         law = _zeros(lambda: self.controller.init(t, state, reference))
-        gate = None if self.gate is None else _zeros(lambda: self._gate().init(t, state, self._velocity))
+        gate = None if self.gate is None else _zeros(lambda: self._part("gate").init(t, state, self._velocity))
         zero, off = jnp.zeros(()), jnp.zeros((), bool)
         tau = jnp.zeros(self.joints)
         return StepMemory(off, off, zero, tau, held=zero, stop=off, outside=zero, law=law, gate=gate)
 
     def _within(self, tau: Vector) -> Vector:
-        largest = self._limits().torque
+        largest = self._part("limits").torque
         # Not by `clip`: a limit that is NaN changes nothing.
         return jnp.where(tau > largest, largest, jnp.where(tau < -largest, -largest, tau))
 
-    def _period(self) -> Scalar:
-        if self.period is None:
-            assert isinstance(self.controller, SampledData)
-            return self.controller.period
-        return self.period
-
-    def _limits(self) -> TorqueLimits:
-        if self.limits is None:
-            assert isinstance(self.controller, SampledData)
-            return self.controller.limits
-        return self.limits
-
-    def _gate(self) -> MeasurementGate:
-        if self.gate is None:
-            assert isinstance(self.controller, SampledData)
-            return self.controller.gate
-        return self.gate
+    def _part(self, name: str) -> Any:
+        """The period, limits or gate: the step's own, or those that it shares with a sampled-data law."""
+        own = getattr(self, name)
+        return getattr(self.controller, name) if own is None else own
 
     @property
     def _velocity(self) -> bool:
@@ -362,6 +334,18 @@ class GuardedStep(AbstractController):
         transformation = getattr(self._decides(), "transformation", None)
         deadline = getattr(getattr(transformation, "performance", None), "deadline", None)
         return jnp.ones(()) if deadline is None else jnp.max(deadline)
+
+
+def own_plant(scenario: Scenario) -> Plant:
+    """The plant that slidax itself integrates."""
+    return scenario.plant.own if isinstance(scenario.plant, MujocoPlant) else scenario.plant
+
+
+def guarded_law(scenario: Scenario) -> GuardedStep:
+    """A scenario's law behind its guards, as in `slidax export`."""
+    actuator = own_plant(scenario).actuator
+    limits = TorqueLimits() if actuator is None else actuator.limits
+    return GuardedStep.around(scenario.controller, limits, scenario.period)
 
 
 def _per_joint(gate: MeasurementGate, joints: int) -> MeasurementGate:

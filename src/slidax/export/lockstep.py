@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -62,9 +62,6 @@ def lockstep(scenario: Scenario, samples: int, *, transport: int = 0) -> Lockste
         arm.move()
     return LockstepResult(of_law.channels, of_law.columns(np.stack(answers)), of_arm.columns(np.stack(ticks)))
 
-
-if TYPE_CHECKING:
-    from slidax.scenarios.scenario import Scenario
 
 CHUNK = 500
 """Ticks that are compressed together."""
@@ -173,24 +170,11 @@ class Replay:
 
     def as_json(self) -> dict[str, Any]:
         """For programs."""
-        difference = self.first
-        first = None
-        if difference is not None:
-            first = {
-                "tick": difference.tick,
-                "t": difference.t,
-                "joint": None if difference.joint is None else self.joints[difference.joint],
-                "logged": difference.logged,
-                "again": difference.again,
-                "status": list(difference.status),
-            }
-        return {
-            "answers": self.answers,
-            "same": self.same,
-            "first": first,
-            "largest": self.largest,
-            "unknown": self.unknown,
-        }
+        values = asdict(self)
+        first = values["first"]
+        if first is not None:
+            first |= {"joint": None if first["joint"] is None else self.joints[first["joint"]]}
+        return {name: values[name] for name in ("answers", "same", "first", "largest", "unknown")}
 
 
 def replay(log: SavedLog) -> Replay:

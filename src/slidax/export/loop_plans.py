@@ -15,7 +15,6 @@ from slidax.codegen import llvm
 from slidax.codegen.trace.tracing import trace
 from slidax.core.errors import DefinitionError
 from slidax.core.types import Reference, Scalar, State, Vector
-from slidax.plant.actuators import TorqueLimits
 from slidax.plant.sensors import AbstractSensor, Delayed, Lossy
 from slidax.runtime.logs.messages import Channels
 from slidax.runtime.shared_memory import CodePlan, MachineCode, Slot
@@ -24,8 +23,11 @@ from slidax.simulation.loop import ClosedLoop, HeldTorque, force, move_plant
 from slidax.simulation.plant import MujocoPlant, Plant
 from slidax.simulation.simulate import BANDS
 
-from .guarded_step import GuardedStep
+from .guarded_step import GuardedStep, guarded_law
 from .status import CONDITIONS, StepMemory
+
+if TYPE_CHECKING:
+    from slidax.scenarios.scenario import Scenario
 
 WORD = 8
 
@@ -79,6 +81,11 @@ class Planner:
         assert [slot.shape for slot in slots] == shapes
         self._routines[name] = MachineCode(kernel.object, kernel.entry, tuple(slot.offset for slot in slots))
 
+    def compile(self, name: str, function: Callable[..., Any], inputs: tuple[Any, ...], outputs: Any) -> None:
+        """Compile a function of trees of arrays, and add its code; arguments as in `code`."""
+        shapes = jax.tree.map(lambda slot: jax.ShapeDtypeStruct(slot.shape, slot.dtype), inputs, is_leaf=_is_slot)
+        self.code(name, kernel(function, *shapes)[0], inputs, outputs)
+
     def plan(self) -> CodePlan:
         """Return the plan."""
         return CodePlan(b"".join(part.tobytes() for part in self._parts), self._routines, self._views, self._regions)
@@ -119,9 +126,6 @@ def kernel(function: Callable[..., Any], *args: Any) -> tuple[llvm.Kernel, Any]:
 def _is_slot(x: Any) -> bool:
     return isinstance(x, Slot)
 
-
-if TYPE_CHECKING:
-    from slidax.scenarios.scenario import Scenario
 
 REFERENCE_COLUMNS = ("q_d", "dq_d", "ddq_d", "q_d_next", "dq_d_next", "ddq_d_next")
 """Now, and one period later."""
@@ -166,13 +170,6 @@ def require_samples(scenario: Scenario) -> None:
         )
 
 
-def guarded_law(scenario: Scenario) -> GuardedStep:
-    """A scenario's law behind its guards, as in `slidax export`."""
-    plant = scenario.plant.own if isinstance(scenario.plant, MujocoPlant) else scenario.plant
-    limits = TorqueLimits() if plant.actuator is None else plant.actuator.limits
-    return GuardedStep.around(scenario.controller, limits, scenario.period)
-
-
 def law_plan(scenario: Scenario) -> LawPlan:
     """Compile a scenario's law.
 
@@ -204,7 +201,6 @@ def law_plan(scenario: Scenario) -> LawPlan:
         return command.memory, (command.tau, command.signals, status, error, bounds)
 
     step_code, (_, shapes) = kernel(step, guard, zeros, NUMBER, state, wanted, wanted)
-    motion_code, _ = kernel(motion, scenario.trajectory, NUMBER, NUMBER)
 
     fields: dict[str, Slot] = {name: planner.view(name, WHOLE) for name in ("k", "basis")}
     fields["t"] = planner.view("t", NUMBER)
@@ -227,7 +223,7 @@ def law_plan(scenario: Scenario) -> LawPlan:
         planner.region(name, start, end)
     references = [fields[name] for name in REFERENCE_COLUMNS]
     sample = (fields["t"], fields["q"], fields["dq"], *references)
-    planner.code("motion", motion_code, (motion_numbers, period, fields["t"]), references)
+    planner.compile("motion", motion, (motion_numbers, period, fields["t"]), references)
     for at in range(2):
         answer = (memories[1 - at], (tau, signals, status, error, bounds))
         planner.code(f"step_{at}", step_code, (numbers, memories[at], *sample), answer)
@@ -266,9 +262,6 @@ def _state(vector: Any) -> State:
 def _reference(vector: Any) -> Reference:
     return jax.eval_shape(lambda q: Reference(q, q, q), vector)
 
-
-if TYPE_CHECKING:
-    from slidax.scenarios.scenario import Scenario
 
 BRAKES_IN = 0.05
 """Time constant of the brakes [s]."""
@@ -400,33 +393,20 @@ def arm_plan(scenario: Scenario, *, transport: int) -> ArmPlan:
     fields["true_t"] = planner.allocate(NUMBER)
     fields |= {name: planner.allocate(vector) for name in ("true_q", "true_dq", "true_e")}
     fields["true_wake"] = planner.view("wake", NUMBER)
-    shapes = (jax.tree.map(_shape, part) for part in (arrays, start, first, delivery))
-    of_loop, of_state, of_sensor, of_delivery = shapes
-    flag = jax.ShapeDtypeStruct((), bool)
-    code, _ = kernel(measure, of_loop, WHOLE, of_state, of_sensor)
-    truth = (fields["true_t"], *(fields[name] for name in ("true_q", "true_dq", "true_e")))
-    planner.code(
-        "measure",
-        code,
-        (numbers, k, state, memories["sensor"]),
-        (measured, fresh, memories["sensor_after"], truth),
-    )
-    code, _ = kernel(set_, of_loop, WHOLE, of_state, of_delivery, vector, flag)
-    planner.code(
-        "set",
-        code,
-        (numbers, k, state, memories["delivery"], tau, brakes),
-        (set_tau, memories["delivery_after"]),
-    )
+    truth = [fields[name] for name in ("true_t", "true_q", "true_dq", "true_e")]
+    measurement = (measured, fresh, memories["sensor_after"], truth)
+    planner.compile("measure", measure, (numbers, k, state, memories["sensor"]), measurement)
+    inputs = (numbers, k, state, memories["delivery"], tau, brakes)
+    planner.compile("set", set_, inputs, (set_tau, memories["delivery_after"]))
     force_slot = planner.view("force", vector)
     world = None
     if isinstance(plant, MujocoPlant):
-        code, _ = kernel(external_torque, of_loop, WHOLE, WHOLE, of_state, vector, of_delivery)
-        planner.code("move", code, (numbers, k, i, state, set_tau, memories["delivery"]), force_slot)
+        inputs = (numbers, k, i, state, set_tau, memories["delivery"])
+        planner.compile("move", external_torque, inputs, force_slot)
         world = _world(plant, float(period) / stepping.substeps, start, scenario.t1)
     else:
-        code, _ = kernel(move, of_loop, WHOLE, of_state, vector, of_delivery)
-        planner.code("move", code, (numbers, k, state, set_tau, memories["delivery"]), memories["state_after"])
+        inputs = (numbers, k, state, set_tau, memories["delivery"])
+        planner.compile("move", move, inputs, memories["state_after"])
     planner.region("row", set_tau, fields["true_wake"])
     return ArmPlan(
         plan=planner.plan(),
@@ -458,7 +438,3 @@ def _world(plant: MujocoPlant, timestep: float, start: State, until: float) -> t
         )
     world = World(plant, timestep, start)
     return world.model, world.positions, world.dofs
-
-
-def _shape(x: Any) -> Any:
-    return jax.ShapeDtypeStruct(np.shape(x), x.dtype)

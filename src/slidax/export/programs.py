@@ -62,6 +62,11 @@ class Function:
         return self.inputs[which].element(element)
 
     @property
+    def local(self) -> list[str]:
+        """Names of its variables."""
+        return [array.member.name for array in self.outputs if not array.pointer]
+
+    @property
     def tables(self) -> list[Member]:
         """The constant arrays that it reads."""
         read = {value.data[0] for value in self.program.body.values if value.op == "input"}
@@ -118,6 +123,7 @@ def step_programs(guard: GuardedStep, real: str = "double") -> StepPrograms:
     held = jax.eval_shape(guard.init, t, state, reference)
     parameters = members(guard, strip=("controller", "step", "law"), values=True)
     memory = members(held)
+    by_name = {member.name: member for member in memory}
 
     def checked(guard: GuardedStep, t: Scalar, state: State, now: Reference, following: Reference) -> list[Flag]:
         return list(guard.checked(t, state, now, following).values())
@@ -135,17 +141,11 @@ def step_programs(guard: GuardedStep, real: str = "double") -> StepPrograms:
     def begin(guard: GuardedStep, memory: StepMemory, t: Scalar, state: State, now: Reference) -> StepMemory:
         return guard.begun(t, state, now, memory)
 
-    def valid(guard: GuardedStep) -> Flag:
-        return related_valid(guard)
-
     sample = (t, state, reference, reference)
     signals = members(jax.eval_shape(answered, guard, held, *sample)[1])
     settings, kept = _arrays("parameters->", parameters), _arrays("memory->", memory)
-    sensors, wanted = (
-        _arrays("measurement->", measurement(guard.joints)),
-        _arrays("reference->", references(guard.joints)),
-    )
-    out = _arrays("command->", signals)
+    sensors = _arrays("measurement->", measurement(guard.joints))
+    wanted, out = _arrays("reference->", references(guard.joints)), _arrays("command->", signals)
     library = Library()
     return StepPrograms(
         checked=_function(checked, (guard, *sample), SAMPLE, settings + sensors + wanted, _flags(CHECKED)),
@@ -162,7 +162,7 @@ def step_programs(guard: GuardedStep, real: str = "double") -> StepPrograms:
             (guard, held),
             ("", "memory"),
             settings + kept,
-            _arrays("memory->", [_named(memory, name) for name in CHANGED]) + _flags(WAITING),
+            _arrays("memory->", [by_name[name] for name in CHANGED]) + _flags(WAITING),
         ),
         begun=_function(
             begin,
@@ -172,7 +172,7 @@ def step_programs(guard: GuardedStep, real: str = "double") -> StepPrograms:
             kept,
             library,
         ),
-        valid=_function(valid, (guard,), ("",), settings, [CArray("", Member("valid", "b1", ()))]),
+        valid=_function(related_valid, (guard,), ("",), settings, [CArray("", Member("valid", "b1", ()))]),
         parameters=parameters,
         bounds=constant_bounds(guard, real),
         memory=memory,
@@ -307,10 +307,6 @@ def _flags(conditions: tuple[Condition, ...]) -> list[CArray]:
     return [CArray("", Member(condition.name.lower(), "b1", ())) for condition in conditions]
 
 
-def _named(members: list[Member], name: str) -> Member:
-    return next(member for member in members if member.name == name)
-
-
 def _sample(joints: int) -> tuple[Scalar, State, Reference]:
     vector = jnp.zeros(joints)
     return jnp.zeros(()), State(vector, vector), Reference(vector, vector, vector)
@@ -334,10 +330,9 @@ def envelope_function(guard: GuardedStep, step: StepPrograms) -> Function | None
 
     Raises DefinitionError if there is no native code for it.
     """
-    vector, scalar = jnp.zeros(guard.joints), jnp.zeros(())
-    state, reference = State(vector, vector), Reference(vector, vector, vector)
-    memory = jax.eval_shape(guard.init, scalar, state, reference)
-    if jax.eval_shape(guard.envelope, scalar, memory) is None:
+    t, state, reference = _sample(guard.joints)
+    memory = jax.eval_shape(guard.init, t, state, reference)
+    if jax.eval_shape(guard.envelope, t, memory) is None:
         return None
 
     def envelope(guard: GuardedStep, memory: StepMemory, t: Scalar, state: State, now: Reference) -> list[Vector]:
@@ -347,15 +342,12 @@ def envelope_function(guard: GuardedStep, step: StepPrograms) -> Function | None
         lower, upper = (jnp.broadcast_to(bound, e.shape) for bound in (bounds.lower, bounds.upper))
         return [e, lower, upper, jnp.minimum(e - lower, upper - e) / (upper - lower)]
 
-    inputs = (
-        [CArray("parameters->", member) for member in step.parameters]
-        + [CArray("memory->", member) for member in step.memory]
-        + [CArray("measurement->", member) for member in measurement(guard.joints)]
-        + [CArray("reference->", member) for member in references(guard.joints)[:3]]
-    )
+    inputs = _arrays("parameters->", step.parameters) + _arrays("memory->", step.memory)
+    inputs += _arrays("measurement->", measurement(guard.joints))
+    inputs += _arrays("reference->", references(guard.joints)[:3])
+    outputs = _arrays("envelope->", envelope_members(guard.joints))
     names = ("", "memory", "t", "", "reference")
-    program = trace(envelope, guard, memory, scalar, state, reference, names=names)
-    return Function(program, inputs, [CArray("envelope->", member) for member in envelope_members(guard.joints)])
+    return _function(envelope, (guard, memory, t, state, reference), names, inputs, outputs)
 
 
 DOUBLE, FLOAT = float(np.finfo(np.float64).eps), float(np.finfo(np.float32).eps)

@@ -75,11 +75,12 @@ class LoopResult:
             return "the law's process was killed, and the arm braked"
         if self.arm is None:
             return "the arm's process was killed"
-        if self.arm.reason == "no command":
-            return "the arm braked, as no command had come for too long"
-        if self.arm.reason == "stop requested":
-            return "the arm braked, as the law asked for a stop (STOP_REQUESTED): too many commands in a row were held"
-        return {"done": "done", "stopped": "stopped", "not finite": "the arm's motion became infinite"}[self.arm.reason]
+        return {
+            "no command": "the arm braked, as no command had come for too long",
+            "stop requested": "the arm braked, as the law asked for a stop (STOP_REQUESTED): "
+            "too many commands in a row were held",
+            "not finite": "the arm's motion became infinite",
+        }.get(self.arm.reason, self.arm.reason)
 
     @property
     def good(self) -> bool:
@@ -93,27 +94,27 @@ class LoopResult:
 
     def percentiles(self) -> dict[str, dict[str, float]]:
         """Percentiles of each time [s]."""
-        table = {}
-        for name, values in self.times.items():
-            if len(values):
-                table[name] = {share: float(np.percentile(values, at)) for share, at in SHARES.items()}
-        return table
+        return {
+            name: {share: float(np.percentile(values, at)) for share, at in SHARES.items()}
+            for name, values in self.times.items()
+            if len(values)
+        }
 
     def not_granted(self) -> list[str]:
         """Real-time properties that the system refused, with remedies."""
-        sides = [side for side in (self.law, self.arm) if side is not None]
+        granted = [side.granted for side in (self.law, self.arm) if side is not None]
         refusals = []
-        if any(side.priority is None for side in sides):
+        if any(each.priority is None for each in granted):
             refusals.append(
                 "no real-time priority (SCHED_FIFO), so other processes interfere: run `ulimit -r 99` in a privileged "
                 "shell, or add a line `@realtime - rtprio 99` to /etc/security/limits.conf"
             )
-        if any(not side.locked for side in sides):
+        if any(not each.locked for each in granted):
             refusals.append(
                 "memory is not locked (mlockall), so page faults can occur: run `ulimit -l unlimited`, or add a line "
                 "`@realtime - memlock unlimited` there"
             )
-        if any(not side.absolute for side in sides):
+        if any(not each.absolute for each in granted):
             refusals.append("no absolute wake-ups (clock_nanosleep): only Linux has them")
         return refusals
 
@@ -143,7 +144,11 @@ class LoopResult:
             "system": {
                 name: None
                 if report is None
-                else {"fifo": report.priority, "locked": report.locked, "absolute": report.absolute}
+                else {
+                    "fifo": report.granted.priority,
+                    "locked": report.granted.locked,
+                    "absolute": report.granted.absolute,
+                }
                 for name, report in sides.items()
             },
             "hogs": self.hogs,

@@ -24,11 +24,12 @@ from slidax.core.errors import DefinitionError
 from slidax.core.writing import write_text
 from slidax.plant.actuators import Actuator, TorqueLimits
 from slidax.scenarios.scenario import Scenario
-from slidax.simulation.plant import MujocoPlant, Plant
+from slidax.simulation.plant import Plant
 
 from .c_project import CProject, describe_law, export_c, write_files, writing
 from .c_source import function_body
 from .c_structures import Member
+from .guarded_step import own_plant
 from .onboard.franka import run_franka
 from .onboard.pilot import MotionLog, Pilot, load_law
 from .onboard.rehearsal import rehearse
@@ -139,11 +140,6 @@ def weight_by_robot(scenario: Scenario, *, rate: float = 0.99) -> Scenario:
         lambda p: p.actuator, _weightless(plant), actuator, is_leaf=lambda leaf: leaf is None
     )
     return scenario.replace(plant=weightless, controller=_weightless(scenario.controller))
-
-
-def own_plant(scenario: Scenario) -> Plant:
-    """The plant that slidax itself integrates."""
-    return scenario.plant.own if isinstance(scenario.plant, MujocoPlant) else scenario.plant
 
 
 def _is_arm(node: Any) -> bool:

@@ -21,8 +21,9 @@ from slidax.scenarios.scenario import Scenario
 from .admission import export_admission
 from .c_project import CProject, export_c, write_files, writing
 from .c_structures import Member
+from .guarded_step import own_plant
 from .onboard.ros2_node import Node
-from .robots import RobotLimits, own_plant, weight_by_robot, write_onboard
+from .robots import RobotLimits, weight_by_robot, write_onboard
 
 Floats = NDArray[np.float64]
 
@@ -87,26 +88,21 @@ def ros_parameters(
         ("stopped", np.full(n, STOPPED), f"largest speeds at a goal, {allowed.unit}/s, 0 for none"),
     ):
         rows.append(RosParameter(f"tolerances.{name}", "double_array", as_list(map(_number, default)), meaning, size))
-    units = {"lower": allowed.unit, "upper": allowed.unit, "speed": f"{allowed.unit}/s", "torque": allowed.torque_unit}
-    units |= {"rate": f"{allowed.torque_unit}/s", "torque_hold": allowed.torque_unit}
-    units |= {"acceleration": f"{allowed.unit}/s^2"}
-    words = {
-        "lower": "least positions",
-        "upper": "largest positions",
-        "speed": "largest speeds",
-        "torque": "largest torques of a command",
-        "rate": "fastest change of a command",
-        "torque_hold": "largest torques while it holds",
-        "error_hold": "largest errors while it holds",
-        "error_full": "largest errors later",
-        "acceleration": "largest accelerations of a trajectory",
-    }
-    for name, meaning in words.items():
+    q, tau = allowed.unit, allowed.torque_unit
+    for name, meaning in (
+        ("lower", f"least positions, {q}"),
+        ("upper", f"largest positions, {q}"),
+        ("speed", f"largest speeds, {q}/s"),
+        ("torque", f"largest torques of a command, {tau}"),
+        ("rate", f"fastest change of a command, {tau}/s"),
+        ("torque_hold", f"largest torques while it holds, {tau}"),
+        ("error_hold", f"largest errors while it holds, {q}"),
+        ("error_full", f"largest errors later, {q}"),
+        ("acceleration", f"largest accelerations of a trajectory, {q}/s^2"),
+    ):
         # Infinite limits become a large number that no robot reaches.
         numbers = [_number(np.clip(value, -1e9, 1e9)) for value in allowed[name]]
-        checks = (("fixed_size<>", f"[{n}]"),)
-        unit = units.get(name, allowed.unit)
-        rows.append(RosParameter(f"limits.{name}", "double_array", as_list(numbers), f"{meaning}, {unit}", checks))
+        rows.append(RosParameter(f"limits.{name}", "double_array", as_list(numbers), meaning, size))
     share = ("gt<>", "[0.0]"), ("lt_eq<>", "[1.0]")
     meaning = "share of the torque that a trajectory may need; the law needs the rest"
     rows.append(RosParameter("limits.torque_share", "double", _number(allowed.share), meaning, share))
@@ -264,7 +260,8 @@ def export_ros2(
         "carried": carried,
         "admission": admission,
         "version": slidax.__version__,
-        "signals": _signals(exported),
+        # Signals of the law to publish, with their sizes.
+        "signals": [(each.name, each.size) for each in exported.outputs if each.type == "f64"],
     }
     write_onboard(exported, allowed, out, {"node.py": Node}, names)
     write_files(exported, out, FILES, **values)
@@ -287,11 +284,3 @@ def interface_names(joints: Sequence[str]) -> list[str]:
                 "used in a ROS 2 parameter file: rename the joint in the robot's and the hardware's files"
             )
     return list(joints)
-
-
-def _signals(exported: CProject) -> list[tuple[str, int]]:
-    """Signals of the law to publish, with their sizes."""
-    return [(each.name, each.size) for each in exported.outputs if each.type == "f64"]
-
-
-__all__ = ["RosParameter", "export_ros2"]

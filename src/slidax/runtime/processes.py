@@ -58,8 +58,7 @@ class ProcessContext:
 
     def report(self, reason: str, counts: dict[str, int]) -> SideReport:
         """Return the report, with the granted real-time properties."""
-        granted = self._granted
-        return SideReport(reason, granted.priority, granted.locked, granted.absolute, counts)
+        return SideReport(reason, self._granted, counts)
 
 
 def run_process(sides: Mapping[str, Callable[[LoopJob, ProcessContext], SideReport]]) -> None:

@@ -153,14 +153,11 @@ class SideReport:
     """A side's report at its end.
 
     - `reason`: "done", "stopped", "no command", "stop requested", "no measurement" or "not finite".
-    - `priority`, `locked`, `absolute`: as in `RealTimeGrant`.
     - `counts`: event counters, by name.
     """
 
     reason: str
-    priority: int | None
-    locked: bool
-    absolute: bool
+    granted: RealTimeGrant
     counts: dict[str, int]
 
 

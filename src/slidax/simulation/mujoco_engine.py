@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Array
 
 from slidax.codegen import llvm
-from slidax.codegen.fold import DTYPES
+from slidax.codegen.ir import DTYPES
 from slidax.codegen.trace.tracing import trace
 from slidax.core.types import State, Vector
 

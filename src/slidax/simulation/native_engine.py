@@ -164,7 +164,7 @@ def _compiled_batch(source: _LoopSource) -> tuple[NativeLoop, llvm.ByDemand]:
 def _compiled_for_card(source: _LoopSource) -> tuple[NativeLoop, cuda.CudaKernel]:
     """Compile for a card, in the correctly rounded operations that the processor uses, for bitwise equal results."""
     native = source.build()
-    return native, cuda.compile_cuda(lower_and_fuse(native.program))
+    return native, cuda.CudaKernel(lower_and_fuse(native.program))
 
 
 @functools.lru_cache(maxsize=64)

@@ -10,7 +10,7 @@ from slidax.export.can_motors import export_can
 from slidax.export.onboard.can_motors import DISABLE, ENABLE, Motors, run_can
 from slidax.export.onboard.pilot import MotionLog
 from slidax.export.onboard.rehearsal import RehearsalArm, rehearse
-from tests.export.exported import compiled, needs_a_compiler, quickly_compiled
+from tests.export.exported import compiled, needs_a_compiler, quickly_compiled, shorten
 
 CHANGES = {"scheme": {"name": "computed_torque"}, "sensor.delay": 1, "actuator.torque": 40.0}
 NAMES = ["DM8009", "DM8009"]
@@ -70,14 +70,9 @@ class Arm:
         return self.queue.pop(0) if self.queue else None
 
 
-def shorten(pilot):
-    path = pilot.options.path
-    path.hold = path.small = path.widen = path.motion = 0.5
-
-
 def run(law, arm, stop_at=None):
     pilot, log = law.pilot(), MotionLog(law)
-    shorten(pilot)
+    shorten(pilot, 0.5)
     motors = Motors(law, arm, message, [1, 2], [0x11, 0x12], arm.signs, arm.zeros)
     requests = []
 
@@ -94,7 +89,7 @@ def test_the_arm_moves_within_its_limits_and_is_released_slowly(law, signs, zero
     outcome, log = run(law, arm)
     assert (outcome.ending, outcome.phase) == ("finished", "rest"), outcome
     rehearsed, pilot = MotionLog(law), law.pilot()
-    shorten(pilot)
+    shorten(pilot, 0.5)
     rehearse(pilot, RehearsalArm(law), rehearsed)
     for name in ("error_1", "error_2"):
         # A step of a measured position is 0.4 mrad, of a torque 26 mN m.

@@ -15,7 +15,7 @@ from slidax.export.onboard import franka, rehearsal
 from slidax.export.onboard import pilot as onboard
 from slidax.export.onboard.pilot import MotionLog
 from slidax.export.robots import export_franka, weight_by_robot
-from tests.export.exported import needs_a_compiler, needs_cmake, quickly_compiled
+from tests.export.exported import needs_a_compiler, needs_cmake, quickly_compiled, shorten
 
 pytestmark = needs_a_compiler
 STUBS = Path(__file__).parent / "stubs"
@@ -143,8 +143,7 @@ class Torques:
 
 def short(law):
     pilot = law.pilot()
-    path = pilot.options.path
-    path.hold = path.small = path.widen = path.motion = 1.0
+    shorten(pilot, 1.0)
     return pilot
 
 

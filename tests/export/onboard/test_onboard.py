@@ -12,7 +12,7 @@ from slidax.export.onboard import pilot as onboard
 from slidax.export.onboard import rehearsal
 from slidax.export.onboard.rehearsal import RehearsalArm, rehearse
 from slidax.export.robots import SOURCES, RobotLimits, write_onboard
-from tests.export.exported import STRICT, allow_error, compiled, needs_a_compiler, quickly_compiled
+from tests.export.exported import STRICT, allow_error, compiled, needs_a_compiler, quickly_compiled, shorten
 
 SCENARIO = scenarios.load("example-4.1-1khz", {"scheme": {"name": "computed_torque"}})
 pytestmark = needs_a_compiler
@@ -220,7 +220,7 @@ def test_the_pilot_compiles_in_floats(tmp_path):
         compiled("gcc", tmp_path / "law", f"slidax_law_{part}.c", "-c", "-o", f"{part}.o", "-Wdouble-promotion")
     law = quickly_compiled(tmp_path / "law")
     pilot = law.pilot()
-    pilot.options.path.hold = pilot.options.path.small = pilot.options.path.widen = pilot.options.path.motion = 1.0
+    shorten(pilot, 1.0)
     allow_error(pilot, 0.5)
     assert rehearse(pilot, RehearsalArm(law)) == onboard.FINISH, pilot.why
 

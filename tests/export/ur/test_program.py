@@ -13,7 +13,7 @@ from slidax import scenarios
 from slidax.export.onboard import rehearsal, ur
 from slidax.export.onboard.pilot import MotionLog
 from slidax.export.robots import export_ur
-from tests.export.exported import allow_error, needs_a_compiler, quickly_compiled
+from tests.export.exported import allow_error, needs_a_compiler, quickly_compiled, shorten
 
 
 @pytest.fixture(scope="module")
@@ -87,8 +87,7 @@ class Robot:
 
 def begun(law):
     pilot = law.pilot()
-    path = pilot.options.path
-    path.hold = path.small = path.widen = path.motion = 1.0
+    shorten(pilot, 1.0)
     allow_error(pilot, 0.3)
     return pilot, Robot(rehearsal.RehearsalArm(law))
 

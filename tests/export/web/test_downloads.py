@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from slidax.export.golden_samples import record_closed_loop
-from slidax.export.loop_plans import guarded_law
+from slidax.export.guarded_step import guarded_law
 from slidax.export.web import settings, write_playground
 from slidax.export.web.playground import playground
 from slidax.export.web.settings import settings_of
@@ -39,7 +39,7 @@ def moved(chromium, tmp_path_factory):
     described = load("example-4.1-1khz", {"simulation.t1": 2.0, "actuator": {}}).description
     with pytest.MonkeyPatch.context() as patch:
         # Its lights are no matter here, and take long.
-        patch.setattr(settings, "certificates_of", lambda scenario, paths, rate: [])
+        patch.setattr(settings, "certificates_of", lambda scenario, paths: [])
         manifest = playground("test", settings_of(described, "arm"), {"arm": "Arm"})
     visit = Visit(chromium, write_playground(manifest, folder).as_uri())
     for path, value in MOVED.items():

@@ -197,21 +197,13 @@ class AssignmentRun:
     @property
     def is_block_move(self) -> bool:
         """True if the run copies a part of an array to another one, or sets it to zero."""
-        return (
-            bool(self.at) and self.at[0].step == 1 and self.lanes[0].piece.template == "\0" and self._has_flat_source()
-        )
-
-    def _has_flat_source(self) -> bool:
-        source = self.at[1]
-        if source.numbers:
+        if not self.at or self.at[0].step != 1 or self.lanes[0].piece.template != "\0":
             return False
-        if not source.step:
-            return source.text in ZEROS
-        # Overlapping parts must be moved one by one.
-        return source.step == 1 and (source.array != self.at[0].array or not self._overlaps())
-
-    def _overlaps(self) -> bool:
-        return any(written in read for written in self.writes for read in self.reads)
+        target, source = self.at
+        if source.step == 1 and source.array == target.array:
+            # Overlapping parts must be moved one by one.
+            return not any(written in read for written in self.writes for read in self.reads)
+        return source.step == 1 or source.text in ZEROS
 
 
 def runs_of(statements: Sequence[Statement], stored: Stored, where: Where) -> list[AssignmentRun]:

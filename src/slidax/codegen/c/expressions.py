@@ -16,9 +16,6 @@ Real = Literal["double", "float"]
 FLOAT_MAX = float(np.finfo(np.float32).max)
 FLOAT_MIN = float(np.finfo(np.float32).tiny)
 
-SIZES: dict[Type, int] = {"f64": 8, "f32": 4, "i64": 8, "i32": 4, "u64": 8, "u32": 4, "b1": 1, "none": 0}
-"""Bytes of each type."""
-
 
 @dataclass(frozen=True)
 class Dialect:
@@ -38,10 +35,6 @@ class Dialect:
     def type(self, type: Type) -> str:
         """Return the C name of a type."""
         return (_KERNEL_TYPES if self.kernel else _C_TYPES)[self.effective_type(type)]
-
-    def size(self, type: Type) -> int:
-        """Return the bytes of a value."""
-        return SIZES[self.effective_type(type)]
 
     def function(self, name: str, type: Type) -> str:
         """Return the name of a function of `math.h`, from its name for doubles."""
@@ -300,19 +293,18 @@ def constant(number: float | int | bool, type: Type, dialect: Dialect) -> CExpre
     return CExpression(text, UNARY if text[0] == "-" or text.startswith("(double)") else PRIMARY)
 
 
+@dataclass
 class Expressions:
     """Writes operations as expressions.
 
-    With `ordered_operands`, sums and products of equal operands have the same order, independent of the numbers in
-    their names.
-
     - `helpers`: collects the helpers that the expressions need.
+    - `ordered_operands`: True for an order of sums and products that is independent of the numbers in the operands'
+      names.
     """
 
-    def __init__(self, dialect: Dialect, helpers: Helpers) -> None:
-        self.dialect = dialect
-        self.helpers = helpers
-        self.ordered_operands = False
+    dialect: Dialect
+    helpers: Helpers
+    ordered_operands: bool = False
 
     def operation(
         self, op: str, type: Type, of: Type, args: list[CExpression], *, cannot_overflow: bool = False

@@ -63,11 +63,8 @@ def statements(
     precomputed = precomputed or {}
     stores = [value for value in program.walk() if value.op == "store"] if rows is not None else []
     placement = Placement(program, [*(value for _, value in assigned), *stores], precomputed)
-    writer = Writer(placement, dialect or Dialect(), read, precomputed, names or Names(program), set(taken))
-    writer.rows = rows
-    writer.callees = callees
-    writer.loops = loops
-    writer.expressions.ordered_operands = loops
+    names = names or Names(program)
+    writer = Writer(placement, dialect or Dialect(), read, precomputed, names, set(taken), rows, callees, loops)
     if loops:
         # An element of two arrays is placed in the longer one.
         for which, array in sorted(enumerate(program.arrays), key=lambda pair: -len(pair[1])):

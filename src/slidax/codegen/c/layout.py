@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import groupby, pairwise
 
 INDENT = "    "
 WIDTH = 100
@@ -42,6 +42,21 @@ class CodeLine:
     element: tuple[int, int] | None = None
 
 
+ELEMENT = re.compile(r"([A-Za-z_]\w*(?:->\w+)?)\[(\d+)\]")
+"""An element of an array, or of a structure's array."""
+
+
+def pointer_to(elements: Sequence[str]) -> str | None:
+    """Return a pointer to contiguous elements of an array, else None."""
+    first = ELEMENT.fullmatch(elements[0])
+    if first is None:
+        return None
+    array, start = first.group(1), int(first.group(2))
+    if any(element != f"{array}[{start + k}]" for k, element in enumerate(elements)):
+        return None
+    return f"&{array}[{start}]" if start else array
+
+
 def format_lines(lines: list[CodeLine]) -> list[str]:
     """Return the lines as text, with a comment before two or more lines about a new subject.
 
@@ -50,8 +65,8 @@ def format_lines(lines: list[CodeLine]) -> list[str]:
     texts: list[str] = []
     last = ""
     commented: set[str] = set()
-    for run in _runs(lines):
-        about, level = run[0].about, run[0].level
+    for (about, level), group in groupby(lines, lambda line: (line.about, line.level)):
+        run = list(group)
         if about and about != last and len(run) > 1:
             if texts and not texts[-1].endswith("{"):
                 texts.append("")
@@ -107,18 +122,6 @@ def _comment(text: str, level: int) -> list[str]:
     return lines
 
 
-def _runs(lines: list[CodeLine]) -> Iterator[list[CodeLine]]:
-    """Yield runs of adjacent lines with the same comment and level."""
-    run: list[CodeLine] = []
-    for line in lines:
-        if run and (line.about, line.level) != (run[-1].about, run[-1].level):
-            yield run
-            run = []
-        run.append(line)
-    if run:
-        yield run
-
-
 SIZES = {"double": 8, "float": 4, "int64_t": 8, "uint64_t": 8, "int32_t": 4, "uint32_t": 4, "int": 4, "bool": 1}
 VARIABLE = re.compile(rf"(const )?({'|'.join(SIZES)}) (\w+)(?:\[(\d+)\])?(?: = (.*)|;)?;?")
 IDENTIFIER = re.compile(r"[A-Za-z_]\w*")
@@ -129,15 +132,8 @@ LEAST = 128
 """Least number of bytes that a block must save."""
 
 
-@dataclass
-class _Item:
-    """A line, or a block from its head to its closing brace.
-
-    - `names`: number of occurrences of each identifier.
-    """
-
-    lines: list[CodeLine]
-    names: Counter[str]
+_Item = list[CodeLine]
+"""A line, or the lines of a block from its head to its closing brace."""
 
 
 @dataclass
@@ -173,7 +169,7 @@ def add_scopes(lines: Sequence[CodeLine]) -> list[CodeLine]:
         if sum(variables[name].bytes for name in inside) < LEAST:
             out += [line for item in items[start:end] for line in _with_inner_scopes(item)]
             continue
-        part = [line for item in items[start:end] for line in item.lines]
+        part = [line for item in items[start:end] for line in item]
         out += _block(
             part, {name for name, variable in variables.items() if start <= variable.first < end <= variable.last}
         )
@@ -196,34 +192,28 @@ def stack_bytes(lines: Sequence[CodeLine]) -> int:
 
 def _inner_bytes(item: _Item) -> int:
     """Return the stack size of the blocks in an item, of which only one is active at a time."""
-    if len(item.lines) < 3 or VARIABLE.match(item.lines[0].text):
+    if len(item) < 3 or VARIABLE.match(item[0].text):
         return 0
-    level, most = item.lines[0].level, 0
-    part: list[CodeLine] = []
-    for line in item.lines:
-        if line.level != level:
-            part.append(line)
-        elif part:
-            most = max(most, stack_bytes(part))
-            part = []
-    return most + (8 if item.lines[0].text.startswith("for (") else 0)
+    most = max((stack_bytes(part) for part, _ in _parts(item) if part), default=0)
+    return most + (8 if item[0].text.startswith("for (") else 0)
 
 
 def _with_inner_scopes(item: _Item) -> list[CodeLine]:
     """Return the lines of an item, with blocks added inside it."""
-    if len(item.lines) < 4 or VARIABLE.match(item.lines[0].text):
-        return item.lines
-    out: list[CodeLine] = []
-    level = item.lines[0].level
+    if len(item) < 4 or VARIABLE.match(item[0].text):
+        return item
+    return [line for part, end in _parts(item) for line in (*add_scopes(part), end)]
+
+
+def _parts(item: _Item) -> Iterator[tuple[list[CodeLine], CodeLine]]:
+    """Yield the blocks of an item, each with the line that ends it; the first, without lines, ends with the head."""
     part: list[CodeLine] = []
-    for line in item.lines:
-        if line.level == level:
-            out += add_scopes(part)
+    for line in item:
+        if line.level == item[0].level:
+            yield part, line
             part = []
-            out.append(line)
         else:
             part.append(line)
-    return out + part
 
 
 def _items(lines: Sequence[CodeLine]) -> list[_Item]:
@@ -232,9 +222,8 @@ def _items(lines: Sequence[CodeLine]) -> list[_Item]:
     for line in lines:
         closes, opens = line.text.startswith("}"), line.text.endswith("{")
         if depth == 0 and not closes:
-            items.append(_Item([], Counter()))
-        items[-1].lines.append(line)
-        items[-1].names.update(IDENTIFIER.findall(line.text))
+            items.append([])
+        items[-1].append(line)
         depth += opens - closes
     return items
 
@@ -242,10 +231,9 @@ def _items(lines: Sequence[CodeLine]) -> list[_Item]:
 def _variables(items: Sequence[_Item]) -> dict[str, _Variable]:
     variables: dict[str, _Variable] = {}
     for k, item in enumerate(items):
-        for name in item.names:
-            if name in variables:
-                variables[name].last = k
-        match = VARIABLE.match(item.lines[0].text)
+        for name in {word for line in item for word in IDENTIFIER.findall(line.text)} & variables.keys():
+            variables[name].last = k
+        match = VARIABLE.match(item[0].text)
         if match is not None:
             size = SIZES[match.group(2)] * int(match.group(4) or 1)
             fixed = match.group(4) is not None and match.group(5) is not None
@@ -257,7 +245,7 @@ def _cuts(items: Sequence[_Item], variables: Mapping[str, _Variable]) -> list[in
     """Choose where to cut the sequence into blocks."""
     arrays = [variable for variable in variables.values() if variable.bytes > 8]
     ends = {0, len(items)}
-    candidates = {k for k in range(1, len(items)) if items[k].lines[0].about != items[k - 1].lines[0].about}
+    candidates = {k for k in range(1, len(items)) if items[k][0].about != items[k - 1][0].about}
     candidates |= {array.first for array in arrays} | {array.last + 1 for array in arrays}
     candidates -= {k for array in arrays if array.fixed for k in range(array.first + 1, array.last + 1)}
     saved = 0

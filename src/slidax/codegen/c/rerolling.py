@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 
 from .arrays import Arrays, AssignmentRun, runs_of
 from .expressions import Helpers
-from .layout import INDENT, WIDTH, CodeLine
-from .similar import ELEMENT, LEAST, Access, Group, Piece, Statement, find_accesses, fits_loop, order_groups, parse
+from .layout import INDENT, WIDTH, CodeLine, pointer_to
+from .similar import LEAST, Access, Group, Piece, Statement, find_accesses, fits_loop, order_groups, parse
 
 ARRAY_HEAD = re.compile(r"const \w+ (\w+)\[(\d+)\] = \{")
 
@@ -34,25 +35,13 @@ def pass_in_place(lines: Sequence[CodeLine]) -> list[CodeLine]:
             k += 1
             continue
         end = next(n for n in range(k, len(lines)) if lines[n].text == "};")
-        elements = " ".join(line.text.strip() for line in lines[k + 1 : end]).split(", ")
-        pointer = _pointer(elements)
+        pointer = pointer_to(" ".join(line.text.strip() for line in lines[k + 1 : end]).split(", "))
         if pointer is None:
             out += lines[k : end + 1]
         else:
             where[opened.group(1)] = pointer
         k = end + 1
     return out
-
-
-def _pointer(elements: Sequence[str]) -> str | None:
-    """Return a pointer to contiguous elements, else None."""
-    first = ELEMENT.fullmatch(elements[0])
-    if first is None:
-        return None
-    array, start = first.group(1), int(first.group(2))
-    if any(element != f"{array}[{start + k}]" for k, element in enumerate(elements)):
-        return None
-    return f"&{array}[{start}]" if start else array
 
 
 ANY_ELEMENT = re.compile(r"(.*)\[(\d+)\]")
@@ -89,22 +78,24 @@ def reduce_conditions(lines: Sequence[CodeLine], new_name: NewName, index: str, 
         declared = BOOL_DECLARATION.fullmatch(before)
         if declared is not None and reduction.lines and text == reduction.result:
             # The loop computes just this variable.
-            out[-LOOP:] = [_rename(each, text, declared.group(1)) for each in out[-LOOP:]]
+            renamed = [re.sub(rf"\b{text}\b", declared.group(1), each.text) for each in out[-LOOP:]]
+            out[-LOOP:] = [CodeLine(e.level, new, e.about) for e, new in zip(out[-LOOP:], renamed, strict=True)]
         else:
             out.append(CodeLine(line.level, before + text + after, line.about))
     return out
 
 
+@dataclass
 class _Reduction:
-    def __init__(self, new_name: NewName, index: str, helpers: Helpers, line: CodeLine, *, loops: bool) -> None:
-        self.new_name = new_name
-        self.index = index
-        self.helpers = helpers
-        self.line = line
-        self.loops = loops
-        self.lines: list[CodeLine] = []
-        # Variable of the last loop's result.
-        self.result = ""
+    """The reduction of one condition; `result` is the variable of the last loop's result."""
+
+    new_name: NewName
+    index: str
+    helpers: Helpers
+    line: CodeLine
+    loops: bool
+    lines: list[CodeLine] = field(default_factory=list)
+    result: str = ""
 
     def reduce(self, text: str) -> str:
         """Return a condition with its loops moved to `lines`."""
@@ -172,10 +163,6 @@ class _Reduction:
             CodeLine(level, "}", about),
         ]
         return name
-
-
-def _rename(line: CodeLine, name: str, other: str) -> CodeLine:
-    return CodeLine(line.level, re.sub(rf"\b{name}\b", other, line.text), line.about)
 
 
 def _element(access: Access, index: str) -> str:
@@ -249,7 +236,9 @@ class _Rerolling:
             else:
                 self.out.append(self.lines[k])
             k = end
-        renamed = [CodeLine(line.level, self._with_arrays(line.text), line.about) for line in self.out]
+        pieces = [parse(line.text) for line in self.out]
+        texts = [piece.fill([self.arrays.read(word) for word in piece.operands]) for piece in pieces]
+        renamed = [CodeLine(line.level, text, line.about) for line, text in zip(self.out, texts, strict=True)]
         return reduce_conditions(pass_in_place(renamed), self.arrays.new_name, self.index, self.helpers)
 
     def _run_of(self, k: int) -> tuple[int, str]:
@@ -261,9 +250,6 @@ class _Rerolling:
                 end += 1
         return end, kind
 
-    def _with_arrays(self, text: str) -> str:
-        return parse(text).with_operands(lambda word: self.arrays.read(word))
-
     # ---- constants ---------------------------------------------------------------------------------------------------
 
     def _constants(self, first: int, end: int) -> None:
@@ -272,7 +258,7 @@ class _Rerolling:
         for k in range(first, end):
             match = DECLARATION.fullmatch(self.lines[k].text)
             assert match is not None
-            statements.append(Statement(self.lines[k], k, match.group(2), match.group(3), match.group(4)))
+            statements.append(Statement(self.lines[k], k, match.group(2), match.group(3), parse(match.group(4))))
         self._print(order_groups(self.arrays.groups_of(statements)), self.lines[first].level)
 
     def _print(self, order: list[Group], level: int) -> None:
@@ -371,7 +357,7 @@ class _Rerolling:
             self.arrays.stored[match.group(3)] = (array, k)
         self.out.append(CodeLine(line.level, f"{type} {array}[{end - first}];", line.about))
         starts = [
-            Statement(self.lines[first + k], first + k, "", f"{array}[{k}]", match.group(4))
+            Statement(self.lines[first + k], first + k, "", f"{array}[{k}]", parse(match.group(4)))
             for k, match in enumerate(variables)
             if match.group(4) is not None
         ]
@@ -382,7 +368,7 @@ class _Rerolling:
         for k in range(first, end):
             match = ASSIGNMENT.fullmatch(self.lines[k].text)
             assert match is not None
-            statements.append(Statement(self.lines[k], k, "", match.group(1), match.group(2)))
+            statements.append(Statement(self.lines[k], k, "", match.group(1), parse(match.group(2))))
         self._print_assignments(statements, self.lines[first].level)
 
     def _print_assignments(self, statements: list[Statement], level: int) -> None:

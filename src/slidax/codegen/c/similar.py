@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from .layout import CodeLine
+from .layout import ELEMENT, CodeLine
 
 LEAST = 3
 """Smallest number of iterations that is worth a loop."""
@@ -18,7 +18,6 @@ WORD = re.compile(
     r"|(?:0x[\da-fA-F.]+(?:p[+-]?\d+)?|\d+\.?\d*(?:e[+-]?\d+)?)[fuUlL]*+"
     r")"
 )
-ELEMENT = re.compile(r"([A-Za-z_]\w*(?:->\w+)?)\[(\d+)\]")
 
 Stored = dict[str, tuple[str, int]]
 """Array and index of each value that has become an element, by the value's name."""
@@ -42,10 +41,6 @@ class Piece:
         """Return the expression with other operands."""
         parts = self.template.split("\0")
         return parts[0] + "".join(text + part for text, part in zip(texts, parts[1:], strict=True))
-
-    def with_operands(self, rename: Callable[[str], str]) -> str:
-        """Return the expression with each operand renamed."""
-        return self.fill([rename(word) for word in self.operands])
 
 
 def parse(text: str) -> Piece:
@@ -134,6 +129,7 @@ def _access(column: Sequence[str], stored: Stored) -> Access:
     return Access(place[0], place[1], second[1] - place[1])
 
 
+@dataclass(eq=False)
 class Statement:
     """A declaration or an assignment.
 
@@ -142,14 +138,14 @@ class Statement:
     - `piece`: its expression.
     """
 
-    def __init__(self, line: CodeLine, index: int, type: str, name: str, text: str) -> None:
-        self.line = line
-        self.index = index
-        self.type = type
-        self.name = name
-        self.piece: Piece = parse(text)
+    line: CodeLine
+    index: int
+    type: str
+    name: str
+    piece: Piece
 
 
+@dataclass(eq=False)
 class Group:
     """Statements that one loop computes, or a single statement.
 
@@ -159,11 +155,10 @@ class Group:
     - `target`: rule for the values; None for a single statement.
     """
 
-    def __init__(self, lanes: list[Statement], array: str = "", at: Sequence[Access] = ()) -> None:
-        self.lanes = lanes
-        self.array = array
-        self.at = list(at)
-        self.target: Access | None = None
+    lanes: list[Statement]
+    array: str = ""
+    at: Sequence[Access] = ()
+    target: Access | None = None
 
     @property
     def iterations(self) -> int:

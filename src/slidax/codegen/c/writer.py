@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from ..ir import Branch, Call, Input, Loop, Program, Region, Value
 from ..naming.names import Names, identifier
 from .expressions import CHOICE, EITHER, UNARY, CExpression, Dialect, Expressions, Helpers, constant
-from .layout import INDENT, WIDTH, CodeLine
+from .layout import INDENT, WIDTH, CodeLine, pointer_to
 from .placement import Placement, is_counter, is_counter_increment
 
 Read = Callable[[int, int | str], str]
@@ -40,6 +40,7 @@ class Callee(NamedTuple):
 Callees = Callable[[Program], Callee]
 
 
+@dataclass(eq=False)
 class Writer:
     """Writes the values of one function, with its loops and branches.
 
@@ -47,36 +48,29 @@ class Writer:
     - `precomputed`: C text that reads a value without computing it.
     - `names`: preferred names and comments of values.
     - `taken`: names in use.
+    - `rows`, `callees`, `loops`: as in `statements`.
     """
 
-    def __init__(
-        self,
-        placement: Placement,
-        dialect: Dialect,
-        read: Read,
-        precomputed: Mapping[Value, str],
-        names: Names,
-        taken: set[str],
-    ) -> None:
-        self.placement = placement
-        self.dialect = dialect
-        self.read = read
-        self.precomputed = precomputed
-        self.names = names
-        self.taken = taken
-        self.helpers = Helpers(dialect)
-        self.expressions = Expressions(dialect, self.helpers)
+    placement: Placement
+    dialect: Dialect
+    read: Read
+    precomputed: Mapping[Value, str]
+    names: Names
+    taken: set[str]
+    rows: Rows | None = None
+    callees: Callees | None = None
+    loops: bool = False
+
+    def __post_init__(self) -> None:
+        self.helpers = Helpers(self.dialect)
+        self.expressions = Expressions(self.dialect, self.helpers, ordered_operands=self.loops)
         self.lines: list[CodeLine] = []
         self.texts: dict[Value, CExpression] = {}
         self.reads: set[int] = set()
         self.input_places: dict[Value, str] = {}
-        self.rows: Rows | None = None
-        self.callees: Callees | None = None
-        self.loops = False
         # Values that are elements of an array: the array's number and the index.
         self.array_elements: dict[Value, tuple[int, int]] = {}
         self.called: list[Program] = []
-        self.bytes = 0
         self.level = 1
         # Variables of outer blocks that inner blocks assign directly.
         self.result_names: dict[Value, str] = {}
@@ -106,8 +100,7 @@ class Writer:
         return name
 
     def new_variable(self, value: Value, hint: str | None = None) -> tuple[str, str]:
-        """Return type and name of a new variable for a value, and count its bytes."""
-        self.bytes += self.dialect.size(value.type)
+        """Return type and name of a new variable for a value."""
         return self.dialect.type(value.type), self.new_name(hint or self.hint(value))
 
     def hint(self, value: Value) -> str | None:
@@ -260,7 +253,6 @@ class Writer:
         size = sum(output.size for output in call.program.outputs)
         name = self.new_name(self._hint_of(call) or f"{callee.name}_result")
         self.line(f"{self.dialect.type('f64')} {name}[{size}];", call)
-        self.bytes += size * self.dialect.size("f64")
         self.line(f"{callee.name}({', '.join((*arguments, name))});", call)
         for k, result in self.placement.results_of(call).items():
             self.texts[result] = CExpression(f"{name}[{k}]")
@@ -276,14 +268,10 @@ class Writer:
 
     def _array(self, entry: Input, elements: Sequence[Value], callee: Callee) -> str:
         """Return an array of values: a part of an existing one if they are contiguous there, else a new one."""
-        texts = [self.input_places.get(value, self.texts[value].text) for value in elements]
-        first = re.fullmatch(r"(.*)\[(\d+)\]", texts[0])
-        if first is not None:
-            array, start = first.group(1), int(first.group(2))
-            if all(text == f"{array}[{start + k}]" for k, text in enumerate(texts)):
-                return f"&{array}[{start}]" if start else array
+        pointer = pointer_to([self.input_places.get(value, self.texts[value].text) for value in elements])
+        if pointer is not None:
+            return pointer
         name = self.new_name(f"{callee.name}_at")
-        self.bytes += entry.size * self.dialect.size(entry.type)
         self.line(f"const {self.dialect.type(entry.type)} {name}[{entry.size}] = {{")
         width = WIDTH - len(INDENT) * (self.level + 1)
         row = ""
@@ -326,7 +314,6 @@ class Writer:
             if into[k] is None:
                 start = f" = {self.texts[no[k]].text}" if plain else ""
                 self.line(f"{self.dialect.type(result.type)} {names[k]}{start};", result)
-                self.bytes += self.dialect.size(result.type)
             self.texts[result] = CExpression(names[k])
         self.line(f"if ({condition.text}) {{")
         self._leave(then, [(names[k], value) for k, value in yes.items()])

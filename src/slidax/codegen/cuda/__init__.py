@@ -2,6 +2,5 @@
 
 from .launch import CudaKernel as CudaKernel
 from .launch import card_available as card_available
-from .launch import compile_cuda as compile_cuda
 from .launch import require_card as require_card
 from .source import cuda_code as cuda_code

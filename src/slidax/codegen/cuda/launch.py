@@ -10,8 +10,7 @@ import numpy as np
 from slidax.core.errors import DefinitionError
 
 from ..c.expressions import Real
-from ..fold import DTYPES
-from ..ir import FLOATS, Program, Type
+from ..ir import DTYPES, FLOATS, Program, Type, checked_inputs
 from .source import NAME, cuda_code
 
 Arrays = list[np.ndarray]
@@ -25,17 +24,8 @@ def pack_inputs(program: Program, inputs: Sequence[Any], runs: int, real: Real) 
 
     Raises DefinitionError if an input has another shape or dtype.
     """
-    if len(inputs) != len(program.inputs):
-        raise DefinitionError(f"the program has {len(program.inputs)} inputs; got {len(inputs)}")
     arrays = []
-    for array, entry in zip(map(np.asarray, inputs), program.inputs, strict=True):
-        shape = (runs, *entry.shape) if entry.varying else entry.shape
-        dtype = np.dtype(DTYPES[entry.type])
-        if array.shape != shape or array.dtype != dtype:
-            raise DefinitionError(
-                f"input `{entry.name}` must be {dtype} of shape {list(shape)}; "
-                f"got {array.dtype} of shape {list(array.shape)}"
-            )
+    for array, entry in zip(checked_inputs(program, inputs, runs), program.inputs, strict=True):
         flat = array.reshape(runs, entry.size).T if entry.varying else array.reshape(entry.size)
         arrays.append(np.ascontiguousarray(flat, dtype_on_card(entry.type, real)))
     return arrays
@@ -67,7 +57,7 @@ OPTIONS = ("--std=c++17", "--fmad=false")
 
 
 class CudaKernel:
-    """A program compiled for the GPU.
+    """A program compiled for the GPU with NVRTC, which needs no CUDA toolkit.
 
     - `real`: the type of f64 on the GPU; NumPy arrays remain f64.
 
@@ -78,7 +68,7 @@ class CudaKernel:
         self.program = program
         self.real = real
         self.text = cuda_code(program, real=real)
-        self._cupy = _cupy()
+        self._cupy = require_card()
         self._run: Any = self._cupy.RawModule(code=self.text, options=OPTIONS).get_function(NAME)
 
     def batch(self, inputs: Sequence[Any], runs: int, rows: int = 0) -> Arrays:
@@ -100,16 +90,6 @@ class CudaKernel:
         return unpack_outputs(self.program, [cp.asnumpy(array) for array in outputs])
 
 
-def compile_cuda(program: Program, real: Real = "double") -> CudaKernel:
-    """Compile a program for the GPU with NVRTC, which needs no CUDA toolkit.
-
-    - `real`: the type of f64 on the GPU.
-
-    Raises DefinitionError if CuPy or a GPU is missing.
-    """
-    return CudaKernel(program, real)
-
-
 def card_available() -> bool:
     """True if CuPy is installed and a GPU can be used."""
     try:
@@ -119,12 +99,8 @@ def card_available() -> bool:
     return True
 
 
-def require_card() -> None:
-    """Raise DefinitionError, with the remedy, if CuPy or a GPU is missing."""
-    _cupy()
-
-
-def _cupy() -> Any:
+def require_card() -> Any:
+    """Return CuPy; raise DefinitionError, with the remedy, if it or a GPU is missing."""
     try:
         import cupy
     except ImportError:

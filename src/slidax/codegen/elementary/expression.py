@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from ..builder import Builder
 from ..ir import Number, Type, Value
@@ -11,14 +12,22 @@ SIGN = 1 << 63
 """The sign bit."""
 
 
+def _operator(op: str) -> Callable[[Expression, Expression | Number], Expression]:
+    def method(self: Expression, other: Expression | Number) -> Expression:
+        return self._apply(op, other)
+
+    return method
+
+
+@dataclass(slots=True, eq=False)
 class Expression:
-    """A value with operators; numbers become constants of its type."""
+    """A value with operators; numbers become constants of its type.
 
-    __slots__ = ("builder", "value")
+    Comparisons give a b1; `equals` and `differs` compare for equality, and NaN differs from every number.
+    """
 
-    def __init__(self, builder: Builder, value: Value) -> None:
-        self.builder = builder
-        self.value = value
+    builder: Builder
+    value: Value
 
     def constant(self, number: Number) -> Expression:
         """A constant of this value's type."""
@@ -31,23 +40,15 @@ class Expression:
         operands = [self._operand(other) for other in others]
         return Expression(self.builder, self.builder.apply(op, self.value, *operands))
 
-    def __add__(self, other: Expression | Number) -> Expression:
-        return self._apply("add", other)
-
-    def __sub__(self, other: Expression | Number) -> Expression:
-        return self._apply("sub", other)
+    __add__, __sub__, __mul__, __truediv__ = _operator("add"), _operator("sub"), _operator("mul"), _operator("div")
+    __and__, __or__, __xor__ = _operator("and"), _operator("or"), _operator("xor")
+    __lshift__, __rshift__ = _operator("shl"), _operator("shr")
+    __lt__, __le__, __gt__, __ge__ = _operator("lt"), _operator("le"), _operator("gt"), _operator("ge")
+    equals, differs = _operator("eq"), _operator("ne")
+    __rmul__ = __mul__
 
     def __rsub__(self, other: Number) -> Expression:
         return self.constant(other) - self
-
-    def __mul__(self, other: Expression | Number) -> Expression:
-        return self._apply("mul", other)
-
-    def __rmul__(self, other: Number) -> Expression:
-        return self._apply("mul", other)
-
-    def __truediv__(self, other: Expression | Number) -> Expression:
-        return self._apply("div", other)
 
     def __rtruediv__(self, other: Number) -> Expression:
         return self.constant(other) / self
@@ -58,43 +59,8 @@ class Expression:
     def __abs__(self) -> Expression:
         return self._apply("abs")
 
-    def __and__(self, other: Expression | Number) -> Expression:
-        return self._apply("and", other)
-
-    def __or__(self, other: Expression | Number) -> Expression:
-        return self._apply("or", other)
-
-    def __xor__(self, other: Expression | Number) -> Expression:
-        return self._apply("xor", other)
-
     def __invert__(self) -> Expression:
         return self._apply("not")
-
-    def __lshift__(self, by: Expression | int) -> Expression:
-        return self._apply("shl", by)
-
-    def __rshift__(self, by: Expression | int) -> Expression:
-        return self._apply("shr", by)
-
-    def __lt__(self, other: Expression | Number) -> Expression:
-        return self._apply("lt", other)
-
-    def __le__(self, other: Expression | Number) -> Expression:
-        return self._apply("le", other)
-
-    def __gt__(self, other: Expression | Number) -> Expression:
-        return self._apply("gt", other)
-
-    def __ge__(self, other: Expression | Number) -> Expression:
-        return self._apply("ge", other)
-
-    def equals(self, other: Expression | Number) -> Expression:
-        """True if both are equal, b1."""
-        return self._apply("eq", other)
-
-    def differs(self, other: Expression | Number) -> Expression:
-        """True if both are not equal, b1; also true for NaN."""
-        return self._apply("ne", other)
 
     def rounded(self) -> Expression:
         """The nearest integer; halves are rounded to even."""

@@ -121,25 +121,12 @@ def erf_inv(x: Expression) -> Expression:
 
 
 _LOWERED: dict[str, Callable[..., Expression]] = {
-    "exp": exp,
-    "expm1": expm1,
-    "log": log,
-    "log1p": log1p,
-    "pow": power,
-    "cbrt": cbrt,
-    "sin": sin,
-    "cos": cos,
-    "tan": tan,
-    "asin": asin,
-    "acos": acos,
-    "atan": atan,
-    "atan2": atan2,
-    "sinh": sinh,
-    "cosh": cosh,
-    "tanh": tanh,
-    "erf": erf,
-    "erf_inv": erf_inv,
-}
+    function.__name__: function
+    for function in (
+        *(exp, expm1, log, log1p, cbrt, sinh, cosh, tanh, erf, erf_inv),
+        *(sin, cos, tan, asin, acos, atan, atan2),
+    )
+} | {"pow": power}
 
 
 def lower(builder: Builder, op: str, args: tuple[Value, ...]) -> Value | None:

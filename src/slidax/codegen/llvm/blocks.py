@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from ..builder import Builder
 from ..ir import ELEMENTARY, Branch, Loop, Program, Region, Type, Value
 from . import memory
-from .operations import TYPES, literal, operation, type_name
+from .operations import TYPES, Lines, literal, operation, type_name
 from .vectorise import Vector, lower_and_fuse
 
 
@@ -29,11 +29,6 @@ class ElementaryFunction:
     arguments: int
     width: int
 
-    @classmethod
-    def of(cls, value: Value, width: int) -> ElementaryFunction:
-        """Return the function that computes a value."""
-        return cls(value.op, value.type, len(value.args), width)
-
     @property
     def head(self) -> str:
         """Result type and name in LLVM IR."""
@@ -51,30 +46,6 @@ class ElementaryFunction:
         """Return a call with these arguments in LLVM IR."""
         llvm_type = type_name(self.type, self.width)
         return f"call {self.head}({', '.join(f'{llvm_type} {word}' for word in words)})"
-
-
-Write = Callable[[str], None]
-
-
-def broadcast(name: str, type: Type, word: str, lanes: int, write: Write) -> None:
-    """Write the broadcast of the number `word` to all lanes."""
-    llvm_type = type_name(type, lanes)
-    write(f"{name}i = insertelement {llvm_type} poison, {TYPES[type]} {word}, i32 0")
-    write(f"{name} = shufflevector {llvm_type} {name}i, {llvm_type} poison, <{lanes} x i32> zeroinitializer")
-
-
-def gather(name: str, type: Type, words: Sequence[str], write: Write) -> None:
-    """Write a vector of the numbers `words`."""
-    llvm_type, before = type_name(type, len(words)), "poison"
-    for k, word in enumerate(words):
-        after = name if k == len(words) - 1 else f"{name}g{k}"
-        write(f"{after} = insertelement {llvm_type} {before}, {TYPES[type]} {word}, i32 {k}")
-        before = after
-
-
-def pick(name: str, type: Type, word: str, lanes: int, k: int, write: Write) -> None:
-    """Write the extraction of lane `k` from the vector `word`."""
-    write(f"{name} = extractelement {type_name(type, lanes)} {word}, i32 {k}")
 
 
 def varying_values(program: Program) -> set[Value]:
@@ -129,21 +100,18 @@ SELECT_LIMIT = 12
 """Most operations of a branch, none of them expensive, that is replaced by a selection between both sides."""
 
 
-class Blocks:
+class Blocks(Lines):
     """Writes the lines of one function.
 
     - `lanes`: number of runs that are computed in parallel.
-    - `own`: True to call slidax's own elementary functions; False to call those of libm.
+    - `called`: elementary functions that it calls.
     """
 
-    def __init__(self, program: Program, lanes: int, *, own: bool = False) -> None:
+    def __init__(self, program: Program, lanes: int) -> None:
+        super().__init__()
         self.program = program
         self.lanes = lanes
-        self.own = own
-        self.lines: list[str] = []
-        self.declarations: set[str] = set()
         self.called: set[ElementaryFunction] = set()
-        self._write = self.lines.append
         self._differs = varying_values(program) if lanes > 1 else set()
         self._names: dict[Value, str] = {}
         self._spread: list[dict[Value, str]] = [{}]  # vectors of uniform values, by open region
@@ -151,14 +119,14 @@ class Blocks:
 
     def print(self) -> None:
         """Write the complete body."""
-        memory.load_addresses(self.program, self._write)
-        memory.allocate_spare(self.program, self.lanes, self._write)
+        memory.load_addresses(self.program, self)
+        memory.allocate_spare(self.program, self.lanes, self)
         self._region(self.program.body)
         for index, output in enumerate(self.program.outputs):
             for element, value in enumerate(output.values or ()):
                 word = self._word(value, self.lanes)
-                self.declarations |= memory.write_output(self.program, index, element, word, self.lanes, self._write)
-        self._write("ret void")
+                memory.write_output(self.program, index, element, word, self.lanes, self)
+        self.write("ret void")
 
     def print_function(self, llvm_type: str) -> None:
         """Write the body of a function with the program's inputs as its arguments `%x0`, `%x1`.
@@ -168,7 +136,7 @@ class Blocks:
         self._names = {value: f"%x{value.data[0]}" for value in self.program.walk() if value.op == "input"}
         self._region(self.program.body)
         for result in self.program.outputs[0].values or ():
-            self._write(f"ret {llvm_type} {self._word(result, self.lanes)}")
+            self.write(f"ret {llvm_type} {self._word(result, self.lanes)}")
 
     # ---- words ------------------------------------------------------------------------------------------------------
 
@@ -192,7 +160,7 @@ class Blocks:
         if name := next((words[value] for words in reversed(self._spread) if value in words), ""):
             return name
         name = f"%s{value.number}x{len(self.lines)}"
-        broadcast(name, value.type, self._own(value), width, self._write)
+        self._broadcast(name, value.type, self._own(value), width)
         self._spread[-1][value] = name
         return name
 
@@ -200,19 +168,19 @@ class Blocks:
         return [self._word(value, width) for value, width in zip(values, widths, strict=True)]
 
     def _any(self, mask: str, name: str) -> str:
-        self._write(f"{name}b = bitcast <{self.lanes} x i1> {mask} to i{self.lanes}")
-        self._write(f"{name} = icmp ne i{self.lanes} {name}b, 0")
+        self.write(f"{name}b = bitcast <{self.lanes} x i1> {mask} to i{self.lanes}")
+        self.write(f"{name} = icmp ne i{self.lanes} {name}b, 0")
         return name
 
     def _active_lanes(self, mask: str, name: str) -> str:
         """Return the active lanes of a mask."""
         if not self._mask:
             return mask
-        self._write(f"{name} = and <{self.lanes} x i1> {self._mask}, {mask}")
+        self.write(f"{name} = and <{self.lanes} x i1> {self._mask}, {mask}")
         return name
 
     def _open(self, label: str) -> None:
-        self._write(f"{label}:")
+        self.write(f"{label}:")
         self._label = label
 
     # ---- values -----------------------------------------------------------------------------------------------------
@@ -243,27 +211,38 @@ class Blocks:
         else:
             width = self._width(value)
             words = [self._word(arg, width) for arg in value.args]
-            if self.own and op in ELEMENTARY:
-                self.called.add(function := ElementaryFunction.of(value, width))
-                self._write(f"%v{value.number} = {function.call(words)}")
+            if op in ELEMENTARY:
+                self.called.add(function := ElementaryFunction(op, value.type, len(value.args), width))
+                self.write(f"%v{value.number} = {function.call(words)}")
             else:
-                self.declarations |= operation(value, words, width, self._write)
+                operation(value, words, width, self)
+
+    def _broadcast(self, name: str, type: Type, word: str, lanes: int) -> None:
+        llvm_type = type_name(type, lanes)
+        self.write(f"{name}i = insertelement {llvm_type} poison, {TYPES[type]} {word}, i32 0")
+        self.write(f"{name} = shufflevector {llvm_type} {name}i, {llvm_type} poison, <{lanes} x i32> zeroinitializer")
 
     def _rearrange(self, value: Value) -> None:
         name, words = f"%v{value.number}", [self._own(arg) for arg in value.args]
         if not isinstance(value, Vector):
-            pick(name, value.type, words[0], self._width(value.args[0]), value.data, self._write)
+            vector = type_name(value.type, self._width(value.args[0]))
+            self.write(f"{name} = extractelement {vector} {words[0]}, i32 {value.data}")
         elif value.op == "spread":
-            broadcast(name, value.type, words[0], value.lanes, self._write)
+            self._broadcast(name, value.type, words[0], value.lanes)
         else:
-            gather(name, value.type, words, self._write)
+            before = "poison"
+            for k, word in enumerate(words):
+                after = name if k == len(words) - 1 else f"{name}g{k}"
+                number = f"{TYPES[value.type]} {word}, i32 {k}"
+                self.write(f"{after} = insertelement {type_name(value.type, len(words))} {before}, {number}")
+                before = after
 
     def _read(self, value: Value) -> None:
         if isinstance(value, Vector):
-            return memory.read_vector(value, value.lanes, self._write)
+            return memory.read_vector(value, value.lanes, self)
         wide = value.op == "load" and value.args[0] in self._differs
         index = self._own(value.args[0]) if value.op == "load" else str(value.data[1])
-        self.declarations |= memory.read(self.program, value, index, self._width(value), wide, self._mask, self._write)
+        memory.read(self.program, value, index, self._width(value), wide, self._mask, self)
 
     def _store(self, value: Value) -> None:
         row, when, *numbers = value.args
@@ -276,7 +255,7 @@ class Blocks:
                 condition = self._any(mask, f"{name}y")
             else:
                 condition = self._own(when)
-            self._write(f"br i1 {condition}, label %write{value.number}, label %after{value.number}")
+            self.write(f"br i1 {condition}, label %write{value.number}, label %after{value.number}")
             self._open(f"write{value.number}")
         self._spread.append({})
         words = [self._word(number, self.lanes) for number in numbers]
@@ -284,11 +263,11 @@ class Blocks:
         if row in self._differs:
             rows = [f"{name}p{lane}" for lane in range(self.lanes)]
             for lane, number in enumerate(rows):
-                self._write(f"{number} = extractelement <{self.lanes} x i64> {self._own(row)}, i32 {lane}")
-        memory.write_row(self.program, value, rows, mask, words, self.lanes, self._write)
+                self.write(f"{number} = extractelement <{self.lanes} x i64> {self._own(row)}, i32 {lane}")
+        memory.write_row(self.program, value, rows, mask, words, self.lanes, self)
         self._spread.pop()
         if not certain:
-            self._write(f"br label %after{value.number}")
+            self.write(f"br label %after{value.number}")
             self._open(f"after{value.number}")
 
     # ---- blocks -----------------------------------------------------------------------------------------------------
@@ -297,7 +276,7 @@ class Blocks:
         n, around = loop.number, self._mask
         widths = [self._width(param) for param in loop.params]
         first, before = self._words(loop.args, widths), self._label
-        self._write(f"br label %head{n}")
+        self.write(f"br label %head{n}")
         self._open(f"head{n}")
         line = len(self.lines)
         self.lines += [""] * len(loop.params)  # for the phis, whose arguments are known at the end
@@ -307,7 +286,7 @@ class Blocks:
         if loop.condition in self._differs:
             self._mask = self._active_lanes(condition, f"%v{n}m")
             condition = self._any(self._mask, f"%v{n}y")
-        self._write(f"br i1 {condition}, label %body{n}, label %after{n}")
+        self.write(f"br i1 {condition}, label %body{n}, label %after{n}")
         self._open(f"body{n}")
         self._spread.append({})
         self._region(loop.body)
@@ -317,9 +296,9 @@ class Blocks:
                 if param in self._differs and loop.following[k] is not param:
                     llvm_type, held = type_name(param.type, self.lanes), f"%v{n}h{k}"
                     mask = f"<{self.lanes} x i1> {self._mask}"
-                    self._write(f"{held} = select {mask}, {llvm_type} {following[k]}, {llvm_type} %v{param.number}")
+                    self.write(f"{held} = select {mask}, {llvm_type} {following[k]}, {llvm_type} %v{param.number}")
                     following[k] = held
-        self._write(f"br label %head{n}")
+        self.write(f"br label %head{n}")
         for k, param in enumerate(loop.params):
             phi = (
                 f"phi {type_name(param.type, widths[k])} [ {first[k]}, %{before} ], [ {following[k]}, %{self._label} ]"
@@ -342,20 +321,20 @@ class Blocks:
             self._select(branch, widths)
         elif divergent:
             mask, around = self._own(when), self._mask
-            self._write(f"%v{n}n = xor <{self.lanes} x i1> {mask}, {literal(1, 'b1', self.lanes)}")
+            self.write(f"%v{n}n = xor <{self.lanes} x i1> {mask}, {literal(1, 'b1', self.lanes)}")
             then = self._side(branch.then, branch.yes, mask, f"{n}t")
             self._mask = around
             otherwise = self._side(branch.otherwise, branch.no, f"%v{n}n", f"{n}e")
             self._mask = around
             self._select(branch, widths, then, otherwise)
         else:
-            self._write(f"br i1 {self._own(when)}, label %then{n}, label %else{n}")
+            self.write(f"br i1 {self._own(when)}, label %then{n}, label %else{n}")
             then, then_end = self._jump_to_side(branch.then, branch.yes, widths, f"then{n}", f"after{n}")
             otherwise, else_end = self._jump_to_side(branch.otherwise, branch.no, widths, f"else{n}", f"after{n}")
             self._open(f"after{n}")
             for k, value in enumerate(branch.yes):
                 phi = f"[ {then[k]}, %{then_end} ], [ {otherwise[k]}, %{else_end} ]"
-                self._write(f"%v{n}r{k} = phi {type_name(value.type, widths[k])} {phi}")
+                self.write(f"%v{n}r{k} = phi {type_name(value.type, widths[k])} {phi}")
 
     def _jump_to_side(
         self, region: Region, leaves: Sequence[Value], widths: Sequence[int], label: str, after: str
@@ -366,7 +345,7 @@ class Blocks:
         self._region(region)
         words = self._words(leaves, widths)
         self._spread.pop()
-        self._write(f"br label %{after}")
+        self.write(f"br label %{after}")
         return words, self._label
 
     def _side(self, region: Region, leaves: Sequence[Value], mask: str, name: str) -> list[str]:
@@ -375,13 +354,13 @@ class Blocks:
             return [self._word(value, self.lanes) for value in leaves]
         self._mask = self._active_lanes(mask, f"%v{name}m")
         condition, before = self._any(self._mask, f"%v{name}y"), self._label
-        self._write(f"br i1 {condition}, label %side{name}, label %after{name}")
+        self.write(f"br i1 {condition}, label %side{name}, label %after{name}")
         words, end = self._jump_to_side(region, leaves, [self.lanes] * len(leaves), f"side{name}", f"after{name}")
         self._open(f"after{name}")
         for k, value in enumerate(leaves):
             # Not poison: a later branch may depend on the values of inactive lanes.
             phi = f"[ {words[k]}, %{end} ], [ zeroinitializer, %{before} ]"
-            self._write(f"%v{name}{k} = phi {type_name(value.type, self.lanes)} {phi}")
+            self.write(f"%v{name}{k} = phi {type_name(value.type, self.lanes)} {phi}")
             words[k] = f"%v{name}{k}"
         return words
 
@@ -396,7 +375,7 @@ class Blocks:
             # A scalar condition also selects between vectors.
             mask = type_name("b1", self._width(when))
             chosen = f"{llvm_type} {then[k]}, {llvm_type} {otherwise[k]}"
-            self._write(f"%v{branch.number}r{k} = select {mask} {self._own(when)}, {chosen}")
+            self.write(f"%v{branch.number}r{k} = select {mask} {self._own(when)}, {chosen}")
 
 
 def is_cheap(branch: Branch) -> bool:

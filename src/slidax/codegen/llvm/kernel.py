@@ -7,7 +7,7 @@ import hashlib
 import itertools
 import os
 import os.path
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -15,8 +15,7 @@ import numpy as np
 
 from slidax.core.errors import DefinitionError
 
-from ..fold import DTYPES
-from ..ir import Program, as_native_code_error, digest
+from ..ir import DTYPES, Program, as_native_code_error, checked_inputs, digest
 from . import machine
 from . import machine as cache
 from .blocks import Blocks, ElementaryFunction
@@ -24,7 +23,7 @@ from .operations import type_name
 from .vectorise import prepare
 
 
-def module(program: Program, lanes: int = 1, entry: str = "runs", *, own: bool = False) -> str:
+def module(program: Program, lanes: int = 1, entry: str = "runs") -> str:
     """Generate the LLVM IR of a program.
 
     Its function is `void runs(ptr tables, i64 groups, i64 rows)`: `tables` contains the addresses of the inputs and
@@ -32,13 +31,12 @@ def module(program: Program, lanes: int = 1, entry: str = "runs", *, own: bool =
 
     - `lanes`: number of runs that are computed in parallel, a power of two.
     - `entry`: name of the function.
-    - `own`: True if elementary functions are defined in the module; False for libm's.
 
     Raises DefinitionError for another number of lanes.
     """
     if lanes < 1 or lanes & (lanes - 1):
         raise DefinitionError(f"`lanes` must be a power of two; got {lanes}")
-    blocks = Blocks(program, lanes, own=own)
+    blocks = Blocks(program, lanes)
     blocks.print()
     functions = [line for function in sorted(blocks.called, key=str) for line in _define(function, blocks.declarations)]
     addresses = len(program.inputs) + len(program.outputs)
@@ -68,8 +66,6 @@ def module(program: Program, lanes: int = 1, entry: str = "runs", *, own: bool =
             "}",
             # The processor's widest vectors, although some processors reduce their clock rate for them.
             'attributes #0 = { nounwind noinline "prefer-vector-width"="512" "min-legal-vector-width"="512" }',
-            # libm's functions, not LLVM's builtins, which round differently in vectors.
-            "attributes #1 = { nounwind willreturn nobuiltin memory(none) }",
             "!0 = !{}",
             "",
         ]
@@ -138,7 +134,7 @@ class Kernel:
     def text(self) -> str:
         """LLVM IR of the program."""
         ready = prepare(self.program, self.lanes, quick=self.quick)
-        return module(ready, self.lanes, self._entry, own=self.quick)
+        return module(ready, self.lanes, self._entry)
 
     def __call__(self, inputs: Sequence[Any], rows: int = 0) -> Arrays:
         """Compute one run, and return its outputs.
@@ -154,7 +150,7 @@ class Kernel:
                 for array, entry in zip(inputs, self.inputs, strict=True)
             ]
             return [array[0] for array in self.batch(spread, 1, rows, threads=1)]
-        arrays = self._checked(inputs, None)
+        arrays = self._contiguous(inputs, None)
         outputs = self._empty(None, rows)
         table = np.array([array.ctypes.data for array in (*arrays, *outputs)], np.uintp)
         self._run(table.ctypes.data, 1, rows)
@@ -170,7 +166,7 @@ class Kernel:
 
         Raises DefinitionError if an input has another shape or dtype.
         """
-        arrays = self._checked(inputs, runs)
+        arrays = self._contiguous(inputs, runs)
         outputs = self._empty(runs, rows)
         groups = runs // self.lanes
         in_groups = groups * self.lanes
@@ -189,21 +185,8 @@ class Kernel:
 
     # ---- inside -----------------------------------------------------------------------------------------------------
 
-    def _checked(self, inputs: Sequence[Any], runs: int | None) -> Arrays:
-        if len(inputs) != len(self.inputs):
-            raise DefinitionError(f"the program has {len(self.inputs)} inputs; got {len(inputs)}")
-        arrays = []
-        for array, entry in zip(inputs, self.inputs, strict=True):
-            array = np.asarray(array)
-            shape = (runs, *entry.shape) if entry.varying and runs is not None else entry.shape
-            dtype = np.dtype(DTYPES[entry.type])
-            if array.shape != shape or array.dtype != dtype:
-                raise DefinitionError(
-                    f"input `{entry.name}` must be {dtype} of shape {list(shape)}; "
-                    f"got {array.dtype} of shape {list(array.shape)}"
-                )
-            arrays.append(np.ascontiguousarray(array))
-        return arrays
+    def _contiguous(self, inputs: Sequence[Any], runs: int | None) -> Arrays:
+        return [np.ascontiguousarray(array) for array in checked_inputs(self.program, inputs, runs)]
 
     def _empty(self, runs: int | None, rows: int) -> Arrays:
         first = () if runs is None else (runs,)
@@ -226,18 +209,13 @@ class Kernel:
             part = table[piece]
             self._run(part.ctypes.data, len(part), rows)
 
-        pieces = list(_pieces(len(table), 1 if threads == 1 else threads * CHUNKS))
+        ends = np.linspace(0, len(table), min(len(table), 1 if threads == 1 else threads * CHUNKS) + 1).astype(int)
+        pieces = [slice(int(first), int(end)) for first, end in itertools.pairwise(ends)]
         if len(pieces) == 1:
             run(pieces[0])
             return
         with ThreadPoolExecutor(threads) as pool:
             list(pool.map(run, pieces))
-
-
-def _pieces(groups: int, pieces: int) -> Iterator[slice]:
-    ends = np.linspace(0, groups, min(groups, pieces) + 1).astype(int)
-    for first, end in itertools.pairwise(ends):
-        yield slice(int(first), int(end))
 
 
 def _processors() -> int:

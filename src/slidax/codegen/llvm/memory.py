@@ -2,30 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from ..ir import Program, Type, Value
-from .operations import BYTES, STORED, literal, suffix, type_name
-
-Write = Callable[[str], None]
+from .operations import BYTES, STORED, Lines, literal, suffix, type_name
 
 
-def load_addresses(program: Program, write: Write) -> None:
+def load_addresses(program: Program, out: Lines) -> None:
     """Write the loads of all addresses: `%in0`, `%in1`, ..., `%out0`, ..."""
     names = [f"%in{k}" for k in range(len(program.inputs))] + [f"%out{k}" for k in range(len(program.outputs))]
     for k, name in enumerate(names):
-        write(f"{name}a = getelementptr ptr, ptr %table, i64 {k}")
-        write(f"{name} = load ptr, ptr {name}a, !invariant.load !0")
+        out.write(f"{name}a = getelementptr ptr, ptr %table, i64 {k}")
+        out.write(f"{name} = load ptr, ptr {name}a, !invariant.load !0")
 
 
-def allocate_spare(program: Program, lanes: int, write: Write) -> None:
+def allocate_spare(program: Program, lanes: int, out: Lines) -> None:
     """Write the allocation of a spare row, to which inactive lanes write."""
     sizes = [output.size * BYTES[output.type] for output in program.outputs if output.values is None]
     if lanes > 1 and sizes:
-        write(f"%spare = alloca [{max(*sizes, 8)} x i8], align 8")
+        out.write(f"%spare = alloca [{max(*sizes, 8)} x i8], align 8")
 
 
-def read(program: Program, value: Value, index: str, lanes: int, wide: bool, mask: str, write: Write) -> set[str]:
+def read(program: Program, value: Value, index: str, lanes: int, wide: bool, mask: str, out: Lines) -> None:
     """Write the read of one element of an input.
 
     - `value`: an `input` or a `load`.
@@ -39,68 +37,65 @@ def read(program: Program, value: Value, index: str, lanes: int, wide: bool, mas
     name, stored = f"%v{value.number}", STORED[value.type]
     base = f"%in{which}"
     if lanes == 1:
-        write(f"{name}p = getelementptr {stored}, ptr {base}, i64 {index}")
+        out.write(f"{name}p = getelementptr {stored}, ptr {base}, i64 {index}")
         loaded = f"{name}i" if value.type == "b1" else name
-        write(f"{loaded} = load {stored}, ptr {name}p, !invariant.load !0")
+        out.write(f"{loaded} = load {stored}, ptr {name}p, !invariant.load !0")
         if value.type == "b1":
-            write(f"{name} = icmp ne i8 {loaded}, 0")
-        return set()
+            out.write(f"{name} = icmp ne i8 {loaded}, 0")
+        return
     if not wide:
-        write(f"{name}b = getelementptr {stored}, ptr {base}, i64 {index}")
+        out.write(f"{name}b = getelementptr {stored}, ptr {base}, i64 {index}")
         base = f"{name}b"
         index = literal(0, "i64", lanes)
     elif mask:
-        write(f"{name}g = select {type_name('b1', lanes)} {mask}, {type_name('i64', lanes)} {index}, "
+        out.write(f"{name}g = select {type_name('b1', lanes)} {mask}, {type_name('i64', lanes)} {index}, "
               f"{type_name('i64', lanes)} zeroinitializer")  # fmt: skip
         index = f"{name}g"
     if entry.varying:
-        write(f"{name}k = add {type_name('i64', lanes)} {index}, {_every(entry.size, lanes)}")
+        out.write(f"{name}k = add {type_name('i64', lanes)} {index}, {_every(entry.size, lanes)}")
         index = f"{name}k"
-    write(f"{name}p = getelementptr {stored}, ptr {base}, <{lanes} x i64> {index}")
+    out.write(f"{name}p = getelementptr {stored}, ptr {base}, <{lanes} x i64> {index}")
     loaded = f"{name}i" if value.type == "b1" else name
     llvm_type = f"<{lanes} x {stored}>"
-    kind = f"v{lanes}i8" if value.type == "b1" else suffix(value.type, lanes)
-    full = f"{llvm_type} @llvm.masked.gather.{kind}.v{lanes}p0"
-    every = literal(1, "b1", lanes)
-    align = BYTES[value.type]
-    write(f"{loaded} = call {full}(<{lanes} x ptr> align {align} {name}p, <{lanes} x i1> {every}, {llvm_type} poison)")
+    function = f"llvm.masked.gather.{suffix(value.type, lanes)}.v{lanes}p0"
+    where = (f"<{lanes} x ptr>", f"align {BYTES[value.type]} {name}p")
+    out.call(
+        loaded, llvm_type, function, where, (type_name("b1", lanes), literal(1, "b1", lanes)), (llvm_type, "poison")
+    )
     if value.type == "b1":
-        write(f"{name} = icmp ne {llvm_type} {loaded}, zeroinitializer")
-    return {f"declare {full}(<{lanes} x ptr>, <{lanes} x i1>, {llvm_type})"}
+        out.write(f"{name} = icmp ne {llvm_type} {loaded}, zeroinitializer")
 
 
-def read_vector(value: Value, lanes: int, write: Write) -> None:
+def read_vector(value: Value, lanes: int, out: Lines) -> None:
     """Write the read of `lanes` consecutive elements of an input, beginning with the element of `value`."""
     (which, element), name, stored = value.data, f"%v{value.number}", STORED[value.type]
     loaded = f"{name}i" if value.type == "b1" else name
-    write(f"{name}p = getelementptr {stored}, ptr %in{which}, i64 {element}")
-    write(f"{loaded} = load <{lanes} x {stored}>, ptr {name}p, align {BYTES[value.type]}, !invariant.load !0")
+    out.write(f"{name}p = getelementptr {stored}, ptr %in{which}, i64 {element}")
+    out.write(f"{loaded} = load <{lanes} x {stored}>, ptr {name}p, align {BYTES[value.type]}, !invariant.load !0")
     if value.type == "b1":
-        write(f"{name} = icmp ne <{lanes} x i8> {loaded}, zeroinitializer")
+        out.write(f"{name} = icmp ne <{lanes} x i8> {loaded}, zeroinitializer")
 
 
-def write_output(program: Program, which: int, element: int, word: str, lanes: int, write: Write) -> set[str]:
+def write_output(program: Program, which: int, element: int, word: str, lanes: int, out: Lines) -> None:
     """Write one element, `word`, of all lanes to output number `which`."""
     output = program.outputs[which]
     name, stored = f"%out{which}e{element}", STORED[output.type]
     llvm_type = stored if lanes == 1 else f"<{lanes} x {stored}>"
     if output.type == "b1":
-        write(f"{name}i = zext {type_name('b1', lanes)} {word} to {llvm_type}")
+        out.write(f"{name}i = zext {type_name('b1', lanes)} {word} to {llvm_type}")
         word = f"{name}i"
-    write(f"{name}b = getelementptr {stored}, ptr %out{which}, i64 {element}")
+    out.write(f"{name}b = getelementptr {stored}, ptr %out{which}, i64 {element}")
     if lanes == 1:
-        write(f"store {stored} {word}, ptr {name}b")
-        return set()
-    write(f"{name}p = getelementptr {stored}, ptr {name}b, <{lanes} x i64> {_every(output.size, lanes)}")
-    kind = f"v{lanes}i8" if output.type == "b1" else suffix(output.type, lanes)
-    full = f"void @llvm.masked.scatter.{kind}.v{lanes}p0"
-    write(f"call {full}({llvm_type} {word}, <{lanes} x ptr> align {BYTES[output.type]} {name}p, "
-          f"<{lanes} x i1> {literal(1, 'b1', lanes)})")  # fmt: skip
-    return {f"declare {full}({llvm_type}, <{lanes} x ptr>, <{lanes} x i1>)"}
+        out.write(f"store {stored} {word}, ptr {name}b")
+        return
+    out.write(f"{name}p = getelementptr {stored}, ptr {name}b, <{lanes} x i64> {_every(output.size, lanes)}")
+    function = f"llvm.masked.scatter.{suffix(output.type, lanes)}.v{lanes}p0"
+    where = (f"<{lanes} x ptr>", f"align {BYTES[output.type]} {name}p")
+    out.call("", "void", function, (llvm_type, word), where, (type_name("b1", lanes), literal(1, "b1", lanes)))
 
 
 def write_row(
-    program: Program, store: Value, row: Sequence[str], mask: str, words: Sequence[str], lanes: int, write: Write
+    program: Program, store: Value, row: Sequence[str], mask: str, words: Sequence[str], lanes: int, out: Lines
 ) -> None:
     """Write a row to the log of each lane.
 
@@ -113,36 +108,36 @@ def write_row(
     addresses = []
     for lane in range(lanes):
         at = f"{name}r{lane}"
-        write(f"{at}a = mul i64 %rows, {lane}")
-        write(f"{at}b = add i64 {at}a, {row[lane]}")
-        write(f"{at}c = mul i64 {at}b, {output.size}")
-        write(f"{at}{'d' if mask else ''} = getelementptr {stored}, ptr {log}, i64 {at}c")
+        out.write(f"{at}a = mul i64 %rows, {lane}")
+        out.write(f"{at}b = add i64 {at}a, {row[lane]}")
+        out.write(f"{at}c = mul i64 {at}b, {output.size}")
+        out.write(f"{at}{'d' if mask else ''} = getelementptr {stored}, ptr {log}, i64 {at}c")
         if mask:
-            write(f"{at}w = extractelement <{lanes} x i1> {mask}, i32 {lane}")
-            write(f"{at} = select i1 {at}w, ptr {at}d, ptr %spare")
+            out.write(f"{at}w = extractelement <{lanes} x i1> {mask}, i32 {lane}")
+            out.write(f"{at} = select i1 {at}w, ptr {at}d, ptr %spare")
         addresses.append(at)
     numbers = list(words)
     if output.type == "b1":
         numbers = [f"{name}z{k}" for k in range(len(words))]
         llvm_type = stored if lanes == 1 else f"<{lanes} x {stored}>"
         for number, word in zip(numbers, words, strict=True):
-            write(f"{number} = zext {type_name('b1', lanes)} {word} to {llvm_type}")
+            out.write(f"{number} = zext {type_name('b1', lanes)} {word} to {llvm_type}")
     done = 0
     while lanes > 1 and len(numbers) - done >= lanes:
-        _put_block(name, stored, addresses, numbers[done : done + lanes], done, write)
+        _put_block(name, stored, addresses, numbers[done : done + lanes], done, out)
         done += lanes
     for k in range(done, len(numbers)):
         for lane, address in enumerate(addresses):
             number = numbers[k]
             if lanes > 1:
                 number = f"{name}x{k}l{lane}"
-                write(f"{number} = extractelement <{lanes} x {stored}> {numbers[k]}, i32 {lane}")
-            write(f"{name}p{k}l{lane} = getelementptr {stored}, ptr {address}, i64 {k}")
-            write(f"store {stored} {number}, ptr {name}p{k}l{lane}")
+                out.write(f"{number} = extractelement <{lanes} x {stored}> {numbers[k]}, i32 {lane}")
+            out.write(f"{name}p{k}l{lane} = getelementptr {stored}, ptr {address}, i64 {k}")
+            out.write(f"store {stored} {number}, ptr {name}p{k}l{lane}")
 
 
 def _put_block(
-    name: str, stored: Type | str, addresses: Sequence[str], numbers: Sequence[str], first: int, write: Write
+    name: str, stored: Type | str, addresses: Sequence[str], numbers: Sequence[str], first: int, out: Lines
 ) -> None:
     """Write as many elements as lanes, transposed to one contiguous piece per lane."""
     lanes = len(addresses)
@@ -158,12 +153,12 @@ def _put_block(
                 for to, lanes_of in ((k, low), (k | half, high)):
                     swapped[to] = f"{name}t{first}a{half}k{to}"
                     mask = ", ".join(f"i32 {lane}" for lane in lanes_of)
-                    write(f"{swapped[to]} = shufflevector {llvm_type} {block[k]}, {llvm_type} {block[k | half]}, "
+                    out.write(f"{swapped[to]} = shufflevector {llvm_type} {block[k]}, {llvm_type} {block[k | half]}, "
                           f"<{lanes} x i32> <{mask}>")  # fmt: skip
         block, half = swapped, half // 2
     for lane, (address, piece) in enumerate(zip(addresses, block, strict=True)):
-        write(f"{name}q{first}l{lane} = getelementptr {stored}, ptr {address}, i64 {first}")
-        write(f"store {llvm_type} {piece}, ptr {name}q{first}l{lane}, align {1}")
+        out.write(f"{name}q{first}l{lane} = getelementptr {stored}, ptr {address}, i64 {first}")
+        out.write(f"store {llvm_type} {piece}, ptr {name}q{first}l{lane}, align {1}")
 
 
 def _every(size: int, lanes: int) -> str:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence, Set
+from dataclasses import dataclass
 from itertools import count
 
 from ..builder import Builder
 from ..elementary.lowering import lower
-from ..ir import ELEMENTARY, Branch, Loop, Program, Region, Type, Value, regions
+from ..ir import ELEMENTARY, Branch, Loop, Program, Region, Value, regions
 from ..passes import fuse_products, rebuild
 from .order import put_in_order
 from .slp import Bundles, Members, keep_profitable
 
 
+@dataclass(slots=True, eq=False, repr=False)
 class Vector(Value):
     """Values that one instruction computes.
 
@@ -20,13 +22,7 @@ class Vector(Value):
     operation `pick` extracts the lane `data`.
     """
 
-    __slots__ = ("lanes",)
-
-    def __init__(
-        self, op: str, type: Type, args: tuple[Value, ...], data: object, region: Region, number: int, lanes: int
-    ) -> None:
-        super().__init__(op, type, args, data, region, number, None)
-        self.lanes = lanes
+    lanes: int = 1
 
 
 def vectorise(program: Program) -> None:
@@ -68,7 +64,7 @@ class _Vectoriser:
     # ---- values -----------------------------------------------------------------------------------------------------
 
     def _vector(self, op: str, like: Value, args: tuple[Value, ...], data: object, lanes: int) -> Vector:
-        return Vector(op, like.type, args, data, like.region, next(self.numbers), lanes)
+        return Vector(op, like.type, args, data, like.region, next(self.numbers), lanes=lanes)
 
     def _scalar(self, value: Value) -> Value:
         """Return a value as a scalar, extracted from its vector if necessary."""
@@ -80,7 +76,7 @@ class _Vectoriser:
             # An input is instead read from memory again.
             scalar = value
             if value.op != "input":
-                scalar = Value("pick", value.type, (vector,), k, vector.region, next(self.numbers), None)
+                scalar = Value("pick", value.type, (vector,), k, vector.region, next(self.numbers))
             self.picks[value] = scalar
             self.added.append(scalar)
         return self.picks[value]
@@ -230,12 +226,11 @@ def lower_and_fuse(program: Program, lowered: Set[str] = FUNCTIONS) -> Program:
 
     - `lowered`: the functions that are expanded; functions of constants always are.
     """
-    fuse = fuse_products()
 
     def replace(builder: Builder, value: Value, args: tuple[Value, ...]) -> Value | None:
         if value.op in FUNCTIONS:
             known = all(arg.op == "const" for arg in args)
             return lower(builder, value.op, args) if known or value.op in lowered else None
-        return fuse(builder, value, args)
+        return fuse_products(builder, value, args)
 
     return rebuild(program, replace)

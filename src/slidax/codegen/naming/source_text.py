@@ -8,7 +8,6 @@ import itertools
 import re
 import unicodedata
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -100,21 +99,6 @@ class Named(NamedTuple):
     path: tuple[int, ...]
 
 
-@dataclass(frozen=True)
-class Docs:
-    """First lines of the docstrings of a function and its class.
-
-    - `name`: name of the function, with its class.
-    - `summary`: empty if the function has no docstring.
-    - `owner`: the class; empty outside of classes.
-    """
-
-    name: str
-    summary: str
-    owner: str
-    owner_summary: str
-
-
 class SourceFile:
     """A Python source file, parsed from its text."""
 
@@ -171,16 +155,19 @@ class SourceFile:
                 return None
             inner = outer
 
-    def docs(self, line: int) -> Docs | None:
-        """Return the docstrings of the innermost function around a line; None outside of functions."""
+    def docs(self, line: int) -> list[tuple[str, str]]:
+        """Return name and summary of the innermost function around a line, and of its class; none outside of functions.
+
+        A summary is the first line of a docstring; empty without one.
+        """
         around = [node for node in self._functions if node.lineno <= line <= (node.end_lineno or 0)]
         if not around:
-            return None
+            return []
         function = max(around, key=lambda node: node.lineno)
         owner = self._parents[function]
         if not isinstance(owner, ast.ClassDef):
-            return Docs(function.name, _summary(function), "", "")
-        return Docs(f"{owner.name}.{function.name}", _summary(function), owner.name, _summary(owner))
+            return [(function.name, _summary(function))]
+        return [(f"{owner.name}.{function.name}", _summary(function)), (owner.name, _summary(owner))]
 
 
 @functools.cache
@@ -239,11 +226,11 @@ def about(frames: Sequence[Any]) -> str:
 @functools.lru_cache(4096)
 def _about(file: str, line: int) -> str:
     text = read_source(file)
-    docs = None if text is None else text.docs(line)
-    if docs is None:
+    docs = [] if text is None else text.docs(line)
+    if not docs:
         return ""
     # The method comes first, so it wins a tie.
-    name, summary = max([(docs.name, docs.summary), (docs.owner, docs.owner_summary)], key=lambda of: _formulas(of[1]))
+    name, summary = max(docs, key=lambda of: _formulas(of[1]))
     if not _formulas(summary):
         return ""
     return f"{name.removesuffix('.__call__')}: {to_ascii(summary).replace('`', '').rstrip('.')}"

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..builder import Builder, Values
-from ..ir import FLOATS, Number, Type, Value
+from ..ir import FLOATS, Number, Value
 from .arrays import constant_array, each, fold, full_array, select_element, type_of, value_array
 
 
@@ -50,11 +50,8 @@ def _iota(b: Builder, equation: Any, arrays: list[Values]) -> Values:
 
 
 def _unstack(b: Builder, equation: Any, arrays: list[Values]) -> list[Values]:
-    return (
-        [part.reshape(part.shape) for part in np.moveaxis(arrays[0], equation.params["axis"], 0)]
-        if (arrays[0].ndim > 1)
-        else [arrays[0][k : k + 1].reshape(()) for k in range(arrays[0].shape[0])]
-    )
+    moved = np.moveaxis(arrays[0], equation.params["axis"], 0)
+    return [moved[k : k + 1].reshape(moved.shape[1:]) for k in range(moved.shape[0])]
 
 
 def _split(b: Builder, equation: Any, arrays: list[Values]) -> list[Values]:
@@ -64,12 +61,6 @@ def _split(b: Builder, equation: Any, arrays: list[Values]) -> list[Values]:
 
 def _expand(b: Builder, equation: Any, arrays: list[Values]) -> Values:
     return arrays[0].reshape(equation.outvars[0].aval.shape)
-
-
-def _platform(b: Builder, equation: Any, arrays: list[Values]) -> Values:
-    """Return the index of the branch that JAX itself takes on the CPU."""
-    platforms = equation.params["platforms"]
-    return constant_array(b, np.int32(next(k for k, names in enumerate(platforms) if names is None or "cpu" in names)))
 
 
 def _empty(b: Builder, equation: Any, arrays: list[Values]) -> Values:
@@ -91,7 +82,6 @@ SHAPE_RULES: dict[str, Callable[[Builder, Any, list[Values]], Values | list[Valu
     "unstack": _unstack,
     "split": _split,
     "empty": _empty,
-    "platform_index": _platform,
     "optimization_barrier": lambda b, eqn, arrays: arrays,
     "device_put": lambda b, eqn, arrays: arrays,
 }
@@ -130,14 +120,6 @@ def replace_window(b: Builder, array: Values, part: Values, starts: list[Value])
         return each(lambda *row: select_element(b, list(row), starts[axis]), *results)
 
     return at((), 0)
-
-
-def _dynamic_slice(b: Builder, equation: Any, arrays: list[Values]) -> Values:
-    return window(b, arrays[0], [start.item() for start in arrays[1:]], tuple(equation.params["slice_sizes"]))
-
-
-def _dynamic_update_slice(b: Builder, equation: Any, arrays: list[Values]) -> Values:
-    return replace_window(b, arrays[0], arrays[1], [start.item() for start in arrays[2:]])
 
 
 def _inside(b: Builder, starts: list[Value], sizes: tuple[int, ...], shape: tuple[int, ...]) -> Value:
@@ -220,17 +202,16 @@ def _scatter(combine: str | None) -> Callable[[Builder, Any, list[Values]], Valu
 
 
 INDEXING_RULES: dict[str, Callable[[Builder, Any, list[Values]], Values]] = {
-    "dynamic_slice": _dynamic_slice,
-    "dynamic_update_slice": _dynamic_update_slice,
+    "dynamic_slice": lambda b, eqn, arrays: window(
+        b, arrays[0], [start.item() for start in arrays[1:]], tuple(eqn.params["slice_sizes"])
+    ),
+    "dynamic_update_slice": lambda b, eqn, arrays: replace_window(
+        b, arrays[0], arrays[1], [start.item() for start in arrays[2:]]
+    ),
     "gather": _gather,
     "scatter": _scatter(None),
-    "scatter-add": _scatter("add"),
-    "scatter-mul": _scatter("mul"),
-    "scatter-min": _scatter("min"),
-    "scatter-max": _scatter("max"),
-    "scatter_mul": _scatter("mul"),
-    "scatter_min": _scatter("min"),
-    "scatter_max": _scatter("max"),
+    # Their names differ between versions of JAX.
+    **{f"scatter{sign}{op}": _scatter(op) for sign in "-_" for op in ("add", "mul", "min", "max")},
 }
 """Rule of each primitive, by its name."""
 
@@ -242,15 +223,11 @@ def _reduction(op: str, empty: Number) -> Callable[[Builder, Any, list[Values]],
         shape = tuple(array.shape[axis] for axis in kept)
         rows = array.transpose((*kept, *axes)).reshape((_size(shape), _size(array.shape[axis] for axis in axes)))
         kind = type_of(equation.outvars[0].aval.dtype)
-        name = _typed_operation(op, kind)
+        name = {"max": "or", "add": "or", "min": "and", "mul": "and"}.get(op, op) if kind == "b1" else op
         none = b.constant(empty, kind) if np.isfinite(empty) or kind in FLOATS else b.constant(0, kind)
         return value_array((fold(lambda x, y: b.apply(name, x, y), row, none) for row in rows), shape)
 
     return rule
-
-
-def _typed_operation(op: str, kind: Type) -> str:
-    return {"max": "or", "add": "or", "min": "and", "mul": "and"}.get(op, op) if kind == "b1" else op
 
 
 def _size(lengths: Any) -> int:

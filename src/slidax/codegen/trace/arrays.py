@@ -9,17 +9,9 @@ from typing import Any
 import numpy as np
 
 from ..builder import Builder, Values
-from ..ir import Type, Value
+from ..ir import DTYPES, Type, Value
 
-TYPES: dict[str, Type] = {
-    "float64": "f64",
-    "float32": "f32",
-    "int64": "i64",
-    "int32": "i32",
-    "uint64": "u64",
-    "uint32": "u32",
-    "bool": "b1",
-}
+TYPES: dict[str, Type] = {np.dtype(dtype).name: type for type, dtype in DTYPES.items()}
 """IR type of each dtype."""
 
 

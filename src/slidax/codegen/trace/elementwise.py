@@ -9,56 +9,21 @@ import jax
 import numpy as np
 
 from ..builder import Builder, Values
-from ..fold import DTYPES
-from ..ir import FLOATS, Type, Value
+from ..ir import DTYPES, ELEMENTARY, FLOATS, Type, Value
 from .arrays import Inline, constant_array, each, type_of, value_array
 
-OPERATIONS = {
-    "add": "add",
+SAME = (
+    *("add", "sub", "mul", "div", "rem", "neg", "abs", "min", "max", "sqrt", "floor", "ceil"),
+    *("and", "or", "xor", "not", "eq", "ne", "lt", "le", "gt", "ge"),
+)
+"""Primitives with an IR operation of the same name, besides the elementary functions."""
+
+OPERATIONS = {name: name for name in (*SAME, *ELEMENTARY)} | {
     "add_any": "add",
-    "sub": "sub",
-    "mul": "mul",
-    "div": "div",
-    "neg": "neg",
-    "abs": "abs",
-    "min": "min",
-    "max": "max",
-    "rem": "rem",
-    "sqrt": "sqrt",
-    "floor": "floor",
-    "ceil": "ceil",
-    "exp": "exp",
-    "expm1": "expm1",
-    "log": "log",
-    "log1p": "log1p",
-    "pow": "pow",
-    "sin": "sin",
-    "cos": "cos",
-    "tan": "tan",
-    "asin": "asin",
-    "acos": "acos",
-    "atan": "atan",
-    "atan2": "atan2",
-    "sinh": "sinh",
-    "cosh": "cosh",
-    "tanh": "tanh",
-    "erf": "erf",
-    "erf_inv": "erf_inv",
-    "cbrt": "cbrt",
-    "and": "and",
-    "or": "or",
-    "xor": "xor",
-    "not": "not",
     "shift_left": "shl",
     "shift_right_logical": "shr",
     "shift_right_arithmetic": "sar",
     "is_finite": "isfinite",
-    "eq": "eq",
-    "ne": "ne",
-    "lt": "lt",
-    "le": "le",
-    "gt": "gt",
-    "ge": "ge",
 }
 """IR operation of each primitive that has one."""
 
@@ -131,18 +96,9 @@ def _sign(b: Builder, x: Value) -> Value:
 def _round(b: Builder, equation: Any, x: Value) -> Value:
     if int(equation.params["rounding_method"]) == 1:
         return b.apply("rint", x)
-    half = b.constant(0.5, x.type)
-    size = b.apply("floor", b.apply("abs", x))
-    size = b.apply(
-        "add",
-        size,
-        b.apply(
-            "select",
-            b.apply("ge", b.apply("sub", b.apply("abs", x), size), half),
-            b.constant(1.0, x.type),
-            b.constant(0.0, x.type),
-        ),
-    )
+    whole = b.apply("floor", b.apply("abs", x))
+    is_half = b.apply("ge", b.apply("sub", b.apply("abs", x), whole), b.constant(0.5, x.type))
+    size = b.apply("add", whole, b.apply("select", is_half, b.constant(1.0, x.type), b.constant(0.0, x.type)))
     return b.apply("select", b.apply("lt", x, b.constant(0.0, x.type)), b.apply("neg", size), size)
 
 
@@ -159,10 +115,6 @@ def _select(b: Builder, equation: Any, arrays: list[Values]) -> Values:
         return b.apply("select", when, yes, no)
 
     return each(choice, which, *cases)
-
-
-def _clamp(b: Builder, equation: Any, arrays: list[Values]) -> Values:
-    return each(lambda low, x, high: b.apply("min", b.apply("max", x, low), high), *arrays)
 
 
 def _logistic(b: Builder, x: Value) -> Value:
@@ -206,7 +158,7 @@ ELEMENTWISE_RULES: dict[str, Rule] = {
     "select_n": _select,
     "lt_to": _total_order_comparison("lt"),
     "le_to": _total_order_comparison("le"),
-    "clamp": _clamp,
+    "clamp": lambda b, eqn, arrays: each(lambda low, x, high: b.apply("min", b.apply("max", x, low), high), *arrays),
     "copy": lambda b, eqn, arrays: arrays[0],
     "copy_p": lambda b, eqn, arrays: arrays[0],
     "stop_gradient": lambda b, eqn, arrays: arrays[0],
@@ -249,16 +201,11 @@ def counters(b: Builder, equation: Any, arrays: list[Values]) -> list[Values]:
     return [constant_array(b, np.zeros_like(low)), constant_array(b, low)]
 
 
-def _implementation(equation: Any) -> Any:
-    impl = equation.params.get("impl")
-    return impl if impl is not None else equation.invars[0].aval.dtype._impl
-
-
 def inline_generator(name: str) -> Callable[[Builder, Any, list[Values], Inline], list[Values]]:
     """Return the rule of a primitive on keys, which inlines the function `name` of JAX's generator."""
 
     def rule(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> list[Values]:
-        impl = _implementation(equation)
+        impl = equation.params.get("impl") or equation.invars[0].aval.dtype._impl
         if impl.name != "threefry2x32":
             raise NotImplementedError(f"the generator `{impl.name}`; use JAX's default, threefry2x32")
         if equation.invars[0].aval.ndim:
@@ -269,15 +216,11 @@ def inline_generator(name: str) -> Callable[[Builder, Any, list[Values], Inline]
             more = (equation.params["bit_width"], equation.params["shape"])
         elif name == "split":
             more = (equation.params["shape"],)
-        shapes = [jax.ShapeDtypeStruct(array.shape, _dtype(array)) for array in arrays]
+        shapes = [jax.ShapeDtypeStruct(array.shape, DTYPES[array.flat[0].type]) for array in arrays]
         jaxpr = jax.make_jaxpr(lambda *args: function(*args, *more))(*shapes)
         return inline(jaxpr, arrays)
 
     return rule
-
-
-def _dtype(array: Values) -> Any:
-    return DTYPES[array.flat[0].type]
 
 
 def key_words(b: Builder, equation: Any, arrays: list[Values]) -> Values:

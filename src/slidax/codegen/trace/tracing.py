@@ -5,11 +5,11 @@ from __future__ import annotations
 import dataclasses
 import functools
 import itertools
-import math
 import os
 import sysconfig
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from types import CodeType
 from typing import Any, NamedTuple
 
@@ -51,6 +51,7 @@ class SourceFrame(NamedTuple):
     end_column: int = 0
 
 
+@dataclass(slots=True, eq=False)
 class Origin:
     """Source location of a value.
 
@@ -61,26 +62,14 @@ class Origin:
     - `within`: name of the function in which to search for the location; None: anywhere.
     """
 
-    __slots__ = ("element", "equation", "shape", "visit", "within")
+    equation: Any
+    element: int | None = None
+    shape: tuple[int, ...] = ()
+    within: str | None = None
+    visit: object = None
 
-    def __init__(
-        self,
-        equation: Any,
-        element: int | None = None,
-        shape: tuple[int, ...] = (),
-        within: str | None = None,
-        visit: object = None,
-    ) -> None:
-        self.equation = equation
-        self.element = element
-        self.shape = shape
-        self.within = within
-        self.visit: object = self if visit is None else visit
-
-    @property
-    def size(self) -> int:
-        """Number of elements of the result."""
-        return math.prod(self.shape)
+    def __post_init__(self) -> None:
+        self.visit = self.visit or self
 
     @property
     def frames(self) -> list[SourceFrame]:
@@ -272,17 +261,21 @@ def inline(
     return _Inlining(builder, named, library).run(closed, arrays, constants)
 
 
+@dataclass
 class _Inlining:
-    def __init__(self, builder: Builder, named: bool, library: Library | None, within: str | None = None) -> None:
-        self.builder = builder
-        self.named = named
-        self.library = library
-        # The surrounding function; origins exclude its callers.
-        self.within = within
-        # Equation of the call, inside a called function.
-        self.call: Any = None
-        # Equations whose inner jaxprs are being inlined, the outermost first.
-        self.open: list[Any] = []
+    """An inlining in progress.
+
+    - `within`: the surrounding function; origins exclude its callers.
+    - `call`: equation of the call, inside a called function.
+    - `open`: equations whose inner jaxprs are being inlined, the outermost first.
+    """
+
+    builder: Builder
+    named: bool
+    library: Library | None
+    within: str | None = None
+    call: Any = None
+    open: list[Any] = field(default_factory=list)
 
     def run(self, closed: Any, arrays: Sequence[Values], constants: Sequence[Values] | None = None) -> list[Values]:
         jaxpr = closed.jaxpr
@@ -310,7 +303,8 @@ class _Inlining:
                 return [keep_array(self.builder, array) for array in arrays]
             if name in CALLS:
                 around, self.call = self.call, self.call or equation
-                results = self.run(_as_closed(equation.params[CALLS[name]]), arrays)
+                inner = equation.params[CALLS[name]]
+                results = self.run(inner if hasattr(inner, "jaxpr") else ClosedJaxpr(inner, ()), arrays)
                 self.call = around
                 return results
             if self.named:
@@ -364,10 +358,6 @@ class _Inlining:
             for frame in frames_of(nearest)[:1]:
                 return f" (line {frame.line} of {frame.file}, in `{frame.function}`)"
         return ""
-
-
-def _as_closed(jaxpr: Any) -> Any:
-    return jaxpr if hasattr(jaxpr, "jaxpr") else ClosedJaxpr(jaxpr, ())
 
 
 def trace(
@@ -432,13 +422,8 @@ def ir_type(dtype: Any, name: str) -> Any:
 
 
 def _path_text(path: Sequence[Any]) -> str:
-    parts = []
-    for key in path:
-        for field in ("name", "key", "idx"):
-            if hasattr(key, field):
-                parts.append(str(getattr(key, field)))
-                break
-    return "".join(f".{part}" for part in parts)
+    names = [getattr(key, part) for key in path for part in ("name", "key", "idx") if hasattr(key, part)]
+    return "".join(f".{name}" for name in names)
 
 
 def _dtype(x: Any) -> Any:

@@ -32,17 +32,21 @@ class Body(Blocks):
     """LLVM IR of a function body."""
 
     def _value(self, value: Value) -> None:
+        name, pairs = f"%v{value.number}", []
+        if value.op in ELEMENTARY:
+            arguments = ", ".join(f"double {self._word(arg, 1)}" for arg in value.args)
+            self.write(f"{name} = call double @{value.op}({arguments})")
+            return
         if value.op != "fma":
             super()._value(value)
             return
-        name, pairs = f"%v{value.number}", []
         for k, arg in enumerate(value.args):
             # The number fills both lanes: a splat costs less than a vector with a zero.
-            self._write(f"{name}h{k} = insertelement {PAIR} poison, double {self._word(arg, 1)}, i32 0")
-            self._write(f"{name}w{k} = shufflevector {PAIR} {name}h{k}, {PAIR} poison, <2 x i32> zeroinitializer")
+            self.write(f"{name}h{k} = insertelement {PAIR} poison, double {self._word(arg, 1)}, i32 0")
+            self.write(f"{name}w{k} = shufflevector {PAIR} {name}h{k}, {PAIR} poison, <2 x i32> zeroinitializer")
             pairs.append(f"{PAIR} {name}w{k}")
-        self._write(f"{name}p = call {PAIR} @llvm.wasm.relaxed.madd.v2f64({', '.join(pairs)})")
-        self._write(f"{name} = extractelement {PAIR} {name}p, i32 0")
+        self.write(f"{name}p = call {PAIR} @llvm.wasm.relaxed.madd.v2f64({', '.join(pairs)})")
+        self.write(f"{name} = extractelement {PAIR} {name}p, i32 0")
 
 
 def helpers(once: str, twice: str) -> list[str]:
@@ -114,8 +118,7 @@ def substitute_inputs(program: Program, known: Mapping[int, np.ndarray]) -> Prog
 
     - `known`: constants by the input's position.
     """
-    fuse = fuse_products()
-    ready = rebuild(program, lambda builder, value, args: None if value.origin else fuse(builder, value, args))
+    ready = rebuild(program, lambda builder, value, args: None if value.origin else fuse_products(builder, value, args))
     return _Substitution(ready, known).finish()
 
 
@@ -255,12 +258,11 @@ def _text(ready: Program) -> str:
     body.print()
     called = sorted({value.op for value in ready.walk() if value.op in ELEMENTARY})
     functions = [_function(name) for name in called]
-    declared = {line for line in body.declarations if line.rpartition("#")[2] != "1"}
     return "\n".join(
         [
             f'target datalayout = "{_machine().target_data}"',
             f'target triple = "{TRIPLE}"',
-            *sorted(declared.union({FUSED}, *(declarations for _, declarations in functions))),
+            *sorted(body.declarations.union({FUSED}, *(declarations for _, declarations in functions))),
             *helpers(ONCE, TWICE),
             *(line for lines, _ in functions for line in lines),
             f"define void @{ENTRY}(ptr noalias readonly %table, i32 %count) #0 {{",

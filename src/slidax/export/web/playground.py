@@ -18,6 +18,7 @@ import slidax
 from slidax.arms.arm import AbstractRobot
 from slidax.arms.articulated import Articulated
 from slidax.arms.coupled import Coupled
+from slidax.arms.rotations import quaternion_of
 from slidax.core.errors import DefinitionError
 from slidax.core.writing import error_reason, write_text
 from slidax.motions.trajectory import AbstractMotion
@@ -53,7 +54,7 @@ def arm_entry(
         {
             "name": name,
             "parent": parent,
-            "origin": [*_plain(position), *_plain(_quaternion(turn))],
+            "origin": [*_plain(position), *_plain(quaternion_of(np.asarray(turn)))],
             "axis": [0.0, 0.0, 1.0],
             "type": "revolute" if revolute else "prismatic",
             "joint": joint,
@@ -110,7 +111,7 @@ def _bone(link: int, end: np.ndarray, radius: float) -> list[dict[str, Any]]:
 def _shape(
     link: int, kind: str, size: list[float], position: np.ndarray, turn: np.ndarray, tone: int
 ) -> dict[str, Any]:
-    at = [*_plain(position), *_plain(_quaternion(turn))]
+    at = [*_plain(position), *_plain(quaternion_of(np.asarray(turn)))]
     return {"link": link, "kind": kind, "size": _plain(np.asarray(size)), "at": at, "tone": tone}
 
 
@@ -128,21 +129,6 @@ def _towards(direction: np.ndarray) -> np.ndarray:
     x = np.cross(other, direction)
     x /= np.linalg.norm(x)
     return np.stack([x, np.cross(direction, x), direction], axis=1)
-
-
-def _quaternion(turn: np.ndarray) -> np.ndarray:
-    """Quaternion of a rotation, w first: eigenvector of Bar-Itzhack's matrix, which is accurate for all rotations."""
-    (a, b, c), (d, e, f), (g, h, i) = turn
-    matrix = np.array(
-        [
-            [a - e - i, b + d, c + g, h - f],
-            [b + d, e - a - i, f + h, c - g],
-            [c + g, f + h, i - a - e, d - b],
-            [h - f, c - g, d - b, a + e + i],
-        ]
-    )
-    x, y, z, w = np.linalg.eigh(matrix)[1][:, -1]
-    return np.array([w, x, y, z]) * (1.0 if w >= 0 else -1.0)
 
 
 def _plain(numbers: Any) -> list[float]:

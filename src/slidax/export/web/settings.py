@@ -6,7 +6,7 @@ import itertools
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import equinox as eqx
@@ -24,7 +24,7 @@ from slidax.scenarios.schemes import PRESETS
 from ..c_project import FILES, STEP, project
 from ..c_structures import render
 from .loop_program import LoopProgram, Variant, loop_program, pack_bytes
-from .tunables import Tunable, tunables_of
+from .tunables import Tunable, tunables_of, value_at
 
 TEMPLATES = (*STEP, "example.c.j2")
 """The files that a program needs; not the tests, whose samples are large."""
@@ -113,6 +113,10 @@ def certificates_of(scenario: Scenario, paths: Sequence[str]) -> list[dict[str, 
     return lights
 
 
+PlacedVariant = tuple[tuple[int, ...], Variant]
+"""A variant after its place: the index of each choice's value."""
+
+
 @dataclass(frozen=True)
 class ProgramChoice:
     """A quantity that needs a program of its own for each value.
@@ -191,7 +195,7 @@ class BuiltSetting:
     family: Family
     templates: Templates
     tunables: Sequence[Tunable]
-    programs: Sequence[tuple[Sequence[tuple[tuple[int, ...], Variant]], LoopProgram]]
+    programs: Sequence[tuple[Sequence[PlacedVariant], LoopProgram]]
 
     def entry(self) -> dict[str, Any]:
         """The setting's entry in a playground."""
@@ -234,20 +238,8 @@ class BuiltSetting:
 
 
 def _choice(choice: ProgramChoice, described: ScenarioDescription) -> dict[str, Any]:
-    own = _at(described, choice.path)
-    return {
-        "path": choice.path,
-        "title": choice.title,
-        "unit": choice.unit,
-        "values": list(choice.values),
-        "default": choice.values.index(own),
-    }
-
-
-def _at(place: Any, path: str) -> Any:
-    for name in path.split("."):
-        place = place[int(name)] if isinstance(place, tuple | list) else getattr(place, name)
-    return place
+    own = value_at(described, choice.path.split("."))
+    return asdict(choice) | {"values": list(choice.values), "default": choice.values.index(own)}
 
 
 def _varying(family: Family, templates: Templates, tunables: Sequence[Tunable]) -> list[Tunable]:
@@ -273,18 +265,12 @@ def _varying(family: Family, templates: Templates, tunables: Sequence[Tunable]) 
     return _varying(family, templates, tunables[:half]) + _varying(family, templates, tunables[half:])
 
 
-def _alike(
-    variants: Sequence[tuple[tuple[int, ...], Variant]],
-) -> list[list[tuple[tuple[int, ...], Variant]]]:
+def _alike(variants: Sequence[PlacedVariant]) -> list[list[PlacedVariant]]:
     """Group variants of one form."""
-    groups: list[list[tuple[tuple[int, ...], Variant]]] = []
+    groups: list[list[PlacedVariant]] = []
     for variant in variants:
-        for group in groups:
-            if group[0][1].form == variant[1].form:
-                group.append(variant)
-                break
-        else:
-            groups.append([variant])
+        group = next((group for group in groups if group[0][1].form == variant[1].form), None)
+        groups.append([variant]) if group is None else group.append(variant)
     return groups
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -182,9 +182,7 @@ def _beside(description: ScenarioDescription, path: str) -> tuple[float, float]:
     if path == "scheme.sampled_data.horizon":
         # A horizon must be at least a period, which a page may double.
         lower = 2.0 * description.simulation.period
-    place: Any = description
-    for parent in parents:
-        place = place[int(parent)] if isinstance(place, tuple) else getattr(place, parent)
+    place = value_at(description, parents)
     if not isinstance(place, BaseModel):
         return lower, upper
     ranges = _ranges(place)
@@ -199,6 +197,13 @@ def _beside(description: ScenarioDescription, path: str) -> tuple[float, float]:
         elif most == name:
             lower = max([lower, *(ABOVE * value for value in _numbers_at(others, other))])
     return lower, upper
+
+
+def value_at(place: Any, names: Iterable[str]) -> Any:
+    """The value at a path of fields and indices."""
+    for name in names:
+        place = place[int(name)] if isinstance(place, tuple | list) else getattr(place, name)
+    return place
 
 
 def _ranges(place: BaseModel) -> dict[str, str]:

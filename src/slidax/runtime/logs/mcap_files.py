@@ -7,6 +7,7 @@ import struct
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,16 @@ from slidax.core.files import MEGABYTE, open_file
 
 from .messages import Channels, Message
 
-REMEDY = "pip install 'slidax[log]'"
+
+def require_package(module: str, package: str, task: str) -> Any:
+    """Import a module of a package that a task needs.
+
+    Raises DefinitionError with the remedy if it is not installed.
+    """
+    try:
+        return import_module(module)
+    except ImportError:
+        raise DefinitionError(f"{task} needs {package}, which is not installed: pip install 'slidax[log]'") from None
 
 
 def require_writer() -> Any:
@@ -25,31 +35,15 @@ def require_writer() -> Any:
 
     Raises DefinitionError with the remedy if it is not installed.
     """
-    try:
-        import foxglove
-    except ImportError:
-        raise DefinitionError(f"writing MCAP needs foxglove-sdk, which is not installed: {REMEDY}") from None
-    return foxglove
+    return require_package("foxglove", "foxglove-sdk", "writing MCAP")
 
 
-def require_reader() -> None:
-    """Raise DefinitionError with the remedy if the package that reads MCAP files is not installed."""
-    try:
-        import mcap.stream_reader  # noqa: F401  (checks that it is installed)
-    except ImportError:
-        raise DefinitionError(f"reading MCAP needs mcap, which is not installed: {REMEDY}") from None
-
-
-def require_rosbags() -> Any:
-    """Return the reader of ros2 bag databases.
+def require_reader() -> Any:
+    """Return the module that reads MCAP files.
 
     Raises DefinitionError with the remedy if its package is not installed.
     """
-    try:
-        from rosbags.rosbag2 import Reader
-    except ImportError:
-        raise DefinitionError(f"reading ros2 bag databases needs rosbags, which is not installed: {REMEDY}") from None
-    return Reader
+    return require_package("mcap.stream_reader", "mcap", "reading MCAP")
 
 
 MOST_BYTES = 8000 * MEGABYTE
@@ -122,15 +116,13 @@ def read_contents(path: Path, types: Sequence[str] = ()) -> Contents:
 
 def _records(path: Path) -> Iterator[Any]:
     """Yield all records up to the end or the first damaged one."""
-    require_reader()
-    from mcap.stream_reader import StreamReader
-
+    reader = require_reader()
     with open_file(path, most=MOST_BYTES) as file:
         size = file.seek(0, io.SEEK_END)
         file.seek(0)
         left = UNPACKED + RATIO * size
         try:
-            records: Iterator[Any] = StreamReader(file, emit_chunks=True, record_size_limit=size).records
+            records: Iterator[Any] = reader.StreamReader(file, emit_chunks=True, record_size_limit=size).records
             for record in records:
                 kind = type(record).__name__
                 if kind == "Chunk":

@@ -201,7 +201,11 @@ class Channels:
                 "/envelope",
                 "slidax_msgs/msg/Envelope",
                 (
-                    *(MessageField(name, "float64", n, column=_margin_column(name)) for name in ("e", *bounds)),
+                    # A law's monitor may have a signal `margin`.
+                    *(
+                        MessageField(name, "float64", n, column="envelope_margin" if name == "margin" else name)
+                        for name in ("e", *bounds)
+                    ),
                     *(self._signal(name) for name in with_error if name != "margin"),
                 ),
             ),
@@ -280,11 +284,6 @@ class Channels:
 
     def _signal(self, name: str) -> MessageField:
         return MessageField(name, "float64", self.signals[name], column=f"signal:{name}")
-
-
-def _margin_column(name: str) -> str:
-    """Rename the column of the envelope's margin, since a law's monitor may have a signal `margin`."""
-    return "envelope_margin" if name == "margin" else name
 
 
 def names_of_bits(bits: Sequence[str], status: int) -> list[str]:

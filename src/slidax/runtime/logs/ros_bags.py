@@ -14,7 +14,7 @@ from slidax.core.errors import DefinitionError, nearest_word, plain_name
 from slidax.core.files import MEGABYTE, open_file, read_text, require_file
 from slidax.core.joint_names import match_names
 
-from .mcap_files import read_contents, require_reader, require_rosbags
+from .mcap_files import read_contents, require_package, require_reader
 from .messages import joint_state
 
 TYPES = ("sensor_msgs/msg/JointState", "sensor_msgs/JointState")
@@ -135,15 +135,10 @@ def decoder() -> Any:
 
     Raises DefinitionError if its package is missing.
     """
-    try:
-        from mcap_ros2.decoder import DecoderFactory
-    except ImportError:
-        raise DefinitionError(
-            "reading ROS 2 messages needs mcap-ros2-support, which is not installed: pip install 'slidax[log]'"
-        ) from None
+    package = require_package("mcap_ros2.decoder", "mcap-ros2-support", "reading ROS 2 messages")
     message = joint_state(TOPIC, ("a",), ("q", "dq", "effort"))
     schema: Any = SimpleNamespace(id=1, name=message.type, encoding="ros2msg", data=message.definition.encode())
-    return DecoderFactory().decoder_for("cdr", schema)
+    return package.DecoderFactory().decoder_for("cdr", schema)
 
 
 METADATA = "metadata.yaml"
@@ -250,7 +245,7 @@ def _unpacked(file: Path, folder: str) -> Path:
 
 def _states_in_database(file: Path) -> tuple[dict[str, list[bytes]], set[str]]:
     """Raw joint states of a database by topic, and all of its topics."""
-    reader = require_rosbags()
+    reader = require_package("rosbags.rosbag2", "rosbags", "reading ros2 bag databases").Reader
     require_file(file, most=MOST_BYTES)
     if file.suffix != ".db3":
         raise DefinitionError(
