@@ -372,6 +372,10 @@ class ArmLearning(AbstractAdaptation):
         own = self.joints.friction(memory.joints, dq)
         return own + memory.trust.share * (ArmParameters.of(memory.estimates.used).friction(dq) - own)
 
+    def share(self, memory: ArmLearningMemory) -> Scalar:
+        """Return α."""
+        return memory.trust.share
+
     def settled(self, memory: ArmLearningMemory) -> Bool[Array, ""]:
         """True while α is 1."""
         return memory.trust.share >= 1.0
