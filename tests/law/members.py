@@ -2,6 +2,8 @@
 
 from typing import NamedTuple
 
+import numpy as np
+
 from slidax.arms import AbstractRobot
 from slidax.core.types import State
 from slidax.law import (
@@ -35,6 +37,7 @@ from slidax.law import (
     SingularityFree,
     SmoothFixedTime,
     StateBound,
+    StrongTracking,
     TwoPowerReaching,
     UncertaintyBound,
     Unconstrained,
@@ -100,6 +103,8 @@ TRANSFORMATIONS_LIKE_OTHERS = ("prescribed_performance_exponential",)
 """The same class around another envelope: it runs in the long version."""
 
 
+KALMAN_OF_ARM = Kalman.of_arm(np.diag([1.0, 0.1]), variance=1e-11, period=1e-3, torque_density=0.02)
+
 ESTIMATORS: list[tuple[str, AbstractEstimator]] = [
     ("measured", Measured()),
     ("measured_per_joint", Measured([0.1, 1.0])),
@@ -109,6 +114,7 @@ ESTIMATORS: list[tuple[str, AbstractEstimator]] = [
     ("filtered_difference_per_joint", FilteredDifference([100.0, 1000.0], [0.25, 1.0])),
     ("kalman", Kalman.steady(density=1.0, variance=1e-10 / 12, period=1e-3)),
     ("kalman_per_joint", Kalman.steady(density=[1.0, 1e3], variance=[1e-10, 1e-12], period=1e-3)),
+    ("strong_tracking", StrongTracking(KALMAN_OF_ARM, [3e-6, 1e-5])),
     ("robust_differentiator", RobustDifferentiator(50.0)),
     ("robust_differentiator_per_joint", RobustDifferentiator([10.0, 1e4])),
 ]

@@ -10,8 +10,9 @@ from scipy.linalg import solve_discrete_are
 
 from slidax.core.errors import DefinitionError
 from slidax.core.types import State
-from slidax.law import Estimate, Kalman, sampled_data
+from slidax.law import Estimate, Kalman, StrongTracking, sampled_data
 from slidax.plant import Encoders
+from slidax.law.kalman import ALERT_TIME, FASTEST_GROWN, SURPRISE
 from slidax.simulation import Plant, simulate, simulate_batch
 from tests.law.followed import followed
 from tests.paper_examples import MOTION_4_1, START_4_1, TWO_LINK, law_4_1
@@ -244,3 +245,76 @@ def test_gains_follow_a_changed_inertia(resolution, off, inertia):
 def test_a_filter_without_an_inertia_is_unchanged_by_for_inertia():
     filter_ = Kalman.steady(density=1.0, variance=1e-11, period=PERIOD)
     assert filter_.for_inertia(jnp.array([3.0])) is filter_
+
+
+DEVIATION = 3e-6
+
+
+def tracking(growth=2.0, inertia=1.0, share=1.0):
+    """A filter whose bandwidth may grow, of one joint."""
+    return StrongTracking(filter_of(inertia, 1e-5), [DEVIATION], growth, share)
+
+
+def corrected(estimator, innovation, memory=0.0):
+    """The change of q, q̇ and ŵ by an innovation [rad], and the memory after it."""
+    zero = jnp.zeros(1)
+    measured = State(q=jnp.array([innovation]), dq=zero)
+    args = measured, Estimate(State(zero, zero), zero), jnp.asarray(PERIOD), jnp.asarray(False)
+    estimate, memory = estimator(*args, jnp.array([memory]) if isinstance(estimator, StrongTracking) else ())
+    return np.array([*estimate.state.q, *estimate.state.dq, *estimate.disturbance]), memory
+
+
+def test_small_innovations_leave_the_filter_as_it_is():
+    usual = filter_of(1.0, 1e-5)
+    for deviations in (0.3, 0.99 * SURPRISE):
+        change, memory = corrected(tracking(), deviations * DEVIATION)
+        np.testing.assert_array_equal(change, corrected(usual, deviations * DEVIATION)[0])
+        assert memory[0] == 0.0
+
+
+def test_a_large_innovation_gives_the_gains_of_a_faster_filter():
+    large = 50.0 * DEVIATION
+    faster = filter_of(2.0**-3, 1e-5)
+    np.testing.assert_allclose(faster.pace, 2.0 * filter_of(1.0, 1e-5).pace)
+    change, memory = corrected(tracking(), large)
+    np.testing.assert_allclose(change, corrected(faster, large)[0], rtol=1e-3)
+    assert memory[0] == 1.0
+    between, memory = corrected(tracking(), (SURPRISE + 0.4) * DEVIATION)
+    np.testing.assert_allclose(memory, 0.4, rtol=1e-9)
+    np.testing.assert_allclose(
+        between, corrected(filter_of(1.4**-3, 1e-5), (SURPRISE + 0.4) * DEVIATION)[0], rtol=1e-3
+    )
+
+
+def test_the_growth_fades_within_its_time_constant():
+    filter_, memory = tracking(), 1.0
+    for _ in range(round(ALERT_TIME / PERIOD)):
+        memory = corrected(filter_, DEVIATION, memory)[1][0]
+    np.testing.assert_allclose(memory, np.exp(-1.0), rtol=1e-12)
+
+
+def test_a_share_of_nothing_and_a_fast_filter_do_not_grow():
+    usual = filter_of(1.0, 1e-5)
+    np.testing.assert_array_equal(corrected(tracking(share=0.0), 1e-3)[0], corrected(usual, 1e-3)[0])
+    np.testing.assert_array_equal(
+        corrected(tracking().with_share(jnp.zeros(())), 1e-3)[0], corrected(usual, 1e-3)[0]
+    )
+    fast = filter_of(1e-3, 1e-5)
+    assert fast.pace[0] > FASTEST_GROWN
+    np.testing.assert_array_equal(corrected(tracking(inertia=1e-3), 1e-3)[0], corrected(fast, 1e-3)[0])
+
+
+def test_a_sudden_disturbance_is_found_in_about_half_the_time():
+    def motion(t):
+        return State(q=0.5 * jnp.maximum(t - 0.1, 0.0) ** 2 * jnp.ones(1), dq=jnp.maximum(t - 0.1, 0.0) * jnp.ones(1))
+
+    times = []
+    for estimator in (filter_of(1.0, 1e-5), tracking(growth=3.0)):
+        found = np.asarray(followed(estimator, motion, 300).disturbance)[:, 0]
+        times.append(np.argmax(found > 0.5) - 100)
+    assert times[1] < 0.7 * times[0]
+
+
+def test_a_filter_without_a_pace_cannot_grow():
+    with pytest.raises(DefinitionError, match="construct it by `Kalman.of_arm`"):
+        StrongTracking(Kalman.steady(density=1.0, variance=1e-11, period=PERIOD), [DEVIATION])

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from slidax.arms.articulated import Articulated
-from slidax.law.kalman import Kalman
+from slidax.law.kalman import Kalman, StrongTracking
 from slidax.scenarios.scenario import Scenario
 
 from .cause import AbstractCause, Finding, Remedy
@@ -133,7 +133,7 @@ class EstimatorCause(AbstractCause):
             return Finding(self.name, joint, 0.97, evidence, numbers, _estimator_remedies(record))
         pace = [loop.bandwidth * record.horizon for loop in loops]
         slowest, fastest = int(np.argmin(pace)), int(np.argmax(pace))
-        if pace[slowest] < SLOW and isinstance(record.law.estimator, Kalman):
+        if pace[slowest] < SLOW and isinstance(record.law.estimator, Kalman | StrongTracking):
             bandwidth = loops[slowest].bandwidth
             evidence = (
                 f"{record.named(slowest)}: the estimator's bandwidth is {bandwidth:.3g} rad/s, {pace[slowest]:.2g}/H"
@@ -312,7 +312,7 @@ def _same_rate(record: RunRecord) -> list[Remedy]:
         if horizon > 1.5 * h
     ]
     usual = Remedy("the Kalman filter with its usual density", {ESTIMATOR: {"kind": "kalman"}})
-    return remedies if isinstance(record.law.estimator, Kalman) else [*remedies, usual]
+    return remedies if isinstance(record.law.estimator, Kalman | StrongTracking) else [*remedies, usual]
 
 
 def _shorter(record: RunRecord, factor: int) -> Remedy:

@@ -39,6 +39,7 @@ from .estimators import Measured as Measured
 from .estimators import RobustDifferentiator as RobustDifferentiator
 from .joint_learning import JointLearning as JointLearning
 from .kalman import Kalman as Kalman
+from .kalman import StrongTracking as StrongTracking
 from .linear_controllers import ComputedTorque as ComputedTorque
 from .linear_controllers import GravityCompensatedPD as GravityCompensatedPD
 from .linear_controllers import JointPID as JointPID

@@ -150,6 +150,10 @@ class AbstractAdaptation(AbstractPart):
         learnt = self.learnt(memory)
         return {"rotor": learnt.rotor, "coulomb": learnt.coulomb}
 
+    def share(self, memory: Memory) -> Scalar:
+        """Return the share of the learnt model in what the law uses."""
+        return jnp.ones(())
+
     def settled(self, memory: Memory) -> Bool[Array, ""]:
         """True while the learnt model is in full use."""
         return jnp.ones((), bool)

@@ -397,6 +397,10 @@ class ArmLearning(AbstractAdaptation):
             learnt = learnt + self.shapes.friction(dq, arm.more)
         return own + memory.trust.share * (learnt - own)
 
+    def share(self, memory: ArmLearningMemory) -> Scalar:
+        """Return α."""
+        return memory.trust.share
+
     def settled(self, memory: ArmLearningMemory) -> Bool[Array, ""]:
         """True while α is 1."""
         return memory.trust.share >= 1.0

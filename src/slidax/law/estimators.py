@@ -65,6 +65,13 @@ class AbstractEstimator(AbstractPart):
         """
         return self
 
+    def with_share(self, share: Scalar) -> AbstractEstimator:
+        """Return the estimator for a share of a learnt model; `self` if the estimator does not depend on it.
+
+        - `share`: of the learnt model in what the law uses.
+        """
+        return self
+
 
 def reset_position(
     measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, "..."], usual: Estimate

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .estimators import Measured
-from .kalman import Kalman
+from .kalman import Kalman, StrongTracking
 from .sampled.controller import SampledData
 
 INPUTS = ("position noise", "velocity noise", "target", "disturbance", "disturbance at the end")
@@ -61,10 +61,14 @@ class LinearLoop:
     def of(cls, law: SampledData, joint: int, cutoff: float | None = None) -> LinearLoop | None:
         """The loop of one joint; None for a law without a plan, or an estimator that is not linear.
 
+        A filter whose bandwidth grows while its innovations are large counts with the bandwidth of small ones.
+
         - `law`: law in sampled-data form.
         - `cutoff`: c of the low-pass of differenced velocities [rad/s]; None for a velocity sensor.
         """
         estimator = law.estimator
+        if isinstance(estimator, StrongTracking):
+            estimator = estimator.filter
         if law.horizon is None or not isinstance(estimator, Kalman | Measured):
             return None
         if isinstance(estimator, Kalman):

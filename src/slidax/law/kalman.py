@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import jax
@@ -11,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from slidax.core.errors import DefinitionError, as_array, is_traced
-from slidax.core.parameter import parameter
+from slidax.core.parameter import parameter, piece
 from slidax.core.types import Scalar, State, Vector
 
 from .estimators import AbstractEstimator, Estimate, reset_position
@@ -212,6 +213,69 @@ class Kalman(AbstractEstimator):
         # A gap that is shorter than what the filter remembers changes little of what it knows.
         forgotten = missed & (self.gains[1] * elapsed > 2.0)
         return reset_position(measured, prior, elapsed, forgotten, usual), ()
+
+
+GROWTH = 2.0
+"""Default largest growth of a bandwidth."""
+
+SURPRISE = 5.0
+"""Innovation over the deviation of a measured position from which the bandwidth grows."""
+
+ALERT_TIME = 0.015
+"""s: time constant with which the bandwidth falls again."""
+
+FASTEST_GROWN = 0.5
+"""Largest d that a bandwidth grows to."""
+
+
+class StrongTracking(AbstractEstimator):
+    """A Kalman filter whose bandwidth grows while its innovations are larger than noise explains.
+
+    With the innovation `x = |q' - q_predicted|/σ`, the pace d of each joint's filter becomes `p d`,
+    `p = max(min(1 + x - 5, growth), 1 + (p₋ - 1) e^{-h/T})`, T = 15 ms, and at most 0.5. A sudden disturbance is then
+    estimated in about half the time, and the noise of the undisturbed loop is as before.
+
+    A faster filter bears a smaller error of the inertia: p is scaled by the share of the arm's model that is in use.
+
+    Source: Zhou and Frank, Strong tracking filtering of nonlinear time-varying stochastic systems, 1996; the growth is of
+    the bandwidth, since the gains are fixed.
+    """
+
+    title = "A Kalman filter that becomes faster while its innovations are large."
+
+    filter: Kalman = piece("the filter without growth, with a pace")
+    deviation: Vector = parameter("σ, standard deviation of a measured position", "rad or m", "> 0")
+    growth: Scalar = parameter("largest growth of the bandwidth", "", ">= 1", default=GROWTH)
+    share: Scalar = parameter("share of the growth that is allowed", "", "[0, 1]", default=1.0)
+
+    def __check_init__(self) -> None:
+        if self.filter.pace is None:
+            raise DefinitionError(
+                "`StrongTracking.filter` needs a pace, since its bandwidth grows: construct it by `Kalman.of_arm`"
+            )
+
+    def for_inertia(self, inertia: Vector) -> StrongTracking:
+        return replace(self, filter=self.filter.for_inertia(inertia))
+
+    def with_share(self, share: Scalar) -> StrongTracking:
+        return replace(self, share=share)
+
+    def init(self, measured: State) -> Vector:
+        """`p - 1` of each joint."""
+        return jnp.zeros_like(measured.q)
+
+    def __call__(
+        self, measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, ""], memory: Vector
+    ) -> tuple[Estimate, Vector]:
+        pace = self.filter.pace
+        assert pace is not None
+        surprise = jnp.abs(measured.q - prior.state.q) / self.deviation - SURPRISE
+        wanted = jnp.clip(surprise, 0.0, self.growth - 1.0)
+        beyond = jnp.maximum(wanted, memory * jnp.exp(-elapsed / ALERT_TIME))
+        grown = jnp.maximum(jnp.minimum((1.0 + self.share * beyond) * pace, FASTEST_GROWN), pace)
+        gains = self.filter.gains * (paced(grown) / paced(pace))
+        estimate, _ = Kalman(gains)(measured, prior, elapsed, missed, ())
+        return estimate, beyond
 
 
 def paced(pace: Vector) -> Float[Array, "3 n"]:

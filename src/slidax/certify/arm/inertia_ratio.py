@@ -13,6 +13,7 @@ from slidax.law.calm_step import CalmStep
 from slidax.law.implicit_steps import AbstractSurfaceStep
 from slidax.law.joint_learning import JointLearning
 from slidax.law.joint_loop import LinearLoop
+from slidax.law.kalman import StrongTracking
 from slidax.law.sampled.controller import SampledData
 from slidax.scenarios.scenario import Scenario
 
@@ -102,6 +103,11 @@ def linear_loops(scenario: Scenario) -> tuple[SampledData, tuple[LinearLoop, ...
         return "the scheme is not in sampled-data form"
     if isinstance(law.step, CalmStep):
         return "the law takes calm steps, which are not covered: leave `scheme.sampled_data.calm` out"
+    if isinstance(law.estimator, StrongTracking):
+        return (
+            "the estimator's bandwidth grows while its innovations are large, which is not covered: set "
+            "`scheme.sampled_data.estimator.growth: 1`"
+        )
     if not isinstance(law.step, AbstractSurfaceStep) or law.horizon is None:
         return "the law does not plan over a horizon"
     if law.midpoint or law.viscous_feedforward:

@@ -318,6 +318,8 @@ class SampledData(AbstractController):
         estimator = self.estimator
         if self.adaptation is not None:
             estimator = estimator.for_inertia(jnp.diagonal(robot.mass(prior.state.q)))
+            if memory.adapted is not None:
+                estimator = estimator.with_share(self.adaptation.share(memory.adapted.memory))
         estimate, estimated = estimator(state, prior, elapsed, missed, memory.estimator)
         return self._within_reason(estimate), estimated, prior
 

@@ -1,0 +1,241 @@
+"""Events in random variants, with learning of the whole arm and of each joint alone, for docs/arm-learning.md."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import time
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from slidax.core.types import State
+from slidax.plant.disturbances import AbstractDisturbance
+from slidax.plant.sensors import AbstractSensor, Measurement
+from slidax.scenarios import load
+from slidax.simulation import simulate_batch
+
+from .shared import table, write_table
+
+PAGE, TABLE = "arm-learning.md", "event-variants"
+LAWS: dict[str, dict[str, Any]] = {
+    "`joint_learning`": {},
+    "`arm_learning`": {"scheme.sampled_data.adaptation": {"kind": "arm_learning"}},
+}
+RATED = np.array([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0])
+JOINTS = RATED.size
+NEVER = 1e9
+EARLIEST, LATEST, END = 4.0, 6.0, 8.0
+"""s: when events happen, and when runs end."""
+
+FULL, CHUNK = 200, 50
+"""Variants of the table in the page, and runs that are simulated at a time."""
+
+OUTLIERS, WINDOW = 1.0, 0.01
+"""s: time with outliers; and time before the event from which its peak is taken."""
+
+SHARES, SHORT, LONG = (0.03, 0.06, 0.3, 0.6), (0.01, 0.1), (0.1, 1.0)
+"""Pushes over rated torque, and their durations, s."""
+
+
+class Event(AbstractDisturbance):
+    """A push, a change of friction, and a stop, with their values."""
+
+    values: dict[str, jax.Array]
+
+    def __call__(self, t: Any, state: Any) -> Any:
+        v, q, dq = self.values, state.q, state.dq
+        after = t >= v["at"]
+        push = jnp.where(after & (t < v["until"]), v["push"], 0.0)
+        friction = jnp.where(after, -v["friction"] * jnp.tanh(dq / 0.01), 0.0)
+        depth, speed = v["side"] * (q - v["stop"]), v["side"] * dq
+        stop = jnp.where(after, -3000.0 * jnp.maximum(depth, 0.0) * jnp.maximum(0.0, 1.0 + 0.5 * speed), 0.0)
+        return push + friction + v["side"] * stop
+
+    def chord_deviation(self, upper: Any, samples: Any) -> Any:
+        raise NotImplementedError
+
+    def largest(self, upper: Any, joints: int) -> Any:
+        raise NotImplementedError
+
+
+class Outliers(AbstractSensor):
+    """Measurement of a sensor, with a wrong position of one joint at every `spacing`-th sample for a second."""
+
+    sensor: AbstractSensor
+    values: dict[str, jax.Array]
+
+    def init(self, state: State) -> Any:
+        return self.sensor.init(state)
+
+    def __call__(self, k: Any, state: State, period: Any, memory: Any) -> tuple[Measurement, Any]:
+        measured, memory = self.sensor(k, state, period, memory)
+        v, since = self.values, k * period - self.values["at"]
+        place = jnp.floor(since / period + 0.5)
+        number = jnp.floor(place / v["spacing"])
+        hit = (since >= 0.0) & (since < OUTLIERS) & (place - number * v["spacing"] < 0.5)
+        sign = 1.0 - 2.0 * (number - 2.0 * jnp.floor(0.5 * number))
+        q = measured.state.q + jnp.where(hit, sign, 0.0) * v["outlier"]
+        return Measurement(State(q=q, dq=measured.state.dq), measured.fresh), memory
+
+
+def drawn(variants: int, seed: int) -> dict[str, dict[str, np.ndarray]]:
+    """Values of each event in random variants, each with another arm, motion and time."""
+    cases = {}
+    names = ["payload released", "payload grasped"]
+    for share in SHARES:
+        for least, most in (SHORT, LONG):
+            names.append(f"push of {100 * share:g} % for {least:g} to {most:g} s")
+    names += ["contact with a stop", "friction that changes", "encoder outliers"]
+    trajectory = load("panda-payload").trajectory
+    amplitude, frequency = np.asarray(trajectory.amplitude), np.asarray(trajectory.frequency)
+    for number, name in enumerate(names):
+        rng = np.random.default_rng([seed, number])
+        size = variants, JOINTS
+        v = {
+            "mass": rng.uniform(0.8, 1.2, (variants, 1)),
+            "payload": rng.uniform(0.05, 3.0, variants),
+            "rotor": np.exp(rng.uniform(np.log(0.03), np.log(0.25), size)),
+            "coulomb": rng.uniform(0.1, 0.6, size),
+            "viscous": rng.uniform(0.05, 0.4, size),
+            "shift": rng.uniform(-0.3, 0.3, size),
+            "phase": rng.uniform(0.0, 2.0 * np.pi, size),
+            "at": np.round(rng.uniform(EARLIEST, LATEST, variants), 3),
+            "until": np.full(variants, NEVER),
+            "push": np.zeros(size),
+            "friction": np.zeros(size),
+            "stop": np.full(size, NEVER),
+            "side": np.ones(size),
+            "outlier": np.zeros(size),
+            "spacing": np.full(variants, 10.0),
+            "released": np.full(variants, NEVER),
+            "attached": np.zeros(variants),
+        }
+        # Half of the variants concern one joint, the others all joints.
+        joint = np.arange(JOINTS) == rng.integers(0, JOINTS, (variants, 1))
+        acts, sign = joint | (rng.random((variants, 1)) < 0.5), rng.choice([-1.0, 1.0], size)
+        if name == "payload released":
+            v["released"] = v["at"]
+        elif name == "payload grasped":
+            v["attached"] = v["at"]
+        elif name.startswith("push"):
+            share, (least, most) = SHARES[(number - 2) // 2], (SHORT, LONG)[number % 2]
+            duration = np.exp(rng.uniform(np.log(least), np.log(most), variants))
+            v["push"], v["until"] = share * RATED * acts * sign, v["at"] + duration
+        elif name == "contact with a stop":
+            # The joint is on the other half of its motion when the stop appears.
+            wave = np.sin(frequency * v["at"][:, None] + v["phase"])
+            v["side"] = np.where(wave > 0.0, -1.0, 1.0)
+            at = np.asarray(trajectory.offset) + v["shift"]
+            at = at + v["side"] * amplitude * rng.uniform(0.3, 0.9, (variants, 1))
+            v["stop"] = np.where(joint, at, v["side"] * NEVER)
+        elif name == "friction that changes":
+            v["friction"] = acts * rng.uniform(-v["coulomb"], 1.0)
+        else:
+            v["outlier"] = acts * sign * np.exp(rng.uniform(np.log(1e-4), 0.0, (variants, 1)))
+            v["spacing"] = np.round(np.exp(rng.uniform(np.log(3.0), np.log(100.0), variants)))
+        cases[name] = v
+    return cases
+
+
+def definition(changes: dict[str, Any]) -> tuple[Any, Any]:
+    """The scenario, and the map from the values of a run to its parts."""
+    scenario = load("panda-payload", {"simulation.substeps": 5, "simulation.t1": END, **changes})
+    plant, law, motion, state, *_ = scenario.parts
+
+    def define(v: dict[str, Any]) -> Any:
+        arm = law.nominal
+        changed = eqx.tree_at(
+            lambda p: (
+                p.robot.masses,
+                p.robot.inertias,
+                p.robot.armature,
+                p.robot.coulomb,
+                p.robot.viscous,
+                p.load.payload.mass,
+                p.load.released,
+                p.load.attached,
+                p.disturbance,
+                p.sensor,
+            ),
+            plant,
+            (
+                arm.masses * v["mass"],
+                arm.inertias * v["mass"][:, None, None],
+                v["rotor"],
+                v["coulomb"],
+                v["viscous"],
+                v["payload"],
+                v["released"],
+                v["attached"],
+                Event({key: v[key] for key in ("at", "until", "push", "friction", "stop", "side")}),
+                Outliers(plant.sensor, {key: v[key] for key in ("at", "outlier", "spacing")}),
+            ),
+        )
+        moved = eqx.tree_at(lambda m: (m.offset, m.phase), motion, (motion.offset + v["shift"], v["phase"]))
+        start = State(q=state.q + v["shift"] + motion.amplitude * jnp.sin(v["phase"]), dq=state.dq)
+        return changed, law, moved, start
+
+    return scenario, define
+
+
+def measured(law: tuple[Any, Any], values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Peak from the event on [rad], samples outside from there on, and 1 for a run that ends outside, for each variant."""
+    scenario, define = law
+    found: dict[str, list[np.ndarray]] = {"peak": [], "outside": [], "lost": []}
+    variants = len(values["at"])
+    for first in range(0, variants, CHUNK):
+        chunk = {key: jnp.asarray(value[first : first + CHUNK]) for key, value in values.items()}
+        run = simulate_batch(define, chunk, t1=END, stepping=scenario.stepping, log_every=1, threads=2)
+        e, t = np.asarray(run.log.e), np.asarray(run.log.t)
+        lower, upper = np.asarray(run.log.envelope.lower), np.asarray(run.log.envelope.upper)
+        after = t >= np.asarray(chunk["at"])[:, None] - WINDOW
+        left = ((e <= lower) | (e >= upper)).any(axis=-1)
+        found["peak"].append(np.where(after, np.abs(e).max(axis=-1), 0.0).max(axis=1))
+        found["outside"].append((left & after).sum(axis=1))
+        found["lost"].append(left[:, -1] | ~np.isfinite(e).all(axis=(1, 2)))
+    return {key: np.concatenate(parts) for key, parts in found.items()}
+
+
+def summary(values: np.ndarray) -> tuple[float, float, float]:
+    """Median, 90 % and largest."""
+    return float(np.median(values)), float(np.quantile(values, 0.9)), float(values.max())
+
+
+def measure_events() -> None:
+    """Peak errors and samples outside for random events: median, 90 % and worst, with both learnings."""
+    parser = argparse.ArgumentParser(description=measure_events.__doc__)
+    parser.add_argument("--variants", type=int, default=FULL, help=f"of each event; {FULL} also write the table")
+    parser.add_argument("--events", nargs="*", default=[], help="only events whose name contains one of these")
+    parser.add_argument("--seed", type=int, default=1, help="of the random variants")
+    arguments = parser.parse_args()
+    laws = {name: definition(changes) for name, changes in LAWS.items()}
+    rows = []
+    for event, values in drawn(arguments.variants, arguments.seed).items():
+        if arguments.events and not any(part in event for part in arguments.events):
+            continue
+        started = time.perf_counter()
+        found = {name: measured(law, values) for name, law in laws.items()}
+        rows.append(row_of(event, found))
+        print(" | ".join(rows[-1]), f"({time.perf_counter() - started:.0f} s)", flush=True)
+    text = table(HEAD, rows)
+    if arguments.variants == FULL and not arguments.events:
+        write_table(PAGE, TABLE, text)
+    print(text)
+
+
+HEAD = [
+    "event",
+    *(f"{what}, {law}" for what in ("peak [rad]", "samples outside") for law in LAWS),
+    "outside at the end",
+]
+
+
+def row_of(event: str, found: dict[str, dict[str, np.ndarray]]) -> list[str]:
+    """An event's line of the table."""
+    peaks = [" / ".join(f"{value:.2e}" for value in summary(runs["peak"])) for runs in found.values()]
+    outside = [" / ".join(f"{math.ceil(value)}" for value in summary(runs["outside"])) for runs in found.values()]
+    return [event, *peaks, *outside, " / ".join(f"{np.sum(runs['lost'])}" for runs in found.values())]
