@@ -19,6 +19,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from xml.etree import ElementTree
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pinocchio
@@ -282,6 +283,10 @@ def try_arms() -> None:
     rated torques, and scripts/arm-payloads.yaml the payloads. For a file that is not listed there, the payload keeps
     the joints below half of their torques in every posture. An arm holds if from 2 s on no joint is farther from its
     motion than 5 times the period [rad/s].
+
+    With `--rated`, `slidax new` is told the whole payload, the cases carry 10 to 100 % of it in equal steps, and an arm
+    holds if it also stays inside its envelope from the start. A case is feasible if the torque along the motion, by
+    inverse dynamics of the true arm, is at most 90 % of each limit.
     """
     parser = argparse.ArgumentParser(description=try_arms.__doc__)
     parser.add_argument("folder", type=Path)
@@ -291,6 +296,7 @@ def try_arms() -> None:
     parser.add_argument("--arms", default="", help="stems of files; by default all")
     parser.add_argument("--set", type=setting, action="append", default=[], help="of the scenario, PATH=VALUE")
     parser.add_argument("--explain", action="store_true", help="explain runs that do not hold")
+    parser.add_argument("--rated", action="store_true", help="payloads up to the rating, which `slidax new` is told")
     parser.add_argument("--out", type=Path)
     options = parser.parse_args()
     known = yaml.safe_load(ARMS.read_text())
@@ -306,7 +312,7 @@ def try_arms() -> None:
                     changes = {} if scheme == "cftsmppc" else {"scheme.name": scheme}
                     payload = known.get(file.stem, {}).get("payload")
                     rows = simulate_cases(
-                        file, rate, changes | dict(options.set), options.cases, payload, options.explain
+                        file, rate, changes | dict(options.set), options.cases, payload, options.explain, options.rated
                     )
                     rows = [{**row, "scheme": scheme} for row in rows]
                 except sx.DefinitionError as error:
@@ -319,7 +325,11 @@ def try_arms() -> None:
                     if not row["held"]
                 )
                 took = time.perf_counter() - started
-                print(f"{file.stem} {rate:g} Hz {scheme}: {held} of {len(rows)} hold ({took:.0f} s) {bad}", flush=True)
+                feasible = f", {sum(row['feasible'] for row in rows)} are feasible" if options.rated else ""
+                print(
+                    f"{file.stem} {rate:g} Hz {scheme}: {held} of {len(rows)} hold{feasible} ({took:.0f} s) {bad}",
+                    flush=True,
+                )
                 for row in rows:
                     if options.explain and not row["held"]:
                         print(f"    case {row['case']}: {' '.join(row['why'])}", flush=True)
@@ -329,52 +339,81 @@ def try_arms() -> None:
 
 
 def simulate_cases(
-    file: Path, rate: float, changes: dict[str, object], cases: int, payload: float | None, explain: bool
+    file: Path,
+    rate: float,
+    changes: dict[str, object],
+    cases: int,
+    payload: float | None,
+    explain: bool,
+    rated: bool = False,
 ) -> list[dict[str, object]]:
     """Simulate an arm's random cases at one rate."""
+    scenario = drafted(file, rate, changes)
+    torque = np.asarray(scenario.plant.actuator.limits.torque)
+    whole = payload or allowed(scenario, torque)
+    if rated:
+        scenario = drafted(file, rate, changes, whole)
+    loads = whole * (1.0 - np.arange(cases) / cases) if rated else np.full(cases, SHARE * whole)
+    return [run(scenario, file.stem, rate, case, float(load), explain, rated) for case, load in enumerate(loads)]
+
+
+def drafted(file: Path, rate: float, changes: dict[str, object], payload: float = 0.0) -> sx.scenarios.Scenario:
+    """The scenario that `slidax new` writes for a robot file."""
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore", sx.DefinitionWarning)
         path = Path(folder) / f"{file.stem}.yaml"
-        path.write_text(draft(file.resolve(), rate, folder=Path(folder).resolve()).text)
-        scenario = sx.scenarios.load(path, changes)
-    rated = np.asarray(scenario.plant.actuator.limits.torque)
-    carried = SHARE * payload if payload else allowed(scenario, rated)
-    return [run(scenario, file.stem, rate, case, rated, carried, explain) for case in range(cases)]
+        path.write_text(draft(file.resolve(), rate, payload=payload, folder=Path(folder).resolve()).text)
+        return sx.scenarios.load(path, changes)
 
 
-def run(scenario, name, rate, case, rated, carried, explain):
+def run(scenario, name, rate, case, carried, explain, rated):
     """Simulate one random case, and return its row."""
+    limits = np.asarray(scenario.plant.actuator.limits.torque)
     chance = np.random.default_rng([zlib.crc32(name.encode()), case])
-    rotors = rated * np.exp(chance.uniform(np.log(1e-3), np.log(1e-2), len(rated)))
+    rotors = limits * np.exp(chance.uniform(np.log(1e-3), np.log(1e-2), len(limits)))
     factor = float(chance.uniform(0.8, 1.2))
     ball = Payload(jnp.asarray(carried), jnp.asarray([0.0, 0.0, 0.05]), jnp.asarray(0.0025 * carried) * jnp.eye(3))
-    true = Mismatch(mass_factor=factor, coulomb=0.01 * rated, armature=rotors).applied(scenario.controller.nominal)
+    true = Mismatch(mass_factor=factor, coulomb=0.01 * limits, armature=rotors).applied(scenario.controller.nominal)
     old = scenario.plant
     plant = sx.Plant(true, old.disturbance, old.sensor, old.actuator, TimedPayload(ball))
     true_scenario = scenario.replace(plant=plant)
     done = true_scenario.simulate(log_every=max(1, round(rate / 250)))
     late = np.asarray(done.log.t) > SETTLED
     error = np.abs(np.asarray(done.log.e)[late])
-    worst = error.max(axis=0) if len(error) else np.full(len(rated), np.inf)
+    worst = error.max(axis=0) if len(error) else np.full(len(limits), np.inf)
     outside = int(sx.analysis.summary(done)["envelope_violations"] or 0)
-    torque = np.abs(np.asarray(done.log.tau)) > 0.999 * rated
-    held = bool(worst.max() < 5.0 / rate)
+    torque = np.abs(np.asarray(done.log.tau)) > 0.999 * limits
+    held = bool(worst.max() < 5.0 / rate) and not (rated and outside)
     return {
         "arm": name,
         "rate": rate,
         "case": case,
         "held": held,
+        "feasible": is_feasible(true_scenario, TimedPayload(ball), limits),
         "outside": outside,
         "worst": float(worst.max()),
         "joint": int(worst.argmax()) + 1,
         "steady": float(max(sx.analysis.steady_error(done))),
-        "step": float(max(np.asarray(sx.analysis.steady_torque_step(done)) / rated)),
+        "step": float(max(np.asarray(sx.analysis.steady_torque_step(done)) / limits)),
         "at_limit": float(torque.mean(axis=0).max()),
         "payload": carried,
         "mass_factor": factor,
         "rotors": rotors.tolist(),
         "why": [] if held or not explain else why(true_scenario),
     }
+
+
+RESERVE = 0.9
+"""Share of the torque limits that a feasible motion needs at most."""
+
+
+def is_feasible(scenario, load, limits):
+    """True if the true arm with its payload and friction needs at most 90 % of each torque limit along the motion."""
+    arm, times = load.on(scenario.plant.robot, jnp.asarray(1.0)), jnp.linspace(0.0, scenario.t1, 801)
+    reference = jax.vmap(scenario.trajectory)(times)
+    states = states_of(arm, np.asarray(reference.q), np.asarray(reference.dq))
+    friction = np.asarray(jax.vmap(arm.friction)(reference.dq))
+    return bool((np.abs(states.torque(np.asarray(reference.ddq)) + friction) <= RESERVE * limits).all())
 
 
 def why(scenario):
@@ -387,7 +426,7 @@ def why(scenario):
 
 
 def allowed(scenario, rated):
-    """60 % of the payload that takes a joint to half of its peak torque, in the worst of 256 postures [kg]."""
+    """The payload that takes a joint to half of its peak torque, in the worst of 256 postures [kg]."""
     arm = scenario.controller.nominal
     reach = np.where(np.array(arm.joint_units) == "rad", np.pi, 0.5)
     lower, upper = (np.clip(np.asarray(end), -reach, reach) for end in (arm.limits.lower, arm.limits.upper))
@@ -395,7 +434,7 @@ def allowed(scenario, rated):
     ball = Payload(jnp.asarray(1.0), jnp.asarray([0.0, 0.0, 0.05]), jnp.zeros((3, 3)))
     own, loaded = states_of(arm, q).bias, states_of(TimedPayload(ball).on(arm, jnp.asarray(1.0)), q).bias
     room = np.maximum(0.5 * rated - np.abs(own), 0.0) / np.maximum(np.abs(loaded - own), 1e-9)
-    return SHARE * float(room.min())
+    return float(room.min())
 
 
 def setting(text):
