@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from slidax.arms import Scara, TwoLink
-from slidax.core.errors import DefinitionError, count_noun, each_of, locate_errors
+from slidax.core.errors import DefinitionError, count_noun, each_of, locate_errors, percent
 from slidax.law import (
     Exponential,
     FiniteTime,
@@ -175,6 +175,26 @@ def test_a_refusal_says_where_in_a_scenario_it_happened():
 
 def test_traced_values_are_not_checked_inside_a_transformation():
     assert float(jax.jit(lambda s: fixed_time(exponent=s).radius(jnp.asarray(1.0))[0])(1.5)) > 0
+
+
+@pytest.mark.parametrize(
+    ("share", "expected"),
+    [
+        (0.0, "0 %"),
+        (0.00042, "0.042 %"),
+        (0.3, "30 %"),
+        (0.613, "61 %"),
+        # Still inside: not "100 %", nor "1e+02 %".
+        (0.9997, "99.97 %"),
+        (1.003, "100.3 %"),
+        (1.0, "100 %"),
+        (63.38, "6338 %"),
+        (-0.2, "-20 %"),
+        (np.inf, "inf %"),
+    ],
+)
+def test_percentage_has_two_digits_and_no_exponent(share, expected):
+    assert percent(share) == expected
 
 
 @pytest.mark.parametrize(

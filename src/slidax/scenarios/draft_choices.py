@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slidax.arms.articulated import Articulated
-from slidax.core.errors import DefinitionError, as_array
+from slidax.core.errors import DefinitionError, as_array, percent
 from slidax.simulation.states import Numbers, States, spread_in_box, states_of
 
 
@@ -292,9 +292,9 @@ def motion_about(arm: Articulated, ratings: Ratings, home: Numbers, share: float
     if share > TIP_SHARE and held.max() > HOLDABLE:
         joint = int(np.argmax(held))
         raise DefinitionError(
-            f"the payload of {share * float(np.sum(np.asarray(arm.masses))):.3g} kg takes {held[joint]:.0%} of the "
-            f"torque limit of joint `{arm.joint_names[joint]}` to hold; at most {HOLDABLE:.0%} is allowed: name a "
-            "lighter payload, or an arm with larger torque limits"
+            f"the payload of {share * float(np.sum(np.asarray(arm.masses))):.3g} kg takes {percent(held[joint])} of "
+            f"the torque limit of joint `{arm.joint_names[joint]}` to hold; at most {percent(HOLDABLE)} is allowed: name "
+            "a lighter payload, or an arm with larger torque limits"
         )
     allowed = np.maximum(TORQUE_SHARE, held.max() + 0.1)
     pace = 1.0
