@@ -293,8 +293,8 @@ def motion_about(arm: Articulated, ratings: Ratings, home: Numbers, share: float
         joint = int(np.argmax(held))
         raise DefinitionError(
             f"the payload of {share * float(np.sum(np.asarray(arm.masses))):.3g} kg takes {percent(held[joint])} of "
-            f"the torque limit of joint `{arm.joint_names[joint]}` to hold; at most {percent(HOLDABLE)} is allowed: name "
-            "a lighter payload, or an arm with larger torque limits"
+            f"the torque limit of joint `{arm.joint_names[joint]}` to hold; at most {percent(HOLDABLE)} is allowed: "
+            "name a lighter payload, or an arm with larger torque limits"
         )
     allowed = np.maximum(TORQUE_SHARE, held.max() + 0.1)
     pace = 1.0
