@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from .common import AsJson, errors_as_lines, prepare, print_json
+from .common import AsJson, errors_as_lines, prepare, print_json, say
 
 
 def list_(
@@ -39,7 +39,7 @@ def list_(
             if not name:
                 typer.echo(typer.style(title, bold=True))
             for label, line in members.items():
-                typer.echo(f"{'' if name else '  '}{label:<{width}}  {line}")
+                say(f"{label:<{width}}  {line}", margin="" if name else "  ", hang=width + 2)
 
 
 def schema() -> None:
@@ -61,7 +61,7 @@ def _print_part(part: dict[str, Any]) -> None:
         typer.echo(f"{typer.style(row['path'], bold=True)}{unit}: {value}{source}")
         meaning = "; ".join(text for text in (row["meaning"], row["range"]) if text)
         if meaning:
-            typer.echo(f"    {meaning}")
+            say(meaning, margin="    ")
 
 
 def _shown(default: Any) -> str:

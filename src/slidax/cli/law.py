@@ -17,6 +17,7 @@ from .common import (
     parse_changes,
     prepare,
     print_json,
+    say,
     say_where,
     stage_bar,
 )
@@ -164,7 +165,7 @@ def design(
             if json:
                 print_json(result.as_json())
             else:
-                typer.echo(f"Not designed: {result.reason}")
+                say(f"Not designed: {result.reason}")
             raise typer.Exit(NOT_CERTIFIED)
         _write(result, out, json)
 
@@ -193,17 +194,15 @@ def _write(result: DesignResult, out: Path, json: bool) -> None:
         return
     proof = name_proof(result.bound) if result.proof == "bound" else "tested in simulation, without a bound"
     final = ", ".join(f"{radius:.3g}" for radius in result.choice.final)
-    typer.echo(f"Designed, {proof}. The error is within {final} from {result.choice.deadline:g} s on.")
-    typer.echo(
-        f"Steady error {result.worst.error:.2g}, torque step {result.worst.step:.2g} N m, in the worst common case."
-    )
-    typer.echo(result.check.statement)
+    say(f"Designed, {proof}. The error is within {final} from {result.choice.deadline:g} s on.")
+    say(f"Steady error {result.worst.error:.2g}, torque step {result.worst.step:.2g} N m, in the worst common case.")
+    say(result.check.statement)
     if result.speeds:
         from .tables import print_speeds
 
         print_speeds(result.speeds)
     if certificates.failing:
-        typer.echo(f"Certificates that do not hold: {', '.join(certificates.failing)}.")
+        say(f"Certificates that do not hold: {', '.join(certificates.failing)}.")
     typer.echo(f"The scenario is in {out}, its certificates in {path}; next: slidax certify {out}")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import textwrap
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,8 @@ from slidax.analysis.metrics import envelope_violations, metrics_of, summary
 from slidax.analysis.run_verdict import run_verdict
 from slidax.core.errors import count_noun
 from slidax.paper.printed import INDICES
+
+from .common import columns, wrapped
 
 if TYPE_CHECKING:
     from slidax.analysis.metric import Metric
@@ -78,7 +81,7 @@ def print_run(parts: Scenario, finished: Run, answer: dict[str, Any], *, every: 
         if any(value is not None for value in values) or metric.needs_settling:
             rows.append((_titled(metric.title, metric.units(finished)), values))
     console = Console(markup=False, highlight=False)
-    console.print(parts.description.title, style="bold")
+    _say(console, parts.description.title, style="bold")
     _print_verdict(console, run_verdict(parts, finished))
     names = short_names(finished.joint_names)
     widest = max(len(title) for title, _ in rows)
@@ -91,17 +94,25 @@ def print_run(parts: Scenario, finished: Run, answer: dict[str, Any], *, every: 
     violations = answer["metrics"]["envelope_violations"]
     envelope = "" if violations is None else f"{violations} outside the envelope; "
     timing = answer["timing"]
-    console.print(
-        f"\n{parts.scheme} on {parts.robot}: {count_noun(int(finished.tally.samples), 'sample')}, {envelope}"
-        f"simulated in {timing['run_s']:.2f} s, compiled in {timing['compile_s']:.1f} s"
+    console.print()
+    _say(
+        console,
+        f"{parts.scheme} on {parts.robot}: {count_noun(int(finished.tally.samples), 'sample')}, {envelope}"
+        f"simulated in {timing['run_s']:.2f} s, compiled in {timing['compile_s']:.1f} s",
     )
 
 
 def _print_verdict(console: Console, verdict: RunVerdict) -> None:
     sign, style = ("✓", "bold green") if verdict.good else ("✗", "bold red")
-    console.print(Text(f"{sign} {verdict.sentence}", style=style))
+    _say(console, f"{sign} {verdict.sentence}", style=style, hang=2)
     for fact in verdict.facts:
-        console.print(f"  {fact}")
+        _say(console, fact, margin="  ")
+
+
+def _say(console: Console, text: str, *, style: str = "", margin: str = "", hang: int = 0) -> None:
+    """Print a sentence as `say` does, with a style."""
+    lines = wrapped(text, columns(sys.stdout), margin, hang)
+    console.print(Text(lines, style=style), soft_wrap=True)
 
 
 def print_comparison(rivals: Mapping[str, Rival]) -> None:
@@ -119,7 +130,7 @@ def print_comparison(rivals: Mapping[str, Rival]) -> None:
     rows = [row for row in standings(rivals, INDICES) if row.metric.brief]
     titles = {row.metric: f"{row.metric.title} [{row.unit}]" for row in reversed(rows)}
     widest = max(map(len, [*titles.values(), OUTSIDE]))
-    console.print(first.scenario.description.title, style="bold", soft_wrap=True)
+    _say(console, first.scenario.description.title, style="bold")
     _print_verdict(console, comparison_verdict(rivals))
     console.print()
     for names in _fitting(list(rivals), console.width - widest):
@@ -139,11 +150,11 @@ def print_comparison(rivals: Mapping[str, Rival]) -> None:
         console.print()
     for name, rival in rivals.items():
         if not rival.run.outcome.ok:
-            console.print(f"{name}: {rival.run.outcome.message}", soft_wrap=True)
-    console.print(
+            _say(console, f"{name}: {rival.run.outcome.message}", hang=2)
+    _say(
+        console,
         "Bold: the least value of a row, among the runs that reached their end. Form: `printed` is a law as its source "
         "prints it, `sampled-data` one for the sample time, with an estimator and limits.",
-        soft_wrap=True,
     )
 
 
@@ -175,13 +186,13 @@ def _titled(title: str, units: list[str]) -> str:
 def print_study(result: AbstractResult) -> None:
     """Print the `result` of a study with its tables."""
     console = Console(highlight=False)
-    console.print(Text(result.summary), soft_wrap=True)
+    _say(console, result.summary)
     for section in result.sections():
         if section.head:
             console.print()
             console.print(Text(section.title, style="bold"))
             if section.note:
-                console.print(Text(section.note), soft_wrap=True)
+                _say(console, section.note)
             console.print(_section(section))
 
 
@@ -260,21 +271,20 @@ def print_admissions(
         words, style = ("admitted", "green") if answer.admitted else ("not admitted", "bold red")
         console.print(Text(f"{answer.name}: "), Text(words, style=style), Text(grade), sep="", soft_wrap=True)
         if answer.limit is not None:
-            console.print(Text(f"  {answer.limit}"), soft_wrap=True)
+            _say(console, str(answer.limit), margin="  ")
             slower = "not even 4" if answer.slow_down is None else f"admitted {answer.slow_down:.3g}"
-            console.print(Text(f"  {slower} times slower"), soft_wrap=True)
+            _say(console, f"{slower} times slower", margin="  ")
         if answer.bound is not None:
             joint = int(answer.bound.argmax())
-            console.print(
-                Text(
-                    f"  error at most {answer.bound[joint]:.3g} {law.arm.joint_units[joint]}, in "
-                    f"`{law.arm.joint_names[joint]}`, mostly by {answer.dominant}"
-                ),
-                soft_wrap=True,
+            _say(
+                console,
+                f"error at most {answer.bound[joint]:.3g} {law.arm.joint_units[joint]}, in "
+                f"`{law.arm.joint_names[joint]}`, mostly by {answer.dominant}",
+                margin="  ",
             )
         for assumption in answer.verdict.assumptions:
             style = "red" if assumption.status == "fails" else ""
-            console.print(Text(f"  {assumption.status:>8}  {assumption.text}", style=style), soft_wrap=True)
+            _say(console, f"{assumption.status:<8}  {assumption.text}", style=style, margin="  ", hang=10)
     if monitor is not None:
         console.print(Text(f"scheme.sampled_data.monitor: {{disturbance: {monitor['disturbance']}}}"), soft_wrap=True)
 
@@ -296,7 +306,7 @@ def print_speeds(rows: Sequence[SpeedRow]) -> None:
 def print_loop(parts: Scenario, result: LoopResult) -> None:
     """Print latencies, missed ticks and the margin to the envelope of a real-time `result` of the scenario `parts`."""
     console = Console(markup=False, highlight=False)
-    console.print(parts.description.title, style="bold", soft_wrap=True)
+    _say(console, parts.description.title, style="bold")
     table = Table(box=None, pad_edge=False)
     table.add_column("time [µs]")
     latencies = result.percentiles()
@@ -319,7 +329,9 @@ def print_loop(parts: Scenario, result: LoopResult) -> None:
         )
     if result.size is not None:
         lines.append(f"log: {result.size / 1e6:.1f} MB; the recorder takes {1e6 * result.recorder:.1f} µs a tick")
-    console.print("\n" + "\n".join(lines), soft_wrap=True)
+    console.print()
+    for line in lines:
+        _say(console, line)
 
 
 def _style(verdict: Verdict) -> str:
