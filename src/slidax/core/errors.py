@@ -158,6 +158,15 @@ def percent(share: float) -> str:
     return f"{text.rstrip('0').rstrip('.') if '.' in text else text} %"
 
 
+def span(low: float, high: float) -> str:
+    """An interval in two digits, "0.13 to 0.27", or "0.13" if both ends are the same in them.
+
+    - `low`, `high`: its ends.
+    """
+    ends = f"{low:.2g}", f"{high:.2g}"
+    return " to ".join(dict.fromkeys(ends))
+
+
 def each_of(number: int, noun: str) -> str:
     """The text "each of the 3 joints", or "the joint" if there is a single one.
 
