@@ -130,6 +130,9 @@ class RobustTorqueCause(AbstractCause):
             return None
         lacks = float(np.percentile(np.linalg.norm(record.unexplained[: record.left + 1], axis=1), 99))
         covers = float(np.median(u))
+        # The estimate of a loop that oscillates reaches u as well, and a larger u would not help it.
+        if lacks <= covers:
+            return None
         evidence = (
             f"u limits the estimate in {percent(share)} of the samples just before: the model error is up to "
             f"{lacks:.3g} N m, but u covers {covers:.3g} N m"
@@ -137,7 +140,7 @@ class RobustTorqueCause(AbstractCause):
         return Finding(
             name=self.name,
             joint=None,
-            weight=0.4 + 0.4 * share * min(1.0, lacks / max(covers, 1e-9)),
+            weight=0.4 + 0.4 * share,
             evidence=evidence,
             numbers={"share": share, "u": covers, "needed": lacks},
             remedies=_cover_remedies(record, covers, lacks),

@@ -183,6 +183,10 @@ def _cannot_write(error: OSError) -> str:
     return f"cannot write the output: {error_reason(error)}" if error.errno in NO_ROOM else error_reason(error)
 
 
+def _unbroken(span: re.Match[str]) -> str:
+    return span[0].replace(" ", "\N{NO-BREAK SPACE}")
+
+
 def _say(message: str) -> None:
     """Print one line on standard error; unprintable characters are escaped."""
     say(f"slidax: {''.join(c if c.isprintable() else ascii(c)[1:-1] for c in message)}", err=True)
@@ -206,14 +210,14 @@ def columns(stream: IO[str]) -> int | None:
 
 
 def wrapped(text: str, width: int | None, margin: str = "", hang: int = 0) -> str:
-    """The `text`, wrapped to a `width`; a span in backticks, such as a command to copy, stays in one line.
+    """The `text`, wrapped to a `width`; a command in backticks, and a number and its unit, stay in one line.
 
     - `margin`, `hang`: as in `say`.
     """
     if width is None:
         return margin + text
     # textwrap does not break at a no-break space.
-    joined = re.sub(r"`[^`\n]*`", lambda span: span[0].replace(" ", "\N{NO-BREAK SPACE}"), text)
+    joined = re.sub(r"`[^`\n]*`|\d (?:%|[kmµ]?(?:rad|g|m|s|N|Hz|W)\b)(?: m\b)?", _unbroken, text)
     lines = textwrap.fill(
         joined,
         width,
