@@ -410,7 +410,7 @@ RESERVE = 0.9
 def is_feasible(scenario, load, limits):
     """True if the true arm with its payload and friction needs at most 90 % of each torque limit along the motion."""
     arm, times = load.on(scenario.plant.robot, jnp.asarray(1.0)), jnp.linspace(0.0, scenario.t1, 801)
-    reference = jax.vmap(scenario.trajectory)(times)
+    reference = jax.vmap(scenario.trajectory.reference)(times)
     states = states_of(arm, np.asarray(reference.q), np.asarray(reference.dq))
     friction = np.asarray(jax.vmap(arm.friction)(reference.dq))
     return bool((np.abs(states.torque(np.asarray(reference.ddq)) + friction) <= RESERVE * limits).all())
