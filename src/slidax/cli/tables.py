@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import textwrap
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -175,7 +174,13 @@ def _fitting(names: list[str], width: int) -> list[list[str]]:
 
 
 def _cell(value: float | None, best: bool = False) -> Text:
-    return Text("-" if value is None else f"{value:.4g}", style="bold" if best else "")
+    return Text("-" if value is None else _digits(value), style="bold" if best else "")
+
+
+def _digits(value: float) -> str:
+    """A number to four digits, without an exponent up to 10 million."""
+    text = f"{value:.4g}"
+    return f"{float(text):.0f}" if "e+" in text and abs(value) < 1e7 else text
 
 
 def _titled(title: str, units: list[str]) -> str:
@@ -208,7 +213,7 @@ def _section(section: Section) -> Table:
 def _written(cell: str | float | int | None) -> str:
     if cell is None:
         return "–"
-    return f"{cell:.4g}" if isinstance(cell, float) else str(cell)
+    return _digits(cell) if isinstance(cell, float) else str(cell)
 
 
 def print_certificates(certificates: Certificates, *, every: bool = False) -> None:
@@ -231,27 +236,24 @@ def print_certificates(certificates: Certificates, *, every: bool = False) -> No
             facts.append(f"margin {100 * verdict.margin:.3g} %")
         console.print()
         console.print(Text(f"{sign} {verdict.title}{since}", style=_style(verdict) or "bold"))
-        console.print(Text(_indented("; ".join(facts), 2, console), style="dim"))
-        console.print(Text(_indented(verdict.statement, 2, console)))
+        console.print(Text(wrapped("; ".join(facts), console.width, "  "), style="dim"))
+        console.print(Text(wrapped(verdict.statement, console.width, "  ")))
         for assumption in verdict.assumptions:
             if every or assumption.status == "fails":
                 style = "red" if assumption.status == "fails" else ""
-                console.print(Text(_indented(f"{assumption.status}: {assumption.text}", 4, console), style=style))
+                console.print(
+                    Text(wrapped(f"{assumption.status}: {assumption.text}", console.width, "    ", 2), style=style)
+                )
         for remedy in verdict.remedies:
             # A command to copy is not wrapped.
             changes = f": {remedy.sets}" if remedy.changes else ""
             console.print(Text(f"    remedy: {remedy.words}{changes}"), soft_wrap=True)
     absent = [verdict.name for verdict in certificates if verdict.holds is None]
     if absent and not every:
-        console.print(Text(f"\nNot applicable: {', '.join(absent)}."))
+        console.print()
+        _say(console, f"Not applicable: {', '.join(absent)}.")
     if not every:
-        console.print(Text("`--long` prints every assumption and the reason why a certificate does not apply."))
-
-
-def _indented(text: str, spaces: int, console: Console) -> str:
-    """Wrap the text to the width of the console, and indent each line."""
-    margin = " " * spaces
-    return textwrap.fill(text, console.width, initial_indent=margin, subsequent_indent=margin, break_on_hyphens=False)
+        _say(console, "`--long` prints every assumption and the reason why a certificate does not apply.")
 
 
 def certificates_verdict(certificates: Certificates) -> Text:
