@@ -227,24 +227,25 @@ def count_robot_files() -> None:
                 print(f"{name}: {difference:.1e}")
 
 
-ARMS = ROOT / "scripts" / "arm-payloads.yaml"
+ARMS, FURTHER = ROOT / "scripts" / "arm-payloads.yaml", ROOT / "scripts" / "further-arms.yaml"
 
 
 def get_arms() -> int:
-    """Get the robot files that scripts/arm-payloads.yaml lists, for `scripts/measure try-arms`.
+    """Get the robot files of a list, for `scripts/measure try-arms`.
 
     Git clones their repositories, without the files, into a temporary folder. A file whose checksum differs from that
-    of docs/any-arm.md is named, and kept.
+    of the list is named, and kept.
     """
     parser = argparse.ArgumentParser(description=get_arms.__doc__)
     parser.add_argument("folder", type=Path)
+    parser.add_argument("--list", type=Path, default=ARMS, help="the list; by default scripts/arm-payloads.yaml")
     parser.add_argument(
         "--from",
         default="https://github.com/{repository}",
         help="of a repository, with {repository}, or {joined} for OWNER+NAME",
     )
     options = parser.parse_args()
-    arms = yaml.safe_load(ARMS.read_text(encoding="utf-8"))
+    arms = yaml.safe_load(options.list.read_text(encoding="utf-8"))
     options.folder.mkdir(parents=True, exist_ok=True)
     repositories: dict[str, dict[str, str]] = {}
     for name, arm in arms.items():
@@ -262,7 +263,7 @@ def get_arms() -> int:
                     missing.append(name)
                     print(f"{name}: {repository} has no {path}")
                     continue
-                (options.folder / f"{name}.urdf").write_bytes(shown.stdout)
+                (options.folder / f"{name}{Path(path).suffix}").write_bytes(shown.stdout)
                 digest, known = hashlib.sha256(shown.stdout).hexdigest()[:16], arms[name].get("sha256")
                 print(
                     f"{name}: {len(shown.stdout)} bytes, {'as known' if digest == known else f'{digest}, not {known}'}"
@@ -280,8 +281,8 @@ def try_arms() -> None:
     The true arm of a case has, by a seed from the file's name and the case's number: rotors of 0.001 to 0.01 kg m² for
     each N m of rated torque, per joint and log-uniform; all masses and inertias times 0.8 to 1.2; 60 % of the rated
     payload, 5 cm in front of the tip, unknown to the law; Coulomb friction of 1 % of the rating. The scenario has the
-    rated torques, and scripts/arm-payloads.yaml the payloads. For a file that is not listed there, the payload keeps
-    the joints below half of their torques in every posture. An arm holds if from 2 s on no joint is farther from its
+    rated torques, and the lists of arms in scripts have the payloads. Where they have none, the payload keeps the
+    joints below half of their torques in every posture. An arm holds if from 2 s on no joint is farther from its
     motion than 5 times the period [rad/s].
 
     With `--rated`, `slidax new` is told the whole payload, the cases carry 10 to 100 % of it in equal steps, and an arm
@@ -299,7 +300,7 @@ def try_arms() -> None:
     parser.add_argument("--rated", action="store_true", help="payloads up to the rating, which `slidax new` is told")
     parser.add_argument("--out", type=Path)
     options = parser.parse_args()
-    known = yaml.safe_load(ARMS.read_text())
+    known = {**yaml.safe_load(ARMS.read_text()), **yaml.safe_load(FURTHER.read_text())}
     files = sorted(path for path in options.folder.iterdir() if path.suffix.lower() in (".urdf", ".xml"))
     if options.arms:
         files = [path for path in files if path.stem in options.arms.split(",")]
