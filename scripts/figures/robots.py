@@ -19,6 +19,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from xml.etree import ElementTree
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pinocchio
@@ -226,24 +227,25 @@ def count_robot_files() -> None:
                 print(f"{name}: {difference:.1e}")
 
 
-ARMS = ROOT / "scripts" / "arm-payloads.yaml"
+ARMS, FURTHER = ROOT / "scripts" / "arm-payloads.yaml", ROOT / "scripts" / "further-arms.yaml"
 
 
 def get_arms() -> int:
-    """Get the robot files that scripts/arm-payloads.yaml lists, for `scripts/measure try-arms`.
+    """Get the robot files of a list, for `scripts/measure try-arms`.
 
     Git clones their repositories, without the files, into a temporary folder. A file whose checksum differs from that
-    of docs/robots.md is named, and kept.
+    of the list is named, and kept.
     """
     parser = argparse.ArgumentParser(description=get_arms.__doc__)
     parser.add_argument("folder", type=Path)
+    parser.add_argument("--list", type=Path, default=ARMS, help="the list; by default scripts/arm-payloads.yaml")
     parser.add_argument(
         "--from",
         default="https://github.com/{repository}",
         help="of a repository, with {repository}, or {joined} for OWNER+NAME",
     )
     options = parser.parse_args()
-    arms = yaml.safe_load(ARMS.read_text(encoding="utf-8"))
+    arms = yaml.safe_load(options.list.read_text(encoding="utf-8"))
     options.folder.mkdir(parents=True, exist_ok=True)
     repositories: dict[str, dict[str, str]] = {}
     for name, arm in arms.items():
@@ -261,7 +263,7 @@ def get_arms() -> int:
                     missing.append(name)
                     print(f"{name}: {repository} has no {path}")
                     continue
-                (options.folder / f"{name}.urdf").write_bytes(shown.stdout)
+                (options.folder / f"{name}{Path(path).suffix}").write_bytes(shown.stdout)
                 digest, known = hashlib.sha256(shown.stdout).hexdigest()[:16], arms[name].get("sha256")
                 print(
                     f"{name}: {len(shown.stdout)} bytes, {'as known' if digest == known else f'{digest}, not {known}'}"
@@ -279,9 +281,13 @@ def try_arms() -> None:
     The true arm of a case has, by a seed from the file's name and the case's number: rotors of 0.001 to 0.01 kg m² for
     each N m of rated torque, per joint and log-uniform; all masses and inertias times 0.8 to 1.2; 60 % of the rated
     payload, 5 cm in front of the tip, unknown to the law; Coulomb friction of 1 % of the rating. The scenario has the
-    rated torques, and scripts/arm-payloads.yaml the payloads. For a file that is not listed there, the payload keeps
-    the joints below half of their torques in every posture. An arm holds if from 2 s on no joint is farther from its
+    rated torques, and the lists of arms in scripts have the payloads. Where they have none, the payload keeps the
+    joints below half of their torques in every posture. An arm holds if from 2 s on no joint is farther from its
     motion than 5 times the period [rad/s].
+
+    With `--rated`, `slidax new` is told the whole payload, the cases carry 10 to 100 % of it in equal steps, and an arm
+    holds if it also stays inside its envelope from the start. A case is feasible if the torque along the motion, by
+    inverse dynamics of the true arm, is at most 90 % of each limit.
     """
     parser = argparse.ArgumentParser(description=try_arms.__doc__)
     parser.add_argument("folder", type=Path)
@@ -291,9 +297,10 @@ def try_arms() -> None:
     parser.add_argument("--arms", default="", help="stems of files; by default all")
     parser.add_argument("--set", type=setting, action="append", default=[], help="of the scenario, PATH=VALUE")
     parser.add_argument("--explain", action="store_true", help="explain runs that do not hold")
+    parser.add_argument("--rated", action="store_true", help="payloads up to the rating, which `slidax new` is told")
     parser.add_argument("--out", type=Path)
     options = parser.parse_args()
-    known = yaml.safe_load(ARMS.read_text())
+    known = {**yaml.safe_load(ARMS.read_text()), **yaml.safe_load(FURTHER.read_text())}
     files = sorted(path for path in options.folder.iterdir() if path.suffix.lower() in (".urdf", ".xml"))
     if options.arms:
         files = [path for path in files if path.stem in options.arms.split(",")]
@@ -306,7 +313,7 @@ def try_arms() -> None:
                     changes = {} if scheme == "cftsmppc" else {"scheme.name": scheme}
                     payload = known.get(file.stem, {}).get("payload")
                     rows = simulate_cases(
-                        file, rate, changes | dict(options.set), options.cases, payload, options.explain
+                        file, rate, changes | dict(options.set), options.cases, payload, options.explain, options.rated
                     )
                     rows = [{**row, "scheme": scheme} for row in rows]
                 except sx.DefinitionError as error:
@@ -319,7 +326,11 @@ def try_arms() -> None:
                     if not row["held"]
                 )
                 took = time.perf_counter() - started
-                print(f"{file.stem} {rate:g} Hz {scheme}: {held} of {len(rows)} hold ({took:.0f} s) {bad}", flush=True)
+                feasible = f", {sum(row['feasible'] for row in rows)} are feasible" if options.rated else ""
+                print(
+                    f"{file.stem} {rate:g} Hz {scheme}: {held} of {len(rows)} hold{feasible} ({took:.0f} s) {bad}",
+                    flush=True,
+                )
                 for row in rows:
                     if options.explain and not row["held"]:
                         print(f"    case {row['case']}: {' '.join(row['why'])}", flush=True)
@@ -329,52 +340,81 @@ def try_arms() -> None:
 
 
 def simulate_cases(
-    file: Path, rate: float, changes: dict[str, object], cases: int, payload: float | None, explain: bool
+    file: Path,
+    rate: float,
+    changes: dict[str, object],
+    cases: int,
+    payload: float | None,
+    explain: bool,
+    rated: bool = False,
 ) -> list[dict[str, object]]:
     """Simulate an arm's random cases at one rate."""
+    scenario = drafted(file, rate, changes)
+    torque = np.asarray(scenario.plant.actuator.limits.torque)
+    whole = payload or allowed(scenario, torque)
+    if rated:
+        scenario = drafted(file, rate, changes, whole)
+    loads = whole * (1.0 - np.arange(cases) / cases) if rated else np.full(cases, SHARE * whole)
+    return [run(scenario, file.stem, rate, case, float(load), explain, rated) for case, load in enumerate(loads)]
+
+
+def drafted(file: Path, rate: float, changes: dict[str, object], payload: float = 0.0) -> sx.scenarios.Scenario:
+    """The scenario that `slidax new` writes for a robot file."""
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore", sx.DefinitionWarning)
         path = Path(folder) / f"{file.stem}.yaml"
-        path.write_text(draft(file.resolve(), rate, folder=Path(folder).resolve()).text)
-        scenario = sx.scenarios.load(path, changes)
-    rated = np.asarray(scenario.plant.actuator.limits.torque)
-    carried = SHARE * payload if payload else allowed(scenario, rated)
-    return [run(scenario, file.stem, rate, case, rated, carried, explain) for case in range(cases)]
+        path.write_text(draft(file.resolve(), rate, payload=payload, folder=Path(folder).resolve()).text)
+        return sx.scenarios.load(path, changes)
 
 
-def run(scenario, name, rate, case, rated, carried, explain):
+def run(scenario, name, rate, case, carried, explain, rated):
     """Simulate one random case, and return its row."""
+    limits = np.asarray(scenario.plant.actuator.limits.torque)
     chance = np.random.default_rng([zlib.crc32(name.encode()), case])
-    rotors = rated * np.exp(chance.uniform(np.log(1e-3), np.log(1e-2), len(rated)))
+    rotors = limits * np.exp(chance.uniform(np.log(1e-3), np.log(1e-2), len(limits)))
     factor = float(chance.uniform(0.8, 1.2))
     ball = Payload(jnp.asarray(carried), jnp.asarray([0.0, 0.0, 0.05]), jnp.asarray(0.0025 * carried) * jnp.eye(3))
-    true = Mismatch(mass_factor=factor, coulomb=0.01 * rated, armature=rotors).applied(scenario.controller.nominal)
+    true = Mismatch(mass_factor=factor, coulomb=0.01 * limits, armature=rotors).applied(scenario.controller.nominal)
     old = scenario.plant
     plant = sx.Plant(true, old.disturbance, old.sensor, old.actuator, TimedPayload(ball))
     true_scenario = scenario.replace(plant=plant)
     done = true_scenario.simulate(log_every=max(1, round(rate / 250)))
     late = np.asarray(done.log.t) > SETTLED
     error = np.abs(np.asarray(done.log.e)[late])
-    worst = error.max(axis=0) if len(error) else np.full(len(rated), np.inf)
+    worst = error.max(axis=0) if len(error) else np.full(len(limits), np.inf)
     outside = int(sx.analysis.summary(done)["envelope_violations"] or 0)
-    torque = np.abs(np.asarray(done.log.tau)) > 0.999 * rated
-    held = bool(worst.max() < 5.0 / rate)
+    torque = np.abs(np.asarray(done.log.tau)) > 0.999 * limits
+    held = bool(worst.max() < 5.0 / rate) and not (rated and outside)
     return {
         "arm": name,
         "rate": rate,
         "case": case,
         "held": held,
+        "feasible": is_feasible(true_scenario, TimedPayload(ball), limits),
         "outside": outside,
         "worst": float(worst.max()),
         "joint": int(worst.argmax()) + 1,
         "steady": float(max(sx.analysis.steady_error(done))),
-        "step": float(max(np.asarray(sx.analysis.steady_torque_step(done)) / rated)),
+        "step": float(max(np.asarray(sx.analysis.steady_torque_step(done)) / limits)),
         "at_limit": float(torque.mean(axis=0).max()),
         "payload": carried,
         "mass_factor": factor,
         "rotors": rotors.tolist(),
         "why": [] if held or not explain else why(true_scenario),
     }
+
+
+RESERVE = 0.9
+"""Share of the torque limits that a feasible motion needs at most."""
+
+
+def is_feasible(scenario, load, limits):
+    """True if the true arm with its payload and friction needs at most 90 % of each torque limit along the motion."""
+    arm, times = load.on(scenario.plant.robot, jnp.asarray(1.0)), jnp.linspace(0.0, scenario.t1, 801)
+    reference = jax.vmap(scenario.trajectory.reference)(times)
+    states = states_of(arm, np.asarray(reference.q), np.asarray(reference.dq))
+    friction = np.asarray(jax.vmap(arm.friction)(reference.dq))
+    return bool((np.abs(states.torque(np.asarray(reference.ddq)) + friction) <= RESERVE * limits).all())
 
 
 def why(scenario):
@@ -387,7 +427,7 @@ def why(scenario):
 
 
 def allowed(scenario, rated):
-    """60 % of the payload that takes a joint to half of its peak torque, in the worst of 256 postures [kg]."""
+    """The payload that takes a joint to half of its peak torque, in the worst of 256 postures [kg]."""
     arm = scenario.controller.nominal
     reach = np.where(np.array(arm.joint_units) == "rad", np.pi, 0.5)
     lower, upper = (np.clip(np.asarray(end), -reach, reach) for end in (arm.limits.lower, arm.limits.upper))
@@ -395,7 +435,7 @@ def allowed(scenario, rated):
     ball = Payload(jnp.asarray(1.0), jnp.asarray([0.0, 0.0, 0.05]), jnp.zeros((3, 3)))
     own, loaded = states_of(arm, q).bias, states_of(TimedPayload(ball).on(arm, jnp.asarray(1.0)), q).bias
     room = np.maximum(0.5 * rated - np.abs(own), 0.0) / np.maximum(np.abs(loaded - own), 1e-9)
-    return SHARE * float(room.min())
+    return float(room.min())
 
 
 def setting(text):

@@ -34,6 +34,9 @@ def test_the_table_has_a_column_per_scheme_and_a_row_per_metric_and_joint():
     assert next(line for line in lines if line.startswith("form")).split() == ["form", "printed", "printed"]
     assert next(line for line in lines if "outside" in line).split()[-2:] == ["0", "0"]
     assert "103.7" in result.stdout and "88.21" in result.stdout
+    # The torque of a law without a smooth step travels more than 10 000 N m.
+    travel = lines[lines.index("torque travel [N m]") + 1].split()
+    assert float(travel[-1]) > 1e4 and "e+" not in result.stdout
 
 
 @pytest.mark.parametrize("each", [False, pytest.param(True, marks=pytest.mark.full)], ids=["one_run", "each_runs"])

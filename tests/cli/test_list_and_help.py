@@ -1,3 +1,4 @@
+import io
 import json
 import re
 import subprocess
@@ -9,7 +10,7 @@ from typer.main import get_command
 import slidax
 from slidax import scenarios
 from slidax.cli import app
-from slidax.cli.common import complete_scenarios
+from slidax.cli.common import columns, complete_scenarios, wrapped
 
 from .commands import in_process
 
@@ -105,3 +106,28 @@ def test_ctrl_c_is_one_line_and_the_exit_code_130(monkeypatch, tmp_path):
     monkeypatch.setattr("slidax.design.problem.read_problem", interrupted)
     result = in_process("design", str(tmp_path / "x.yaml"), "--out", str(tmp_path / "y.yaml"), code=130)
     assert result.stderr.splitlines() == ["slidax: interrupted: the same command starts again from the beginning"]
+
+
+@pytest.mark.parametrize("width", [60, 80, 120])
+def test_sentences_wrap_by_words_with_a_hanging_indent_and_whole_commands(width):
+    command = "`--set 'scheme.sampled_data.adaptation={kind: joint_learning}'`"
+    text = f"1. joint 4: its torque is at its limit in 61 % of the samples. Remedy: {command} (tried, the run holds)."
+    lines = wrapped(text, width, margin="  ", hang=3).split("\n")
+    assert " ".join(line.strip() for line in lines) == text and len(lines) > 1
+    assert lines[0].startswith("  1. ") and all(line.startswith("     ") for line in lines[1:])
+    assert any(command in line for line in lines) and max(len(line) for line in lines if command not in line) <= width
+
+
+def test_a_pipe_gets_sentences_in_one_line(monkeypatch):
+    monkeypatch.delenv("COLUMNS", raising=False)
+    assert columns(io.StringIO()) is None and wrapped(40 * "word ", None) == 40 * "word "
+    monkeypatch.setenv("COLUMNS", "72")
+    assert columns(io.StringIO()) == 72
+
+
+@pytest.mark.parametrize("width", ["80", "120"])
+def test_lists_of_parts_fit_the_terminal(width, monkeypatch):
+    monkeypatch.setenv("COLUMNS", width)
+    for command in (("list",), ("list", "schemes"), ("list", "cftsmppc")):
+        lines = in_process(*command).stdout.splitlines()
+        assert max(map(len, lines)) <= int(width), max(lines, key=len)

@@ -50,7 +50,7 @@ def test_requirements_of_a_file_become_a_law(tmp_path):
 
 def test_a_payload_that_the_drives_cannot_hold_is_refused_with_the_joint():
     answer = in_process("new", "--robot", "panda", "--payload", "30", code=2)
-    assert "panda_joint6" in answer.output and "at most 80% is allowed" in answer.output
+    assert "panda_joint6" in answer.output and "at most 80 % is allowed" in answer.output
 
 
 def test_a_mounted_arm_has_its_gravity_in_law_and_simulation(tmp_path):

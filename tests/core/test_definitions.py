@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from slidax.arms import Scara, TwoLink
-from slidax.core.errors import DefinitionError, count_noun, each_of, locate_errors
+from slidax.core.errors import DefinitionError, count_noun, each_of, locate_errors, percent, span
 from slidax.law import (
     Exponential,
     FiniteTime,
@@ -178,13 +178,34 @@ def test_traced_values_are_not_checked_inside_a_transformation():
 
 
 @pytest.mark.parametrize(
+    ("share", "expected"),
+    [
+        (0.0, "0 %"),
+        (0.00042, "0.042 %"),
+        (0.3, "30 %"),
+        (0.613, "61 %"),
+        # Still inside: not "100 %", nor "1e+02 %".
+        (0.9997, "99.97 %"),
+        (1.003, "100.3 %"),
+        (1.0, "100 %"),
+        (63.38, "6338 %"),
+        (-0.2, "-20 %"),
+        (np.inf, "inf %"),
+    ],
+)
+def test_percentage_has_two_digits_and_no_exponent(share, expected):
+    assert percent(share) == expected
+
+
+@pytest.mark.parametrize(
     ("words", "expected"),
     [
+        *((span(0.128, high), expected) for high, expected in ((0.132, "0.13"), (0.27, "0.13 to 0.27"))),
         *((count_noun(n, "law"), expected) for n, expected in ((1, "1 law"), (0, "0 laws"))),
         *((count_noun(n, "entry", "entries"), expected) for n, expected in ((1, "1 entry"), (2, "2 entries"))),
         *((each_of(n, "joint"), expected) for n, expected in ((1, "the joint"), (3, "each of the 3 joints"))),
         *((all_done(n), expected) for n, expected in ((1, "the run is done"), (2, "all 2 runs are done"))),
     ],
 )
-def test_count_has_its_noun_in_the_right_form(words, expected):
+def test_counts_and_intervals_have_their_right_form(words, expected):
     assert words == expected

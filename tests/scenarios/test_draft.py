@@ -111,7 +111,7 @@ def test_plausible_limits_are_used_unchanged(tmp_path):
         ((300.0,) * 4, "300 N m for every joint"),
         ((2000.0,) * 4, "2000 N m for every joint"),
         ((0.0,) * 4, "no effort limit in the file, or 0"),
-        ((0.5,) * 4, "too small for half of the arm's own weight"),
+        ((0.5,) * 4, "0.5 N m for every joint, too small for half of the weight that j2, j3"),
         ((20.0, 40.0, 15.0, 900.0), "j4: 900 N m"),
     ],
 )

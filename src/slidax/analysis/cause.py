@@ -12,6 +12,7 @@ import numpy as np
 
 from slidax.arms.articulated import Articulated
 from slidax.arms.coupled import Coupled
+from slidax.core.errors import percent
 
 from .run_record import RunRecord
 
@@ -89,7 +90,7 @@ def slower_motion(record: RunRecord) -> list[Remedy]:
                 numbers = np.round(np.asarray(value, float) * factor**power, 6)
                 changes[f"trajectory.{name}"] = numbers.tolist()
         if changes:
-            remedies.append(Remedy(f"go {1.0 - factor:.0%} slower", changes))
+            remedies.append(Remedy(f"go {percent(1.0 - factor)} slower", changes))
     return remedies
 
 

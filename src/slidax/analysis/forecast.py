@@ -12,7 +12,7 @@ import numpy as np
 
 from slidax.arms.arm import AbstractRobot
 from slidax.arms.articulated import Articulated
-from slidax.core.errors import DefinitionError
+from slidax.core.errors import DefinitionError, span
 from slidax.core.types import State
 from slidax.law.joint_loop import LinearLoop
 from slidax.law.sampled.controller import SampledData
@@ -120,8 +120,8 @@ class _PlannedMotion:
         if worst is not None:
             _, joint, low, high, least, most = worst
             yield (
-                f"κ, nominal over true inertia, is {low:.2g} to {high:.2g} at `{self.names[joint]}`, but its loop is "
-                f"stable for {least:.2g} to {most:.2g}: set the rotor inertias in `robot.nominal.armature`"
+                f"κ, nominal over true inertia, is {span(low, high)} at `{self.names[joint]}`, but its loop is "
+                f"stable for {span(least, most)}: set the rotor inertias in `robot.nominal.armature`"
             )
 
     def estimators(self) -> Iterator[str]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from slidax.core.errors import percent
 from slidax.core.joint_names import NUMBERED
 from slidax.scenarios.scenario import Scenario
 from slidax.simulation.run import Run
@@ -40,16 +41,15 @@ def run_verdict(scenario: Scenario, run: Run) -> RunVerdict:
         return RunVerdict(True, "The run reached its end; its controller has no envelope.", facts)
     worst = int(np.argmin(margins))
     if margins[worst] <= 0.0:
-        share = -100.0 * float(margins[worst])
-        return RunVerdict(False, f"Outside the {name}: {_named(run, worst)}, by {share:.2g} % of its width.", facts)
+        share = percent(-float(margins[worst]))
+        return RunVerdict(False, f"Outside the {name}: {_named(run, worst)}, by {share} of its width.", facts)
     if run.log is None or run.log.envelope is None:
-        share = 100.0 * float(margins[worst])
-        closest = f"{_named(run, worst)}, {share:.2g} % of its width left"
+        closest = f"{_named(run, worst)}, {percent(float(margins[worst]))} of its width left"
     else:
         shares = bound_shares(run)
         sample, worst = (int(k) for k in np.unravel_index(np.nanargmax(shares), shares.shape))
         time = float(np.asarray(run.log.t)[sample])
-        closest = f"{_named(run, worst)}, {100 * shares[sample, worst]:.2g} % of its bound at {time:.3g} s"
+        closest = f"{_named(run, worst)}, {percent(float(shares[sample, worst]))} of its bound at {time:.3g} s"
     return RunVerdict(True, f"Inside the {name}. Closest: {closest}.", facts)
 
 
@@ -88,7 +88,7 @@ def _facts(scenario: Scenario, run: Run) -> list[str]:
     if limits is not None and (torques := peak_torque(run)) is not None:
         shares = np.asarray(torques) / limits
         worst = int(np.argmax(shares))
-        extent = "at its limit" if shares[worst] > 0.9995 else f"at most {100 * shares[worst]:.2g} % of its limit"
+        extent = "at its limit" if shares[worst] > 0.9995 else f"at most {percent(float(shares[worst]))} of its limit"
         facts.append(f"Torque {extent} ({_named(run, worst)}).")
     elif (largest := _largest(peak_torque, run)) is not None:
         value, joint, unit = largest

@@ -13,7 +13,7 @@ import numpy as np
 
 from slidax.arms.arm import Payload as Carried
 from slidax.arms.articulated import Articulated
-from slidax.core.errors import as_array
+from slidax.core.errors import as_array, percent
 
 from .cause import AbstractCause, Finding, Remedy, data_sheet_limit, slower_motion
 from .run_record import SLOW, RunRecord, Signal, compiled_inertia_and_bias, inertia_and_bias, low_pass
@@ -37,8 +37,8 @@ class TorqueCause(AbstractCause):
             return None
         needed, limit, unit = needed_torque(record), record.torque_limits, record.torque_unit(joint)
         evidence = (
-            f"{record.named(joint)}: its torque is at its limit of {limit[joint]:.4g} {unit} in {share[joint]:.0%} "
-            f"of the samples just before; the motion needs up to {needed[joint]:.3g} {unit}"
+            f"{record.named(joint)}: its torque is at its limit of {limit[joint]:.4g} {unit} in "
+            f"{percent(share[joint])} of the samples just before; the motion needs up to {needed[joint]:.3g} {unit}"
         )
         weak = needed > limit
         return Finding(
@@ -87,7 +87,7 @@ class TorqueRateCause(AbstractCause):
         unit = f"{record.torque_unit(joint)}/s"
         evidence = (
             f"{record.named(joint)}: its torque rate is at its limit of {limits[joint]:.4g} {unit} in "
-            f"{share[joint]:.0%} of the samples just before"
+            f"{percent(share[joint])} of the samples just before"
         )
         return Finding(
             name=self.name,
@@ -130,14 +130,17 @@ class RobustTorqueCause(AbstractCause):
             return None
         lacks = float(np.percentile(np.linalg.norm(record.unexplained[: record.left + 1], axis=1), 99))
         covers = float(np.median(u))
+        # The estimate of a loop that oscillates reaches u as well, and a larger u would not help it.
+        if lacks <= covers:
+            return None
         evidence = (
-            f"u limits the estimate in {share:.0%} of the samples just before: the model error is up to "
+            f"u limits the estimate in {percent(share)} of the samples just before: the model error is up to "
             f"{lacks:.3g} N m, but u covers {covers:.3g} N m"
         )
         return Finding(
             name=self.name,
             joint=None,
-            weight=0.4 + 0.4 * share * min(1.0, lacks / max(covers, 1e-9)),
+            weight=0.4 + 0.4 * share,
             evidence=evidence,
             numbers={"share": share, "u": covers, "needed": lacks},
             remedies=_cover_remedies(record, covers, lacks),
@@ -216,7 +219,7 @@ class PayloadCause(AbstractCause):
             evidence += (
                 f"; the torque limits allow {max(estimate.most, 0.0):.2g} kg for this motion, and "
                 f"{record.named(joint)} is at its limit of {record.torque_limits[joint]:.4g} {unit} in "
-                f"{share[joint]:.0%} of the samples just before and after"
+                f"{percent(share[joint])} of the samples just before and after"
             )
         return Finding(
             name=self.name,
@@ -381,7 +384,7 @@ class ContactCause(AbstractCause):
         position = ", ".join(f"{coordinate:.3f}" for coordinate in np.asarray(robot.tip(q)))
         evidence = (
             f"at t = {record.t[middle]:.3g} s the torque changed within {SUDDEN:g} s; a force of {newtons:.2g} N at "
-            f"the tip, along ({x:.2f}, {y:.2f}, {z:.2f}), explains {explained:.0%} of the change: the tip at "
+            f"the tip, along ({x:.2f}, {y:.2f}, {z:.2f}), explains {percent(explained)} of the change: the tip at "
             f"({position}) m touched something"
         )
         return Finding(

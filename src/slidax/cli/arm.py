@@ -20,6 +20,7 @@ from .common import (
     positions,
     prepare,
     print_json,
+    say,
     say_note,
     say_warning,
     say_where,
@@ -77,7 +78,7 @@ def new(
         else:
             write_text(out, scenario.text)
         for note in scenario.notes:
-            typer.echo(f"assumed: {note}", err=True)
+            say(f"assumed: {note}", err=True, hang=2)
         if out is not None and requirements:
             law = out.with_name(f"{out.stem}-law.yaml")
             typer.echo(f"The requirements are in {out}; next: slidax design {out} --out {law}", err=True)

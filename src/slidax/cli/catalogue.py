@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from .common import AsJson, errors_as_lines, prepare, print_json
+from .common import AsJson, columns, errors_as_lines, prepare, print_json, say, wrapped
 
 
 def list_(
@@ -39,7 +40,7 @@ def list_(
             if not name:
                 typer.echo(typer.style(title, bold=True))
             for label, line in members.items():
-                typer.echo(f"{'' if name else '  '}{label:<{width}}  {line}")
+                say(f"{label:<{width}}  {line}", margin="" if name else "  ", hang=width + 2)
 
 
 def schema() -> None:
@@ -52,16 +53,19 @@ def schema() -> None:
 
 
 def _print_part(part: dict[str, Any]) -> None:
-    typer.echo(typer.style(part["title"], bold=True))
+    width = columns(sys.stdout)
+    typer.echo(typer.style(wrapped(part["title"], width), bold=True))
     for row in part["parameters"]:
         default = row["default"]
         value = "required" if row["required"] else "not set" if default in (None, {}, [], ()) else _shown(default)
         source = f" ({row['source']})" if row["source"] else ""
         unit = f" [{row['unit']}]" if row["unit"] else ""
-        typer.echo(f"{typer.style(row['path'], bold=True)}{unit}: {value}{source}")
+        path = row["path"]
+        lines = wrapped(f"{path}{unit}: {value}{source}", width, hang=4)
+        typer.echo(f"{typer.style(path, bold=True)}{lines.removeprefix(path)}")
         meaning = "; ".join(text for text in (row["meaning"], row["range"]) if text)
         if meaning:
-            typer.echo(f"    {meaning}")
+            say(meaning, margin="    ")
 
 
 def _shown(default: Any) -> str:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import os
+import re
 import shlex
+import shutil
 import sys
+import textwrap
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import IO, Annotated, Any
 
 import typer
 
@@ -180,9 +183,50 @@ def _cannot_write(error: OSError) -> str:
     return f"cannot write the output: {error_reason(error)}" if error.errno in NO_ROOM else error_reason(error)
 
 
+def _unbroken(span: re.Match[str]) -> str:
+    return span[0].replace(" ", "\N{NO-BREAK SPACE}")
+
+
 def _say(message: str) -> None:
-    """Print one line; unprintable characters are escaped."""
-    typer.echo(f"slidax: {''.join(c if c.isprintable() else ascii(c)[1:-1] for c in message)}", err=True)
+    """Print one line on standard error; unprintable characters are escaped."""
+    say(f"slidax: {''.join(c if c.isprintable() else ascii(c)[1:-1] for c in message)}", err=True)
+
+
+def say(text: str, *, err: bool = False, margin: str = "", hang: int = 0) -> None:
+    """Print a `text`, wrapped by words to the terminal's width; a pipe gets it as one line.
+
+    - `err`: True for standard error.
+    - `margin`: before each line.
+    - `hang`: further spaces before each line but the first.
+    """
+    typer.echo(wrapped(text, columns(sys.stderr if err else sys.stdout), margin, hang), err=err)
+
+
+def columns(stream: IO[str]) -> int | None:
+    """Width to which texts for the `stream` are wrapped [characters]: a terminal's, or COLUMNS; None for a pipe."""
+    if "COLUMNS" not in os.environ and not stream.isatty():
+        return None
+    return shutil.get_terminal_size().columns
+
+
+def wrapped(text: str, width: int | None, margin: str = "", hang: int = 0) -> str:
+    """The `text`, wrapped to a `width`; a command in backticks, and a number and its unit, stay in one line.
+
+    - `margin`, `hang`: as in `say`.
+    """
+    if width is None:
+        return margin + text
+    # textwrap does not break at a no-break space.
+    joined = re.sub(r"`[^`\n]*`|\d (?:%|[kmµ]?(?:rad|g|m|s|N|Hz|W)\b)(?: m\b)?", _unbroken, text)
+    lines = textwrap.fill(
+        joined,
+        width,
+        initial_indent=margin,
+        subsequent_indent=margin + hang * " ",
+        break_on_hyphens=False,
+        break_long_words=False,
+    )
+    return lines.replace("\N{NO-BREAK SPACE}", " ")
 
 
 def say_warning(message: str) -> None:

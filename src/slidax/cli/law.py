@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,13 +13,16 @@ from .common import (
     AsJson,
     Changes,
     Named,
+    columns,
     command_line,
     errors_as_lines,
     parse_changes,
     prepare,
     print_json,
+    say,
     say_where,
     stage_bar,
+    wrapped,
 )
 
 NOT_CERTIFIED = 4
@@ -164,7 +168,7 @@ def design(
             if json:
                 print_json(result.as_json())
             else:
-                typer.echo(f"Not designed: {result.reason}")
+                say(f"Not designed: {result.reason}")
             raise typer.Exit(NOT_CERTIFIED)
         _write(result, out, json)
 
@@ -192,18 +196,23 @@ def _write(result: DesignResult, out: Path, json: bool) -> None:
         print_json(answer)
         return
     proof = name_proof(result.bound) if result.proof == "bound" else "tested in simulation, without a bound"
-    final = ", ".join(f"{radius:.3g}" for radius in result.choice.final)
-    typer.echo(f"Designed, {proof}. The error is within {final} from {result.choice.deadline:g} s on.")
-    typer.echo(
-        f"Steady error {result.worst.error:.2g}, torque step {result.worst.step:.2g} N m, in the worst common case."
+    units = scenario.plant.robot.joint_units
+    length = " or ".join(dict.fromkeys(units))
+    torque = " or ".join(dict.fromkeys("N m" if unit == "rad" else "N" for unit in units))
+    radii = [f"{radius:.3g} {unit}" for radius, unit in zip(result.choice.final, units, strict=True)]
+    final = ", ".join(radii if len(set(radii)) > 1 else radii[:1])
+    say(f"Designed, {proof}. The error is within {final} from {result.choice.deadline:g} s on.")
+    say(
+        f"Steady error {result.worst.error:.2g} {length}, torque step {result.worst.step:.2g} {torque}, in the worst "
+        "common case."
     )
-    typer.echo(result.check.statement)
+    say(result.check.statement)
     if result.speeds:
         from .tables import print_speeds
 
         print_speeds(result.speeds)
     if certificates.failing:
-        typer.echo(f"Certificates that do not hold: {', '.join(certificates.failing)}.")
+        say(f"Certificates that do not hold: {', '.join(certificates.failing)}.")
     typer.echo(f"The scenario is in {out}, its certificates in {path}; next: slidax certify {out}")
 
 
@@ -257,17 +266,14 @@ def linear(
 
 def _print(parts: Scenario, loop: LinearisedLoop) -> None:
     from rich.console import Console
-    from rich.text import Text
 
     from slidax.analysis.metric import short_names
 
     console = Console(markup=False, highlight=False)
-    console.print(parts.description.title, style="bold", soft_wrap=True)
+    width = columns(sys.stdout)
+    console.print(wrapped(parts.description.title, width), style="bold", soft_wrap=True)
     verdict = "stable" if loop.stable else "NOT stable"
-    console.print(
-        f"near t = {loop.at:g} s: {verdict}, spectral radius {loop.system.radius:.6g}, {loop.system.a.shape[0]} states",
-        soft_wrap=True,
-    )
+    say(f"near t = {loop.at:g} s: {verdict}, spectral radius {loop.system.radius:.6g}, {loop.system.a.shape[0]} states")
     rows = [
         [f"{z:.4f}" if z.imag else f"{z.real:.4f}", _number(omega), _number(damping)]
         for z, omega, damping in loop.modes[:SHOWN]
@@ -297,9 +303,9 @@ def _print(parts: Scenario, loop: LinearisedLoop) -> None:
         console.print(f"\n{title}")
         console.print(_table(head, rows))
     if not loop.held:
-        console.print("continuous mode: the torque follows within a period, so there is no sampled loop to break open")
+        say("continuous mode: the torque follows within a period, so there is no sampled loop to break open")
     for note in loop.notes:
-        console.print(Text(f"  {note}"), soft_wrap=True)
+        say(note, margin="  ")
 
 
 def _table(head: list[str], rows: list[list[str]]) -> Any:

@@ -23,6 +23,7 @@ from .common import (
     parse_changes,
     prepare,
     print_json,
+    say,
     say_warning,
     say_where,
     stage_bar,
@@ -108,7 +109,7 @@ def run(
         _warn_of_rejections(finished)
         if not finished.outcome.ok:
             if json:
-                typer.echo(finished.outcome.message, err=True)
+                say(finished.outcome.message, err=True)
             cause = _print_cause(parts)
             if folder is not None:
                 report(cause=cause)
@@ -176,7 +177,7 @@ def _print_cause(parts: Scenario) -> str:
 
     cause = likeliest_cause(parts, seconds=SECONDS)
     line = f"Most likely: {cause}" if cause else "Allow more torque, or shorten the period."
-    typer.echo(line, err=True)
+    say(line, err=True)
     return line
 
 
@@ -233,7 +234,7 @@ def explain(
             reason = "the run stayed inside its envelope" if record.kept else "the log shows none of the known causes"
             typer.echo(f"Nothing to explain: {reason}.")
         for number, answer in enumerate(answers, 1):
-            typer.echo(f"{number}. {answer.sentence()}")
+            say(f"{number}. {answer.sentence()}", hang=len(f"{number}. "))
 
 
 if TYPE_CHECKING:
@@ -429,6 +430,6 @@ def replay(
         if json:
             print_json({**comparison.as_json(), "whole": content.complete})
         else:
-            typer.echo(comparison.sentence())
+            say(comparison.sentence())
         if comparison.first is not None:
             raise typer.Exit(OUTCOME)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import textwrap
+import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +15,8 @@ from slidax.analysis.metrics import envelope_violations, metrics_of, summary
 from slidax.analysis.run_verdict import run_verdict
 from slidax.core.errors import count_noun
 from slidax.paper.printed import INDICES
+
+from .common import columns, wrapped
 
 if TYPE_CHECKING:
     from slidax.analysis.metric import Metric
@@ -78,7 +80,7 @@ def print_run(parts: Scenario, finished: Run, answer: dict[str, Any], *, every: 
         if any(value is not None for value in values) or metric.needs_settling:
             rows.append((_titled(metric.title, metric.units(finished)), values))
     console = Console(markup=False, highlight=False)
-    console.print(parts.description.title, style="bold")
+    _say(console, parts.description.title, style="bold")
     _print_verdict(console, run_verdict(parts, finished))
     names = short_names(finished.joint_names)
     widest = max(len(title) for title, _ in rows)
@@ -91,17 +93,25 @@ def print_run(parts: Scenario, finished: Run, answer: dict[str, Any], *, every: 
     violations = answer["metrics"]["envelope_violations"]
     envelope = "" if violations is None else f"{violations} outside the envelope; "
     timing = answer["timing"]
-    console.print(
-        f"\n{parts.scheme} on {parts.robot}: {count_noun(int(finished.tally.samples), 'sample')}, {envelope}"
-        f"simulated in {timing['run_s']:.2f} s, compiled in {timing['compile_s']:.1f} s"
+    console.print()
+    _say(
+        console,
+        f"{parts.scheme} on {parts.robot}: {count_noun(int(finished.tally.samples), 'sample')}, {envelope}"
+        f"simulated in {timing['run_s']:.2f} s, compiled in {timing['compile_s']:.1f} s",
     )
 
 
 def _print_verdict(console: Console, verdict: RunVerdict) -> None:
     sign, style = ("✓", "bold green") if verdict.good else ("✗", "bold red")
-    console.print(Text(f"{sign} {verdict.sentence}", style=style))
+    _say(console, f"{sign} {verdict.sentence}", style=style, hang=2)
     for fact in verdict.facts:
-        console.print(f"  {fact}")
+        _say(console, fact, margin="  ")
+
+
+def _say(console: Console, text: str, *, style: str = "", margin: str = "", hang: int = 0) -> None:
+    """Print a sentence as `say` does, with a style."""
+    lines = wrapped(text, columns(sys.stdout), margin, hang)
+    console.print(Text(lines, style=style), soft_wrap=True)
 
 
 def print_comparison(rivals: Mapping[str, Rival]) -> None:
@@ -119,7 +129,7 @@ def print_comparison(rivals: Mapping[str, Rival]) -> None:
     rows = [row for row in standings(rivals, INDICES) if row.metric.brief]
     titles = {row.metric: f"{row.metric.title} [{row.unit}]" for row in reversed(rows)}
     widest = max(map(len, [*titles.values(), OUTSIDE]))
-    console.print(first.scenario.description.title, style="bold", soft_wrap=True)
+    _say(console, first.scenario.description.title, style="bold")
     _print_verdict(console, comparison_verdict(rivals))
     console.print()
     for names in _fitting(list(rivals), console.width - widest):
@@ -139,11 +149,11 @@ def print_comparison(rivals: Mapping[str, Rival]) -> None:
         console.print()
     for name, rival in rivals.items():
         if not rival.run.outcome.ok:
-            console.print(f"{name}: {rival.run.outcome.message}", soft_wrap=True)
-    console.print(
+            _say(console, f"{name}: {rival.run.outcome.message}", hang=2)
+    _say(
+        console,
         "Bold: the least value of a row, among the runs that reached their end. Form: `printed` is a law as its source "
         "prints it, `sampled-data` one for the sample time, with an estimator and limits.",
-        soft_wrap=True,
     )
 
 
@@ -164,7 +174,13 @@ def _fitting(names: list[str], width: int) -> list[list[str]]:
 
 
 def _cell(value: float | None, best: bool = False) -> Text:
-    return Text("-" if value is None else f"{value:.4g}", style="bold" if best else "")
+    return Text("-" if value is None else _digits(value), style="bold" if best else "")
+
+
+def _digits(value: float) -> str:
+    """A number to four digits, without an exponent up to 10 million."""
+    text = f"{value:.4g}"
+    return f"{float(text):.0f}" if "e+" in text and abs(value) < 1e7 else text
 
 
 def _titled(title: str, units: list[str]) -> str:
@@ -175,13 +191,13 @@ def _titled(title: str, units: list[str]) -> str:
 def print_study(result: AbstractResult) -> None:
     """Print the `result` of a study with its tables."""
     console = Console(highlight=False)
-    console.print(Text(result.summary), soft_wrap=True)
+    _say(console, result.summary)
     for section in result.sections():
         if section.head:
             console.print()
             console.print(Text(section.title, style="bold"))
             if section.note:
-                console.print(Text(section.note), soft_wrap=True)
+                _say(console, section.note)
             console.print(_section(section))
 
 
@@ -197,7 +213,7 @@ def _section(section: Section) -> Table:
 def _written(cell: str | float | int | None) -> str:
     if cell is None:
         return "–"
-    return f"{cell:.4g}" if isinstance(cell, float) else str(cell)
+    return _digits(cell) if isinstance(cell, float) else str(cell)
 
 
 def print_certificates(certificates: Certificates, *, every: bool = False) -> None:
@@ -220,27 +236,24 @@ def print_certificates(certificates: Certificates, *, every: bool = False) -> No
             facts.append(f"margin {100 * verdict.margin:.3g} %")
         console.print()
         console.print(Text(f"{sign} {verdict.title}{since}", style=_style(verdict) or "bold"))
-        console.print(Text(_indented("; ".join(facts), 2, console), style="dim"))
-        console.print(Text(_indented(verdict.statement, 2, console)))
+        console.print(Text(wrapped("; ".join(facts), console.width, "  "), style="dim"))
+        console.print(Text(wrapped(verdict.statement, console.width, "  ")))
         for assumption in verdict.assumptions:
             if every or assumption.status == "fails":
                 style = "red" if assumption.status == "fails" else ""
-                console.print(Text(_indented(f"{assumption.status}: {assumption.text}", 4, console), style=style))
+                console.print(
+                    Text(wrapped(f"{assumption.status}: {assumption.text}", console.width, "    ", 2), style=style)
+                )
         for remedy in verdict.remedies:
             # A command to copy is not wrapped.
             changes = f": {remedy.sets}" if remedy.changes else ""
             console.print(Text(f"    remedy: {remedy.words}{changes}"), soft_wrap=True)
     absent = [verdict.name for verdict in certificates if verdict.holds is None]
     if absent and not every:
-        console.print(Text(f"\nNot applicable: {', '.join(absent)}."))
+        console.print()
+        _say(console, f"Not applicable: {', '.join(absent)}.")
     if not every:
-        console.print(Text("`--long` prints every assumption and the reason why a certificate does not apply."))
-
-
-def _indented(text: str, spaces: int, console: Console) -> str:
-    """Wrap the text to the width of the console, and indent each line."""
-    margin = " " * spaces
-    return textwrap.fill(text, console.width, initial_indent=margin, subsequent_indent=margin, break_on_hyphens=False)
+        _say(console, "`--long` prints every assumption and the reason why a certificate does not apply.")
 
 
 def certificates_verdict(certificates: Certificates) -> Text:
@@ -260,21 +273,20 @@ def print_admissions(
         words, style = ("admitted", "green") if answer.admitted else ("not admitted", "bold red")
         console.print(Text(f"{answer.name}: "), Text(words, style=style), Text(grade), sep="", soft_wrap=True)
         if answer.limit is not None:
-            console.print(Text(f"  {answer.limit}"), soft_wrap=True)
+            _say(console, str(answer.limit), margin="  ")
             slower = "not even 4" if answer.slow_down is None else f"admitted {answer.slow_down:.3g}"
-            console.print(Text(f"  {slower} times slower"), soft_wrap=True)
+            _say(console, f"{slower} times slower", margin="  ")
         if answer.bound is not None:
             joint = int(answer.bound.argmax())
-            console.print(
-                Text(
-                    f"  error at most {answer.bound[joint]:.3g} {law.arm.joint_units[joint]}, in "
-                    f"`{law.arm.joint_names[joint]}`, mostly by {answer.dominant}"
-                ),
-                soft_wrap=True,
+            _say(
+                console,
+                f"error at most {answer.bound[joint]:.3g} {law.arm.joint_units[joint]}, in "
+                f"`{law.arm.joint_names[joint]}`, mostly by {answer.dominant}",
+                margin="  ",
             )
         for assumption in answer.verdict.assumptions:
             style = "red" if assumption.status == "fails" else ""
-            console.print(Text(f"  {assumption.status:>8}  {assumption.text}", style=style), soft_wrap=True)
+            _say(console, f"{assumption.status:<8}  {assumption.text}", style=style, margin="  ", hang=10)
     if monitor is not None:
         console.print(Text(f"scheme.sampled_data.monitor: {{disturbance: {monitor['disturbance']}}}"), soft_wrap=True)
 
@@ -296,7 +308,7 @@ def print_speeds(rows: Sequence[SpeedRow]) -> None:
 def print_loop(parts: Scenario, result: LoopResult) -> None:
     """Print latencies, missed ticks and the margin to the envelope of a real-time `result` of the scenario `parts`."""
     console = Console(markup=False, highlight=False)
-    console.print(parts.description.title, style="bold", soft_wrap=True)
+    _say(console, parts.description.title, style="bold")
     table = Table(box=None, pad_edge=False)
     table.add_column("time [µs]")
     latencies = result.percentiles()
@@ -319,7 +331,9 @@ def print_loop(parts: Scenario, result: LoopResult) -> None:
         )
     if result.size is not None:
         lines.append(f"log: {result.size / 1e6:.1f} MB; the recorder takes {1e6 * result.recorder:.1f} µs a tick")
-    console.print("\n" + "\n".join(lines), soft_wrap=True)
+    console.print()
+    for line in lines:
+        _say(console, line)
 
 
 def _style(verdict: Verdict) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -139,6 +140,31 @@ def count_noun(number: int, noun: str, plural: str = "") -> str:
     - `plural`: by default the noun with an s.
     """
     return f"{number} {noun if number == 1 else plural or noun + 's'}"
+
+
+def percent(share: float) -> str:
+    """A share as a percentage of two digits without an exponent: "4.2 %", "61 %", "6338 %".
+
+    Near 100 % it has as many as show on which side it is: "99.97 %".
+
+    - `share`: 1 is 100 %.
+    """
+    value = 100.0 * share
+    size, gap = abs(value), abs(abs(value) - 100.0)
+    if not math.isfinite(value) or not size:
+        return f"{value:.0f} %"
+    decimals = 1 - math.floor(math.log10(gap if 1e-4 < gap < 1.0 else size))
+    text = f"{value:.{min(max(decimals, 0), 9)}f}"
+    return f"{text.rstrip('0').rstrip('.') if '.' in text else text} %"
+
+
+def span(low: float, high: float) -> str:
+    """An interval in two digits, "0.13 to 0.27", or "0.13" if both ends are the same in them.
+
+    - `low`, `high`: its ends.
+    """
+    ends = f"{low:.2g}", f"{high:.2g}"
+    return " to ".join(dict.fromkeys(ends))
 
 
 def each_of(number: int, noun: str) -> str:

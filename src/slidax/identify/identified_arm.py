@@ -157,9 +157,11 @@ class Identification:
             half = 0.5 * (parameter.interval()[1] - parameter.interval()[0])
             end = "" if parameter.identifiable else "  not seen in this log"
             lines.append(f"{parameter.label:<{width}}  {parameter.value:>10.4g} ± {half:<8.2g} {parameter.unit}{end}")
-        lines.append(f"torque [rms] measured     {_listed(self.measured_rms)}")
-        lines.append(f"             error, fit   {_listed(self.fit_rms)}")
-        lines.append(f"             held out     {_listed(self.held_out_rms)}")
+        units = ", ".join(dict.fromkeys("N m" if unit == "rad" else "N" for unit in self.robot.joint_units))
+        lines.append(f"root mean square of the torques [{units}], joint by joint:")
+        lines.append(f"measured      {_listed(self.measured_rms)}")
+        lines.append(f"error of fit  {_listed(self.fit_rms)}")
+        lines.append(f"held out      {_listed(self.held_out_rms)}")
         lines.append(str(self.band) if self.band else "no band: some body of the arm has no mass or no inertia")
         lines += [f"warning: {sentence}" for sentence in self.warnings]
         if self.unseen_directions:

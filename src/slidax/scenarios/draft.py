@@ -20,7 +20,7 @@ from slidax.arms.files.find_arm import find_arm
 from slidax.arms.files.mjcf import from_mjcf
 from slidax.arms.files.robot_descriptions import description_file, is_description
 from slidax.arms.files.urdf import from_urdf
-from slidax.core.errors import DefinitionError, DefinitionWarning, as_array, nearest_word
+from slidax.core.errors import DefinitionError, DefinitionWarning, as_array, nearest_word, percent
 from slidax.simulation.states import Numbers
 
 from .draft_choices import Motion, Ratings, home_of, motion_about, ratings_of, tip_share
@@ -170,7 +170,8 @@ def requirements_text(chosen: Choices) -> str:
         (
             "robot.plant",
             f"The true arm: rotor inertias of {ROTORS:g} kg m² per N m, unless the robot's file has them, and Coulomb "
-            f"friction of {FRICTION:.0%} of the torque limits. The law does not know them.{_payload_frame(chosen)}",
+            f"friction of {percent(FRICTION)} of the torque limits. The law does not know them."
+            f"{_payload_frame(chosen)}",
         ),
         ("uncertainty", "Assumed ranges: replace them by yours. The design is tested in random cases of them all."),
         (
@@ -343,7 +344,7 @@ def _with_tried_horizon(chosen: Choices, folder: Path) -> Choices:
         return chosen
     tried = ", ".join(f"{1e3 * horizon:g}" for horizon in margins)
     result = (
-        f"its run has a margin of {margins[best]:.0%} of the envelope's width"
+        f"its run has a margin of {percent(margins[best])} of the envelope's width"
         if margins[best] > 0.0
         else "its run leaves the envelope all the same: name a lighter payload, or widen the envelope"
     )

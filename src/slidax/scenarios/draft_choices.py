@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slidax.arms.articulated import Articulated
-from slidax.core.errors import DefinitionError, as_array
+from slidax.core.errors import DefinitionError, as_array, percent
 from slidax.simulation.states import Numbers, States, spread_in_box, states_of
 
 
@@ -112,6 +112,7 @@ def _torques(arm: Articulated, lower: Numbers, upper: Numbers) -> tuple[Numbers,
     far = (one_for_all and ratio.max() > EQUAL) | (ratio > FAR)
     far = np.broadcast_to(far, limits.shape)
     weak = ~missing & (limits < 0.5 * weight)
+    why_weak = _too_weak(arm, limits, weight, weak, one_for_all)
     if one_for_all and weak.any():
         weak = np.ones_like(missing)
     rounded = np.array([float(f"{value:.2g}") for value in needed])
@@ -119,15 +120,20 @@ def _torques(arm: Articulated, lower: Numbers, upper: Numbers) -> tuple[Numbers,
     for which, why in (
         (missing, "no effort limit in the file, or 0"),
         (far & ~weak, _placeholder(limits, ratio, one_for_all)),
-        (
-            weak,
-            f"a limit of {_list(limits[weak])} N m, too small for half of the arm's own weight, "
-            f"{_list(weight[weak])} N m",
-        ),
+        (weak, why_weak),
     ):
         if which.any():
             notes.append(f"{_named(arm, which)}: {why}; {_list(rounded[which])} N m is assumed from the arm's weight")
     return np.where(missing | far | weak, np.where(far & ~weak, np.minimum(limits, rounded), rounded), limits), notes
+
+
+def _too_weak(arm: Articulated, limits: Numbers, weight: Numbers, weak: NDArray[np.bool_], one_for_all: bool) -> str:
+    """Reason why the limits of `weak` joints are not believed, or one limit for all joints of which some are weak."""
+    if not weak.any():
+        return ""
+    limit = f"{limits[0]:g} N m for every joint" if one_for_all else f"a limit of {_list(limits[weak])} N m"
+    carry = "carries" if weak.sum() == 1 else "carry"
+    return f"{limit}, too small for half of the weight that {_named(arm, weak)} {carry}, {_list(weight[weak])} N m"
 
 
 def _placeholder(limits: Numbers, ratio: Numbers, one_for_all: bool) -> str:
@@ -292,9 +298,9 @@ def motion_about(arm: Articulated, ratings: Ratings, home: Numbers, share: float
     if share > TIP_SHARE and held.max() > HOLDABLE:
         joint = int(np.argmax(held))
         raise DefinitionError(
-            f"the payload of {share * float(np.sum(np.asarray(arm.masses))):.3g} kg takes {held[joint]:.0%} of the "
-            f"torque limit of joint `{arm.joint_names[joint]}` to hold; at most {HOLDABLE:.0%} is allowed: name a "
-            "lighter payload, or an arm with larger torque limits"
+            f"the payload of {share * float(np.sum(np.asarray(arm.masses))):.3g} kg takes {percent(held[joint])} of "
+            f"the torque limit of joint `{arm.joint_names[joint]}` to hold; at most {percent(HOLDABLE)} is allowed: "
+            "name a lighter payload, or an arm with larger torque limits"
         )
     allowed = np.maximum(TORQUE_SHARE, held.max() + 0.1)
     pace = 1.0

@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field, field_validator
 
-from slidax.core.errors import DefinitionError, count_noun, locate_errors, nearest_word, plain_name
+from slidax.core.errors import DefinitionError, count_noun, locate_errors, nearest_word, percent, plain_name
 from slidax.scenarios.descriptions import input_field
 from slidax.scenarios.family import Family
 from slidax.scenarios.load import alter_description
@@ -120,7 +120,8 @@ class CompareResult(AbstractResult):
                 both = None if name == self.reference else self.shares(name, holds)
                 rates.append([name, holds, failures, *bounds, None if both is None else both.p_value])
         note = (
-            f"Of {count_noun(len(self._cases), 'case')}; intervals at {self.confidence:.0%}; p by McNemar's exact test."
+            f"Of {count_noun(len(self._cases), 'case')}; intervals at {percent(self.confidence)}; p by McNemar's "
+            "exact test."
         )
         head = ("Scheme", "asked", "failed", "holds at least", "holds at most", "p, against the first")
         result = [Section("Rates", note, head, rates)]

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from slidax.core.errors import DefinitionError, count_noun, nearest_word, plain_name
+from slidax.core.errors import DefinitionError, count_noun, nearest_word, percent, plain_name
 from slidax.core.files import json_value
 from slidax.scenarios.descriptions import input_field
 from slidax.scenarios.scenario import ScenarioDescription
@@ -158,7 +158,7 @@ class FalsifyResult(AbstractTableResult):
         label = f"worst {self.study.worst.replace('_', ' ')}"
         bound = 0.0 if self.study.worst == MARGIN else None
         chart = Chart("search", "The search", "The worst value so far.", "search_history", (history, label, bound))
-        note = f"Any two differ in at least one value, by {self.study.apart:.0%} of its set or more."
+        note = f"Any two differ in at least one value, by {percent(self.study.apart)} of its set or more."
         worst = Section("The worst cases", note, head, rows, [chart])
         if not self.rows:
             return [worst]

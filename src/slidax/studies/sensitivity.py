@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from slidax.core.errors import DefinitionError, count_noun, nearest_word, plain_name, short_repr
+from slidax.core.errors import DefinitionError, count_noun, nearest_word, percent, plain_name, short_repr
 from slidax.scenarios.descriptions import input_field
 
 from .runner import BatchEvaluator
@@ -181,7 +181,8 @@ class SensitivityResult(AbstractTableResult):
     @property
     def summary(self) -> str:
         shares = [
-            f"of `{of}` {self.labels[int(np.argmax(own.total))]} has {min(max(float(own.total.max()), 0.0), 1.0):.0%}"
+            f"of `{of}` {self.labels[int(np.argmax(own.total))]} has "
+            f"{percent(min(max(float(own.total.max()), 0.0), 1.0))}"
             for of, own in self.indices.items()
             if own.variance > 0
         ]
@@ -195,7 +196,7 @@ class SensitivityResult(AbstractTableResult):
                 for k, name in enumerate(self.labels)
             ]
             values = (self.labels, own.first, own.total, (own.first_half, own.total_half))
-            note = f"Shares of the variance, with the half widths of their {self.study.confidence:.0%} intervals."
+            note = f"Shares of the variance, with the half widths of their {percent(self.study.confidence)} intervals."
             chart = Chart(f"shares-{of}", f"Shares of {of}", "Alone, and with interactions.", "variance_shares", values)
             head = ("Uncertain", "alone", "±", "with interactions", "±")
             parts.append(Section(f"Dependence of {of}", note, head, rows, [chart]))

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from slidax.analysis.metrics import METRICS
-from slidax.core.errors import DefinitionError, count_noun, nearest_word, plain_name
+from slidax.core.errors import DefinitionError, count_noun, nearest_word, percent, plain_name
 from slidax.scenarios.descriptions import input_field
 from slidax.scenarios.family import Family, Space, as_changes
 from slidax.scenarios.load import alter_description
@@ -299,7 +299,7 @@ class TuneResult(AbstractResult):
             item = self.difference(self.best, aim)
             low, high = (item.of_mean.lower, item.of_mean.upper) if item.of_mean else (None, None)
             differences.append([aim, item.mean, low, high, item.p_value])
-        note = f"Case by case on held-out cases, with {self.confidence:.0%} intervals; < 0 is better than today."
+        note = f"Case by case on held-out cases, with {percent(self.confidence)} intervals; < 0 is better than today."
         head = ("Aim", "difference", "at least", "at most", "p, Wilcoxon")
         return [*result, Section("The best compared with today", note, head, differences)]
 

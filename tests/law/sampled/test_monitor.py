@@ -29,12 +29,15 @@ def watched(push, monitor, delay=0.0, gain=0.0):
     return law, simulate(plant, law, Still([0.0]), start, t1=3.0, period=PERIOD, outside="recover", log_every=1)
 
 
-@pytest.mark.parametrize("push", [0.0, 3.0, -60.0])
+@pytest.mark.parametrize("push", [0.0, 3.0, 60.0, -60.0])
 def test_margin_under_a_constant_disturbance_counts_h_squared_w(push):
-    """`x = H² w` of the loop-rate rule, against a share of `ϑ ρ`; y settles at `H² w + ρ ψ(ε)` beside it."""
+    """`x = H² w` of the loop-rate rule, against a share of the side that it points to; y settles at `H² w + ρ ψ(ε)`.
+
+    The side towards the initial error is five times as wide: there 60 m/s² leave as much room as 12 on the other.
+    """
     share = 0.5
     _, run = watched(push, Monitor(share=share))
-    of_room = H * H * abs(push) / (share * 0.2 * FINAL)
+    of_room = H * H * abs(push) / (share * (1.0 if push > 0.0 else 0.2) * FINAL)
     y = float(run.log.e[-1, 0]) / (0.95 * FINAL * np.where(run.log.e[-1, 0] * 0.1 > 0, 1.0, -0.2))
     assert run.log.signals["margin"][-1] == pytest.approx(1.0 - max(of_room, y), abs=2e-3)
     assert (run.log.signals["assumption_violated"][-1] > 0) == (max(of_room, y) > 1.0)

@@ -9,6 +9,7 @@ import numpy as np
 
 from slidax.analysis.cause import Remedy
 from slidax.analysis.run_record import joint_loops
+from slidax.core.errors import span
 from slidax.law.calm_step import CalmStep
 from slidax.law.implicit_steps import AbstractSurfaceStep
 from slidax.law.joint_learning import JointLearning
@@ -78,8 +79,8 @@ def inertia_ratio(scenario: Scenario, demand: Demand) -> Verdict:
     ]
     after = any("afterwards" in line.text and line.status != "fails" for line in learning)
     says = (
-        f"κ of `{names[joint]}` is {low[joint]:.2g} to {high[joint]:.2g}, and its loop is stable for "
-        f"{ranges[0, joint]:.2g} to {ranges[1, joint]:.2g} (docs/sampled-data.md, Admissible error of M0)"
+        f"κ of `{names[joint]}` is {span(low[joint], high[joint])}, and its loop is stable for "
+        f"{span(*ranges[:, joint])} (docs/sampled-data.md, Admissible error of M0)"
     )
     if not alone and after:
         says += "; learning brings κ into this range, which is not proved"

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from slidax.analysis.cause import Remedy
+from slidax.core.errors import percent
 from slidax.core.types import State
 from slidax.law.calm_step import CalmStep
 from slidax.law.sampled.controller import SampledData
@@ -172,7 +173,7 @@ def uncertainty_bound(scenario: Scenario, family: Family | None = None) -> Verdi
     share = max(largest_share(own, gamma, samples), largest_share(own, gamma, fresh))
     holds = share <= 1.0
     finite = np.isfinite(share)
-    part = f"{share:.0%} of them are needed" if finite else "they are zero where a bound is needed"
+    part = f"{percent(share)} of them are needed" if finite else "they are zero where a bound is needed"
     statement = f"The law's b0, b1, b2 are {'enough' if holds else 'too small'} (19): {part}. {smallest_text}"
     return Verdict(
         *UNCERTAINTY_BOUND,

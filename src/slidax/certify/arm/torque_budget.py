@@ -11,7 +11,7 @@ import jax
 import numpy as np
 
 from slidax.analysis.cause import Remedy
-from slidax.core.errors import DefinitionError, count_noun
+from slidax.core.errors import DefinitionError, count_noun, percent
 from slidax.core.types import State
 from slidax.law.sampled.controller import SampledData
 from slidax.scenarios.family import Family
@@ -341,7 +341,7 @@ def _statement(
     joint = int(np.argmax(used))
     unit, name = robot.torque_units[joint], robot.joint_names[joint]
     text = (
-        f"Along the motion `{name}` uses {used[joint]:.0%} of its drive: up to {torque[joint]:.4g} of "
+        f"Along the motion `{name}` uses {percent(used[joint])} of its drive: up to {torque[joint]:.4g} of "
         f"{limit[joint]:.4g} {unit}, and {step[joint]:.3g} of {change[joint]:.3g} {unit} a period."
     )
     if not reached.any():

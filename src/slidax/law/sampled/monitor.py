@@ -45,6 +45,11 @@ class MonitorMemory(eqx.Module):
     followed: State
 
 
+def used_share(y: Vector, share: PerJoint, envelope: Envelope) -> Array:
+    """Largest ratio of `y` [n] to the allowed `share` of the envelope's side towards which it points."""
+    return jnp.max(jnp.maximum(y / (share * envelope.upper), y / (share * envelope.lower)))
+
+
 class Monitor(AbstractPart):
     """Warn before the error leaves its envelope: the led error shows it a horizon earlier.
 
@@ -57,19 +62,20 @@ class Monitor(AbstractPart):
     An estimator that is slower than the horizon shows this too late. Therefore a second filter computes x and y from
     measured positions: an α-β filter around the plan with the poles `p1 = 1 - h/H` and `p2 = 1 - 4 h/H`, whose
     innovation times `(1 - p2) H/h` is x delayed by the second pole; the worse of both counts. The loop-rate rule
-    guarantees that `|x| <= share ϑ ρ(t + c)`, and that y stays within `led` times its own envelope. e is a mean of y,
-    so that e cannot leave before y does.
+    guarantees that x takes at most `share` of the envelope's side towards which it points, at t + c, and that y stays
+    within `led` times its own envelope. The other side may be narrower: x does not move the error there. e is a mean of
+    y, so that e cannot leave before y does.
 
-    Signals: `margin`, the least `1 - |x|/(share ϑ ρ)` and `1 - |y|/(led ρ)` of all joints, negative if the
-    guarantee does not hold; `assumption_violated`, a sum of `1`: x is too large, `2`: a learnt inertia is outside the
-    range of the guarantee, `4`: y is too near to its envelope, `8`: the estimated disturbance is larger than
-    `disturbance`. A law without a plan has the last check alone.
+    Signals: `margin`, the least `1 - x/(share b ρ)` and `1 - y/(led b ρ)` of all joints, with b of the side towards
+    which each points, negative if the guarantee does not hold; `assumption_violated`, a sum of `1`: x is too large,
+    `2`: a learnt inertia is outside the range of the guarantee, `4`: y is too near to its envelope, `8`: the estimated
+    disturbance is larger than `disturbance`. A law without a plan has the last check alone.
     """
 
     title = "Guarantee monitor: each sample is compared with the assumptions of the guarantee."
 
     share: PerJoint = parameter(
-        "share of the envelope's nearer side that the estimation error may take up",
+        "share of the envelope's side that the estimation error may take up",
         "",
         "(0, 1]",
         default=0.5,
@@ -147,11 +153,12 @@ class Monitor(AbstractPart):
         position = jnp.where(usual, memory.followed.q + (slow + quick - slow * quick) * surprise, measured)
         speed = jnp.where(usual, memory.followed.dq + slow * quick / period * surprise, now.dq)
         followed = State(q=position, dq=speed)
-        most = jnp.maximum(jnp.abs(missed), jnp.abs(surprise) * (quick / slow))
-        of_room = jnp.max(most / (self.share * jnp.minimum(envelope.upper, -envelope.lower)))
+        of_room = jnp.maximum(
+            used_share(missed, self.share, envelope), used_share(surprise * (quick / slow), self.share, envelope)
+        )
         of_way = jnp.maximum(
-            self._way(now.q - desired.q + lead_time * (now.dq - desired.dq), envelope),
-            self._way(measured - desired.q + lead_time * (speed - desired.dq), envelope),
+            used_share(now.q - desired.q + lead_time * (now.dq - desired.dq), self.led, envelope),
+            used_share(measured - desired.q + lead_time * (speed - desired.dq), self.led, envelope),
         )
         violated = jnp.where(of_room > 1.0, MISSED, 0.0) + jnp.where(of_way > 1.0, NO_ROOM, 0.0)
         unmodelled = self.without_plan(disturbance)
@@ -168,10 +175,6 @@ class Monitor(AbstractPart):
         bound = jnp.inf if self.disturbance is None else self.disturbance
         ratio = jnp.max(jnp.abs(disturbance) / bound)
         return {"margin": 1.0 - ratio, "assumption_violated": jnp.where(ratio > 1.0, UNMODELLED, 0.0)}
-
-    def _way(self, y: Vector, envelope: Envelope) -> Array:
-        """Largest ratio of the led error y to its allowed share of the envelope."""
-        return jnp.max(jnp.maximum(y / (self.led * envelope.upper), y / (self.led * envelope.lower)))
 
     def _unlike(self, rotor: Vector) -> Bool[Array, ""]:
         """True if a learnt inertia is outside the range of the guarantee."""
