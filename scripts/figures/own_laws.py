@@ -31,6 +31,9 @@ SOURCES = {
     "MomentumObserver": "computed torque with a momentum observer (De Luca and Mattone, 2003)",
     "AdaptiveSlotineLi": "adaptive control with a regressor (Slotine and Li, 1987)",
     "AdaptiveSuperTwisting": "adaptive super-twisting (Shtessel, Taleb and Plestan, 2012)",
+    "BarrierSuperTwisting": "super-twisting with a barrier (Obeid and others, 2020)",
+    "SampledFunnel": "sampled funnel control (Lanza and others, 2024)",
+    "PrescribedTime": "prescribed time and accuracy (Cao, Cao and Song, 2021)",
 }
 
 
