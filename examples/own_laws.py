@@ -284,9 +284,9 @@ class SampledFunnel(AbstractModelBased):
     """`τ = M0 (q̈_d + u) + C0 q̇ + G0` with `u = -β/e2` once `|e2| >= threshold`, and `u = -kp e - kd ė` below it.
 
     `e1 = e/ρ`, `e2 = ė/ρ + e1/(1 - e1²)`, `ρ = (ρ0 - ρ∞) (1 - t/T)^σ + ρ∞`, held over a period. Source: Lanza, arXiv
-    2402.05688 (relative degree two, where ė is the difference of two samples), and Lanza, Dennstädt, Worthmann, Schmitz,
-    Şen, Trenn and Schaller, arXiv 2303.00523, where any bounded input may act below the threshold. Each joint has its
-    own funnel here, and the model and the PD law inside are ours.
+    2402.05688 (relative degree two, where ė is the difference of two samples), and Lanza, Dennstädt, Worthmann,
+    Schmitz, Şen, Trenn and Schaller, arXiv 2303.00523, where any bounded input may act below the threshold. Each joint
+    has its own funnel here, and the model and the PD law inside are ours.
     """
 
     initial: PerJoint = parameter("ρ0", "rad", "> 0", default=1.0)
@@ -312,7 +312,7 @@ class SampledFunnel(AbstractModelBased):
 
 
 class PrescribedTime(AbstractModelBased):
-    """`τ = g (M0 q̈_d + C0 q̇_d + G0) - M̄ (k2 z + μ1 h2 ξ1 + r2 â Φ z)/μ2`: errors of a prescribed accuracy at a given time.
+    """`τ = g (M0 q̈_d + C0 q̇_d + G0) - M̄ (k2 z + μ1 h2 ξ1 + r2 â Φ z)/μ2`: a prescribed accuracy at a prescribed time.
 
     `ξ1 = e/h1(e/(F1 β))`, `ξ2 = q̇/h2(q̇/F2)`, `β = (1 - b) (1 - t/T)³ + b`, `b = ε/(√n F1)`, with bumps h that are 1 at
     0 and 0 at the bounds; μ1, μ2 are the slopes of ξ1 and ξ2, ν that of ξ1 over β times β̇. `z = ξ2 - α`,
