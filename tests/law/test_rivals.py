@@ -121,6 +121,6 @@ def test_prescribed_time_law_keeps_its_accuracy_from_its_deadline_on_in_the_auth
         q = q + h * dq
         return (q, dq, command.memory_after(jnp.asarray(h))), (jnp.linalg.norm(q - desired.q), jnp.max(jnp.abs(dq)))
 
-    times = h * jnp.arange(1, 4001)
+    times = jnp.asarray(h * np.arange(1, 4001))
     _, (error, speed) = jax.lax.scan(period, (jnp.array([0.15, 0.4]), jnp.zeros(2), jnp.zeros(())), times)
     assert 0.0 < np.max(error[times >= deadline]) <= accuracy and np.max(speed) < 3.0
