@@ -26,7 +26,6 @@ from slidax.report.figures.style import LINES, NARROW, WIDTH, styled
 from slidax.scenarios import Scenario
 from slidax.scenarios.family import Family
 from slidax.scenarios.load import alter_description, read_description
-from slidax.scenarios.schemes import PRESETS
 from slidax.scenarios.uncertainty import Uncertainty
 from slidax.simulation import Run
 from slidax.studies.benchmark.entries import BenchmarkEntry, GainDescription, Gains
@@ -107,7 +106,6 @@ PUSH, PUSHED, STEADY, END = 0.06, 5.0, 4.0, 8.0
 """Share of the rated torque, its time, and the first and the last time of the steady errors [s]; it takes 0.1 s."""
 
 CHANGES: dict[str, Any] = {
-    "scheme.sampled_data.adaptation": {"kind": "arm_learning"},
     "tolerance": TOLERANCE,
     "disturbance": {
         "scale": 0.0,
@@ -175,8 +173,12 @@ LABELS = {
     "SampledFunnel": "sampled funnel",
     "PrescribedTime": "prescribed time",
 }
-RIVALS = [*(name for name, preset in PRESETS.items() if preset.complete), CALM, *LABELS]
-"""Schemes of the package by name, and the classes of examples/own_laws.py."""
+PACKAGE = ("cftsmppc", "super_twisting", "slotine_li", "slotine_li_ppc", "computed_torque", "nftsmc", "ftsmc", "pid")
+RIVALS = {"joint": (*PACKAGE, *LABELS), "arm": (*PACKAGE[:3], PACKAGE[4], CALM, *LABELS)}
+"""Schemes of the package and classes of examples/own_laws.py, by what learns the arm."""
+
+FIRST = 104
+"""Runs of the first batch: so many are worth optimised machine code, which is then compiled once."""
 
 SEEDS, ARMS = 3, 20
 LEVELS = (0.003, 0.01, 0.03)
@@ -196,15 +198,17 @@ class Rival:
     - `family`: the scenarios with its gains and what varies in the worst cases.
     - `cases`: runs them.
     - `ideal`: steps of the ideal torque over the steady time [samples n].
+    - `first`: least number of runs of the next batch.
     """
 
     family: Family
     cases: Cases
     ideal: np.ndarray
+    first: int = FIRST
 
     @classmethod
-    def of(cls, name: str, t1: float = END) -> Rival:
-        """The law by its name in `RIVALS`."""
+    def of(cls, name: str, learning: str, t1: float = END) -> Rival:
+        """The law by its name in `RIVALS`, with `joint_learning` or `arm_learning`."""
         scheme = f"{PATH}:{name}" if name in LABELS else name.partition(",")[0]
         entry = BenchmarkEntry(scheme, "sampled-data")
         gains, fixed = entry.gains(), FIXED.get(name, {})
@@ -218,7 +222,8 @@ class Rival:
             tuned["inertia"] = GainDescription(between=(0.1, 10.0), times="inertia")
         base = alter_description(
             read_description("panda-payload"),
-            {"scheme.name": scheme, **CHANGES, "simulation.t1": t1}
+            {"scheme.name": scheme, "scheme.sampled_data.adaptation": {"kind": f"{learning}_learning"}}
+            | {**CHANGES, "simulation.t1": t1}
             | {f"scheme.{path}": value for path, value in {**gains.fixed, **fixed}.items()},
         )
         family = Family.of(base, _Sets.validate_python(UNKNOWN), Gains(tuned, {}).sets(base))
@@ -235,16 +240,15 @@ class Rival:
 
     def judge(self, cube: np.ndarray) -> FrontEvaluation:
         """Error and noise of gains, and by how much they leave the tolerance band."""
-        aims, broken = [], []
         own = {path: np.asarray(value, float)[None] for path, value in OWN.items()}
-        for first in range(0, len(cube), 16):
-            run = self.cases.batch(self.values(cube[first : first + 16], own), 1)
-            outside = np.asarray(run.tally.tolerance.outside)
-            error, noise = self.measured(run)
-            fine = np.isfinite(error) & np.isfinite(noise) & (np.asarray(run.fault.kind) == 0)
-            aims.append(np.where(fine[:, None], np.maximum(np.stack([error, noise], axis=1), 1e-9), 1e3))
-            broken.append(np.where(fine, outside / 100.0, 1e3))
-        return FrontEvaluation(np.concatenate(aims), np.concatenate(broken))
+        rows = np.concatenate([cube, np.repeat(cube[:1], max(self.first - len(cube), 0), axis=0)])
+        self.first = 0
+        run = self.cases.batch(self.values(rows, own), 1)
+        error, noise = (value[: len(cube)] for value in self.measured(run))
+        outside, kind = np.asarray(run.tally.tolerance.outside)[: len(cube)], np.asarray(run.fault.kind)[: len(cube)]
+        fine = np.isfinite(error) & np.isfinite(noise) & (kind == 0)
+        aims = np.where(fine[:, None], np.maximum(np.stack([error, noise], axis=1), 1e-9), 1e3)
+        return FrontEvaluation(aims, np.where(fine, outside / 100.0, 1e3))
 
     def measured(self, run: Run) -> tuple[np.ndarray, np.ndarray]:
         """Largest error [rad], and root mean square of torque steps less the ideal ones [N m], of the worst joint."""
@@ -264,7 +268,7 @@ class Rival:
         error, tau = np.abs(np.asarray(run.log.e)), np.asarray(run.log.tau)
         outside, first = np.asarray(run.tally.tolerance.outside), error.shape[1] - len(self.ideal) - 1
         largest = error[:arms, first:].max(axis=(1, 2))
-        pushed, period = error[-1].max(axis=1), END / (error.shape[1] - 1)
+        pushed, period = error[-1].max(axis=1), self.family.base.simulation.period
         late = np.flatnonzero(pushed > SETTLED)
         settled = 0.0 if not len(late) else (late[-1] + 1) * period - PUSHED
         return {
@@ -272,7 +276,7 @@ class Rival:
             "median": float(np.median(np.where(np.isfinite(largest), largest, np.inf))),
             "largest": float(np.max(np.where(np.isfinite(largest), largest, np.inf))),
             "chattering": share_above(tau[arms, first:], period),
-            "peak": float(pushed[round(PUSHED / period) :].max()),
+            "peak": float(pushed[round(PUSHED / period) :].max(initial=0.0)),
             "outside": int(outside[-1]),
             "settled": max(float(settled), 0.0) if settled < END - PUSHED else float("inf"),
         }
@@ -286,10 +290,10 @@ def share_above(tau: np.ndarray, period: float) -> float:
     return float((power[above].sum(axis=0) / power.sum(axis=0)).max())
 
 
-def front_of(name: str, candidates: int, seeds: int, arms: int, t1: float) -> dict[str, Any]:
+def front_of(name: str, learning: str, candidates: int, seeds: int, arms: int, t1: float) -> dict[str, Any]:
     """The fronts of a law by seed, and its worst cases at the least error up to the last of `LEVELS`."""
     started = time.perf_counter()
-    rival = Rival.of(name, t1)
+    rival = Rival.of(name, learning, t1)
     dimension = rival.family.varied.dimensions
     start = np.clip(point_of_own_values(rival.family.varied), 0.02, 0.98)
     fronts, cubes = [], []
@@ -312,29 +316,40 @@ def write_rival_fronts() -> None:
     """Tune each law for error against torque noise on `panda-payload`; write the tables and the picture."""
     parser = argparse.ArgumentParser(description=write_rival_fronts.__doc__)
     parser.add_argument("--kept", type=Path, required=True, help="folder of the results, where the command goes on")
-    parser.add_argument("--candidates", type=int, default=450, help="sets of gains for each seed")
-    parser.add_argument("--only", nargs="*", default=RIVALS, metavar="LAW", help="some laws; no tables are written")
+    parser.add_argument("--candidates", type=int, default=240, help="sets of gains for each seed")
+    parser.add_argument("--only", nargs="*", metavar="LEARNING/LAW", help="some, such as joint/Rise; no tables")
     parser.add_argument("--small", action="store_true", help="short runs with one seed and two arms: that it works")
     arguments = parser.parse_args()
     scenarios.allow_code()
-    kept = arguments.kept
-    kept.mkdir(parents=True, exist_ok=True)
-    for name in arguments.only:
-        path = kept / f"{name.replace(', ', '-')}.json"
+    every = [f"{learning}/{name}" for learning, names in RIVALS.items() for name in names]
+    for key in every if arguments.only is None else arguments.only:
+        path, (learning, _, name) = kept_file(arguments.kept, key), key.partition("/")
         if path.exists():
             continue
         if arguments.small:
-            result = front_of(name, 16, 1, 2, 0.2)
+            result = front_of(name, learning, 8, 1, 2, 0.2)
         else:
-            result = front_of(name, arguments.candidates, SEEDS, ARMS, END)
+            result = front_of(name, learning, arguments.candidates, SEEDS, ARMS, END)
+        path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps(result, indent=1), encoding="utf-8")
-        print(f"{name}: {result.get('chosen')}, {result['seconds']:.0f} s", flush=True)
-    if arguments.only == RIVALS and not arguments.small:
-        results = {name: json.loads((kept / f"{name.replace(', ', '-')}.json").read_text()) for name in RIVALS}
-        results = dict(sorted(results.items(), key=lambda item: error_at(item[1]["fronts"], LEVELS[1])))
-        write_fronts(results)
-        write_worst_of_rivals(results)
-        save(draw_rival_fronts(results), "rival-fronts")
+        print(f"{key}: {result.get('chosen')}, {result['seconds']:.0f} s", flush=True)
+    if arguments.only is not None or arguments.small:
+        return
+    kept = {key: json.loads(kept_file(arguments.kept, key).read_text(encoding="utf-8")) for key in every}
+    ordered = dict(sorted(kept.items(), key=lambda item: error_at(item[1]["fronts"], LEVELS[1])))
+    by_learning = {
+        learning: {key.partition("/")[2]: result for key, result in ordered.items() if key.startswith(learning)}
+        for learning in RIVALS
+    }
+    for learning, results in by_learning.items():
+        write_fronts(results, learning)
+        write_worst_of_rivals(results, learning)
+    save(draw_rival_fronts(by_learning), "rival-fronts")
+
+
+def kept_file(folder: Path, key: str) -> Path:
+    """File of a law's result."""
+    return folder / f"{key.replace(', ', '-')}.json"
 
 
 def error_at(fronts: list[list[list[float]]], level: float) -> float:
@@ -352,7 +367,7 @@ def number(value: float) -> str:
     return f"{value:.1e}" if np.isfinite(value) else "-"
 
 
-def write_fronts(results: dict[str, Any]) -> None:
+def write_fronts(results: dict[str, Any], learning: str) -> None:
     """The table of errors at each noise, of all seeds together and from the best to the worst seed."""
     rows = []
     for name, result in results.items():
@@ -363,10 +378,10 @@ def write_fronts(results: dict[str, Any]) -> None:
         rows.append([label(name), *errors, number(least), f"{number(min(seeds))} to {number(max(seeds))}"])
     levels = [f"error [rad] at {level:g} N m" for level in LEVELS]
     head = ["law", *levels, "least error", f"seeds, at {LEVELS[1]:g} N m"]
-    write_table(PAGE, "rival-fronts", table(head, rows))
+    write_table(PAGE, f"rival-fronts-{learning}", table(head, rows))
 
 
-def write_worst_of_rivals(results: dict[str, Any]) -> None:
+def write_worst_of_rivals(results: dict[str, Any], learning: str) -> None:
     """The table of worst cases, spectrum and push."""
     rows = []
     for name, result in results.items():
@@ -399,32 +414,31 @@ def write_worst_of_rivals(results: dict[str, Any]) -> None:
         "samples outside",
         "within 1e-3 rad after",
     ]
-    write_table(PAGE, "rival-worst", table(head, rows))
+    write_table(PAGE, f"rival-worst-{learning}", table(head, rows))
 
 
-DRAWN = (CALM, "cftsmppc", "super_twisting", "slotine_li", "computed_torque")
-"""Laws with a line of their own; the others are thin."""
+TITLES = {"joint": "`joint_learning`", "arm": "`arm_learning`"}
 
 
 @styled
-def draw_rival_fronts(results: dict[str, Any]) -> Figure:
-    """Error over torque noise of each law, of all seeds together."""
-    figure = Figure(figsize=(WIDTH, 4.0), layout="constrained")
-    axes = figure.subplots()
-    best = [name for name in results if name in LABELS][:2]
-    drawn = (*DRAWN, *best)
-    for name in sorted(results, key=lambda name: name in drawn):
-        aims = np.concatenate([np.reshape(front, (-1, 2)) for front in results[name]["fronts"]])
-        aims = aims[non_dominated(aims)] if len(aims) else aims
-        aims = aims[np.argsort(aims[:, 1])]
-        look = LINES[drawn.index(name) % len(LINES)] if name in drawn else NARROW
-        axes.plot(aims[:, 1], aims[:, 0], **look, label=label(name).replace("`", "") if name in drawn else None)
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.set_xlim(8e-4, 0.3)
-    axes.set_ylim(5e-6, 1e-2)
-    plain_numbers(axes, [0.001, 0.003, 0.01, 0.03, 0.1, 0.3])
-    axes.set_xlabel("torque noise  [N m]")
-    axes.set_ylabel("steady error  [rad]")
-    axes.legend(loc="upper right", ncols=2)
+def draw_rival_fronts(by_learning: dict[str, dict[str, Any]]) -> Figure:
+    """Error over torque noise of each law, of all seeds together: the best five, and all others narrow."""
+    figure = Figure(figsize=(WIDTH, 3.6), layout="constrained")
+    for axes, (learning, results) in zip(figure.subplots(1, 2, sharey=True), by_learning.items(), strict=True):
+        best = list(results)[: len(LINES)]
+        for name in sorted(results, key=lambda name: name in best):
+            aims = np.concatenate([np.reshape(front, (-1, 2)) for front in results[name]["fronts"]])
+            aims = aims[non_dominated(aims)] if len(aims) else aims
+            aims = aims[np.argsort(aims[:, 1])]
+            look = LINES[best.index(name)] if name in best else NARROW
+            axes.plot(aims[:, 1], aims[:, 0], **look, label=label(name).replace("`", "") if name in best else None)
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        axes.set_xlim(8e-4, 0.3)
+        axes.set_ylim(8e-6, 1e-2)
+        plain_numbers(axes, [0.001, 0.01, 0.1])
+        axes.set_xlabel("torque noise  [N m]")
+        axes.set_title(TITLES[learning].replace("`", ""))
+        axes.legend(loc="upper right")
+    figure.axes[0].set_ylabel("steady error  [rad]")
     return figure
