@@ -45,7 +45,7 @@ def tinympc(horizon: int) -> Solver:
 
     def solve(x: np.ndarray) -> np.ndarray:
         solver.set_x0(x)
-        return np.asarray(solver.solve()["controls"]).ravel()
+        return np.array(solver.solve()["controls"]).ravel()
 
     return solve
 
@@ -85,7 +85,7 @@ def acados(horizon: int) -> Solver:
         solver.set(0, "lbx", x)
         solver.set(0, "ubx", x)
         solver.solve()
-        return np.asarray(solver.get(0, "u"))
+        return np.array(solver.get(0, "u"))
 
     return solve
 
