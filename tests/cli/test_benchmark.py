@@ -34,6 +34,7 @@ def test_a_small_benchmark_runs_in_processes_and_resumes(tmp_path):
     assert kept == {path: path.stat().st_mtime_ns for path in kept}
 
 
+@pytest.mark.full
 def test_a_law_in_one_file_enters_and_a_mistake_in_it_is_named_until_it_is_mended(tmp_path, monkeypatch):
     file = tmp_path / "mine.py"
     monkeypatch.chdir(tmp_path)
