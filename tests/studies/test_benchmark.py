@@ -89,6 +89,26 @@ def test_every_scheme_fits_every_task_in_both_forms_with_the_same_tolerance(name
         assert entry.gains().sets(base)
 
 
+@pytest.mark.full
+@pytest.mark.parametrize(
+    ("scheme", "gains"),
+    [
+        ("computed_torque", {"scheme.kp": 1000.0, "scheme.kd": 60.0}),
+        ("cftsmppc", {"scheme.surface.k1": 0.5, "scheme.surface.k2": 1.0, "scheme.bound.margin": 20.0}),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:scheme.bound gives u")
+def test_the_bound_of_armour_is_kept_ten_times_over_with_masses_at_an_end_of_their_range(scheme, gains):
+    armour = task("gen3-armour")
+    heavier = {"robot.plant.mass_factor": 1.03, "robot.plant.load.mass": 0.927}
+    described = BenchmarkEntry(scheme, "sampled-data").described(armour).changed({**heavier, **gains})
+    run = described.build(scheme).simulate(progress=False)
+    # The bound is that of the public code: sqrt(2 V / sigma) / Kr.
+    bound = (2.0 * 5e-5 / 5.095620491878957) ** 0.5 / 5.0
+    assert np.isclose(armour.tolerance["performance"]["final"], bound, rtol=1e-3)
+    assert run.outcome.ok and 0.0 < np.abs(run.log.e).max() < 0.1 * bound
+
+
 def test_all_complete_schemes_are_benchmarked():
     assert {entry.scheme for entry in entries()} == {name for name, preset in PRESETS.items() if preset.complete}
 
