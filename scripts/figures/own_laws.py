@@ -158,7 +158,6 @@ FIXED: dict[str, dict[str, Any]] = {
 DENSITY = {"sampled_data.estimator.torque_density": GainDescription(between=(0.001, 0.5))}
 """Tuned for every law, as part of what all of them have."""
 
-CALM = "cftsmppc, calm"
 LABELS = {
     "PDPlus": "PD+",
     "IntegralSlidingMode": "integral sliding mode",
@@ -173,16 +172,18 @@ LABELS = {
     "SampledFunnel": "sampled funnel",
     "PrescribedTime": "prescribed time",
 }
-PACKAGE = ("cftsmppc", "super_twisting", "slotine_li", "slotine_li_ppc", "computed_torque", "nftsmc", "ftsmc", "pid")
-RIVALS = {"joint": (*PACKAGE, *LABELS), "arm": (*PACKAGE[:3], PACKAGE[4], CALM, *LABELS)}
-"""Schemes of the package and classes of examples/own_laws.py, by what learns the arm."""
+RIVALS = (
+    *("cftsmppc", "super_twisting", "slotine_li", "slotine_li_ppc", "computed_torque", "nftsmc", "ftsmc", "pid"),
+    *LABELS,
+)
+"""Schemes of the package, and classes of examples/own_laws.py."""
 
 FIRST = 104
 """Runs of the first batch: so many are worth optimised machine code, which is then compiled once."""
 
 SEEDS, ARMS = 3, 20
-LEVELS = (0.003, 0.01, 0.03)
-"""N m: noise at which errors are compared; the last one is also that of the worst cases."""
+LEVELS, CHOSEN = (0.01, 0.03, 0.1), 0.03
+"""N m: noise at which errors are compared, and that of the worst cases."""
 
 BANDWIDTH = 50.0
 """Hz: what is above it counts as chattering."""
@@ -207,23 +208,19 @@ class Rival:
     first: int = FIRST
 
     @classmethod
-    def of(cls, name: str, learning: str, t1: float = END) -> Rival:
-        """The law by its name in `RIVALS`, with `joint_learning` or `arm_learning`."""
-        scheme = f"{PATH}:{name}" if name in LABELS else name.partition(",")[0]
+    def of(cls, name: str, t1: float = END) -> Rival:
+        """The law by its name in `RIVALS`."""
+        scheme = f"{PATH}:{name}" if name in LABELS else name
         entry = BenchmarkEntry(scheme, "sampled-data")
         gains, fixed = entry.gains(), FIXED.get(name, {})
         tuned = {path: gain for path, gain in gains.tuned.items() if path not in fixed} | DENSITY
-        if name == CALM:
-            tuned["sampled_data.calm.bandwidth"] = GainDescription(between=(20.0, 300.0))
-            fixed = {"sampled_data.calm": {"bandwidth": 80.0, "fastest": 400.0}}
         if name == "PrescribedTime":
             # There torques are counted in M̄, which follows the joints here.
             tuned["k2"] = GainDescription(between=(0.5, 450.0))
             tuned["inertia"] = GainDescription(between=(0.1, 10.0), times="inertia")
         base = alter_description(
             read_description("panda-payload"),
-            {"scheme.name": scheme, "scheme.sampled_data.adaptation": {"kind": f"{learning}_learning"}}
-            | {**CHANGES, "simulation.t1": t1}
+            {"scheme.name": scheme, **CHANGES, "simulation.t1": t1}
             | {f"scheme.{path}": value for path, value in {**gains.fixed, **fixed}.items()},
         )
         family = Family.of(base, _Sets.validate_python(UNKNOWN), Gains(tuned, {}).sets(base))
@@ -290,10 +287,10 @@ def share_above(tau: np.ndarray, period: float) -> float:
     return float((power[above].sum(axis=0) / power.sum(axis=0)).max())
 
 
-def front_of(name: str, learning: str, candidates: int, seeds: int, arms: int, t1: float) -> dict[str, Any]:
-    """The fronts of a law by seed, and its worst cases at the least error up to the last of `LEVELS`."""
+def front_of(name: str, candidates: int, seeds: int, arms: int, t1: float) -> dict[str, Any]:
+    """The fronts of a law by seed, and its worst cases at the least error up to `CHOSEN`."""
     started = time.perf_counter()
-    rival = Rival.of(name, learning, t1)
+    rival = Rival.of(name, t1)
     dimension = rival.family.varied.dimensions
     start = np.clip(point_of_own_values(rival.family.varied), 0.02, 0.98)
     fronts, cubes = [], []
@@ -304,7 +301,7 @@ def front_of(name: str, learning: str, candidates: int, seeds: int, arms: int, t
     aims = np.concatenate([np.reshape(front, (-1, 2)) for front in fronts])
     result: dict[str, Any] = {"fronts": fronts, "dimension": dimension, "candidates": candidates}
     if len(aims):
-        quiet = aims[:, 1] <= LEVELS[-1]
+        quiet = aims[:, 1] <= CHOSEN
         chosen = int(np.argmin(np.where(quiet, aims[:, 0], np.inf) if quiet.any() else aims[:, 1]))
         cube = np.concatenate(cubes)[chosen][None]
         result |= {"chosen": aims[chosen].tolist(), "worst": rival.worst(cube, arms)}
@@ -317,39 +314,32 @@ def write_rival_fronts() -> None:
     parser = argparse.ArgumentParser(description=write_rival_fronts.__doc__)
     parser.add_argument("--kept", type=Path, required=True, help="folder of the results, where the command goes on")
     parser.add_argument("--candidates", type=int, default=240, help="sets of gains for each seed")
-    parser.add_argument("--only", nargs="*", metavar="LEARNING/LAW", help="some, such as joint/Rise; no tables")
+    parser.add_argument("--only", nargs="*", default=RIVALS, metavar="LAW", help="some laws; no tables are written")
     parser.add_argument("--small", action="store_true", help="short runs with one seed and two arms: that it works")
     arguments = parser.parse_args()
     scenarios.allow_code()
-    every = [f"{learning}/{name}" for learning, names in RIVALS.items() for name in names]
-    for key in every if arguments.only is None else arguments.only:
-        path, (learning, _, name) = kept_file(arguments.kept, key), key.partition("/")
+    arguments.kept.mkdir(parents=True, exist_ok=True)
+    for name in arguments.only:
+        path = arguments.kept / f"{name}.json"
         if path.exists():
             continue
         if arguments.small:
-            result = front_of(name, learning, 8, 1, 2, 0.2)
+            result = front_of(name, 8, 1, 2, 0.2)
         else:
-            result = front_of(name, learning, arguments.candidates, SEEDS, ARMS, END)
-        path.parent.mkdir(parents=True, exist_ok=True)
+            result = front_of(name, arguments.candidates, SEEDS, ARMS, END)
         path.write_text(json.dumps(result, indent=1), encoding="utf-8")
-        print(f"{key}: {result.get('chosen')}, {result['seconds']:.0f} s", flush=True)
-    if arguments.only is not None or arguments.small:
-        return
-    kept = {key: json.loads(kept_file(arguments.kept, key).read_text(encoding="utf-8")) for key in every}
-    ordered = dict(sorted(kept.items(), key=lambda item: error_at(item[1]["fronts"], LEVELS[1])))
-    by_learning = {
-        learning: {key.partition("/")[2]: result for key, result in ordered.items() if key.startswith(learning)}
-        for learning in RIVALS
-    }
-    for learning, results in by_learning.items():
-        write_fronts(results, learning)
-        write_worst_of_rivals(results, learning)
-    save(draw_rival_fronts(by_learning), "rival-fronts")
+        print(f"{name}: {result.get('chosen')}, {result['seconds']:.0f} s", flush=True)
+    if arguments.only == RIVALS and not arguments.small:
+        write_kept(arguments.kept)
 
 
-def kept_file(folder: Path, key: str) -> Path:
-    """File of a law's result."""
-    return folder / f"{key.replace(', ', '-')}.json"
+def write_kept(folder: Path) -> None:
+    """Write the tables and the picture of the results in a folder."""
+    kept = {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in folder.glob("*.json")}
+    results = dict(sorted(kept.items(), key=lambda item: [error_at(item[1]["fronts"], level) for level in LEVELS[1:]]))
+    write_fronts(results)
+    write_worst_of_rivals(results)
+    save(draw_rival_fronts(results), "rival-fronts")
 
 
 def error_at(fronts: list[list[list[float]]], level: float) -> float:
@@ -359,7 +349,7 @@ def error_at(fronts: list[list[list[float]]], level: float) -> float:
 
 def label(name: str) -> str:
     """The law in tables."""
-    return LABELS.get(name, f"`{name.partition(',')[0]}`{name.removeprefix(name.partition(',')[0])}")
+    return LABELS.get(name, f"`{name}`")
 
 
 def number(value: float) -> str:
@@ -367,21 +357,21 @@ def number(value: float) -> str:
     return f"{value:.1e}" if np.isfinite(value) else "-"
 
 
-def write_fronts(results: dict[str, Any], learning: str) -> None:
+def write_fronts(results: dict[str, Any]) -> None:
     """The table of errors at each noise, of all seeds together and from the best to the worst seed."""
     rows = []
     for name, result in results.items():
         fronts = result["fronts"]
-        seeds = [error_at([front], LEVELS[1]) for front in fronts]
+        seeds = [error_at([front], CHOSEN) for front in fronts]
         least = min((error for front in fronts for error, _ in front), default=float("inf"))
         errors = [number(error_at(fronts, level)) for level in LEVELS]
         rows.append([label(name), *errors, number(least), f"{number(min(seeds))} to {number(max(seeds))}"])
     levels = [f"error [rad] at {level:g} N m" for level in LEVELS]
-    head = ["law", *levels, "least error", f"seeds, at {LEVELS[1]:g} N m"]
-    write_table(PAGE, f"rival-fronts-{learning}", table(head, rows))
+    head = ["law", *levels, "least error", f"seeds, at {CHOSEN:g} N m"]
+    write_table(PAGE, "rival-fronts", table(head, rows))
 
 
-def write_worst_of_rivals(results: dict[str, Any], learning: str) -> None:
+def write_worst_of_rivals(results: dict[str, Any]) -> None:
     """The table of worst cases, spectrum and push."""
     rows = []
     for name, result in results.items():
@@ -414,31 +404,27 @@ def write_worst_of_rivals(results: dict[str, Any], learning: str) -> None:
         "samples outside",
         "within 1e-3 rad after",
     ]
-    write_table(PAGE, f"rival-worst-{learning}", table(head, rows))
-
-
-TITLES = {"joint": "`joint_learning`", "arm": "`arm_learning`"}
+    write_table(PAGE, "rival-worst", table(head, rows))
 
 
 @styled
-def draw_rival_fronts(by_learning: dict[str, dict[str, Any]]) -> Figure:
+def draw_rival_fronts(results: dict[str, Any]) -> Figure:
     """Error over torque noise of each law, of all seeds together: the best five, and all others narrow."""
     figure = Figure(figsize=(WIDTH, 3.6), layout="constrained")
-    for axes, (learning, results) in zip(figure.subplots(1, 2, sharey=True), by_learning.items(), strict=True):
-        best = list(results)[: len(LINES)]
-        for name in sorted(results, key=lambda name: name in best):
-            aims = np.concatenate([np.reshape(front, (-1, 2)) for front in results[name]["fronts"]])
-            aims = aims[non_dominated(aims)] if len(aims) else aims
-            aims = aims[np.argsort(aims[:, 1])]
-            look = LINES[best.index(name)] if name in best else NARROW
-            axes.plot(aims[:, 1], aims[:, 0], **look, label=label(name).replace("`", "") if name in best else None)
-        axes.set_xscale("log")
-        axes.set_yscale("log")
-        axes.set_xlim(8e-4, 0.3)
-        axes.set_ylim(8e-6, 1e-2)
-        plain_numbers(axes, [0.001, 0.01, 0.1])
-        axes.set_xlabel("torque noise  [N m]")
-        axes.set_title(TITLES[learning].replace("`", ""))
-        axes.legend(loc="upper right")
-    figure.axes[0].set_ylabel("steady error  [rad]")
+    axes = figure.subplots()
+    best = list(results)[: len(LINES)]
+    for name in sorted(results, key=lambda name: name in best):
+        aims = np.concatenate([np.reshape(front, (-1, 2)) for front in results[name]["fronts"]])
+        aims = aims[non_dominated(aims)] if len(aims) else aims
+        aims = aims[np.argsort(aims[:, 1])]
+        look = LINES[best.index(name)] if name in best else NARROW
+        axes.plot(aims[:, 1], aims[:, 0], **look, label=label(name).replace("`", "") if name in best else None)
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_xlim(0.003, 0.5)
+    axes.set_ylim(2e-5, 1e-2)
+    plain_numbers(axes, [0.003, 0.01, 0.03, 0.1, 0.3])
+    axes.set_xlabel("torque noise  [N m]")
+    axes.set_ylabel("steady error  [rad]")
+    axes.legend(loc="upper right")
     return figure
