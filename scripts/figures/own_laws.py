@@ -123,7 +123,7 @@ UNKNOWN: dict[str, Any] = {
     "robot.plant.viscous": {"between": [0.05, 0.4], "each": "joint"},
     "disturbance.scale": {"between": [0.0, 1.0]},
 }
-"""What varies in the worst cases; the last one only with the push."""
+"""Sets of values in the worst cases; the last one is for the push."""
 
 OWN = {
     "robot.plant.mass_factor": 0.85,

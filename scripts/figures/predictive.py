@@ -19,9 +19,9 @@ JOINTS, PERIOD, LIMIT = 7, 1e-3, 20.0
 STATE, INPUT = np.diag([1e4] * JOINTS + [1.0] * JOINTS), 0.01 * np.eye(JOINTS)
 """Weights of position and velocity errors, and of accelerations."""
 
-one, none = np.eye(JOINTS), np.zeros((JOINTS, JOINTS))
-A = np.block([[one, PERIOD * one], [none, one]])
-B = np.vstack([0.5 * PERIOD**2 * one, PERIOD * one])
+IDENTITY, ZERO = np.eye(JOINTS), np.zeros((JOINTS, JOINTS))
+A = np.block([[IDENTITY, PERIOD * IDENTITY], [ZERO, IDENTITY]])
+B = np.vstack([0.5 * PERIOD**2 * IDENTITY, PERIOD * IDENTITY])
 Solver = Callable[[np.ndarray], np.ndarray]
 
 
@@ -73,7 +73,7 @@ def acados(horizon: int) -> Solver:
     cost, constraints, options = problem.cost, problem.constraints, problem.solver_options
     cost.cost_type = cost.cost_type_e = "LINEAR_LS"
     cost.W = np.block([[STATE, np.zeros((n, JOINTS))], [np.zeros((JOINTS, n)), INPUT]])
-    cost.Vx, cost.Vu = np.vstack([np.eye(n), np.zeros((JOINTS, n))]), np.vstack([np.zeros((n, JOINTS)), one])
+    cost.Vx, cost.Vu = np.vstack([np.eye(n), np.zeros((JOINTS, n))]), np.vstack([np.zeros((n, JOINTS)), IDENTITY])
     cost.W_e, cost.Vx_e, cost.yref, cost.yref_e = regulator()[1], np.eye(n), np.zeros(n + JOINTS), np.zeros(n)
     constraints.lbu, constraints.ubu = np.full(JOINTS, -LIMIT), np.full(JOINTS, LIMIT)
     constraints.idxbu, constraints.x0 = np.arange(JOINTS), np.zeros(n)

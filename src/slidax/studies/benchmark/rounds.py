@@ -253,11 +253,11 @@ class BenchmarkRound:
     def _identity(self, task: BenchmarkTask, entry: BenchmarkEntry) -> dict[str, Any]:
         gains = entry.gains()
         ranges = {path: gain.model_dump() for path, gain in gains.tuned.items()}
-        asked = [_text(task), ranges, gains.fixed]
+        request = [_text(task), ranges, gains.fixed]
         if entry.file_of_law is not None:
             # Another law under the same name is another request.
-            asked.append(entry.file_of_law.read_text(encoding="utf-8"))
-        text = json.dumps(asked, sort_keys=True)
+            request.append(entry.file_of_law.read_text(encoding="utf-8"))
+        text = json.dumps(request, sort_keys=True)
         return {
             "version": VERSION,
             "scheme": entry.scheme,
