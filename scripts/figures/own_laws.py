@@ -10,6 +10,7 @@ import tempfile
 import textwrap
 import time
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -192,6 +193,14 @@ SETTLED = 1e-3
 """rad: a fifth of the envelope, from which a push is over."""
 
 
+@cache
+def ideal_steps(t1: float) -> np.ndarray:
+    """Steps of the ideal torque over the second half of a run [samples n], the same for all laws."""
+    scenario = scenarios.load("panda-payload")
+    times = np.arange(round(0.5 * t1 / scenario.period), round(t1 / scenario.period) + 1) * scenario.period
+    return np.diff(ideal_torque(scenario, times), axis=0)
+
+
 @dataclass
 class Rival:
     """A law on `panda-payload`, and the runs that tell its error and its noise.
@@ -224,9 +233,7 @@ class Rival:
             | {f"scheme.{path}": value for path, value in {**gains.fixed, **fixed}.items()},
         )
         family = Family.of(base, _Sets.validate_python(UNKNOWN), Gains(tuned, {}).sets(base))
-        scenario = base.build(name)
-        times = np.arange(round(0.5 * t1 / scenario.period), round(t1 / scenario.period) + 1) * scenario.period
-        return cls(family, Cases(family, threads=1, name=name), np.diff(ideal_torque(scenario, times), axis=0))
+        return cls(family, Cases(family, threads=1, name=name), ideal_steps(t1))
 
     def values(self, cube: np.ndarray, unknown: Values) -> Values:
         """Values of cases by path: of each gain point, or of the only one for each case."""
