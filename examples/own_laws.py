@@ -1,10 +1,10 @@
-"""Nine laws of the literature as a user writes them: `tests/export/test_own_laws.py` exports them to C."""
+"""Twelve laws of the literature as a user writes them: `tests/export/test_own_laws.py` exports them to C."""
 
 import jax.numpy as jnp
 
 import slidax as sx
 from slidax.arms.adjusted import inertial_regressor
-from slidax.core import PerJoint, Scalar, matvec, parameter
+from slidax.core import PerJoint, Scalar, matvec, parameter, power
 from slidax.law import AbstractModelBased
 
 
@@ -246,6 +246,121 @@ class AdaptiveSuperTwisting(AbstractModelBased):
         return sx.Command(tau=tau, memory=memory, signals={"s": s, "alpha": alpha}, rate=rate)
 
 
+class BarrierSuperTwisting(AbstractModelBased):
+    """`τ = M0 (q̈_d - λ ė - L √|s| sgn(s) + v) + C0 q̇ + G0`, `v̇ = -L² sgn(s)`, `s = ė + λ e`.
+
+    L grows by `growth` until `|s| <= ε/2` for the first time; from then on it is the barrier `L0 √(ε/(ε - |s|))`, which
+    keeps s inside ε without a bound of the disturbance. Source: the barrier function of Obeid, Fridman, Laghrouche and
+    Harmouche, Automatica 93, 2018, in super-twisting as in Obeid, Laghrouche, Fridman, Chitour and Harmouche, IEEE
+    Trans. Autom. Control 65, 2020. A sampled s can jump over ε: `most`, which bounds L, is ours.
+    """
+
+    decay: PerJoint = parameter("λ", "1/s", "> 0", default=10.0)
+    growth: PerJoint = parameter("rate of L before s was near 0", "√(rad/s²)/s", "> 0", default=5.0)
+    base: PerJoint = parameter("L0, L at s = 0", "√(rad/s²)", "> 0", default=1.0)
+    width: PerJoint = parameter("ε", "rad/s", "> 0", default=0.05)
+    most: PerJoint = parameter("largest L", "√(rad/s²)", "> 0", default=20.0)
+
+    def init(self, t, state, reference):
+        zero = jnp.zeros_like(state.q)
+        return zero + self.base, zero, zero
+
+    def __call__(self, t, state, now, following, memory):
+        grown, reached, v = memory
+        e, de = state.q - now.q, state.dq - now.dq
+        s = de + self.decay * e
+        size = jnp.abs(s)
+        reached = jnp.where(size <= 0.5 * self.width, 1.0, reached)
+        room = jnp.maximum(self.width - size, self.width * (self.base / self.most) ** 2)
+        level = jnp.where(reached > 0.0, self.base * jnp.sqrt(self.width / room), jnp.minimum(grown, self.most))
+        u = now.ddq - self.decay * de - level * jnp.sqrt(size) * jnp.sign(s) + v
+        tau = matvec(self.nominal.mass(state.q), u) + self.nominal.bias(state.q, state.dq)
+        rate = (self.growth * (1.0 - reached), jnp.zeros_like(v), -(level**2) * jnp.sign(s))
+        memory = (grown, reached, v)
+        return sx.Command(tau=tau, memory=memory, signals={"s": s, "level": level}, rate=rate)
+
+
+class SampledFunnel(AbstractModelBased):
+    """`τ = M0 (q̈_d + u) + C0 q̇ + G0` with `u = -β/e2` once `|e2| >= threshold`, and `u = -kp e - kd ė` below it.
+
+    `e1 = e/ρ`, `e2 = ė/ρ + e1/(1 - e1²)`, `ρ = (ρ0 - ρ∞) (1 - t/T)^σ + ρ∞`, held over a period. Source: Lanza, arXiv
+    2402.05688 (relative degree two, where ė is the difference of two samples), and Lanza, Dennstädt, Worthmann,
+    Schmitz, Şen, Trenn and Schaller, arXiv 2303.00523, where any bounded input may act below the threshold. Each joint
+    has its own funnel here, and the model and the PD law inside are ours.
+    """
+
+    initial: PerJoint = parameter("ρ0", "rad", "> 0", default=1.0)
+    final: PerJoint = parameter("ρ∞", "rad", "> 0", default=0.02)
+    deadline: PerJoint = parameter("T", "s", "> 0", default=2.0)
+    exponent: PerJoint = parameter("σ", "", "> 0", default=2.01)
+    gain: PerJoint = parameter("β", "rad/s³", "> 0", default=5.0)
+    threshold: PerJoint = parameter("activation threshold", "1/s", "> 0", default=0.75)
+    kp: PerJoint = parameter("kp", "1/s²", "> 0", default=100.0)
+    kd: PerJoint = parameter("kd", "1/s", "> 0", default=20.0)
+
+    def __call__(self, t, state, now, following, memory):
+        e, de = state.q - now.q, state.dq - now.dq
+        left = jnp.maximum(1.0 - t / self.deadline, 0.0)
+        radius = (self.initial - self.final) * power(left, self.exponent) + self.final
+        e1 = e / radius
+        # A sampled error can jump over its bound, where the quotient would change its sign.
+        e2 = de / radius + e1 / jnp.maximum(1.0 - e1**2, 1e-3)
+        active = jnp.abs(e2) >= self.threshold
+        u = jnp.where(active, -self.gain / jnp.where(active, e2, 1.0), -self.kp * e - self.kd * de)
+        tau = matvec(self.nominal.mass(state.q), now.ddq + u) + self.nominal.bias(state.q, state.dq)
+        return sx.Command(tau=tau, memory=memory, signals={"e2": e2})
+
+
+class PrescribedTime(AbstractModelBased):
+    """`τ = g (M0 q̈_d + C0 q̇_d + G0) - M̄ (k2 z + μ1 h2 ξ1 + r2 â Φ z)/μ2`: a prescribed accuracy at a prescribed time.
+
+    `ξ1 = e/h1(e/(F1 β))`, `ξ2 = q̇/h2(q̇/F2)`, `β = (1 - b) (1 - t/T)³ + b`, `b = ε/(√n F1)`, with bumps h that are 1 at
+    0 and 0 at the bounds; μ1, μ2 are the slopes of ξ1 and ξ2, ν that of ξ1 over β times β̇. `z = ξ2 - α`,
+    `α = -(k1 + r1 (‖μ1‖² (‖h2‖² + ‖q_d‖²) + ‖ν‖²)) ξ1/(μ1 h2)`, `â' = r4 Φ ‖z‖² - r3 â`.
+
+    Source: the MATLAB code of Cao, Cao and Song, practical prescribed-time tracking control with prescribed accuracy
+    (IEEE Trans. Cybernetics, CYB-E-2020-09-2426). There M̄ = 1 and g = 0: no model is used. Φ is the norm of a network
+    of 1000 random Gaussians there, and a constant here; α passes a filter whose time constant is the step there.
+    """
+
+    bound: PerJoint = parameter("F1, bound of e at the start", "rad", "> 0", default=2.0)
+    speed: PerJoint = parameter("F2, bound of q̇", "rad/s", "> 0", default=4.0)
+    accuracy: Scalar = parameter("ε, bound of ‖e‖ from T on", "rad", "> 0", default=0.1)
+    deadline: PerJoint = parameter("T", "s", "> 0", default=2.0)
+    k1: PerJoint = parameter("k1", "1/s", "> 0", default=4.0)
+    r1: PerJoint = parameter("r1", "1/s", "> 0", default=2.0)
+    k2: PerJoint = parameter("k2", "N m s/rad", "> 0", default=15.0)
+    r2: PerJoint = parameter("r2", "", "> 0", default=10.0)
+    r3: Scalar = parameter("r3", "1/s", "> 0", default=2.0)
+    r4: Scalar = parameter("r4", "", "> 0", default=25.0)
+    activity: Scalar = parameter("Φ", "", "> 0", default=0.6)
+    inertia: PerJoint = parameter("M̄", "", "> 0", default=1.0)
+    model: Scalar = parameter("g, share of the model's torque", "", "[0, 1]", default=0.0)
+
+    def init(self, t, state, reference):
+        return jnp.zeros(())
+
+    def __call__(self, t, state, now, following, memory):
+        arm, e, dq = self.nominal, state.q - now.q, state.dq
+        b = self.accuracy / (jnp.sqrt(1.0 * self.joints) * self.bound)
+        left = jnp.maximum(1.0 - t / self.deadline, 0.0)
+        beta, beta_rate = (1.0 - b) * left**3 + b, -3.0 * (1.0 - b) * left**2 / self.deadline
+        # A sampled error can jump over its bound, where the bumps are zero.
+        x, y = jnp.clip(e / (self.bound * beta), -0.95, 0.95), jnp.clip(dq / self.speed, -0.95, 0.95)
+        size, fast = jnp.abs(x), jnp.abs(y)
+        h1, h1_slope = 1.0 - size**3 * (10.0 - 15.0 * size + 6.0 * size**2), -30.0 * x * size * (1.0 - size) ** 2
+        h2, h2_slope = 1.0 - fast**2 * (3.0 - 2.0 * fast), -6.0 * y * (1.0 - fast)
+        mu1, nu = 1.0 / h1 - x * h1_slope / h1**2, x**2 * self.bound * h1_slope * beta_rate / h1**2
+        mu2, xi1, xi2 = 1.0 / h2 - y * h2_slope / h2**2, e / h1, dq / h2
+        phi = jnp.max(mu1**2) * (jnp.max(h2**2) + jnp.sum(now.q**2)) + jnp.sum(nu**2)
+        z = xi2 + (self.k1 + self.r1 * phi) * xi1 / (mu1 * h2)
+        u = (self.k2 * z + mu1 * h2 * xi1 + self.r2 * memory * self.activity * z) / mu2
+        along = matvec(arm.mass(now.q), now.ddq) + arm.bias(now.q, now.dq)
+        rate = self.r4 * self.activity * jnp.sum(z**2) - self.r3 * memory
+        tau = self.model * along - self.inertia * u
+        return sx.Command(tau=tau, memory=memory, signals={"z": z, "adapted": memory}, rate=rate)
+
+
 LAWS = (
     PDPlus,
     IntegralSlidingMode,
@@ -256,4 +371,7 @@ LAWS = (
     MomentumObserver,
     AdaptiveSlotineLi,
     AdaptiveSuperTwisting,
+    BarrierSuperTwisting,
+    SampledFunnel,
+    PrescribedTime,
 )

@@ -46,9 +46,12 @@ class Simple(AbstractModelBased):
 
     kp: PerJoint = parameter("kp", "1/s²", "> 0", default=100.0)
     kd: PerJoint = parameter("kd", "1/s", "> 0", default=20.0)
+    # The laws of the package have parts of this name.
+    bound: PerJoint = parameter("largest acceleration", "rad/s²", "> 0", default=1e9)
 
     def __call__(self, t, state, now, following, memory):
         u = now.ddq - self.kp * (state.q - now.q) - self.kd * (state.dq - now.dq)
+        u = jnp.clip(u, -self.bound, self.bound)
         tau = self.nominal.mass(state.q) @ u + self.nominal.bias(state.q, state.dq)
         return Command(tau=tau, memory=memory, signals={})
 '''

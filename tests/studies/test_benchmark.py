@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import sys
 
 import numpy as np
 import pytest
@@ -87,6 +89,26 @@ def test_every_scheme_fits_every_task_in_both_forms_with_the_same_tolerance(name
         assert entry.gains().sets(base)
 
 
+@pytest.mark.full
+@pytest.mark.parametrize(
+    ("scheme", "gains"),
+    [
+        ("computed_torque", {"scheme.kp": 1000.0, "scheme.kd": 60.0}),
+        ("cftsmppc", {"scheme.surface.k1": 0.5, "scheme.surface.k2": 1.0, "scheme.bound.margin": 20.0}),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:scheme.bound gives u")
+def test_the_bound_of_armour_is_kept_ten_times_over_with_masses_at_an_end_of_their_range(scheme, gains):
+    armour = task("gen3-armour")
+    heavier = {"robot.plant.mass_factor": 1.03, "robot.plant.load.mass": 0.927}
+    described = BenchmarkEntry(scheme, "sampled-data").described(armour).changed({**heavier, **gains})
+    run = described.build(scheme).simulate(progress=False)
+    # The bound is that of the public code: sqrt(2 V / sigma) / Kr.
+    bound = (2.0 * 5e-5 / 5.095620491878957) ** 0.5 / 5.0
+    assert np.isclose(armour.tolerance["performance"]["final"], bound, rtol=1e-3)
+    assert run.outcome.ok and 0.0 < np.abs(run.log.e).max() < 0.1 * bound
+
+
 def test_all_complete_schemes_are_benchmarked():
     assert {entry.scheme for entry in entries()} == {name for name, preset in PRESETS.items() if preset.complete}
 
@@ -134,6 +156,40 @@ def test_a_users_scheme_is_tuned_in_every_positive_parameter():
     assert tuned["kp"].between == (30.0, 27000.0) and tuned["kp"].times == "nothing"
     assert tuned["damping"].times == "inertia"
     assert entry.described(task("panda-payload")).scheme.name == "stiffer"
+
+
+LAW = """
+from slidax.core import Command, PerJoint, parameter
+from slidax.law import AbstractModelBased
+
+
+class Mine(AbstractModelBased):
+    kp: PerJoint = parameter("kp", "1/s²", "> 0", default=400.0)
+    inertia: PerJoint = parameter("inertia of a joint", "kg m²", "> 0", default=1.0)
+
+    def __call__(self, t, state, now, following, memory):
+        wanted = now.ddq - self.kp * (state.q - now.q) - 40.0 * (state.dq - now.dq)
+        return Command(tau=self.inertia * wanted + self.nominal.gravity(state.q), memory=memory, signals={})
+"""
+
+
+def test_a_mistake_in_a_users_law_is_named_and_a_changed_law_runs_anew(tmp_path, monkeypatch):
+    file = tmp_path / "a_users_law.py"
+    monkeypatch.syspath_prepend(tmp_path)
+    wrong, right = LAW.replace("- self.kp", "- self.kq"), LAW
+    for text, number in ((wrong, 1), (right, 2), (right, 2)):
+        file.write_text(text, encoding="utf-8")
+        os.utime(file, (number, number))
+        sys.modules.pop("a_users_law", None)
+        ran = []
+        round_ = BenchmarkRound({TASK: task(TASK)}, entries([], ["a_users_law:Mine"], ("printed",))).small()
+        (result,) = round_.run(tmp_path, 0, lambda *key, ran=ran: ran.append(key)).by_key.values()
+        if text is wrong:
+            line = next(i for i, code in enumerate(text.splitlines(), 1) if "self.kq" in code)
+            assert result.startswith(f"AttributeError in line {line} of {file}: ")
+    assert isinstance(result, TaskResult) and not ran
+    # Numbers in kg m² follow the inertia of the joints.
+    assert np.shape(result.gains["scheme.inertia"]) == (3,) and np.shape(result.gains["scheme.kp"]) == ()
 
 
 @pytest.mark.parametrize(

@@ -298,7 +298,7 @@ def benchmark(
     with errors_as_lines():
         prepare()
         sys.path.insert(0, "")
-        from slidax.report.benchmark_page import as_json, summarise_tasks, write_benchmark
+        from slidax.report.benchmark_page import as_json, name_with_form, summarise_tasks, write_benchmark
         from slidax.studies.benchmark.entries import entries, forms_of, names, task
         from slidax.studies.benchmark.ranking import rank_overall, ranking
         from slidax.studies.benchmark.rounds import BUDGET, BenchmarkRound
@@ -331,6 +331,9 @@ def benchmark(
             return
         for table, line in zip(tables, summarise_tasks(tables), strict=True):
             typer.echo(f"{table.task}: {line.replace('**', '')}")
+        for (name, refused), why in results.by_key.items():
+            if isinstance(why, str):
+                typer.echo(f"{name}: {name_with_form(refused)} cannot run: {why}", err=True)
         say_where(out)
 
 

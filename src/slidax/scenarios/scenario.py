@@ -43,7 +43,7 @@ from slidax.simulation.stepping import Stepping
 
 from .changes import with_changes
 from .default_bound import default_bound, warn_of_implausible_bound
-from .descriptions import AbstractDescription, input_field, same_field
+from .descriptions import AbstractDescription, PartDescription, input_field, same_field
 from .instruments import (
     ActuatorDescription,
     DisturbanceDescription,
@@ -454,7 +454,8 @@ class ScenarioDescription(AbstractDescription):
             find = partial(default_bound, true, nominal, arms.load, drive.limits(), sampled=sampled)
             scheme = self.scheme.with_bound(find).with_limit(drive.limits().torque)
             bound = getattr(self.scheme, "bound", None)
-            if bound is not None and all(value is not None for _, value in bound):
+            # A user's law may have a number of that name.
+            if isinstance(bound, PartDescription) and all(value is not None for _, value in bound):
                 warn_of_implausible_bound(dict(bound), state0, drive.limits(), find)
             controller: AbstractController = scheme.build(nominal=nominal)
             if self.scheme.sampled_data is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -180,7 +181,7 @@ def _gain(declared: Parameter, value: Any, prefix: str) -> list[tuple[str, GainD
     else:
         low = max(low, ends[0] + 0.02 * (value - ends[0])) if ends[0] is not None and ends[0] > -math.inf else low
         high = min(high, value + 0.98 * (ends[1] - value)) if ends[1] is not None and ends[1] < math.inf else high
-    times: Literal["nothing", "inertia"] = "inertia" if declared.unit.startswith("N m") else "nothing"
+    times: Literal["nothing", "inertia"] = "inertia" if declared.unit.startswith(("N m", "kg")) else "nothing"
     return [(f"{prefix}{declared.name}", GainDescription(between=(low, high), times=times))]
 
 
@@ -251,6 +252,11 @@ class BenchmarkEntry:
         if isinstance(scheme, type) and issubclass(scheme, AbstractController):
             return Preset(scheme, (scheme.__doc__ or name).strip())
         raise DefinitionError(f"`{plain_name(self.scheme)}` is neither a `Preset` nor the class of a law")
+
+    @property
+    def file_of_law(self) -> Path | None:
+        """File of a user's law; None for a scheme of this package."""
+        return Path(inspect.getfile(self.preset.law)) if ":" in self.scheme else None
 
     def gains(self) -> Gains:
         """Return the tuned and fixed gains."""

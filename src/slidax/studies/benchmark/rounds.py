@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 import time
+import traceback
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -167,6 +168,9 @@ def tune_gains(objective: Callable[[NDArray[Any]], NDArray[Any]], dimension: int
     return search.points[0] if len(search.points) else np.full(dimension, 0.5)
 
 
+MISTAKES = (ArithmeticError, AttributeError, LookupError, NameError, TypeError, ValueError)
+"""Errors that a mistake in a law raises."""
+
 BUDGET = 48
 """Number of gain sets that the tuner may try for each scheme, form and task."""
 
@@ -249,7 +253,11 @@ class BenchmarkRound:
     def _identity(self, task: BenchmarkTask, entry: BenchmarkEntry) -> dict[str, Any]:
         gains = entry.gains()
         ranges = {path: gain.model_dump() for path, gain in gains.tuned.items()}
-        text = json.dumps([_text(task), ranges, gains.fixed], sort_keys=True)
+        request = [_text(task), ranges, gains.fixed]
+        if entry.file_of_law is not None:
+            # Another law under the same name is another request.
+            request.append(entry.file_of_law.read_text(encoding="utf-8"))
+        text = json.dumps(request, sort_keys=True)
         return {
             "version": VERSION,
             "scheme": entry.scheme,
@@ -289,11 +297,18 @@ def _run_entry(task: str, scheme: str, form: Form, budget: int) -> TaskResult | 
     import jax
 
     jax.config.update("jax_enable_x64", True)
+    entry = BenchmarkEntry(scheme, form)
     try:
-        entry = BenchmarkEntry(scheme, form)
         return run_task(entry, BenchmarkTask.model_validate_json(task), tune_gains, budget, threads=1)
     except DefinitionError as error:
         return str(error)
+    except MISTAKES as error:
+        file = entry.file_of_law
+        lines = [each.lineno for each in traceback.extract_tb(error.__traceback__) if each.filename == str(file)]
+        if not lines:
+            raise
+        # A mistake in a user's law does not end the round of all others.
+        return f"{type(error).__name__} in line {lines[-1]} of {file}: {error}"
 
 
 def _write(path: Path, identity: dict[str, Any], result: TaskResult | str) -> None:
