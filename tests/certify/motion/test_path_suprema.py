@@ -49,11 +49,25 @@ class Point:
         self.coriolis = 2.0 * t @ y1
         self.rate = t @ y1 + y1.swapaxes(1, 2) @ y
         step = 1e-6
+        self.bodies, self.q = bodies, q
         ahead, behind = (
             np.stack([self.force(bodies, q + shift, dq, ddq) for shift in side * step * np.eye(q.shape[1])], axis=2)
             for side in (1.0, -1.0)
         )
         self.stiffness = (ahead - behind) / (2.0 * step)
+
+    @property
+    def by_joints(self) -> np.ndarray:
+        """Norms of the derivatives of M0 by each joint."""
+        step, nothing, norms = 1e-6, np.zeros_like(self.q), []
+        for row in step * np.eye(self.q.shape[1]):
+            ahead, behind = (
+                frame_motion(self.bodies, self.q + shift, nothing, nothing, nothing).of(self.bodies.points).columns[0]
+                for shift in (row, -row)
+            )
+            slope = (ahead.swapaxes(1, 2) @ ahead - behind.swapaxes(1, 2) @ behind) / (2.0 * step)
+            norms.append(self.norm(slope))
+        return np.stack(norms, axis=1)
 
     @staticmethod
     def force(bodies: BodyPoints, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
@@ -72,6 +86,7 @@ QUANTITIES: dict[str, Callable[[Point], np.ndarray]] = {
     "coriolis_entries": lambda at: np.abs(at.inverse @ at.coriolis),
     "stiffness": lambda at: at.norm(at.stiffness),
     "stiffness_entries": lambda at: np.abs(at.inverse @ at.stiffness),
+    "per_command": lambda at: at.by_joints,
     "inverse": lambda at: np.abs(at.inverse),
     "inertia": lambda at: np.abs(at.mass),
 }

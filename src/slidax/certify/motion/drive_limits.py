@@ -197,11 +197,20 @@ class Torques:
 
     def state(self) -> Floats:
         """Torque of the model by where it is evaluated [N n]."""
-        position, velocity = (self.bounds.outputs[name] for name in ("model_position", "model_velocity"))
-        further = np.sum(self.at.per_command * position, axis=1) * self.bounds.norms["command"]
+        return self.moved("model_position", "model_velocity")
+
+    def moved(self, position: str, velocity: str) -> Floats:
+        """Torque of the model by a move of where it is evaluated [N n]: by element, or in the metric.
+
+        - `position`, `velocity`: names of the outputs that bound the move.
+        """
+        outputs, norms, at = self.bounds.outputs, self.bounds.norms, self.at
+        further = np.sum(at.per_command * outputs[position], axis=1) * norms["command"]
+        turned = np.einsum("nij,nj->ni", self.coriolis, outputs[velocity])
+        bent = np.einsum("nij,nj->ni", self.stiffness, outputs[position])
         return (
-            np.einsum("nij,nj->ni", self.stiffness, position)
-            + np.einsum("nij,nj->ni", self.coriolis, velocity)
+            np.minimum(turned, self.weight * (at.coriolis * norms[velocity])[:, None])
+            + np.minimum(bent, self.weight * (at.stiffness * norms[position])[:, None])
             + self.weight * further[:, None]
         )
 
@@ -211,22 +220,26 @@ class Torques:
         return self.weight * (change * self.bounds.norms["command"])[:, None]
 
     def state_step(self) -> Floats:
-        """Step of the model's torque by where it is evaluated [N n]: by its move, and by the change of the model."""
+        """Step of the model's torque by where it is evaluated [N n]: by its move, and by the change of the model.
+
+        P is linear in the acceleration a that the model is given, with the derivatives of M0. So the step of a changes
+        column j of P by `‖∂_j M0 Δa‖` at most, which `per_command` bounds.
+        """
         outputs, norms, cell = self.bounds.outputs, self.bounds.norms, self.cell
         cells = self.problem.path.cells
         h, along = cells.period, cell.along
         position = outputs["model_position"]
-        moves = outputs["model_position_step"], outputs["model_velocity_step"], outputs["command_step"]
+        moves = outputs["model_position_step"], outputs["model_velocity_step"]
         sums, vectors = cell.sums, cell.vectors
         # Steps of the position, velocity and acceleration that the model is given.
         gone = h * cell.wide[1] + moves[0]
         faster = h * cell.acceleration + cells.jump + moves[1]
         faster_norm = size_in(h * cell.acceleration + cells.jump, self.at.inertia) + norms["model_velocity_step"]
-        pushed = h * cells.jerk + cells.jump + moves[2]
+        pushed = size_in(h * cells.jerk + cells.jump, self.at.inertia) + norms["command_step"]
         wide = cell.wide[1]
         whole = cell.acceleration + outputs["command"]
         force = cell.force + cell.forces[1] + norms["command"]
-        force_step = vectors(gone, wide, wide) + vectors(gone, whole) + vectors(pushed)
+        force_step = vectors(gone, wide, wide) + vectors(gone, whole)
         force_step = force_step + 2.0 * (cell.first + cell.moved + cell.slopes[1]) * faster_norm * cell.grown
         turn = cell.turn(faster, faster_norm)
         coriolis = 2.0 * (sums(gone) * (cell.first + cell.slopes[1]) + (1.0 + along) * sums(gone, wide) + turn)
@@ -238,17 +251,12 @@ class Torques:
             * (
                 cell.vectors_each(gone, wide, wide)
                 + cell.vectors_each(gone, whole)
-                + cell.vectors_each(pushed)
                 + 2.0 * cell.sums_each(wide) * (faster_norm * cell.grown)[:, None]
             )
         )
-        further = np.sum(self.at.per_command * moves[0], axis=1) * norms["command"]
+        stiffness = stiffness + self.at.per_command * pushed[:, None]
         changed = np.sum(stiffness * position, axis=1) + coriolis * norms["model_velocity"] * cell.grown
-        return (
-            np.einsum("nij,nj->ni", self.stiffness, moves[0])
-            + np.einsum("nij,nj->ni", self.coriolis, moves[1])
-            + self.weight * (further + changed)[:, None]
-        )
+        return self.moved("model_position_step", "model_velocity_step") + self.weight * changed[:, None]
 
 
 def drive_verdict(
