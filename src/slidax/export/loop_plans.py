@@ -396,17 +396,15 @@ def arm_plan(scenario: Scenario, *, transport: int) -> ArmPlan:
     truth = [fields[name] for name in ("true_t", "true_q", "true_dq", "true_e")]
     measurement = (measured, fresh, memories["sensor_after"], truth)
     planner.compile("measure", measure, (numbers, k, state, memories["sensor"]), measurement)
-    inputs = (numbers, k, state, memories["delivery"], tau, brakes)
-    planner.compile("set", set_, inputs, (set_tau, memories["delivery_after"]))
+    drives = memories["delivery"]
+    planner.compile("set", set_, (numbers, k, state, drives, tau, brakes), (set_tau, memories["delivery_after"]))
     force_slot = planner.view("force", vector)
     world = None
     if isinstance(plant, MujocoPlant):
-        inputs = (numbers, k, i, state, set_tau, memories["delivery"])
-        planner.compile("move", external_torque, inputs, force_slot)
+        planner.compile("move", external_torque, (numbers, k, i, state, set_tau, drives), force_slot)
         world = _world(plant, float(period) / stepping.substeps, start, scenario.t1)
     else:
-        inputs = (numbers, k, state, set_tau, memories["delivery"])
-        planner.compile("move", move, inputs, memories["state_after"])
+        planner.compile("move", move, (numbers, k, state, set_tau, drives), memories["state_after"])
     planner.region("row", set_tau, fields["true_wake"])
     return ArmPlan(
         plan=planner.plan(),
