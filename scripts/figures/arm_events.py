@@ -28,7 +28,7 @@ LAWS: dict[str, dict[str, Any]] = {
 RATED = np.array([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0])
 JOINTS = RATED.size
 NEVER = 1e9
-EARLIEST, LATEST, END = 4.0, 6.0, 8.0
+EARLIEST, LATEST, END = 3.0, 4.5, 6.5
 """s: when events happen, and when runs end."""
 
 FULL, CHUNK = 200, 50

@@ -9,7 +9,7 @@ import pytest
 from slidax.core.errors import DefinitionError
 from slidax.core.integrators import value_rate_curvature
 from slidax.core.types import State
-from slidax.law import ArmLearning, ComputedTorque, JointLearning, KnownArm, sampled_data
+from slidax.law import ArmLearning, ComputedTorque, JointLearning, Kalman, KnownArm, StrongTracking, sampled_data
 from slidax.law.arm_model import ArmParameters
 from slidax.law.model_trust import CALM, CONFIRMED, LASTING, PROBATION, PROVEN, SHORT, Trust, judge
 from slidax.scenarios import load
@@ -194,6 +194,18 @@ def test_an_arm_that_is_not_described_by_its_links_is_refused():
     reference = load("example-4.1").trajectory.reference(jnp.zeros(()))
     with pytest.raises(DefinitionError, match="use `joint_learning`"):
         law(jnp.zeros(()), state, reference, reference, law.init(jnp.zeros(()), state, reference))
+
+
+def test_the_filter_of_a_learnt_arm_grows_faster_unless_the_scenario_says_otherwise():
+    estimator = "scheme.sampled_data.estimator"
+    grows = load("panda-payload", ARM_LEARNING).controller.estimator
+    assert isinstance(grows, StrongTracking) and grows.growth == 2.0
+    np.testing.assert_allclose(grows.deviation, 1e-5 / np.sqrt(12.0))
+    without = {f"{estimator}.growth": 1.0}
+    for changes in ({}, {**ARM_LEARNING, **without}):
+        assert isinstance(load("panda-payload", changes).controller.estimator, Kalman)
+    with pytest.raises(DefinitionError, match="`acceleration_density` and `growth` both set the gains"):
+        load("panda-payload", {estimator: {"kind": "kalman", "acceleration_density": 1.0, "growth": 2.0}})
 
 
 def test_two_compensations_of_viscous_friction_are_refused():

@@ -218,7 +218,7 @@ class Kalman(AbstractEstimator):
 GROWTH = 2.0
 """Default largest growth of a bandwidth."""
 
-SURPRISE = 5.0
+SURPRISE = 4.0
 """Innovation over the deviation of a measured position from which the bandwidth grows."""
 
 ALERT_TIME = 0.015
@@ -231,9 +231,10 @@ FASTEST_GROWN = 0.5
 class StrongTracking(AbstractEstimator):
     """A Kalman filter whose bandwidth grows while its innovations are larger than noise explains.
 
-    With the innovation `x = |q' - q_predicted|/σ`, the pace d of each joint's filter becomes `p d`,
-    `p = max(min(1 + x - 5, growth), 1 + (p₋ - 1) e^{-h/T})`, T = 15 ms, and at most 0.5. A sudden disturbance is then
-    estimated in about half the time, and the noise of the undisturbed loop is as before.
+    With the smaller one x of the last two innovations `|q' - q_predicted|/σ`, or 0 if their signs differ, the pace d of
+    each joint's filter becomes `p d`, `p = max(min(1 + x - 4, growth), 1 + (p₋ - 1) e^{-h/T})`, T = 15 ms, and at most
+    0.5. A sudden disturbance is then estimated in about half the time, and the noise of the undisturbed loop is as
+    before. A single wrong measurement is no disturbance: the innovation after it has the other sign.
 
     A faster filter bears a smaller error of the inertia: p is scaled by the share of the arm's model that is in use.
 
@@ -260,22 +261,23 @@ class StrongTracking(AbstractEstimator):
     def with_share(self, share: Scalar) -> StrongTracking:
         return replace(self, share=share)
 
-    def init(self, measured: State) -> Vector:
-        """`p - 1` of each joint."""
-        return jnp.zeros_like(measured.q)
+    def init(self, measured: State) -> Float[Array, "2 n"]:
+        """`p - 1` of each joint, and its last innovation over σ."""
+        return jnp.zeros((2, *measured.q.shape))
 
     def __call__(
-        self, measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, ""], memory: Vector
-    ) -> tuple[Estimate, Vector]:
+        self, measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, ""], memory: Float[Array, "2 n"]
+    ) -> tuple[Estimate, Float[Array, "2 n"]]:
         pace = self.filter.pace
         assert pace is not None
-        surprise = jnp.abs(measured.q - prior.state.q) / self.deviation - SURPRISE
-        wanted = jnp.clip(surprise, 0.0, self.growth - 1.0)
-        beyond = jnp.maximum(wanted, memory * jnp.exp(-elapsed / ALERT_TIME))
+        innovation = (measured.q - prior.state.q) / self.deviation
+        both = jnp.minimum(jnp.abs(innovation), jnp.sign(innovation) * memory[1])
+        wanted = jnp.clip(both - SURPRISE, 0.0, self.growth - 1.0)
+        beyond = jnp.maximum(wanted, memory[0] * jnp.exp(-elapsed / ALERT_TIME))
         grown = jnp.maximum(jnp.minimum((1.0 + self.share * beyond) * pace, FASTEST_GROWN), pace)
         gains = self.filter.gains * (paced(grown) / paced(pace))
         estimate, _ = Kalman(gains)(measured, prior, elapsed, missed, ())
-        return estimate, beyond
+        return estimate, jnp.stack([beyond, innovation])
 
 
 def paced(pace: Vector) -> Float[Array, "3 n"]:
