@@ -271,6 +271,11 @@ def get_arms() -> int:
     return 1 if missing else 0
 
 
+def known_arms() -> dict[str, dict[str, object]]:
+    """The arms of both lists by the stems of their files."""
+    return {**yaml.safe_load(ARMS.read_text()), **yaml.safe_load(FURTHER.read_text())}
+
+
 SHARE = 0.6
 SETTLED = 2.0
 
@@ -300,7 +305,7 @@ def try_arms() -> None:
     parser.add_argument("--rated", action="store_true", help="payloads up to the rating, which `slidax new` is told")
     parser.add_argument("--out", type=Path)
     options = parser.parse_args()
-    known = {**yaml.safe_load(ARMS.read_text()), **yaml.safe_load(FURTHER.read_text())}
+    known = known_arms()
     files = sorted(path for path in options.folder.iterdir() if path.suffix.lower() in (".urdf", ".xml"))
     if options.arms:
         files = [path for path in files if path.stem in options.arms.split(",")]
@@ -445,16 +450,21 @@ def setting(text):
 
 
 def write_any_arm() -> None:
-    """Write the table of docs/any-arm.md from the results of `scripts/measure try-arms`: `write-arms RESULTS...`."""
-    rows = [json.loads(line) for path in sys.argv[1:] for line in Path(path).read_text().splitlines()]
-    known = yaml.safe_load(ARMS.read_text())
+    """Write a table of docs/any-arm.md from the results of `scripts/measure try-arms`."""
+    parser = argparse.ArgumentParser(description=write_any_arm.__doc__)
+    parser.add_argument("results", type=Path, nargs="+")
+    parser.add_argument("--table", choices=("arms", "further"), default="arms")
+    options = parser.parse_args()
+    rows = [json.loads(line) for path in options.results for line in path.read_text().splitlines()]
+    known = known_arms()
     schemes = list(dict.fromkeys(row["scheme"] for row in rows))
     lines = []
     for scheme in schemes:
         of_scheme = [row for row in rows if row["scheme"] == scheme]
         rates = sorted({row["rate"] for row in of_scheme}, reverse=True)
         held = sum(row["held"] for row in of_scheme)
-        lines += [f"`{scheme}`: {held} of {len(of_scheme)} runs hold.", ""]
+        feasible = f", {sum(row['feasible'] for row in of_scheme)} are feasible" if options.table == "further" else ""
+        lines += [f"`{scheme}`: {held} of {len(of_scheme)} runs hold{feasible}.", ""]
         heads = "".join(f" {rate:g} Hz |" for rate in rates)
         lines += [f"| arm | payload [kg] |{heads} worst error [mrad] |", f"|---|---:|{'---:|' * len(rates)}---:|"]
         for arm in sorted({row["arm"] for row in of_scheme}):
@@ -465,7 +475,8 @@ def write_any_arm() -> None:
                 cells += f" {sum(row['held'] for row in at)} of {len(at)} |"
                 worst.append(f"{max((row['worst'] for row in at), default=0.0) * 1e3:.1f}")
             maker = known.get(arm, {}).get("maker", arm)
-            lines.append(f"| {maker} | {mine[0]['payload']:.2g} |{cells} {', '.join(worst)} |")
+            payload = max(row["payload"] for row in mine)
+            lines.append(f"| {maker} | {payload:.2g} |{cells} {', '.join(worst)} |")
         lines.append("")
         for row in of_scheme:
             if scheme == schemes[0] and not row["held"]:
@@ -474,4 +485,4 @@ def write_any_arm() -> None:
                     f"joint {row['joint']} is {row['worst'] * 1e3:.1f} mrad off."
                 )
         lines.append("")
-    write_table("any-arm.md", "arms", "\n".join(lines).rstrip())
+    write_table("any-arm.md", options.table, "\n".join(lines).rstrip())
