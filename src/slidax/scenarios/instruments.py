@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import jax
 import jax.numpy as jnp
@@ -199,7 +199,8 @@ class DisturbanceDescription(AbstractDescription):
 
 
 if TYPE_CHECKING:
-    LuGreDescription = ElasticityDescription = PartDescription
+    LuGreDescription = PartDescription
+    ElasticityDescription = PartDescription
 else:
     LuGreDescription = plain_of(LuGre, "LuGreDescription", doc="LuGre friction of the true joints.")
     ElasticityDescription = plain_of(Elasticity, "ElasticityDescription", doc="A spring between motor and link.")
@@ -218,7 +219,7 @@ class TransmissionDescription(AbstractDescription):
 
         Raises DefinitionError if a list has the wrong length, or a number is out of range.
         """
-        parts = {}
+        parts: dict[str, Any] = {}
         for name in ("friction", "elasticity"):
             part = getattr(self, name)
             if part is not None:
