@@ -227,8 +227,8 @@ def stream_program(stream: StreamFilter, joints: int) -> tuple[Function, list[Me
         CArray("", Member("fresh", "f64", ())),
     ]
     outputs = _arrays("reference->", references(joints)) + _arrays("stream->", kept)
-    names = ("options", "stream", "newest", "fresh")
-    step = _function(StreamFilter.step, (stream, state, vector, jnp.zeros(())), names, inputs, outputs)
+    arguments = (stream, state, vector, jnp.zeros(()))
+    step = _function(StreamFilter.step, arguments, ("options", "stream", "newest", "fresh"), inputs, outputs)
     return step, options, kept
 
 

@@ -40,7 +40,7 @@ def _is_own(part: Any) -> bool:
 class _Key:
     """A law; laws that differ in their numbers alone are equal."""
 
-    kind: type
+    kind: type[AbstractController]
     tree: Any
     shapes: tuple[Any, ...]
     law: AbstractController = field(compare=False)
