@@ -208,7 +208,8 @@ def summary(values: np.ndarray) -> tuple[float, float, float]:
 def measure_events() -> None:
     """Peak errors and samples outside for random events: median, 90 % and worst, with both learnings."""
     parser = argparse.ArgumentParser(description=measure_events.__doc__)
-    parser.add_argument("--variants", type=int, default=FULL, help=f"of each event; {FULL} also write the table")
+    parser.add_argument("--variants", type=int, default=FULL, help="of each event")
+    parser.add_argument("--write", action="store_true", help=f"write the table of docs/{PAGE}")
     parser.add_argument("--events", nargs="*", default=[], help="only events whose name contains one of these")
     parser.add_argument("--seed", type=int, default=1, help="of the random variants")
     arguments = parser.parse_args()
@@ -222,7 +223,7 @@ def measure_events() -> None:
         rows.append(row_of(event, found))
         print(" | ".join(rows[-1]), f"({time.perf_counter() - started:.0f} s)", flush=True)
     text = table(HEAD, rows)
-    if arguments.variants == FULL and not arguments.events:
+    if arguments.write:
         write_table(PAGE, TABLE, text)
     print(text)
 

@@ -266,7 +266,7 @@ def corrected(estimator, innovation, before=None, beyond=0.0):
     memory = jnp.array([[beyond], [(innovation if before is None else before) / DEVIATION]])
     estimate, after = estimator(*args, memory if isinstance(estimator, StrongTracking) else ())
     change = np.array([*estimate.state.q, *estimate.state.dq, *estimate.disturbance])
-    return change, float(after[0, 0]) if after else 0.0
+    return change, float(after[0, 0]) if isinstance(estimator, StrongTracking) else 0.0
 
 
 def usual_change(innovation, inertia=1.0):
