@@ -96,7 +96,7 @@ def print_run(parts: Scenario, finished: Run, answer: dict[str, Any], *, every: 
     console.print()
     _say(
         console,
-        f"{parts.scheme} on {parts.robot}: {count_noun(int(finished.tally.samples), 'sample')}, {envelope}"
+        f"{parts.scheme} on {parts.arm_name}: {count_noun(int(finished.tally.samples), 'sample')}, {envelope}"
         f"simulated in {timing['run_s']:.2f} s, compiled in {timing['compile_s']:.1f} s",
     )
 
