@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, replace
 from functools import partial
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self
+from typing import Any, Literal, NamedTuple, Self
 
 import equinox as eqx
 import jax
@@ -56,10 +56,6 @@ from .schemes import AnyScheme, described_scheme
 from .trajectories import TrajectoryDescription, trajectory_of, warn_of_units
 from .uncertainty import Uncertainty
 from .yaml_text import validation_error
-
-if TYPE_CHECKING:
-    pass
-
 
 FROM_FILES = ("urdf", "mjcf", "identified")
 """Kinds of robots whose name is in a file."""
