@@ -103,6 +103,7 @@ def test_a_ready_arm_moves_within_its_velocities_and_torques(tmp_path, name):
 def test_plausible_limits_are_used_unchanged(tmp_path):
     drafted, scenario = new(tmp_path, arm())
     assert np.asarray(scenario.controller.limits.torque).tolist() == list(EFFORTS) and drafted.notes == ()
+    assert scenario.robot == "urdf" and "four, 4 joints" in repr(scenario)
 
 
 @pytest.mark.parametrize(

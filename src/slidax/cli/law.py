@@ -320,4 +320,6 @@ def _table(head: list[str], rows: list[list[str]]) -> Any:
 
 
 def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3g}"
+    from .tables import digits_of
+
+    return "-" if value is None else digits_of(value, 3)

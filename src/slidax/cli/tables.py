@@ -96,7 +96,7 @@ def print_run(parts: Scenario, finished: Run, answer: dict[str, Any], *, every: 
     console.print()
     _say(
         console,
-        f"{parts.scheme} on {parts.robot}: {count_noun(int(finished.tally.samples), 'sample')}, {envelope}"
+        f"{parts.scheme} on {parts.arm_name}: {count_noun(int(finished.tally.samples), 'sample')}, {envelope}"
         f"simulated in {timing['run_s']:.2f} s, compiled in {timing['compile_s']:.1f} s",
     )
 
@@ -174,12 +174,12 @@ def _fitting(names: list[str], width: int) -> list[list[str]]:
 
 
 def _cell(value: float | None, best: bool = False) -> Text:
-    return Text("-" if value is None else _digits(value), style="bold" if best else "")
+    return Text("-" if value is None else digits_of(value), style="bold" if best else "")
 
 
-def _digits(value: float) -> str:
-    """A number to four digits, without an exponent up to 10 million."""
-    text = f"{value:.4g}"
+def digits_of(value: float, digits: int = 4) -> str:
+    """A number to a few `digits`, without an exponent up to 10 million."""
+    text = f"{value:.{digits}g}"
     return f"{float(text):.0f}" if "e+" in text and abs(value) < 1e7 else text
 
 
@@ -213,7 +213,7 @@ def _section(section: Section) -> Table:
 def _written(cell: str | float | int | None) -> str:
     if cell is None:
         return "–"
-    return _digits(cell) if isinstance(cell, float) else str(cell)
+    return digits_of(cell) if isinstance(cell, float) else str(cell)
 
 
 def print_certificates(certificates: Certificates, *, every: bool = False) -> None:

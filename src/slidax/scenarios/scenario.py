@@ -59,6 +59,9 @@ from .trajectories import TrajectoryDescription, trajectory_of, warn_of_units
 from .uncertainty import Uncertainty
 from .yaml_text import validation_error
 
+FROM_FILES = ("urdf", "mjcf", "identified")
+"""Kinds of robots whose name is in a file."""
+
 
 # Compared by identity: arrays have no single truth value, and scenarios are keys of compiled batches.
 @dataclass(frozen=True, eq=False)
@@ -131,9 +134,14 @@ class Scenario:
     grad = MethodAbove("slidax.studies.by_path:grad")
     report = MethodAbove("slidax.report.pages:write_run_report")
 
+    @property
+    def arm_name(self) -> str:
+        """Name of the arm: the one in its file, or that of its kind."""
+        return getattr(self.plant.robot, "name", self.robot) if self.robot in FROM_FILES else self.robot
+
     def _facts(self) -> dict[str, str]:
         facts = {
-            "arm": f"{self.robot}, {count_noun(self.controller.joints, 'joint')}",
+            "arm": f"{self.arm_name}, {count_noun(self.controller.joints, 'joint')}",
             "controller": f"{self.scheme}, every {1e3 * self.period:g} ms",
             "duration": f"{self.t1:g} s",
             "uncertainty": ", ".join(self.description.uncertainty) or "none",
