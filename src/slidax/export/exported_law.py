@@ -83,8 +83,8 @@ class ExportedLaw(MutableMapping[str, np.ndarray]):
         """
         if not self.about.get("streams"):
             raise DefinitionError("this law has no streamed reference: export a scenario whose motion is `streamed`")
-        vectors = [self._vector(*self._row(value, name)) for name, value in (("q", q), ("dq", dq))]
-        sent = None if newest is None else self._vector(*self._row(newest, "newest"))
+        vectors = [self._vector(*self._numbers(value, name)) for name, value in (("q", q), ("dq", dq))]
+        sent = None if newest is None else self._vector(*self._numbers(newest, "newest"))
         wanted, tau = self._reference(), self._vector()
         status = self._function("follow", ctypes.c_uint32)(self._at, self._real(t), *vectors, sent, wanted, tau)
         return np.array(tau, float), int(status), np.array(wanted, float).reshape(3, self.joints)

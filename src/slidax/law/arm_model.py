@@ -47,7 +47,8 @@ class ArmParameters(eqx.Module):
         - `more`: number of further shapes m.
         """
         each = vector[PAYLOAD:].reshape(5 + more, -1)
-        return cls(vector[:PAYLOAD], *each[:4], each[-1], each[4:-1] if more else None)
+        factors, viscous, first, second = each[:4]
+        return cls(vector[:PAYLOAD], factors, viscous, first, second, each[-1], each[4:-1] if more else None)
 
     def vector(self) -> Float[Array, " p"]:
         """Return all parameters as one vector."""

@@ -233,7 +233,7 @@ class Harmonic(AbstractDisturbance):
 TANH_CURVATURE = 4.0 / (3.0 * 3.0**0.5)
 """The largest second derivative of tanh."""
 
-BELL_SLOPE = (2.0 / np.e) ** 0.5
+BELL_SLOPE = float(np.sqrt(2.0) * np.exp(-0.5))
 """The largest derivative of exp(-x²)."""
 
 

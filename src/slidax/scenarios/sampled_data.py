@@ -128,7 +128,7 @@ class KalmanDescription(AbstractDescription):
         if growth == 1.0:
             return kalman
         deviation = jnp.broadcast_to(jnp.sqrt(variance), sampling.mass.shape[:1])
-        return StrongTracking(kalman, deviation, growth)
+        return StrongTracking(kalman, deviation, jnp.asarray(growth))
 
 
 class GateDescription(AbstractDescription):

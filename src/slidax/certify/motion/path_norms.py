@@ -101,7 +101,8 @@ class JointPairs:
     @classmethod
     def of(cls, before: NDArray[np.bool_]) -> JointPairs:
         """Return the pairs of an arm's joints."""
-        inner, outer = np.sort(np.indices(before.shape), axis=0)
+        pairs = np.sort(np.indices(before.shape), axis=0)
+        inner, outer = pairs[0], pairs[1]
         return cls(inner, outer, np.where(before[inner, outer], 1.0, 0.0))
 
 
