@@ -457,32 +457,42 @@ def write_any_arm() -> None:
     options = parser.parse_args()
     rows = [json.loads(line) for path in options.results for line in path.read_text().splitlines()]
     known = known_arms()
-    schemes = list(dict.fromkeys(row["scheme"] for row in rows))
-    lines = []
-    for scheme in schemes:
-        of_scheme = [row for row in rows if row["scheme"] == scheme]
-        rates = sorted({row["rate"] for row in of_scheme}, reverse=True)
-        held = sum(row["held"] for row in of_scheme)
-        feasible = f", {sum(row['feasible'] for row in of_scheme)} are feasible" if options.table == "further" else ""
-        lines += [f"`{scheme}`: {held} of {len(of_scheme)} runs hold{feasible}.", ""]
-        heads = "".join(f" {rate:g} Hz |" for rate in rates)
-        lines += [f"| arm | payload [kg] |{heads} worst error [mrad] |", f"|---|---:|{'---:|' * len(rates)}---:|"]
-        for arm in sorted({row["arm"] for row in of_scheme}):
-            mine = [row for row in of_scheme if row["arm"] == arm]
-            cells, worst = "", []
-            for rate in rates:
-                at = [row for row in mine if row["rate"] == rate]
-                cells += f" {sum(row['held'] for row in at)} of {len(at)} |"
-                worst.append(f"{max((row['worst'] for row in at), default=0.0) * 1e3:.1f}")
-            maker = known.get(arm, {}).get("maker", arm)
-            payload = max(row["payload"] for row in mine)
-            lines.append(f"| {maker} | {payload:.2g} |{cells} {', '.join(worst)} |")
-        lines.append("")
-        for row in of_scheme:
-            if scheme == schemes[0] and not row["held"]:
-                lines.append(
-                    f"- {known.get(row['arm'], {}).get('maker', row['arm'])}, {row['rate']:g} Hz, case {row['case']}: "
-                    f"joint {row['joint']} is {row['worst'] * 1e3:.1f} mrad off."
-                )
-        lines.append("")
+    scheme, *others = dict.fromkeys(row["scheme"] for row in rows)
+    rates = sorted({row["rate"] for row in rows}, reverse=True)
+
+    def maker(arm):
+        return known.get(arm, {}).get("maker", arm)
+
+    def held(some):
+        return f"{sum(row['held'] for row in some)} of {len(some)}"
+
+    def worst(some):
+        return f"{max((row['worst'] for row in some), default=0.0) * 1e3:.1f}"
+
+    def of(**fields):
+        return [row for row in rows if all(row[key] == value for key, value in fields.items())]
+
+    arms = sorted({row["arm"] for row in rows})
+    heads = "".join(f" {rate:g} Hz |" for rate in rates)
+    feasible = f", {sum(row['feasible'] for row in rows)} are feasible" if options.table == "further" else ""
+    lines = [f"`{scheme}`: {held(of(scheme=scheme))} runs hold{feasible}.", ""]
+    lines += [f"| arm | payload [kg] |{heads} worst error [mrad] |", f"|---|---:|{'---:|' * len(rates)}---:|"]
+    for arm in arms:
+        at = [of(scheme=scheme, arm=arm, rate=rate) for rate in rates]
+        cells = "".join(f" {held(some)} |" for some in at)
+        payload = max(row["payload"] for row in of(scheme=scheme, arm=arm))
+        lines.append(f"| {maker(arm)} | {payload:.2g} |{cells} {', '.join(map(worst, at))} |")
+    lines.append("")
+    for row in of(scheme=scheme, held=False):
+        lines.append(
+            f"- {maker(row['arm'])}, {row['rate']:g} Hz, case {row['case']}: "
+            f"joint {row['joint']} is {row['worst'] * 1e3:.1f} mrad off."
+        )
+    if others:
+        lines += ["", "Runs that hold, and the worst error [mrad] of all of them:", ""]
+        lines += [f"| arm | {' | '.join(f'`{other}`' for other in others)} |", f"|---|{'---:|' * len(others)}"]
+        for arm in arms:
+            mine = [of(scheme=other, arm=arm) for other in others]
+            lines.append(f"| {maker(arm)} | {' | '.join(f'{held(some)}, {worst(some)}' for some in mine)} |")
+        lines.append(f"| all | {' | '.join(held(of(scheme=other)) for other in others)} |")
     write_table("robots.md", options.table, "\n".join(lines).rstrip())
