@@ -177,6 +177,16 @@ def band_rate(members: Members, at: State, there: State) -> np.ndarray:
     return np.linalg.norm(np.einsum("nir,nr->ni", scaled, worst), axis=1)
 
 
+def torque_rate(members: Members, at: State, there: State) -> np.ndarray:
+    q, dq, ddq, dddq = at
+    step = 1e-5
+    ahead, behind = (members.torque(q + t * dq + t**2 / 2 * ddq, dq + t * ddq, ddq + t * dddq) for t in (step, -step))
+    rate = (ahead - behind) / (2 * step)
+    shares = rate / np.maximum(np.linalg.norm(rate, axis=2, keepdims=True), 1e-12)
+    admitted = members.admitted(shares.reshape(-1, rate.shape[2])).reshape(rate.shape)
+    return np.einsum("nir,nir->ni", rate, admitted)
+
+
 def band_tube(members: Members, at: State, there: State) -> np.ndarray:
     mass, moved = members.nominal(at[0]), members.nominal(there[0])
     planned = np.linalg.solve(mass, members.torque(*at[:3]))
@@ -209,6 +219,7 @@ QUANTITIES: dict[str, tuple[Callable[[Members, State, State], np.ndarray], float
     "band_joints": (band_joints, 0.4),
     "band_torque": (band_torque, 0.4),
     "band_rate": (band_rate, 0.1),
+    "torque_rate": (torque_rate, 0.1),
     "band_tube": (band_tube, 0.05),
     "band_error": (band_error, 0.4),
     "band_relative": (band_relative, 0.4),
