@@ -12,7 +12,7 @@ from slidax.core.errors import DefinitionError
 from slidax.core.types import State
 from slidax.law import Estimate, Kalman, StrongTracking, sampled_data
 from slidax.plant import Encoders
-from slidax.law.kalman import ALERT_TIME, FASTEST_GROWN, SURPRISE
+from slidax.law.kalman import ALERT_TIME, BUDGET, FASTEST_GROWN, SURPRISE, TrackingMemory
 from slidax.simulation import Plant, simulate, simulate_batch
 from tests.law.followed import followed
 from tests.paper_examples import MOTION_4_1, START_4_1, TWO_LINK, law_4_1
@@ -255,7 +255,7 @@ def tracking(growth=2.0, inertia=1.0, share=1.0):
     return StrongTracking(filter_of(inertia, 1e-5), [DEVIATION], growth, share)
 
 
-def corrected(estimator, innovation, before=None, beyond=0.0):
+def corrected(estimator, innovation, before=None, beyond=0.0, spent=0.0):
     """The change of q, q̇ and ŵ by an innovation [rad], and `p - 1` after it.
 
     - `before`: the innovation before it [rad]; the same one if None.
@@ -263,10 +263,11 @@ def corrected(estimator, innovation, before=None, beyond=0.0):
     zero = jnp.zeros(1)
     measured = State(q=jnp.array([innovation]), dq=zero)
     args = measured, Estimate(State(zero, zero), zero), jnp.asarray(PERIOD), jnp.asarray(False)
-    memory = jnp.array([[beyond], [(innovation if before is None else before) / DEVIATION]])
+    last = (innovation if before is None else before) / DEVIATION
+    memory = TrackingMemory(jnp.array([beyond]), jnp.array([last]), jnp.array([spent]))
     estimate, after = estimator(*args, memory if isinstance(estimator, StrongTracking) else ())
     change = np.array([*estimate.state.q, *estimate.state.dq, *estimate.disturbance])
-    return change, float(after[0, 0]) if isinstance(estimator, StrongTracking) else 0.0
+    return change, float(after.growth[0]) if isinstance(estimator, StrongTracking) else 0.0
 
 
 def usual_change(innovation, inertia=1.0):
@@ -299,6 +300,14 @@ def test_the_growth_fades_within_its_time_constant():
     for _ in range(round(ALERT_TIME / PERIOD)):
         beyond = corrected(filter_, DEVIATION, beyond=beyond)[1]
     np.testing.assert_allclose(beyond, np.exp(-1.0), rtol=1e-12)
+
+
+def test_an_oscillation_cannot_hold_the_growth_up():
+    large = 50.0 * DEVIATION
+    np.testing.assert_array_equal(corrected(tracking(), large, spent=0.99 * BUDGET)[0], corrected(tracking(), large)[0])
+    half = corrected(tracking(), large, spent=1.5 * BUDGET)[0]
+    np.testing.assert_allclose(half, usual_change(large, 1.5**-3), rtol=1e-3)
+    np.testing.assert_array_equal(corrected(tracking(), large, spent=2.0 * BUDGET)[0], usual_change(large))
 
 
 def test_a_share_of_nothing_and_a_fast_filter_do_not_grow():

@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -224,8 +225,24 @@ SURPRISE = 4.0
 ALERT_TIME = 0.015
 """s: time constant with which the bandwidth falls again."""
 
+BUDGET, REST = 0.02, 0.3
+"""s: time for which a bandwidth may be doubled, and the time constant with which it is forgotten."""
+
 FASTEST_GROWN = 0.5
 """Largest d that a bandwidth grows to."""
+
+
+class TrackingMemory(eqx.Module):
+    """Memory of a filter whose bandwidth grows.
+
+    - `growth`: p - 1 of each joint [n].
+    - `innovation`: the last one over σ [n].
+    - `spent`: recent time with growth, times the growth [n], s.
+    """
+
+    growth: Vector
+    innovation: Vector
+    spent: Vector
 
 
 class StrongTracking(AbstractEstimator):
@@ -236,7 +253,8 @@ class StrongTracking(AbstractEstimator):
     0.5. A sudden disturbance is then estimated in about half the time, and the noise of the undisturbed loop is as
     before. A single wrong measurement is no disturbance: the innovation after it has the other sign.
 
-    A faster filter bears a smaller error of the inertia: p is scaled by the share of the arm's model that is in use.
+    A faster filter bears less of a model that is too heavy: p - 1 is scaled by the share of the arm's model in use, and
+    fades to 0 once the bandwidth has been doubled for 20 to 40 ms, so that an oscillation cannot hold it up.
 
     Source: Zhou and Frank, Strong tracking filtering of nonlinear time-varying stochastic systems, 1996; the growth is of
     the bandwidth, since the gains are fixed.
@@ -261,23 +279,25 @@ class StrongTracking(AbstractEstimator):
     def with_share(self, share: Scalar) -> StrongTracking:
         return replace(self, share=share)
 
-    def init(self, measured: State) -> Float[Array, "2 n"]:
-        """`p - 1` of each joint, and its last innovation over σ."""
-        return jnp.zeros((2, *measured.q.shape))
+    def init(self, measured: State) -> TrackingMemory:
+        zero = jnp.zeros_like(measured.q)
+        return TrackingMemory(growth=zero, innovation=zero, spent=zero)
 
     def __call__(
-        self, measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, ""], memory: Float[Array, "2 n"]
-    ) -> tuple[Estimate, Float[Array, "2 n"]]:
+        self, measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, ""], memory: TrackingMemory
+    ) -> tuple[Estimate, TrackingMemory]:
         pace = self.filter.pace
         assert pace is not None
         innovation = (measured.q - prior.state.q) / self.deviation
-        both = jnp.minimum(jnp.abs(innovation), jnp.sign(innovation) * memory[1])
+        both = jnp.minimum(jnp.abs(innovation), jnp.sign(innovation) * memory.innovation)
         wanted = jnp.clip(both - SURPRISE, 0.0, self.growth - 1.0)
-        beyond = jnp.maximum(wanted, memory[0] * jnp.exp(-elapsed / ALERT_TIME))
-        grown = jnp.maximum(jnp.minimum((1.0 + self.share * beyond) * pace, FASTEST_GROWN), pace)
+        beyond = jnp.maximum(wanted, memory.growth * jnp.exp(-elapsed / ALERT_TIME))
+        room = self.share * jnp.clip(2.0 - memory.spent / BUDGET, 0.0, 1.0)
+        spent = memory.spent * jnp.exp(-elapsed / REST) + elapsed * beyond
+        grown = jnp.maximum(jnp.minimum((1.0 + room * beyond) * pace, FASTEST_GROWN), pace)
         gains = self.filter.gains * (paced(grown) / paced(pace))
         estimate, _ = Kalman(gains)(measured, prior, elapsed, missed, ())
-        return estimate, jnp.stack([beyond, innovation])
+        return estimate, TrackingMemory(beyond, innovation, spent)
 
 
 def paced(pace: Vector) -> Float[Array, "3 n"]:
