@@ -1,6 +1,7 @@
 import pytest
 
 from slidax.studies import frame, monte_carlo
+from tests.documentation.pages import ROOT
 
 from .commands import answer_of, in_process
 
@@ -64,3 +65,9 @@ def test_invalid_study_commands_are_refused_in_one_line(tmp_path, words, text):
     done = in_process("study", *(word.format(file=file) for word in words), code=2)
     assert text in done.stderr
     assert done.stderr.count("\n") == 1 and "Traceback" not in done.output
+
+
+def test_a_sweep_refuses_a_number_of_runs_by_its_name():
+    sweep = ROOT / "examples" / "studies" / "sweep-payload.yaml"
+    done = in_process("study", str(sweep), "--runs", "8", code=2)
+    assert "a study of the kind `sweep` has no `runs` to set" in done.stderr

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Union
 import numpy as np
 from pydantic import Field, TypeAdapter, ValidationError
 
-from slidax.core.errors import DefinitionError
+from slidax.core.errors import DefinitionError, plain_name
 from slidax.scenarios.scenario import ScenarioDescription
 from slidax.scenarios.uncertain_values import Array
 from slidax.scenarios.yaml_text import read_yaml_file, require_readable, validation_error
@@ -59,6 +59,7 @@ def study_of(data: Any, changes: dict[str, Any] | None = None, *, folder: str | 
     if not isinstance(data, dict):
         raise DefinitionError("a study is a mapping with the keys study, scenario, uncertainty, ...")
     require_readable(data)
+    added = set(changes or {}) - set(data)
     data = {**data, **(changes or {})}
     scenario = data.get("scenario")
     if isinstance(scenario, str) and Path(scenario).suffix in (".yaml", ".yml"):
@@ -66,6 +67,10 @@ def study_of(data: Any, changes: dict[str, Any] | None = None, *, folder: str | 
     try:
         result: AbstractStudy = TypeAdapter(AnyStudy).validate_python(data, context={"folder": Path(folder)})
     except ValidationError as error:
+        for found in error.errors():
+            if found["type"] == "extra_forbidden" and found["loc"][-1] in added:
+                name, kind = found["loc"][-1], plain_name(str(data.get("study")))
+                raise DefinitionError(f"a study of the kind `{kind}` has no `{name}` to set: leave it out") from None
         raise validation_error(error, data) from None
     return result
 
