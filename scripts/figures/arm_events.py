@@ -18,9 +18,8 @@ from slidax.plant.sensors import AbstractSensor, Measurement
 from slidax.scenarios import load
 from slidax.simulation import simulate_batch
 
-from .shared import table, write_table
+from .shared import table
 
-PAGE, TABLE = "arm-learning.md", "event-variants"
 LAWS: dict[str, dict[str, Any]] = {
     "`joint_learning`": {},
     "`arm_learning`": {"scheme.sampled_data.adaptation": {"kind": "arm_learning"}},
@@ -32,7 +31,7 @@ EARLIEST, LATEST, END = 3.0, 4.5, 6.5
 """s: when events happen, and when runs end."""
 
 FULL, CHUNK = 200, 50
-"""Variants of the table in the page, and runs that are simulated at a time."""
+"""Variants of each event by default, and runs that are simulated at a time."""
 
 OUTLIERS, WINDOW = 1.0, 0.01
 """s: time with outliers; and time before the event from which its peak is taken."""
@@ -209,7 +208,6 @@ def measure_events() -> None:
     """Peak errors and samples outside for random events: median, 90 % and worst, with both learnings."""
     parser = argparse.ArgumentParser(description=measure_events.__doc__)
     parser.add_argument("--variants", type=int, default=FULL, help="of each event")
-    parser.add_argument("--write", action="store_true", help=f"write the table of docs/{PAGE}")
     parser.add_argument("--events", nargs="*", default=[], help="only events whose name contains one of these")
     parser.add_argument("--seed", type=int, default=1, help="of the random variants")
     arguments = parser.parse_args()
@@ -222,10 +220,7 @@ def measure_events() -> None:
         found = {name: measured(law, values) for name, law in laws.items()}
         rows.append(row_of(event, found))
         print(" | ".join(rows[-1]), f"({time.perf_counter() - started:.0f} s)", flush=True)
-    text = table(HEAD, rows)
-    if arguments.write:
-        write_table(PAGE, TABLE, text)
-    print(text)
+    print(table(HEAD, rows))
 
 
 HEAD = [
