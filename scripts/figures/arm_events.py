@@ -182,7 +182,7 @@ def definition(changes: dict[str, Any]) -> tuple[Any, Any]:
 
 
 def measured(law: tuple[Any, Any], values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Peak from the event on [rad], samples outside from there on, and 1 for a run that ends outside, for each variant."""
+    """Peak from the event on [rad], samples outside from there on, and 1 for a run that ends outside, of each run."""
     scenario, define = law
     found: dict[str, list[np.ndarray]] = {"peak": [], "outside": [], "lost": []}
     variants = len(values["at"])

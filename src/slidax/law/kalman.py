@@ -256,8 +256,8 @@ class StrongTracking(AbstractEstimator):
     A faster filter bears less of a model that is too heavy: p - 1 is scaled by the share of the arm's model in use, and
     fades to 0 once the bandwidth has been doubled for 10 to 20 ms, so that an oscillation cannot hold it up.
 
-    Source: Zhou and Frank, Strong tracking filtering of nonlinear time-varying stochastic systems, 1996; the growth is of
-    the bandwidth, since the gains are fixed.
+    Source: Zhou and Frank, Strong tracking filtering of nonlinear time-varying stochastic systems, 1996; here the
+    bandwidth grows, since the gains are fixed.
     """
 
     title = "A Kalman filter that becomes faster while its innovations are large."
