@@ -184,7 +184,7 @@ def definition(changes: dict[str, Any]) -> tuple[Any, Any]:
 def measured(law: tuple[Any, Any], values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Peak from the event on [rad], samples outside from there on, and 1 for a run that ends outside, of each run."""
     scenario, define = law
-    found: dict[str, list[np.ndarray]] = {"peak": [], "outside": [], "lost": []}
+    results: dict[str, list[np.ndarray]] = {"peak": [], "outside": [], "lost": []}
     variants = len(values["at"])
     for first in range(0, variants, CHUNK):
         chunk = {key: jnp.asarray(value[first : first + CHUNK]) for key, value in values.items()}
@@ -193,10 +193,10 @@ def measured(law: tuple[Any, Any], values: dict[str, np.ndarray]) -> dict[str, n
         lower, upper = np.asarray(run.log.envelope.lower), np.asarray(run.log.envelope.upper)
         after = t >= np.asarray(chunk["at"])[:, None] - WINDOW
         left = ((e <= lower) | (e >= upper)).any(axis=-1)
-        found["peak"].append(np.where(after, np.abs(e).max(axis=-1), 0.0).max(axis=1))
-        found["outside"].append((left & after).sum(axis=1))
-        found["lost"].append(left[:, -1] | ~np.isfinite(e).all(axis=(1, 2)))
-    return {key: np.concatenate(parts) for key, parts in found.items()}
+        results["peak"].append(np.where(after, np.abs(e).max(axis=-1), 0.0).max(axis=1))
+        results["outside"].append((left & after).sum(axis=1))
+        results["lost"].append(left[:, -1] | ~np.isfinite(e).all(axis=(1, 2)))
+    return {key: np.concatenate(parts) for key, parts in results.items()}
 
 
 def summary(values: np.ndarray) -> tuple[float, float, float]:
@@ -217,8 +217,8 @@ def measure_events() -> None:
         if arguments.events and not any(part in event for part in arguments.events):
             continue
         started = time.perf_counter()
-        found = {name: measured(law, values) for name, law in laws.items()}
-        rows.append(row_of(event, found))
+        results = {name: measured(law, values) for name, law in laws.items()}
+        rows.append(row_of(event, results))
         print(" | ".join(rows[-1]), f"({time.perf_counter() - started:.0f} s)", flush=True)
     print(table(HEAD, rows))
 
@@ -230,8 +230,8 @@ HEAD = [
 ]
 
 
-def row_of(event: str, found: dict[str, dict[str, np.ndarray]]) -> list[str]:
+def row_of(event: str, results: dict[str, dict[str, np.ndarray]]) -> list[str]:
     """An event's line of the table."""
-    peaks = [" / ".join(f"{value:.2e}" for value in summary(runs["peak"])) for runs in found.values()]
-    outside = [" / ".join(f"{math.ceil(value)}" for value in summary(runs["outside"])) for runs in found.values()]
-    return [event, *peaks, *outside, " / ".join(f"{np.sum(runs['lost'])}" for runs in found.values())]
+    peaks = [" / ".join(f"{value:.2e}" for value in summary(runs["peak"])) for runs in results.values()]
+    outside = [" / ".join(f"{math.ceil(value)}" for value in summary(runs["outside"])) for runs in results.values()]
+    return [event, *peaks, *outside, " / ".join(f"{np.sum(runs['lost'])}" for runs in results.values())]

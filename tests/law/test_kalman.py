@@ -323,8 +323,8 @@ def test_a_sudden_disturbance_is_found_in_about_half_the_time():
 
     times = []
     for estimator in (filter_of(1.0, 1e-5), tracking(growth=3.0)):
-        found = np.asarray(followed(estimator, motion, 300).disturbance)[:, 0]
-        times.append(np.argmax(found > 0.5) - 100)
+        disturbance = np.asarray(followed(estimator, motion, 300).disturbance)[:, 0]
+        times.append(np.argmax(disturbance > 0.5) - 100)
     assert times[1] < 0.75 * times[0]
 
 

@@ -225,7 +225,7 @@ SURPRISE = 4.0
 ALERT_TIME = 0.015
 """s: time constant with which the bandwidth falls again."""
 
-BUDGET, REST = 0.01, 0.3
+BUDGET, REST = 0.02, 0.3
 """s: time for which a bandwidth may be doubled, and the time constant with which it is forgotten."""
 
 FASTEST_GROWN = 0.3
@@ -254,7 +254,7 @@ class StrongTracking(AbstractEstimator):
     before. A single wrong measurement is no disturbance: the innovation after it has the other sign.
 
     A faster filter bears less of a model that is too heavy: p - 1 is scaled by the share of the arm's model in use, and
-    fades to 0 once the bandwidth has been doubled for 10 to 20 ms, so that an oscillation cannot hold it up.
+    fades to 0 once the bandwidth has been doubled for 20 to 40 ms, so that an oscillation cannot hold it up.
 
     Source: Zhou and Frank, Strong tracking filtering of nonlinear time-varying stochastic systems, 1996; here the
     bandwidth grows, since the gains are fixed.
