@@ -18,9 +18,8 @@ from slidax.plant.sensors import AbstractSensor, Measurement
 from slidax.scenarios import load
 from slidax.simulation import simulate_batch
 
-from .shared import table, write_table
+from .shared import table
 
-PAGE, TABLE = "arm-learning.md", "event-variants"
 LAWS: dict[str, dict[str, Any]] = {
     "`joint_learning`": {},
     "`arm_learning`": {"scheme.sampled_data.adaptation": {"kind": "arm_learning"}},
@@ -32,7 +31,7 @@ EARLIEST, LATEST, END = 3.0, 4.5, 6.5
 """s: when events happen, and when runs end."""
 
 FULL, CHUNK = 200, 50
-"""Variants of the table in the page, and runs that are simulated at a time."""
+"""Variants of each event by default, and runs that are simulated at a time."""
 
 OUTLIERS, WINDOW = 1.0, 0.01
 """s: time with outliers; and time before the event from which its peak is taken."""
@@ -183,9 +182,9 @@ def definition(changes: dict[str, Any]) -> tuple[Any, Any]:
 
 
 def measured(law: tuple[Any, Any], values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Peak from the event on [rad], samples outside from there on, and 1 for a run that ends outside, for each variant."""
+    """Peak from the event on [rad], samples outside from there on, and 1 for a run that ends outside, of each run."""
     scenario, define = law
-    found: dict[str, list[np.ndarray]] = {"peak": [], "outside": [], "lost": []}
+    results: dict[str, list[np.ndarray]] = {"peak": [], "outside": [], "lost": []}
     variants = len(values["at"])
     for first in range(0, variants, CHUNK):
         chunk = {key: jnp.asarray(value[first : first + CHUNK]) for key, value in values.items()}
@@ -194,10 +193,10 @@ def measured(law: tuple[Any, Any], values: dict[str, np.ndarray]) -> dict[str, n
         lower, upper = np.asarray(run.log.envelope.lower), np.asarray(run.log.envelope.upper)
         after = t >= np.asarray(chunk["at"])[:, None] - WINDOW
         left = ((e <= lower) | (e >= upper)).any(axis=-1)
-        found["peak"].append(np.where(after, np.abs(e).max(axis=-1), 0.0).max(axis=1))
-        found["outside"].append((left & after).sum(axis=1))
-        found["lost"].append(left[:, -1] | ~np.isfinite(e).all(axis=(1, 2)))
-    return {key: np.concatenate(parts) for key, parts in found.items()}
+        results["peak"].append(np.where(after, np.abs(e).max(axis=-1), 0.0).max(axis=1))
+        results["outside"].append((left & after).sum(axis=1))
+        results["lost"].append(left[:, -1] | ~np.isfinite(e).all(axis=(1, 2)))
+    return {key: np.concatenate(parts) for key, parts in results.items()}
 
 
 def summary(values: np.ndarray) -> tuple[float, float, float]:
@@ -209,7 +208,6 @@ def measure_events() -> None:
     """Peak errors and samples outside for random events: median, 90 % and worst, with both learnings."""
     parser = argparse.ArgumentParser(description=measure_events.__doc__)
     parser.add_argument("--variants", type=int, default=FULL, help="of each event")
-    parser.add_argument("--write", action="store_true", help=f"write the table of docs/{PAGE}")
     parser.add_argument("--events", nargs="*", default=[], help="only events whose name contains one of these")
     parser.add_argument("--seed", type=int, default=1, help="of the random variants")
     arguments = parser.parse_args()
@@ -219,13 +217,10 @@ def measure_events() -> None:
         if arguments.events and not any(part in event for part in arguments.events):
             continue
         started = time.perf_counter()
-        found = {name: measured(law, values) for name, law in laws.items()}
-        rows.append(row_of(event, found))
+        results = {name: measured(law, values) for name, law in laws.items()}
+        rows.append(row_of(event, results))
         print(" | ".join(rows[-1]), f"({time.perf_counter() - started:.0f} s)", flush=True)
-    text = table(HEAD, rows)
-    if arguments.write:
-        write_table(PAGE, TABLE, text)
-    print(text)
+    print(table(HEAD, rows))
 
 
 HEAD = [
@@ -235,8 +230,8 @@ HEAD = [
 ]
 
 
-def row_of(event: str, found: dict[str, dict[str, np.ndarray]]) -> list[str]:
+def row_of(event: str, results: dict[str, dict[str, np.ndarray]]) -> list[str]:
     """An event's line of the table."""
-    peaks = [" / ".join(f"{value:.2e}" for value in summary(runs["peak"])) for runs in found.values()]
-    outside = [" / ".join(f"{math.ceil(value)}" for value in summary(runs["outside"])) for runs in found.values()]
-    return [event, *peaks, *outside, " / ".join(f"{np.sum(runs['lost'])}" for runs in found.values())]
+    peaks = [" / ".join(f"{value:.2e}" for value in summary(runs["peak"])) for runs in results.values()]
+    outside = [" / ".join(f"{math.ceil(value)}" for value in summary(runs["outside"])) for runs in results.values()]
+    return [event, *peaks, *outside, " / ".join(f"{np.sum(runs['lost'])}" for runs in results.values())]

@@ -11,8 +11,8 @@ from scipy.linalg import solve_discrete_are
 from slidax.core.errors import DefinitionError
 from slidax.core.types import State
 from slidax.law import Estimate, Kalman, StrongTracking, sampled_data
-from slidax.plant import Encoders
 from slidax.law.kalman import ALERT_TIME, BUDGET, FASTEST_GROWN, SURPRISE, TrackingMemory
+from slidax.plant import Encoders
 from slidax.simulation import Plant, simulate, simulate_batch
 from tests.law.followed import followed
 from tests.paper_examples import MOTION_4_1, START_4_1, TWO_LINK, law_4_1
@@ -323,11 +323,11 @@ def test_a_sudden_disturbance_is_found_in_about_half_the_time():
 
     times = []
     for estimator in (filter_of(1.0, 1e-5), tracking(growth=3.0)):
-        found = np.asarray(followed(estimator, motion, 300).disturbance)[:, 0]
-        times.append(np.argmax(found > 0.5) - 100)
+        disturbance = np.asarray(followed(estimator, motion, 300).disturbance)[:, 0]
+        times.append(np.argmax(disturbance > 0.5) - 100)
     assert times[1] < 0.75 * times[0]
 
 
 def test_a_filter_without_a_pace_cannot_grow():
-    with pytest.raises(DefinitionError, match="construct it by `Kalman.of_arm`"):
+    with pytest.raises(DefinitionError, match=r"construct it by `Kalman\.of_arm`"):
         StrongTracking(Kalman.steady(density=1.0, variance=1e-11, period=PERIOD), [DEVIATION])

@@ -228,7 +228,7 @@ ALERT_TIME = 0.015
 BUDGET, REST = 0.02, 0.3
 """s: time for which a bandwidth may be doubled, and the time constant with which it is forgotten."""
 
-FASTEST_GROWN = 0.5
+FASTEST_GROWN = 0.3
 """Largest d that a bandwidth grows to."""
 
 
@@ -250,14 +250,14 @@ class StrongTracking(AbstractEstimator):
 
     With the smaller one x of the last two innovations `|q' - q_predicted|/σ`, or 0 if their signs differ, the pace d of
     each joint's filter becomes `p d`, `p = max(min(1 + x - 4, growth), 1 + (p₋ - 1) e^{-h/T})`, T = 15 ms, and at most
-    0.5. A sudden disturbance is then estimated in about half the time, and the noise of the undisturbed loop is as
+    0.3. A sudden disturbance is then estimated in about half the time, and the noise of the undisturbed loop is as
     before. A single wrong measurement is no disturbance: the innovation after it has the other sign.
 
     A faster filter bears less of a model that is too heavy: p - 1 is scaled by the share of the arm's model in use, and
     fades to 0 once the bandwidth has been doubled for 20 to 40 ms, so that an oscillation cannot hold it up.
 
-    Source: Zhou and Frank, Strong tracking filtering of nonlinear time-varying stochastic systems, 1996; the growth is of
-    the bandwidth, since the gains are fixed.
+    Source: Zhou and Frank, Strong tracking filtering of nonlinear time-varying stochastic systems, 1996; here the
+    bandwidth grows, since the gains are fixed.
     """
 
     title = "A Kalman filter that becomes faster while its innovations are large."
