@@ -46,9 +46,10 @@ def test_identified_arm_has_the_estimates_and_predicts_the_held_out_part(identif
     assert not identified.unseen or {parameter.name.split(".")[0] for parameter in identified.unseen} == {"payload"}
 
 
+@pytest.mark.full
 def test_stribeck_friction_and_torque_ripple_are_identified_where_they_are_asked_for(tmp_path):
     arm = true_arm()
-    t, motion = moved(10.0, 250.0, 6)
+    t, motion = moved(20.0, 250.0, 6)
     log = recorded(arm, times_and_motion=(t, motion), noise=0.002)
     excess, wave = np.array([1.0, 1.2, 0.8, 0.4, 0.3, 0.3]), np.array([0.9, -1.1, 0.7, 0.3, -0.2, 0.2])
     slow = np.exp(-((motion.dq / 0.4) ** 2)) * np.sign(motion.dq)
