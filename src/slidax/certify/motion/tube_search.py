@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .fixed_point import SETTLED, TINY, Bounds, Inputs, Problem
+from .fixed_point import TINY, Bounds, Inputs, Problem
 from .hand_over import HandOverCells
 from .joint_loop import JointLoop
 from .path import Path
@@ -17,8 +17,8 @@ from .path_tube import Tube
 TUBES = 16
 """Tubes that are tried."""
 
-PASSES = 3
-"""Times that verified bounds are tightened."""
+PASSES, TIGHTENED = 5, 1e-4
+"""Times that verified bounds are tightened, at most; and the relative change of the error that ends it."""
 
 WIDE, WIDE_TUBES = 1.25, 2
 """Factor on the first tubes that are tried, and their number; the bounds in them are tightened afterwards."""
@@ -104,7 +104,7 @@ def _tightened(solution: Solution, needed: Tube) -> Solution:
         before = float(bounds.error.max())
         for _ in range(3):
             bounds = replace(last.round(bounds), verified=True)
-        if float(bounds.error.max()) > (1.0 - SETTLED) * before:
+        if float(bounds.error.max()) > (1.0 - TIGHTENED) * before:
             break
         needed = tube_of(bounds, last.path, last.loop.period, at)
     return Solution(bounds, last)
