@@ -46,9 +46,9 @@ class ArmParameters(eqx.Module):
 
         - `more`: number of further shapes m.
         """
-        each = vector[PAYLOAD:].reshape(5 + more, -1)
-        factors, viscous, first, second = each[:4]
-        return cls(vector[:PAYLOAD], factors, viscous, first, second, each[-1], each[4:-1] if more else None)
+        payload = vector[:PAYLOAD]
+        factors, viscous, first, second, *shapes, rotor = vector[PAYLOAD:].reshape(5 + more, -1)
+        return cls(payload, factors, viscous, first, second, rotor, jnp.stack(shapes) if more else None)
 
     def vector(self) -> Float[Array, " p"]:
         """Return all parameters as one vector."""
