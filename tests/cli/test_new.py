@@ -38,6 +38,8 @@ def test_requirements_of_a_file_are_read_by_design_and_cover_the_payload(tmp_pat
     arms = problem.robot.build()
     np.testing.assert_allclose(arms.true.armature, 0.002 * np.asarray(arms.nominal.limits.torque))
     assert problem.robot.plant.load.mass == 0.4
+    text = " ".join(line.strip("# ") for line in (tmp_path / "needs.yaml").read_text(encoding="utf-8").splitlines())
+    assert "load: {center: [x, y, z]} moves it [m]" in text
 
 
 @pytest.mark.full

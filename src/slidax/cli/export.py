@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .common import Changes, Named, command_line, errors_as_lines, parse_changes, prepare, stage_bar
+from .common import Changes, Named, command_line, errors_as_lines, parse_changes, prepare, say, stage_bar
 
 if TYPE_CHECKING:
     from slidax.scenarios.scenario import Scenario
@@ -151,7 +151,7 @@ def export_fmu(
 
         chosen = None if platforms is None else [each.strip() for each in platforms.split(",")]
         unit = fmu.export_fmu(parts, out, name=name, fmi=fmi, platforms=chosen, command=command_line())
-        typer.echo(
+        say(
             f"{unit.project.law}, FMI {fmi}.0, {len(unit.variables)} variables, a step every "
             f"{unit.project.period_text}, for {', '.join(unit.platforms)}: {out.resolve()}"
         )
@@ -188,7 +188,7 @@ def export_web(
                 manifest = web.manifest_of_scenario(load(scenario, parse_changes(changes or [])), names, begin)
         page = web.write_playground(manifest, out)
         sliders = sum(len(setting["tunables"]) for setting in manifest["settings"])
-        typer.echo(
+        say(
             f"{count_noun(len(manifest['settings']), 'law')}, {count_noun(len(manifest['programs']), 'program')}, "
             f"{count_noun(sliders, 'slider')}, {page.stat().st_size / 1e6:.2f} MB: {page.resolve()}"
         )
@@ -209,7 +209,7 @@ def _export(
         project = export(parts, out, command=command_line(), **options)
         text = summary if isinstance(summary, str) else summary(project, parts)
         readme = out.resolve() / "README.md"
-        typer.echo(f"{project.law} in {project.real}s, {text}: {readme if readme.is_file() else out.resolve()}")
+        say(f"{project.law} in {project.real}s, {text}: {readme if readme.is_file() else out.resolve()}")
 
 
 @contextmanager

@@ -190,7 +190,7 @@ def _payload_frame(chosen: Choices) -> str:
     frame = f"the tip `{chosen.block['tip']}`" if "tip" in chosen.block else "the flange"
     return (
         f" Its payload of {chosen.payload:g} kg has its center of mass at the origin of {frame}; load: {{center: [x, "
-        "y, z]}} moves it [m]."
+        "y, z]} moves it [m]."
     )
 
 
