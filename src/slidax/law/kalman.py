@@ -216,9 +216,6 @@ class Kalman(AbstractEstimator):
         return reset_position(measured, prior, elapsed, forgotten, usual), ()
 
 
-GROWTH = 2.0
-"""Default largest growth of a bandwidth."""
-
 SURPRISE = 4.0
 """Innovation over the deviation of a measured position from which the bandwidth grows."""
 
@@ -264,7 +261,7 @@ class StrongTracking(AbstractEstimator):
 
     filter: Kalman = piece("the filter without growth, with a pace")
     deviation: Vector = parameter("σ, standard deviation of a measured position", "rad or m", "> 0")
-    growth: Scalar = parameter("largest growth of the bandwidth", "", ">= 1", default=GROWTH)
+    growth: Scalar = parameter("largest growth of the bandwidth", "", ">= 1", default=2.0)
     share: Scalar = parameter("share of the growth that is allowed", "", "[0, 1]", default=1.0)
 
     def __check_init__(self) -> None:

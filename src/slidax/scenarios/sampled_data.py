@@ -18,7 +18,7 @@ from slidax.law.calm_step import Calm
 from slidax.law.controllers import AbstractController
 from slidax.law.estimators import AbstractEstimator, Measured
 from slidax.law.joint_learning import JointLearning
-from slidax.law.kalman import FASTEST_PACE, GROWTH, TORQUE_DENSITY, Kalman, StrongTracking
+from slidax.law.kalman import FASTEST_PACE, TORQUE_DENSITY, Kalman, StrongTracking
 from slidax.law.sampled.gate import MeasurementGate
 from slidax.law.sampled.monitor import Monitor
 from slidax.law.sampled.recipe import sampled_data
@@ -47,7 +47,6 @@ class Sampling:
     - `rated`: rated torques of the joints [n], N m or N; infinite if unknown.
     - `limited`: False if the arm may move beyond its position limits.
     - `jitter`: width of the delay's random variation [periods].
-    - `growth`: default growth of a Kalman filter's bandwidth, 1 for none.
     """
 
     period: float
@@ -61,7 +60,6 @@ class Sampling:
     rated: Array
     limited: bool = True
     jitter: float = 0.0
-    growth: float = 1.0
 
 
 class MeasuredDescription(AbstractDescription):
@@ -105,9 +103,7 @@ class KalmanDescription(AbstractDescription):
         "variance of a measured position", "rad² or m²", default=None, source="the sensor's resolution and noise"
     )
 
-    growth: float | None = same_field(
-        StrongTracking, "growth", default=None, source="2 with `arm_learning` and `torque_density`, otherwise 1"
-    )
+    growth: float = same_field(StrongTracking, "growth", default=1.0)
 
     def build(self, sampling: Sampling) -> AbstractEstimator:
         """Build the estimator."""
@@ -124,11 +120,10 @@ class KalmanDescription(AbstractDescription):
             torque_density=self.torque_density,
             fastest=FASTEST_PACE if self.variance is None else None,
         )
-        growth = sampling.growth if self.growth is None else self.growth
-        if growth == 1.0:
+        if self.growth == 1.0:
             return kalman
         deviation = jnp.broadcast_to(jnp.sqrt(variance), sampling.mass.shape[:1])
-        return StrongTracking(kalman, deviation, jnp.asarray(growth))
+        return StrongTracking(kalman, deviation, jnp.asarray(self.growth))
 
 
 class GateDescription(AbstractDescription):
@@ -305,8 +300,6 @@ class SampledDataDescription(AbstractDescription):
                 # The estimator starts with the learnt inertia, and is slow enough to tolerate its errors.
                 variance = jnp.maximum(sampling.variance, FINEST**2 / 12.0)
                 sampling = replace(sampling, mass=adaptation.mass_at_start(sampling.mass), variance=variance)
-                if isinstance(adaptation, ArmLearning):
-                    sampling = replace(sampling, growth=GROWTH)
         if self.delay is not None:
             sampling = replace(sampling, delay=self.delay, dead_time=min(sampling.dead_time, self.delay))
         delay = sampling.delay

@@ -67,9 +67,9 @@ def study_of(data: Any, changes: dict[str, Any] | None = None, *, folder: str | 
     try:
         result: AbstractStudy = TypeAdapter(AnyStudy).validate_python(data, context={"folder": Path(folder)})
     except ValidationError as error:
-        for found in error.errors():
-            name = found.get("ctx", {}).get("key")
-            if found["type"] == "unknown_key" and name in added:
+        for mistake in error.errors():
+            name = mistake.get("ctx", {}).get("key")
+            if mistake["type"] == "unknown_key" and name in added:
                 kind = plain_name(str(data.get("study")))
                 raise DefinitionError(f"a study of the kind `{kind}` has no `{name}` to set: leave it out") from None
         raise validation_error(error, data) from None
