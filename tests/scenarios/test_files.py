@@ -188,6 +188,13 @@ def with_gain(scenario, k1):
     return scenario.replace(controller=eqx.tree_at(lambda c: c.surface.k1, scenario.controller, k1))
 
 
+def test_changes_of_the_caller_stay_as_they_are():
+    changes = {"start": {"q": [0.1, 0.2], "dq": [0.0, 0.0]}, "start.q[0]": 0.3}
+    start = scenarios.load("example-4.1-1khz", changes).state0
+    assert changes == {"start": {"q": [0.1, 0.2], "dq": [0.0, 0.0]}, "start.q[0]": 0.3}
+    np.testing.assert_array_equal(start.q, [0.3, 0.2])
+
+
 def test_replace_changes_parts_times_and_stepping_alone():
     before = scenarios.load("example-4.1")
     after = before.replace(state0=State([0.3, 2.4]), t1=0.05, period=1e-3, mode="held")

@@ -73,13 +73,13 @@ def with_changes(data: dict[str, Any], changes: dict[str, Any], folder: Path = P
     """Return a scenario with changed values, and with each parameter of its scheme under the part that has it.
 
     - `data`: mapping of the file; it is not modified.
-    - `changes`: new values by dotted path. Names and kinds are set first, since other values depend on them; entries of
-      lists, such as `start.q[0]`, last. A new `kind` drops the parameters of the old kind.
+    - `changes`: new values by dotted path; it is not modified either. Names and kinds are set first, since other values
+      depend on them; entries of lists, such as `start.q[0]`, last. A new `kind` drops the parameters of the old kind.
     - `folder`: folder of the files that the scenario names.
 
     Raises DefinitionError if a path does not exist.
     """
-    data, changes = _with_lists(data), dict(changes)
+    data, changes = _with_lists(data), _with_lists(changes)
     if "scheme.name" in changes:
         data["scheme"] = switch_scheme(data.get("scheme"), changes.pop("scheme.name"))
     if isinstance(data.get("scheme"), dict):
@@ -95,7 +95,7 @@ def with_changes(data: dict[str, Any], changes: dict[str, Any], folder: Path = P
 
 
 def _with_lists(value: Any) -> Any:
-    """The data with lists instead of tuples, so that entries can be set."""
+    """A copy of the data with lists instead of tuples, so that entries can be set."""
     if isinstance(value, dict):
         return {key: _with_lists(part) for key, part in value.items()}
     return [_with_lists(part) for part in value] if isinstance(value, list | tuple) else value
