@@ -16,6 +16,9 @@ from jaxtyping import install_import_hook
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
+# Processes of pytest-xdist set it, and messages in a pipe would be wrapped.
+os.environ.pop("COLUMNS", None)
+
 from tests import array_modules, compiled_code  # noqa: E402  (once compiled modules are kept)
 
 jax.config.update("jax_enable_x64", True)

@@ -222,11 +222,11 @@ def test_any_failure_of_native_code_is_named_and_xla_runs(monkeypatch, where):
             run()
 
 
-def test_an_error_in_the_law_is_raised_unchanged():
+def test_an_error_in_the_law_is_raised_with_its_line():
     def wrong(e):
         return e @ jnp.ones(3)
 
-    with pytest.raises(TypeError, match="shape"):
+    with pytest.raises(DefinitionError, match=r"line \d+ of .*test_engines.py, in .*wrong`: TypeError: .*shape"):
         simulate(SMOOTH_PLANT, Written(wrong), MOTION_4_1, START_4_1, t1=0.1, period=0.01)
 
 

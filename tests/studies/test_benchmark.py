@@ -186,7 +186,7 @@ def test_a_mistake_in_a_users_law_is_named_and_a_changed_law_runs_anew(tmp_path,
         (result,) = round_.run(tmp_path, 0, lambda *key, ran=ran: ran.append(key)).by_key.values()
         if text is wrong:
             line = next(i for i, code in enumerate(text.splitlines(), 1) if "self.kq" in code)
-            assert result.startswith(f"AttributeError in line {line} of {file}: ")
+            assert result.startswith(f"line {line} of {file}, in `Mine.__call__`: AttributeError: ")
     assert isinstance(result, TaskResult) and not ran
     # Numbers in kg m² follow the inertia of the joints.
     assert np.shape(result.gains["scheme.inertia"]) == (3,) and np.shape(result.gains["scheme.kp"]) == ()

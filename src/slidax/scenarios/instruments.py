@@ -1,4 +1,4 @@
-"""Sensors, actuators, disturbances and the tolerance band in a scenario file."""
+"""Sensors, actuators, disturbances, surroundings and the tolerance band in a scenario file."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from slidax.plant.noise import as_integer
 from slidax.plant.sensors import AbstractSensor, Delayed, DifferencedEncoders, Encoders, Exact, Lossy
 from slidax.plant.timing import TRACES
 from slidax.plant.transmissions import Elasticity, LuGre, Transmission
+from slidax.simulation.plant import Table
 
 from .descriptions import AbstractDescription, Numbers, PartDescription, input_field, plain_of, same_field, union_of
 
@@ -248,3 +249,21 @@ def tolerance_of(description: ToleranceDescription | None, robot: AbstractRobot)
         tolerance: PrescribedPerformance = description.build()
         require_joints(tolerance, robot.joints, type(robot).__name__)
     return tolerance
+
+
+class TableDescription(AbstractDescription):
+    """A horizontal, rigid and infinite surface that the tip and its payload can touch."""
+
+    height: float = same_field(Table, "height")
+    friction: float = same_field(Table, "friction")
+
+
+class SurroundingsDescription(AbstractDescription):
+    """Surroundings of the arm, for MuJoCo."""
+
+    table: TableDescription | None = None
+    """A table."""
+
+    def build(self) -> Table | None:
+        """Build the table, if there is one."""
+        return None if self.table is None else Table(as_array(self.table.height), as_array(self.table.friction))

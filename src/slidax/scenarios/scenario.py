@@ -36,18 +36,19 @@ from slidax.law.presets import Preset
 from slidax.motions.stream import Streamed
 from slidax.motions.trajectory import AbstractMotion
 from slidax.simulation.define import require_fitting
-from slidax.simulation.plant import MujocoPlant, Plant, Table
+from slidax.simulation.plant import MujocoPlant, Plant
 from slidax.simulation.run import Run
 from slidax.simulation.simulate import Parts, simulate, simulate_batch
 from slidax.simulation.stepping import Stepping
 
 from .changes import with_changes
 from .default_bound import default_bound, warn_of_implausible_bound
-from .descriptions import AbstractDescription, PartDescription, input_field, same_field
+from .descriptions import AbstractDescription, PartDescription, input_field
 from .instruments import (
     ActuatorDescription,
     DisturbanceDescription,
     SensorDescription,
+    SurroundingsDescription,
     ToleranceDescription,
     TransmissionDescription,
     tolerance_of,
@@ -266,24 +267,6 @@ class SimulationDescription(AbstractDescription):
     engine: Literal["auto", "native", "xla", "cuda"] = "auto"
     """Engine: `native` is slidax's machine code, `xla` JAX's compiler; `auto` selects the faster one on the processor;
     `cuda` is the native code on an NVIDIA GPU, for batches."""
-
-
-class TableDescription(AbstractDescription):
-    """A horizontal, rigid and infinite surface that the tip and its payload can touch."""
-
-    height: float = same_field(Table, "height")
-    friction: float = same_field(Table, "friction")
-
-
-class SurroundingsDescription(AbstractDescription):
-    """Surroundings of the arm, for MuJoCo."""
-
-    table: TableDescription | None = None
-    """A table."""
-
-    def build(self) -> Table | None:
-        """Build the table, if there is one."""
-        return None if self.table is None else Table(as_array(self.table.height), as_array(self.table.friction))
 
 
 def _rated(torque: Array, limits: JointLimits | None, joints: int) -> Array:
