@@ -200,7 +200,9 @@ class AdaptiveSlotineLi(AbstractModelBased):
 
     def __call__(self, t, state, now, following, memory):
         q, dq, n = state.q, state.dq, self.joints
-        arm = self.nominal.rigid_links() if hasattr(self.nominal, "rigid_links") else self.nominal
+        # `joint_learning` gives the law an arm with the nominal one inside.
+        arm = getattr(self.nominal, "nominal", self.nominal)
+        arm = arm.rigid_links() if hasattr(arm, "rigid_links") else arm
         v, a = now.dq - self.decay * (q - now.q), now.ddq - self.decay * (dq - now.dq)
         s, rest = dq - v, jnp.zeros_like(q)
 

@@ -17,7 +17,7 @@ from .path_tube import Tube
 TUBES = 16
 """Tubes that are tried."""
 
-PASSES, TIGHTENED = 5, 1e-4
+PASSES, TIGHTENED = 8, 1e-4
 """Times that verified bounds are tightened, at most; and the relative change of the error that ends it."""
 
 WIDE, WIDE_TUBES = 1.25, 2
