@@ -364,8 +364,8 @@ def label(name: str) -> str:
 
 
 def number(value: float) -> str:
-    """A number in two digits; a dash if there is none."""
-    return f"{value:.1e}" if np.isfinite(value) else "-"
+    """An error in two digits; a dash if there is none, and `lost` if it is larger than a turn."""
+    return "-" if not np.isfinite(value) else "lost" if value > 2.0 * np.pi else f"{value:.1e}"
 
 
 def write_fronts(results: dict[str, Any]) -> None:
@@ -376,7 +376,14 @@ def write_fronts(results: dict[str, Any]) -> None:
         seeds = [error_at([front], CHOSEN) for front in fronts]
         least = min((error for front in fronts for error, _ in front), default=float("inf"))
         errors = [number(error_at(fronts, level)) for level in LEVELS]
-        rows.append([label(name), *errors, number(least), f"{number(min(seeds))} to {number(max(seeds))}"])
+        rows.append(
+            [
+                label(name),
+                *errors,
+                number(least),
+                f"{number(min(seeds))} to {number(max(seeds))}" if np.isfinite(min(seeds)) else "-",
+            ]
+        )
     levels = [f"error [rad] at {level:g} N m" for level in LEVELS]
     head = ["law", *levels, "least error", f"seeds, at {CHOSEN:g} N m"]
     missing = ", ".join(label(name) for name in RIVALS if name not in results)

@@ -98,8 +98,9 @@ def test_no_kernel_of_an_inertia_ratio_in_the_band_exceeds_the_largest_kernel(na
     sums, peaks = ("any_form", "ramp", "pulse", "noise", "goal"), ("step", "start_error", "start_speed", "start_miss")
     for ratio in np.random.default_rng(0).uniform(least, most, size=6):
         trace = _Trace.of(loop, loop.maps_for(ratio), ratio, spreads["error"].nominal.any_form.size - 1, 0.0)
+        kernels = trace.kernels().by_output()
         for output, spread in spreads.items():
-            own, largest = trace.kernel(output), spread.largest
+            own, largest = kernels[output], spread.largest
             for field in sums:
                 assert np.sum(getattr(own, field)) <= np.sum(getattr(largest, field)), (output, field)
             for field in peaks:
