@@ -1,4 +1,4 @@
-"""The closed loop in WebAssembly beside `slidax run`: how equal, how fast, how large (docs/browser.md)."""
+"""The closed loop in WebAssembly compared with `slidax run`: differences, speed and size (docs/browser.md)."""
 
 from __future__ import annotations
 

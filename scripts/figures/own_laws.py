@@ -154,7 +154,7 @@ FIXED: dict[str, dict[str, Any]] = {
         "model": 1.0,
     },
 }
-"""Values that are not tuned: what a law is told of the arm, the sample time and the envelope."""
+"""Values that are not tuned: data of the arm, the sample time and the envelope."""
 
 DENSITY = {"sampled_data.estimator.torque_density": GainDescription(between=(0.001, 0.5))}
 """Tuned for every law, as part of what all of them have."""

@@ -290,7 +290,7 @@ def try_arms() -> None:
     joints below half of their torques in every posture. An arm holds if from 2 s on no joint is farther from its
     motion than 5 times the period [rad/s].
 
-    With `--rated`, `slidax new` is told the whole payload, the cases carry 10 to 100 % of it in equal steps, and an arm
+    With `--rated`, `slidax new` gets the whole payload, the cases carry 10 to 100 % of it in equal steps, and an arm
     holds if it also stays inside its envelope from the start. A case is feasible if the torque along the motion, by
     inverse dynamics of the true arm, is at most 90 % of each limit.
     """
@@ -302,7 +302,7 @@ def try_arms() -> None:
     parser.add_argument("--arms", default="", help="stems of files; by default all")
     parser.add_argument("--set", type=setting, action="append", default=[], help="of the scenario, PATH=VALUE")
     parser.add_argument("--explain", action="store_true", help="explain runs that do not hold")
-    parser.add_argument("--rated", action="store_true", help="payloads up to the rating, which `slidax new` is told")
+    parser.add_argument("--rated", action="store_true", help="payloads up to the rating, which `slidax new` gets")
     parser.add_argument("--out", type=Path)
     options = parser.parse_args()
     known = known_arms()

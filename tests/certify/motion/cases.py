@@ -75,7 +75,8 @@ class Members:
 
     def admitted(self, shares: np.ndarray) -> np.ndarray:
         """Shares of the axes [s r], made smaller where the relative error of M may pass p."""
-        return shares * np.minimum(1.0, self.band.p / self.bound.of(shares @ self.band.deviations))[:, None]
+        size = self.bound.of(shares @ self.band.deviations)
+        return shares * (self.band.p / np.maximum(size, self.band.p))[:, None]
 
     def nominal(self, q: np.ndarray) -> np.ndarray:
         return self.inertia(q, arm_parameters(self.arm))[..., 0]
