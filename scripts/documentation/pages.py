@@ -32,6 +32,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from .commands import PageError, commands
+
 FENCE = re.compile(r"^( *)(`{3,}|~{3,})(\w*)[^\n`]*$")
 MARK = re.compile(r"<!--\s*(.*?)\s*-->", re.DOTALL)
 NAMED = re.compile(r"(not run|with|exit|file|part of|needs|shell|small|said):\s*(.*)", re.DOTALL)
@@ -67,10 +69,6 @@ class Block:
     first: int
     last: int
     marks: dict[str, str] = field(default_factory=dict)
-
-
-class PageError(Exception):
-    """A page is not as it should be."""
 
 
 def blocks(text: str) -> list[Block]:
@@ -119,111 +117,6 @@ def _blocks(lines: list[str]) -> Iterator[Block]:
         row += 1
     if marks:
         raise PageError(f"line {marked + 1}: a mark, {next(iter(marks))!r}, with no block after it")
-
-
-READ = {".yaml", ".yml", ".urdf", ".xml", ".mjcf", ".csv", ".json", ".mcap", ".parquet"}
-"""Endings of files that commands read."""
-
-WRITTEN = {"--out", "--record", "--log", "--histogram", "--report"}
-"""Options whose value is written, unless it is there."""
-
-
-@dataclass(frozen=True)
-class Command:
-    """A line that a reader types, and what the page shows below it.
-
-    - `line`: without the prompt.
-    - `shown`: the lines below it.
-    """
-
-    line: str
-    shown: list[str] = field(default_factory=list)
-
-    @property
-    def arguments(self) -> list[str]:
-        """Words after `slidax`, or all words of another program's command."""
-        words = shlex.split(self.line, comments=True)
-        return words[1:] if self.is_ours else words
-
-    @property
-    def is_ours(self) -> bool:
-        """True if the line is one `slidax` command, without another program."""
-        words = shlex.split(self.line, comments=True)
-        return bool(words) and words[0] == "slidax" and not {"&&", "|", ">", ";"} & set(words)
-
-
-def commands(language: str, text: str) -> list[Command]:
-    """The commands of a block: after the prompt `$` in a `console`, every line in `sh`."""
-    typed: list[Command] = []
-    joined = text.replace("\\\n", " ")
-    for line in joined.splitlines():
-        if language == "console":
-            if line.startswith("$ "):
-                typed.append(Command(line[2:].strip()))
-            elif typed:
-                typed[-1].shown.append(line)
-        elif line.strip() and not line.lstrip().startswith("#"):
-            typed.append(Command(line.strip()))
-    return typed
-
-
-def check(arguments: list[str], app: Any) -> None:
-    """Check that the command line takes these arguments; nothing is run.
-
-    Raises PageError if there is no such command or option, or an argument is missing.
-    """
-    from typer.main import get_command
-
-    command: Any = get_command(app)
-    words, context = list(arguments), None
-    try:
-        while True:
-            context = command.make_context("slidax", words, parent=context)
-            if not hasattr(command, "resolve_command"):
-                return
-            rest = [*getattr(context, "_protected_args", []), *context.args]
-            _, command, words = command.resolve_command(context, rest)
-    except SystemExit:
-        return
-    except Exception as error:
-        # `--help` and `--version` leave by an exception of their own.
-        if type(error).__name__ in ("Exit", "NoArgsIsHelpError"):
-            return
-        message = getattr(error, "format_message", lambda: str(error))()
-        raise PageError(f"`slidax {shlex.join(arguments)}`: {message}") from error
-
-
-@dataclass
-class Files:
-    """Files that a reader has at a place of the page.
-
-    - `folder`: where a reader stands: the root of a clone.
-    - `written`: what the page has written before.
-    """
-
-    folder: Path
-    written: set[str] = field(default_factory=set)
-
-    def has(self, name: str) -> bool:
-        """True if a file exists, or is in a folder that a command of the page has written."""
-        path = Path(name)
-        parents = {str(parent) for parent in path.parents} - {"."}
-        return name in self.written or bool(parents & self.written) or (self.folder / path).exists()
-
-    def follow(self, arguments: list[str]) -> None:
-        """Note what a command writes, and looks for what it reads.
-
-        Raises PageError if a file is nowhere.
-        """
-        before = ""
-        for word in arguments:
-            value = word.split("=", 1)[-1] if word.startswith("--") or "=" in word else word
-            option = word.split("=", 1)[0] if word.startswith("--") and "=" in word else before
-            if option in WRITTEN:
-                self.written.add(value.rstrip("/"))
-            elif Path(value).suffix in READ and not self.has(value):
-                raise PageError(f"`{value}` is neither in the repository nor written before on this page")
-            before = word
 
 
 PATHS = ("truth", "uncertainty")
@@ -466,7 +359,7 @@ def _is_there(name: str) -> bool:
 
 
 STORE = ROOT / "build" / "pages"
-SOURCES = ("src/slidax", "examples", "scripts/documentation/pages.py")
+SOURCES = ("src/slidax", "examples", "scripts/documentation/pages.py", "scripts/documentation/commands.py")
 PACKAGES = ("jax", "numpy", "scipy", "matplotlib", "llvmlite", "mujoco")
 
 

@@ -12,7 +12,8 @@ import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from .pages import STORE, Block, PageResult, blocks, commands, sources
+from .commands import commands
+from .pages import STORE, Block, PageResult, blocks, sources
 
 ROOT = Path(__file__).parents[2]
 ELSEWHERE = {

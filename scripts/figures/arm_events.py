@@ -18,15 +18,10 @@ from slidax.plant.sensors import AbstractSensor, Measurement
 from slidax.scenarios import load
 from slidax.simulation import simulate_batch
 
+from .arm_learning import LAWS, NEVER, RATED, random_arm
 from .shared import table
 
-LAWS: dict[str, dict[str, Any]] = {
-    "`joint_learning`": {},
-    "`arm_learning`": {"scheme.sampled_data.adaptation": {"kind": "arm_learning"}},
-}
-RATED = np.array([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0])
 JOINTS = RATED.size
-NEVER = 1e9
 EARLIEST, LATEST, END = 3.0, 4.5, 6.5
 """s: when events happen, and when runs end."""
 
@@ -53,12 +48,6 @@ class Event(AbstractDisturbance):
         depth, speed = v["side"] * (q - v["stop"]), v["side"] * dq
         stop = jnp.where(after, -3000.0 * jnp.maximum(depth, 0.0) * jnp.maximum(0.0, 1.0 + 0.5 * speed), 0.0)
         return push + friction + v["side"] * stop
-
-    def chord_deviation(self, upper: Any, samples: Any) -> Any:
-        raise NotImplementedError
-
-    def largest(self, upper: Any, joints: int) -> Any:
-        raise NotImplementedError
 
 
 class Outliers(AbstractSensor):
@@ -146,28 +135,10 @@ def definition(changes: dict[str, Any]) -> tuple[Any, Any]:
     plant, law, motion, state, *_ = scenario.parts
 
     def define(v: dict[str, Any]) -> Any:
-        arm = law.nominal
         changed = eqx.tree_at(
-            lambda p: (
-                p.robot.masses,
-                p.robot.inertias,
-                p.robot.armature,
-                p.robot.coulomb,
-                p.robot.viscous,
-                p.load.payload.mass,
-                p.load.released,
-                p.load.attached,
-                p.disturbance,
-                p.sensor,
-            ),
-            plant,
+            lambda p: (p.load.released, p.load.attached, p.disturbance, p.sensor),
+            random_arm(plant, law.nominal, v),
             (
-                arm.masses * v["mass"],
-                arm.inertias * v["mass"][:, None, None],
-                v["rotor"],
-                v["coulomb"],
-                v["viscous"],
-                v["payload"],
                 v["released"],
                 v["attached"],
                 Event({key: v[key] for key in ("at", "until", "push", "friction", "stop", "side")}),

@@ -59,12 +59,6 @@ class Event(AbstractDisturbance):
         stribeck = -v["stribeck"] * jnp.tanh(dq / 0.006) * jnp.exp(-((dq / 0.05) ** 2))
         return push + friction + stop + stribeck + v["cogging"] * jnp.sin(30.0 * q)
 
-    def chord_deviation(self, upper: Any, samples: Any) -> Any:
-        raise NotImplementedError
-
-    def largest(self, upper: Any, joints: int) -> Any:
-        raise NotImplementedError
-
 
 def events() -> dict[str, dict[str, np.ndarray]]:
     """Values of each event."""
@@ -135,6 +129,29 @@ def write_events() -> None:
         write_table(PAGE, name, table(["event", *(f"{what}, {law}" for what in heads for law in laws)], rows))
 
 
+def random_arm(plant: Any, nominal: Any, values: Any) -> Any:
+    """The plant with masses relative to those of the nominal arm, and with rotors, friction and payload."""
+    return eqx.tree_at(
+        lambda p: (
+            p.robot.masses,
+            p.robot.inertias,
+            p.robot.armature,
+            p.robot.coulomb,
+            p.robot.viscous,
+            p.load.payload.mass,
+        ),
+        plant,
+        (
+            nominal.masses * values["mass"],
+            nominal.inertias * values["mass"][:, None, None],
+            values["rotor"],
+            values["coulomb"],
+            values["viscous"],
+            values["payload"],
+        ),
+    )
+
+
 def write_random_arms() -> None:
     """Simulate `panda-payload` with random links, payloads, rotors and friction, and write the table."""
     rng = np.random.default_rng(SEED)
@@ -151,27 +168,7 @@ def write_random_arms() -> None:
         plant, law, motion, state, *_ = scenario.parts
 
         def define(v: Any, plant: Any = plant, law: Any = law, motion: Any = motion, state: Any = state) -> Any:
-            arm = law.nominal
-            changed = eqx.tree_at(
-                lambda p: (
-                    p.robot.masses,
-                    p.robot.inertias,
-                    p.robot.armature,
-                    p.robot.coulomb,
-                    p.robot.viscous,
-                    p.load.payload.mass,
-                ),
-                plant,
-                (
-                    arm.masses * v["mass"],
-                    arm.inertias * v["mass"][:, None, None],
-                    v["rotor"],
-                    v["coulomb"],
-                    v["viscous"],
-                    v["payload"],
-                ),
-            )
-            return changed, law, motion, state
+            return random_arm(plant, law.nominal, v), law, motion, state
 
         run = simulate_batch(
             define, jax.tree.map(jnp.asarray, values), t1=END, stepping=scenario.stepping, log_every=1, threads=2

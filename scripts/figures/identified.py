@@ -50,9 +50,7 @@ def random_tool(name: str, number: int) -> Articulated:
     payload = Payload(
         mass=as_array(mass), center=center, inertia=as_array(mass / 3 * np.diag(sides @ sides - sides**2))
     )
-    drives = [
-        as_array(random.uniform(*share, arm.joints) * rated) for share in ((1e-3, 3e-3), (0.01, 0.03), (5e-3, 0.02))
-    ]
+    drives = [as_array(random.uniform(*share, arm.joints) * rated) for share in DRIVES]
     where = lambda robot: (robot.armature, robot.coulomb, robot.viscous, robot.payload)  # noqa: E731
     changed: Articulated = eqx.tree_at(where, arm, (*drives, payload))
     return changed

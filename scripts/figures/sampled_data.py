@@ -1,4 +1,4 @@
-"""Figures and tables of docs/sampled-data.md, docs/benchmark-of-schemes.md, and of noise in docs/loop-rate.md."""
+"""Figures and tables of docs/sampled-data.md, and of noise in docs/loop-rate.md."""
 
 from __future__ import annotations
 
@@ -31,7 +31,6 @@ from slidax.report.figures.style import (
     use_size_axis,
     use_time_axis,
 )
-from slidax.scenarios.schemes import PRESETS
 from slidax.simulation import Run
 
 from .shared import (
@@ -478,36 +477,3 @@ def write_noise() -> None:
     write_table("loop-rate.md", "noise", table(head, rows))
     if any(math.isnan(p.error) for p in first.values()):
         print("noise-trade-off: some runs did not reach their end")
-
-
-CHOOSING_HEAD = (
-    "| scheme | outcome | settled [s] | steady error [rad] "
-    "| peak torque [N m] | torque step, steady [N m] | envelope |\n"
-    "|---|---|---:|---:|---:|---:|---|\n"
-)
-
-
-def choosing_row(scheme: str, period: float) -> str:
-    """One line of the table.
-
-    - `period`: time between samples [s].
-    """
-    changes = {"scheme.name": scheme, "simulation.mode": "held", "simulation.period": period}
-    run = scenarios.load("example-4.1", changes).simulate(log_every=None)
-    peak = f"{np.max(analysis.peak_torque(run)):.0f}"
-    if not run.outcome.ok:
-        return f"| `{scheme}` | leaves its envelope at {run.outcome.t:.1f} s | | | {peak} | | left |"
-    settled = np.max(analysis.settling_time(run, 1e-3))
-    shown = f"{settled:.2f}" if settled < 10.0 else "not within 10"
-    violations = analysis.envelope_violations(run)
-    kept = "none promised" if violations is None else "kept" if violations == 0 else "left"
-    error, step = np.max(analysis.steady_error(run)), np.max(analysis.steady_torque_step(run))
-    return f"| `{scheme}` | ok | {shown} | {error:.1e} | {peak} | {step:.2g} | {kept} |"
-
-
-def write_choosing() -> None:
-    """Write tables of docs/benchmark-of-schemes.md: every scheme on Example 4.1, held, at two periods."""
-    for period in ("1e-4", "1e-3"):
-        schemes = [name for name, preset in PRESETS.items() if preset.complete]
-        rows = [choosing_row(scheme, float(period)) for scheme in schemes]
-        write_table("benchmark-of-schemes.md", period, CHOOSING_HEAD + "\n".join(rows))

@@ -3,7 +3,8 @@ import re
 
 import pytest
 
-from scripts.documentation.pages import MARKS, Files, PageError, PageRun, blocks, check, check_yaml, commands, dotted
+from scripts.documentation.commands import Files, PageError, check, commands
+from scripts.documentation.pages import MARKS, PageRun, blocks, check_yaml, dotted
 from slidax import DefinitionError
 from slidax.cli import app
 from tests.documentation.pages import CODE, DOCS, PAGES, ROOT, TERMINAL, name, of

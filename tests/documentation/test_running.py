@@ -1,6 +1,7 @@
 import pytest
 
-from scripts.documentation.pages import PageError, PageResult, PageRun
+from scripts.documentation.commands import PageError
+from scripts.documentation.pages import PageResult, PageRun
 from scripts.documentation.stage import LONGEST, with_results
 
 PAGE = """# A page

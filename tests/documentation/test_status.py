@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from scripts.documentation.pages import check
+from scripts.documentation.commands import check
 from slidax.cli import app
 from tests.documentation.pages import ROOT
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scripts.figures.loop_rate import DELAYS, RATES, SCENARIOS, SENSORS, Setting, diverging, simulated
+from scripts.figures.defaults import DELAYS, RATES, SCENARIOS, SENSORS, Setting, diverging, simulated
 from slidax import analysis, scenarios
 from slidax.core.errors import DefinitionError, DefinitionWarning
 from slidax.law import Measured

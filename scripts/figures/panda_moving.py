@@ -1,0 +1,244 @@
+"""The moving picture of docs/benchmark-of-schemes.md: the Panda under this law and the strongest rival."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from slidax import scenarios
+from slidax.report.replay import Skeleton, skeleton_of
+from slidax.simulation import Run
+
+from .panda import SAME, SCENARIO, SUPER_TWISTING, outside, tuned
+from .shared import DOCS, small, steady_error, steady_step
+
+RIVAL = SUPER_TWISTING
+"""The controller with the least steady error among those with the same estimator (docs/benchmark-of-schemes.md)."""
+
+PICTURE_WIDTH, PICTURE_HEIGHT = 960, 316
+PANEL = 470
+"""Width of one law's half."""
+
+CHART = (206, 48, 252, 212)
+"""Left, top, width and height of the errors in a half."""
+
+ARM = (56, 246, 196)
+"""Position of the base in a half, and length of a metre, in the picture's units."""
+
+FRAMES, PAUSE = 40, 0.2
+"""Frames of the run, between which points move straight, and its pause at the end as a share of the run."""
+
+TOLERANCE = 0.25
+"""A curve is drawn by as few of its points as keep it within this distance, in the picture's units."""
+
+LOAD = 22
+"""Side of the box that stands for the payload."""
+
+STRIDE = 5
+"""Curves use every fifth sample."""
+
+KNEE = 1e-3
+"""The scale of errors is linear up to this error [rad], and logarithmic above."""
+
+TICKS = {1.0: "1", 0.1: "0.1", 0.01: "0.01", 0.0: "0", -0.01: "−0.01", -0.1: "−0.1"}
+
+STYLE = """
+svg { color-scheme: light dark; --ink: #1f2328; --soft: #59636e; --band: #e6eef7; --edge: #7d8b99; --grid: #d8dee4;
+  --line: #0072b2; --arm: #3d4752; --inner: #9aa7b4; --ghost: #d55e00; --load: #e3b341; --page: #ffffff; }
+@media (prefers-color-scheme: dark) { svg { --ink: #f0f6fc; --soft: #a5aeb8; --band: #16293b; --edge: #6f8296;
+  --grid: #30363d; --line: #58b3ea; --arm: #c7d1db; --inner: #5b6875; --ghost: #f0883e; --load: #bb8009;
+  --page: #0d1117; } }
+text { font: 12px system-ui, -apple-system, "Segoe UI", Helvetica, Arial, sans-serif; fill: var(--soft); }
+.head { font-size: 15px; font-weight: 600; fill: var(--ink); }
+.result { font-size: 13px; fill: var(--ink); }
+.errors { fill: none; stroke: var(--line); stroke-width: 1.1; stroke-linejoin: round; }
+.arm { fill: none; stroke: var(--arm); stroke-width: 13; stroke-linejoin: round; stroke-linecap: round; }
+.inner { fill: none; stroke: var(--inner); stroke-width: 8; stroke-linejoin: round; stroke-linecap: round; }
+.ghost { fill: none; stroke: var(--ghost); stroke-width: 3; stroke-linejoin: round; stroke-dasharray: 7 4; }
+.load { fill: var(--load); stroke: var(--arm); stroke-width: 2; }
+.tick { stroke: var(--grid); stroke-width: 1; }
+.edge { fill: none; stroke: var(--edge); stroke-width: 1.2; }
+""".strip()
+
+
+@dataclass(frozen=True)
+class Half:
+    """One law's side of the picture.
+
+    - `title`, `note`: above it.
+    - `run`: with every sample logged.
+    """
+
+    title: str
+    note: str
+    run: Run
+
+
+def write_panda_moving() -> None:
+    """Draw docs/figures/panda-moving.svg: the Panda under this law and the strongest rival.
+
+    It moves by SMIL, so that it needs no script and plays where a page shows it as an image. A viewer that cannot play
+    it shows the end of both runs.
+    """
+    scenario = scenarios.load(SCENARIO)
+    ours = scenario.simulate()
+    rival, gains = tuned(SCENARIO, RIVAL, {}, ours, sampled=True)
+    listed = ", ".join(f"{name} {value:g}" for name, value in gains.items())
+    halves = (
+        Half("CFTSMPPC, sampled-data", "its envelope is drawn before the run", ours),
+        Half(f"{RIVAL.title}, {SAME.split(',')[0]}", f"knows no envelope; gains searched on this run: {listed}", rival),
+    )
+    text = picture(halves, skeleton_of(scenario.plant.robot), first_signs(ours))
+    (DOCS / "figures" / "panda-moving.svg").write_text(text, encoding="utf-8")
+
+
+def first_signs(run: Run) -> np.ndarray:
+    """The sign of each joint's first error [n], by which all are drawn from above."""
+    return np.sign(np.asarray(run.log.e)[0])
+
+
+def picture(halves: tuple[Half, ...], arm: Skeleton, signs: np.ndarray) -> str:
+    """The SVG.
+
+    - `halves`: side by side; the first one's law draws the envelope.
+    """
+    title = "Two laws move a Franka Panda at 1 kHz; the errors of its seven joints stay in the envelope under both."
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {PICTURE_WIDTH} {PICTURE_HEIGHT}" '
+        'role="img" aria-labelledby="title">',
+        f'<title id="title">{title}</title>',
+        f"<style>{STYLE}</style>",
+        f'<rect width="{PICTURE_WIDTH}" height="{PICTURE_HEIGHT}" fill="var(--page)"/>',
+    ]
+    for number, half in enumerate(halves):
+        inside = [*_heads(half, halves[0].run), *_chart(half, halves[0].run, signs, number), *_arm(half, arm, number)]
+        parts += [f'<g transform="translate({number * (PICTURE_WIDTH - PANEL)} 0)">', *inside, "</g>"]
+    return "\n".join([*parts, "</svg>", ""])
+
+
+def _heads(half: Half, drawn: Run) -> list[str]:
+    left, top, _, height = CHART
+    count = int(np.sum(outside(half.run, drawn)))
+    kept = f"{count} of {len(half.run.log.t)} samples outside"
+    last = f"steady error {small(steady_error(half.run))} rad, torque step {steady_step(half.run):.2g} N m"
+    return [
+        f'<text class="head" x="8" y="20">{half.title}</text>',
+        f'<text x="8" y="38">{half.note}</text>',
+        f'<text class="result" x="{left - 56}" y="{top + height + 35}">{kept}</text>',
+        f'<text class="result" x="{left - 56}" y="{top + height + 52}">{last}</text>',
+        f'<text x="8" y="{top + height + 35}">2 kg, unknown to it</text>',
+        f'<text x="8" y="{top + height + 52}"><tspan fill="var(--ghost)">dashed</tspan>: reference</text>',
+    ]
+
+
+def _place(value: np.ndarray | float) -> np.ndarray:
+    """Upward from 0 at the narrower side's start to 1 at the wider one's."""
+    low, high = np.arcsinh(-0.34 / KNEE), np.arcsinh(1.06 / KNEE)
+    return np.asarray((np.arcsinh(np.asarray(value) / KNEE) - low) / (high - low))
+
+
+def _points(x: np.ndarray, y: np.ndarray) -> str:
+    return " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
+
+
+def _chart(half: Half, drawn: Run, signs: np.ndarray, number: int) -> list[str]:
+    left, top, width, height = CHART
+    end = float(np.asarray(drawn.log.t)[-1])
+    bounds: Any = drawn.log.envelope
+    # The joints have one envelope; the side that an error starts on is the wide one.
+    wide = np.max(np.abs([np.asarray(bounds.lower), np.asarray(bounds.upper)]), axis=(0, 2))
+    narrow = np.min(np.abs([np.asarray(bounds.lower), np.asarray(bounds.upper)]), axis=(0, 2))
+
+    def x(t: np.ndarray) -> np.ndarray:
+        return np.asarray(left + width * t / end)
+
+    def y(value: np.ndarray | float) -> np.ndarray:
+        return np.asarray(top + height * (1.0 - _place(value)))
+
+    times = np.asarray(drawn.log.t)
+    up, down = (_curve(x(times[::STRIDE]), y(side[::STRIDE])) for side in (wide, -narrow))
+    back = " ".join(reversed(down.split(" ")))
+    parts = [f'<polygon points="{up} {back}" fill="var(--band)"/>']
+    for value, label in TICKS.items():
+        at = float(y(value))
+        parts.append(f'<line class="tick" x1="{left}" x2="{left + width}" y1="{at:.1f}" y2="{at:.1f}"/>')
+        parts.append(f'<text x="{left - 6}" y="{at + 4:.1f}" text-anchor="end">{label}</text>')
+    for second in range(0, round(end) + 1, 2):
+        caption = f"{second} s" if second else "0"
+        parts.append(f'<text x="{float(x(second)):.1f}" y="{top + height + 15}" text-anchor="middle">{caption}</text>')
+    parts += [f'<polyline class="edge" points="{side}"/>' for side in (up, down)]
+    caption = "errors of seven joints [rad]"
+    parts.append(f'<text x="{left + width - 6}" y="{top + 18}" text-anchor="end">{caption}</text>')
+    error = np.asarray(half.run.log.e) * signs
+    t = x(np.asarray(half.run.log.t)[::STRIDE])
+    run = [f'<polyline class="errors" points="{_curve(t, y(joint))}"/>' for joint in error[::STRIDE].T]
+    timing = f'dur="{(1 + PAUSE) * end:.2f}s" repeatCount="indefinite" keyTimes="0;{1 / (1 + PAUSE):.4f};1"'
+    parts += [
+        f'<clipPath id="seen{number}"><rect x="{left}" y="{top - 10}" width="{width}" height="{height + 20}">',
+        f'<animate attributeName="width" values="0;{width};{width}" {timing}/></rect></clipPath>',
+        f'<g clip-path="url(#seen{number})">{"".join(run)}</g>',
+        f'<line x1="{left + width}" x2="{left + width}" y1="{top}" y2="{top + height}" stroke="var(--soft)">',
+        f'<animate attributeName="x1" values="{left};{left + width};{left + width}" {timing}/>',
+        f'<animate attributeName="x2" values="{left};{left + width};{left + width}" {timing}/></line>',
+    ]
+    return parts
+
+
+def _curve(x: np.ndarray, y: np.ndarray) -> str:
+    """The points of a curve that keep it within the tolerance (Ramer 1972, Douglas and Peucker 1973)."""
+    kept = {0, len(x) - 1}
+    parts = [(0, len(x) - 1)]
+    while parts:
+        first, last = parts.pop()
+        run, rise = x[last] - x[first], y[last] - y[first]
+        distance = np.abs(run * (y[first:last] - y[first]) - rise * (x[first:last] - x[first])) / np.hypot(run, rise)
+        farthest = first + int(np.argmax(distance))
+        if distance[farthest - first] > TOLERANCE:
+            kept.add(farthest)
+            parts += [(first, farthest), (farthest, last)]
+    chosen = sorted(kept)
+    return _points(x[chosen], y[chosen])
+
+
+def _arm(half: Half, arm: Skeleton, number: int) -> list[str]:
+    log: Any = half.run.log
+    frames = np.linspace(0, len(log.t) - 1, FRAMES + 1).astype(int)
+    moving, wanted = (_projected(arm, np.asarray(q)[frames]) for q in (log.state.q, log.reference.q))
+    times = ";".join(f"{k / FRAMES / (1 + PAUSE):.3f}" for k in range(FRAMES + 1))
+    timing = f'dur="{(1 + PAUSE) * float(log.t[-1]):.2f}s" repeatCount="indefinite" keyTimes="{times};1"'
+
+    def line(attributes: str, places: np.ndarray) -> str:
+        points = [_points(*place.T) for place in places]
+        values = ";".join([*points, points[-1]])
+        animate = f'<animate attributeName="points" {timing} values="{values}"/>'
+        return f'<polyline {attributes} points="{points[-1]}">{animate}</polyline>'
+
+    ends = [f"{a - LOAD / 2:.1f} {b - LOAD / 2:.1f}" for a, b in moving[:, -1]]
+    moves = ";".join([*ends, ends[-1]])
+    x, y, _ = ARM
+    name = f'id="arm{number}"'
+    return [
+        f'<line class="edge" x1="{x - 48}" x2="{x + 48}" y1="{y + 8}" y2="{y + 8}"/>',
+        f"<defs>{line(name, moving)}</defs>",
+        *(f'<use class="{name}" href="#arm{number}"/>' for name in ("arm", "inner")),
+        line('class="ghost"', wanted),
+        f'<rect class="load" width="{LOAD}" height="{LOAD}" rx="3" transform="translate({ends[-1]})">'
+        f'<animateTransform attributeName="transform" type="translate" {timing} values="{moves}"/></rect>',
+    ]
+
+
+def _projected(arm: Skeleton, q: np.ndarray) -> np.ndarray:
+    """The arm's points in the picture [k m 2], from the side and a little above."""
+    poses = arm.poses(q)
+    chain = np.array(arm.chain) + 1
+    places = np.concatenate([poses.positions[:, :1], poses.positions[:, chain], arm.tips(poses)[:, None]], axis=1)
+    apart = np.linalg.norm(np.diff(places[0], axis=0), axis=1) > 1e-6
+    places = places[:, np.append(True, apart)]
+    around, above = np.radians(-24.0), np.radians(12.0)
+    across = places[..., 0] * np.cos(around) - places[..., 1] * np.sin(around)
+    deep = places[..., 0] * np.sin(around) + places[..., 1] * np.cos(around)
+    x, y, metre = ARM
+    up = places[..., 2] * np.cos(above) + deep * np.sin(above)
+    return np.stack([x + metre * across, y - metre * up], axis=-1)
