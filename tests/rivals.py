@@ -88,3 +88,20 @@ def super_twisting_4_2(
     """Super-twisting on the SCARA arm; `changes` go to its class."""
     parts: dict[str, Any] = {"k1": [10.0, 12.0, 11.0], "k2": 70.0}
     return SuperTwisting(SCARA, transformation or Unconstrained(), surface or Linear(5.0), **(parts | changes))
+
+
+USERS_LAW = """
+from slidax.core import Command, PerJoint, matvec, parameter
+from slidax.law import AbstractModelBased
+
+
+class Mine(AbstractModelBased):
+    kp: PerJoint = parameter("kp", "1/s²", "> 0", default=400.0)
+    inertia: PerJoint = parameter("added inertia", "kg m²", "> 0", default=0.1)
+
+    def __call__(self, t, state, now, following, memory):
+        wanted = now.ddq - self.kp * (state.q - now.q) - 40.0 * (state.dq - now.dq)
+        tau = matvec(self.nominal.mass(state.q), wanted) + self.inertia * wanted
+        return Command(tau=tau + self.nominal.bias(state.q, state.dq), memory=memory, signals={})
+"""
+"""A law in a file of a user's own."""

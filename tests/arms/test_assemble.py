@@ -133,12 +133,12 @@ BAD_ARMS = {
     "locked beyond its limits": (
         [SHOULDER, a_joint(parent="shoulder", lower=-1.0, upper=2.0), FLANGE],
         TIP | {"locked": {"elbow": 2.1}},
-        "`locked` holds joint `elbow` at 2.1, which is outside of its limits, -1 to 2",
+        "`locked` holds joint `elbow` at 2.1, which is outside its limits, -1 to 2",
     ),
     "locked nowhere": (
         ARM,
         TIP | {"locked": {"elbow": NAN}},
-        "`locked` holds joint `elbow` at nan, which is outside of its limits",
+        "`locked` holds joint `elbow` at nan, which is outside its limits",
     ),
     "gravity of two numbers": (
         ARM,

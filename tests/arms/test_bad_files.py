@@ -76,7 +76,7 @@ def test_unknown_tip_or_locked_joint_is_named_with_its_nearest(read, text):
         read(text, tip="toll")
     with pytest.raises(DefinitionError, match=r"`locked` names joint `elbov`.* did you mean `elbow`"):
         read(text, locked={"elbov": 0.0})
-    with pytest.raises(DefinitionError, match="joint `elbow` at 3, which is outside of its limits"):
+    with pytest.raises(DefinitionError, match="joint `elbow` at 3, which is outside its limits"):
         read(text, locked={"elbow": 3.0})
 
 

@@ -2,22 +2,9 @@ import json
 
 import pytest
 
+from tests.rivals import USERS_LAW
+
 from .commands import own_process
-
-LAW = """
-from slidax.core import Command, PerJoint, matvec, parameter
-from slidax.law import AbstractModelBased
-
-
-class Mine(AbstractModelBased):
-    kp: PerJoint = parameter("kp", "1/s²", "> 0", default=400.0)
-    inertia: PerJoint = parameter("added inertia", "kg m²", "> 0", default=0.1)
-
-    def __call__(self, t, state, now, following, memory):
-        wanted = now.ddq - self.kp * (state.q - now.q) - 40.0 * (state.dq - now.dq)
-        tau = matvec(self.nominal.mass(state.q), wanted) + self.inertia * wanted
-        return Command(tau=tau + self.nominal.bias(state.q, state.dq), memory=memory, signals={})
-"""
 
 
 @pytest.mark.full
@@ -40,12 +27,12 @@ def test_a_law_in_one_file_enters_and_a_mistake_in_it_is_named_until_it_is_mende
     monkeypatch.chdir(tmp_path)
     command = ("benchmark", "--small", "--tasks", "scara-slow", "--schemes", "pid", "--scheme", "mine:Mine")
     command = (*command, "--form", "sampled-data", "--processes", "1")
-    file.write_text(LAW.replace("now.ddq - self.kp", "now.ddq - self.kq"), encoding="utf-8")
+    file.write_text(USERS_LAW.replace("now.ddq - self.kp", "now.ddq - self.kq"), encoding="utf-8")
     wrong = own_process(*command)
     assert wrong.returncode == 0 and "pid (sampled-data)" in wrong.stdout
-    line = next(i for i, text in enumerate(LAW.splitlines(), 1) if "now.ddq" in text)
+    line = next(i for i, text in enumerate(USERS_LAW.splitlines(), 1) if "now.ddq" in text)
     assert f"Mine (sampled-data) cannot run: AttributeError in line {line} of {file}" in wrong.stderr
-    file.write_text(LAW, encoding="utf-8")
+    file.write_text(USERS_LAW, encoding="utf-8")
     right = own_process(*command, "--json")
     assert right.returncode == 0, right.stderr
     answer = json.loads(right.stdout)

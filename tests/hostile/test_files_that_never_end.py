@@ -64,7 +64,7 @@ def test_scenario_does_not_read_a_device_as_its_motion(tmp_path, named):
         '<asset><model name="m" file="pipe.xml"/></asset>',
     ],
 )
-def test_mjcf_does_not_wait_for_a_pipe_that_it_names(tmp_path, part):
+def test_reading_mjcf_does_not_wait_for_a_pipe_that_the_file_names(tmp_path, part):
     pytest.importorskip("mujoco")
     os.mkfifo(tmp_path / "pipe.xml")
     text = example("robots/two_link.xml")().decode()

@@ -310,7 +310,7 @@ def test_an_oscillation_cannot_hold_the_growth_up():
     np.testing.assert_array_equal(corrected(tracking(), large, spent=2.0 * BUDGET)[0], usual_change(large))
 
 
-def test_a_share_of_nothing_and_a_fast_filter_do_not_grow():
+def test_gains_do_not_grow_with_a_share_of_zero_or_in_a_fast_filter():
     for filter_ in (tracking(share=0.0), tracking().with_share(jnp.zeros(()))):
         np.testing.assert_array_equal(corrected(filter_, 1e-3)[0], usual_change(1e-3))
     assert filter_of(1e-3, 1e-5).pace[0] > FASTEST_GROWN

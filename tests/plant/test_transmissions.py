@@ -1,7 +1,5 @@
 """LuGre friction and elastic joints against known facts, and against SciPy's stiff solver with tight tolerances."""
 
-from typing import ClassVar
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -11,7 +9,6 @@ from scipy.integrate import solve_ivp
 
 from slidax.analysis import require_explainable
 from slidax.analysis.linearise import operating_point
-from slidax.arms import AbstractRobot
 from slidax.certify.motion.admission import tracking_bound
 from slidax.core import semi_implicit_euler
 from slidax.core.errors import DefinitionError
@@ -24,33 +21,10 @@ from slidax.scenarios.family import Family
 from slidax.simulation import Plant, simulate, simulate_batch
 from slidax.studies.cases import Cases
 from tests.paper_examples import TWO_LINK
-from tests.simulation.simple import Pendulum
+from tests.simulation.simple import FreeMass, Pendulum
 
 FRICTION = LuGre(0.3, 0.45, 0.05, 1e4, 50.0, 0.1)
 MASS = 0.5
-
-
-class Mass(AbstractRobot):
-    """A mass on a line."""
-
-    size: jax.Array = eqx.field(converter=jnp.asarray, default=MASS)
-    joint_units: ClassVar[tuple[str, ...]] = ("m",)
-    joint_names: ClassVar[tuple[str, ...]] = ("joint 1",)
-
-    def mass(self, q):
-        return self.size * jnp.ones((1, 1))
-
-    def bias(self, q, dq):
-        return jnp.zeros(1)
-
-    def friction(self, dq):
-        return jnp.zeros_like(dq)
-
-    def potential(self, q):
-        return jnp.zeros(())
-
-    def tip(self, q):
-        return jnp.array([q[0], 0.0, 0.0])
 
 
 class Still(AbstractMotion):
@@ -62,53 +36,49 @@ class Still(AbstractMotion):
         return jnp.zeros(self.joints)
 
 
-class Held(AbstractController):
-    """`τ = τ_0 - k q`, from the measured position."""
+class Prescribed(AbstractController):
+    """A controller whose torque is a function of time and the measured state, `tau_at`."""
 
     torque: jax.Array = eqx.field(converter=jnp.asarray)
+
+    @property
+    def joints(self):
+        return self.torque.size
+
+    def init(self, t, state, reference):
+        return ()
+
+    def __call__(self, t, state, reference_now, reference_next, memory):
+        return Command(tau=self.tau_at(t, state), memory=(), signals={"measured": state.q})
+
+    def envelope(self, t, memory):
+        return None
+
+
+class Held(Prescribed):
+    """`τ = τ_0 - k q`, from the measured position."""
+
     stiffness: jax.Array = eqx.field(converter=jnp.asarray, default=0.0)
     damping: jax.Array = eqx.field(converter=jnp.asarray, default=0.0)
 
-    @property
-    def joints(self):
-        return self.torque.size
-
-    def init(self, t, state, reference):
-        return ()
-
-    def __call__(self, t, state, reference_now, reference_next, memory):
-        tau = self.torque - self.stiffness * state.q - self.damping * state.dq
-        return Command(tau=tau, memory=(), signals={"measured": state.q})
-
-    def envelope(self, t, memory):
-        return None
+    def tau_at(self, t, state):
+        return self.torque - self.stiffness * state.q - self.damping * state.dq
 
 
-class Pulse(AbstractController):
+class Pulse(Prescribed):
     """A torque until a time."""
 
-    torque: jax.Array = eqx.field(converter=jnp.asarray)
     until: float
 
-    @property
-    def joints(self):
-        return self.torque.size
-
-    def init(self, t, state, reference):
-        return ()
-
-    def __call__(self, t, state, reference_now, reference_next, memory):
-        return Command(tau=jnp.where(t < self.until, self.torque, 0.0), memory=(), signals={"measured": state.q})
-
-    def envelope(self, t, memory):
-        return None
+    def tau_at(self, t, state):
+        return jnp.where(t < self.until, self.torque, 0.0)
 
 
 def run(
     transmission, *, h=1e-4, t1=1.0, force=(0.0,), start=(0.0, 0.0), robot=None, law=None, disturbance=None, **more
 ):
     """Simulate a mass, or another robot with one joint, under a constant force."""
-    plant = Plant(robot or Mass(), disturbance or Constant([0.0]), transmission=transmission)
+    plant = Plant(robot or FreeMass(MASS), disturbance or Constant([0.0]), transmission=transmission)
     state = State([start[0]], [start[1]])
     options = {"period": h, "integrator": semi_implicit_euler, "engine": "xla"} | more
     return simulate(plant, law or Held(list(force)), Still(), state, t1=t1, **options)
@@ -126,7 +96,7 @@ def test_a_sticking_joint_gives_way_by_the_force_over_the_bristles_stiffness():
 @pytest.mark.parametrize("speed", [0.01, -0.05, 0.2, 3.0])
 def test_steady_sliding_has_the_friction_of_the_stribeck_curve(speed):
     # A mass this heavy keeps its speed, and what it loses is the friction.
-    run_of = run(Transmission(FRICTION), robot=Mass(1e6), start=(0.0, speed), t1=2.0, h=1e-3)
+    run_of = run(Transmission(FRICTION), robot=FreeMass(1e6), start=(0.0, speed), t1=2.0, h=1e-3)
     dq = np.asarray(run_of.log.state.dq)[:, 0]
     lost = -1e6 * (dq[-1] - dq[-201]) / 0.2
     level = 0.3 + 0.15 * np.exp(-((speed / 0.05) ** 2))

@@ -98,6 +98,29 @@ class Pendulum(AbstractRobot):
         return jnp.stack([jnp.sin(q[0]), jnp.zeros(()), -jnp.cos(q[0])])
 
 
+class FreeMass(AbstractRobot):
+    """A mass on a line without weight: nothing about it is unknown to a step that holds its force."""
+
+    size: jax.Array = eqx.field(converter=jnp.asarray, default=1.0)
+    joint_units: ClassVar[tuple[str, ...]] = ("m",)
+    joint_names: ClassVar[tuple[str, ...]] = ("joint 1",)
+
+    def mass(self, q):
+        return self.size * jnp.ones((1, 1))
+
+    def bias(self, q, dq):
+        return jnp.zeros(1)
+
+    def friction(self, dq):
+        return jnp.zeros_like(dq)
+
+    def potential(self, q):
+        return jnp.zeros(())
+
+    def tip(self, q):
+        return jnp.array([q[0], 0.0, 0.0])
+
+
 class Breaks(AroundSpring):
     """A spring whose torque at one joint is NaN from a time on."""
 

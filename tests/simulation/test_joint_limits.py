@@ -102,7 +102,7 @@ def test_the_built_in_scenarios_keep_their_robots_limits(name):
     states.require_within_limits(loaded.plant.robot, loaded.trajectory, loaded.state0, steps, loaded.stepping)
 
 
-def test_inside_a_transformation_limits_are_not_checked():
+def test_joint_limits_are_not_checked_inside_a_jax_transformation():
     def end(amplitude):
         moved = dataclasses.replace(PANDA.trajectory, amplitude=amplitude)
         states.require_within_limits(PANDA.plant.robot, moved, PANDA.state0, 2000, PANDA.stepping)
@@ -111,7 +111,7 @@ def test_inside_a_transformation_limits_are_not_checked():
     jax.jit(end)(jnp.full(7, 50.0))
 
 
-def test_the_check_of_joint_limits_is_quick():
+def test_joint_limits_of_8000_samples_are_checked_within_a_quarter_second():
     motion = Sinusoid(offset=HOME, amplitude=0.05, frequency=1.0)
     started = time.process_time()
     states.require_within_limits(PANDA.plant.robot, motion, PANDA.state0, 8000, PANDA.stepping)

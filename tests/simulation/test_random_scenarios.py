@@ -75,12 +75,12 @@ HOW = {"deadline": None, "derandomize": True, "suppress_health_check": list(Heal
 
 @settings(max_examples=3, **HOW)
 @given(random_scenarios())
-def test_random_scenarios_agree(scenario):
+def test_both_engines_agree_on_random_scenarios(scenario):
     assert_both_agree(*scenario)
 
 
 @pytest.mark.full
 @settings(max_examples=80, **HOW)
 @given(random_scenarios())
-def test_many_random_scenarios_agree(scenario):
+def test_both_engines_agree_on_many_random_scenarios(scenario):
     assert_both_agree(*scenario)

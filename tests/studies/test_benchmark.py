@@ -22,6 +22,7 @@ from slidax.studies.benchmark import BenchmarkEntry, BenchmarkRound, TaskResult,
 from slidax.studies.benchmark.entries import gains_of
 from slidax.studies.benchmark.ranking import holm, rank_overall
 from slidax.studies.benchmark.rounds import KEPT, Scale, costs, draw_cases, mark_failures, mark_inside
+from tests.rivals import USERS_LAW
 
 
 class Stiff(AbstractModelBased):
@@ -158,25 +159,10 @@ def test_a_users_scheme_is_tuned_in_every_positive_parameter():
     assert entry.described(task("panda-payload")).scheme.name == "stiffer"
 
 
-LAW = """
-from slidax.core import Command, PerJoint, parameter
-from slidax.law import AbstractModelBased
-
-
-class Mine(AbstractModelBased):
-    kp: PerJoint = parameter("kp", "1/s²", "> 0", default=400.0)
-    inertia: PerJoint = parameter("inertia of a joint", "kg m²", "> 0", default=1.0)
-
-    def __call__(self, t, state, now, following, memory):
-        wanted = now.ddq - self.kp * (state.q - now.q) - 40.0 * (state.dq - now.dq)
-        return Command(tau=self.inertia * wanted + self.nominal.gravity(state.q), memory=memory, signals={})
-"""
-
-
 def test_a_mistake_in_a_users_law_is_named_and_a_changed_law_runs_anew(tmp_path, monkeypatch):
     file = tmp_path / "a_users_law.py"
     monkeypatch.syspath_prepend(tmp_path)
-    wrong, right = LAW.replace("- self.kp", "- self.kq"), LAW
+    wrong, right = USERS_LAW.replace("- self.kp", "- self.kq"), USERS_LAW
     for text, number in ((wrong, 1), (right, 2), (right, 2)):
         file.write_text(text, encoding="utf-8")
         os.utime(file, (number, number))

@@ -82,7 +82,7 @@ print("fine")
 
 
 @pytest.mark.parametrize("walls", ["both", "kernel"])
-def test_a_confined_process_sees_its_folder_alone(tmp_path, walls):
+def test_a_confined_process_sees_only_its_folder(tmp_path, walls):
     root, scratch, outside = (tmp_path / name for name in ("root", "scratch", "outside"))
     for place in (root, scratch, outside):
         place.mkdir()

@@ -325,7 +325,7 @@ class RunRecord:
 
     @cached_property
     def left(self) -> int:
-        """Index of the first sample outside the envelope; of the last sample if there is none."""
+        """Index of the first sample outside the envelope; of the last sample if all are inside."""
         out: np.ndarray = self.outside.any(axis=1)
         first = int(np.argmax(out)) if out.any() else len(out) - 1
         return first

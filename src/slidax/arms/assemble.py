@@ -192,7 +192,7 @@ def _check_locked(locked: Mapping[str, float], joints: Sequence[Joint]) -> None:
         joint = by_name[name]
         if not (math.isfinite(position) and joint.lower - 1e-9 <= position <= joint.upper + 1e-9):
             raise DefinitionError(
-                f"`locked` holds joint `{name}` at {position:g}, which is outside of its limits, "
+                f"`locked` holds joint `{name}` at {position:g}, which is outside its limits, "
                 f"{joint.lower:g} to {joint.upper:g}"
             )
 

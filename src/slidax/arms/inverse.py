@@ -383,8 +383,8 @@ def pose_task(chain: KinematicChain, posture: Array, hold: HeldCoordinates, damp
     if outside.any():
         joint = int(np.argmax(outside))
         raise DefinitionError(
-            f"`posture` must be inside of the limits of the joints: {chain.names[joint]} is at {posture[joint]:.4g}, "
-            f"and has {lower[joint]:.4g} to {upper[joint]:.4g}"
+            f"`posture` must be within the joint limits: {chain.names[joint]} is at {posture[joint]:.4g}, "
+            f"its limits are {lower[joint]:.4g} and {upper[joint]:.4g}"
         )
     return replace(free, lower=lower, upper=upper)
 

@@ -143,7 +143,7 @@ def uncertain_values(path: str, uncertainty: AbstractSet, leaf: Leaf) -> list[Un
     lower, upper = (np.asarray(end, float) for end in set_ends(uncertainty, leaf))
     if not isinstance(uncertainty, Ball):
         drawn = np.asarray(values_along(uncertainty, leaf, SHARES), float)
-        if uncertainty.coordinates(leaf) == 1 and _is_a_line(drawn, lower, upper):
+        if uncertainty.coordinates(leaf) == 1 and _is_a_line(drawn):
             return [] if (lower == upper).all() else [UncertainValue(path, None, *_line_ends(drawn))]
     flat_lower, flat_upper = lower.reshape(-1), upper.reshape(-1)
     return [UncertainValue(path, k, lower, upper) for k in np.flatnonzero(flat_lower < flat_upper).tolist()]
@@ -156,7 +156,7 @@ def _line_ends(drawn: Floats) -> tuple[Floats, Floats]:
     return drawn[int(np.argmin(flat[:, varies]))], drawn[int(np.argmax(flat[:, varies]))]
 
 
-def _is_a_line(drawn: Floats, lower: Floats, upper: Floats) -> bool:
+def _is_a_line(drawn: Floats) -> bool:
     """Return True if all numbers have the same share of their ranges in each of the values."""
     first, last = _line_ends(drawn)
     flat = drawn.reshape(len(drawn), -1)

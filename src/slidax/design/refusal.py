@@ -105,7 +105,7 @@ def deadline_refusal(trials: Trials, best: WorstCase) -> Refusal:
         f"no law that was tried keeps its envelope at {1.0 / trials.space.period:g} Hz with a deadline of "
         f"{deadline:g} s: the best leaves it in {best.outside} of {best.cases} cases, first at {_joint(trials, best)}"
     )
-    return refused(reason, [*would, *_smaller_payload(trials, best, cases)])
+    return refused(reason, [*would, *_smaller_payload(trials, best)])
 
 
 def torque_step_refusal(trials: Trials, best: WorstCase, required: float, check: Verdict | None = None) -> Refusal:
@@ -150,7 +150,7 @@ def accuracy_refusal(trials: Trials, best: WorstCase, held: WorstCase | None, ch
     if held is not None:
         wider = float(f"{SPARE * float(np.min(held.choice.final)):.2g}")
         would.append(Remedy(f"{wider:g} {unit}", {"requirements.accuracy": _scaled(trials, wider / final)}))
-    would += [*_faster_loop(trials, best), *_smaller_payload(trials, best, trials.cases(MANY))]
+    would += [*_faster_loop(trials, best), *_smaller_payload(trials, best)]
     return refused(f"{where} is not reached: {text}", would, missed)
 
 
@@ -255,7 +255,7 @@ def _faster_loop(trials: Trials, best: WorstCase) -> Iterator[Remedy]:
             return
 
 
-def _smaller_payload(trials: Trials, best: WorstCase, cases: Any) -> Iterator[Remedy]:
+def _smaller_payload(trials: Trials, best: WorstCase) -> Iterator[Remedy]:
     """Propose the largest payload for which the law holds."""
     path = trials.payload
     if path is None:

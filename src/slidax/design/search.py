@@ -145,9 +145,7 @@ def fine_search(trials: Trials, best: WorstCase, aim: Objective) -> WorstCase:
     cases, many = trials.widened_cases(POLISH), trials.widened_cases(MOST)
     free = trials.problem.requirements.accuracy == "best"
     start = (
-        _near_narrowest(trials, best, aim)
-        if free
-        else replace(best, choice=replace(best.choice, final=trials.space.shape))
+        _near_narrowest(trials, best) if free else replace(best, choice=replace(best.choice, final=trials.space.shape))
     )
     result, share = trials.evaluate([start.choice, best.choice], many), 1.0
     for turn, size in enumerate(REQUIRED if aim.required else SIZES):
@@ -172,7 +170,7 @@ def fine_search(trials: Trials, best: WorstCase, aim: Objective) -> WorstCase:
     return aim.best([last, *trials.evaluate([item.choice for item in others], trials.cases(MOST))])
 
 
-def _near_narrowest(trials: Trials, best: WorstCase, aim: Objective) -> WorstCase:
+def _near_narrowest(trials: Trials, best: WorstCase) -> WorstCase:
     """Return the law with the narrowest final radius that holds in few cases, a start near the end of the search."""
     if not best.holds:
         return best

@@ -222,7 +222,7 @@ class CProject:
     @property
     def outputs(self) -> list[Member]:
         """Members of a command."""
-        units = _together([joint.tau for joint in self.joints])
+        units = _joint_units([joint.tau for joint in self.joints])
         return [Member("tau", "f64", (len(self.joints),), f"torques [{units}]"), *self.step.signals]
 
     @property
@@ -294,20 +294,20 @@ class CProject:
             meaning = member.meaning
             if member.shape:
                 unit = units[member.name.removesuffix("_next")]
-                meaning += f" [{_together([joint.q + unit for joint in self.joints])}]"
+                meaning += f" [{_joint_units([joint.q + unit for joint in self.joints])}]"
             if names.get(member.name, "") not in {*self.guard.reads, ""}:
                 meaning += "; not read by this law, may be anything"
             marked.append(replace(member, meaning=meaning))
         return marked
 
 
-def _together(units: list[str]) -> str:
-    """The units of all joints, once if they agree."""
+def _joint_units(units: list[str]) -> str:
+    """Return the units of all joints; a single unit if all are equal."""
     return units[0] if len(set(units)) == 1 else ", ".join(units)
 
 
 def hexadecimal(number: float) -> str:
-    """A finite number in C's hexadecimal notation, without trailing zeros."""
+    """Return a finite number in C's hexadecimal notation, without trailing zeros."""
     return re.sub(r"\.?0*p", "p", number.hex()).replace("p+", "p")
 
 

@@ -189,7 +189,9 @@ def motion_program(trajectory: AbstractMotion, joints: int) -> Function:
         return whole.reference(t), whole.reference(t + period)
 
     number = jnp.zeros(())
-    inputs = [CArray("", Member(name, "f64", ())) for name in ("t", "period")] + _arrays("", _tabled(long, "motion"))
+    inputs = [CArray("", Member(name, "f64", ())) for name in ("t", "period")] + _arrays(
+        "", _table_members(long, "motion")
+    )
     outputs = _arrays("reference->", references(joints))
     return _function(motion, (number, number, long), ("t", "period", "table"), inputs, outputs)
 
@@ -206,7 +208,7 @@ def arm_program(plant: Plant) -> Function:
     inputs = [
         CArray("", Member("t", "f64", ())),
         *(CArray("", Member(name, "f64", shape)) for name in ("q", "dq", "tau")),
-        *_arrays("", _tabled(long, "arm")),
+        *_arrays("", _table_members(long, "arm")),
     ]
     outputs = [CArray("", Member("ddq", "f64", shape))]
     return _function(acceleration, (t, state, state.q, long), ("t", "", "tau", "table"), inputs, outputs)
@@ -248,7 +250,7 @@ def torque_program(guard: GuardedStep, step: StepPrograms, robot: AbstractRobot)
     inputs = [
         *_arrays("parameters->", step.parameters),
         *(CArray("", Member(name, "f64", vector.shape)) for name in ("q", "dq", "ddq")),
-        *_arrays("", _tabled(long, "arm")),
+        *_arrays("", _table_members(long, "arm")),
     ]
     outputs = [CArray("", Member("tau", "f64", vector.shape))]
     return _function(torque, (guard, vector, vector, vector, long), ("", "q", "dq", "ddq", "table"), inputs, outputs)
@@ -259,12 +261,12 @@ def _is_robot(node: Any) -> bool:
 
 
 def _tables(tree: Any) -> tuple[Any, Any]:
-    """A tree's long arrays, and the rest of it."""
+    """Split a tree into its long arrays and the rest."""
     return eqx.partition(tree, lambda leaf: eqx.is_array(leaf) and leaf.size >= LONG)
 
 
-def _tabled(long: Any, owner: str) -> list[Member]:
-    """The members of long arrays, with their numbers."""
+def _table_members(long: Any, owner: str) -> list[Member]:
+    """Return one member for each long array, with its values as the content of a table."""
     return [
         Member(f"{owner}_table_{k}", ir_type(leaf.dtype, owner), tuple(leaf.shape), values=np.asarray(leaf))
         for k, leaf in enumerate(jax.tree.leaves(long), start=1)

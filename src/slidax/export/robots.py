@@ -110,17 +110,18 @@ REASONS = (
 LEAST = 0.1
 """Smallest share of a joint's torque that is left to the law."""
 
+RATE_SHARE = 0.99
+"""Share of the torque rate that the law uses, so that rounding causes no violation."""
+
 LOOKS = 200
 """Times along the motion at which the gravity torque is evaluated."""
 
 
-def weight_by_robot(scenario: Scenario, *, rate: float = 0.99) -> Scenario:
+def weight_by_robot(scenario: Scenario) -> Scenario:
     """Return the loop for a robot that adds its own gravity torque: law and arm are weightless.
 
     The law's nominal arm has gravity 0, so that its command contains none; errors of the robot's gravity compensation
     act as a disturbance. Of each joint's torque the law gets what the weight leaves along the motion.
-
-    - `rate`: share of the torque rate that the law uses, so that rounding causes no violation.
 
     Raises DefinitionError if the arm is not `Articulated`.
     """
@@ -134,7 +135,7 @@ def weight_by_robot(scenario: Scenario, *, rate: float = 0.99) -> Scenario:
     limits = _limits(plant)
     weight = np.abs(_weights(scenario, arms[0] if arms else plant.robot)).max(axis=0)
     torque = np.maximum(np.asarray(limits.torque) - weight, LEAST * np.asarray(limits.torque))
-    eased = TorqueLimits(torque=jnp.asarray(torque), rate=jnp.asarray(np.asarray(limits.rate) * rate))
+    eased = TorqueLimits(torque=jnp.asarray(torque), rate=jnp.asarray(np.asarray(limits.rate) * RATE_SHARE))
     actuator = Actuator(eased) if plant.actuator is None else eqx.tree_at(lambda a: a.limits, plant.actuator, eased)
     weightless: Plant = eqx.tree_at(
         lambda p: p.actuator, _weightless(plant), actuator, is_leaf=lambda leaf: leaf is None
@@ -283,11 +284,11 @@ class RobotLimits:
         )
 
     def literal(self, number: float) -> str:
-        """A number in C."""
+        """Return a number as C source text."""
         return self.dialect.number(number, "f64")
 
     def shown(self, numbers: Sequence[float]) -> str:
-        """Numbers in a comment, once if they are the same."""
+        """Return numbers for a comment; a single number if all are equal."""
         texts = ["none" if np.isinf(number) else f"{number:g}" for number in numbers]
         return texts[0] if len(set(texts)) == 1 else ", ".join(texts)
 

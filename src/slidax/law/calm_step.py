@@ -82,7 +82,7 @@ class CalmStep(AbstractStep):
        `a = ((ρ_a ψ - y)/H - v)/H`.
 
     y moves to `(1 - h/H) y + (h/H) ρ_a ψ` in one period as in the law's own step, with a ψ in the same sides
-    (docs/sampled-data.md). The law's own step decides for a joint outside of `0.2 ϑρ` or `0.3` of the led envelope, and
+    (docs/sampled-data.md). The law's own step decides for a joint outside `0.2 ϑρ` or `0.3` of the led envelope, and
     for 0.1 s after that. It decides for all joints after lost samples, after a limit of the drives has acted, after a
     sudden disturbance (a ŵ that changes by six times the mean of the last second), and while a learnt model of the arm
     is not in full use.

@@ -1,4 +1,4 @@
-"""Check of a law from outside of the package, before it is simulated or exported."""
+"""Check of a law from outside the package, before it is simulated or exported."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PACKAGE = __name__.partition(".")[0]
 
 
 def require_sound_law(controller: AbstractController) -> None:
-    """Check each law from outside of the package in a controller: it can be traced, and its command fits.
+    """Check each law from outside the package in a controller: it can be traced, and its command fits.
 
     Raises DefinitionError with the file, the line, the rule and the remedy.
     """

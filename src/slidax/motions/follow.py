@@ -54,7 +54,7 @@ def path_end_message(task: PoseTask, move: TimedCurve, caught: PathEnd, now: flo
     held = _near_limits(task.chain, q)
     end = _can_reach_end(task, move, q)
     if float(sizes[1][rank - 1]) < NEAR_SINGULAR:
-        why = f"{_stretched(task, move, weak)}; keep away from it, or accept a small pose error there with `damping`"
+        why = f"{_stretched(weak)}; keep away from it, or accept a small pose error there with `damping`"
     elif held:
         why = f"{' and '.join(held)}; begin in another posture, or give another `posture`"
     else:
@@ -124,7 +124,7 @@ def _describe_position(move: TimedCurve, s: float, now: float, into: float | Non
     return f"at t = {now:.4g} s, {s * move.length:.4g} {move.unit} along this move, with the tip at [{where}] m"
 
 
-def _stretched(task: PoseTask, move: TimedCurve, weak: Array) -> str:
+def _stretched(weak: Array) -> str:
     """Describe a singularity by the direction in which the tool cannot move."""
     translation, rotation = np.linalg.norm(weak[:3]), np.linalg.norm(weak[3:])
     direction = weak[:3] if translation >= rotation else weak[3:]

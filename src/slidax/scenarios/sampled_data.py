@@ -250,7 +250,7 @@ class SampledDataDescription(AbstractDescription):
         source="the sensor's delay plus the actuator's dead time",
     )
     delay_at_most: float | None = input_field(
-        "largest delay that the law can be told while it runs, by its parameter `actual_delay`",
+        "largest delay that can be set while the law runs, by its parameter `actual_delay`",
         "periods",
         "[0, 20]",
         default=None,

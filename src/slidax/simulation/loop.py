@@ -167,7 +167,7 @@ def evaluate_sample(loop: ClosedLoop, carry: Carry, t: Scalar) -> tuple[Evaluati
 
 
 def _sensed(plant: Plant, state: State, own: TransmissionState | None) -> State:
-    """State that the sensors see: the links', or that of the motors of elastic joints."""
+    """State that the sensors measure: of the links, or of the motors if the joints are elastic."""
     return state if plant.transmission is None or own is None else plant.transmission.measured(state, own)
 
 

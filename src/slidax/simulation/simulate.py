@@ -126,7 +126,7 @@ def _require_samples(mode: str, traced: bool) -> None:
     if mode == "continuous":
         raise DefinitionError("a MujocoPlant needs samples: simulate in held mode, not in continuous mode")
     if traced:
-        raise DefinitionError("MuJoCo cannot be traced: simulate outside of `jit`, `vmap` and `grad`, or a `Plant`")
+        raise DefinitionError("MuJoCo cannot be traced: simulate outside `jit`, `vmap` and `grad`, or a `Plant`")
 
 
 Parts = (

@@ -20,7 +20,7 @@ from slidax.law.sliding_mode_controllers import SlidingMode
 from slidax.law.surfaces import SmoothFixedTime
 from slidax.law.torque_bounds import FixedBound
 from slidax.scenarios import alter, load
-from tests.law.sampled.test_sampled_data import FreeMass
+from tests.simulation.simple import FreeMass
 
 from .cases import desired, knotted, panda
 from .plant import Chain, PaperPlan, simulate

@@ -37,28 +37,27 @@ def scenario_of(believed, longest=None, true=None, midpoint=False, t1=0.25):
 
 @pytest.mark.parametrize("midpoint", [False, True])
 @pytest.mark.parametrize("believed", [0.0, 1.0, 1.5, pytest.param(0.5, marks=pytest.mark.full), 3.0])
-def test_a_law_that_is_told_its_delay_acts_as_one_made_for_it(believed, midpoint):
+def test_a_law_with_a_delay_set_at_run_time_equals_one_made_for_that_delay(believed, midpoint):
     fixed, told = (scenario_of(believed, longest, midpoint=midpoint).simulate() for longest in (None, 3.0))
     np.testing.assert_allclose(told.log.tau, fixed.log.tau, rtol=1e-6, atol=1e-6)
     assert np.ptp(np.asarray(fixed.log.tau)) > 1.0
 
 
-def test_the_delay_that_the_law_is_told_matters():
+def test_a_wrong_delay_at_run_time_at_least_doubles_the_error():
     right, wrong = (scenario_of(believed, 3.0, true=3.0, t1=4.0).simulate() for believed in (3.0, 0.0))
     errors = [float(np.max(np.abs(np.asarray(run.log.e)[-200:]))) for run in (right, wrong)]
-    print(errors)
     assert errors[0] < 0.5 * errors[1]
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.25, 1.0, 1.5, 2.0])
-def test_the_past_torque_of_a_told_delay_is_that_of_a_fixed_one(delay):
+def test_past_torque_with_a_delay_set_at_run_time_equals_that_of_a_fixed_delay(delay):
     torques = jnp.asarray(np.random.default_rng(0).normal(size=(4, 3)))
     fixed = mean_past_torque(torques, delay)
     np.testing.assert_allclose(mean_past_torque(torques, 2.0, jnp.asarray(delay)), fixed, rtol=1e-12)
 
 
 @needs_a_compiler
-def test_an_exported_law_is_told_its_delay_by_a_parameter(tmp_path):
+def test_a_parameter_sets_the_delay_of_an_exported_law(tmp_path):
     fixed, told = scenario_of(2.0), scenario_of(1.0, 3.0)
     laws = []
     for name, scenario in (("fixed", fixed), ("told", told)):

@@ -12,8 +12,8 @@ from slidax.motions import Sinusoid
 from slidax.plant import Actuator, Constant, Delayed, Exact, Lossy, TorqueLimits
 from slidax.scenarios import alter, load
 from slidax.simulation import Plant, simulate
-from tests.law.sampled.test_sampled_data import FreeMass
 from tests.paper_examples import TWO_LINK_NOMINAL
+from tests.simulation.simple import FreeMass
 
 PERIOD = 2e-3
 

@@ -14,7 +14,8 @@ from slidax.motions import ConstantPosture as Still
 from slidax.plant import Constant
 from slidax.scenarios import load
 from slidax.simulation import Plant, simulate
-from tests.law.sampled.test_sampled_data import BOUND, FreeMass, mass_law
+from tests.law.sampled.test_sampled_data import BOUND, mass_law
+from tests.simulation.simple import FreeMass
 
 H, PERIOD, FINAL = 1e-2, 2.5e-3, 0.05
 MONITOR = {"scheme.sampled_data.monitor": {"share": 0.3}, "simulation.t1": 1.5}

@@ -1,7 +1,5 @@
 """The sampled-data law: its exact motion without a disturbance, its limit, its memory, its recovery, its steps."""
 
-from typing import ClassVar
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -9,7 +7,6 @@ import numpy as np
 import pytest
 
 from slidax import analysis
-from slidax.arms import AbstractRobot
 from slidax.core.types import Reference, State
 from slidax.export.guarded_step import GuardedStep
 from slidax.law import (
@@ -30,29 +27,7 @@ from slidax.scenarios import load
 from slidax.simulation import Plant, simulate, simulate_batch
 from tests.paper_examples import MOTION_4_1, MOTION_4_2, SCARA, START_4_1, START_4_2, TWO_LINK_NOMINAL, law_4_1
 from tests.rivals import anftsmc_4_2, computed_torque_4_1, super_twisting_4_2
-
-
-class FreeMass(AbstractRobot):
-    """A unit mass on a line without weight: nothing about it is unknown to a step that holds its force."""
-
-    joint_units: ClassVar[tuple[str, ...]] = ("m",)
-    joint_names: ClassVar[tuple[str, ...]] = ("joint 1",)
-
-    def mass(self, q):
-        return jnp.ones((1, 1))
-
-    def bias(self, q, dq):
-        return jnp.zeros(1)
-
-    def friction(self, dq):
-        return jnp.zeros_like(dq)
-
-    def potential(self, q):
-        return jnp.zeros(())
-
-    def tip(self, q):
-        return jnp.array([q[0], 0.0, 0.0])
-
+from tests.simulation.simple import FreeMass
 
 compiled = eqx.filter_jit(lambda law, *arguments: law(*arguments))
 """A law, compiled once for all tests that call it by itself."""

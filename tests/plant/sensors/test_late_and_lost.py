@@ -78,7 +78,7 @@ def test_jittered_instants_fill_their_range_and_never_lie_ahead():
     assert clipped.min() > -1e-6 and np.mean(np.abs(clipped) < 1e-6) == pytest.approx(0.4, abs=0.03)
 
 
-def test_jittered_samples_of_a_cubic_motion_have_the_age_from_the_seed():
+def test_a_jittered_sample_has_the_age_that_its_seed_draws():
     """The age is read off a clock with the same seed."""
 
     times = np.asarray(sampled(Delayed(Exact(), 2.2, 3.0, seed=5), clock, 100).state.q)[:, 0]

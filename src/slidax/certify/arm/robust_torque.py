@@ -73,7 +73,7 @@ def robust_torque(scenario: Scenario, demand: Demand | None = None) -> Verdict:
         {"u": available, "needed": needed, "time": float(motion.t[k]), "torque": np.max(torque, axis=0)},
         (*demand.assumptions, at_reference),
         statement,
-        [] if holds else _remedies(bound, scenario, needed - available),
+        [] if holds else _remedies(bound, needed - available),
     )
 
 
@@ -85,7 +85,7 @@ def robust_bound(scenario: Scenario) -> AbstractBound | None:
     return bound if isinstance(bound, AbstractBound) else None
 
 
-def _remedies(bound: Any, scenario: Scenario, missing: float) -> list[Remedy]:
+def _remedies(bound: Any, missing: float) -> list[Remedy]:
     if isinstance(bound, StateBound):
         return []
     share = float(1.0 - bound.gamma) if hasattr(bound, "gamma") else 1.0

@@ -253,7 +253,7 @@ def judge_motion(
     limits = _passed_ranges(law, certified.path.cells.pieces)
     verdict = verdict_of(certified, law.arm, allowed, law.premises)
     if verdict.holds is False:
-        limits.insert(0, _error_limit(law, certified, verdict, allowed))
+        limits.insert(0, _error_limit(law, certified, allowed))
     if not certified.bounds.verified:
         return MotionVerdict(verdict, tuple(limits))
     drives = drive_bounds(law.arm, certified.solution)
@@ -285,7 +285,7 @@ def judge_motion(
     return MotionVerdict(answer, tuple(limits))
 
 
-def _error_limit(law: CertifiedLaw, certified: CertifiedPath, verdict: Verdict, allowed: Any) -> MotionLimit:
+def _error_limit(law: CertifiedLaw, certified: CertifiedPath, allowed: Any) -> MotionLimit:
     """Where the error is too large, or grows without end."""
     bounds = certified.bounds
     limit = np.broadcast_to(np.asarray(np.inf if allowed is None else allowed, float), law.arm.joints)

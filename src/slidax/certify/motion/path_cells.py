@@ -207,7 +207,7 @@ FINE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Pieces(AbstractPieces):
-    """A piecewise polynomial motion, at rest outside of its knots.
+    """A piecewise polynomial motion, at rest outside its knots.
 
     - `knots`: [k+1], s; `coefficients`: highest power first, [powers k n].
     """

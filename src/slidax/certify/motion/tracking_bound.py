@@ -233,7 +233,7 @@ def verdict_of(
             f"Not certified: no error bound below {WIDEST:g} rad exists for this motion. The bound grows without end "
             f"in {where}, mostly by {dominating}."
         )
-        return Verdict(NAME, TITLE, False, None, {}, (_growth(certified, dominating),), statement)
+        return Verdict(NAME, TITLE, False, None, {}, (_growth(dominating),), statement)
     margin = None
     holds = True
     if allowed is not None:
@@ -257,7 +257,7 @@ def verdict_of(
     return Verdict(NAME, TITLE, holds, margin, bound, (*_assumptions(certified), *premises), statement)
 
 
-def _growth(certified: CertifiedPath, dominating: str) -> Assumption:
+def _growth(dominating: str) -> Assumption:
     return Assumption(
         f"the inequalities have a fixed point: they enlarge every bound below {WIDEST:g} rad, mostly by {dominating}",
         "fails",

@@ -229,7 +229,7 @@ def identity(program: Program, lanes: int) -> str:
 
 
 def compile(program: Program, lanes: int = 1) -> Kernel:
-    """Compile a program, which is not changed.
+    """Compile a program without changing it.
 
     - `lanes`: number of runs that are computed in parallel, a power of two. A run's results do not depend on it.
 

@@ -156,7 +156,7 @@ class SourceFile:
             inner = outer
 
     def docs(self, line: int) -> list[tuple[str, str]]:
-        """Return name and summary of the innermost function around a line, and of its class; none outside of functions.
+        """Return name and summary of the innermost function around a line, and of its class; none outside functions.
 
         A summary is the first line of a docstring; empty without one.
         """

@@ -189,9 +189,9 @@ UNTRACEABLE: dict[type[Exception], tuple[str, str]] = {
 
 OWN_MISTAKES: dict[type[Exception], str] = {
     dataclasses.FrozenInstanceError: "a law is a constant: keep what changes in the memory, and return that",
-    UnexpectedTracerError: "an array was kept outside of the law: return it as memory",
+    UnexpectedTracerError: "an array was kept outside the law: return it as memory",
 }
-"""Remedies for other exceptions in code from outside of the package."""
+"""Remedies for other exceptions in code from outside the package."""
 
 IN_PLACE = "write `x = x.at[i].set(value)` for `x[i] = value`"
 
@@ -225,9 +225,9 @@ def located_tracing_errors() -> Iterator[None]:
 
 
 def _place_of(error: BaseException, *, own: bool = False) -> str:
-    """Where an exception was raised: the innermost line outside of the package, or else outside of the libraries.
+    """Where an exception was raised: the innermost line outside the package, or else outside the libraries.
 
-    - `own`: true for lines outside of the package alone; empty if there is none.
+    - `own`: true for lines outside the package alone; empty if there is none.
     """
     places = {True: "", False: ""}
     trace_back = error.__traceback__

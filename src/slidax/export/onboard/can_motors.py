@@ -78,7 +78,7 @@ class Motors:
             self._send(self.ids[at], frame.raw)
 
     def measure(self, until: float, now: Callable[[], float]) -> tuple[list[float], list[float]]:
-        """Positions and velocities of all joints, rad and rad/s; NaN of a motor that is silent until a time."""
+        """Return positions and velocities of all joints, rad and rad/s; NaN for a motor that has not answered in time."""
         q, dq = [math.nan] * self.law.joints, [math.nan] * self.law.joints
         waiting = set(self.replies)
         while waiting:

@@ -106,7 +106,7 @@ def sampled_data(
     - `limits`: known limits of torque and torque rate; None for none.
     - `recovery`: policy of an implicit step outside the envelope; None: pull back to the prescribed envelope.
     - `delay`: age of a measurement when its torque sets in, in periods.
-    - `delay_at_most`: largest delay that the law can be told while it runs, in periods; None for a fixed delay.
+    - `delay_at_most`: largest delay that can be set while the law runs, in periods; None for a fixed delay.
     - `dead_time`: the part of it after the command, in periods.
     - `slopes`: True if u counts the slopes of τ1, as printed in (45); without them u, and the torque, is smaller.
     - `calm`: least changes of the torque while the error is well inside its envelope; None for the law's own step.

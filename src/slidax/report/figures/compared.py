@@ -291,7 +291,7 @@ DESIRED: dict[str, Any] = {"color": "0.7", "linewidth": 3.2, "linestyle": "-", "
 
 @styled
 def compared_tip_paths(paths: Mapping[str, np.ndarray], desired: np.ndarray) -> Figure:
-    """The tip's path under each scheme over the desired one, from above, and from the side if the desired one rises.
+    """Tip paths of all schemes over the desired path, seen from above; also from the side if the desired path rises.
 
     Each path starts at a ring. Paths that stray by more than the size of the desired path are cut off.
 
