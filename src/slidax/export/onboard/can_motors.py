@@ -78,7 +78,7 @@ class Motors:
             self._send(self.ids[at], frame.raw)
 
     def measure(self, until: float, now: Callable[[], float]) -> tuple[list[float], list[float]]:
-        """Return positions and velocities of all joints, rad and rad/s; NaN for a motor that has not answered in time."""
+        """Return positions and velocities of all joints, rad and rad/s; NaN for a motor without an answer in time."""
         q, dq = [math.nan] * self.law.joints, [math.nan] * self.law.joints
         waiting = set(self.replies)
         while waiting:
