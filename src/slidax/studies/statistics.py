@@ -84,7 +84,8 @@ def paired_difference(first: Any, second: Any, confidence: float = 0.95, *, seed
     first, second = np.asarray(first, float), np.asarray(second, float)
     if first.shape != second.shape or first.ndim != 1:
         raise DefinitionError(
-            f"`first` and `second` must have one value per case; got shapes {short_repr(first.shape)}, {short_repr(second.shape)}"
+            "`first` and `second` must have one value per case; got shapes "
+            f"{short_repr(first.shape)}, {short_repr(second.shape)}"
         )
     known = np.isfinite(first) & np.isfinite(second)
     d = first[known] - second[known]
