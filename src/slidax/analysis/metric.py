@@ -103,10 +103,7 @@ def metric(title: str, unit: str, *, key: str = "", **how: Any) -> Callable[[Cal
 
 
 def counting_error(name: str) -> DefinitionError:
-    """The error for a metric that counts samples, inside `jit`, `vmap` and `grad`.
-
-    - `name`: name of the metric.
-    """
+    """The error for a metric that counts samples, inside `jit`, `vmap` and `grad`."""
     return DefinitionError(
         f"`{name}` counts samples, and so has no derivative and no value inside `jit`, `vmap` or `grad`: compute it "
         "for the finished run, and differentiate another metric, such as `rms_error`"

@@ -120,7 +120,6 @@ def inject(loop: ClosedLoop, signals: InjectedSignals) -> ClosedLoop:
     """The loop with injected signals; its memories have the same structure.
 
     - `loop`: the loop, with a sensor in held mode.
-    - `signals`: the injected signals.
     """
     plant = eqx.tree_at(
         lambda p: p.disturbance, loop.plant, AddedDisturbance(loop.plant.disturbance, signals.disturbance)
@@ -135,11 +134,7 @@ def inject(loop: ClosedLoop, signals: InjectedSignals) -> ClosedLoop:
 
 
 def freeze_adaptation(controller: AbstractController, memory: Memory) -> tuple[AbstractController, Memory]:
-    """The law with its learnt parameters frozen, and its memory without the learning state.
-
-    - `controller`: the law.
-    - `memory`: the law's memory.
-    """
+    """The law with its learnt parameters frozen, and its memory without the learning state."""
     if not isinstance(controller, SampledData) or controller.adaptation is None:
         return controller, memory
     adaptation = controller.adaptation

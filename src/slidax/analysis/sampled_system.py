@@ -211,7 +211,6 @@ def margins_of(closed: SampledSystem, where: str) -> Margins:
     """Margins of a stable loop at a point.
 
     - `closed`: the closed loop at this point, `-L/(1 + L)`, with a single input and output.
-    - `where`: the point.
     """
 
     def gain_at(omega: float) -> complex:

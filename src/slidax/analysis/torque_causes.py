@@ -251,8 +251,6 @@ def estimate_payload(record: RunRecord, nominal: Articulated) -> PayloadEstimate
 
     The fit uses the samples until the run left its envelope, or those around and after, if the payload explains more
     of them: the arm may have picked it up then.
-
-    - `nominal`: the nominal arm.
     """
     short, long = (round(seconds / record.period) for seconds in AROUND)
     until = slice(0, min(len(record.t), max(record.left + short, long // 2)))

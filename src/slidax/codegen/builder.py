@@ -151,7 +151,6 @@ class Builder:
         - `output`: number of the output, from `logged`.
         - `row`: number of the row, i64.
         - `when`: b1; nothing is written where it is false.
-        - `values`: the row.
         """
         self._new(self.region, "store", "none", (row, when, *values.ravel()), output)
 

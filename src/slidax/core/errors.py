@@ -104,7 +104,6 @@ def nearest_word(word: str, known: Iterable[str]) -> str:
     """Remedy for an unknown name: a question with the most similar known name, or the list of all known names.
 
     - `word`: the unknown name, in any case.
-    - `known`: the known names.
     """
     names, word = list(known), word[:LONGEST]
     by_small_letters = {name.lower(): name for name in names}
@@ -288,7 +287,6 @@ def require_consistent(owner: object, *fields: str) -> None:
 def require_joints(tree: object, joints: int, of: str) -> None:
     """Raise a DefinitionError unless each parameter in `tree` is one number, or has one entry per joint.
 
-    - `joints`: number of joints.
     - `of`: owner of the joints, for the message.
     """
     for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
@@ -300,7 +298,6 @@ def require_per_joint(owner: object, joints: int, of: str, *fields: str) -> None
     """Raise a DefinitionError unless each of the fields is one number, or has one entry per joint.
 
     - `owner`: object with the fields.
-    - `joints`: number of joints.
     - `of`: owner of the joints, for the message.
     - `fields`: names of the fields.
     """

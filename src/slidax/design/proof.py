@@ -71,7 +71,6 @@ def certified_radii(
 
     Found by bisection, as a wider envelope is easier to certify.
 
-    - `choice`: the law.
     - `verdict_of`: function from a law to its verdict.
     - `largest`: largest final radii [n].
     """

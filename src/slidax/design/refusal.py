@@ -62,7 +62,6 @@ def refused(reason: str, would_do: list[Remedy], missed: EstimationError | None 
     """Return a refusal whose reason also names the remedies.
 
     - `reason`: a sentence without its full stop.
-    - `would_do`: the remedies.
     - `missed`: estimation errors, if they are the reason.
     """
     words = ", or ".join(item.words for item in would_do)
@@ -73,7 +72,6 @@ def torque_refusal(problem: DesignProblem, demand: DriveDemand) -> Refusal:
     """Refuse a motion that needs more torque than the drives have.
 
     - `problem`: the arm and its motion.
-    - `demand`: the demand on the drives.
     """
     arm = problem.robot.build().nominal
     k = int(np.argmax(demand.torque / demand.limit))
@@ -91,7 +89,6 @@ def deadline_refusal(trials: Trials, best: WorstCase) -> Refusal:
     """Refuse a deadline for which no law keeps its envelope.
 
     - `trials`: simulates the laws.
-    - `best`: the best law.
     """
     deadline, cases = best.choice.deadline, trials.cases(MANY)
     later = [replace(best.choice, deadline=factor * deadline) for factor in LATER]

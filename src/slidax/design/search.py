@@ -186,7 +186,6 @@ def narrowest_envelope(trials: Trials, best: WorstCase, step: float = np.inf) ->
     """Return the law with the smallest final radius that holds in all common cases; None if even the largest fails.
 
     - `trials`: simulates the laws.
-    - `best`: the law.
     - `step`: largest allowed torque step [N m].
     """
     held, cases = None, trials.widened_cases(MANY)

@@ -40,8 +40,6 @@ class AbstractEstimator(AbstractPart):
         """Estimator state after the first measurement: any pytree of arrays, also an empty one.
 
         The first estimate is that measurement, with `disturbance = 0`.
-
-        - `measured`: the first measurement.
         """
 
     @abstractmethod

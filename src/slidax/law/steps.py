@@ -205,7 +205,6 @@ class Recovery(AbstractPart):
         """Return the frame of a plan, with new envelopes in place of prescribed ones.
 
         - `lead_time`, `horizon`: c and H [s].
-        - `drawn`: frame of the prescribed envelope.
         - `now`: the envelopes at this sample.
         """
         if drawn.sides is None:

@@ -46,10 +46,7 @@ class Claim:
 
 
 def claims(runs: Runs) -> list[Claim]:
-    """Return the claims about the curves.
-
-    - `runs`: all runs.
-    """
+    """Return the claims about the curves."""
     return [make(runs, example) for make in (_inside, _settled, _continuous) for example in EXAMPLES]
 
 
@@ -151,10 +148,7 @@ QUANTITIES = ("settling_time", "steady_error", "peak_torque")
 
 
 def compare_schemes(runs: Runs) -> list[dict[str, Any]]:
-    """Metrics of every scheme, with the listed and with the alternative boundary layer.
-
-    - `runs`: all runs.
-    """
+    """Metrics of every scheme, with the listed and with the alternative boundary layer."""
     return [
         {
             "example": example,
@@ -175,10 +169,7 @@ def compare_schemes(runs: Runs) -> list[dict[str, Any]]:
 
 
 def bands(runs: Runs) -> list[dict[str, Any]]:
-    """For each row of Table 3, the settling times at every band in every reading, and the nearest of them.
-
-    - `runs`: all runs.
-    """
+    """For each row of Table 3, the settling times at every band in every reading, and the nearest of them."""
     result = []
     for scheme, items in TABLE_3.items():
         printed = items[0].values
@@ -221,10 +212,7 @@ def bands(runs: Runs) -> list[dict[str, Any]]:
 
 
 def sensitivity(runs: Runs) -> list[dict[str, Any]]:
-    """Values of each scheme at the step, at half of it, with a held torque, and with the alternative boundary layer.
-
-    - `runs`: all runs.
-    """
+    """Values of each scheme at the step, at half of it, with a held torque, and with the alternative boundary layer."""
     lines = []
     for example in EXAMPLES:
         for scheme in COMPARED[example]:
@@ -247,10 +235,7 @@ def sensitivity(runs: Runs) -> list[dict[str, Any]]:
 
 
 def settling_bounds(runs: Runs) -> list[dict[str, Any]]:
-    """(48)-(50) for every fixed-time scheme, with its deadlines and the settling time of its run.
-
-    - `runs`: all runs.
-    """
+    """(48)-(50) for every fixed-time scheme, with its deadlines and the settling time of its run."""
     first = runs.readings[0]
     lines = []
     for example in EXAMPLES:
@@ -265,8 +250,6 @@ def settling_bounds(runs: Runs) -> list[dict[str, Any]]:
 
 def jumps(runs: Runs) -> list[dict[str, Any]] | None:
     """Torque jumps of FTSMC with a boundary layer when |e| enters the core of (78), whose slope is discontinuous.
-
-    - `runs`: all runs.
 
     None if a joint never enters the core.
     """
@@ -288,7 +271,6 @@ def jumps(runs: Runs) -> list[dict[str, Any]] | None:
 def layers(runs: Runs, scheme: str) -> dict[str, Any]:
     """A scheme of Example 4.1 with the listed and with the alternative boundary layer.
 
-    - `runs`: all runs.
     - `scheme`: key of the scheme.
     """
     case = Case("4.1", runs.readings[0], scheme=scheme)
@@ -300,10 +282,7 @@ def layers(runs: Runs, scheme: str) -> dict[str, Any]:
 
 
 def run_with_printed_alpha(runs: Runs) -> dict[str, Any]:
-    """Run ANFTSMC with the printed α, which its class refuses; the check is bypassed.
-
-    - `runs`: all runs.
-    """
+    """Run ANFTSMC with the printed α, which its class refuses; the check is bypassed."""
     case = runs.nearest("4.2", "anftsmc")
     scenario = runs.scenarios[case]
     changed = eqx.tree_at(lambda law: law.alpha, scenario.controller, jnp.asarray(PRINTED_ALPHA))
@@ -323,10 +302,7 @@ def run_with_printed_alpha(runs: Runs) -> dict[str, Any]:
 
 
 def energy(runs: Runs) -> dict[str, Any]:
-    """Energy share by reading, for NFTSMC as listed and with a boundary layer.
-
-    - `runs`: all runs.
-    """
+    """Energy share by reading, for NFTSMC as listed and with a boundary layer."""
     return {
         reading: {
             "listed": energy_share(runs, reading, False),
@@ -352,10 +328,7 @@ BAND = SCHEMES[PROPOSED].band
 
 
 def findings(runs: Runs) -> dict[str, Any]:
-    """All values in the sentences of the report, ready for JSON.
-
-    - `runs`: all runs.
-    """
+    """All values in the sentences of the report, ready for JSON."""
     accuracy = {
         reading: printed_steady_error(runs[Case("4.2", reading)]) if reading in runs.readings else None
         for reading in READINGS

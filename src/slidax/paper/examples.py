@@ -188,7 +188,6 @@ def simulate_all(readings: Sequence[Reading], changes: dict[str, Any], progress:
 def scenario_of(case: Case, changes: dict[str, Any]) -> Scenario:
     """Return the scenario of a case.
 
-    - `case`: the case.
     - `changes`: new values by dotted path, set last.
     """
     values: dict[str, Any] = {"simulation.mode": case.mode, "simulation.period": case.period}

@@ -27,10 +27,7 @@ BARS = (
 
 
 def draw_two_links(runs: Runs) -> Drawn:
-    """Figs. 3 to 5, Example 4.1.
-
-    - `runs`: all runs.
-    """
+    """Figs. 3 to 5, Example 4.1."""
     reading = runs.readings[0]
     how = READINGS[reading]
     listed, layered = runs.compared("4.1", reading), runs.compared("4.1", reading, ("ftsmc",))
@@ -65,10 +62,7 @@ def draw_two_links(runs: Runs) -> Drawn:
 
 
 def draw_three_joints(runs: Runs) -> Drawn:
-    """Figs. 8 to 14, Example 4.2.
-
-    - `runs`: all runs.
-    """
+    """Figs. 8 to 14, Example 4.2."""
     reading = runs.readings[0]
     how = READINGS[reading]
     listed = runs.compared("4.2", reading)
@@ -131,7 +125,6 @@ IN_ENVELOPES = "in their envelopes, and their sizes. Dashed: the envelope's narr
 def draw(runs: Runs, folder: Path) -> dict[str, Picture]:
     """Write all figures of the report as SVG, and return them by name.
 
-    - `runs`: all runs.
     - `folder`: folder for the files.
     """
     reading = runs.readings[0]

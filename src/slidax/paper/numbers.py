@@ -222,7 +222,6 @@ def torque_step_ratio(run: Run, halved: Run) -> tuple[list[float], list[float]]:
 
     For a continuous torque the ratios are about 1/2 and 1; for a chattering torque they are not.
 
-    - `run`: run at the step.
     - `halved`: run at half the step.
     """
     pairs = [(analysis.max_torque_step(r), printed.aice(r)) for r in (run, halved)]
@@ -236,7 +235,6 @@ def chatter(run: Run, halved: Run) -> list[float | None]:
     AICE of a continuous torque does not depend on the step; that of a torque that jumps at every sample does. A torque
     counts as chattering if AICE changes by more than `CLOSE`.
 
-    - `run`: run at the step.
     - `halved`: run at half the step.
     """
     ratios = printed.aice(halved) / printed.aice(run)
@@ -273,10 +271,7 @@ class Row:
 
 
 def numbers(runs: Runs) -> list[Row]:
-    """Comparisons for Table 3, the error limit in the text, and the energy share.
-
-    - `runs`: all runs.
-    """
+    """Comparisons for Table 3, the error limit in the text, and the energy share."""
     table = [row for scheme, items in TABLE_3.items() for item in items for row in _joints(runs, scheme, item)]
     return [*table, _limit(runs), _energy(runs, False), _energy(runs, True)]
 
@@ -284,7 +279,6 @@ def numbers(runs: Runs) -> list[Row]:
 def energy_share(runs: Runs, reading: Reading, layered: bool) -> float:
     """ECI of CFTSMPPC in percent of that of NFTSMC, both summed over the joints.
 
-    - `runs`: all runs.
     - `reading`: reading of the disturbance.
     - `layered`: True if NFTSMC has a boundary layer.
     """

@@ -41,7 +41,6 @@ def counts(rows: list[Row], claims: list[Claim]) -> dict[str, dict[str, int]]:
 def select_sentences(runs: Runs, rows: list[Row], claims: list[Claim]) -> dict[str, Any]:
     """Select the report's sentences that the verdicts support.
 
-    - `runs`: all runs.
     - `rows`, `claims`: results with their verdicts.
     """
     proposed = [row for row in rows if row.scheme == SCHEMES[PROPOSED].name]
@@ -63,10 +62,7 @@ def select_sentences(runs: Runs, rows: list[Row], claims: list[Claim]) -> dict[s
 
 
 def run_results(runs: Runs) -> list[dict[str, Any]]:
-    """Every run with its outcome and metrics.
-
-    - `runs`: all runs.
-    """
+    """Every run with its outcome and metrics."""
     return [_run_result(case, runs) for case in runs.runs]
 
 

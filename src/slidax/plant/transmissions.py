@@ -134,7 +134,6 @@ class Transmission(AbstractPart):
     def begin(self, state: State, held: Vector) -> TransmissionState:
         """Return the state of a transmission that holds an arm.
 
-        - `state`: the arm's state.
         - `held`: torque that holds it there [n], N m or N.
         """
         elastic = self.elasticity

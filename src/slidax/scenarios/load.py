@@ -150,7 +150,6 @@ def restore(text: str, files: Mapping[str, bytes], name: str) -> Scenario:
     """Build a scenario from the result of `portable_text`, such as the one in a log.
 
     - `text`, `files`: as returned by `portable_text`.
-    - `name`: name of the scenario.
 
     Raises DefinitionError if the scenario is invalid.
     """

@@ -292,7 +292,6 @@ class BuiltInDescription(AbstractArticulated):
     """A built-in arm."""
 
     def described(self) -> Articulated:
-        """Return the arm with its maker's parameters."""
         return built_in_arm(self.kind).robot
 
 

@@ -357,8 +357,6 @@ def points(seed: int, first: int, rows: int, dimensions: int) -> NDArray[np.floa
     Each row has a fixed position in the stream of a counter-based generator (Philox, Salmon et al. 2011).
 
     - `seed`: seed of the stream.
-    - `first`: number of the first row.
-    - `rows`: number of rows.
     - `dimensions`: dimension of the cube.
     """
     steps = -(-max(dimensions, 1) // WORDS)

@@ -68,7 +68,6 @@ class CompareResult(AbstractResult):
         None if the property is the envelope and a scheme has none.
 
         - `name`: name of the scheme.
-        - `holds`: the property.
         """
         if not all(is_defined(holds, self.tables[each]) for each in (name, self.reference)):
             return None
@@ -82,7 +81,6 @@ class CompareResult(AbstractResult):
         None and None if the property is the envelope and the scheme has none.
 
         - `name`: name of the scheme.
-        - `holds`: the property.
         """
         if not is_defined(holds, self.tables[name]):
             return None, None
@@ -202,7 +200,6 @@ class CompareResult(AbstractResult):
 def is_defined(holds: str, table: Columns) -> bool:
     """True if the property is defined for the runs; `envelope` needs a scheme with an envelope.
 
-    - `holds`: the property.
     - `table`: the rows.
     """
     return holds != ENVELOPE or bool(np.isfinite(table["margin"]).any())

@@ -34,7 +34,6 @@ class AbstractPool(ABC):
     def each(self, task: StudyTask, chunks: Iterator[tuple[int, Values]]) -> Iterator[tuple[int, Values, Columns]]:
         """Yield the rows of each chunk as they become ready.
 
-        - `task`: the task of the rows.
         - `chunks`: number of the first row, and values.
         """
 

@@ -261,7 +261,6 @@ CORNERS = 4
 def spread_points(dimension: int, count: int, *, seed: int) -> np.ndarray:
     """Points of the unit cube [count, dimension]: its middle, some corners, and Sobol's sequence, scrambled.
 
-    - `dimension`: dimension of the cube.
     - `count`: number of points.
     - `seed`: seed for the scrambling and the choice of corners.
     """

@@ -57,7 +57,6 @@ def sobol_indices(
 
     - `results`: the result at all `points_for_indices`, in their order [base (groups + 2)].
     - `groups`: as in `points_for_indices`.
-    - `confidence`: confidence of the intervals.
     - `seed`: seed of the resampling.
 
     Raises DefinitionError if a result is missing or not finite, or SALib is not installed.

@@ -38,8 +38,6 @@ class DamagedError(Exception):
 def read_identity(folder: Path) -> dict[str, Any]:
     """The contents of `study.json`.
 
-    - `folder`: folder of the study.
-
     Raises DefinitionError if the file is missing or damaged.
     """
     path = folder / IDENTITY
@@ -69,7 +67,6 @@ def study_of_rows(path: Path) -> str | None:
 def read_part(path: Path, rows: int | None = None, *, largest: int = LARGEST_PART) -> Any:
     """Read a Parquet file as a table.
 
-    - `path`: the file.
     - `rows`: required number of rows; None for any number.
     - `largest`: largest size of the file [bytes].
 
@@ -278,7 +275,6 @@ class Store:
         """Write the rows of a chunk.
 
         - `first`: number of the first row.
-        - `columns`: the rows.
 
         Raises OSError if the file cannot be written, such as on a full disk.
         """

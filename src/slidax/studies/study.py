@@ -274,8 +274,6 @@ class AbstractStudy(AbstractDescription):
     def require(self, holds: bool, where: str, message: str) -> None:
         """Raise DefinitionError at a field unless a condition holds.
 
-        - `holds`: the condition.
-        - `where`: the field.
         - `message`: the rule and the value.
         """
         if not holds:

@@ -84,7 +84,6 @@ def evaluate_aims(
 ) -> FrontEvaluation:
     """Return the objectives and constraint violations of candidates from their rows.
 
-    - `columns`: rows of all candidates, candidate by candidate.
     - `each`: number of rows per candidate.
     - `aims`, `holds`, `margin`: as in `CaseEvaluator`.
 

@@ -146,7 +146,6 @@ class Folder:
         """Write a file atomically, and return its mark.
 
         - `name`: name from a browser.
-        - `content`: content of the file.
         - `before`: expected mark of the existing file; None for a new file.
 
         Raises OutsideError if it is not below the folder, FileExistsError if the mark differs, DefinitionError if it

@@ -93,7 +93,6 @@ def identified_region(arm: Articulated, band: Band) -> ParameterRegion:
     to the bodies, by least squares, since the cover is a bound per body.
 
     - `arm`: the identified arm, which is the nominal one.
-    - `band`: its band.
 
     Raises DefinitionError if the band is of another number of joints, or p is not below 1.
     """

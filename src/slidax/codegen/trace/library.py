@@ -53,7 +53,6 @@ class Library:
     ) -> list[Values] | None:
         """Return the results of a call; None if the call must be inlined.
 
-        - `equation`: the call.
         - `run`: inlines a closed jaxpr with arguments into another builder.
         """
         closed = equation.params["jaxpr"]

@@ -114,7 +114,6 @@ def with_export(object: bytes, name: str) -> bytes:
     """Return the module of an object file, with one function exported.
 
     - `object`: object file of one LLVM module.
-    - `name`: name of the function.
 
     Raises DefinitionError if the object is not WebAssembly.
     """

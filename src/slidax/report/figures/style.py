@@ -184,7 +184,6 @@ def draw_limit(panels: Iterable[Axes], limit: float, unit: str) -> None:
 
     - `panels`: panels of one joint, with the torques drawn.
     - `limit`: largest torque [N m or N]; nothing is drawn if it is infinite.
-    - `unit`: unit of the torque.
     """
     if not np.isfinite(limit):
         return
@@ -228,10 +227,8 @@ def log_of(run: Run) -> Log:
 def joint_label(run: Run, joint: int, symbol: str, unit: str) -> str:
     """The axis label of a joint: its name, if it has one, above the symbol with its number.
 
-    - `run`: run with the joint.
     - `joint`: index from 0.
     - `symbol`: mathematical text with `%d` for the number.
-    - `unit`: unit of the axis.
     """
     name = short_names(run.joint_names)[joint]
     label = f"${symbol % (joint + 1)}$  [{unit}]"
@@ -254,7 +251,6 @@ def thin_curve(
 
     - `x`: increasing [k].
     - `y`: values as the axis shows them, that is, logarithms on a logarithmic axis [k].
-    - `columns`: columns of the figure.
     - `limits`: limits of the axis.
     """
     if len(x) > 4 * columns:

@@ -29,7 +29,6 @@ def box(sides: np.ndarray, colour: Colour, rotation: np.ndarray, center: np.ndar
     """A box.
 
     - `sides`: lengths [3], m.
-    - `colour`: colour of the box.
     - `rotation`, `center`: its axes as columns [3 3], and its centre [3], m.
     """
     return solid(0, trimesh.creation.box(extents=sides), colour, frame(rotation, center))
@@ -191,8 +190,6 @@ def mesh_solids(skeleton: Skeleton, path: Path, *, tools: bool) -> list[Solid]:
 
     One `DefinitionWarning` names the meshes that are missing or unreadable.
 
-    - `skeleton`: skeleton of the robot.
-    - `path`: the URDF.
     - `tools`: include links behind fixed joints, such as a hand, which may not belong to the robot.
 
     Raises DefinitionError if the file has no visual shapes, or belongs to another robot.
