@@ -1,18 +1,205 @@
-"""The moving picture of docs/benchmark-of-schemes.md: the Panda under this law and the strongest rival."""
+"""Pictures that are written as SVG line by line: README's, with its table, and the moving Panda of the benchmark."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
+from numpy.typing import NDArray
 
 from slidax import scenarios
+from slidax.certify.motion.admission import tracking_bound
+from slidax.report.figures.style import off_lines
 from slidax.report.replay import Skeleton, skeleton_of
+from slidax.scenarios.family import Family
+from slidax.scenarios.load import alter_description, read_description
 from slidax.simulation import Run
+from slidax.studies.cases import Cases, points
 
 from .panda import SAME, SCENARIO, SUPER_TWISTING, outside, tuned
-from .shared import DOCS, small, steady_error, steady_step
+from .shared import DOCS, ROOT, small, steady_error, steady_step, table, write_table
+
+Floats = NDArray[np.float64]
+
+HERO_SCENARIO = ROOT / "examples" / "motions" / "panda.yaml"
+
+ENVELOPE = {"tolerance.performance.initial": 0.01, "tolerance.performance.final": 0.0015}
+"""The tolerance band of the picture [rad], narrower than that of the example."""
+
+TEXTBOOK = {"scheme.sampled_data": None}
+"""Computed torque with the same model and gains, but without estimator and prediction."""
+
+ARMS, SEED, CHUNK = 1000, 1, 100
+
+DRAWN = 18
+"""Arms that are drawn as single curves."""
+
+WIDTH, HEIGHT = 880, 384
+LEFT, TOP, ACROSS, DOWN = 62, 46, 560, 300
+LOW, HIGH = 1e-3, 20.0
+"""Ends of the axis of errors [mrad]."""
+
+HERO_STYLE = """
+svg { --page: #fff; --ink: #1d2228; --soft: #59636e; --rule: #e3e8ed; --band: #eef2f6; --edge: #8794a1;
+  --bound: #0f7a45; --fan: #3987c9; --bad: #c0392b; }
+@media (prefers-color-scheme: dark) { svg { --page: #0d1117; --ink: #e6edf3; --soft: #9da7b1; --rule: #262d36;
+  --band: #1a212a; --edge: #7d8a98; --bound: #4bc58a; --fan: #6cb0ee; --bad: #ff8b7a; } }
+text { font: 13px system-ui, -apple-system, "Segoe UI", Roboto, Helvetica, Arial, sans-serif; fill: var(--soft); }
+.head { font-size: 15px; font-weight: 600; fill: var(--ink); }
+.name { font-weight: 600; }
+polyline { fill: none; stroke-linejoin: round; }
+"""
+
+
+def _opening(width: int, height: int, title: str, style: str) -> list[str]:
+    """The beginning of an SVG: its size, title, style and background."""
+    return [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" role="img" aria-labelledby="title">',
+        f'<title id="title">{title}</title>',
+        f"<style>{style}</style>",
+        f'<rect width="{width}" height="{height}" fill="var(--page)"/>',
+    ]
+
+
+def write_hero() -> None:
+    """Draw docs/figures/hero.svg, and write the numbers in it into README.md."""
+    scenario = scenarios.load(HERO_SCENARIO, ENVELOPE)
+    verdict = tracking_bound(scenario)
+    if not verdict.holds or verdict.grade != "A":
+        raise SystemExit(f"the picture shows a proved bound, and this one is not: {verdict.statement}")
+    t, ours = errors({})
+    # Each value holds from its time to the next.
+    cells = np.searchsorted(verdict.bound["times"], t, side="right") - 1
+    bound = 1e3 * np.asarray(verdict.bound["error_over_time"]).max(axis=1)[np.maximum(cells, 0)]
+    _, textbook = errors(TEXTBOOK)
+    envelope = 1e3 * _envelope(scenario, t)
+    text = draw_hero(t, envelope, bound, ours, textbook)
+    (DOCS / "figures" / "hero.svg").write_text(text, encoding="utf-8")
+    rows = [
+        ["envelope that you set, from 0.2 s on", f"{envelope[-1]:.2f}"],
+        ["bound proved before the run (`slidax admit`, grade A)", f"{bound.max():.2f}"],
+        [f"largest of {ARMS} simulated arms", f"{ours.max():.2f}"],
+        ["textbook computed torque, the same arms, model and gains", f"{textbook.max():.2f}"],
+    ]
+    write_table("../README.md", "hero", table(["Panda at 1 kHz with 2 kg", "error of the worst joint [mrad]"], rows))
+
+
+def errors(changes: dict[str, Any]) -> tuple[Floats, Floats]:
+    """The largest error of all joints of each random arm over time [arms, k], mrad, and the times [k], s.
+
+    - `changes`: of the law.
+    """
+    family = Family.of(alter_description(read_description(HERO_SCENARIO), changes))
+    cases = Cases(family)
+    sizes, times = [], np.zeros(0)
+    for first in range(0, ARMS, CHUNK):
+        for run in cases.logged(family.uncertain.values(points(SEED, first, CHUNK, family.uncertain.dimensions))):
+            times = np.asarray(run.log.t)
+            sizes.append(1e3 * np.abs(np.asarray(run.log.e)).max(axis=1))
+    return times, np.stack(sizes)
+
+
+def _envelope(scenario: Any, t: Floats) -> Floats:
+    """The narrower side of the tolerance band of the first joint, all being alike [k], rad."""
+    band = scenario.tolerance
+    memory = band.init(jnp.zeros(()), jnp.zeros(scenario.controller.joints))
+    sides = jax.vmap(band.envelope, (0, None))(jnp.asarray(t), memory)
+    return np.minimum(-np.asarray(sides.lower), np.asarray(sides.upper))[:, 0]
+
+
+def draw_hero(t: Floats, envelope: Floats, bound: Floats, ours: Floats, textbook: Floats) -> str:
+    """The SVG.
+
+    - `t`: times of the samples [k], s.
+    - `envelope`, `bound`: the one that is set and the one that is proved [k], mrad.
+    - `ours`, `textbook`: errors of each arm [arms, k], mrad.
+    """
+    end = float(t[-1])
+
+    def x(time: Any) -> Floats:
+        return LEFT + ACROSS * np.asarray(time) / end
+
+    def y(value: Any) -> Floats:
+        place = np.log10(np.clip(value, LOW, HIGH) / LOW) / np.log10(HIGH / LOW)
+        return np.asarray(TOP + DOWN * (1.0 - place))
+
+    def line(time: Any, value: Any, look: str) -> str:
+        return f'<polyline points="{_reduced(x(time), y(value))}" {look}/>'
+
+    def area(time: Floats, low: Floats, high: Floats, look: str) -> str:
+        points = _reduced(np.append(x(time), x(time)[::-1]), np.append(y(high), y(low)[::-1]))
+        return f'<polygon points="{points}" {look}/>'
+
+    coarse = np.unique(np.append(np.arange(0, len(t), 8), len(t) - 1))
+    time = t[coarse]
+    widest, least = ours[:, coarse].max(axis=0), ours[:, coarse].min(axis=0)
+    floor = np.full(len(coarse), LOW)
+    title = (
+        "Error of the worst joint over time: 1000 arms below the proved bound, which is below the envelope; textbook "
+        "computed torque leaves the envelope."
+    )
+    parts = [
+        *_opening(WIDTH, HEIGHT, title, HERO_STYLE),
+        f'<text class="head" x="{LEFT}" y="22">Error of the worst joint over one motion [mrad]</text>',
+        area(time, floor, envelope[coarse], 'fill="var(--band)"'),
+    ]
+    for decade in (0.001, 0.01, 0.1, 1.0, 10.0):
+        at = float(y(decade))
+        parts.append(f'<line x1="{LEFT}" x2="{LEFT + ACROSS}" y1="{at:.1f}" y2="{at:.1f}" stroke="var(--rule)"/>')
+        parts.append(f'<text x="{LEFT - 8}" y="{at + 4:.1f}" text-anchor="end">{decade:g}</text>')
+    for second in np.arange(0.0, end + 0.1, 0.5):
+        label = f"{second:g} s" if second else "0"
+        parts.append(f'<text x="{float(x(second)):.0f}" y="{TOP + DOWN + 20}" text-anchor="middle">{label}</text>')
+    parts.append(area(time, least, widest, 'fill="var(--fan)" fill-opacity="0.22"'))
+    thin = 'stroke="var(--fan)" stroke-width="0.7" stroke-opacity="0.55"'
+    parts += [line(time, each[coarse], thin) for each in ours[:DRAWN]]
+    parts += [
+        line(time, textbook[:, coarse].max(axis=0), 'stroke="var(--bad)" stroke-width="2.2"'),
+        line(t[::4], bound[::4], 'stroke="var(--bound)" stroke-width="2.4"'),
+        line(t[::4], envelope[::4], 'stroke="var(--edge)" stroke-width="2" stroke-dasharray="7 4"'),
+    ]
+    parts += _labels(
+        [
+            ("textbook computed torque", "same arms, model and gains", "bad", y(textbook[:, -1].max())),
+            ("envelope", "set by you", "edge", y(envelope[-1])),
+            ("bound", "proved before the run", "bound", y(bound[-1])),
+            (f"{ARMS} uncertain arms", "mass, inertia, friction vary", "fan", y(ours[:, -1].max())),
+        ]
+    )
+    return "\n".join([*parts, "</svg>", ""])
+
+
+LABEL = 38.0
+"""Height of a label."""
+
+
+def _labels(labels: list[tuple[str, str, str, Any]]) -> list[str]:
+    """Names right of the ends of the curves, apart from each other, with a line to each end."""
+    labels = sorted(labels, key=lambda label: float(label[3]))
+    middle = float(np.mean([float(at) for *_, at in labels[:-1]]))
+    heights: list[float] = []
+    for number, (*_, at) in enumerate(labels):
+        wanted = min(float(at), middle - LABEL) if number == 0 else float(at)
+        heights.append(max(wanted, heights[-1] + LABEL) if heights else wanted)
+    parts = []
+    right = LEFT + ACROSS
+    for (name, note, colour, at), height in zip(labels, heights, strict=True):
+        parts.append(
+            f'<path d="M{right + 2} {float(at):.1f}L{right + 14} {height:.1f}" stroke="var(--{colour})" fill="none"/>'
+            f'<text x="{right + 18}" y="{height:.1f}"><tspan class="name" fill="var(--{colour})">{name}</tspan>'
+            f'<tspan x="{right + 18}" dy="16">{note}</tspan></text>'
+        )
+    return parts
+
+
+def _reduced(x: Floats, y: Floats) -> str:
+    """The points of a curve, without those on the line between their neighbours, to a tenth of a pixel."""
+    places = np.stack([x, y], axis=-1)
+    return " ".join(f"{a:.1f},{b:.1f}" for a, b in places[off_lines(places, 0.12)])
+
 
 RIVAL = SUPER_TWISTING
 """The controller with the least steady error among those with the same estimator (docs/benchmark-of-schemes.md)."""
@@ -44,7 +231,7 @@ KNEE = 1e-3
 
 TICKS = {1.0: "1", 0.1: "0.1", 0.01: "0.01", 0.0: "0", -0.01: "−0.01", -0.1: "−0.1"}
 
-STYLE = """
+MOVING_STYLE = """
 svg { color-scheme: light dark; --ink: #1f2328; --soft: #59636e; --band: #e6eef7; --edge: #7d8b99; --grid: #d8dee4;
   --line: #0072b2; --arm: #3d4752; --inner: #9aa7b4; --ghost: #d55e00; --load: #e3b341; --page: #ffffff; }
 @media (prefers-color-scheme: dark) { svg { --ink: #f0f6fc; --soft: #a5aeb8; --band: #16293b; --edge: #6f8296;
@@ -90,7 +277,7 @@ def write_panda_moving() -> None:
         Half("CFTSMPPC, sampled-data", "its envelope is drawn before the run", ours),
         Half(f"{RIVAL.title}, {SAME.split(',')[0]}", f"knows no envelope; gains searched on this run: {listed}", rival),
     )
-    text = picture(halves, skeleton_of(scenario.plant.robot), first_signs(ours))
+    text = draw_moving(halves, skeleton_of(scenario.plant.robot), first_signs(ours))
     (DOCS / "figures" / "panda-moving.svg").write_text(text, encoding="utf-8")
 
 
@@ -99,19 +286,13 @@ def first_signs(run: Run) -> np.ndarray:
     return np.sign(np.asarray(run.log.e)[0])
 
 
-def picture(halves: tuple[Half, ...], arm: Skeleton, signs: np.ndarray) -> str:
+def draw_moving(halves: tuple[Half, ...], arm: Skeleton, signs: np.ndarray) -> str:
     """The SVG.
 
     - `halves`: side by side; the first one's law draws the envelope.
     """
     title = "Two laws move a Franka Panda at 1 kHz; the errors of its seven joints stay in the envelope under both."
-    parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {PICTURE_WIDTH} {PICTURE_HEIGHT}" '
-        'role="img" aria-labelledby="title">',
-        f'<title id="title">{title}</title>',
-        f"<style>{STYLE}</style>",
-        f'<rect width="{PICTURE_WIDTH}" height="{PICTURE_HEIGHT}" fill="var(--page)"/>',
-    ]
+    parts = _opening(PICTURE_WIDTH, PICTURE_HEIGHT, title, MOVING_STYLE)
     for number, half in enumerate(halves):
         inside = [*_heads(half, halves[0].run), *_chart(half, halves[0].run, signs, number), *_arm(half, arm, number)]
         parts += [f'<g transform="translate({number * (PICTURE_WIDTH - PANEL)} 0)">', *inside, "</g>"]
