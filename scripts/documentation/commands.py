@@ -15,7 +15,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "commands.md"
 HEAD = """\
 # Command line
 
-Written by `scripts/write-commands`; do not edit. `slidax COMMAND --help` prints the same text.
+Written by `scripts/build-site --commands`; do not edit. `slidax COMMAND --help` prints the same text.
 
 `SCENARIO` is a built-in scenario (`slidax list scenarios`) or a YAML file ([scenario files](scenarios.md)). Results go
 to standard output; errors, warnings and notes go to standard error. `NO_COLOR=1` switches colours off.

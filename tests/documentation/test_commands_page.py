@@ -11,7 +11,7 @@ TEXT = PAGE.read_text(encoding="utf-8")
 
 
 def test_the_page_of_commands_is_up_to_date():
-    assert commands_page() == TEXT, "run `.venv/bin/python scripts/write-commands`"
+    assert commands_page() == TEXT, "run `.venv/bin/python scripts/build-site --commands`"
 
 
 def test_every_command_and_each_of_its_options_is_on_the_page():
