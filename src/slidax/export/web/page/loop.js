@@ -19,12 +19,6 @@ export async function inflateBytes(text) {
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
-// The float64 numbers of base64 of gzip.
-export async function inflateNumbers(text) {
-  const bytes = await inflateBytes(text);
-  return new Float64Array(bytes.buffer, bytes.byteOffset, bytes.byteLength / 8);
-}
-
 // Places in memory for arrays of [type, count], each at a multiple of 8.
 function loopPlaces(entries, start) {
   let at = Math.ceil(start / 8) * 8;
