@@ -234,7 +234,7 @@ def test_individually_compressed_messages_are_read(tmp_path):
 
 
 def test_folder_that_is_no_bag_is_refused(tmp_path):
-    with pytest.raises(DefinitionError, match=r"is no ros2 bag folder"):
+    with pytest.raises(DefinitionError, match=r"is not a ros2 bag folder"):
         read_log(tmp_path, ARM)
     metadata(tmp_path, ["gone.mcap"], "mcap")
     with pytest.raises(DefinitionError, match=r"lacks the file `gone.mcap`"):

@@ -205,12 +205,15 @@ def test_numbered_joints_are_named_by_their_numbers_from_1():
 @pytest.mark.parametrize(
     ("path", "words"),
     [
-        ("start.q[7]", "`start.q` is a list of 7, and `7` is no index from 0 to 6"),
-        ("start.q.panda_joint4", "is no index from 0 to 6. Write `start.q[0]`, or `start.q[JOINT]`"),
-        ("start.q[panda_joint]", "`panda_joint` is no joint of the robot, and no number from 0 to 6; did you mean"),
-        ("start.q[-1]", "`-1` is no joint of the robot, and no number from 0 to 6"),
-        ("start.q[", "is no path: write an entry of a list as"),
-        ("start.q[0]]", "is no path: write an entry of a list as"),
+        ("start.q[7]", "`start.q` is a list of 7, and `7` is not an index from 0 to 6"),
+        ("start.q.panda_joint4", "is not an index from 0 to 6. Write `start.q[0]`, or `start.q[JOINT]`"),
+        (
+            "start.q[panda_joint]",
+            "`panda_joint` is not a joint of the robot, and not a number from 0 to 6; did",
+        ),
+        ("start.q[-1]", "`-1` is not a joint of the robot, and not a number from 0 to 6"),
+        ("start.q[", "is not a path: write an entry of a list as"),
+        ("start.q[0]]", "is not a path: write an entry of a list as"),
         ("start.dq[0]", "`start.dq` is not in the file, so a single entry of it cannot be set: set all entries"),
         ("start[0]", "start: unknown key `0`"),
         ("start.q[0][1]", "`start.q.0` is a single value"),

@@ -97,7 +97,7 @@ class StepPrograms:
     - `begun`: function that computes the memory at the first good sample.
     - `valid`: function that checks parameters whose ranges depend on other parameters.
     - `parameters`, `memory`, `signals`: members of the structures.
-    - `bounds`: bounds of the numbers of each parameter; None for one that is no real number.
+    - `bounds`: bounds of the numbers of each parameter; None for one that is not a real number.
     """
 
     checked: Function

@@ -28,7 +28,7 @@ def without_brackets(path: str, joints: Sequence[str] = ()) -> str:
     """
     rest = BRACKETS.sub("", path)
     if "[" in rest or "]" in rest or path.startswith("["):
-        raise DefinitionError(f"`{plain_name(path)}` is no path: write an entry of a list as NAME[0] or NAME[JOINT]")
+        raise DefinitionError(f"`{plain_name(path)}` is not a path: write an entry of a list as NAME[0] or NAME[JOINT]")
 
     def dotted(match: re.Match[str]) -> str:
         words = match[1].strip()
@@ -37,7 +37,7 @@ def without_brackets(path: str, joints: Sequence[str] = ()) -> str:
         index = match_names(joints, [words]).get(words)
         if index is None:
             raise DefinitionError(
-                f"`{plain_name(path)}`: `{plain_name(words)}` is no joint of the robot, and no number from 0 "
+                f"`{plain_name(path)}`: `{plain_name(words)}` is not a joint of the robot, and not a number from 0 "
                 f"to {len(joints) - 1}; {nearest_word(words, joints)}"
             )
         return f".{index}"
@@ -130,7 +130,7 @@ def _set(data: dict[str, Any], path: str, value: Any, joints: int) -> None:
     parts = path.split(".")
     if not all(parts):
         raise DefinitionError(
-            f"`{plain_name(path)}` is no path: it needs a name between two dots, at its start and at its end"
+            f"`{plain_name(path)}` is not a path: it needs a name between two dots, at its start and at its end"
         )
     node: Any = data
     for depth, part in enumerate(parts):
@@ -138,7 +138,7 @@ def _set(data: dict[str, Any], path: str, value: Any, joints: int) -> None:
         if isinstance(node, list):
             if not (part.isascii() and part.isdigit() and len(part) < 10) or int(part) >= len(node):
                 raise DefinitionError(
-                    f"`{here}` is a list of {len(node)}, and `{plain_name(part)}` is no index from 0 to "
+                    f"`{here}` is a list of {len(node)}, and `{plain_name(part)}` is not an index from 0 to "
                     f"{len(node) - 1}. Write `{here}[0]`, or `{here}[JOINT]` if each entry belongs to a joint"
                 )
             key: Any = int(part)

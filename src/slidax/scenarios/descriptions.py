@@ -109,7 +109,7 @@ def same_field(part: type, name: str, **changes: Any) -> Any:
 
 
 def input_field(meaning: str, unit: str = "", range: str = "", *, default: Any = REQUIRED, source: str = "") -> Any:
-    """Declare a field of a description that is no parameter of a part; arguments as in `slidax.core.parameter`.
+    """Declare a field of a description that is not a parameter of a part; arguments as in `slidax.core.parameter`.
 
     The range is checked when the file is read.
     """

@@ -74,7 +74,7 @@ def named_robot(
         if value:
             if description["kind"] not in ("urdf", "mjcf"):
                 raise DefinitionError(
-                    f"`--{field}` is only for URDF and MJCF files; `{plain_name(word)}` is no such file: leave it out"
+                    f"`--{field}` is only for URDF and MJCF files; `{plain_name(word)}` is neither: leave it out"
                 )
             description[field] = value
     if gravity is not None:

@@ -261,7 +261,7 @@ def messages_with_keys() -> Iterator[None]:
         try:
             yield
         except DefinitionError as error:
-            # A path inside the robot file is no path in the scenario.
+            # A path inside the robot file is not a path in the scenario.
             where = "file" if error.where else ""
             raise DefinitionError(_as_keys(str(error)), where=where).offering(error.setting) from error
     for warning in assumed:

@@ -175,7 +175,7 @@ def describe_outcome(
         remedy = (
             "It was outside its envelope, where the law is not defined: use its sampled-data form."
             if excursion is not None and bool(excursion.outside)
-            else "The law's torque is no number at the start: check its `init`, divisions, roots and logarithms."
+            else "The law's torque is not a number at the start: check its `init`, divisions, roots and logarithms."
             if t == 0.0
             else "Shorten the period, or lower the gains; the run up to there is kept."
         )

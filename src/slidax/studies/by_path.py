@@ -34,7 +34,8 @@ def sweep(scenario: Scenario, values: Mapping[str, Any], *, log_every: int | Non
     - `values`: by path, each with the run as its first axis; all paths have the same number of runs.
     - `log_every`: log one in so many samples; None logs none.
 
-    Raises DefinitionError if a path does not exist, a value is out of its range, or is no array of the compiled loop.
+    Raises DefinitionError if a path does not exist, a value is out of its range, or is not an array of
+    the compiled loop.
     """
     arrays = {path: np.asarray(array) for path, array in values.items()}
     counts = {path: len(array) if array.ndim else 0 for path, array in arrays.items()}
@@ -56,7 +57,7 @@ def grad(
     - `metric`: its name, the metric, or a function from a run to one number.
     - `path`: one path, or several; the derivatives of several are a mapping.
 
-    Raises DefinitionError if the metric has no derivative, or a path does not exist or is no array of the loop.
+    Raises DefinitionError if the metric has no derivative, or a path does not exist or is not an array of the loop.
     """
     paths = [path] if isinstance(path, str) else list(path)
     if isinstance(metric, str):

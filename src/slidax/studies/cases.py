@@ -199,7 +199,7 @@ class Cases:
         - `values`: by path, of every path of the family.
         - `log_every`: log one in so many samples; None logs none.
 
-        Raises DefinitionError if a value is no array of the loop.
+        Raises DefinitionError if a value is not an array of the loop.
         """
         groups = self._groups(values, len(next(iter(values.values()))))
         loop = self._loop(groups[0][1], values) if len(groups) == 1 else None

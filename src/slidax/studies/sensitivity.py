@@ -42,7 +42,7 @@ def points_for_indices(groups: Sequence[int], base: int, *, seed: int = 0) -> np
     - `base`: a power of two, at least a few hundred.
     - `seed`: seed of the scrambling.
 
-    Raises DefinitionError if the base is no power of two, or SALib is not installed.
+    Raises DefinitionError if the base is not a power of two, or SALib is not installed.
     """
     if base < 2 or base & (base - 1):
         raise DefinitionError(f"`base` must be a power of two, such as 512; got {short_repr(base)}")

@@ -106,7 +106,7 @@ def _unreadable(error: Exception) -> str:
 def _require_regular(path: Path, largest: int | None) -> None:
     about = path.stat()
     if not stat.S_ISREG(about.st_mode):
-        raise DamagedError("is no regular file")
+        raise DamagedError("is not a regular file")
     if largest is not None and about.st_size > largest:
         raise DamagedError(f"has {about.st_size} bytes, and at most {largest} are read")
 

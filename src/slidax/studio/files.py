@@ -120,7 +120,7 @@ class Folder:
     def read(self, name: str, most: int) -> bytes:
         """Read a file by its `name` from a browser, at most `most` bytes.
 
-        Raises OutsideError if it is not below the folder, DefinitionError if it is no file, too large, or missing.
+        Raises OutsideError if it is not below the folder, DefinitionError if it is not a file, too large, or missing.
         """
         require_ending(name, READ)
         return self.content(self.resolve(name), name, most)
@@ -128,7 +128,7 @@ class Folder:
     def content(self, path: Path, name: str, most: int) -> bytes:
         """Read a file by its resolved `path`, at most `most` bytes; `name` is for messages.
 
-        Raises DefinitionError if it is no file, too large, missing, or a link by now.
+        Raises DefinitionError if it is not a file, too large, missing, or a link by now.
         """
         with _refusals_as_sentences(name), self._opened(path, os.O_RDONLY | _AT_ONCE) as handle:
             about = os.fstat(handle)

@@ -113,7 +113,7 @@ def convex_hull(evaluate: Callable[[Floats], Floats], dimensions: int) -> Hull:
 
 
 def _degrees(evaluate: Callable[[Floats], Floats], dimensions: int) -> list[int]:
-    """Return the degree in each axis, 0 to 2, or 3 for a function that is no such polynomial.
+    """Return the degree in each axis, 0 to 2, or 3 for a function that is not such a polynomial.
 
     An axis without effect at a random point may have one at an end of the other axes: the stiffness of a stop has an
     effect only where the arm touches it.

@@ -114,7 +114,7 @@ def linear_loops(scenario: Scenario) -> tuple[SampledData, tuple[LinearLoop, ...
     if law.midpoint or law.viscous_feedforward:
         return "the law evaluates its model at mid-period, or compensates viscous friction: see `tracking_bound`"
     if scenario.description.sensor.instrument is not None:
-        return "the sensor is no encoder"
+        return "the sensor is not an encoder"
     loops = joint_loops(scenario)
     linear = tuple(loop for loop in loops if loop is not None)
     if len(linear) < len(loops):

@@ -138,7 +138,7 @@ def tunables_of(description: ScenarioDescription, joints: int) -> list[Tunable]:
 
 
 def _numbers(place: Any, path: str) -> Iterator[tuple[str, Any]]:
-    """Every field that is no mapping, with its declaration."""
+    """Every field that is not a mapping, with its declaration."""
     if isinstance(place, BaseModel):
         for name, field in type(place).model_fields.items():
             value = getattr(place, name)

@@ -197,7 +197,7 @@ def _files(path: Path, notes: list[str]) -> list[Path]:
         raise DefinitionError(f"`{path.name}` lacks the file `{plain_name(missing[0])}`, which its `{METADATA}` names")
     if not listed:
         raise DefinitionError(
-            f"`{path}` is no ros2 bag folder: it has neither `{METADATA}` nor a {' or '.join(ENDINGS)} file"
+            f"`{path}` is not a ros2 bag folder: it has neither `{METADATA}` nor a {' or '.join(ENDINGS)} file"
         )
     return listed
 

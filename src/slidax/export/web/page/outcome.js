@@ -66,7 +66,7 @@ export function loopOutcome(program, ended, start) {
     const remedy = outside
       ? "It was outside its envelope, where the law is not defined: use its sampled-data form."
       : t === 0
-      ? "The law's torque is no number at the start: check its `init`, divisions, roots and logarithms."
+      ? "The law's torque is not a number at the start: check its `init`, divisions, roots and logarithms."
       : "Shorten the period, or lower the gains; the run up to there is kept.";
     const message = `${capitalised(outcomeJoint(program, joint))} became infinite or undefined at t = ${time} s. ${remedy}`;
     return { kind: "not_finite", message, time: t, joint: joint + 1 };
