@@ -8,6 +8,14 @@ from typer.testing import CliRunner
 
 from slidax.cli import app
 
+STUDY = """
+study: monte_carlo
+scenario: example-4.1-1khz
+changes: {simulation.t1: 0.05}
+uncertainty: {disturbance.scale: {between: [0, 1]}}
+"""
+"""A short study, but for the number of its runs."""
+
 
 def in_process(*arguments, code=None):
     """Run the command; check its exit code unless `code` is None."""

@@ -8,17 +8,11 @@ from slidax.cli.common import errors_as_lines
 from slidax.core.writing import is_temporary
 from slidax.studies import read_rows
 
-from .commands import in_process
+from .commands import STUDY, in_process
 
 resource = pytest.importorskip("resource", reason="the system has no limits on file sizes")
 
-STUDY = """
-study: monte_carlo
-scenario: example-4.1-1khz
-changes: {simulation.t1: 0.05}
-uncertainty: {disturbance.scale: {between: [0, 1]}}
-runs: 128
-"""
+TEXT = STUDY + "runs: 128"
 
 
 @contextmanager
@@ -67,7 +61,7 @@ def test_a_project_on_a_full_disk_is_named(tmp_path):
 
 def test_a_study_on_a_full_disk_reports_saved_rows_and_resumes(tmp_path, monkeypatch):
     file, out = tmp_path / "study.yaml", tmp_path / "out"
-    file.write_text(STUDY, encoding="utf-8")
+    file.write_text(TEXT, encoding="utf-8")
     for name in ("LEAST", "MOST"):
         monkeypatch.setattr(f"slidax.studies.runner.{name}", 64)
     words = ["study", str(file), "--out", str(out)]

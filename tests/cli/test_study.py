@@ -3,15 +3,9 @@ import pytest
 from slidax.studies import frame, monte_carlo
 from tests.documentation.pages import ROOT
 
-from .commands import answer_of, in_process
+from .commands import STUDY, answer_of, in_process
 
-TEXT = """
-study: monte_carlo
-scenario: example-4.1-1khz
-changes: {simulation.t1: 0.05}
-uncertainty: {disturbance.scale: {between: [0, 1]}}
-runs: 64
-"""
+TEXT = STUDY + "runs: 64"
 
 
 def test_a_study_is_written_resumed_and_its_rows_become_scenarios(tmp_path):

@@ -10,16 +10,10 @@ import pytest
 from scripts.documentation.pages import blocks
 from slidax.core.writing import write_text
 from slidax.studies import store
-from tests.cli.commands import in_process
+from tests.cli.commands import STUDY, in_process
 from tests.documentation.pages import ROOT
 
-TEXT = """
-study: monte_carlo
-scenario: example-4.1-1khz
-changes: {simulation.t1: 0.05}
-uncertainty: {disturbance.scale: {between: [0, 1]}}
-runs: 256
-"""
+TEXT = STUDY + "runs: 256"
 
 
 @pytest.fixture
