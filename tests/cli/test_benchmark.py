@@ -31,7 +31,8 @@ def test_a_law_in_one_file_enters_and_a_mistake_in_it_is_named_until_it_is_mende
     wrong = own_process(*command)
     assert wrong.returncode == 0 and "pid (sampled-data)" in wrong.stdout
     line = next(i for i, text in enumerate(USERS_LAW.splitlines(), 1) if "now.ddq" in text)
-    assert f"Mine (sampled-data) cannot run: AttributeError in line {line} of {file}" in wrong.stderr
+    where = f"line {line} of {file}, in `Mine.__call__`"
+    assert f"Mine (sampled-data) cannot run: {where}: AttributeError: " in wrong.stderr
     file.write_text(USERS_LAW, encoding="utf-8")
     right = own_process(*command, "--json")
     assert right.returncode == 0, right.stderr
