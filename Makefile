@@ -47,7 +47,7 @@ lint: .venv/.installed ## Check style, types and layers; changes nothing
 	.venv/bin/ruff format --check . || failed="$$failed ruff-format"; \
 	.venv/bin/mypy || failed="$$failed mypy"; \
 	.venv/bin/lint-imports --no-logo || failed="$$failed lint-imports"; \
-	.venv/bin/python scripts/check-words src tests scripts examples || failed="$$failed check-words"; \
+	.venv/bin/python scripts/check-words src tests scripts examples benchmarks || failed="$$failed check-words"; \
 	if [ -n "$$failed" ]; then echo "make lint: failed:$$failed" >&2; exit 1; fi
 
 format: .venv/.installed ## Put the code in order
@@ -57,7 +57,7 @@ format: .venv/.installed ## Put the code in order
 bench: .venv/.installed ## Measure, and write benchmarks/PERFORMANCE.md
 	@.venv/bin/python -m benchmarks $(ARGS)
 
-figures: .venv/.installed ## Renew the figures of the documentation, and the tables beside them
+figures: .venv/.installed ## Renew the figures of the documentation, with the tables near them
 	@mkdir -p docs/figures
 	@.venv/bin/python examples/01_run_a_scenario.py docs/figures/tracking-error.svg
 	@.venv/bin/python scripts/measure $(ARGS)

@@ -1,1 +1,1 @@
-"""What `make bench` measures. Times depend on the machine, so they are written down, never asserted."""
+"""Measurements of `make bench`. Times depend on the machine, so they are written down, never asserted."""

@@ -1,4 +1,4 @@
-"""Measures everything and writes benchmarks/PERFORMANCE.md."""
+"""Measure everything, and write benchmarks/PERFORMANCE.md."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ WHAT = {
 
 
 def main() -> None:
-    """Runs each part in a process of its own, one after the other, and writes the page."""
+    """Run each part in a process of its own, one after the other, and write the page."""
     parts = {}
     for name in ("closed_loop", "sampled_data", "exported_c", "robots", "peer", "batch", "command_line"):
         print(f"measuring {name} ...", file=sys.stderr)
@@ -77,8 +77,8 @@ def _page(parts: dict[str, Any]) -> str:
         "",
         *_exported(parts["exported_c"]),
         *_robots(parts["robots"]),
-        *_beside_the_printed_law(parts["sampled_data"]),
-        *_beside_opensmc(parts["peer"]),
+        *_sampled_data(parts["sampled_data"]),
+        *_opensmc(parts["peer"]),
         *_batch(parts["batch"]),
         "## The command line",
         "",
@@ -153,7 +153,7 @@ def _batch(batch: dict[str, Any]) -> list[str]:
     return [*lines, "", "Goals: 3 million steps per second on one core, 5 million on two.", ""]
 
 
-def _beside_the_printed_law(arms: dict[str, Any]) -> list[str]:
+def _sampled_data(arms: dict[str, Any]) -> list[str]:
     laws = [name for name in next(iter(arms.values())) if not name.endswith("law alone")]
     lines = [
         "## The sampled-data law: a closed-loop step, and its ratio to the printed law's",
@@ -188,9 +188,9 @@ def _ratios(arms: dict[str, Any], laws: list[str]) -> list[str]:
     return lines
 
 
-def _beside_opensmc(peer: dict[str, Any]) -> list[str]:
+def _opensmc(peer: dict[str, Any]) -> list[str]:
     lines = [
-        f"## Beside OpenSMC {peer['opensmc']}: one joint, {peer['steps']} steps",
+        f"## OpenSMC {peer['opensmc']}: one joint, {peer['steps']} steps",
         "",
         "The same laws with the torque held, Runge-Kutta steps of the plant, every sample logged, and the same samples",
         "(tests/peers/test_opensmc.py). OpenSMC is written in NumPy and runs at once; slidax compiles first.",

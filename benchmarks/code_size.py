@@ -1,4 +1,4 @@
-"""Lines, code and stack of the exported step of the scenarios at an arm's own rate, for docs/c-export.md.
+"""Lines, code and stack of the law step of the scenarios at an arm's own rate, for docs/c-export.md.
 
 python -m benchmarks.code_size
 """
@@ -35,15 +35,15 @@ def main() -> None:
     print("|---|---|---:|---|---:|---:|---:|")
     for name in SCENARIOS:
         for single in (False, True):
-            made = project(load(name), name="law", single=single, with_golden=False)
+            law = project(load(name), name="law", single=single, with_golden=False)
             with tempfile.TemporaryDirectory() as place:
                 for template, ending in (("header.h.j2", ".h"), ("step.c.j2", ".c")):
-                    (Path(place) / f"slidax_law{ending}").write_text(render(template, {"x": made}), encoding="utf-8")
+                    (Path(place) / f"slidax_law{ending}").write_text(render(template, {"x": law}), encoding="utf-8")
                 lines = len((Path(place) / "slidax_law.c").read_text(encoding="utf-8").splitlines())
                 for compiler, command in COMPILERS.items():
                     if shutil.which(command[0]):
                         code, stack = _compiled(command, place)
-                        numbers = f"{made.real}s | {lines:,} | {compiler} | {code:,} | {stack:,} | {made.stack:,}"
+                        numbers = f"{law.real}s | {lines:,} | {compiler} | {code:,} | {stack:,} | {law.stack:,}"
                         print(f"| `{name}` | {numbers} |", flush=True)
 
 
@@ -52,7 +52,7 @@ def _compiled(command: tuple[str, ...], place: str) -> tuple[int, int]:
     law = ("-std=c99", "-ffp-contract=off", "-fcallgraph-info=su", "-c", "slidax_law.c", "-o", "law.o")
     subprocess.run([*command, *law], cwd=place, check=True)
     size = [command[0].replace("gcc", "size"), "law.o"]
-    said = subprocess.run(size, cwd=place, check=True, capture_output=True, text=True).stdout
+    listing = subprocess.run(size, cwd=place, check=True, capture_output=True, text=True).stdout
     text = (Path(place) / "law.ci").read_text(encoding="utf-8")
     own = {name: int(size) for name, size in NODE.findall(text)}
     calls: dict[str, set[str]] = {}
@@ -60,9 +60,9 @@ def _compiled(command: tuple[str, ...], place: str) -> tuple[int, int]:
         calls.setdefault(caller, set()).add(called)
 
     def below(name: str) -> int:
-        return own.get(name, 0) + max((below(one) for one in calls.get(name, ())), default=0)
+        return own.get(name, 0) + max((below(callee) for callee in calls.get(name, ())), default=0)
 
-    return int(said.splitlines()[1].split()[0]), below("slidax_law_step")
+    return int(listing.splitlines()[1].split()[0]), below("slidax_law_step")
 
 
 if __name__ == "__main__":

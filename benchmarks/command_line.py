@@ -22,14 +22,14 @@ def measure() -> dict[str, Any]:
         # Python keeps its own compiled files, as it does for a user.
         environment.pop("PYTHONDONTWRITEBYTECODE", None)
         helped = [_seconds(["--help"], environment) for _ in range(5)]
-        found = {"slidax --help": {"min": min(helped), "median": statistics.median(helped)}}
+        times = {"slidax --help": {"min": min(helped), "median": statistics.median(helped)}}
         for engine in ("native", "xla"):
             command = ["run", "example-4.1", "--engine", engine, "--json"]
             cold = _seconds(command, environment)
             warm = [_seconds(command, environment) for _ in range(8)]
-            found[f"slidax {' '.join(command)}, nothing compiled yet"] = {"min": cold, "median": cold}
-            found[f"the same by {engine}, once more"] = {"min": min(warm), "median": statistics.median(warm)}
-    return found
+            times[f"slidax {' '.join(command)}, nothing compiled yet"] = {"min": cold, "median": cold}
+            times[f"the same by {engine}, once more"] = {"min": min(warm), "median": statistics.median(warm)}
+    return times
 
 
 def _seconds(arguments: list[str], environment: dict[str, str]) -> float:

@@ -24,24 +24,24 @@ def measure() -> dict[str, Any]:
     jax.config.update("jax_enable_x64", True)
     from slidax import export, scenarios
 
-    found = {}
+    laws = {}
     for name in SCENARIOS:
         with tempfile.TemporaryDirectory() as folder:
             out = Path(folder)
-            made = export.export_c(scenarios.load(name), out)
-            sources = [out / f"{made.prefix}.c", out / f"{made.prefix}_scenario.c", out / "latency.c"]
+            project = export.export_c(scenarios.load(name), out)
+            sources = [out / f"{project.prefix}.c", out / f"{project.prefix}_scenario.c", out / "latency.c"]
             program = out / "latency"
             subprocess.run(["gcc", *FLAGS, "-o", program, *sources, "-lm"], check=True, cwd=out)
-            said = [
+            outputs = [
                 subprocess.run([program], check=True, cwd=out, capture_output=True, text=True).stdout
                 for _ in range(REPEATS)
             ]
             lines = len(sources[0].read_text(encoding="utf-8").splitlines())
         times: dict[str, float] = {}
-        for share, ns in re.findall(r"^(p50|p99|p99\.9|max)\s+(\d+) ns", "\n".join(said), re.MULTILINE):
+        for share, ns in re.findall(r"^(p50|p99|p99\.9|max)\s+(\d+) ns", "\n".join(outputs), re.MULTILINE):
             times[share] = min(float(ns), times.get(share, float(ns)))
-        found[name] = {"ns": times, "lines": lines}
-    return found
+        laws[name] = {"ns": times, "lines": lines}
+    return laws
 
 
 if __name__ == "__main__":

@@ -123,9 +123,9 @@ def run(steps: int = 100_000, period: float = 1e-4, disturbance_scale: float = 1
             q = q + period * dq  # with the new velocity: semi-implicit
     elapsed = time.perf_counter() - start
 
-    seen = done + leaving  # the sample that leaves has an error but no torque
-    t, late_from = t[:seen], 0.75 * steps * period
-    errors, widths, torques = errors[:seen], widths[:seen], torques[:done]
+    sampled = done + leaving  # the sample that leaves has an error but no torque
+    t, late_from = t[:sampled], 0.75 * steps * period
+    errors, widths, torques = errors[:sampled], widths[:sampled], torques[:done]
     a, changes, late = np.abs(errors), np.abs(np.diff(torques, axis=0)), t >= late_from
     ratio = errors / widths
     settling = {}

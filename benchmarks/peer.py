@@ -31,7 +31,7 @@ def measure() -> dict[str, Any]:
     import jax
 
     jax.config.update("jax_enable_x64", True)
-    from tests.peers.double_integrator import PAIRS, by_opensmc, by_slidax
+    from tests.peers.test_opensmc import PAIRS, by_opensmc, by_slidax
 
     def opensmc(name: str) -> float:
         started = time.perf_counter()

@@ -1,4 +1,4 @@
-"""Seven joints: forward dynamics beside other libraries, and closed loops beside real time.
+"""Seven joints: forward dynamics in slidax and other libraries, and closed loops relative to real time.
 
 Run as `python -m benchmarks.robots`. The arm is the ready Panda with the same numbers everywhere. Each contestant takes
 small explicit steps, so that no evaluation is of the same state as the one before, and all must end at the same place.
@@ -60,7 +60,7 @@ def measure() -> dict[str, Any]:
         for name, run in contestants.items():
             times[name].append(run())
     return {
-        "ns": {name: {"min": min(found), "median": statistics.median(found)} for name, found in times.items()},
+        "ns": {name: {"min": min(values), "median": statistics.median(values)} for name, values in times.items()},
         "real_time": _closed_loops(),
         "load_s": _loading(),
     }
@@ -231,7 +231,7 @@ _THERE: dict[int, float] = {}
 
 
 def _closed_loops() -> dict[str, float]:
-    """How many times faster than real time: `panda-payload`, 1 kHz, 10 steps of the plant a period, on one core."""
+    """Simulated over real time: `panda-payload`, 1 kHz, 10 steps of the plant a period, on one core."""
     import equinox as eqx
     import jax.numpy as jnp
 
@@ -256,34 +256,34 @@ def _closed_loops() -> dict[str, float]:
         )
         return time.perf_counter() - started
 
-    found = {}
+    factors = {}
     for name, changes in (("semi-implicit Euler", {}), ("Runge-Kutta 4", {"simulation.integrator": "rk4"})):
-        one = scenarios.load("panda-payload", {**changes, "simulation.engine": "native"})
-        runs = [one.simulate(log_every=None).timing for _ in range(ROUNDS)]
-        found[f"one run, {name}"] = one.t1 / min(timing.run_s for timing in runs if timing is not None)
+        single = scenarios.load("panda-payload", {**changes, "simulation.engine": "native"})
+        runs = [single.simulate(log_every=None).timing for _ in range(ROUNDS)]
+        factors[f"one run, {name}"] = single.t1 / min(timing.run_s for timing in runs if timing is not None)
     found_batch = [batch(scenario.stepping.integrator) for _ in range(4)]
-    found[f"a batch of {BATCH}, semi-implicit Euler"] = BATCH * scenario.t1 / min(found_batch)
+    factors[f"a batch of {BATCH}, semi-implicit Euler"] = BATCH * scenario.t1 / min(found_batch)
     other = scenarios.load("panda-payload", {"simulation.plant": "mujoco"})
     timings = [other.simulate(log_every=None).timing for _ in range(4)]
-    found["one run, the arm moved by MuJoCo"] = other.t1 / min(t.run_s for t in timings if t is not None)
-    return found
+    factors["one run, the arm moved by MuJoCo"] = other.t1 / min(t.run_s for t in timings if t is not None)
+    return factors
 
 
 def _loading() -> dict[str, float]:
     """Seconds of a whole process that imports the package and loads an arm."""
-    found = {}
+    seconds = {}
     head = "import jax; jax.config.update('jax_enable_x64', True); import slidax as sx; "
     for name, call in (
-        ("the ready Panda", "sx.robots.panda()"),
-        ("the two-link arm's URDF", "sx.robots.from_urdf('examples/robots/two_link.urdf', armature=[5.0, 5.0])"),
+        ("the ready Panda", "sx.arms.panda()"),
+        ("the two-link arm's URDF", "sx.arms.from_urdf('examples/robots/two_link.urdf', armature=[5.0, 5.0])"),
     ):
         spent = []
         for _ in range(5):
             started = time.perf_counter()
             subprocess.run([sys.executable, "-c", head + call], check=True)
             spent.append(time.perf_counter() - started)
-        found[name] = min(spent)
-    return found
+        seconds[name] = min(spent)
+    return seconds
 
 
 if __name__ == "__main__":

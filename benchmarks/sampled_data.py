@@ -1,4 +1,4 @@
-"""The sampled-data law beside the printed one: nanoseconds per closed-loop step, and of the law alone, in turns.
+"""The sampled-data law and the printed one: nanoseconds per closed-loop step, and of the law alone, in turns.
 
 Run as a program of its own, `python -m benchmarks.sampled_data`, so that it can be bound to one core from the start.
 """
@@ -59,10 +59,10 @@ def _alone(law: Any, plant: Any, motion: Any, start: Any) -> Callable[[], float]
     packed, unpack = ravel_pytree(arrays)
 
     @jax.jit
-    def run(packed: Any, seen: Any) -> Any:
-        def step(carry: Any, seen: Any) -> Any:
+    def run(packed: Any, rows: Any) -> Any:
+        def step(carry: Any, row: Any) -> Any:
             memory, k, total = carry
-            state, reference, ahead = seen
+            state, reference, ahead = row
             same = eqx.combine(unpack(barrier(packed)), rest)
             command = same(k.astype(float) * PERIOD, state, reference, ahead, memory)
             return (command.memory, k + 1, total + command.tau), None
@@ -70,7 +70,7 @@ def _alone(law: Any, plant: Any, motion: Any, start: Any) -> Callable[[], float]
         first, reference = jax.tree.map(lambda x: x[0], (states, now))
         memory = law.init(jnp.zeros(()), first, reference)
         carry = (memory, jnp.zeros((), int), jnp.zeros(law.joints))
-        return jax.lax.scan(step, carry, seen)[0][2]
+        return jax.lax.scan(step, carry, rows)[0][2]
 
     def timed() -> float:
         began = time.perf_counter()

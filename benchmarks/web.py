@@ -48,8 +48,8 @@ def row(name: str, title: str, changes: dict[str, Any]) -> str:
         file = Path(folder) / "playground.json"
         file.write_text(json.dumps(manifest), encoding="utf-8")
         command = ["node", "--no-warnings", FLAG, str(DRIVER), str(LOOP), str(file), program["id"], str(TIMES)]
-        said = subprocess.run(command, input=json.dumps(inputs.tolist()), capture_output=True, text=True, check=True)
-    result = json.loads(said.stdout)
+        done = subprocess.run(command, input=json.dumps(inputs.tolist()), capture_output=True, text=True, check=True)
+    result = json.loads(done.stdout)
     runs = [scenario.simulate(log_every=int(inputs[-1]), progress=False) for _ in range(TIMES)]
     log = runs[0].log
     assert log is not None
@@ -69,8 +69,8 @@ def main() -> None:
     machine.well_made_from_the_start()
     print("| run | error differs by | torque by | in node | native | program, gzipped |")
     print("|---|---:|---:|---:|---:|---:|")
-    for one in RUNS:
-        print(row(*one), flush=True)
+    for run in RUNS:
+        print(row(*run), flush=True)
 
 
 if __name__ == "__main__":

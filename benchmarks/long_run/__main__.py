@@ -1,4 +1,4 @@
-"""Prints both tables of docs/c-export.md, each for the scenarios that are named."""
+"""Print both tables of docs/c-export.md, each for the scenarios that are named."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LINES = 10
 
 
 def main() -> None:
-    """Prints the tables that are asked for."""
+    """Print the tables that the options name."""
     jax.config.update("jax_enable_x64", True)
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("scenarios", nargs="*", default=SCENARIOS)
@@ -30,17 +30,17 @@ def main() -> None:
     parser.add_argument(
         "--count", type=float, default=0, help="steps whose instructions are counted; none if not given"
     )
-    given = parser.parse_args()
-    if given.count:
+    options = parser.parse_args()
+    if options.count:
         print("| scenario | steps | median | p99 | p99.9 | longest | over the median |")
         print("|---|---:|---:|---:|---:|---:|---:|")
-    for name in given.scenarios:
+    for name in options.scenarios:
         with tempfile.TemporaryDirectory() as place:
             program, resolution = built(name, Path(place))
-            if given.count:
-                print(f"| `{name}` | {_counted(program, round(given.count), resolution)} |", flush=True)
-            if given.steps:
-                _run_long(name, program, round(given.steps), resolution)
+            if options.count:
+                print(f"| `{name}` | {_counted(program, round(options.count), resolution)} |", flush=True)
+            if options.steps:
+                _run_long(name, program, round(options.steps), resolution)
 
 
 def built(name: str, folder: Path) -> tuple[Path, float]:
@@ -50,8 +50,8 @@ def built(name: str, folder: Path) -> tuple[Path, float]:
     - `folder`: where it is built.
     """
     scenario = load(name)
-    made = export_c(scenario, folder, name="law")
-    numbers = [f"NUMBERS({one.name}, {one.size})" for one in made.memory if one.type == "f64"]
+    project = export_c(scenario, folder, name="law")
+    numbers = [f"NUMBERS({member.name}, {member.size})" for member in project.memory if member.type == "f64"]
     (folder / "kept.h").write_text("\n".join(numbers) + "\n", encoding="utf-8")
     files = ["slidax_law.c", "slidax_law_scenario.c", str(HERE / "loop.c")]
     linked = ["-fno-inline-functions-called-once", "-static", "-I.", *files, "-o", "loop", "-lm"]
@@ -60,7 +60,9 @@ def built(name: str, folder: Path) -> tuple[Path, float]:
 
 
 def counts(program: Path, steps: int, resolution: float) -> np.ndarray:
-    """How many instructions, and how many steps took them [_ 2], by QEMU's emulator of this machine's own processor.
+    """Return numbers of instructions, and of the steps that took them [_ 2].
+
+    QEMU counts them, as an emulator of this machine's own processor.
 
     - `program`: from `built`.
     - `steps`: of the closed loop.
@@ -72,18 +74,18 @@ def counts(program: Path, steps: int, resolution: float) -> np.ndarray:
     if emulator is None:
         raise SystemExit("qemu-x86_64 is not here: Debian's qemu-user has it")
     command = [emulator, "-cpu", "max", "-plugin", str(plugin), str(program), str(steps), str(steps), str(resolution)]
-    said = subprocess.run(command, capture_output=True, text=True, check=True).stderr
-    return np.array([line.split() for line in said.splitlines()], int)
+    listing = subprocess.run(command, capture_output=True, text=True, check=True).stderr
+    return np.array([line.split() for line in listing.splitlines()], int)
 
 
 def _counted(program: Path, steps: int, resolution: float) -> str:
-    found = counts(program, steps, resolution)
+    rows = counts(program, steps, resolution)
     # The first step computes what follows from the parameters alone.
-    found = found[np.argsort(found[:, 0])]
-    shares = np.cumsum(found[:, 1]) / found[:, 1].sum()
-    at = [int(found[np.searchsorted(shares, share), 0]) for share in (0.5, 0.99, 0.999)]
-    longest = int(found[-1, 0])
-    numbers = " | ".join(f"{number:,}" for number in (found[:, 1].sum(), *at, longest))
+    rows = rows[np.argsort(rows[:, 0])]
+    shares = np.cumsum(rows[:, 1]) / rows[:, 1].sum()
+    at = [int(rows[np.searchsorted(shares, share), 0]) for share in (0.5, 0.99, 0.999)]
+    longest = int(rows[-1, 0])
+    numbers = " | ".join(f"{number:,}" for number in (rows[:, 1].sum(), *at, longest))
     return f"{numbers} | {longest / at[0]:.2f}"
 
 
@@ -91,13 +93,13 @@ def _run_long(name: str, program: Path, steps: int, resolution: float) -> None:
     """One line for each tenth, and what the law keeps that is largest, in the first and in the last of them."""
     command = [str(program), str(steps), str(steps // LINES), str(resolution)]
     print(f"\n{name}, {steps:,} steps\n")
-    print("| steps | torques that are no number | status | largest error |\n|---:|---:|---:|---:|")
+    print("| steps | torques that are not a number | status | largest error |\n|---:|---:|---:|---:|")
     kept: list[dict[str, float]] = []
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
         for line in running.stdout or ():
             count, bad, status, error, *numbers = line.split()
             print(f"| {int(count):,} | {bad} | {status} | {float(error):.3e} |", flush=True)
-            kept.append({key: float(value) for key, value in (one.split("=") for one in numbers)})
+            kept.append({key: float(value) for key, value in (word.split("=") for word in numbers)})
     print("\n| what is kept | first tenth | second | last |\n|---|---:|---:|---:|")
     for key in kept[0]:
         print(f"| `{key}` | {kept[0][key]:.6g} | {kept[1][key]:.6g} | {kept[-1][key]:.6g} |")

@@ -1,4 +1,4 @@
-"""Builds and runs every target that this machine has the tools for, and puts the table into docs/targets.md."""
+"""Build and run every target that this machine has the tools for, and put the table into docs/targets.md."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ TARGETS = ("micro", "franka", "ros2", "fmu")
 
 
 def main() -> None:
-    """Prints the table, and writes it where the page has a place for it, if all were asked for."""
+    """Print the table; write it into the page if no target is named."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.targets", description=__doc__)
     parser.add_argument("target", nargs="*", help=f"of {', '.join(TARGETS)}; all if none is named")
-    asked = parser.parse_args().target
-    if unknown := set(asked) - set(TARGETS):
+    names = parser.parse_args().target
+    if unknown := set(names) - set(TARGETS):
         parser.error(f"no target is called {', '.join(sorted(unknown))}: there are {', '.join(TARGETS)}")
-    found: list[Row] = []
-    for name in asked or TARGETS:
+    rows: list[Row] = []
+    for name in names or TARGETS:
         print(f"building and running {name} ...", file=sys.stderr)
         with tempfile.TemporaryDirectory() as folder:
-            found += importlib.import_module(f"benchmarks.targets.{name}").rows(Path(folder))
-    table = "\n".join([*_table(found), "", f"Machine: {machine.describe()}."])
+            rows += importlib.import_module(f"benchmarks.targets.{name}").rows(Path(folder))
+    table = "\n".join([*_table(rows), "", f"Machine: {machine.describe()}."])
     print(table)
-    if not asked:
+    if not names:
         page = PAGE.read_text(encoding="utf-8")
         PAGE.write_text(MARK.sub(lambda match: f"{match[1]}\n{table}\n\n{match[2]}", page), encoding="utf-8")
 

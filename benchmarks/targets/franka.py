@@ -22,7 +22,7 @@ PATH = {"hold": 1.0, "small": 1.0, "widen": 2.0, "motion": 10.0}
 
 
 def rows(folder: Path) -> list[Row]:
-    """What was measured; printed in full, as the table has few columns.
+    """The rows of the table; measurements are printed in full, as the table has few columns.
 
     - `folder`: for what is made.
     """
@@ -36,16 +36,16 @@ def rows(folder: Path) -> list[Row]:
     export_franka(scenario, folder, name="law")
     law = CompiledLaw(folder / "law")
     with franka_chain.serving(scenario, folder):
-        found = {fault: franka_chain.moved_in_time(folder, fault) for fault in franka_chain.FAULTS}
+        results = {fault: franka_chain.moved_in_time(folder, fault) for fault in franka_chain.FAULTS}
         in_cpp = _in_cpp(folder)
-    for fault, said in found.items():
+    for fault, result in results.items():
         print(
-            f"{fault}: {said['ending']} in phase {said['phase']}: {said['said']}; {said['periods']} periods, largest "
-            f"error {said['largest_error']:.1e} rad, moved {said['moved_after']:.1e} rad after it, success rate at "
-            f"least {said['success_rate']:.2f}, attempts {said['attempts']}"
+            f"{fault}: {result['ending']} in phase {result['phase']}: {result['outcome']}; "
+            f"{result['periods']} periods, largest error {result['largest_error']:.1e} rad, moved {result['moved_after']:.1e} rad after it, "
+            f"success rate at least {result['success_rate']:.2f}, attempts {result['attempts']}"
         )
     print(compared(law, folder / "none.csv"))
-    good, samples = found["none"], _golden(folder)
+    good, samples = results["none"], _golden(folder)
     compiler = _version(["cc", "--version"])
     return [
         Row(
@@ -63,7 +63,7 @@ def rows(folder: Path) -> list[Row]:
 
 
 def _golden(folder: Path) -> int:
-    """How many golden samples the step passes, which are all: it is an error if one is not."""
+    """Number of golden samples, all of which the step passes: it is an error if one fails."""
     law = folder / "law"
     subprocess.run(["cmake", "-S", law, "-B", law / "build"], check=True, capture_output=True)
     subprocess.run(["cmake", "--build", law / "build", "-t", "test_law"], check=True, capture_output=True)
@@ -72,7 +72,7 @@ def _golden(folder: Path) -> int:
 
 
 def _in_cpp(folder: Path) -> str:
-    """The C++ program with libfranka itself, if that is here: what it says of a motion as above."""
+    """The C++ program with libfranka itself, if that is here: its report of a motion as above."""
     if "Franka_DIR" not in os.environ:
         return ""
     build = folder / "build"
@@ -87,7 +87,7 @@ def _in_cpp(folder: Path) -> str:
 
 
 def compared(law: CompiledLaw, log: Path) -> str:
-    """A log beside the rehearsal from the same posture, and through the law again.
+    """Compare a log with the rehearsal from the same posture, and with its own replay through the law.
 
     - `law`: that made it.
     - `log`: of a whole motion.
@@ -107,7 +107,7 @@ def compared(law: CompiledLaw, log: Path) -> str:
         columns = [f"{name}_{k}" for k in range(1, law.joints + 1)]
         off = np.array([[a[column] - b[column] for column in columns] for a, b in both])
         lines.append(f"{name} differs by {np.abs(off).max():.1e} {unit} at most, {np.sqrt((off**2).mean()):.1e} rms")
-    return f"beside the rehearsal {'; '.join(lines)}; through the law again: torques differ by {bits:g} N m"
+    return f"compared with the rehearsal, {'; '.join(lines)}; through the law again: torques differ by {bits:g} N m"
 
 
 def _set(pilot: object) -> None:

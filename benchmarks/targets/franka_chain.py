@@ -28,12 +28,12 @@ FAULTS = ("none", "one-nan", "nan", "pause", "gravity")
 
 def python() -> Path | None:
     """The Python with franka-sim and pylibfranka: $SLIDAX_FRANKA_PYTHON, or `.venv-franka` here; None without."""
-    found = Path(os.environ.get("SLIDAX_FRANKA_PYTHON", ROOT / ".venv-franka" / "bin" / "python"))
-    return found if found.is_file() else None
+    path = Path(os.environ.get("SLIDAX_FRANKA_PYTHON", ROOT / ".venv-franka" / "bin" / "python"))
+    return path if path.is_file() else None
 
 
 def missing() -> str:
-    """What this machine lacks; "" if nothing."""
+    """Programs that this machine lacks; "" if none."""
     if python() is None:
         return "franka-sim and pylibfranka, in an environment .venv-franka of Python 3.12 (docs/targets.md)"
     with socket.socket() as probe:
@@ -92,18 +92,18 @@ def moved_in_time(folder: Path, fault: str, attempts: int = 3) -> dict[str, Any]
 
     - `folder`: with the exported program.
     - `fault`: of `FAULTS`.
-    - `attempts`: at most; how many there were is said.
+    - `attempts`: largest number; the result has the actual one.
     """
     for attempt in range(1, attempts + 1):
-        said = moved(folder, fault) | {"attempts": attempt}
-        late = "communication_constraints_violation" in said["said"] and fault != "pause"
+        result = moved(folder, fault) | {"attempts": attempt}
+        late = "communication_constraints_violation" in result["outcome"] and fault != "pause"
         if not late:
             break
-    return said
+    return result
 
 
 def moved(folder: Path, fault: str) -> dict[str, Any]:
-    """One motion; what is said of it.
+    """Run one motion, and return its report.
 
     - `folder`: with the exported program.
     - `fault`: of `FAULTS`.
@@ -118,5 +118,5 @@ def moved(folder: Path, fault: str) -> dict[str, Any]:
     )
     if done.returncode != 0:
         raise RuntimeError(done.stderr[-2000:])
-    said: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
-    return said
+    result: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    return result

@@ -60,17 +60,15 @@ def main() -> None:
     sys.path.insert(0, str(folder))
     import program
     import pylibfranka
-    from law import Law
-    from log import Log
-    from options import in_time
+    from pilot import CompiledLaw, MotionLog, request_real_time_priority
 
-    law = Law(folder / "law")
-    pilot, log = law.pilot(), Log(law)
+    law = CompiledLaw(folder / "law")
+    pilot, log = law.pilot(), MotionLog(law)
     path = pilot.options.path
     path.hold, path.small, path.widen, path.motion = 1.0, 1.0, 2.0, 10.0 if fault == "none" else 1.0
     if fault == "gravity":
         pilot.parameters.nominal_gravity_vector[:] = [0.0, 0.0, -9.81]
-    in_time(enforce=False)
+    request_real_time_priority(enforce=False)
     robot = pylibfranka.Robot("127.0.0.1", pylibfranka.RealtimeConfig.kIgnore)
     # The robot holds its posture now; what it last did is over.
     robot.automatic_error_recovery()
@@ -85,11 +83,11 @@ def main() -> None:
         time.sleep(0.01)
     good = [value for k in range(1, 8) for value in log.column(f"error_{k}")]
     log.write(folder / f"{fault}.csv")
-    said = {
+    result = {
         "fault": fault,
         "ending": outcome.ending,
         "reason": pilot.why,
-        "said": outcome.why,
+        "outcome": outcome.why,
         "phase": outcome.phase,
         "periods": pilot.report.steps,
         "bridged": pilot.report.bridged,
@@ -98,7 +96,7 @@ def main() -> None:
         "largest_error": max(map(abs, good), default=0.0),
         "moved_after": moved,
     }
-    print(json.dumps(said))
+    print(json.dumps(result))
 
 
 if __name__ == "__main__":

@@ -71,7 +71,7 @@ def by_fmpy(file: Path, recording: Recording, period: float, **options: Any) -> 
     for name, values in columns.items():
         table[name] = values
     names = outputs(recording.tau.shape[1])
-    found = fmpy.simulate_fmu(
+    results = fmpy.simulate_fmu(
         str(file),
         input=table,
         output=[*names, "command.status"],
@@ -79,15 +79,15 @@ def by_fmpy(file: Path, recording: Recording, period: float, **options: Any) -> 
         stop_time=(len(table) - 1) * period,
         **options,
     )
-    # What is there at the end of a step is of its beginning.
-    return np.stack([found[name][1:] for name in names], 1), found["command.status"][1:]
+    # Values at the end of a step belong to its beginning.
+    return np.stack([results[name][1:] for name in names], 1), results["command.status"][1:]
 
 
 class Foreign(AbstractController):
     """A controller that somebody else computes, behind a callback: so it stands in our own loop in place of the law.
 
     - `answer`: from time, measured positions and velocities, and both references, each [n], to the torque [n].
-    - `count`: how many joints.
+    - `count`: number of joints.
     """
 
     answer: Callable[..., np.ndarray] = eqx.field(static=True)
@@ -95,7 +95,7 @@ class Foreign(AbstractController):
 
     @property
     def joints(self) -> int:
-        """How many."""
+        """Number of joints."""
         return self.count
 
     def init(self, t: Scalar, state: State, reference: Reference) -> Memory:
@@ -107,8 +107,8 @@ class Foreign(AbstractController):
     ) -> Command:
         """The other's torque."""
         shape = jax.ShapeDtypeStruct((self.count,), float)
-        given = [x for each in (state, reference_now, reference_next) for x in jax.tree.leaves(each)]
-        tau = jax.pure_callback(self.answer, shape, t, *given)
+        values = [x for each in (state, reference_now, reference_next) for x in jax.tree.leaves(each)]
+        tau = jax.pure_callback(self.answer, shape, t, *values)
         return Command(tau=tau, memory=memory, signals={})
 
     def envelope(self, t: Scalar, memory: Memory) -> Envelope | None:
@@ -125,10 +125,10 @@ def in_our_loop(scenario: Scenario, answer: Callable[..., np.ndarray], t1: float
     """
     last: list[Any] = [None, None]
 
-    def once(t: Any, *given: Any) -> np.ndarray:
+    def once(t: Any, *values: Any) -> np.ndarray:
         """A pure callback may be called more than once for one sample; a step must not."""
         if last[0] != float(t):
-            last[:] = [float(t), np.asarray(answer(float(t), np.concatenate([np.asarray(x) for x in given])))]
+            last[:] = [float(t), np.asarray(answer(float(t), np.concatenate([np.asarray(x) for x in values])))]
         return last[1]
 
     return simulate(
@@ -156,7 +156,7 @@ def fmpy_steps(file: Path, joints: int, period: float) -> Iterator[Callable[...,
 
     description = fmpy.read_model_description(str(file))
     place = {each.name: each.valueReference for each in description.modelVariables}
-    given, wanted = [place[name] for name in input_names(joints)], [place[name] for name in outputs(joints)]
+    written, read = [place[name] for name in input_names(joints)], [place[name] for name in outputs(joints)]
     folder = fmpy.extract(str(file))
     fmu = fmpy.instantiate_fmu(folder, description, "CoSimulation")
     older = description.fmiVersion == "2.0"
@@ -166,9 +166,9 @@ def fmpy_steps(file: Path, joints: int, period: float) -> Iterator[Callable[...,
     fmu.exitInitializationMode()
 
     def step(t: float, values: np.ndarray) -> np.ndarray:
-        (fmu.setReal if older else fmu.setFloat64)(given, values.tolist())
+        (fmu.setReal if older else fmu.setFloat64)(written, values.tolist())
         fmu.doStep(t, period)
-        return np.array((fmu.getReal if older else fmu.getFloat64)(wanted))
+        return np.array((fmu.getReal if older else fmu.getFloat64)(read))
 
     try:
         yield step
@@ -194,7 +194,7 @@ def libcosim_steps(file: Path, joints: int, period: float) -> Callable[..., np.n
 
     CosimLogging.log_output_level(CosimLogging.CosimLogLevel.WARNING)
     place = {each.name: each.valueReference for each in fmpy.read_model_description(str(file)).modelVariables}
-    given, wanted = [place[name] for name in input_names(joints)], [place[name] for name in outputs(joints)]
+    written, read = [place[name] for name in input_names(joints)], [place[name] for name in outputs(joints)]
     execution = CosimExecution.from_step_size(step_size=round(1e9 * period))
     slave = execution.add_local_slave(local_slave=CosimLocalSlave(fmu_path=str(file), instance_name="law"))
     hand, eye = CosimManipulator.create_override(), CosimObserver.create_last_value()
@@ -202,10 +202,10 @@ def libcosim_steps(file: Path, joints: int, period: float) -> Callable[..., np.n
     execution.add_observer(observer=eye)
 
     def step(t: float, values: np.ndarray) -> np.ndarray:
-        hand.slave_real_values(slave, given, values.tolist())
+        hand.slave_real_values(slave, written, values.tolist())
         if not execution.step():
             raise RuntimeError(f"libcosim refused the step at {t} s")
-        return np.array(list(eye.last_real_values(slave, wanted)))
+        return np.array(list(eye.last_real_values(slave, read)))
 
     return step
 
@@ -250,7 +250,7 @@ def by_host(file: Path, recording: Recording, period: float, platform: str, fold
 
 
 def lacks(platform: str) -> str:
-    """What this machine lacks to run the binary of a platform; empty if nothing.
+    """Programs that this machine lacks to run the binary of a platform; empty if none.
 
     - `platform`: as for `by_host`.
     """

@@ -67,17 +67,17 @@ def rows(folder: Path) -> list[Row]:
     - `folder`: to work in.
     """
     jax.config.update("jax_enable_x64", True)
-    found = []
+    table = []
     for target in TARGETS:
         missing = [PACKAGES[each] for each in ("make", target.compiler, target.emulator) if not shutil.which(each)]
         if missing:
-            found.append(Row(target.words, missing=", ".join(missing)))
+            table.append(Row(target.words, missing=", ".join(missing)))
             continue
         project = folder / f"{target.scenario}-{'float' if target.single else 'double'}"
         if not project.exists():
             export_micro(load(target.scenario), project, name="law", single=target.single)
-        found.append(_measured(target, project))
-    return found
+        table.append(_measured(target, project))
+    return table
 
 
 def _measured(target: Target, project: Path) -> Row:
@@ -103,8 +103,8 @@ def _measured(target: Target, project: Path) -> Row:
 
 
 def _version(program: str) -> str:
-    said = subprocess.run([program, "--version"], capture_output=True, text=True, check=True).stdout.splitlines()[0]
-    numbers = re.findall(r"\d+\.\d+(?:\.\d+)?", said)
+    text = subprocess.run([program, "--version"], capture_output=True, text=True, check=True).stdout.splitlines()[0]
+    numbers = re.findall(r"\d+\.\d+(?:\.\d+)?", text)
     return numbers[0] if numbers else ""
 
 

@@ -26,8 +26,8 @@ DOMAIN = "77"
 
 def python() -> Path | None:
     """The Python with rclpy: $SLIDAX_ROS_PYTHON, or `.venv-ros` here; None without."""
-    found = Path(os.environ.get("SLIDAX_ROS_PYTHON", ROOT / ".venv-ros" / "bin" / "python"))
-    return found if found.is_file() else None
+    path = Path(os.environ.get("SLIDAX_ROS_PYTHON", ROOT / ".venv-ros" / "bin" / "python"))
+    return path if path.is_file() else None
 
 
 def rows(folder: Path) -> list[Row]:
@@ -38,20 +38,20 @@ def rows(folder: Path) -> list[Row]:
     import jax
 
     jax.config.update("jax_enable_x64", True)
-    made = [Row("ROS 2, node in Python", missing="rclpy, in an environment .venv-ros (docs/ros2.md)")]
+    table = [Row("ROS 2, node in Python", missing="rclpy, in an environment .venv-ros (docs/ros2.md)")]
     if python() is not None:
         export_ros2(scenarios.load(SCENARIO), folder, name="law", golden=False)
         CompiledLaw(folder / "law")
-        said = exchanged(folder, STEPS)
-        made = [
+        counts = exchanged(folder, STEPS)
+        table = [
             Row(
                 "ROS 2, node in Python",
                 compiled_by=_line(["cc", "--version"]),
                 run_by="rclpy and Fast DDS, two processes",
-                step=f"{said['received']} of {said['sent']} states answered, {said['off']:.1e} rad from the goal",
+                step=f"{counts['received']} of {counts['sent']} states answered, {counts['off']:.1e} rad from the goal",
             )
         ]
-    return [*made, _controller(folder)]
+    return [*table, _controller(folder)]
 
 
 def _controller(folder: Path) -> Row:
@@ -67,15 +67,15 @@ def _controller(folder: Path) -> Row:
         return Row(name, missing=f"ROS 2 itself; nor {reason}")
     else:
         done = colcon.built(scenario, folder / "workspace")
-        versions = [f"{one} {_version(one)}" for one in ("ament_cmake", "pluginlib")]
+        versions = [f"{package} {_version(package)}" for package in ("ament_cmake", "pluginlib")]
         by = f"colcon with {' and '.join(versions)}, and headers of our own for the rest of ROS 2"
     return Row(name, compiled_by=by, step="built" if done.returncode == 0 else "did not build")
 
 
 def _version(package: str) -> str:
     """Of a package of Debian's ROS 2."""
-    found = ElementTree.parse(colcon.SHARE / package / "package.xml").getroot().findtext("version")
-    return found or ""
+    version = ElementTree.parse(colcon.SHARE / package / "package.xml").getroot().findtext("version")
+    return version or ""
 
 
 def exchanged(folder: Path, steps: int) -> dict[str, Any]:
@@ -88,8 +88,8 @@ def exchanged(folder: Path, steps: int) -> dict[str, Any]:
     """
     environment = {**os.environ, "PYTHONPATH": "", "ROS_DOMAIN_ID": DOMAIN, "ROS_LOCALHOST_ONLY": "1"}
     environment |= {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_LOG_DIR": str(folder / "ros_log")}
-    said = folder / "node.txt"
-    with said.open("w") as file:
+    output = folder / "node.txt"
+    with output.open("w") as file:
         node = subprocess.Popen([str(python()), "node.py"], cwd=folder, env=environment, stdout=file, stderr=file)
     try:
         arm = subprocess.run(
@@ -109,9 +109,9 @@ def exchanged(folder: Path, steps: int) -> dict[str, Any]:
             node.kill()
             node.wait()
     if arm.returncode != 0:
-        raise RuntimeError(f"{arm.stderr[-2000:]}\n{said.read_text()[-2000:]}")
-    found: dict[str, Any] = json.loads(arm.stdout.splitlines()[-1])
-    return found
+        raise RuntimeError(f"{arm.stderr[-2000:]}\n{output.read_text()[-2000:]}")
+    counts: dict[str, Any] = json.loads(arm.stdout.splitlines()[-1])
+    return counts
 
 
 def _line(command: list[str]) -> str:
