@@ -155,7 +155,8 @@ def paired_shares(first: Any, second: Any, confidence: float = 0.95) -> PairedSh
     first, second = np.asarray(first, bool), np.asarray(second, bool)
     if first.shape != second.shape or first.ndim != 1:
         raise DefinitionError(
-            f"both need a bool for each case; got shapes {short_repr(first.shape)}, {short_repr(second.shape)}"
+            "`first` and `second` must have one bool per case; got shapes "
+            f"{short_repr(first.shape)}, {short_repr(second.shape)}"
         )
     n, b, c = first.size, int(np.sum(first & ~second)), int(np.sum(second & ~first))
     if n == 0:
