@@ -42,7 +42,8 @@ def rows(folder: Path) -> list[Row]:
         print(
             f"{fault}: {result['ending']} in phase {result['phase']}: {result['outcome']}; "
             f"{result['periods']} periods, largest error {result['largest_error']:.1e} rad, "
-            f"moved {result['moved_after']:.1e} rad after it, success rate at least {result['success_rate']:.2f}, attempts {result['attempts']}"
+            f"moved {result['moved_after']:.1e} rad after it, "
+            f"success rate at least {result['success_rate']:.2f}, attempts {result['attempts']}"
         )
     print(compared(law, folder / "none.csv"))
     good, samples = results["none"], _golden(folder)
