@@ -1,0 +1,30 @@
+"""Benchmarks and scripts, most of which no test runs, import only what exists."""
+
+import ast
+import importlib
+import importlib.util
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+FILES = sorted(path for folder in ("benchmarks", "scripts") for path in (ROOT / folder).rglob("*.py"))
+OURS = ("slidax", "tests", "benchmarks")
+
+
+def exists(module: str, name: str) -> bool:
+    """True if a module has the name; also if the module itself needs a package that is not installed."""
+    try:
+        if hasattr(importlib.import_module(module), name):
+            return True
+    except ModuleNotFoundError as error:
+        return error.name is not None and error.name.split(".")[0] not in OURS
+    return importlib.util.find_spec(f"{module}.{name}") is not None
+
+
+def test_measurements_import_names_that_exist():
+    missing = []
+    for path in FILES:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and not node.level and str(node.module).split(".")[0] in OURS:
+                names = [alias.name for alias in node.names if not exists(str(node.module), alias.name)]
+                missing += [f"{path.relative_to(ROOT)}, line {node.lineno}: {node.module}.{name}" for name in names]
+    assert not missing
