@@ -143,7 +143,7 @@ Columns = Annotated[
     list[str] | None,
     typer.Option(
         metavar="QUANTITY=COLUMN",
-        help="Columns of a quantity (t, q, dq or tau), by a word in their titles (q=position,tau=effort) "
+        help="Columns of a quantity (t, q, dq or tau), by a word in their titles (q=position) "
         "or by a title for each joint (tau=a,b,c); repeatable.",
     ),
 ]

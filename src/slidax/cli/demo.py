@@ -72,7 +72,7 @@ def demo(
             import webbrowser
 
             webbrowser.open(page.resolve().as_uri())
-        typer.echo("Next: `slidax run panda-payload`, or your own arm with `slidax new --robot my-arm.urdf`")
+        typer.echo("Next: `slidax run panda-payload`, or `slidax new --robot my-arm.urdf` for your own arm")
 
 
 def _play(console: Console, still: bool) -> dict[str, Rival]:
@@ -131,7 +131,9 @@ Disturbance = StrEnum("Disturbance", ["stated", "off", "both"])
 
 def reproduce(
     out: Annotated[Path, typer.Option(help="Folder for the report and results.json.")] = Path("reproduction"),
-    disturbance: Annotated[Disturbance, typer.Option(help="As stated, off, or both.")] = Disturbance.both,
+    disturbance: Annotated[
+        Disturbance, typer.Option(help="Disturbance of the examples: as stated, off, or both.")
+    ] = Disturbance.both,
 ) -> None:
     """Compute the paper's figures and tables, and compare them with the printed ones in a report."""
     with errors_as_lines():
