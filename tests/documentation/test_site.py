@@ -6,7 +6,8 @@ import pytest
 from scripts.documentation.site import GROUPS, api_pages, check_links, parameters_page
 from scripts.documentation.stage import Stage
 from tests.architecture.test_architecture import ROOMS, public
-from tests.documentation.pages import PAGES, ROOT, name
+from tests.documentation.pages import PAGES, ROOT
+from tests.documentation.pages import name as path_of
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +91,7 @@ def test_a_bar_in_the_code_of_a_table_has_no_backslash_on_the_site():
     assert Stage(ROOT).linked(text, "docs/x.md", "x.md") == "| `--arm own|auto` | a\\|b |\n\n```\na\\|b\n```\n"
 
 
-@pytest.mark.parametrize("page", PAGES, ids=name)
+@pytest.mark.parametrize("page", PAGES, ids=path_of)
 def test_no_line_of_prose_begins_with_a_sign_that_markdown_takes_for_a_quotation(page):
     prose = re.sub(r"^ *```.*?^ *```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
     assert re.findall(r"^ *>=? *[\d.].*$", prose, re.MULTILINE) == []
