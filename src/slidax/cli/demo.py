@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .common import errors_as_lines, prepare, say_where
+from .common import errors_as_lines, prepare, say, say_where
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -72,7 +72,7 @@ def demo(
             import webbrowser
 
             webbrowser.open(page.resolve().as_uri())
-        typer.echo("Next: `slidax run panda-payload`, or `slidax new --robot my-arm.urdf` for your own arm")
+        say("Next: `slidax run panda-payload`, or `slidax new --robot my-arm.urdf` for your own arm")
 
 
 def _play(console: Console, still: bool) -> dict[str, Rival]:
