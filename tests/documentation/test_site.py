@@ -91,10 +91,21 @@ def test_a_bar_in_the_code_of_a_table_has_no_backslash_on_the_site():
     assert Stage(ROOT).linked(text, "docs/x.md", "x.md") == "| `--arm own|auto` | a\\|b |\n\n```\na\\|b\n```\n"
 
 
+def prose(page):
+    text = page.read_text(encoding="utf-8")
+    return re.sub(r"^ *```.*?^ *```", lambda block: "\n" * block[0].count("\n"), text, flags=re.DOTALL | re.MULTILINE)
+
+
 @pytest.mark.parametrize("page", PAGES, ids=path_of)
-def test_no_line_of_prose_begins_with_a_sign_that_markdown_takes_for_a_quotation(page):
-    prose = re.sub(r"^ *```.*?^ *```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
-    assert re.findall(r"^ *>=? *[\d.].*$", prose, re.MULTILINE) == []
+def test_prose_has_no_line_that_the_builder_takes_for_something_else(page):
+    text = prose(page)
+    assert re.findall(r"^ *>=? *[\d.].*$", text, re.MULTILINE) == [], "a quotation"
+    assert re.findall(r"\$`[^`\n]*$", text, re.MULTILINE) == [], "a formula over two lines is not set"
+    item = r" *(?:[-*+]|[1-9]\d*\.) "
+    for paragraph in re.split(r"\n\s*\n", text):
+        first, *others = paragraph.strip("\n").split("\n")
+        inside = [line for line in others if re.match(item.removeprefix(" *"), line)]
+        assert not inside or re.match(item, first), f"a list within a paragraph is none: {inside}"
 
 
 def site(folder, **pages):

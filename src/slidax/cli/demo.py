@@ -147,9 +147,12 @@ def reproduce(
         columns = (TextColumn("{task.description:<44}"), BarColumn(), TimeElapsedColumn())
         with Progress(*columns, console=console, transient=True) as bar:
             task = bar.add_task("starting", total=1.0)
-            paper.reproduce(
+            results = paper.reproduce(
                 out,
                 disturbance=disturbance.value,
                 progress=lambda stage, done: bar.update(task, description=stage, completed=done),
             )
+        for reading, count in results["counts"].items():
+            kinds = ", ".join(f"{number} {'differ' if kind == 'differs' else kind}" for kind, number in count.items())
+            say(f"Printed values and statements, {results['readings'][reading]}: {kinds}.")
         say_where(out)
