@@ -75,7 +75,8 @@ class Stage:
             return f"{label}({joined}{title})"
 
         parts = CODE.split(text)
-        return "".join(part if k % 2 else LINK.sub(relink, part) for k, part in enumerate(parts))
+        # GitHub needs a backslash before a bar in a table's code; the site would show it.
+        return "".join(_unbarred(part) if k % 2 else LINK.sub(relink, part) for k, part in enumerate(parts))
 
     def place_of(self, source: str) -> str:
         """Where a file of the repository is on the site."""
@@ -138,6 +139,10 @@ class Stage:
         language = {".py": "python", ".yaml": "yaml", ".urdf": "xml", ".xml": "xml"}.get(path.suffix, "text")
         body = f"# `{html.escape(name)}`\n\n[The file itself]({raw.name})\n\n````{language}\n{text}\n````\n"
         target.write_text(body, encoding="utf-8")
+
+
+def _unbarred(code: str) -> str:
+    return code if code.lstrip().startswith("```") or code.startswith("    ") else code.replace("\\|", "|")
 
 
 def _title(page: Path) -> str:

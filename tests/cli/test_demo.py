@@ -41,3 +41,11 @@ def test_terminal_plot_shows_error_and_bounds_in_the_encoding_of_the_terminal(en
     text = file.read()
     assert len(text.splitlines()) == 7 and "+0.8" in text and "-0.6" in text
     assert all(mark in text for mark in marks)
+
+
+def test_reproduce_prints_the_number_of_verdicts_of_each_kind(monkeypatch, tmp_path):
+    counts = {"stated": {"reproduced": 10, "close": 0, "differs": 28, "unchecked": 7}}
+    results = {"counts": counts, "readings": {"stated": "disturbance as stated"}}
+    monkeypatch.setattr("slidax.paper.reproduce", lambda out, disturbance, progress: results)
+    shown = in_process("reproduce", "--out", str(tmp_path)).stdout
+    assert "disturbance as stated: 10 reproduced, 0 close, 28 differ, 7 unchecked." in " ".join(shown.split())

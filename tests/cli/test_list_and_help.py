@@ -77,6 +77,14 @@ def test_help_shows_every_word_and_unit_that_was_written(command, monkeypatch):
         assert _condensed(text) in shown, text
 
 
+@pytest.mark.parametrize("command", [(), ("export",), *COMMANDS], ids=lambda words: " ".join(words) or "slidax")
+def test_help_cuts_no_word_at_80_columns(command, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    lines = in_process(*command, "--help").stdout.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert not [line for line in lines if re.search(r"…\s*│", line)]
+
+
 def test_paragraphs_of_help_fill_the_width_of_the_terminal(monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     text = [line.strip() for line in in_process("run", "--help").stdout.splitlines()]

@@ -20,7 +20,7 @@ def test_every_command_and_each_of_its_options_is_on_the_page():
     for name in named:
         assert f"\n## slidax {name}\n" in TEXT, name
     section = TEXT.partition("\n## slidax run\n")[2].partition("\n## ")[0]
-    for option in ("--set PATH=VALUE", "--json", "--engine auto\\|native\\|xla\\|cuda", "--record FILE", "--long"):
+    for option in ("--set PATH=VALUE", "--json", "--engine auto\\|native\\|xla\\|cuda", "--record FILE.html", "--long"):
         assert f"`{option}`" in section, option
 
 

@@ -6,7 +6,8 @@ import pytest
 from scripts.documentation.site import GROUPS, api_pages, check_links, parameters_page
 from scripts.documentation.stage import Stage
 from tests.architecture.test_architecture import ROOMS, public
-from tests.documentation.pages import ROOT
+from tests.documentation.pages import PAGES, ROOT
+from tests.documentation.pages import name as path_of
 
 
 @pytest.fixture(scope="module")
@@ -83,6 +84,28 @@ def test_links_are_rewritten_for_the_site_and_code_is_unchanged():
         "\n\n    [e](../f)\n"
     )
     assert stage.files == {"examples/design"}
+
+
+def test_a_bar_in_the_code_of_a_table_has_no_backslash_on_the_site():
+    text = "| `--arm own\\|auto` | a\\|b |\n\n```\na\\|b\n```\n"
+    assert Stage(ROOT).linked(text, "docs/x.md", "x.md") == "| `--arm own|auto` | a\\|b |\n\n```\na\\|b\n```\n"
+
+
+def prose(page):
+    text = page.read_text(encoding="utf-8")
+    return re.sub(r"^ *```.*?^ *```", lambda block: "\n" * block[0].count("\n"), text, flags=re.DOTALL | re.MULTILINE)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=path_of)
+def test_prose_has_no_line_that_the_builder_takes_for_something_else(page):
+    text = prose(page)
+    assert re.findall(r"^ *>=? *[\d.].*$", text, re.MULTILINE) == [], "a quotation"
+    assert re.findall(r"\$`[^`\n]*$", text, re.MULTILINE) == [], "a formula over two lines is not set"
+    item = r" *(?:[-*+]|[1-9]\d*\.) "
+    for paragraph in re.split(r"\n\s*\n", text):
+        first, *others = paragraph.strip("\n").split("\n")
+        inside = [line for line in others if re.match(item.removeprefix(" *"), line)]
+        assert not inside or re.match(item, first), f"a list within a paragraph is none: {inside}"
 
 
 def site(folder, **pages):

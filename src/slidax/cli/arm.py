@@ -81,9 +81,9 @@ def new(
             say(f"assumed: {note}", err=True, hang=2)
         if out is not None and requirements:
             law = out.with_name(f"{out.stem}-law.yaml")
-            typer.echo(f"The requirements are in {out}; next: slidax design {out} --out {law}", err=True)
+            say(f"The requirements are in {out}; next: `slidax design {out} --out {law}`", err=True)
         elif out is not None:
-            typer.echo(f"The scenario is in {out}; next: slidax run {out}", err=True)
+            say(f"The scenario is in {out}; next: `slidax run {out}`", err=True)
 
 
 def excite(
@@ -143,7 +143,7 @@ Columns = Annotated[
     list[str] | None,
     typer.Option(
         metavar="QUANTITY=COLUMN",
-        help="Columns of a quantity (t, q, dq or tau), by a word in their titles (q=position,tau=effort) "
+        help="Columns of a quantity (t, q, dq or tau), by a word in their titles (q=position) "
         "or by a title for each joint (tau=a,b,c); repeatable.",
     ),
 ]
@@ -300,7 +300,8 @@ def identify(
         if json:
             print_json(result.as_json())
             return
-        typer.echo(str(result))
+        for line in str(result).splitlines():
+            say(line, hang=2)
         if payload_as is not None:
             typer.echo(identification.payload_text(result.robot.payload, payload_as))
         if out is not None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .common import errors_as_lines, prepare, say_where
+from .common import errors_as_lines, prepare, say, say_where
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -72,7 +72,7 @@ def demo(
             import webbrowser
 
             webbrowser.open(page.resolve().as_uri())
-        typer.echo("Next: `slidax run panda-payload`, or your own arm with `slidax new --robot my-arm.urdf`")
+        say("Next: `slidax run panda-payload`, or `slidax new --robot my-arm.urdf` for your own arm")
 
 
 def _play(console: Console, still: bool) -> dict[str, Rival]:
@@ -131,7 +131,9 @@ Disturbance = StrEnum("Disturbance", ["stated", "off", "both"])
 
 def reproduce(
     out: Annotated[Path, typer.Option(help="Folder for the report and results.json.")] = Path("reproduction"),
-    disturbance: Annotated[Disturbance, typer.Option(help="As stated, off, or both.")] = Disturbance.both,
+    disturbance: Annotated[
+        Disturbance, typer.Option(help="Disturbance of the examples: as stated, off, or both.")
+    ] = Disturbance.both,
 ) -> None:
     """Compute the paper's figures and tables, and compare them with the printed ones in a report."""
     with errors_as_lines():
@@ -145,9 +147,12 @@ def reproduce(
         columns = (TextColumn("{task.description:<44}"), BarColumn(), TimeElapsedColumn())
         with Progress(*columns, console=console, transient=True) as bar:
             task = bar.add_task("starting", total=1.0)
-            paper.reproduce(
+            results = paper.reproduce(
                 out,
                 disturbance=disturbance.value,
                 progress=lambda stage, done: bar.update(task, description=stage, completed=done),
             )
+        for reading, count in results["counts"].items():
+            kinds = ", ".join(f"{number} {'differ' if kind == 'differs' else kind}" for kind, number in count.items())
+            say(f"Printed values and statements, {results['readings'][reading]}: {kinds}.")
         say_where(out)

@@ -213,7 +213,7 @@ def _write(result: DesignResult, out: Path, json: bool) -> None:
         print_speeds(result.speeds)
     if certificates.failing:
         say(f"Certificates that do not hold: {', '.join(certificates.failing)}.")
-    typer.echo(f"The scenario is in {out}, its certificates in {path}; next: slidax certify {out}")
+    say(f"The scenario is in {out}, its certificates in {path}; next: `slidax certify {out}`")
 
 
 if TYPE_CHECKING:

@@ -47,9 +47,7 @@ def run(
     out: Annotated[Path | None, typer.Option(help="Folder for a report, log and figures; or FILE.mcap.")] = None,
     engine: Annotated[Engine | None, typer.Option(help="Engine; default: the scenario's.")] = None,
     view: Annotated[bool, typer.Option("--view", help="Replay the run in the browser, in three dimensions.")] = False,
-    recording: Annotated[
-        Path | None, typer.Option("--record", metavar="FILE", help="Write a replay to FILE.html.")
-    ] = None,
+    recording: Annotated[Path | None, typer.Option("--record", metavar="FILE.html", help="Write a replay.")] = None,
 ) -> None:
     """Simulate a closed loop, and report its metrics as a table, as JSON, or as a page.
 

@@ -25,6 +25,8 @@ from .figures.style import dark_rules, inline_svg, to_svg
 POWER_OF_TEN = re.compile(r"(?<![\w.])(-?\d+(?:\.\d+)?)e([+-]?\d+)(?![\w.])")
 SUBSCRIPT = re.compile(r"(?<!\w)(\w)_(\w+)")
 MINUS = re.compile(r"(?<![\w.\-])-(?=\d)")
+UNIT = re.compile(r"(?<=\d) (?=(?:%|k?Hz\b|[mµ]?s\b|rad\b|kg\b|N\b|m\b))")
+MAGNITUDE = re.compile(r"(\|[^|\s]{1,12}\|)")
 
 
 def significant(number: float | None, digits: int = 4) -> str:
@@ -41,7 +43,9 @@ def significant(number: float | None, digits: int = 4) -> str:
 
 
 def typeset(text: object) -> Markup:
-    """Return a plain `text` as HTML: raised powers of ten, long minus signs, `T_max` with subscript, code in backticks.
+    """Return a plain `text` as HTML: raised powers of ten, `T_max` with subscript, code in backticks, and true signs.
+
+    Neither a unit nor a bar of a magnitude begins a line.
 
     HTML in the text is escaped; Markup passes unchanged.
     """
@@ -55,7 +59,9 @@ def typeset(text: object) -> Markup:
 
 
 def _set(safe: str) -> str:
+    safe = safe.replace("&lt;=", "≤").replace("&gt;=", "≥")
     safe = SUBSCRIPT.sub(r"\1<sub>\2</sub>", POWER_OF_TEN.sub(_raised, safe)).replace("N m", "N\u00a0m")
+    safe = MAGNITUDE.sub(r'<span class="whole">\1</span>', UNIT.sub("\u00a0", safe))
     return MINUS.sub("−", safe)
 
 

@@ -121,7 +121,7 @@ class CompareResult(AbstractResult):
             f"Of {count_noun(len(self._cases), 'case')}; intervals at {percent(self.confidence)}; p by McNemar's "
             "exact test."
         )
-        head = ("Scheme", "asked", "failed", "holds at least", "holds at most", "p, against the first")
+        head = ("Scheme", "Asked", "Failed", "Holds at least", "Holds at most", "p, against the first")
         result = [Section("Rates", note, head, rates)]
         others = list(self.tables)[1:]
         rows: list[list[Cell]] = []
@@ -139,7 +139,7 @@ class CompareResult(AbstractResult):
         pictures = [
             Chart("differences", "Differences", "Of the means, with intervals.", "intervals", (others, drawn)),
         ]
-        columns = ("Scheme", "metric", "pairs", "mean", "difference", "at least", "at most", "median", "p, Wilcoxon")
+        columns = ("Scheme", "Metric", "Pairs", "Mean", "Difference", "At least", "At most", "Median", "p, Wilcoxon")
         first = ", ".join(f"{of} {_shown(self._mean(self.reference, of))}" for of in self.of)
         note = f"Case by case, less that of {self.reference}, whose means are {first}; < 0 is better."
         return [*result, Section("Differences", note, columns, rows, pictures)]

@@ -140,7 +140,7 @@ class FalsifyResult(AbstractTableResult):
         return {name: self.family.case(case) for name, case in zip(self.names, self.cases, strict=True)}
 
     def sections(self) -> list[Section]:
-        head = ["File", self.study.worst, *(["margin"] if self.study.worst != MARGIN else []), "outcome", "row"]
+        head = ["File", self.study.worst, *(["Margin"] if self.study.worst != MARGIN else []), "Outcome", "Row"]
         rows: list[list[Cell]] = [
             [
                 f"{name}.yaml",

@@ -176,7 +176,7 @@ class MonteCarloResult(AbstractTableResult):
             Section(
                 "Rates",
                 f"{interval}, at {100 * self.study.confidence:g} % confidence.",
-                ("Requirement", "runs", "failed", "holds at least", "holds at most"),
+                ("Requirement", "Runs", "Failed", "Holds at least", "Holds at most"),
                 rates,
             )
         ]
@@ -184,7 +184,7 @@ class MonteCarloResult(AbstractTableResult):
             names = self.family.joint_names
             rows = [(kind.replace("_", " "), names[joint - 1], count) for kind, joint, count in self.causes]
             note = f"Every run failed. Most likely cause: {self.why}" if self.why else "By outcome and joint."
-            result.append(Section("Failures", note, ("Outcome", "joint", "runs"), rows))
+            result.append(Section("Failures", note, ("Outcome", "Joint", "Runs"), rows))
         return [*result, *overview(self.family, self.table, self.case(self.worst), self.worst)]
 
     @property

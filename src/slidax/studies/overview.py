@@ -73,7 +73,7 @@ def _metrics(family: Family, table: Columns) -> Section:
     return Section(
         "Metrics",
         "Values of the worst joint over all runs. One run in 100 is worse than the third value.",
-        ("Metric", "least", "median", "worst 1 %", "largest", ""),
+        ("Metric", "Least", "Median", "Worst 1 %", "Largest", ""),
         rows,
         [picture],
     )

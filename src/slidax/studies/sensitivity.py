@@ -197,7 +197,7 @@ class SensitivityResult(AbstractTableResult):
             values = (self.labels, own.first, own.total, (own.first_half, own.total_half))
             note = f"Shares of the variance, with the half widths of their {percent(self.study.confidence)} intervals."
             chart = Chart(f"shares-{of}", f"Shares of {of}", "Alone, and with interactions.", "variance_shares", values)
-            head = ("Uncertain", "alone", "±", "with interactions", "±")
+            head = ("Uncertain", "Alone", "±", "With interactions", "±")
             parts.append(Section(f"Dependence of {of}", note, head, rows, [chart]))
         return parts
 

@@ -154,7 +154,7 @@ class SweepResult(AbstractTableResult):
             [*map(float, point), float(worst), float(failing)]
             for point, worst, failing in zip(grid, self.worst.ravel(), self.failing.ravel(), strict=True)
         ]
-        head = (*axes, label, "failing")
+        head = (*axes, label, "Failing")
         if len(rows) <= MOST_ROWS:
             return [Section("The map", "", head, rows, maps)]
         order = np.argsort(self.worst.ravel() if is_margin else -self.worst.ravel(), kind="stable")[:MOST_ROWS]

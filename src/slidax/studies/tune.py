@@ -278,7 +278,7 @@ class TuneResult(AbstractResult):
             for index, item in judged.items()
         ]
         note = f"Means over {count_noun(judged[None].runs, 'held-out case')}; {self.ended}."
-        head = ("Gains", *self.aims, "failed", "holds at least")
+        head = ("Gains", *self.aims, "Failed", "Holds at least")
         figures = []
         if self.gains:
             front = np.array([list(judged[index].aims.values()) for index in range(len(self.gains))])
@@ -299,7 +299,7 @@ class TuneResult(AbstractResult):
             low, high = (item.of_mean.lower, item.of_mean.upper) if item.of_mean else (None, None)
             differences.append([aim, item.mean, low, high, item.p_value])
         note = f"Case by case on held-out cases, with {percent(self.confidence)} intervals; < 0 is better than today."
-        head = ("Aim", "difference", "at least", "at most", "p, Wilcoxon")
+        head = ("Aim", "Difference", "At least", "At most", "p, Wilcoxon")
         return [*result, Section("The best compared with today", note, head, differences)]
 
     def as_json(self) -> dict[str, Any]:

@@ -170,6 +170,22 @@ def test_tip_paths_lie_over_the_desired_path_and_stray_paths_are_cut_off():
     ]
 
 
+def test_the_picture_of_tip_paths_shows_where_a_far_start_is():
+    turn = np.linspace(0, 1, 100)
+    goal = np.stack([turn, 0 * turn, 0 * turn], axis=1)
+    away = goal + np.stack([0 * turn, -1.9 * np.exp(-9 * turn), 0 * turn], axis=1)
+    (axes,) = figures.compared_tip_paths({"away": away}, goal).axes
+    assert axes.get_ylim()[0] < -1.9
+
+
+@pytest.mark.parametrize(("values", "ticks"), [([0.02, 0.3], {"0.02", "0.1", "0.2"}), ([150.0, 900.0], {"200", "500"})])
+def test_bars_within_three_decades_have_plain_numbers(values, ticks):
+    (axes,) = figures.metric_bars({"one": values}, "IAE").axes
+    axes.figure.draw_without_rendering()
+    assert ticks <= {text.get_text() for text in axes.get_yticklabels()}
+    assert not any(text.get_text() for text in axes.get_yticklabels(minor=True))
+
+
 def test_bars_are_grouped_by_joint_and_missing_values_are_dashes(tmp_path):
     figure = figures.metric_bars({"one": [1.0, 10.0], "two": [100.0, float("nan")]}, "IAE  [rad]")
     (axes,) = figure.axes

@@ -9,14 +9,16 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_rgb
 
 from slidax import scenarios
 from slidax.core.errors import DefinitionError
 from slidax.law import FixedTime
 from slidax.report import figures
-from slidax.report.figures.style import DARK, every_nth, thin_curve
+from slidax.report.figures.compared import LOOKS
+from slidax.report.figures.style import BOUND, DARK, LIMIT, LINES, NARROW, dark_rules, every_nth, thin_curve
 
-LIMIT = 150_000
+BYTES = 150_000
 """No picture may have more bytes than this."""
 
 
@@ -149,7 +151,7 @@ def test_an_svg_is_small_reproducible_and_has_no_date_or_typeface(run, tmp_path)
     for name, draw, shown in (("error", figures.tracking_error, run), ("torque", figures.torque, noisy)):
         path = figures.save(draw(shown), tmp_path / "made" / f"{name}.svg")
         text = path.read_text(encoding="utf-8")
-        assert 5_000 < len(text) < LIMIT and "<text" not in text and "dc:date" not in text
+        assert 5_000 < len(text) < BYTES and "<text" not in text and "dc:date" not in text
         assert f'id="{name}-figure_1"' in text and figures.to_svg(draw(shown), name) == text
     assert figures.save(figures.torque(run), tmp_path / "torque.pdf").read_bytes().startswith(b"%PDF")
 
@@ -171,6 +173,38 @@ def test_every_colour_of_a_figure_has_one_for_dark_pages(run):
         assert "prefers-color-scheme:dark" in text
         drawing = text.partition("</style>")[2]
         assert set(re.findall(r"(?:fill|stroke):(#[0-9a-f]{6})", drawing)) <= set(DARK)
+
+
+def contrast(first, second):
+    """Contrast of two colours by the WCAG 2.2 formula."""
+
+    def luminance(color):
+        parts = np.array(to_rgb(color))
+        linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+        return float(linear @ [0.2126, 0.7152, 0.0722])
+
+    low, high = sorted((luminance(first), luminance(second)))
+    return (high + 0.05) / (low + 0.05)
+
+
+@pytest.mark.parametrize("look", [*LOOKS, *LINES, BOUND, NARROW, LIMIT], ids=lambda look: look["color"])
+def test_a_line_contrasts_with_light_and_dark_pages(look):
+    color = look["color"].lower()
+    assert contrast("#000000", "#ffffff") == pytest.approx(21.0)
+    assert contrast(color, "#ffffff") >= 3.0
+    assert contrast(DARK.get(color, color), DARK["#ffffff"]) >= 3.0
+
+
+def test_marks_change_their_colours_in_the_dark_too():
+    """Browsers draw a mark in a shadow tree, in which a rule with an ancestor in its selector finds nothing."""
+    rules = re.findall(r"([^{}]+)\{[^{}]*!important\}", dark_rules("figure svg"))
+    assert len(rules) == 2 * len(DARK)
+    assert all(re.fullmatch(r'\[style\*="(fill|stroke):#[0-9a-f]{6}"\]', rule) for rule in (*rules[1:], rules[0][-24:]))
+
+
+def test_a_printed_level_below_all_errors_is_inside_the_axes(run):
+    figure = figures.error_sizes({"one": run}, levels={"printed": [3e-11, 2e-9]})
+    assert all(axes.get_ylim()[0] < 3e-11 for axes in figure.axes)
 
 
 def test_an_inline_svg_refers_to_no_other_file(run):

@@ -1,13 +1,18 @@
 import re
+from pathlib import Path
 
 import equinox as eqx
 import pytest
 from ruamel.yaml import YAML
 
+import slidax.report
 from slidax import scenarios
 from slidax.report import significant, tip_paths, typeset, write_run_report
 from slidax.report.files import parameters
 from slidax.scenarios.yaml_text import as_yaml
+from tests.report.figures.test_figures import contrast
+
+TEMPLATES = Path(slidax.report.__file__).parent / "templates"
 
 
 @pytest.mark.parametrize(
@@ -27,13 +32,15 @@ def test_numbers_keep_their_significant_digits(number, digits, text):
     [
         ("4.92e-11", "4.92\u00a0×\u00a010<sup>−11</sup>"),
         ("above 1e-8 at", "above 10<sup>−8</sup> at"),
-        ("-0.25 rad", "−0.25 rad"),
-        ("T_max < 5 N m", "T<sub>max</sub> &lt; 5 N\u00a0m"),
+        ("-0.25 rad", "−0.25\u00a0rad"),
+        ("T_max < 5 N m", "T<sub>max</sub> &lt; 5\u00a0N\u00a0m"),
         ("two-link, (48)-(50), 10.1007/s11071-022", "two-link, (48)-(50), 10.1007/s11071-022"),
         ("joint_units 1e5x", "joint_units 1e5x"),
         ("<b>", "&lt;b&gt;"),
         ("give `a_b < 1e-3`, or `-2`", "give <code>a_b &lt; 1e-3</code>, or <code>-2</code>"),
         ("a ` alone, -1", "a ` alone, −1"),
+        ("|e| <= 2 % at 1 kHz", '<span class="whole">|e|</span> ≤ 2\u00a0% at 1\u00a0kHz'),
+        ("5 stages >= 3", "5 stages ≥ 3"),
     ],
 )
 def test_text_of_a_report_is_typeset_and_escaped_in_html(text, markup):
@@ -115,3 +122,22 @@ def test_defaults_that_the_file_omits_are_shown_with_the_laws_values():
     assert shown["estimator"].pop("kind") == "Measured"
     values = {name: float(getattr(law.estimator, name)) for name in ("gain", "trend", "ahead")}
     assert shown["estimator"] == pytest.approx(values, rel=1e-5)
+
+
+def variables(css):
+    return [dict(re.findall(r"--(\w+): (#\w+)", block)) for block in re.findall(r":root \{(.*?)\}", css, re.DOTALL)]
+
+
+@pytest.mark.parametrize("colours", [0, 1], ids=["light", "dark"])
+def test_text_of_a_report_contrasts_with_its_ground(colours):
+    css = (TEMPLATES / "page.css").read_text(encoding="utf-8")
+    found = variables(css)[colours]
+    for ink in ("ink", "lead", "soft", "link", "good", "near", "bad"):
+        for ground in ("ground", "faint"):
+            assert contrast(found[ink], found[ground]) >= 4.5, (ink, ground)
+
+
+@pytest.mark.parametrize("template", sorted(TEMPLATES.glob("*.j2")), ids=lambda path: path.name)
+def test_a_wide_table_scrolls_by_itself_and_can_be_reached_by_keys(template):
+    text = template.read_text(encoding="utf-8")
+    assert text.count("<table") == text.count('<div class="scroll" tabindex="0"><table')

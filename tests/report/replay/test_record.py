@@ -42,6 +42,11 @@ def test_page_title_is_escaped(page):
     assert "<title>a &lt;b&gt; &amp; c</title>" in page
 
 
+def test_page_follows_the_colours_of_the_system_and_names_its_controls(page):
+    assert '{darkMode:matchMedia("(prefers-color-scheme: dark)").matches}' in page and "{darkMode:false}" not in page
+    assert page.count("<h1>a &lt;b&gt; &amp; c</h1>") == 1 and page.count('"Play or pause"') == 1
+
+
 def test_page_plays_the_frames_of_the_run_at_its_speed(page, swing):
     _, run = swing
     player = recorded(page)

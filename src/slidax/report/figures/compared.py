@@ -20,6 +20,7 @@ from .style import (
     BOUND,
     LINES,
     ROW,
+    SMALL,
     WIDTH,
     column_starts,
     envelope_patch,
@@ -29,16 +30,17 @@ from .style import (
     log_of,
     styled,
     thin_curve,
+    use_plain_ticks,
     use_size_axis,
     use_time_axis,
 )
 
 LOOKS: tuple[dict[str, Any], ...] = (
     *LINES[:4],
-    {"color": "#C79100", "linestyle": (0, (8, 1.6))},
+    {"color": "#A67C00", "linestyle": (0, (8, 1.6))},
     {"color": "#000000", "linestyle": (0, (3, 1.2, 1.2, 1.2, 1.2, 1.2))},
     {"color": "#CC5F9B", "linestyle": (0, (2.4, 1.2))},
-    {"color": "#56B4E9", "linestyle": (0, (8, 1.4, 2.4, 1.4))},
+    {"color": "#3D94CC", "linestyle": (0, (8, 1.4, 2.4, 1.4))},
     {"color": "#7A5230", "linestyle": (0, (1.2, 2.2))},
     {"color": "#6B7785", "linestyle": "-"},
     {"color": "#A50F15", "linestyle": (0, (5, 1.2, 1.2, 1.2, 1.2, 1.2))},
@@ -293,7 +295,8 @@ DESIRED: dict[str, Any] = {"color": "0.7", "linewidth": 3.2, "linestyle": "-", "
 def compared_tip_paths(paths: Mapping[str, np.ndarray], desired: np.ndarray) -> Figure:
     """Tip paths of all schemes over the desired path, seen from above; also from the side if the desired path rises.
 
-    Each path starts at a ring. Paths that stray by more than the size of the desired path are cut off.
+    Each path starts at a ring. Paths that stray by more than the size of the desired path are cut off, but for starts
+    within twice that size.
 
     - `paths`: tip positions [k 3], m, by name.
     - `desired`: desired tip positions [k 3], m.
@@ -307,7 +310,7 @@ def compared_tip_paths(paths: Mapping[str, np.ndarray], desired: np.ndarray) -> 
     views = [(0, 1), (0, 2)] if rises else [(0, 1)]
     spans = np.maximum(high - low, 1e-9)
     ratios = [float(np.clip(spans[across] / spans[up], 0.5, 2.0)) for across, up in views]
-    width = min(WIDTH, max(5.5, 3.0 * sum(ratios) + 0.8 * len(views)))
+    width = min(WIDTH, max(SMALL, 2.8 * sum(ratios) + 0.8 * len(views)))
     figure = Figure(figsize=(width, 3.5 + 0.2 * legend_rows(len(paths) + 1, width)), layout="compressed")
     panels = figure.subplots(1, len(views), squeeze=False, width_ratios=ratios)[0]
     for axes, (across, up) in zip(panels, views, strict=True):
@@ -329,9 +332,11 @@ def compared_tip_paths(paths: Mapping[str, np.ndarray], desired: np.ndarray) -> 
 
 
 def _box(paths: list[np.ndarray], goal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The corners of the picture: a path may exceed the desired one by at most the desired path's size."""
+    """The corners of the picture: a path may exceed the desired one by at most its size, a start by twice as much."""
     reach = np.ptp(goal, axis=0).max() or 1.0
-    low, high = goal.min(axis=0), goal.max(axis=0)
+    near = [path[0] for path in paths if np.abs(path[0] - goal[0]).max() < 2.0 * reach]
+    seen = np.concatenate([goal, *(start[None] for start in near)])
+    low, high = seen.min(axis=0), seen.max(axis=0)
     for path in paths:
         low = np.minimum(low, np.maximum(np.nanmin(path, axis=0), goal.min(axis=0) - reach))
         high = np.maximum(high, np.minimum(np.nanmax(path, axis=0), goal.max(axis=0) + reach))
@@ -371,7 +376,7 @@ def metric_bars(
         raise DefinitionError("each scheme needs one value per joint, and all of them the same joints")
     table = np.array([list(row) for row in values.values()], dtype=float)
     drawn = np.where(np.isfinite(table) & (table > 0), table, np.nan)
-    across = min(WIDTH, 5.5 + 0.06 * table.size)
+    across = min(WIDTH, 4.3 + 0.12 * table.size)
     rows = legend_rows(len(table), across)
     figure = Figure(figsize=(across, 2.5 + 0.2 * rows), layout="constrained")
     axes = figure.subplots()
@@ -389,6 +394,7 @@ def metric_bars(
         handles.append(Patch(**skin, label=name))
     axes.set_yscale("log")
     axes.set_ylim(low, high)
+    use_plain_ticks(axes.yaxis, low, high)
     axes.set_ylabel(label)
     axes.set_xticks(range(table.shape[1]), joints or [f"joint {i + 1}" for i in range(table.shape[1])])
     axes.set_xlim(-0.55, table.shape[1] - 0.45)

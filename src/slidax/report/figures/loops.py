@@ -16,6 +16,7 @@ from .style import (
     LIMIT,
     LINES,
     NARROW,
+    SMALL,
     WIDTH,
     envelope_patch,
     every_nth,
@@ -34,7 +35,7 @@ def bode(frequencies: np.ndarray, loops: Mapping[str, np.ndarray], title: str = 
     - `loops`: frequency responses [k] by name.
     - `title`: where the loops are broken open.
     """
-    figure = Figure(figsize=(WIDTH, 4.2), layout="constrained")
+    figure = Figure(figsize=(SMALL, 4.0), layout="constrained")
     size, phase = figure.subplots(2, 1, sharex=True)
     for number, response in enumerate(loops.values()):
         look = _look(number)
@@ -117,7 +118,7 @@ def bounded_error(
     joints = radii.shape[2]
     columns = min(COLUMNS, joints)
     rows = -(-joints // columns)
-    figure = Figure(figsize=(WIDTH, 1.9 * rows + 0.4), layout="constrained")
+    figure = Figure(figsize=(SMALL, 1.6 * rows + 0.6), layout="constrained")
     panels = figure.subplots(rows, columns, squeeze=False, sharex=True)
     sizes = np.concatenate([radii.ravel(), *(size.ravel() for _, size in bounds.values())])
     # The axis leaves out what is rarely so small, and a bound is drawn for a part of the time only.
@@ -135,13 +136,14 @@ def bounded_error(
         for (times, size), line in zip(bounds.values(), LINES, strict=False):
             axes.plot(every_nth(times), every_nth(size[:, joint]), **line)
         use_time_axis(axes, float(t[0]), float(t[-1]))
-        axes.set_ylabel(f"{names[joint]}: $|e|$  [{units[joint]}]")
-        last = joint + columns >= joints
-        axes.tick_params(labelbottom=last)
+        axes.set_title(f"{names[joint]}  [{units[joint]}]")
+        last, first = joint + columns >= joints, joint % columns == 0
+        axes.tick_params(labelbottom=last, labelleft=first)
+        axes.set_ylabel("$|e|$" if first else "")
         axes.set_xlabel("$t$  [s]" if last else "")
     for axes in panels.ravel()[joints:]:
         axes.set_visible(False)
-    legend_above(figure, handles)
+    legend_above(figure, handles, columns=min(len(handles), 3))
     return figure
 
 
@@ -161,9 +163,15 @@ def latencies(times: Mapping[str, np.ndarray], period: float) -> Figure:
     axes = figure.subplots()
     longest = max([1e6 * period, *(1e6 * float(values.max()) for values in times.values() if len(values))])
     edges = np.geomspace(LEAST, 1.5 * longest, BINS + 1)
-    for name, values in times.items():
+    for number, (name, values) in enumerate(times.items()):
         counts, _ = np.histogram(np.maximum(1e6 * values, LEAST), edges)
-        axes.stairs(np.where(counts > 0, counts, np.nan), edges, label=name, linewidth=0.9)
+        axes.stairs(
+            np.where(counts > 0, counts, np.nan),
+            edges,
+            label=name,
+            linewidth=0.9,
+            color=LINES[number % len(LINES)]["color"],
+        )
     axes.axvline(1e6 * period, **LIMIT)
     axes.annotate("period", (1e6 * period, 1.0), xycoords=("data", "axes fraction"), ha="right", va="top", rotation=90)
     axes.set_xscale("log")

@@ -11,7 +11,7 @@ from slidax.analysis.run_verdict import bound_shares
 from slidax.core.errors import DefinitionError
 from slidax.simulation.run import Run
 
-from .style import BAND, BOUND, LINES, WIDTH, log_of, styled, thin_curve, use_time_axis
+from .style import BAND, BOUND, LINES, SMALL, log_of, styled, thin_curve, use_time_axis
 
 HIGHEST = 250.0
 """End of the axis at most, in %: far outside, a curve leaves the panel."""
@@ -33,13 +33,13 @@ def envelope_share(run: Run, *, ax: Axes | None = None) -> Figure:
     shares = 100.0 * bound_shares(run)
     names = short_names(run.joint_names)
     worst, nearest = (int(k) for k in np.unravel_index(np.nanargmax(shares), shares.shape))
-    figure = Figure(figsize=(WIDTH, 2.5), layout="constrained") if ax is None else None
+    figure = Figure(figsize=(SMALL, 2.3), layout="constrained") if ax is None else None
     axes: Axes = figure.subplots() if figure is not None else ax  # type: ignore[assignment]
     high = min(HIGHEST, max(112.0, 1.1 * float(np.nanmax(shares))))
     axes.axhspan(0.0, 100.0, **BAND)
     axes.axhline(100.0, **{**BOUND, "linewidth": 1.2})
     for joint in [k for k in range(run.joints) if k != nearest] + [nearest]:
-        look = {**LINES[0], "linewidth": 1.5} if joint == nearest else {"color": "0.55", "linewidth": 0.8}
+        look = {**LINES[0], "linewidth": 1.5} if joint == nearest else {"color": "0.5", "linewidth": 0.8}
         axes.plot(*thin_curve(t, shares[:, joint]), **look, label=names[joint])
     axes.set_ylim(0.0, high)
     axes.set_ylabel("error / bound  [%]")

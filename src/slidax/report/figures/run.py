@@ -176,8 +176,8 @@ def tip_path(actual: np.ndarray, desired: np.ndarray) -> Figure:
     rises = np.ptp(np.concatenate([actual, desired])[:, 2]) > 1e-9
     views = [(0, 1), (0, 2)] if rises else [(0, 1)]
     spans = np.ptp(np.concatenate([actual, desired]), axis=0)
-    ratios = [float(np.clip(spans[across] / max(spans[up], 1e-12), 0.5, 2.0)) for across, up in views]
-    figure = Figure(figsize=(min(WIDTH, max(3.4, 3.0 * sum(ratios) + 0.8 * len(views))), 3.6), layout="compressed")
+    ratios = [float(np.clip(spans[across] / max(spans[up], 1e-12), 0.25, 2.0)) for across, up in views]
+    figure = Figure(figsize=(min(WIDTH, max(3.8, 2.6 * sum(ratios) + 0.8 * len(views))), 3.6), layout="compressed")
     panels = figure.subplots(1, len(views), squeeze=False, width_ratios=ratios)[0]
     for axes, (across, up) in zip(panels, views, strict=True):
         _draw(axes, actual[:, [across, up]], desired[:, [across, up]])
@@ -227,6 +227,10 @@ def error_sizes(runs: Mapping[str, Run], *, levels: Mapping[str, Sequence[float]
     figure = Figure(figsize=(WIDTH, ROW * 1.1 * first.joints + 0.55), layout="constrained")
     panels = figure.subplots(first.joints, 1, sharex=True, squeeze=False)[:, 0]
     use_size_axis(panels, np.concatenate([np.abs(np.asarray(log.e)).ravel() for log in logs]))
+    lowest = min((min(level) for level in (levels or {}).values()), default=np.inf)
+    if lowest <= panels[0].get_ylim()[0]:
+        for axes in panels:
+            axes.set_ylim(bottom=10.0 ** (np.ceil(np.log10(lowest)) - 1.0))
     for i, (axes, unit) in enumerate(zip(panels, first.joint_units, strict=True)):
         for log, line in zip(logs, LINES, strict=False):
             axes.plot(*thin_curve(np.asarray(log.t), np.abs(np.asarray(log.e)[:, i])), **{**line, "linewidth": 0.9})
@@ -280,9 +284,10 @@ def identified_torques(identification: Identification) -> Figure:
         whole.plot(*thin_curve(t, identification.measured[:, i]), **LINES[0])
         whole.plot(*thin_curve(t, identification.predicted[:, i]), **LINES[1])
         rest.plot(*thin_curve(t, left[:, i]), **LINES[2])
-        largest = max(float(np.abs(left[:, i]).max()), 1e-12)
-        rest.set_ylim(-1.1 * largest, 1.1 * largest)
-        whole.set_ylabel(rf"$\tau_{{{i + 1}}}$  [{unit}]")
+        # At the log's ends the filter has too few samples; what it makes of them would flatten the rest.
+        largest = max(1.5 * float(np.quantile(np.abs(left[:, i]), 0.98)), 1e-12)
+        rest.set_ylim(-largest, largest)
+        whole.set_ylabel(joint_label(identification.robot, i, r"\tau_{%d}", unit))
         for axes in (whole, rest):
             axes.axvspan(float(t[identification.split]), float(t[-1]), zorder=0.5, **BAND)
             axes.axhline(0.0, color="0.75", linewidth=0.6, zorder=1.5)

@@ -10,11 +10,11 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, ScalarFormatter, StrMethodFormatter
+from matplotlib.ticker import LogLocator, MaxNLocator, ScalarFormatter
 
 from slidax.core.errors import DefinitionError
 
-from .style import BOUND, LIMIT, LINES, WIDTH, legend_above, styled
+from .style import BOUND, LIMIT, LINES, SMALL, WIDTH, legend_above, styled, use_plain_ticks
 
 
 @styled
@@ -222,7 +222,7 @@ def parameter_map(axes: Mapping[str, np.ndarray], values: np.ndarray, label: str
         panel.margins(y=0.08)
     else:
         ((second, y),) = rest
-        figure = Figure(figsize=(4.9, 3.4), layout="constrained")
+        figure = Figure(figsize=(SMALL, 3.4), layout="constrained")
         panel = figure.subplots()
         mesh = panel.pcolormesh(x, y, shown.T, shading="nearest", cmap="cividis", rasterized=True)
         if bound is not None and shown.count() and shown.min() < bound < shown.max() and min(shown.shape) > 1:
@@ -242,10 +242,7 @@ def _logarithmic(numbers: np.ndarray, set_scale: Callable[[str], Any], axis: Axi
         ratios, steps = np.diff(np.log(numbers)), np.diff(numbers)
         if np.ptp(ratios) / abs(ratios.mean()) < np.ptp(steps) / abs(steps.mean()):
             set_scale("log")
-            if numbers[-1] < 1e3 * numbers[0]:
-                axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-                axis.set_major_formatter(StrMethodFormatter("{x:g}"))
-                axis.set_minor_formatter(NullFormatter())
+            use_plain_ticks(axis, float(numbers[0]), float(numbers[-1]))
 
 
 @styled
@@ -345,6 +342,7 @@ def benchmark_table(lines: Sequence[RankingLine], share: str, error: str) -> Fig
         right.set_xscale("log")
         right.margins(x=0.05)
         right.autoscale_view()
+        use_plain_ticks(right.xaxis, *right.get_xlim())
     right.set_xlabel(error)
     for axes in (left, right):
         axes.grid(True, axis="x")

@@ -13,12 +13,14 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 
 from slidax.analysis.metric import short_names
+from slidax.arms.arm import AbstractRobot
 from slidax.core.errors import DefinitionError
 from slidax.core.writing import replace_file, write_text
 from slidax.simulation.run import Log, Run
@@ -110,6 +112,9 @@ typeface is missing.
 WIDTH = 6.9
 """Width of a figure over two columns of a journal [in]."""
 
+SMALL = 4.9
+"""Width of a figure that can be read as a whole on a phone [in]."""
+
 ROW = 1.45
 """Height of one joint's row [in]."""
 
@@ -173,6 +178,14 @@ def use_size_axis(panels: Iterable[Axes], sizes: np.ndarray) -> None:
         axes.yaxis.set_minor_formatter(NullFormatter())
 
 
+def use_plain_ticks(axis: Axis, low: float, high: float) -> None:
+    """Label a logarithmic `axis` from `low` to `high` with plain numbers, unless it spans three decades or more."""
+    if high < 1e3 * low:
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
 NEAR = 0.4
 """The limit is inside the axes if a torque exceeds this share of it."""
 
@@ -224,9 +237,10 @@ def log_of(run: Run) -> Log:
     return run.log
 
 
-def joint_label(run: Run, joint: int, symbol: str, unit: str) -> str:
+def joint_label(run: Run | AbstractRobot, joint: int, symbol: str, unit: str) -> str:
     """The axis label of a joint: its name, if it has one, above the symbol with its number.
 
+    - `run`: run or arm with the joint.
     - `joint`: index from 0.
     - `symbol`: mathematical text with `%d` for the number.
     """
@@ -371,10 +385,11 @@ DARK = {
 def dark_rules(scope: str = "svg") -> str:
     """Style sheet that gives figures the colours of a dark page, where the reader's system is dark.
 
-    - `scope`: selector of the figures.
+    - `scope`: selector of the figures, for their text.
     """
+    # Without the scope, since markers are drawn in shadow trees, where no figure is an ancestor.
     rules = [
-        f'{scope} [style*="{place}:{light}"]{{{place}:{"transparent" if light == "#ffffff" else dark}!important}}'
+        f'[style*="{place}:{light}"]{{{place}:{"transparent" if light == "#ffffff" else dark}!important}}'
         for light, dark in DARK.items()
         for place in ("fill", "stroke")
     ]

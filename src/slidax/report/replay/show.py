@@ -311,9 +311,33 @@ def record(
     drawing = draw(run, plant, rate=rate, most=RECORDED_FRAMES, title=title, urdf=urdf, plain=plain)
     page = _recording(drawing, speed, beside)
     name = html.escape(drawing.title or "Replay")
+    page = page.replace("<title>Viser</title>", f"<title>{name}</title>", 1)
+    page = page.replace("{darkMode:false}", '{darkMode:matchMedia("(prefers-color-scheme: dark)").matches}', 1)
+    hidden = "position:absolute;width:1px;height:1px;overflow:hidden;clip-path:inset(50%)"
+    page = page.replace("<body>", f'<body><header style="{hidden}"><h1>{name}</h1></header>', 1)
     out.parent.mkdir(parents=True, exist_ok=True)
-    write_text(out, page.replace("<title>Viser</title>", f"<title>{name}</title>", 1))
+    write_text(out, page.replace("</body>", f"{NAMES}</body>", 1))
     return out
+
+
+NAMES = """<script>
+const names = {
+  "button.mantine-CloseButton-root": "Close",
+  "button.mantine-ActionIcon-root": "Play or pause",
+  "input.mantine-NumberInput-input": "Time [s]",
+  ".mantine-Slider-thumb": "Time",
+  "input.mantine-Select-input": "Speed",
+};
+new MutationObserver(() => {
+  document.getElementById("root").setAttribute("role", "main");
+  for (const [place, name] of Object.entries(names)) {
+    for (const one of document.querySelectorAll(place)) {
+      if (!one.getAttribute("aria-label")) one.setAttribute("aria-label", name);
+    }
+  }
+}).observe(document.body, { childList: true, subtree: true });
+</script>"""
+"""Names of the player's controls for screen readers: viser's player has none."""
 
 
 def _recording(drawing: Drawing, speed: float, beside: bool) -> str:

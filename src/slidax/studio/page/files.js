@@ -34,7 +34,7 @@
       line, shown,
       element("div.studio-wide", { tabindex: "0", role: "region", "aria-label": "Files" },
         element("table", {}, element("caption", { text: "Files in the folder" }),
-          element("thead", {}, element("tr", {}, ["name", "size", "changed", "actions"].map(text => element("th", { scope: "col", text })))), body)));
-    return { panel, say, list({ entries }) { body.replaceChildren(...entries.map(row)); } };
+          element("thead", {}, element("tr", {}, ["Name", "Size", "Changed", "Actions"].map(text => element("th", { scope: "col", text })))), body)));
+    return { panel, say, list({ entries }) { body.replaceChildren(...(entries.length ? entries.map(row) : [element("tr", {}, element("td", { colspan: "4", text: "No files yet" }))])); } };
   };
 })();

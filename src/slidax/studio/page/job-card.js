@@ -20,7 +20,7 @@
     /* Return true if the job has just ended. */
     async function show(job) {
       const over = job.state !== "waiting" && job.state !== "running";
-      const state = over && job.meaning ? `${job.state}: ${job.meaning}` : job.state;
+      const state = over && job.meaning && job.meaning !== job.state ? `${job.state}: ${job.meaning}` : job.state;
       head.replaceChildren(element("span.chip", { text: state, "data-state": job.state === "done" && job.code ? "doubt" : job.state }),
         element("code", { text: job.command }), ` ${job.seconds.toFixed(1)} s`);
       bar.hidden = over || !job.rows;

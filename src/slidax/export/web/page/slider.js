@@ -61,6 +61,7 @@ export function numberSlider(tunable, { label, described, input, commit }) {
     bar.style.setProperty("--share", scale.share(value));
     bar.setAttribute("aria-valuetext", withUnit(value, tunable.unit));
     if (box.valueAsNumber !== value) box.value = value;
+    box.classList.toggle("long", box.value.length > 8);
   }
 
   return { row: element("div.slider", {}, bar, box), put };
