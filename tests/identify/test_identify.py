@@ -154,7 +154,7 @@ def test_short_log_that_its_noise_leaves_undetermined_says_so_and_a_wrong_one_is
     tau = log.tau + 0.05 * np.sqrt(np.mean(log.tau**2, axis=0)) * random.normal(size=log.tau.shape)
     noisy = replace(log, tau=tau, dq=log.dq + 0.01 * random.normal(size=log.dq.shape))
     assert any("leaves this torque uncertain by" in warning for warning in identify(noisy, sx.arms.ur5e()).warnings)
-    with pytest.raises(DefinitionError, match="do not fit ur5e|No other sign"):
+    with pytest.raises(DefinitionError, match=r"do not fit ur5e|No other sign"):
         identify(replace(log, tau=log.tau[::-1]), sx.arms.ur5e())
 
 

@@ -73,8 +73,8 @@ def identify(
     - `asymmetric`: True if viscous friction may differ between the two directions.
     - `stribeck`: Stribeck velocity of static friction above Coulomb friction [rad/s or m/s]; by default there is none.
     - `ripple`: periods per turn of torque ripple, such as cogging, that all joints may have; by default there is none.
-    - `encoder_offset`: True if the zeros of the encoders are unknown. Gravity shows the offset of a joint, so not that of
-      a first joint about the vertical, nor that of a last joint with an unknown payload.
+    - `encoder_offset`: True if the zeros of the encoders are unknown. Gravity shows them, except for a first joint about
+      the vertical, and for a last joint with an unknown payload.
     - `actuator_map`: `gain` if the torque of each drive is a multiple of the log's, `full` if it is a combination of
       those of all drives, `τ = G τ_log`. The known masses show the scale of G, so that `links` cannot be True.
     - `cut_off`: cut-off frequency of the filter [Hz]; chosen from the data by default.
@@ -92,7 +92,7 @@ def identify(
     if actuator_map is not None and links:
         raise DefinitionError(
             "`actuator_map` needs known masses: all torques and all masses may have a factor in common, which no log "
-            "shows; leave `links` out, and attach a known payload if the links are unknown"
+            "shows; leave `links` out, so that the masses in the arm's file give the scale"
         )
     instruments = Instruments.started(robot.joints, encoder_offset, actuator_map)
     if not isinstance(log, JointLog):
@@ -150,7 +150,7 @@ def identify(
             if len(before) and (np.abs(theta[own:] - before) < close).all():
                 break
             before = theta[own:]
-        robot = arm
+        robot = instruments.robot(robot)
         require_torques(log, robot, instruments.corrected(slow), usable, conventions)
     theta = consistent_parameters(
         fitted.theta, fitted.information, unknowns.bodies, unknowns.positive, _inside(unknowns, fitted.theta)

@@ -90,8 +90,8 @@ class Instruments:
             row, column = np.unravel_index(np.argmax(np.abs(error)), error.shape)
             if abs(error[row, column]) > STRANGE:
                 raise DefinitionError(
-                    f"`actuator_map`: entry {row + 1}, {column + 1} of the torques of {source} per torque of the joints "
-                    f"would be {float(row == column) + error[row, column]:.3g}, too far from "
+                    f"`actuator_map`: entry {row + 1}, {column + 1} of the torques of {source} per torque of the "
+                    f"joints would be {float(row == column) + error[row, column]:.3g}, too far from "
                     f"{float(row == column):g} for a drive: check `--torque-scale`, `--torque-sign` and "
                     "`--joint-order` first, without this option"
                 )
@@ -153,14 +153,14 @@ def _slope(unknowns: Unknowns, robot: Articulated, motion: JointMotion, theta: n
     slopes = []
     for joint in range(robot.joints):
         step = STEP * np.eye(robot.joints)[joint]
-        up, down = (
-            rigid_torque(robot, motion._replace(q=motion.q + side), links, payload) for side in (step, -step)
-        )
+        up, down = (rigid_torque(robot, motion._replace(q=motion.q + side), links, payload) for side in (step, -step))
         slopes.append((up - down) / (2.0 * STEP))
     return np.stack(slopes, axis=2)
 
 
-def in_commands(unknowns: Unknowns, fitted: ParameterFit, theta: np.ndarray) -> tuple[Unknowns, ParameterFit, np.ndarray]:
+def in_commands(
+    unknowns: Unknowns, fitted: ParameterFit, theta: np.ndarray
+) -> tuple[Unknowns, ParameterFit, np.ndarray]:
     """Replace E by the actuator map G = (1 + E)⁻¹ of the joints' torques by those of the log, with its covariance."""
     own = np.char.startswith(np.array(unknowns.names), "map_")
     if not own.any():
