@@ -73,7 +73,7 @@ def identify(
     - `asymmetric`: True if viscous friction may differ between the two directions.
     - `stribeck`: Stribeck velocity of static friction above Coulomb friction [rad/s or m/s]; by default there is none.
     - `ripple`: periods per turn of torque ripple, such as cogging, that all joints may have; by default there is none.
-    - `encoder_offset`: True if the zeros of the encoders are unknown. Gravity shows them, except for a first joint about
+    - `encoder_offset`: True if the encoders' zeros are unknown. Gravity shows them, except for a first joint about
       the vertical, and for a last joint with an unknown payload.
     - `actuator_map`: `gain` if the torque of each drive is a multiple of the log's, `full` if it is a combination of
       those of all drives, `τ = G τ_log`. The known masses show the scale of G, so that `links` cannot be True.
