@@ -6,6 +6,7 @@ import functools
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -269,6 +270,23 @@ class Articulated(AbstractRobot):
                 raise DefinitionError(f"`{field}` of {self.name} must be {n}, as many as `joint_units`; got {entries}")
         if any(not -1 <= parent < i for i, parent in enumerate(self.parents)):
             raise DefinitionError(f"`parents` of {self.name} must each be before their joint; got {self.parents}")
+
+    def with_zero(self, offset: Vector) -> Articulated:
+        """Return the arm in the positions of encoders with an offset: its `q` is this arm's `q + offset`.
+
+        - `offset`: true positions minus those of the encoders [n], rad or m.
+        """
+        z = jnp.zeros(self.joints)
+        turns = jnp.asarray([unit == "rad" for unit in self.joint_units])
+        cosine, sine = jnp.where(turns, jnp.cos(offset), 1.0), jnp.where(turns, jnp.sin(offset), 0.0)
+        turn = jnp.stack([cosine, -sine, z, sine, cosine, z, z, z, z + 1.0], axis=1).reshape(-1, 3, 3)
+        moved = self.translations + jnp.where(turns, 0.0, offset)[:, None] * self.rotations[:, :, 2]
+        bounds = self.limits.lower - offset, self.limits.upper - offset
+        return eqx.tree_at(
+            lambda arm: (arm.rotations, arm.translations, arm.limits.lower, arm.limits.upper),
+            self,
+            (jnp.sum(self.rotations[:, :, :, None] * turn[:, None], axis=2), moved, *bounds),
+        )
 
     def mass(self, q: Vector) -> Matrix:
         return _inertia(*_links(self, self.joint_frames(q)), self.armature, self.parents)

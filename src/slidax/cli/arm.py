@@ -186,6 +186,13 @@ def identify(
     ripple: Annotated[
         str | None, typer.Option(metavar="N,...", help="Identify torque ripple with so many periods per turn.")
     ] = None,
+    encoder_offset: Annotated[
+        bool, typer.Option("--encoder-offset", help="Identify the offset of each encoder's zero.")
+    ] = False,
+    actuator_map: Annotated[
+        str | None,
+        typer.Option(metavar="FORM", help="Identify the drives' gains (gain), or also their cross-talk (full)."),
+    ] = None,
     cut_off: Annotated[float | None, typer.Option(help="Filter cut-off [Hz]; default: from the log.")] = None,
     held_out: Annotated[float, typer.Option(help="Share of the log, at its end, held out for validation.")] = 0.25,
     gravity: Gravity = None,
@@ -285,6 +292,8 @@ def identify(
             asymmetric=asymmetric,
             stribeck=stribeck,
             ripple=numbers("--ripple", ripple) if ripple else [],
+            encoder_offset=encoder_offset,
+            actuator_map=actuator_map,
             cut_off=cut_off,
             held_out=held_out,
         )

@@ -14,7 +14,7 @@ from slidax.core.errors import DefinitionError
 from .identified_arm import Identification
 from .log_checks import TRAVEL
 from .logs import Conventions, JointLog
-from .regression import mark_moving
+from .regression import ParameterFit, Unknowns, mark_moving
 from .repairs import (
     Repair,
     joint_list,
@@ -173,21 +173,30 @@ SLUGGISH = 2.0
 SURE = 2.0
 """Standard errors by which a parameter must be beyond a bound for a refusal."""
 
+CERTAIN = 3.0
+"""Standard errors by which a prediction may miss the torque; all joints must keep this, so that two are too few."""
+
 
 def judge_result(
-    result: Identification, robot: Articulated, signals: LogSignals, ignored: np.ndarray
+    result: Identification,
+    robot: Articulated,
+    signals: LogSignals,
+    unknowns: Unknowns,
+    fitted: ParameterFit,
+    ignored: np.ndarray,
 ) -> tuple[str, ...]:
     """Check the identified parameters and the prediction, and return warnings.
 
     - `result`: the identification.
     - `robot`: the arm as it was known.
+    - `unknowns`, `fitted`: the equation, and its fit without physical bounds.
     - `ignored`: True for joints whose torques were not used [n].
 
     Raises DefinitionError if no such arm can have a parameter, or the prediction error exceeds the torque.
     """
     warnings: list[str] = []
     _judge_parameters(result, robot, warnings)
-    _judge_prediction(result, robot, signals, ignored, warnings)
+    _judge_prediction(result, robot, signals, unknowns, fitted, ignored, warnings)
     largest = np.abs(result.log.tau).max(axis=0)
     limit = np.asarray(robot.limits.torque)
     for joint in np.nonzero((largest > 1.2 * limit) & ~ignored)[0]:
@@ -203,7 +212,13 @@ def judge_result(
 
 
 def _judge_prediction(
-    result: Identification, robot: Articulated, signals: LogSignals, ignored: np.ndarray, warnings: list[str]
+    result: Identification,
+    robot: Articulated,
+    signals: LogSignals,
+    unknowns: Unknowns,
+    fitted: ParameterFit,
+    ignored: np.ndarray,
+    warnings: list[str],
 ) -> None:
     inner = signals.inner
     size = np.std(result.measured[inner], axis=0) + 1e-12
@@ -219,18 +234,29 @@ def _judge_prediction(
         if silent[joint]:
             warnings.append(f"the torque of joint `{name}` is only noise: the log shows nothing about its drive")
             continue
-        where = "held-out" if result.held_out_rms[joint] >= result.fit_rms[joint] else "fitted"
+        held_out = result.held_out_rms[joint] >= result.fit_rms[joint]
         facts = (
             f"{robot.name} as identified from {result.log.source} predicts the torque of joint `{name}` with an error "
-            f"of {errors[joint]:.3g} in the {where} part; the torque itself varies by {size[joint]:.3g}"
+            f"of {errors[joint]:.3g} in the {'held-out' if held_out else 'fitted'} part; the torque itself varies by "
+            f"{size[joint]:.3g}"
         )
-        if share[joint] > USELESS:
+        if share[joint] <= USELESS:
+            warnings.append(f"{facts}: the arm's file or this torque may be wrong")
+            continue
+        rows = inner & ((np.arange(len(inner)) >= result.split) == held_out)
+        columns = signals.filtered(unknowns.columns[:, joint])[rows]
+        unsure = CERTAIN * float(np.sqrt(np.mean(columns @ fitted.covariance * columns) * columns.shape[1]))
+        explained = fitted.sigma[joint] < 0.5 * size[joint]
+        if not explained or errors[joint] > USELESS * np.hypot(size[joint], unsure):
             raise DefinitionError(
                 f"{facts}. No other sign, scale, joint order, delay or gravity explains it. Is the arm's file right, "
                 f"and did nothing touch the arm? `--links` also identifies its links; `--ignore-torque {name}` leaves "
                 "this torque out"
             )
-        warnings.append(f"{facts}: the arm's file or this torque may be wrong")
+        warnings.append(
+            f"{facts}. The fitted part leaves this torque uncertain by {unsure:.3g}: the log is too short, too slow or "
+            "too noisy to predict it, and the intervals are wide"
+        )
 
 
 def _judge_parameters(result: Identification, robot: Articulated, warnings: list[str]) -> None:

@@ -106,6 +106,22 @@ class Identification:
         except DefinitionError:
             return None
 
+    @cached_property
+    def actuator_map(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """G of the joints' torques `τ = G τ_log`, and its standard errors, both [n n]; None if it is not identified."""
+        if "gain" not in self.estimate.names:
+            return None
+        values, errors = np.zeros((2, self.robot.joints, self.robot.joints))
+        deviations = np.sqrt(np.diag(self.estimate.covariance))
+        for name, joint, value, error in zip(
+            self.estimate.names, self.estimate.joints, self.estimate.theta, deviations, strict=True
+        ):
+            kind, _, other = name.partition("_")
+            if kind in ("gain", "crosstalk"):
+                column = int(other) if other else joint
+                values[joint, column], errors[joint, column] = value, error
+        return values, errors
+
     @property
     def unseen(self) -> tuple[EstimatedParameter, ...]:
         """The parameters that this log does not determine more closely than the prior."""
@@ -184,13 +200,20 @@ UNITS = {
     "viscous": ("N m s/rad", "N s/m"),
     "asymmetry": ("N m s/rad", "N s/m"),
     **dict.fromkeys(("offset", "stribeck", "ripple"), ("N m", "N")),
+    "encoder": ("rad", "m"),
+    **dict.fromkeys(("gain", "crosstalk"), ("", "")),
 }
 """Units of a drive's parameters, for a revolute and for a prismatic joint; `ripple_30_cos` is a `ripple`."""
 
 NOT_OF_ARM = ("offset", "asymmetry", "stribeck", "ripple")
 """Drive parameters that no arm's description has."""
 
-PATHS = {"armature": "nominal.armature", "coulomb": "plant.coulomb", "viscous": "nominal.viscous"}
+PATHS = {
+    "armature": "nominal.armature",
+    "coulomb": "plant.coulomb",
+    "viscous": "nominal.viscous",
+    "encoder_offset": "nominal.zero",
+}
 """Keys of drive parameters in a robot's description."""
 
 BODY_PARAMETERS = (
@@ -353,6 +376,8 @@ def arm_as_yaml(identification: Identification, robot: Mapping[str, Any], folder
         load = identification.robot.payload
         if float(load.mass) > 0:
             nominal["load"] = {"mass": _plain(load.mass), "center": _plain(load.center), "inertia": _six(load.inertia)}
+    if "encoder_offset" in named:
+        nominal["zero"] = _plain(identification.values("encoder_offset") + np.asarray(nominal.get("zero", 0.0)))
     if "link.mass" in named:
         arm = identification.robot
         inertias = [_six(inertia) for inertia in np.asarray(arm.inertias)]
@@ -375,6 +400,10 @@ def arm_as_yaml(identification: Identification, robot: Mapping[str, Any], folder
         lines.append(f"torque_{name}:")
         lines.append(f"  value: {_flow([parameter.value for parameter in own])}")
         lines.append(f"  standard_error: {_flow([parameter.standard_error for parameter in own])}")
+    if identification.actuator_map is not None:
+        values, errors = identification.actuator_map
+        lines += ["actuator:", "  map:", *(f"    - {_short(row)}" for row in values)]
+        lines += ["actuator_map:", "  standard_error:", *(f"    - {_short(row)}" for row in errors)]
     return "\n".join(lines) + "\n"
 
 

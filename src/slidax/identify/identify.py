@@ -15,13 +15,20 @@ from slidax.core.errors import DefinitionError, count_noun
 from .band import EstimateErrors
 from .checks import find_usable_torques, judge_result, require_torques
 from .identified_arm import Identification, estimates_of, identified_robot
+from .instruments import Instruments, in_commands
 from .log_checks import cut_at_gaps, remove_outliers, require_radians
 from .log_files import read_log
-from .logs import FEWEST, Conventions, JointLog
+from .logs import Conventions, JointLog
 from .regression import ParameterFit, Unknowns, consistent_parameters, fit_parameters, unknowns_of
 from .regressor import BODY
 from .signals import LEAST, LogSignals, signals_of
 from .torque_model import BAND, with_gravity_torques
+
+SETTLINGS = 4
+"""Least length of the fitted part between the filter's ends, in settling times of the filter."""
+
+ROUNDS = 5
+"""Linearisations of the equation about the errors of the instruments."""
 
 EXPLAINED = 0.5
 """The band ends where the model leaves more than this share of the torque's power unexplained."""
@@ -38,6 +45,8 @@ def identify(
     asymmetric: bool = False,
     stribeck: float | None = None,
     ripple: Sequence[float] = (),
+    encoder_offset: bool = False,
+    actuator_map: str | None = None,
     cut_off: float | None = None,
     held_out: float = 0.25,
 ) -> Identification:
@@ -64,6 +73,10 @@ def identify(
     - `asymmetric`: True if viscous friction may differ between the two directions.
     - `stribeck`: Stribeck velocity of static friction above Coulomb friction [rad/s or m/s]; by default there is none.
     - `ripple`: periods per turn of torque ripple, such as cogging, that all joints may have; by default there is none.
+    - `encoder_offset`: True if the encoders' zeros are unknown. Gravity shows them, except for a first joint about
+      the vertical, and for a last joint with an unknown payload.
+    - `actuator_map`: `gain` if the torque of each drive is a multiple of the log's, `full` if it is a combination of
+      those of all drives, `τ = G τ_log`. The known masses show the scale of G, so that `links` cannot be True.
     - `cut_off`: cut-off frequency of the filter [Hz]; chosen from the data by default.
     - `held_out`: share at the end of the log that is predicted and not fitted, in (0, 0.9].
 
@@ -76,6 +89,12 @@ def identify(
         raise DefinitionError(f"`stribeck` must be > 0 rad/s, the Stribeck velocity; got {stribeck:g}")
     if not all(np.isfinite(periods) and periods > 0.0 for periods in ripple) or len(set(ripple)) < len(ripple):
         raise DefinitionError(f"`ripple` must be different numbers > 0, periods per turn; got {list(ripple)}")
+    if actuator_map is not None and links:
+        raise DefinitionError(
+            "`actuator_map` needs known masses: all torques and all masses may have a factor in common, which no log "
+            "shows; leave `links` out, so that the masses in the arm's file give the scale"
+        )
+    instruments = Instruments.started(robot.joints, encoder_offset, actuator_map)
     if not isinstance(log, JointLog):
         log = read_log(log, robot.joint_names)
     if len(log.joints) != robot.joints:
@@ -96,24 +115,43 @@ def identify(
     pieces = cut_at_gaps(log, robot)
     log = pieces.log
 
-    def equation(signals: LogSignals) -> Unknowns:
+    def equation(signals: LogSignals, arm: Articulated) -> Unknowns:
         options = {"rotors": rotors, "payload": payload, "links": links, "asymmetric": asymmetric}
-        return unknowns_of(robot, signals, **options, stribeck=stribeck, ripple=ripple, ignored=ignored)
+        return unknowns_of(arm, signals, **options, stribeck=stribeck, ripple=ripple, ignored=ignored)
 
     signals = signals_of(pieces, robot, cut_off)
     split = int((1.0 - held_out) * len(signals.t))
-    _require_long_enough(signals, split, log)
-    unknowns = equation(signals)
+    shortage = _shortage(signals, split, log)
+    if shortage:
+        raise DefinitionError(shortage)
+    unknowns = equation(signals, robot)
     slow = signals if signals.cut_off <= BAND else signals_of(pieces, robot, BAND)
-    require_torques(log, robot, slow, usable, conventions)
+    if not (encoder_offset or actuator_map):
+        require_torques(log, robot, slow, usable, conventions)
     fitted = fit_parameters(unknowns, signals, slice(0, split))
     if cut_off is None:
         band = explained_band(unknowns, signals, fitted, slice(0, split))
         if band < 0.8 * signals.cut_off:
-            signals = signals_of(pieces, robot, band)
-            _require_long_enough(signals, split, log)
-            unknowns = equation(signals)
+            narrow = signals_of(pieces, robot, band)
+            # A short log keeps its wider band: the noise there widens the intervals.
+            if not _shortage(narrow, split, log):
+                signals, unknowns = narrow, equation(narrow, robot)
+                fitted = fit_parameters(unknowns, signals, slice(0, split))
+    if encoder_offset or actuator_map:
+        own, theta = len(unknowns.names), fitted.theta
+        before = np.zeros(0)
+        for _ in range(ROUNDS):
+            arm = instruments.robot(robot)
+            unknowns = instruments.extended(equation(signals, arm), arm, signals, theta[:own])
             fitted = fit_parameters(unknowns, signals, slice(0, split))
+            theta = fitted.theta
+            instruments = instruments.refined(unknowns, theta, log.source)
+            close = 0.02 * np.sqrt(np.diag(fitted.covariance))[own:]
+            if len(before) and (np.abs(theta[own:] - before) < close).all():
+                break
+            before = theta[own:]
+        robot = instruments.robot(robot)
+        require_torques(log, robot, instruments.corrected(slow), usable, conventions)
     theta = consistent_parameters(
         fitted.theta, fitted.information, unknowns.bodies, unknowns.positive, _inside(unknowns, fitted.theta)
     )
@@ -125,6 +163,7 @@ def identify(
     measured = signals.filtered(signals.tau)
     row = np.arange(len(torque))
     warnings = signals.warnings + tuple(sentences)
+    unknowns, fitted, theta = in_commands(unknowns, fitted, theta)
     identification = Identification(
         robot=identified_robot(robot, unknowns, theta),
         parameters=estimates_of(robot, unknowns, fitted, theta),
@@ -145,7 +184,7 @@ def identify(
         seconds=time.perf_counter() - started,
         estimate=EstimateErrors(unknowns.names, unknowns.joints, unknowns.bodies, theta, fitted.covariance),
     )
-    doubts = judge_result(identification, robot, signals, ignored)
+    doubts = judge_result(identification, robot, signals, unknowns, fitted, ignored)
     return replace(identification, warnings=warnings + doubts)
 
 
@@ -171,21 +210,19 @@ def explained_band(unknowns: Unknowns, signals: LogSignals, fitted: ParameterFit
     return float(np.clip(np.median(ends), 2.0 * LEAST, signals.cut_off))
 
 
-def _require_long_enough(signals: LogSignals, split: int, log: JointLog) -> None:
-    """Raise a DefinitionError if the filter leaves too few samples in the fitted part or in the held-out part."""
-    fewest = max(FEWEST // 2, 8 * signals.settled)
-    row = np.arange(len(signals.t))
-    fitted, rest = int(np.sum(signals.inner & (row < split))), int(np.sum(signals.inner & (row >= split)))
-    if fitted >= fewest - 2 * signals.settled and rest >= min(fewest, FEWEST // 2) // 2:
-        return
-    parts = len(signals.pieces)
-    within = f", in {parts} parts without a gap" if parts > 1 else ""
-    raise DefinitionError(
-        f"{log.source} is too short, {len(signals.t) / signals.rate:.3g} s{within}: in a band of "
-        f"{signals.cut_off:.3g} Hz the part that is fitted must have at least {fewest / signals.rate:.3g} s; it has "
-        f"{fitted / signals.rate:.3g} s between the filter's ends, and {rest / signals.rate:.3g} s are held out; "
-        "`--held-out` and `--cut-off` set both"
-    )
+def _shortage(signals: LogSignals, split: int, log: JointLog) -> str:
+    """A sentence if the filter leaves too few samples in the fitted part or in the held-out part; otherwise empty."""
+    row, settled, rate = np.arange(len(signals.t)), signals.settled, signals.rate
+    within = f" in {len(signals.pieces)} parts without a gap" if len(signals.pieces) > 1 else ""
+    for name, rows, fewest in (("fitted", row < split, SETTLINGS * settled), ("held out", row >= split, settled // 2)):
+        count = int(np.sum(signals.inner & rows))
+        if count < fewest:
+            return (
+                f"{log.source} is too short, {len(row) / rate:.3g} s{within}: between the ends of its filter, "
+                f"{settled / rate:.3g} s each in a band of {signals.cut_off:.3g} Hz, the part that is {name} has "
+                f"{count / rate:.3g} s and needs {fewest / rate:.3g} s; `--held-out` and `--cut-off` set both"
+            )
+    return ""
 
 
 def _inside(unknowns: Unknowns, theta: np.ndarray) -> np.ndarray:

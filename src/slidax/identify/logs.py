@@ -9,7 +9,7 @@ import numpy as np
 
 from slidax.core.errors import DefinitionError, nearest_word, plain_name, short_repr
 
-FEWEST = 200
+FEWEST = 100
 """Samples that a log must have."""
 
 
@@ -27,7 +27,7 @@ class JointLog:
     - `dq`: velocities [k n], rad/s or m/s; None if they were not measured.
     - `notes`: sentences about what reading left out or converted.
 
-    Raises DefinitionError if sizes differ, the log has fewer than 200 samples, or a number is not finite.
+    Raises DefinitionError if sizes differ, the log has fewer than 100 samples, or a number is not finite.
     """
 
     source: str

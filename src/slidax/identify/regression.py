@@ -230,6 +230,9 @@ def fit_parameters(unknowns: Unknowns, signals: LogSignals, rows: slice) -> Para
     start = np.append(unknowns.prior / unknowns.scale, 0.0)
     solved = start.copy()
     sigma = np.maximum(np.std(target, axis=0), 1e-12)
+    # With so few equations a joint may fulfil all: its residuals show no noise then.
+    scarce = counts[::every].sum(axis=0) < SCARCE
+    floor = np.where(scarce, 0.5 * part.torque_noise(), 0.0) + 1e-6 * np.std(target, axis=0) + 1e-12
     for _ in range(ROUNDS):
         moved = part.slope(known + columns @ solved[:-1])
         x = np.concatenate([columns, -LAG_SCALE * moved[:, :, None]], axis=2)[::every]
@@ -239,7 +242,7 @@ def fit_parameters(unknowns: Unknowns, signals: LogSignals, rows: slice) -> Para
         solved = start + _solve_regularised(a.reshape(-1, len(start)), (b - a @ start).ravel())
         off = (y - x @ solved) * used
         size = np.maximum(used.sum(axis=0), 1)
-        sigma = np.maximum(np.sqrt((off**2).sum(axis=0) / size), 1e-6 * np.std(target, axis=0) + 1e-12)
+        sigma = np.maximum(np.sqrt((off**2).sum(axis=0) / size), floor)
     data = np.einsum("kip,kiq->pq", a, a)
     identity = np.eye(len(start))
     inverse = _inverse(data + identity)
@@ -262,6 +265,9 @@ def fit_parameters(unknowns: Unknowns, signals: LogSignals, rows: slice) -> Para
         sigma=sigma,
     )
 
+
+SCARCE = 30
+"""Equations of a joint below which its noise is taken from the spectrum above the band, too."""
 
 LAG_SCALE = 0.01
 """Prior standard deviation of the torques' lag [s]."""

@@ -163,6 +163,7 @@ class NominalArm(AbstractDescription):
     """Payload that the law knows, at the tip for the whole run, such as a gripper."""
     links: LinksDescription | None = None
     """Inertial parameters of the links instead of those in the arm's description, as from an identification."""
+    zero: Numbers = input_field("offset of the encoders: true positions minus theirs", "rad or m", default=0.0)
     gravity: Annotated[list[float], Field(min_length=3, max_length=3)] | None = same_field(
         Articulated, "gravity_vector", default=None, source="the arm's description"
     )
@@ -186,6 +187,8 @@ class NominalArm(AbstractDescription):
         if self.links is not None:
             with locate_errors("links"):
                 robot = self.links.applied(robot)
+        if "zero" in self.model_fields_set:
+            robot = robot.with_zero(self._per_joint("zero", robot.joints))
         if self.gravity is not None:
             robot = eqx.tree_at(lambda arm: arm.gravity_vector, robot, as_array(self.gravity))
         if self.load is not None:
@@ -203,7 +206,7 @@ class NominalArm(AbstractDescription):
         if values.shape not in ((), (joints,)):
             message = f"must be one number or one for {each_of(joints, 'joint')}; got {values.shape[0]}"
             raise DefinitionError(message, where=name)
-        if (static_value(values) < 0).any():
+        if name != "zero" and (static_value(values) < 0).any():
             raise DefinitionError(f"must be >= 0; got {getattr(self, name)}", where=name)
         return jnp.broadcast_to(values, (joints,))
 
