@@ -70,6 +70,16 @@ class Path:
         return 2.0 * gram(y, y1)
 
     @cached_property
+    def coriolis_rate(self) -> Floats:
+        """The rate of `2 C` along the motion [N n n]."""
+        y, y1, y2 = self.points.columns
+        return 2.0 * (gram(y1, y1) + gram(y, y2))
+
+    def rows(self, torques: Floats) -> Floats:
+        """Largest of each torque `(A x)_i` over all x of norm 1 [N n], for matrices A [N n n]."""
+        return np.asarray(np.linalg.norm(torques @ self.root, axis=2))
+
+    @cached_property
     def stiffness(self) -> Floats:
         """The derivative P of the inverse dynamics by q [N n n]."""
         y, _, y2 = self.points.columns
@@ -95,8 +105,8 @@ class Path:
 
     @cached_property
     def cover_norms(self) -> PointNorms:
-        """Norms of the cover's points at the centres."""
-        return PointNorms.of(self, self.cover, self.cover_moments)
+        """Norms of the cover's points at the centres, those of products as products of norms."""
+        return PointNorms.of(self, self.cover, self.cover_moments, cover=True)
 
     @cached_property
     def region_norms(self) -> RegionNorms:

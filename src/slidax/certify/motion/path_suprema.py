@@ -34,7 +34,8 @@ class Suprema:
       rate, but for jumps of the acceleration [N]; `band_tube`: further norm by the tube, without ë [N]; `band_torque`:
       |E q̈_d + Δn| per joint along the motion [N n]; `torque_rate`: its rate but for jumps [N n]; `torque_jump`: the sum
       of its jumps [N n].
-    - `band_error`, `band_relative`: |E| and |M0⁻¹ E| by element [N n n].
+    - `band_error`, `band_relative`: |E| and |M0⁻¹ E| by element [N n n]; `band_rows`: largest of `(E x)_i` over all x of
+      norm 1 [N n].
     - `held`: norm of the disturbance by travel within a period that is even about its middle [N]; `odd`: rate of the
       odd part [N]. `reference`: norm of the disturbance by the reference's own miss between samples [N].
     """
@@ -58,6 +59,7 @@ class Suprema:
     torque_rate: Floats
     torque_jump: Floats
     band_error: Floats
+    band_rows: Floats
     band_relative: Floats
     held: Floats
     odd: Floats
@@ -83,10 +85,9 @@ def _suprema(cell: Cell) -> Suprema:
     diagonal, inertia = cell.diagonal, cell.inertia
     inverse = np.abs(path.inverse) + spread[:, None, None] * conversion[:, :, None] * conversion[:, None]
 
-    # Ṁ along the arm's own motion.
-    turn = cell.turn(tube.speed, tube.speed_norm)
-    motion_change = path.change + 2.0 * half * (first**2 + second * cell.whole)
-    change = (motion_change + 2.0 * (drift * first + cell.whole * moved + turn)) * inflated
+    # Ṁ, which is half of 2 C and its transpose, along the motion and the arm's own.
+    motion_change = path.change + cell.coriolis_moved
+    change = (path.change + cell.coriolis_change(tube.speed, tube.speed_norm)) * inflated
 
     # 2 C(q, q̇), and the derivative of the inverse dynamics by q.
     coriolis_shift, stiff_shift = cell.coriolis_shift, cell.stiffness_shift
@@ -177,13 +178,14 @@ def _region_bounds(cell: Cell, change: Floats, motion_change: Floats, conversion
     band_tube = band_tube + (2.0 * cell.whole * cell.drift + cell.drift**2) * inflated * band
 
     # The rate of E along the arm's own motion, and that of M0⁻¹ E.
-    growth = at.growth + 2.0 * half * (cover.first**2 + cover.second * cover.whole)
+    growth = at.growth + cover.coriolis_moved
 
     # E itself: its change along the motion and by the tube, and that of M0⁻¹.
     shift = half * growth + 2.0 * cover.whole * cover.drift + cover.drift**2
     spread = cell.shift * inflated * p * (1.0 + cell.shift)
     inverse, diagonal = cell.conversion[:, :, None], cell.diagonal[:, None]
     band_error = at.error + shift[:, None, None] * cell.diagonal[:, :, None] * diagonal
+    band_rows = (at.error_rows + shift[:, None] * cell.diagonal) * grown[:, None]
     band_relative = at.relative + (shift + spread)[:, None, None] * inverse * diagonal
 
     # The torque per joint.
@@ -209,5 +211,6 @@ def _region_bounds(cell: Cell, change: Floats, motion_change: Floats, conversion
         "torque_rate": torque_rate,
         "torque_jump": torque_jump,
         "band_error": band_error,
+        "band_rows": band_rows,
         "band_relative": band_relative,
     }

@@ -141,15 +141,20 @@ class PointCell:
         gone = self.half * self.speed + self.tube.position
         return self.sums_each(gone)
 
+    @cached_property
+    def coriolis_moved(self) -> Floats:
+        """Norm of the change of `2 YᵀẎ` over the cell, on the motion [N]."""
+        half, whole = self.half, self.whole
+        return half * (
+            self.at.coriolis_rate
+            + half * (3.0 * self.first * self.second + self.third * whole)
+            + 2.0 * whole * self.sums(self.path.cells.jump)
+        )
+
     def coriolis_change(self, speed: Floats, norm: Floats) -> Floats:
         """Norm of the change of `2 YᵀẎ` over cell and tube, for velocities of the tube of these sizes and norm [N]."""
-        half, whole = self.half, self.whole
-        return (
-            half * self.at.coriolis_rate
-            + half**2 * (3.0 * self.first * self.second + self.third * whole)
-            + 2.0 * (self.drift * self.first + whole * self.moved + self.turn(speed, norm))
-            + 2.0 * half * whole * self.sums(self.path.cells.jump)
-        )
+        moved = self.drift * self.first + self.whole * self.moved + self.turn(speed, norm)
+        return self.coriolis_moved + 2.0 * moved
 
     def stiffness_change(self, model: bool) -> Floats:
         """Norms of the changes of the columns of P over cell and tube, without s [N n].
