@@ -114,12 +114,7 @@ class Torques:
         self.weight = weight = cell.diagonal * np.sqrt(1.0 + cell.shift)[:, None]
         diagonals = cell.diagonal[:, :, None] * cell.diagonal[:, None]
         self.coriolis = np.abs(path.coriolis) + cell.coriolis_shift[:, None, None] * diagonals
-        self.coriolis_rows = self.rows(path.coriolis, cell.coriolis_shift)
         self.stiffness = np.abs(path.stiffness) + cell.diagonal[:, :, None] * cell.stiffness_shift[:, None]
-        self.change = self.rows(
-            0.5 * (path.coriolis + path.coriolis.swapaxes(1, 2)),
-            cell.coriolis_change(problem.tube.speed, problem.tube.speed_norm),
-        )
         outputs, norms = bounds.outputs, bounds.norms
         limited = bool(np.all(np.isfinite(inputs.torque_rate)))
         torque, torque_rate = (np.broadcast_to(x, cells.speed.shape) for x in (inputs.torque, inputs.torque_rate))
@@ -131,7 +126,7 @@ class Torques:
             "friction": np.broadcast_to(friction, cells.speed.shape),
             "disturbance": np.zeros_like(torque) if limited else torque,
             "band feedback": np.minimum(
-                at.band_rows * moving[:, None],
+                at.band_torques * moving[:, None],
                 np.einsum("nij,nj->ni", at.band_error, outputs["acceleration"] + problem.unplanned),
             ),
             "prediction": self.moved("position_miss", "velocity_miss") + weight * further[:, None],
@@ -141,11 +136,6 @@ class Torques:
         self.slow_rate = at.torque_rate + (torque_rate if limited else 0.0)
         self.tube = weight * at.band_tube[:, None]
         self.total_norm = bounds.disturbance_norm + p * moving + at.band + problem.pushed_norm
-
-    def rows(self, torques: Floats, shift: Floats) -> Floats:
-        """Largest `|A x|_i` over all x of norm 1 [N n], for a matrix at the centres and a norm of its change."""
-        cell = self.cell
-        return (self.problem.path.rows(torques) + cell.diagonal * shift[:, None]) * cell.grown[:, None]
 
     def commanded(self, name: str) -> dict[str, Floats]:
         """Shares of M0 times an output by name [N n].
@@ -191,7 +181,7 @@ class Torques:
         turning = Lags.of(kernel * ages * np.exp(problem.growth * ages), *problem.cut)
         missed = self.bounds.outputs["position_miss"] + h * h * (h / 8.0 * cells.jerk + 0.25 * cells.jump)
         missed = self.weight * np.sum(at.per_command * missed, axis=1)[:, None]
-        shares["drift"] = turning.past_change(self.change, self.total_norm)
+        shares["drift"] = turning.past_change(at.change_torques, self.total_norm)
         shares["drift"] = shares["drift"] + missed * past(problem.weighted.any_form, self.total_norm[:, None])
         return shares
 
@@ -206,7 +196,7 @@ class Torques:
         """
         outputs, norms = self.bounds.outputs, self.bounds.norms
         turned = np.einsum("nij,nj->ni", self.coriolis, outputs[velocity])
-        turned = np.minimum(turned, self.coriolis_rows * norms[velocity][:, None])
+        turned = np.minimum(turned, self.at.coriolis_torques * norms[velocity][:, None])
         return turned + np.einsum("nij,nj->ni", self.stiffness, outputs[position])
 
     @cached_property
@@ -224,7 +214,7 @@ class Torques:
     def turning(self) -> Floats:
         """Step of `M0 s` as M0 changes in a period [N n]."""
         turned = self.weight * np.sum(self.at.per_command * self.moves[0], axis=1)[:, None]
-        change = self.problem.path.cells.period * self.change + turned
+        change = self.problem.path.cells.period * self.at.change_torques + turned
         return change * self.bounds.norms["command"][:, None]
 
     def state_step(self) -> Floats:
@@ -235,13 +225,14 @@ class Torques:
         outputs, norms, cell, at = self.bounds.outputs, self.bounds.norms, self.cell, self.at
         path, tube, cells = self.problem.path, self.problem.tube, self.problem.path.cells
         h, sums, vectors = cells.period, cell.sums, cell.vectors
-        first, second, turned, place, rate = cell.first, cell.second, cell.moved + cell.slopes[1], tube.position, 0.0
+        first, second, turned, place = cell.first, cell.second, cell.moved + cell.slopes[1], tube.position
         moved, faster, faster_norm = self.moves
         rate = 2.0 * cell.half * (3.0 * first * second + cell.third * cell.whole) + 2.0 * cell.whole * sums(cells.jump)
-        more = sums(place, cell.wide[1], cell.speed) + sums(place, cell.acceleration) + sums(tube.model_speed, cell.speed)
+        more = sums(place, cell.wide[1], cell.speed) + sums(place, cell.acceleration)
+        more = more + sums(tube.model_speed, cell.speed)
         rate = rate + 2.0 * (cell.moved * (first + turned) + first * turned + cell.drift * second + cell.whole * more)
         step = sums(moved) * (first + turned) + cell.whole * sums(moved, cell.wide[1]) + cell.turn(faster, faster_norm)
-        changed = self.rows(h * path.coriolis_rate, h * rate + 2.0 * step) * norms["model_velocity"][:, None]
+        changed = cell.torques(h * path.coriolis_rate, h * rate + 2.0 * step) * norms["model_velocity"][:, None]
         # Steps of the position, velocity and acceleration that the model is given.
         wide, whole, gone = cell.wide[1], cell.acceleration, h * cell.speed + moved
         planned = h * (cell.acceleration + cells.jump)

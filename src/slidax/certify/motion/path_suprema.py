@@ -28,14 +28,15 @@ class Suprema:
       1/s.
     - `coriolis`: norm of `2 C(q, q̇)` [N]; `coriolis_rows`: norms of the rows of `M0⁻¹ 2 C` [N n];
       `coriolis_entries`: `|M0⁻¹ 2 C|` by element [N n n].
+    - `coriolis_torques`, `change_torques`, `band_torques`: largest of `|A x|_i` over all x of norm 1, for 2 C, Ṁ0 and E
+      [N n].
     - `stiffness`, `stiffness_entries`: the same for the derivative of the inverse dynamics by q.
     - `per_command`: norm of its share of the command s, per joint and norm of s [N n].
     - `band`: norm of `M0⁻¹ (E q̈_d + Δn)` along the motion [N]; `band_joints`: per joint [N n]; `band_rate`: norm of its
       rate, but for jumps of the acceleration [N]; `band_tube`: further norm by the tube, without ë [N]; `band_torque`:
       |E q̈_d + Δn| per joint along the motion [N n]; `torque_rate`: its rate but for jumps [N n]; `torque_jump`: the sum
       of its jumps [N n].
-    - `band_error`, `band_relative`: |E| and |M0⁻¹ E| by element [N n n]; `band_rows`: largest of `(E x)_i` over all x of
-      norm 1 [N n].
+    - `band_error`, `band_relative`: |E| and |M0⁻¹ E| by element [N n n].
     - `held`: norm of the disturbance by travel within a period that is even about its middle [N]; `odd`: rate of the
       odd part [N]. `reference`: norm of the disturbance by the reference's own miss between samples [N].
     """
@@ -48,6 +49,8 @@ class Suprema:
     coriolis: Floats
     coriolis_rows: Floats
     coriolis_entries: Floats
+    coriolis_torques: Floats
+    change_torques: Floats
     stiffness: Floats
     stiffness_entries: Floats
     per_command: Floats
@@ -59,7 +62,7 @@ class Suprema:
     torque_rate: Floats
     torque_jump: Floats
     band_error: Floats
-    band_rows: Floats
+    band_torques: Floats
     band_relative: Floats
     held: Floats
     odd: Floats
@@ -75,7 +78,7 @@ def suprema(path: Path, tube: Tube) -> Suprema | None:
 def _suprema(cell: Cell) -> Suprema:
     path, tube, at = cell.path, cell.tube, cell.at
     cells, conversion = path.cells, cell.conversion
-    h, half, along, drift, shift = cells.period, cell.half, cell.along, cell.drift, cell.shift
+    h, along, shift = cells.period, cell.along, cell.shift
     speed, acceleration = cell.speed, cell.acceleration
     first, second, place, moved = cell.first, cell.second, tube.position, cell.moved
     sums, vectors = cell.sums, cell.vectors
@@ -87,7 +90,8 @@ def _suprema(cell: Cell) -> Suprema:
 
     # Ṁ, which is half of 2 C and its transpose, along the motion and the arm's own.
     motion_change = path.change + cell.coriolis_moved
-    change = (path.change + cell.coriolis_change(tube.speed, tube.speed_norm)) * inflated
+    change_shift = cell.coriolis_change(tube.speed, tube.speed_norm)
+    change = (path.change + change_shift) * inflated
 
     # 2 C(q, q̇), and the derivative of the inverse dynamics by q.
     coriolis_shift, stiff_shift = cell.coriolis_shift, cell.stiffness_shift
@@ -137,6 +141,8 @@ def _suprema(cell: Cell) -> Suprema:
         coriolis=coriolis,
         coriolis_rows=coriolis_rows,
         coriolis_entries=coriolis_entries,
+        coriolis_torques=cell.torques(path.coriolis, coriolis_shift),
+        change_torques=cell.torques(0.5 * (path.coriolis + path.coriolis.swapaxes(1, 2)), change_shift),
         stiffness=stiffness,
         stiffness_entries=stiffness_entries,
         per_command=per_command * inflated[:, None],
@@ -185,7 +191,7 @@ def _region_bounds(cell: Cell, change: Floats, motion_change: Floats, conversion
     spread = cell.shift * inflated * p * (1.0 + cell.shift)
     inverse, diagonal = cell.conversion[:, :, None], cell.diagonal[:, None]
     band_error = at.error + shift[:, None, None] * cell.diagonal[:, :, None] * diagonal
-    band_rows = (at.error_rows + shift[:, None] * cell.diagonal) * grown[:, None]
+    band_torques = (at.error_rows + shift[:, None] * cell.diagonal) * grown[:, None]
     band_relative = at.relative + (shift + spread)[:, None, None] * inverse * diagonal
 
     # The torque per joint.
@@ -211,6 +217,6 @@ def _region_bounds(cell: Cell, change: Floats, motion_change: Floats, conversion
         "torque_rate": torque_rate,
         "torque_jump": torque_jump,
         "band_error": band_error,
-        "band_rows": band_rows,
+        "band_torques": band_torques,
         "band_relative": band_relative,
     }

@@ -217,7 +217,7 @@ class PointCell:
 class Cell(PointCell):
     """The nominal arm over the cells and the tube.
 
-    - `shift`: change of M0 relative to the centre's; `tube_shift`: its share by the tube.
+    - `shift`: change of M0 relative to the centre's.
     - `inflated`: factor of a bilinear form from the metric of the centre to the actual one.
     - `diagonal`: √(M0)_ii at the centre [N n]; `inertia`: |M0| by element [N n n].
     - `cover`: the points of the region's cover.
@@ -226,13 +226,13 @@ class Cell(PointCell):
     def __init__(self, path: Path, tube: Tube) -> None:
         super().__init__(path, path.norms, tube)
         place, half, first, sums, whole = tube.position, self.half, self.first, self.sums, self.whole
-        self.tube_shift = (
+        by_tube = (
             2.0 * np.sum(place * self.at.turning, axis=1)
             + 2.0 * half * (sums(place, self.speed) * whole + first * self.drift)
             + sums(place, place) * whole
             + self.drift**2
         )
-        self.shift = half * path.change + half**2 * (first**2 + self.second * whole) + self.tube_shift
+        self.shift = half * path.change + half**2 * (first**2 + self.second * whole) + by_tube
         # `suprema` refuses a larger change.
         self.inflated = 1.0 / (1.0 - np.minimum(self.shift, 0.5))
         self.diagonal = np.sqrt(np.diagonal(path.mass, axis1=1, axis2=2))
@@ -246,6 +246,10 @@ class Cell(PointCell):
             points.grown = np.sqrt(self.inflated)
             points.jump = size_in(path.cells.jump, self.inertia)
             points.jerk = size_in(path.cells.jerk, self.inertia)
+
+    def torques(self, form: Floats, shift: Floats) -> Floats:
+        """Largest `|A x|_i` over all x of norm 1 [N n], for A at the centres [N n n] and the norm of its change [N]."""
+        return np.asarray((self.path.rows(form) + self.diagonal * shift[:, None]) * self.grown[:, None])
 
     @cached_property
     def coriolis_shift(self) -> Floats:
