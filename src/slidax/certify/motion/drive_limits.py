@@ -111,7 +111,7 @@ class Torques:
         self.problem, self.bounds, self.at = problem, bounds, problem.at
         self.cell = cell = Cell(problem.path, problem.tube)
         path, at, inputs, cells, p = problem.path, problem.at, problem.inputs, problem.path.cells, problem.p
-        self.weight = weight = cell.diagonal * np.sqrt(1.0 + cell.shift)[:, None]
+        self.weight = weight = cell.weight
         diagonals = cell.diagonal[:, :, None] * cell.diagonal[:, None]
         self.coriolis = np.abs(path.coriolis) + cell.coriolis_shift[:, None, None] * diagonals
         self.stiffness = np.abs(path.stiffness) + cell.diagonal[:, :, None] * cell.stiffness_shift[:, None]
@@ -232,7 +232,7 @@ class Torques:
         more = more + sums(tube.model_speed, cell.speed)
         rate = rate + 2.0 * (cell.moved * (first + turned) + first * turned + cell.drift * second + cell.whole * more)
         step = sums(moved) * (first + turned) + cell.whole * sums(moved, cell.wide[1]) + cell.turn(faster, faster_norm)
-        changed = cell.torques(h * path.coriolis_rate, h * rate + 2.0 * step) * norms["model_velocity"][:, None]
+        changed = cell.torques(h * path.torques[1], h * rate + 2.0 * step) * norms["model_velocity"][:, None]
         # Steps of the position, velocity and acceleration that the model is given.
         wide, whole, gone = cell.wide[1], cell.acceleration, h * cell.speed + moved
         planned = h * (cell.acceleration + cells.jump)

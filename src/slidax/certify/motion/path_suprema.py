@@ -84,14 +84,18 @@ def _suprema(cell: Cell) -> Suprema:
     sums, vectors = cell.sums, cell.vectors
     inflated, grown = cell.inflated, cell.grown
     spread = shift * inflated
-    conversion_sup = conversion * grown[:, None]
     diagonal, inertia = cell.diagonal, cell.inertia
-    inverse = np.abs(path.inverse) + spread[:, None, None] * conversion[:, :, None] * conversion[:, None]
+    inverse = np.abs(path.inverse) + cell.half * np.abs(path.inverse @ path.rate @ path.inverse)
+    inverse += (cell.rest + shift * spread)[:, None, None] * conversion[:, :, None] * conversion[:, None]
+    conversion_sup = np.sqrt(np.diagonal(inverse, axis1=1, axis2=2))
 
     # Ṁ, which is half of 2 C and its transpose, along the motion and the arm's own.
     motion_change = path.change + cell.coriolis_moved
     change_shift = cell.coriolis_change(tube.speed, tube.speed_norm)
     change = (path.change + change_shift) * inflated
+
+    # Rows know more of their change at the centre than its norm.
+    (turn, turn_rate, rate, rate_rate), known = path.torques, cell.half * at.coriolis_rate
 
     # 2 C(q, q̇), and the derivative of the inverse dynamics by q.
     coriolis_shift, stiff_shift = cell.coriolis_shift, cell.stiffness_shift
@@ -141,8 +145,8 @@ def _suprema(cell: Cell) -> Suprema:
         coriolis=coriolis,
         coriolis_rows=coriolis_rows,
         coriolis_entries=coriolis_entries,
-        coriolis_torques=cell.torques(path.coriolis, coriolis_shift),
-        change_torques=cell.torques(0.5 * (path.coriolis + path.coriolis.swapaxes(1, 2)), change_shift),
+        coriolis_torques=cell.torques(turn + cell.half * turn_rate, coriolis_shift - known),
+        change_torques=cell.torques(rate + cell.half * rate_rate, change_shift - known),
         stiffness=stiffness,
         stiffness_entries=stiffness_entries,
         per_command=per_command * inflated[:, None],
@@ -161,7 +165,6 @@ def _region_bounds(cell: Cell, change: Floats, motion_change: Floats, conversion
     """
     path, cover, tube, at = cell.path, cell.cover, cell.tube, cell.path.region_norms
     p, half, inflated, grown = path.region.p, cell.half, cell.inflated, cell.grown
-    weight = cell.diagonal * np.sqrt(1.0 + cell.shift)[:, None]
 
     # The torque of the band along the motion, and its rate, in the metric of the centre.
     rate_change = (
@@ -191,7 +194,7 @@ def _region_bounds(cell: Cell, change: Floats, motion_change: Floats, conversion
     spread = cell.shift * inflated * p * (1.0 + cell.shift)
     inverse, diagonal = cell.conversion[:, :, None], cell.diagonal[:, None]
     band_error = at.error + shift[:, None, None] * cell.diagonal[:, :, None] * diagonal
-    band_torques = (at.error_rows + shift[:, None] * cell.diagonal) * grown[:, None]
+    band_torques = cell.torques(at.error_rows + half * at.error_rates, shift - half * at.growth)
     band_relative = at.relative + (shift + spread)[:, None, None] * inverse * diagonal
 
     # The torque per joint.
@@ -199,10 +202,12 @@ def _region_bounds(cell: Cell, change: Floats, motion_change: Floats, conversion
         np.einsum("nij,nj->ni", band_error, part) for part in (path.cells.jerk, path.cells.jump)
     )
     torque_rate = (
-        at.torque_rate + weight * rate_change[:, None] + np.minimum(torque_rate, weight * (p * cell.jerk)[:, None])
+        at.torque_rate
+        + cell.weight * rate_change[:, None]
+        + np.minimum(torque_rate, cell.weight * (p * cell.jerk)[:, None])
     )
-    torque_jump = np.minimum(torque_jump, weight * jump[:, None])
-    band_torque = at.torque + np.minimum(half * torque_rate, weight * (half * rate)[:, None]) + torque_jump
+    torque_jump = np.minimum(torque_jump, cell.weight * jump[:, None])
+    band_torque = at.torque + np.minimum(half * torque_rate, cell.weight * (half * rate)[:, None]) + torque_jump
 
     growth = growth + np.sum(at.slopes * tube.speed, axis=1)
     further = cover.whole * (cover.crossed(tube.speed) + cover.moved) + cover.along * cover.sums(tube.speed)

@@ -217,9 +217,9 @@ class PointCell:
 class Cell(PointCell):
     """The nominal arm over the cells and the tube.
 
-    - `shift`: change of M0 relative to the centre's.
+    - `shift`: change of M0 relative to the centre's; `rest`: its share but for Ṁ0 at the centre.
     - `inflated`: factor of a bilinear form from the metric of the centre to the actual one.
-    - `diagonal`: √(M0)_ii at the centre [N n]; `inertia`: |M0| by element [N n n].
+    - `diagonal`, `weight`: √(M0)_ii at the centre, and its largest value [N n]; `inertia`: |M0| by element [N n n].
     - `cover`: the points of the region's cover.
     """
 
@@ -232,13 +232,14 @@ class Cell(PointCell):
             + sums(place, place) * whole
             + self.drift**2
         )
-        self.shift = half * path.change + half**2 * (first**2 + self.second * whole) + by_tube
+        self.rest = half**2 * (first**2 + self.second * whole) + by_tube
+        self.shift = half * path.change + self.rest
         # `suprema` refuses a larger change.
         self.inflated = 1.0 / (1.0 - np.minimum(self.shift, 0.5))
         self.diagonal = np.sqrt(np.diagonal(path.mass, axis1=1, axis2=2))
-        self.inertia = np.abs(path.mass) + (
-            self.shift[:, None, None] * self.diagonal[:, :, None] * self.diagonal[:, None]
-        )
+        self.inertia = np.abs(path.mass) + half * np.abs(path.rate)
+        self.inertia += self.rest[:, None, None] * self.diagonal[:, :, None] * self.diagonal[:, None]
+        self.weight = np.sqrt(np.diagonal(self.inertia, axis1=1, axis2=2))
         self.reach = np.ones_like(self.shift)
         self.cover = PointCell(path, path.cover_norms, tube)
         self.cover.reach = self.cover.whole
@@ -247,9 +248,12 @@ class Cell(PointCell):
             points.jump = size_in(path.cells.jump, self.inertia)
             points.jerk = size_in(path.cells.jerk, self.inertia)
 
-    def torques(self, form: Floats, shift: Floats) -> Floats:
-        """Largest `|A x|_i` over all x of norm 1 [N n], for A at the centres [N n n] and the norm of its change [N]."""
-        return np.asarray((self.path.rows(form) + self.diagonal * shift[:, None]) * self.grown[:, None])
+    def torques(self, rows: Floats, shift: Floats) -> Floats:
+        """Largest `|A x|_i` over all x of norm 1 [N n].
+
+        - `rows`: that of the centres [N n], with what is known there of its change. `shift`: norm of A's further change.
+        """
+        return np.asarray((rows + self.diagonal * shift[:, None]) * self.grown[:, None])
 
     @cached_property
     def coriolis_shift(self) -> Floats:
