@@ -81,7 +81,7 @@ class Moves:
     """The model's arguments at a sample and at the one before: places between -1 and 1 of what the bounds allow."""
 
     def __init__(self, name: str, seed: int, starts: int) -> None:
-        self.arm, motion, certified, _ = case(name, seed)
+        self.arm, _, certified, _ = case(name, seed)
         bounds, cells, rng = certified.bounds, certified.path.cells, np.random.default_rng(seed)
         torques = Torques(certified.solution.problem, bounds)
         cell = rng.integers(len(cells.q), size=starts)
@@ -104,7 +104,7 @@ class Moves:
         return np.einsum("ndk,nd->nk", y, points.acceleration) + rotors * ddq, y.swapaxes(1, 2) @ y + np.diag(rotors)
 
     def ratios(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Torque of the model off the plan without s, and its step with that of M0 times s, relative to their bounds."""
+        """Torque of the model off the plan without s, and its step with that of `M0 s`, relative to their bounds."""
         (q, dq, ddq), repeat = self.plan, len(places) // len(self.step)
         q, dq, ddq = (np.repeat(part, repeat, axis=0) for part in (q, dq, ddq))
         planned, masses = zip(*(self.model(q[:, k], dq[:, k], ddq[:, k]) for k in range(2)), strict=True)
@@ -121,8 +121,8 @@ class Moves:
             apart.append(torque - planned[k])
             inertias.append(inertia)
         step = apart[1] - apart[0] + np.einsum("nij,nj->ni", inertias[1] - inertias[0], command)
-        bounds = (np.repeat(part, repeat, axis=0) for part in (self.state, self.step))
-        return tuple(np.abs(value) / bound for value, bound in zip((apart[1], step), bounds, strict=True))  # type: ignore[return-value]
+        state, whole = (np.repeat(part, repeat, axis=0) for part in (self.state, self.step))
+        return np.abs(apart[1]) / state, np.abs(step) / whole
 
     def climb(self, which: int, rounds: int) -> float:
         """The largest ratio after rounds in which each place goes to the end that makes it larger."""

@@ -251,7 +251,8 @@ class Cell(PointCell):
     def torques(self, rows: Floats, shift: Floats) -> Floats:
         """Largest `|A x|_i` over all x of norm 1 [N n].
 
-        - `rows`: that of the centres [N n], with what is known there of its change. `shift`: norm of A's further change.
+        - `rows`: that of the centres [N n], with what is known there of its change.
+        - `shift`: norm of A's further change [N].
         """
         return np.asarray((rows + self.diagonal * shift[:, None]) * self.grown[:, None])
 
