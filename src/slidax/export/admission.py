@@ -156,7 +156,7 @@ class _Numbers:
             "TINY": fixed_point.TINY,
             "TUBES": tube_search.TUBES,
             "PASSES": tube_search.PASSES,
-            "TIGHTENED": tube_search.TIGHTENED,
+            "TIGHTENING": tube_search.ROUNDS,
             "WIDE": tube_search.WIDE,
             "WIDE_TUBES": tube_search.WIDE_TUBES,
             "CONTINUOUS": CONTINUOUS,

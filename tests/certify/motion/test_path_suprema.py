@@ -84,6 +84,8 @@ QUANTITIES: dict[str, Callable[[Point], np.ndarray]] = {
     "coriolis": lambda at: at.norm(at.coriolis),
     "coriolis_rows": lambda at: np.linalg.norm(at.inverse @ at.coriolis @ at.root, axis=2),
     "coriolis_entries": lambda at: np.abs(at.inverse @ at.coriolis),
+    "coriolis_torques": lambda at: np.linalg.norm(at.coriolis @ at.root, axis=2),
+    "change_torques": lambda at: np.linalg.norm(at.rate @ at.root, axis=2),
     "stiffness": lambda at: at.norm(at.stiffness),
     "stiffness_entries": lambda at: np.abs(at.inverse @ at.stiffness),
     "per_command": lambda at: at.by_joints,

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import jax
@@ -109,38 +110,32 @@ class Torques:
         """Compute the torques."""
         self.problem, self.bounds, self.at = problem, bounds, problem.at
         self.cell = cell = Cell(problem.path, problem.tube)
-        at, inputs, cells, p = problem.at, problem.inputs, problem.path.cells, problem.p
-        self.weight = weight = cell.diagonal * np.sqrt(1.0 + cell.shift)[:, None]
+        path, at, inputs, cells, p = problem.path, problem.at, problem.inputs, problem.path.cells, problem.p
+        self.weight = weight = cell.weight
         diagonals = cell.diagonal[:, :, None] * cell.diagonal[:, None]
-        self.coriolis = np.abs(problem.path.coriolis) + cell.coriolis_shift[:, None, None] * diagonals
-        self.stiffness = np.abs(problem.path.stiffness) + cell.diagonal[:, :, None] * cell.stiffness_shift[:, None]
+        self.coriolis = np.abs(path.coriolis) + cell.coriolis_shift[:, None, None] * diagonals
+        self.stiffness = np.abs(path.stiffness) + cell.diagonal[:, :, None] * cell.stiffness_shift[:, None]
         outputs, norms = bounds.outputs, bounds.norms
-        acceleration = p * (norms["acceleration"] + problem.acting)
         limited = bool(np.all(np.isfinite(inputs.torque_rate)))
         torque, torque_rate = (np.broadcast_to(x, cells.speed.shape) for x in (inputs.torque, inputs.torque_rate))
         friction = inputs.coulomb + inputs.viscous_error * cells.speed
         friction = friction + inputs.viscous * (bounds.velocity + 0.5 * cells.period * cells.acceleration)
         further = np.sum(at.per_command * outputs["position_miss"], axis=1) * norms["command"]
-        velocity = np.einsum("nij,nj->ni", self.coriolis, outputs["velocity_miss"])
-        position = np.einsum("nij,nj->ni", self.stiffness, outputs["position_miss"])
+        moving = norms["acceleration"] + problem.acting
         self.acting = {
             "friction": np.broadcast_to(friction, cells.speed.shape),
             "disturbance": np.zeros_like(torque) if limited else torque,
             "band feedback": np.minimum(
-                weight * acceleration[:, None],
+                at.band_torques * moving[:, None],
                 np.einsum("nij,nj->ni", at.band_error, outputs["acceleration"] + problem.unplanned),
             ),
-            "prediction": (
-                np.minimum(weight * (at.coriolis * norms["velocity_miss"])[:, None], velocity)
-                + np.minimum(weight * (at.stiffness * norms["position_miss"])[:, None], position)
-                + weight * further[:, None]
-            ),
+            "prediction": self.moved("position_miss", "velocity_miss") + weight * further[:, None],
             "sampling": weight * (at.held + at.reference)[:, None],
         }
         self.slow = at.band_torque + (torque if limited else 0.0)
         self.slow_rate = at.torque_rate + (torque_rate if limited else 0.0)
         self.tube = weight * at.band_tube[:, None]
-        self.total_norm = bounds.disturbance_norm + acceleration + at.band + problem.pushed_norm
+        self.total_norm = bounds.disturbance_norm + p * moving + at.band + problem.pushed_norm
 
     def commanded(self, name: str) -> dict[str, Floats]:
         """Shares of M0 times an output by name [N n].
@@ -153,6 +148,9 @@ class Torques:
 
         def past(lags: Lags, values: Floats, which: int = i) -> Floats:
             return lags.past(values)[..., which]
+
+        def weighed(joints: Floats) -> Floats:
+            return np.einsum("nij,nj->ni", at.inertia, joints)
 
         shares = {key: past(table.any_form, value) for key, value in self.acting.items()}
         # A slow w is followed: s = -w + (s + w), and the step of s is that of -w and of s + w.
@@ -167,32 +165,24 @@ class Torques:
         moving = moving + table.step.since(begun)[..., i]
         shares["inertial band"] = np.minimum(past(table.any_form, self.slow), moving)
         shares["inertial band"] = shares["inertial band"] + past(table.any_form, self.tube)
-        noise = np.einsum("nij,j->ni", at.inertia, np.broadcast_to(0.5 * inputs.resolution, shape[1:]))
-        shares["encoder"] = past(table.noise, noise)
-        pulse = np.einsum("nij,nj->ni", at.inertia, cells.pulse) + self.weight * (h**3 / 12.0 * at.odd)[:, None]
-        shares["sampling"] = shares["sampling"] + past(table.pulse, pulse)
+        shares["encoder"] = weighed(past(table.noise, np.broadcast_to(0.5 * inputs.resolution, shape)))
+        odd = past(problem.weighted.pulse, (h**3 / 12.0 / (1.0 - problem.p) * at.odd)[:, None])
+        shares["sampling"] = shares["sampling"] + weighed(past(table.pulse, cells.pulse)) + self.weight * odd
         starts = np.zeros((3, *shape))
         missed = 0.0 if inputs.settled else 0.5 * inputs.resolution
-        starts[:, 0] = np.stack(np.broadcast_arrays(inputs.start_error, inputs.start_speed, missed)) @ at.inertia[0].T
-        shares["start"] = (
-            table.start_error.since(starts[0]) + table.start_speed.since(starts[1]) + table.start_miss.since(starts[2])
-        )[..., i]
-        # M0 now less M0 when w acted, in the metric.
-        kernels = problem.stacks["nominal"].summed
-        ages = h * (1.0 + np.arange(len(kernels)))
-        turned = np.expm1(2.0 * problem.growth * ages) + float(np.max(self.cell.tube_shift))
-        turning = {
-            kind: Lags.of(kernels[:, SUMMED.index(kind), i, None] * turned[:, None], *problem.cut)
-            for kind in ("any_form", "noise", "goal")
-        }
-        drift = turning["any_form"].past(self.total_norm[:, None])[..., 0]
-        rounding = size_in(np.broadcast_to(0.5 * inputs.resolution, shape), at.inertia)
-        drift = drift + turning["noise"].past(rounding[:, None])[..., 0]
+        starts[:, 0] = np.stack(np.broadcast_arrays(inputs.start_error, inputs.start_speed, missed))
+        begins = table.start_error, table.start_speed, table.start_miss
+        shares["start"] = weighed(sum(lags.since(start)[..., i] for lags, start in zip(begins, starts, strict=True)))
         if problem.hand_over is not None:
-            goal = problem.hand_over.goal(self.bounds.outputs["led"])
-            shares["hand-over"] = past(table.goal, np.einsum("nij,nj->ni", at.inertia, goal))
-            drift = drift + turning["goal"].past(size_in(goal, at.inertia)[:, None])[..., 0]
-        shares["drift"] = self.weight * drift
+            shares["hand-over"] = weighed(past(table.goal, problem.hand_over.goal(self.bounds.outputs["led"])))
+        # M0 where the model is evaluated, less M0 of the arm when w acted.
+        kernel = problem.stacks["nominal"].summed[:, SUMMED.index("any_form"), i, None]
+        ages = (h * (1.0 + np.arange(len(kernel))))[:, None]
+        turning = Lags.of(kernel * ages * np.exp(problem.growth * ages), *problem.cut)
+        missed = self.bounds.outputs["position_miss"] + h * h * (h / 8.0 * cells.jerk + 0.25 * cells.jump)
+        missed = self.weight * np.sum(at.per_command * missed, axis=1)[:, None]
+        shares["drift"] = turning.past_change(at.change_torques, self.total_norm)
+        shares["drift"] = shares["drift"] + missed * past(problem.weighted.any_form, self.total_norm[:, None])
         return shares
 
     def state(self) -> Floats:
@@ -200,63 +190,70 @@ class Torques:
         return self.moved("model_position", "model_velocity")
 
     def moved(self, position: str, velocity: str) -> Floats:
-        """Torque of the model by a move of where it is evaluated [N n]: by element, or in the metric.
+        """Torque of the model, without s, by a move of where it is evaluated [N n].
 
         - `position`, `velocity`: names of the outputs that bound the move.
         """
-        outputs, norms, at = self.bounds.outputs, self.bounds.norms, self.at
-        further = np.sum(at.per_command * outputs[position], axis=1) * norms["command"]
+        outputs, norms = self.bounds.outputs, self.bounds.norms
         turned = np.einsum("nij,nj->ni", self.coriolis, outputs[velocity])
-        bent = np.einsum("nij,nj->ni", self.stiffness, outputs[position])
-        return (
-            np.minimum(turned, self.weight * (at.coriolis * norms[velocity])[:, None])
-            + np.minimum(bent, self.weight * (at.stiffness * norms[position])[:, None])
-            + self.weight * further[:, None]
-        )
+        turned = np.minimum(turned, self.at.coriolis_torques * norms[velocity][:, None])
+        return turned + np.einsum("nij,nj->ni", self.stiffness, outputs[position])
+
+    @cached_property
+    def moves(self) -> tuple[Floats, Floats, Floats]:
+        """Steps of the model's deviation from the motion: of position and velocity [N n], and of this in norm [N].
+
+        The plan is evaluated at a mean velocity, whose rate is that of the motion but for these shares.
+        """
+        cells, h = self.problem.path.cells, self.problem.path.cells.period
+        place, speed = self.bounds.outputs["model_position_step"], self.bounds.outputs["model_velocity_step"]
+        off = h * (0.5 * h * cells.jerk + cells.jump)
+        norm = self.bounds.norms["model_velocity_step"] + size_in(off, self.at.inertia)
+        return place + h * off, speed + off, norm
 
     def turning(self) -> Floats:
         """Step of `M0 s` as M0 changes in a period [N n]."""
-        change = np.expm1(2.0 * self.problem.growth * self.problem.path.cells.period)
-        return self.weight * (change * self.bounds.norms["command"])[:, None]
+        turned = self.weight * np.sum(self.at.per_command * self.moves[0], axis=1)[:, None]
+        change = self.problem.path.cells.period * self.at.change_torques + turned
+        return change * self.bounds.norms["command"][:, None]
 
     def state_step(self) -> Floats:
-        """Step of the model's torque by where it is evaluated [N n]: by its move, and by the change of the model.
+        """Step of the model's torque, without s, by where it is evaluated [N n]: by its move, and by that of the model.
 
-        P is linear in the acceleration a that the model is given, with the derivatives of M0. So the step of a changes
-        column j of P by `‖∂_j M0 Δa‖` at most, which `per_command` bounds.
+        `2 C` changes as along the motion at the centre, and by the move; P by the norms of its columns.
         """
-        outputs, norms, cell = self.bounds.outputs, self.bounds.norms, self.cell
-        cells = self.problem.path.cells
-        h, along = cells.period, cell.along
-        position = outputs["model_position"]
-        moves = outputs["model_position_step"], outputs["model_velocity_step"]
-        sums, vectors = cell.sums, cell.vectors
+        outputs, norms, cell, at = self.bounds.outputs, self.bounds.norms, self.cell, self.at
+        path, tube, cells = self.problem.path, self.problem.tube, self.problem.path.cells
+        h, sums, vectors = cells.period, cell.sums, cell.vectors
+        first, second, turned, place = cell.first, cell.second, cell.moved + cell.slopes[1], tube.position
+        moved, faster, faster_norm = self.moves
+        rate = 2.0 * cell.half * (3.0 * first * second + cell.third * cell.whole) + 2.0 * cell.whole * sums(cells.jump)
+        more = sums(place, cell.wide[1], cell.speed) + sums(place, cell.acceleration)
+        more = more + sums(tube.model_speed, cell.speed)
+        rate = rate + 2.0 * (cell.moved * (first + turned) + first * turned + cell.drift * second + cell.whole * more)
+        step = sums(moved) * (first + turned) + cell.whole * sums(moved, cell.wide[1]) + cell.turn(faster, faster_norm)
+        changed = cell.torques(h * path.torques[1], h * rate + 2.0 * step) * norms["model_velocity"][:, None]
         # Steps of the position, velocity and acceleration that the model is given.
-        gone = h * cell.wide[1] + moves[0]
-        faster = h * cell.acceleration + cells.jump + moves[1]
-        faster_norm = size_in(h * cell.acceleration + cells.jump, self.at.inertia) + norms["model_velocity_step"]
-        pushed = size_in(h * cells.jerk + cells.jump, self.at.inertia) + norms["command_step"]
-        wide = cell.wide[1]
-        whole = cell.acceleration + outputs["command"]
-        force = cell.force + cell.forces[1] + norms["command"]
-        force_step = vectors(gone, wide, wide) + vectors(gone, whole)
-        force_step = force_step + 2.0 * (cell.first + cell.moved + cell.slopes[1]) * faster_norm * cell.grown
-        turn = cell.turn(faster, faster_norm)
-        coriolis = 2.0 * (sums(gone) * (cell.first + cell.slopes[1]) + (1.0 + along) * sums(gone, wide) + turn)
+        wide, whole, gone = cell.wide[1], cell.acceleration, h * cell.speed + moved
+        planned = h * (cell.acceleration + cells.jump)
+        faster_norm = faster_norm + size_in(planned, at.inertia)
+        pushed = size_in(h * cells.jerk + cells.jump, at.inertia)
+        force, force_step = cell.force + cell.forces[1], vectors(gone, wide, wide) + vectors(gone, whole)
+        force_step = force_step + 2.0 * (first + turned) * faster_norm * cell.grown
         stiffness = (
             cell.sums_each(gone) * force[:, None]
             + cell.outer * force_step[:, None]
             + sums(gone)[:, None] * (cell.vectors_each(wide, wide) + cell.vectors_each(whole))
-            + (1.0 + along)[:, None]
+            + (1.0 + cell.along)[:, None]
             * (
                 cell.vectors_each(gone, wide, wide)
                 + cell.vectors_each(gone, whole)
                 + 2.0 * cell.sums_each(wide) * (faster_norm * cell.grown)[:, None]
             )
         )
-        stiffness = stiffness + self.at.per_command * pushed[:, None]
-        changed = np.sum(stiffness * position, axis=1) + coriolis * norms["model_velocity"] * cell.grown
-        return self.moved("model_position_step", "model_velocity_step") + self.weight * changed[:, None]
+        stiffness = stiffness + at.per_command * pushed[:, None]
+        changed = changed + self.weight * np.sum(stiffness * outputs["model_position"], axis=1)[:, None]
+        return self.moved("model_position_step", "model_velocity_step") + changed
 
 
 def drive_verdict(

@@ -41,6 +41,21 @@ class Lags:
         sums[-1] = np.maximum(sums[-1], lasting + values.max(axis=0)[:, None] * self.weights[-1])
         return sums
 
+    def past_change(self, rates: Floats, sizes: Floats) -> Floats:
+        """Return `Σ_j weights_j sizes_{m-j} rates` [N k] for one output, with the largest rate from then to now.
+
+        - `rates`: [N k]; `sizes`: [N]. Both are taken as in `past`.
+        """
+        weights, count = self.weights[:, 0], len(self.weights) - 1
+        older = np.maximum(np.arange(len(sizes))[:, None] - np.arange(count + 1), 0)
+        both, sums, reach = np.maximum(sizes[older[:, :-1]], sizes[older[:, 1:]]), np.zeros_like(rates), rates
+        for j in range(count):
+            reach = np.maximum(reach, rates[older[:, j + 1]])
+            sums = sums + (weights[j] * both[:, j])[:, None] * reach
+        lasting = weights[:-1].sum() * sizes[-count - 1 :].max() * rates[-count - 1 :].max(axis=0)
+        sums[-1] = np.maximum(sums[-1], lasting)
+        return np.asarray(sums + weights[count] * sizes.max() * rates.max(axis=0))
+
     def since(self, sizes: Floats) -> Floats:
         """Return the same for steps, of which there is none before the first cell."""
         return self._sums(sizes, np.zeros_like(sizes[:1]), sizes.sum(axis=0))

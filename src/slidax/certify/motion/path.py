@@ -60,14 +60,26 @@ class Path:
     @cached_property
     def change(self) -> Floats:
         """Norm of Ṁ0 [N]."""
-        y, y1, _ = (part @ self.root for part in self.points.columns)
-        return spectral_norm(gram(y, y1) + gram(y1, y))
+        return spectral_norm(self.root.swapaxes(1, 2) @ self.rate @ self.root)
 
     @cached_property
     def coriolis(self) -> Floats:
         """`2 C` [N n n]."""
         y, y1, _ = self.points.columns
         return 2.0 * gram(y, y1)
+
+    @cached_property
+    def rate(self) -> Floats:
+        """Ṁ0, which is half of 2 C and its transpose [N n n]."""
+        return np.asarray(0.5 * (self.coriolis + self.coriolis.swapaxes(1, 2)))
+
+    @cached_property
+    def torques(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """Largest `(A x)_i` over all x of norm 1 [N n], for 2 C and its rate, and for Ṁ0 and its rate."""
+        y, y1, y2 = self.points.columns
+        turn = 2.0 * (gram(y1, y1) + gram(y, y2))
+        forms = self.coriolis, turn, self.rate, 0.5 * (turn + turn.swapaxes(1, 2))
+        return tuple(np.linalg.norm(form @ self.root, axis=2) for form in forms)  # type: ignore[return-value]
 
     @cached_property
     def stiffness(self) -> Floats:
@@ -95,8 +107,8 @@ class Path:
 
     @cached_property
     def cover_norms(self) -> PointNorms:
-        """Norms of the cover's points at the centres."""
-        return PointNorms.of(self, self.cover, self.cover_moments)
+        """Norms of the cover's points at the centres, those of products as products of norms."""
+        return PointNorms.of(self, self.cover, self.cover_moments, cover=True)
 
     @cached_property
     def region_norms(self) -> RegionNorms:

@@ -265,7 +265,7 @@ class Pieces(AbstractPieces):
         piece = np.clip(np.searchsorted(self.knots, middle) - 1, 0, len(self.knots) - 2)
         inside = (middle > self.knots[0]) & (middle < self.knots[-1])
         local = [np.clip(side - self.knots[piece], 0.0, None) for side in (nodes[:-1], nodes[1:])]
-        cell = np.minimum((middle / (ticks[1] - ticks[0]) / per_cell).astype(int), (len(ticks) - 1) // per_cell - 1)
+        begins = np.searchsorted(nodes[:-1], ticks[:-1:per_cell])
         results = []
         for order in (1, 2, 3):
             # The second derivative is itself at most its values at the ends and its own departure from its chord.
@@ -276,9 +276,7 @@ class Pieces(AbstractPieces):
                 bend = bend + factor * widths ** (extra - 2) * ends
             bend = np.where(inside[:, None], bend, 0.0)
             value = np.maximum(np.abs(begin[order]), np.abs(end[order])) + widths**2 / 8.0 * bend
-            largest = np.zeros(((len(ticks) - 1) // per_cell, value.shape[1]))
-            np.maximum.at(largest, cell, value)
-            results.append(largest)
+            results.append(np.maximum.reduceat(value, begins, axis=0))
         return results
 
 

@@ -43,24 +43,35 @@ class PointNorms:
     bend: Floats
 
     @classmethod
-    def of(cls, path: Path, points: PointMotion, moments: PointMoments) -> PointNorms:
-        """Compute the norms at the centres of a path's cells."""
+    def of(cls, path: Path, points: PointMotion, moments: PointMoments, *, cover: bool = False) -> PointNorms:
+        """Compute the norms at the centres of a path's cells.
+
+        - `cover`: True for points that bound errors `-C <= ΔJ <= C`: an inner product with ΔJ is at most the product of
+          the norms, and may be larger than that with C.
+        """
         root, pairs = path.root, path.pairs
         y = points.columns[0]
         unit, unit1, unit2 = (part @ root for part in points.columns)
         before = path.bodies.before
         behind = before[None, :, :, None] & before[None, :, None, :]
         parts = np.where(behind, gram(y, y)[:, None], 0.0)
-        slopes_each, slopes_norm = moments.slopes(pairs, path.inverse, root)
-        turning_each, turning_norm = moments.turning(pairs, path.inverse, root)
+        size, first, second = spectral_norm(unit), spectral_norm(unit1), spectral_norm(unit2)
+        slopes, slopes_norm = moments.slopes(pairs, path.inverse, root)
+        if cover:
+            coriolis, rate = size * first, first**2 + size * second
+            turning, turning_norm = size[:, None] * slopes, size * slopes_norm
+        else:
+            coriolis = spectral_norm(gram(unit, unit1))
+            rate = spectral_norm(gram(unit1, unit1) + gram(unit, unit2))
+            turning, turning_norm = moments.turning(pairs, path.inverse, root)
         return cls(
-            size=spectral_norm(unit),
-            first=spectral_norm(unit1),
-            second=spectral_norm(unit2),
-            coriolis=2.0 * spectral_norm(gram(unit, unit1)),
-            coriolis_rate=2.0 * spectral_norm(gram(unit1, unit1) + gram(unit, unit2)),
-            slopes=slopes_each,
-            turning=turning_each,
+            size=size,
+            first=first,
+            second=second,
+            coriolis=2.0 * coriolis,
+            coriolis_rate=2.0 * rate,
+            slopes=slopes,
+            turning=turning,
             slopes_norm=slopes_norm,
             turning_norm=turning_norm,
             outer=np.sqrt(np.maximum(np.einsum("nkij,nij->nk", parts, path.inverse), 0.0)),

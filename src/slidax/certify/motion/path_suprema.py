@@ -28,6 +28,8 @@ class Suprema:
       1/s.
     - `coriolis`: norm of `2 C(q, q̇)` [N]; `coriolis_rows`: norms of the rows of `M0⁻¹ 2 C` [N n];
       `coriolis_entries`: `|M0⁻¹ 2 C|` by element [N n n].
+    - `coriolis_torques`, `change_torques`, `band_torques`: largest of `|A x|_i` over all x of norm 1, for 2 C, Ṁ0 and E
+      [N n].
     - `stiffness`, `stiffness_entries`: the same for the derivative of the inverse dynamics by q.
     - `per_command`: norm of its share of the command s, per joint and norm of s [N n].
     - `band`: norm of `M0⁻¹ (E q̈_d + Δn)` along the motion [N]; `band_joints`: per joint [N n]; `band_rate`: norm of its
@@ -47,6 +49,8 @@ class Suprema:
     coriolis: Floats
     coriolis_rows: Floats
     coriolis_entries: Floats
+    coriolis_torques: Floats
+    change_torques: Floats
     stiffness: Floats
     stiffness_entries: Floats
     per_command: Floats
@@ -58,6 +62,7 @@ class Suprema:
     torque_rate: Floats
     torque_jump: Floats
     band_error: Floats
+    band_torques: Floats
     band_relative: Floats
     held: Floats
     odd: Floats
@@ -73,20 +78,24 @@ def suprema(path: Path, tube: Tube) -> Suprema | None:
 def _suprema(cell: Cell) -> Suprema:
     path, tube, at = cell.path, cell.tube, cell.at
     cells, conversion = path.cells, cell.conversion
-    h, half, along, drift, shift = cells.period, cell.half, cell.along, cell.drift, cell.shift
+    h, along, shift = cells.period, cell.along, cell.shift
     speed, acceleration = cell.speed, cell.acceleration
     first, second, place, moved = cell.first, cell.second, tube.position, cell.moved
     sums, vectors = cell.sums, cell.vectors
     inflated, grown = cell.inflated, cell.grown
     spread = shift * inflated
-    conversion_sup = conversion * grown[:, None]
     diagonal, inertia = cell.diagonal, cell.inertia
-    inverse = np.abs(path.inverse) + spread[:, None, None] * conversion[:, :, None] * conversion[:, None]
+    inverse = np.abs(path.inverse) + cell.half * np.abs(path.inverse @ path.rate @ path.inverse)
+    inverse += (cell.rest + shift * spread)[:, None, None] * conversion[:, :, None] * conversion[:, None]
+    conversion_sup = np.sqrt(np.diagonal(inverse, axis1=1, axis2=2))
 
-    # Ṁ along the arm's own motion.
-    turn = cell.turn(tube.speed, tube.speed_norm)
-    motion_change = path.change + 2.0 * half * (first**2 + second * cell.whole)
-    change = (motion_change + 2.0 * (drift * first + cell.whole * moved + turn)) * inflated
+    # Ṁ, which is half of 2 C and its transpose, along the motion and the arm's own.
+    motion_change = path.change + cell.coriolis_moved
+    change_shift = cell.coriolis_change(tube.speed, tube.speed_norm)
+    change = (path.change + change_shift) * inflated
+
+    # Rows know more of their change at the centre than its norm.
+    (turn, turn_rate, rate, rate_rate), known = path.torques, cell.half * at.coriolis_rate
 
     # 2 C(q, q̇), and the derivative of the inverse dynamics by q.
     coriolis_shift, stiff_shift = cell.coriolis_shift, cell.stiffness_shift
@@ -136,6 +145,8 @@ def _suprema(cell: Cell) -> Suprema:
         coriolis=coriolis,
         coriolis_rows=coriolis_rows,
         coriolis_entries=coriolis_entries,
+        coriolis_torques=cell.torques(turn + cell.half * turn_rate, coriolis_shift - known),
+        change_torques=cell.torques(rate + cell.half * rate_rate, change_shift - known),
         stiffness=stiffness,
         stiffness_entries=stiffness_entries,
         per_command=per_command * inflated[:, None],
@@ -154,7 +165,6 @@ def _region_bounds(cell: Cell, change: Floats, motion_change: Floats, conversion
     """
     path, cover, tube, at = cell.path, cell.cover, cell.tube, cell.path.region_norms
     p, half, inflated, grown = path.region.p, cell.half, cell.inflated, cell.grown
-    weight = cell.diagonal * np.sqrt(1.0 + cell.shift)[:, None]
 
     # The torque of the band along the motion, and its rate, in the metric of the centre.
     rate_change = (
@@ -177,13 +187,14 @@ def _region_bounds(cell: Cell, change: Floats, motion_change: Floats, conversion
     band_tube = band_tube + (2.0 * cell.whole * cell.drift + cell.drift**2) * inflated * band
 
     # The rate of E along the arm's own motion, and that of M0⁻¹ E.
-    growth = at.growth + 2.0 * half * (cover.first**2 + cover.second * cover.whole)
+    growth = at.growth + cover.coriolis_moved
 
     # E itself: its change along the motion and by the tube, and that of M0⁻¹.
     shift = half * growth + 2.0 * cover.whole * cover.drift + cover.drift**2
     spread = cell.shift * inflated * p * (1.0 + cell.shift)
     inverse, diagonal = cell.conversion[:, :, None], cell.diagonal[:, None]
     band_error = at.error + shift[:, None, None] * cell.diagonal[:, :, None] * diagonal
+    band_torques = cell.torques(at.error_rows + half * at.error_rates, shift - half * at.growth)
     band_relative = at.relative + (shift + spread)[:, None, None] * inverse * diagonal
 
     # The torque per joint.
@@ -191,10 +202,12 @@ def _region_bounds(cell: Cell, change: Floats, motion_change: Floats, conversion
         np.einsum("nij,nj->ni", band_error, part) for part in (path.cells.jerk, path.cells.jump)
     )
     torque_rate = (
-        at.torque_rate + weight * rate_change[:, None] + np.minimum(torque_rate, weight * (p * cell.jerk)[:, None])
+        at.torque_rate
+        + cell.weight * rate_change[:, None]
+        + np.minimum(torque_rate, cell.weight * (p * cell.jerk)[:, None])
     )
-    torque_jump = np.minimum(torque_jump, weight * jump[:, None])
-    band_torque = at.torque + np.minimum(half * torque_rate, weight * (half * rate)[:, None]) + torque_jump
+    torque_jump = np.minimum(torque_jump, cell.weight * jump[:, None])
+    band_torque = at.torque + np.minimum(half * torque_rate, cell.weight * (half * rate)[:, None]) + torque_jump
 
     growth = growth + np.sum(at.slopes * tube.speed, axis=1)
     further = cover.whole * (cover.crossed(tube.speed) + cover.moved) + cover.along * cover.sums(tube.speed)
@@ -209,5 +222,6 @@ def _region_bounds(cell: Cell, change: Floats, motion_change: Floats, conversion
         "torque_rate": torque_rate,
         "torque_jump": torque_jump,
         "band_error": band_error,
+        "band_torques": band_torques,
         "band_relative": band_relative,
     }

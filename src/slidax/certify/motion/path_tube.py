@@ -141,15 +141,20 @@ class PointCell:
         gone = self.half * self.speed + self.tube.position
         return self.sums_each(gone)
 
+    @cached_property
+    def coriolis_moved(self) -> Floats:
+        """Norm of the change of `2 YᵀẎ` over the cell, on the motion [N]."""
+        half, whole = self.half, self.whole
+        return half * (
+            self.at.coriolis_rate
+            + half * (3.0 * self.first * self.second + self.third * whole)
+            + 2.0 * whole * self.sums(self.path.cells.jump)
+        )
+
     def coriolis_change(self, speed: Floats, norm: Floats) -> Floats:
         """Norm of the change of `2 YᵀẎ` over cell and tube, for velocities of the tube of these sizes and norm [N]."""
-        half, whole = self.half, self.whole
-        return (
-            half * self.at.coriolis_rate
-            + half**2 * (3.0 * self.first * self.second + self.third * whole)
-            + 2.0 * (self.drift * self.first + whole * self.moved + self.turn(speed, norm))
-            + 2.0 * half * whole * self.sums(self.path.cells.jump)
-        )
+        moved = self.drift * self.first + self.whole * self.moved + self.turn(speed, norm)
+        return self.coriolis_moved + 2.0 * moved
 
     def stiffness_change(self, model: bool) -> Floats:
         """Norms of the changes of the columns of P over cell and tube, without s [N n].
@@ -212,28 +217,29 @@ class PointCell:
 class Cell(PointCell):
     """The nominal arm over the cells and the tube.
 
-    - `shift`: change of M0 relative to the centre's; `tube_shift`: its share by the tube.
+    - `shift`: change of M0 relative to the centre's; `rest`: its share but for Ṁ0 at the centre.
     - `inflated`: factor of a bilinear form from the metric of the centre to the actual one.
-    - `diagonal`: √(M0)_ii at the centre [N n]; `inertia`: |M0| by element [N n n].
+    - `diagonal`, `weight`: √(M0)_ii at the centre, and its largest value [N n]; `inertia`: |M0| by element [N n n].
     - `cover`: the points of the region's cover.
     """
 
     def __init__(self, path: Path, tube: Tube) -> None:
         super().__init__(path, path.norms, tube)
         place, half, first, sums, whole = tube.position, self.half, self.first, self.sums, self.whole
-        self.tube_shift = (
+        by_tube = (
             2.0 * np.sum(place * self.at.turning, axis=1)
             + 2.0 * half * (sums(place, self.speed) * whole + first * self.drift)
             + sums(place, place) * whole
             + self.drift**2
         )
-        self.shift = half * path.change + half**2 * (first**2 + self.second * whole) + self.tube_shift
+        self.rest = half**2 * (first**2 + self.second * whole) + by_tube
+        self.shift = half * path.change + self.rest
         # `suprema` refuses a larger change.
         self.inflated = 1.0 / (1.0 - np.minimum(self.shift, 0.5))
         self.diagonal = np.sqrt(np.diagonal(path.mass, axis1=1, axis2=2))
-        self.inertia = np.abs(path.mass) + (
-            self.shift[:, None, None] * self.diagonal[:, :, None] * self.diagonal[:, None]
-        )
+        self.inertia = np.abs(path.mass) + half * np.abs(path.rate)
+        self.inertia += self.rest[:, None, None] * self.diagonal[:, :, None] * self.diagonal[:, None]
+        self.weight = np.sqrt(np.diagonal(self.inertia, axis1=1, axis2=2))
         self.reach = np.ones_like(self.shift)
         self.cover = PointCell(path, path.cover_norms, tube)
         self.cover.reach = self.cover.whole
@@ -241,6 +247,14 @@ class Cell(PointCell):
             points.grown = np.sqrt(self.inflated)
             points.jump = size_in(path.cells.jump, self.inertia)
             points.jerk = size_in(path.cells.jerk, self.inertia)
+
+    def torques(self, rows: Floats, shift: Floats) -> Floats:
+        """Largest `|A x|_i` over all x of norm 1 [N n].
+
+        - `rows`: that of the centres [N n], with what is known there of its change.
+        - `shift`: norm of A's further change [N].
+        """
+        return np.asarray((rows + self.diagonal * shift[:, None]) * self.grown[:, None])
 
     @cached_property
     def coriolis_shift(self) -> Floats:

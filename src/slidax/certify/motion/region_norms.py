@@ -34,7 +34,8 @@ class RegionNorms:
     - `rate`: norm of M0⁻¹ times the rate of T without `E q⃛` [N]; `torque_rate`: that rate per joint [N n].
     - `coriolis`: norm of `∂T/∂q̇` [N]; `stiffness`: norms of the columns of `∂T/∂q` [N n].
     - `growth`: norm of Ė [N]; `slopes`: norms of ∂_j E [N n].
-    - `error`, `relative`: |E|_ij and |M0⁻¹ E|_ij by element [N n n].
+    - `error`, `relative`: |E|_ij and |M0⁻¹ E|_ij by element [N n n]; `error_rows`, `error_rates`: largest of
+      `(E x)_i` and `(Ė x)_i` over all x of norm 1 [N n].
     """
 
     torque: Floats
@@ -47,6 +48,8 @@ class RegionNorms:
     growth: Floats
     slopes: Floats
     error: Floats
+    error_rows: Floats
+    error_rates: Floats
     relative: Floats
 
     @classmethod
@@ -82,6 +85,8 @@ class RegionNorms:
             growth=2.0 * at.size * np.minimum(at.first, relative),
             slopes=2.0 * at.size[:, None] * slopes,
             error=arms.swapaxes(1, 2) @ arms,
+            error_rows=np.linalg.norm(arms, axis=1) * bound[:, None],
+            error_rates=np.linalg.norm(y1, axis=1) * at.size[:, None] + np.linalg.norm(y, axis=1) * at.first[:, None],
             relative=levers.swapaxes(1, 2) @ arms,
         )
 
@@ -124,23 +129,31 @@ def _over_ellipsoid(path: Path, some: slice) -> dict[str, Floats]:
         square = transposed @ (forms.reshape(count, n, -1) @ right.swapaxes(1, 2)) @ root
         return np.sqrt(np.maximum(np.linalg.eigvalsh(square)[:, -1], 0.0))
 
+    def largest_rows(rows: Floats) -> Floats:
+        """The same for the torques of each joint, [N n] from [N n n r]."""
+        return largest((transposed[:, None] @ rows).reshape(count * n, n, -1)).reshape(count, n)
+
     coriolis, slopes = np.zeros_like(error), []
     for j in range(n):
         # Γ_ijk in the order (k, i).
         slope = turned[:, pairs.inner[j], pairs.outer[j]] * pairs.known[j][:, None, None]
         coriolis[:, :, j] = (dq[:, None] @ slope.reshape(count, n, -1)).reshape(count, n, -1)
         slopes.append(largest_form(slope + slope.swapaxes(1, 2)))
+    turn = 2.0 * np.minimum(largest_form(coriolis), largest_form(coriolis.swapaxes(1, 2)))
+    coriolis = coriolis + coriolis.swapaxes(1, 2)
     return {
         "torque": np.linalg.norm(torque, axis=2),
         "joints": np.linalg.norm(inverse @ torque, axis=2),
         "force": largest(transposed @ torque),
         "rate": largest(transposed @ rate),
         "torque_rate": np.linalg.norm(rate, axis=2),
-        "coriolis": 2.0 * np.minimum(largest_form(coriolis), largest_form(coriolis.swapaxes(1, 2))),
-        "stiffness": largest((transposed[:, None] @ stiffness).reshape(count * n, n, -1)).reshape(count, n),
-        "growth": largest_form(coriolis + coriolis.swapaxes(1, 2)),
+        "coriolis": turn,
+        "stiffness": largest_rows(stiffness),
+        "growth": largest_form(coriolis),
         "slopes": np.stack(slopes, axis=1),
         "error": np.linalg.norm(error, axis=3),
+        "error_rows": largest_rows(error),
+        "error_rates": np.linalg.norm(transposed[:, None] @ coriolis, axis=(2, 3)),
         "relative": np.linalg.norm(relative, axis=3),
     }
 

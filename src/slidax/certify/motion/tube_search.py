@@ -17,8 +17,8 @@ from .path_tube import Tube
 TUBES = 16
 """Tubes that are tried."""
 
-PASSES, TIGHTENED = 8, 1e-4
-"""Times that verified bounds are tightened, at most; and the relative change of the error that ends it."""
+PASSES, ROUNDS = 3, 3
+"""Times that verified bounds are tightened by a narrower tube, and rounds in each."""
 
 WIDE, WIDE_TUBES = 1.25, 2
 """Factor on the first tubes that are tried, and their number; the bounds in them are tightened afterwards."""
@@ -101,11 +101,8 @@ def _tightened(solution: Solution, needed: Tube) -> Solution:
         if at is None:
             break
         last = Problem(last.loop, last.path, last.inputs, at, needed, last.hand_over)
-        before = float(bounds.error.max())
-        for _ in range(3):
+        for _ in range(ROUNDS):
             bounds = replace(last.round(bounds), verified=True)
-        if float(bounds.error.max()) > (1.0 - TIGHTENED) * before:
-            break
         needed = tube_of(bounds, last.path, last.loop.period, at)
     return Solution(bounds, last)
 
