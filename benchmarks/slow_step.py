@@ -5,41 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 
 from slidax import scenarios, simulate
-from slidax.arms import AbstractRobot
-from slidax.plant import AbstractDisturbance
+from slidax.core import Scalar, State, Vector
+from slidax.simulation import Plant
 
 
-class LibraryPlant(eqx.Module):
-    """A plant as `slidax.Plant`, but for its solve.
+class LibraryPlant(Plant):
+    """A plant that solves for the acceleration by `jnp.linalg.solve`."""
 
-    - `robot`: M, C, G.
-    - `disturbance`: the forces from outside.
-    - `sensor`, `actuator`: none.
-    """
-
-    robot: AbstractRobot
-    disturbance: AbstractDisturbance
-    sensor: None = None
-    actuator: None = None
-
-    def at(self, t: Any) -> AbstractRobot:
-        """The robot, which carries nothing.
-
-        - `t`: time [s].
-        """
-        return self.robot
-
-    def acceleration(self, t: Any, state: Any, tau: Any) -> Any:
-        """`M⁻¹ (τ + τ_d - C q̇ - G)` by `jnp.linalg.solve`.
-
-        - `t`: time [s].
-        - `state`: positions and velocities.
-        - `tau`: torque of the controller.
-        """
+    def acceleration(self, t: Scalar, state: State, tau: Vector) -> Vector:
+        """`M⁻¹ (τ + τ_d - C q̇ - G)`, [n], rad/s² or m/s²; the arm has no friction and carries nothing."""
         force = tau + self.disturbance(t, state) - self.robot.bias(state.q, state.dq)
         return jnp.linalg.solve(self.robot.mass(state.q), force)
 
@@ -51,7 +28,7 @@ def contestant(changes: dict[str, Any], compile_s: dict[str, float]) -> Callable
     - `compile_s`: where the time to compile is noted.
     """
     scenario = scenarios.load("example-4.1", changes)
-    plant: Any = LibraryPlant(scenario.plant.robot, scenario.plant.disturbance)
+    plant = LibraryPlant(scenario.plant.robot, scenario.plant.disturbance)
 
     def run() -> Any:
         return simulate(
