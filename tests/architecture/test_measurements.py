@@ -3,6 +3,7 @@
 import ast
 import importlib
 import importlib.util
+import re
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -28,3 +29,12 @@ def test_measurements_import_names_that_exist():
                 names = [alias.name for alias in node.names if not exists(str(node.module), alias.name)]
                 missing += [f"{path.relative_to(ROOT)}, line {node.lineno}: {node.module}.{name}" for name in names]
     assert not missing
+
+
+def test_each_measurement_is_a_function_of_a_script():
+    command = (ROOT / "scripts" / "measure").read_text(encoding="utf-8")
+    places = re.findall(r'^    "[\w-]+": "(\w+)\.(\w+)",$', command, re.MULTILINE)
+    assert len(places) > 40
+    for module, function in places:
+        text = (ROOT / "scripts" / "figures" / f"{module}.py").read_text(encoding="utf-8")
+        assert f"\ndef {function}(" in text, f"{module}.{function}"
