@@ -131,10 +131,10 @@ def variables(css):
 @pytest.mark.parametrize("colours", [0, 1], ids=["light", "dark"])
 def test_text_of_a_report_contrasts_with_its_ground(colours):
     css = (TEMPLATES / "page.css").read_text(encoding="utf-8")
-    found = variables(css)[colours]
+    colour = variables(css)[colours]
     for ink in ("ink", "lead", "soft", "link", "good", "near", "bad"):
         for ground in ("ground", "faint"):
-            assert contrast(found[ink], found[ground]) >= 4.5, (ink, ground)
+            assert contrast(colour[ink], colour[ground]) >= 4.5, (ink, ground)
 
 
 @pytest.mark.parametrize("template", sorted(TEMPLATES.glob("*.j2")), ids=lambda path: path.name)

@@ -335,8 +335,8 @@ def _box(paths: list[np.ndarray], goal: np.ndarray) -> tuple[np.ndarray, np.ndar
     """The corners of the picture: a path may exceed the desired one by at most its size, a start by twice as much."""
     reach = np.ptp(goal, axis=0).max() or 1.0
     near = [path[0] for path in paths if np.abs(path[0] - goal[0]).max() < 2.0 * reach]
-    seen = np.concatenate([goal, *(start[None] for start in near)])
-    low, high = seen.min(axis=0), seen.max(axis=0)
+    shown = np.concatenate([goal, *(start[None] for start in near)])
+    low, high = shown.min(axis=0), shown.max(axis=0)
     for path in paths:
         low = np.minimum(low, np.maximum(np.nanmin(path, axis=0), goal.min(axis=0) - reach))
         high = np.maximum(high, np.minimum(np.nanmax(path, axis=0), goal.max(axis=0) + reach))

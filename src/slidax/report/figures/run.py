@@ -230,7 +230,7 @@ def error_sizes(runs: Mapping[str, Run], *, levels: Mapping[str, Sequence[float]
     lowest = min((min(level) for level in (levels or {}).values()), default=np.inf)
     if lowest <= panels[0].get_ylim()[0]:
         for axes in panels:
-            axes.set_ylim(bottom=10.0 ** (np.ceil(np.log10(lowest)) - 1.0))
+            axes.set_ylim(bottom=0.1 * lowest)
     for i, (axes, unit) in enumerate(zip(panels, first.joint_units, strict=True)):
         for log, line in zip(logs, LINES, strict=False):
             axes.plot(*thin_curve(np.asarray(log.t), np.abs(np.asarray(log.e)[:, i])), **{**line, "linewidth": 0.9})
