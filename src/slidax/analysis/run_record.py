@@ -185,6 +185,8 @@ def require_explainable(scenario: Scenario) -> SampledData:
             "a simulated log has the links' positions, and the law measured the motors': set "
             "`transmission.elasticity.encoder: link` for a diagnosis"
         )
+    if scenario.description.actuator.map or scenario.description.actuator.true_map:
+        raise DefinitionError("a diagnosis takes commands for the joints' torques: leave `actuator.map` out")
     if isinstance(law, SampledData):
 
         def envelope(t: Scalar) -> Envelope | None:

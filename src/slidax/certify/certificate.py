@@ -169,6 +169,9 @@ class Certificate(Generic[Options]):
                 "not applicable: no certificate of an arm covers LuGre friction or elastic joints; `statistical` tests "
                 "them, and without `transmission` in the file this certificate applies"
             )
+        drives = scenario.description.actuator
+        if drives.map or drives.true_map:
+            return "not applicable: no certificate covers a map of the drives; `statistical` tests `actuator.true_map`"
         own = family_of(scenario)
         families = [to_canonical(family) for family in other_sets] or ([] if own is None else [own])
         blocks = {

@@ -87,6 +87,7 @@ class GuardedStep(AbstractController):
     - `gate`: rejects measurements that the arm cannot have produced; None for a sampled-data law, which has its own.
     - `period`: time between two samples [s], > 0; None: the law's own, if it is a sampled-data law.
     - `limits`: limits of torque and torque rate; None: the law's own, likewise.
+    - `command_limits`: limits of the commands, if the drives have a map; None: those of the torques.
     - `reads`: inputs that the law reads, such as `now.dq`: all others may be anything.
 
     Signals: those of the law, `rho` if it has an envelope, and `status`; all 0 but `status` while the command is held.
@@ -98,6 +99,7 @@ class GuardedStep(AbstractController):
     period: Scalar | None
     limits: TorqueLimits | None
     reads: frozenset[str] = eqx.field(static=True)
+    command_limits: TorqueLimits | None = None
 
     @staticmethod
     def around(
@@ -114,8 +116,11 @@ class GuardedStep(AbstractController):
         wide: TorqueLimits = jax.tree.map(lambda x: jnp.broadcast_to(x, (n,)), limits)
         reads = arrays_read(controller)
         if isinstance(controller, SampledData):
-            own = eqx.tree_at(lambda law: (law.limits, law.gate), controller, (wide, _per_joint(controller.gate, n)))
-            return GuardedStep(own, None, None, None, reads)
+            own = eqx.tree_at(lambda law: law.gate, controller, _per_joint(controller.gate, n))
+            if own.drives is not None:
+                # The law keeps those of the joints' torques.
+                return GuardedStep(own, None, None, None, reads, wide)
+            return GuardedStep(eqx.tree_at(lambda law: law.limits, own, wide), None, None, None, reads)
         if gate is None:
             nominal = getattr(controller, "nominal", None)
             gate = MeasurementGate() if nominal is None else MeasurementGate.of_arm(nominal)
@@ -189,7 +194,9 @@ class GuardedStep(AbstractController):
         tau, gate = memory.tau, None
         if isinstance(self.controller, SampledData):
             # Earlier commands count for the rate limit, and still act during the dead time.
-            torques = jnp.where(memory.commanded, memory.tau, law.torques)
+            drives = self.controller.drives
+            given = memory.tau if drives is None else drives.torque(memory.tau)
+            torques = jnp.where(memory.commanded, given, law.torques)
             law = eqx.tree_at(lambda law: law.torques, law, torques)
         else:
             nominal = getattr(self.controller, "nominal", None)
@@ -234,7 +241,7 @@ class GuardedStep(AbstractController):
 
         # The arm's weight before the first command.
         held = self._within(memory.tau)
-        tau = self._part("limits")(command.tau, held, period)
+        tau = self._limits(command.tau, held, period)
         if isinstance(self.controller, SampledData):
             # Its own memory has the torque from which its first command is limited.
             tau = jnp.where(memory.commanded, tau, self._within(command.tau))
@@ -310,7 +317,7 @@ class GuardedStep(AbstractController):
         return StepMemory(off, off, zero, tau, held=zero, stop=off, outside=zero, law=law, gate=gate)
 
     def _within(self, tau: Vector) -> Vector:
-        largest = self._part("limits").torque
+        largest = self._limits.torque
         # Not by `clip`: a limit that is NaN changes nothing.
         return jnp.where(tau > largest, largest, jnp.where(tau < -largest, -largest, tau))
 
@@ -318,6 +325,12 @@ class GuardedStep(AbstractController):
         """The period, limits or gate: the step's own, or those that it shares with a sampled-data law."""
         own = getattr(self, name)
         return getattr(self.controller, name) if own is None else own
+
+    @property
+    def _limits(self) -> TorqueLimits:
+        """Limits of the commands."""
+        limits: TorqueLimits = self._part("limits")
+        return limits if self.command_limits is None else self.command_limits
 
     @property
     def _velocity(self) -> bool:

@@ -132,6 +132,11 @@ def weight_by_robot(scenario: Scenario) -> Scenario:
             f"a robot that compensates its own gravity must be an articulated arm, as from `slidax.arms.panda()`; "
             f"`{scenario.name}` has a {type(plant.robot).__name__}"
         )
+    if plant.actuator is not None and plant.actuator.map is not None:
+        raise DefinitionError(
+            "a robot that compensates its own gravity adds torques behind the map of its drives: leave `actuator.map` "
+            "out"
+        )
     limits = _limits(plant)
     weight = np.abs(_weights(scenario, arms[0] if arms else plant.robot)).max(axis=0)
     torque = np.maximum(np.asarray(limits.torque) - weight, LEAST * np.asarray(limits.torque))

@@ -8,6 +8,7 @@ Read first: `sensors.py`, `actuators.py`, `disturbances.py`, `transmissions.py`.
 """
 
 from .actuators import Actuator as Actuator
+from .actuators import ActuatorMap as ActuatorMap
 from .actuators import TorqueLimits as TorqueLimits
 from .disturbances import AbstractDisturbance as AbstractDisturbance
 from .disturbances import Constant as Constant

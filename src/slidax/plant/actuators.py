@@ -1,16 +1,20 @@
-"""Actuators: torque and rate limits, dead time and a first-order lag."""
+"""Actuators: torque and rate limits, dead time, a first-order lag, gains and cross-talk."""
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
+from slidax.core.errors import DefinitionError, as_array, static_value
+from slidax.core.linear_algebra import matvec
 from slidax.core.parameter import parameter, piece
 from slidax.core.part import AbstractPart
-from slidax.core.types import PerJoint, Scalar, Vector
+from slidax.core.types import Matrix, PerJoint, Scalar, Vector
 
 
 class TorqueLimits(AbstractPart):
@@ -38,11 +42,57 @@ class TorqueLimits(AbstractPart):
         return jnp.clip(tau, lower, upper)
 
 
+class ActuatorMap(AbstractPart):
+    """Torques of the joints by the drives' commands, `τ = G c`: gains on the diagonal, cross-talk beside it."""
+
+    matrix: Matrix = parameter("G", "N m or N per N m or N")
+    inverse: Matrix = parameter("G⁻¹")
+
+    @classmethod
+    def of(cls, matrix: Any) -> ActuatorMap:
+        """Return the map with its inverse.
+
+        - `matrix`: G [n n].
+
+        Raises DefinitionError if it is not square, or its diagonal is not larger than the rest of each row.
+        """
+        gains = static_value(as_array(matrix))
+        if gains.ndim != 2 or gains.shape[0] != gains.shape[1] or not np.isfinite(gains).all():
+            raise DefinitionError(f"must be a square matrix of finite numbers; got shape {list(gains.shape)}")
+        rest = np.abs(gains).sum(axis=1) - 2.0 * np.diag(gains)
+        if (rest >= 0.0).any():
+            row = int(np.argmax(rest))
+            raise DefinitionError(
+                f"each gain must exceed the sum of its row's cross-talk; in row {row + 1} the gain is "
+                f"{gains[row, row]:g} and the cross-talk {np.abs(gains[row]).sum() - np.abs(gains[row, row]):g}"
+            )
+        return cls(as_array(gains), as_array(np.linalg.inv(gains)))
+
+    def torque(self, command: Vector) -> Vector:
+        """Return the torques of the joints for a command, both [n], N m or N."""
+        return matvec(self.matrix, command)
+
+    def command(self, tau: Vector) -> Vector:
+        """Return the command for torques of the joints, both [n], N m or N."""
+        return matvec(self.inverse, tau)
+
+    def within(self, limits: TorqueLimits) -> TorqueLimits:
+        """Return limits of the joints' torques whose commands keep the given limits for every combination of signs."""
+
+        def box(limit: PerJoint) -> Vector:
+            size = jnp.diagonal(self.matrix) * limit
+            used = jnp.where(jnp.isfinite(limit), jnp.abs(self.inverse) @ jnp.where(jnp.isfinite(size), size, 0.0), 0.0)
+            # A little less, so that rounding does not reach the limit.
+            return size * (1.0 - 1e-9) / jnp.maximum(jnp.max(used / limit), 1.0)
+
+        return TorqueLimits(box(limits.torque), box(limits.rate))
+
+
 class ActuatorMemory(eqx.Module):
     """Memory of an `Actuator`.
 
     - `commands`: the last commands [m n], newest first, N m or N.
-    - `lagged`: torque on the joint at the start of the period [n], N m or N.
+    - `lagged`: command after dead time and lag at the start of the period [n], N m or N.
     """
 
     commands: Float[Array, "m n"]
@@ -66,6 +116,7 @@ class Actuator(AbstractPart):
         static=True,
         converter=float,
     )
+    map: ActuatorMap | None = piece("torques of the joints by commands; None if they are equal", default=None)
 
     @property
     def change(self) -> float:
@@ -75,10 +126,14 @@ class Actuator(AbstractPart):
     def init(self, tau: Vector) -> ActuatorMemory:
         """Return the memory of a drive in steady state at a torque, clipped to its limits.
 
-        - `tau`: torque [n], N m or N.
+        - `tau`: torque of the joints [n], N m or N.
         """
-        tau = jnp.clip(tau, -self.limits.torque, self.limits.torque)
+        tau = jnp.clip(self.command(tau), -self.limits.torque, self.limits.torque)
         return ActuatorMemory(commands=jnp.broadcast_to(tau, (math.ceil(self.dead_time) + 1, *tau.shape)), lagged=tau)
+
+    def command(self, tau: Vector) -> Vector:
+        """Return the command for torques of the joints, both [n], N m or N."""
+        return tau if self.map is None else self.map.command(tau)
 
     def set(self, tau: Vector, period: Scalar, memory: ActuatorMemory) -> tuple[Vector, ActuatorMemory]:
         """Set a command at a sample. Returns the limited command, [n], N m or N, and the memory after it.
@@ -87,7 +142,7 @@ class Actuator(AbstractPart):
         - `period`: time since the last sample, and to the next [s], > 0.
         - `memory`: from `init`, or from `set` at the last sample.
         """
-        lagged = self.delivered(memory, period, period)
+        lagged = self._lagged(memory, period, period)
         limited = self.limits(tau, memory.commands[0], period)
         return limited, ActuatorMemory(commands=jnp.concatenate([limited[None], memory.commands[:-1]]), lagged=lagged)
 
@@ -98,6 +153,11 @@ class Actuator(AbstractPart):
         - `elapsed`: time since that sample [s], in [0, period].
         - `period`: time between two samples [s], > 0.
         """
+        lagged = self._lagged(memory, elapsed, period)
+        return lagged if self.map is None else self.map.torque(lagged)
+
+    def _lagged(self, memory: ActuatorMemory, elapsed: Scalar, period: Scalar) -> Vector:
+        """The command after dead time and lag."""
         if not self.change:
             return self._lag_response(memory.commands[-1], memory.lagged, elapsed)
         until = self.change * period

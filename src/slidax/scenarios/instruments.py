@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,8 +13,10 @@ from pydantic import Field
 
 from slidax.arms.arm import AbstractRobot, JointLimits
 from slidax.core.errors import DefinitionError, as_array, is_traced, locate_errors, require_joints, static_value
+from slidax.law.controllers import AbstractController
 from slidax.law.error_transformations import PrescribedPerformance
-from slidax.plant.actuators import Actuator, TorqueLimits
+from slidax.law.sampled.controller import SampledData
+from slidax.plant.actuators import Actuator, ActuatorMap, TorqueLimits
 from slidax.plant.disturbances import AbstractDisturbance, Sum
 from slidax.plant.noise import as_integer
 from slidax.plant.sensors import AbstractSensor, Delayed, DifferencedEncoders, Encoders, Exact, Lossy
@@ -130,6 +133,16 @@ class ActuatorDescription(AbstractDescription):
     rate: Numbers | Literal["robot"] | None = input_field(
         "torque rate limit; `robot`: from the arm's data sheet", "N m/s or N/s", default=None, source="no limit"
     )
+    map: list[list[float]] | None = input_field(
+        "torques of the joints by commands, τ = G c, as the law knows them; a row for each joint, as `slidax identify "
+        "--actuator-map` writes them",
+        "",
+        default=None,
+        source="equal",
+    )
+    true_map: list[list[float]] | None = input_field(
+        "the map of the true drives, if the law does not know it exactly", "", default=None, source="`map`"
+    )
     time_constant: Numbers = same_field(Actuator, "time_constant")
     dead_time: float = input_field(
         "dead time between a command and its torque, may be fractional", "periods", "[0, 100]", default=0.0
@@ -159,16 +172,54 @@ class ActuatorDescription(AbstractDescription):
         limits = {"torque": self.torque, "rate": self.rate}
         return TorqueLimits(**{name: as_array(value) for name, value in limits.items() if value is not None})
 
+    def known_map(self, joints: int) -> ActuatorMap | None:
+        """Return the map that the law knows; None if commands are the joints' torques.
+
+        Raises DefinitionError if it is no map for so many joints.
+        """
+        return self._map("map", joints)
+
+    def known_to(self, law: AbstractController) -> AbstractController:
+        """Return a law that knows the map.
+
+        Raises DefinitionError if it is no law in sampled-data form.
+        """
+        known = self.known_map(law.joints)
+        if known is None:
+            return law
+        if not isinstance(law, SampledData):
+            raise DefinitionError(
+                "needs a law that knows its drives: set `scheme.sampled_data`, or write the map as `true_map`",
+                where="map",
+            )
+        return eqx.tree_at(lambda law: law.drives, law, known, is_leaf=lambda leaf: leaf is None)
+
+    def _map(self, field: str, joints: int) -> ActuatorMap | None:
+        rows = getattr(self, field)
+        if rows is None:
+            return None
+        if [len(row) for row in rows] != joints * [joints]:
+            message = f"must have {joints} rows of {joints} numbers; got rows of {[len(row) for row in rows]}"
+            raise DefinitionError(message, where=field)
+        with locate_errors(field):
+            return ActuatorMap.of(rows)
+
+    def joint_limits(self, joints: int) -> TorqueLimits:
+        """Return the limits of the joints' torques, which keep those of the commands."""
+        known = self.known_map(joints)
+        return self.limits() if known is None else known.within(self.limits())
+
     def build(self, joints: int) -> Actuator | None:
         """Build the actuator; None if it is ideal.
 
         Raises DefinitionError if a list has the wrong length, or a number is out of range.
         """
         self.require_joints(joints)
-        perfect = self.torque is None and self.rate is None and not self.dead_time
+        true = self._map("map" if self.true_map is None else "true_map", joints)
+        perfect = self.torque is None and self.rate is None and not self.dead_time and true is None
         if perfect and not as_array(self.time_constant).any():
             return None
-        return Actuator(self.limits(), as_array(self.time_constant), self.dead_time)
+        return Actuator(self.limits(), as_array(self.time_constant), self.dead_time, true)
 
 
 @jax.jit

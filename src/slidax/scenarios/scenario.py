@@ -410,7 +410,7 @@ class ScenarioDescription(AbstractDescription):
             true = arms.true
         with locate_errors("actuator"):
             drive = self.actuator.of_robot(arms.limits)
-            rate = drive.limits().rate
+            rate = drive.joint_limits(true.joints).rate
         with locate_errors("trajectory"):
             trajectory = trajectory_of(self.trajectory, arms.limits, arms.nominal, self.simulation.period, rate)
             followed = eqx.filter_eval_shape(trajectory.position, jax.ShapeDtypeStruct((), float)).shape
@@ -440,32 +440,35 @@ class ScenarioDescription(AbstractDescription):
         """
         arms, drive, state0 = moving.arms, moving.drive, moving.state0
         true, nominal = arms.true, arms.nominal
+        with locate_errors("actuator"):
+            limits = drive.joint_limits(true.joints)
         with locate_errors("scheme"):
             sampled = self.scheme.sampled_data is not None
-            find = partial(default_bound, true, nominal, arms.load, drive.limits(), sampled=sampled)
-            scheme = self.scheme.with_bound(find).with_limit(drive.limits().torque)
+            find = partial(default_bound, true, nominal, arms.load, limits, sampled=sampled)
+            scheme = self.scheme.with_bound(find).with_limit(limits.torque)
             bound = getattr(self.scheme, "bound", None)
             # A user's law may have a number of that name.
             if isinstance(bound, PartDescription) and all(value is not None for _, value in bound):
-                warn_of_implausible_bound(dict(bound), state0, drive.limits(), find)
+                warn_of_implausible_bound(dict(bound), state0, limits, find)
             controller: AbstractController = scheme.build(nominal=nominal)
             if self.scheme.sampled_data is not None:
                 sampling = Sampling(
                     period=self.simulation.period,
                     delay=self.timing.total_delay,
                     dead_time=self.timing.dead_time,
-                    limits=drive.limits(),
+                    limits=limits,
                     variance=self.sensor.variance(),
                     has_velocity=self.sensor.has_velocity,
                     mass=nominal.mass(state0.q),
                     rotors=nominal.armature if isinstance(nominal, Articulated | Coupled) else None,
-                    rated=_rated(drive.limits().torque, arms.limits, true.joints),
+                    rated=_rated(limits.torque, arms.limits, true.joints),
                     limited=self.simulation.limits == "check",
                     jitter=self.sensor.jitter,
                 )
                 with locate_errors("sampled_data"):
                     controller = self.scheme.sampled_data.build(controller, sampling)
-        return controller
+        with locate_errors("actuator"):
+            return drive.known_to(controller)
 
     def _plant(self, own: Plant) -> Plant | MujocoPlant:
         with locate_errors("surroundings"):

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array
 
 from slidax.codegen.trace.tracing import located_tracing_errors
-from slidax.core.errors import DefinitionError, count_noun, each_of, is_traced, require_joints
+from slidax.core.errors import DefinitionError, as_array, count_noun, each_of, is_traced, require_joints
 from slidax.core.integrators import semi_implicit_euler
 from slidax.core.joint_names import joint_label, quote_names
 from slidax.core.tracing import require_64_bits
@@ -200,7 +200,10 @@ def require_start(loop: ClosedLoop, state0: State, envelope: Envelope | None, re
     names = [joint_label(name) for name in loop.plant.robot.joint_names]
     if loop.plant.actuator is not None and held is not None:
         robot = loop.plant.robot
-        needed, limit = np.asarray(held), np.broadcast_to(loop.plant.actuator.limits.torque, held.shape)
+        needed, limit = (
+            np.asarray(loop.plant.actuator.command(as_array(held))),
+            np.broadcast_to(loop.plant.actuator.limits.torque, held.shape),
+        )
         weak = np.abs(needed) > limit
         if weak.any():
             joint = int(np.argmax(weak))

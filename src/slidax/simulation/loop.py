@@ -243,7 +243,7 @@ def begin(loop: ClosedLoop, state: State) -> LoopStart:
     if plant.sensor is not None:
         sensor = plant.sensor.init(sensed)
         measured = plant.sensor(jnp.zeros((), int), sensed, period, sensor)[0].state
-        torque = held
+        torque = held if plant.actuator is None else plant.actuator.command(held)
     memory = loop.controller.init(t, measured, reference)
     joints = state.q.shape[0]
     tolerance = None if loop.tolerance is None else ToleranceTally.begin(loop.tolerance, state.q - reference.q)

@@ -203,6 +203,8 @@ def _drives(plants: list[Plant], law: SampledData) -> tuple[Floats, Floats]:
                 "a bound along a motion needs drives without lag: set `actuator.time_constant: 0` and "
                 "`actuator.dead_time: 0`, and add their delay to `sensor.delay`"
             )
+        if actuator.map is not None:
+            raise DefinitionError("a bound along a motion needs drives without a map: leave `actuator.map` out")
         torque = np.minimum(torque, np.asarray(actuator.limits.torque))
         rate = np.minimum(rate, np.asarray(actuator.limits.rate))
     return torque, rate

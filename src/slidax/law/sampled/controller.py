@@ -17,7 +17,7 @@ from slidax.core.linear_algebra import matvec, solve_symmetric
 from slidax.core.parameter import parameter, piece
 from slidax.core.tracing import barrier, select
 from slidax.core.types import Command, Envelope, Memory, Reference, Scalar, State, Vector
-from slidax.plant.actuators import TorqueLimits
+from slidax.plant.actuators import ActuatorMap, TorqueLimits
 
 from ..adaptation import AbstractAdaptation, LearnedParameters
 from ..controllers import AbstractController
@@ -115,6 +115,7 @@ class SampledData(AbstractController):
         default=False,
         static=True,
     )
+    drives: ActuatorMap | None = piece("torques of the joints by commands; None if they are equal", default=None)
 
     def __check_init__(self) -> None:
         adaptation = None if self.adaptation is None else self.adaptation.per_joint()
@@ -197,6 +198,7 @@ class SampledData(AbstractController):
     ) -> Command:
         command, accepted = self.gated(t, state, reference_now, reference_next, memory)
         held = jnp.clip(memory.torques[-1], -self.limits.torque, self.limits.torque)
+        held = held if self.drives is None else self.drives.command(held)
         kept = select(accepted, command.memory, memory)
         signals = {name: jnp.where(accepted, value, 0.0) for name, value in command.signals.items()}
         return Command(
@@ -302,7 +304,7 @@ class SampledData(AbstractController):
         signals = {**decision.signals, "disturbance": disturbance, "residual": residual, **monitor_signals}
         if self.adaptation is not None and adapted is not None:
             signals |= self.adaptation.signals(adapted.memory)
-        return Command(tau=tau, memory=kept, signals=signals)
+        return Command(tau if self.drives is None else self.drives.command(tau), kept, signals)
 
     def _estimate(
         self,

@@ -1,0 +1,86 @@
+"""Drives with gains and cross-talk: the law commands what gives the joints' torques, within the limits."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import slidax as sx
+from slidax.certify import certify
+from slidax.core.errors import DefinitionError
+from slidax.core.types import Reference, State
+from slidax.export import export_c
+from slidax.export.guarded_step import guarded_law
+from tests.export.exported import needs_a_compiler
+from tests.export.test_exported_law import assert_same_answers
+
+MAP = [[0.8, 0.05], [-0.03, 1.15]]
+
+
+def run(**changes):
+    short = {"simulation.t1": 0.4, "actuator.torque": 200.0, "actuator.rate": 2e5}
+    dotted = {key.replace("__", "."): value for key, value in changes.items()}
+    scenario = sx.scenarios.load("example-4.1-1khz", short | dotted)
+    return scenario, scenario.simulate(log_every=1, progress=False).log
+
+
+def test_law_that_knows_the_map_commands_its_inverse_and_moves_as_without_it():
+    _, plain = run()
+    _, mapped = run(actuator__map=MAP)
+    np.testing.assert_allclose(mapped.state.q, plain.state.q, atol=1e-9)
+    np.testing.assert_allclose(np.asarray(mapped.tau) @ np.array(MAP).T, plain.tau, atol=1e-5)
+    _, unknown = run(actuator__true_map=MAP)
+    assert np.abs(np.asarray(unknown.state.q) - plain.state.q).max() > 1e-6
+    assert np.abs(np.asarray(unknown.tau) @ np.array(MAP).T - plain.tau).max() > 1.0
+
+
+def test_true_map_is_the_plants_alone():
+    scenario, _ = run(actuator__map=MAP, actuator__true_map=[[1.0, 0.0], [0.0, 1.0]])
+    np.testing.assert_array_equal(scenario.plant.actuator.map.matrix, np.eye(2))
+    np.testing.assert_array_equal(scenario.controller.drives.matrix, MAP)
+
+
+def test_commands_keep_limits_that_the_joints_torques_reach():
+    scenario, log = run(actuator__map=MAP, actuator__torque=30.0, actuator__rate=2000.0)
+    tau = np.asarray(log.tau)
+    box = np.asarray(scenario.controller.limits.torque)
+    corners = np.array([[a, b] for a in (-1, 1) for b in (-1, 1)]) * box
+    largest = np.abs(np.linalg.solve(MAP, corners.T)).max()
+    assert largest == pytest.approx(30.0, rel=1e-6) and largest < 30.0
+    assert np.abs(tau).max() <= 30.0 and np.abs(np.diff(tau, axis=0)).max() <= 2.0 + 1e-9
+    joints = np.asarray(log.tau) @ np.array(MAP).T
+    assert (np.abs(joints).max(axis=0) > 0.99 * box).any()
+
+
+@needs_a_compiler
+def test_exported_law_has_the_map_as_in_python(tmp_path):
+    scenario, _ = run(actuator__map=MAP, actuator__torque=900.0, actuator__rate=1e6)
+    export_c(scenario, tmp_path, name="law", golden=False)
+    tau = assert_same_answers(sx.load_export(tmp_path), scenario, 60)
+    plain, _ = run(actuator__torque=900.0, actuator__rate=1e6)
+    guard = guarded_law(plain)
+    still = State(plain.state0.q, plain.state0.dq)
+    now, following = (plain.trajectory.reference(jnp.asarray(t)) for t in (0.0, 1e-3))
+    memory = guard.init(jnp.zeros(()), still, now)
+    joint = guard.step(jnp.zeros(()), still, now, following, memory)[0].tau
+    mapped = guarded_law(scenario)
+    command = mapped.step(jnp.zeros(()), still, now, following, mapped.init(jnp.zeros(()), still, now))[0].tau
+    np.testing.assert_allclose(np.array(MAP) @ np.asarray(command), joint, rtol=1e-9)
+    assert np.isfinite(tau).all() and isinstance(now, Reference)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"actuator.map": [[1.0, 0.0]]}, "must have 2 rows of 2 numbers"),
+        ({"actuator.map": [[0.1, 0.5], [0.0, 1.0]]}, "in row 1 the gain is 0.1 and the cross-talk 0.5"),
+        ({"actuator.map": MAP, "scheme.sampled_data": None}, "needs a law that knows its drives"),
+    ],
+)
+def test_map_that_is_none_or_that_no_law_knows_is_refused(changes, words):
+    with pytest.raises(DefinitionError, match=words):
+        sx.scenarios.load("example-4.1-1khz", changes)
+
+
+def test_no_certificate_claims_to_cover_a_map():
+    verdicts = certify(sx.scenarios.load("example-4.1-1khz", {"actuator.map": MAP})).verdicts
+    assert all(verdict.holds is None for verdict in verdicts)
