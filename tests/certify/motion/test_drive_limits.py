@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from slidax.certify.motion.body_points import BodyPoints, frame_motion
-from slidax.certify.motion.drive_limits import DriveBounds, Torques, drive_bounds, drive_verdict
+from slidax.certify.motion.drive_limits import DriveBounds, Torques, drive_bounds
 from slidax.certify.motion.joint_loop import JointLoop
 from slidax.certify.motion.lagged_sums import Lags
 from slidax.certify.motion.tracking_bound import CertifiedPath, certified_path
@@ -94,7 +94,10 @@ class Moves:
         names = "model_position", "model_velocity", "command", "model_position_step", "model_velocity_step"
         self.sizes = [bounds.outputs[each][cell] for each in names]
         self.norms = [bounds.norms[each][cell] for each in names]
-        self.state, self.step = torques.state()[cell], (torques.state_step() + torques.turning())[cell]
+        self.state, self.step = (
+            torques.moved("model_position", "model_velocity")[cell],
+            (torques.state_step() + torques.turning())[cell],
+        )
         self.bodies, self.places = BodyPoints.of(self.arm), rng.choice([-1.0, 1.0], size=(starts, 5, self.arm.joints))
 
     def model(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -188,13 +191,3 @@ def test_the_terms_of_a_torque_step_sum_to_its_bound() -> None:
     *_, bounds = case("smooth", 0)
     assert np.all(bounds.step <= sum(bounds.step_terms.values()) * (1 + 1e-9))
     assert np.all(bounds.planned_step <= bounds.step)
-
-
-def test_the_verdict_separates_torque_and_step() -> None:
-    arm, _, certified, _ = case("fast", 0)
-    verdict = drive_verdict(arm, certified)
-    assert verdict.holds is False
-    assert [line.status for line in verdict.assumptions] == ["proved", "fails"]
-    assert "encoder" in verdict.statement
-    easy = drive_verdict(arm, certified, torque=500.0, torque_rate=1e5)
-    assert easy.holds and easy.grade == "A" and easy.margin is not None and easy.margin > 0.0

@@ -8,7 +8,6 @@ decides on a motion.
 Read first: `tracking_bound.py`, then `fixed_point.py`.
 """
 
-from .drive_limits import drive_verdict as drive_verdict
 from .joint_loop import JointLoop as JointLoop
 from .parameter_region import BodyBand as BodyBand
 from .parameter_region import ParameterRegion as ParameterRegion

@@ -20,19 +20,14 @@ from numpy.typing import NDArray
 
 from slidax.arms.articulated import Articulated
 
-from ..certificate import Assumption, Verdict
 from .fixed_point import USED, Bounds, Problem
 from .lagged_sums import SUMMED, Lags
 from .path_cells import PathCells
 from .path_norms import size_in
 from .path_tube import Cell
-from .tracking_bound import CertifiedPath
 from .tube_search import Solution
 
 Floats = NDArray[np.float64]
-
-NAME = "drive_limits"
-TITLE = "torques and torque steps along the motion"
 
 BATCH = 512
 """The torques of the plan are computed for this number of periods at once, so that one program is compiled."""
@@ -64,7 +59,7 @@ def drive_bounds(arm: Articulated, solution: Solution) -> DriveBounds:
     torques = Torques(problem, bounds)
     by_size = np.einsum("nij,nj->ni", problem.at.inertia, bounds.outputs["command"])
     command = np.minimum(by_size, np.asarray(sum(torques.commanded("command").values())))
-    torque = planned + command + torques.state()
+    torque = planned + command + torques.moved("model_position", "model_velocity")
     step_by_size = np.einsum("nij,nj->ni", problem.at.inertia, bounds.outputs["command_step"])
     shares = torques.commanded("command_step")
     step = np.minimum(step_by_size, np.asarray(sum(shares.values())))
@@ -110,8 +105,7 @@ class Torques:
         """Compute the torques."""
         self.problem, self.bounds, self.at = problem, bounds, problem.at
         self.cell = cell = Cell(problem.path, problem.tube)
-        path, at, inputs, cells, p = problem.path, problem.at, problem.inputs, problem.path.cells, problem.p
-        self.weight = weight = cell.weight
+        path, at, inputs, cells, weight = problem.path, problem.at, problem.inputs, problem.path.cells, cell.weight
         diagonals = cell.diagonal[:, :, None] * cell.diagonal[:, None]
         self.coriolis = np.abs(path.coriolis) + cell.coriolis_shift[:, None, None] * diagonals
         self.stiffness = np.abs(path.stiffness) + cell.diagonal[:, :, None] * cell.stiffness_shift[:, None]
@@ -131,11 +125,11 @@ class Torques:
             ),
             "prediction": self.moved("position_miss", "velocity_miss") + weight * further[:, None],
             "sampling": weight * (at.held + at.reference)[:, None],
+            "inertial band": weight * at.band_tube[:, None],
         }
         self.slow = at.band_torque + (torque if limited else 0.0)
         self.slow_rate = at.torque_rate + (torque_rate if limited else 0.0)
-        self.tube = weight * at.band_tube[:, None]
-        self.total_norm = bounds.disturbance_norm + p * moving + at.band + problem.pushed_norm
+        self.total_norm = bounds.disturbance_norm + problem.p * moving + at.band + problem.pushed_norm
 
     def commanded(self, name: str) -> dict[str, Floats]:
         """Shares of M0 times an output by name [N n].
@@ -155,24 +149,19 @@ class Torques:
         shares = {key: past(table.any_form, value) for key, value in self.acting.items()}
         # A slow w is followed: s = -w + (s + w), and the step of s is that of -w and of s + w.
         followed = USED.index("acceleration") if name == "command" else i
-        moving = past(table.ramp, self.slow_rate, followed)
-        if name == "command":
-            moving = moving + self.slow
-        begun = np.zeros(shape)
-        if not inputs.settled:
-            begun[0] = self.slow[0]
-        begun = begun + at.torque_jump
+        moving = past(table.ramp, self.slow_rate, followed) + (self.slow if name == "command" else 0.0)
+        begun = at.torque_jump.copy()
+        begun[0] += 0.0 if inputs.settled else self.slow[0]
         moving = moving + table.step.since(begun)[..., i]
-        shares["inertial band"] = np.minimum(past(table.any_form, self.slow), moving)
-        shares["inertial band"] = shares["inertial band"] + past(table.any_form, self.tube)
+        shares["inertial band"] = shares["inertial band"] + np.minimum(past(table.any_form, self.slow), moving)
         shares["encoder"] = weighed(past(table.noise, np.broadcast_to(0.5 * inputs.resolution, shape)))
         odd = past(problem.weighted.pulse, (h**3 / 12.0 / (1.0 - problem.p) * at.odd)[:, None])
-        shares["sampling"] = shares["sampling"] + weighed(past(table.pulse, cells.pulse)) + self.weight * odd
+        shares["sampling"] = shares["sampling"] + weighed(past(table.pulse, cells.pulse)) + self.cell.weight * odd
         starts = np.zeros((3, *shape))
         missed = 0.0 if inputs.settled else 0.5 * inputs.resolution
         starts[:, 0] = np.stack(np.broadcast_arrays(inputs.start_error, inputs.start_speed, missed))
-        begins = table.start_error, table.start_speed, table.start_miss
-        shares["start"] = weighed(sum(lags.since(start)[..., i] for lags, start in zip(begins, starts, strict=True)))
+        begins = zip((table.start_error, table.start_speed, table.start_miss), starts, strict=True)
+        shares["start"] = weighed(np.sum([lags.since(start)[..., i] for lags, start in begins], axis=0))
         if problem.hand_over is not None:
             shares["hand-over"] = weighed(past(table.goal, problem.hand_over.goal(self.bounds.outputs["led"])))
         # M0 where the model is evaluated, less M0 of the arm when w acted.
@@ -180,14 +169,10 @@ class Torques:
         ages = (h * (1.0 + np.arange(len(kernel))))[:, None]
         turning = Lags.of(kernel * ages * np.exp(problem.growth * ages), *problem.cut)
         missed = self.bounds.outputs["position_miss"] + h * h * (h / 8.0 * cells.jerk + 0.25 * cells.jump)
-        missed = self.weight * np.sum(at.per_command * missed, axis=1)[:, None]
+        missed = self.cell.weight * np.sum(at.per_command * missed, axis=1)[:, None]
         shares["drift"] = turning.past_change(at.change_torques, self.total_norm)
         shares["drift"] = shares["drift"] + missed * past(problem.weighted.any_form, self.total_norm[:, None])
         return shares
-
-    def state(self) -> Floats:
-        """Torque of the model by where it is evaluated [N n]."""
-        return self.moved("model_position", "model_velocity")
 
     def moved(self, position: str, velocity: str) -> Floats:
         """Torque of the model, without s, by a move of where it is evaluated [N n].
@@ -213,7 +198,7 @@ class Torques:
 
     def turning(self) -> Floats:
         """Step of `M0 s` as M0 changes in a period [N n]."""
-        turned = self.weight * np.sum(self.at.per_command * self.moves[0], axis=1)[:, None]
+        turned = self.cell.weight * np.sum(self.at.per_command * self.moves[0], axis=1)[:, None]
         change = self.problem.path.cells.period * self.at.change_torques + turned
         return change * self.bounds.norms["command"][:, None]
 
@@ -223,13 +208,13 @@ class Torques:
         `2 C` changes as along the motion at the centre, and by the move; P by the norms of its columns.
         """
         outputs, norms, cell, at = self.bounds.outputs, self.bounds.norms, self.cell, self.at
-        path, tube, cells = self.problem.path, self.problem.tube, self.problem.path.cells
-        h, sums, vectors = cells.period, cell.sums, cell.vectors
+        path, tube, cells, sums, vectors = cell.path, cell.tube, cell.path.cells, cell.sums, cell.vectors
         first, second, turned, place = cell.first, cell.second, cell.moved + cell.slopes[1], tube.position
-        moved, faster, faster_norm = self.moves
+        (moved, faster, faster_norm), h = self.moves, cells.period
         rate = 2.0 * cell.half * (3.0 * first * second + cell.third * cell.whole) + 2.0 * cell.whole * sums(cells.jump)
-        more = sums(place, cell.wide[1], cell.speed) + sums(place, cell.acceleration)
-        more = more + sums(tube.model_speed, cell.speed)
+        more = (
+            sums(place, cell.wide[1], cell.speed) + sums(place, cell.acceleration) + sums(tube.model_speed, cell.speed)
+        )
         rate = rate + 2.0 * (cell.moved * (first + turned) + first * turned + cell.drift * second + cell.whole * more)
         step = sums(moved) * (first + turned) + cell.whole * sums(moved, cell.wide[1]) + cell.turn(faster, faster_norm)
         changed = cell.torques(h * path.torques[1], h * rate + 2.0 * step) * norms["model_velocity"][:, None]
@@ -252,59 +237,5 @@ class Torques:
             )
         )
         stiffness = stiffness + at.per_command * pushed[:, None]
-        changed = changed + self.weight * np.sum(stiffness * outputs["model_position"], axis=1)[:, None]
+        changed = changed + self.cell.weight * np.sum(stiffness * outputs["model_position"], axis=1)[:, None]
         return self.moved("model_position_step", "model_velocity_step") + changed
-
-
-def drive_verdict(
-    arm: Articulated,
-    certified: CertifiedPath,
-    *,
-    torque: Any = None,
-    torque_rate: Any = None,
-) -> Verdict:
-    """Certify that no limit of torque or torque rate acts along a motion with verified error bounds.
-
-    - `torque`: limits, N m or N; None: those of the arm. `torque_rate`: limits, N m/s or N/s; None: those of the arm.
-    """
-    if not certified.bounds.verified:
-        return Verdict(NAME, TITLE, None, None, {}, (), "not applicable: the tracking error has no bound")
-    limits = arm.limits
-    bounds = drive_bounds(arm, certified.solution)
-    times, h = certified.path.cells.centres, certified.loop.period
-    allowed = {
-        "torque": np.broadcast_to(np.asarray(limits.torque if torque is None else torque, float), (arm.joints,)),
-        "step": h
-        * np.broadcast_to(np.asarray(limits.torque_rate if torque_rate is None else torque_rate, float), (arm.joints,)),
-    }
-    words = {"torque": "torque", "step": "torque step from one period to the next"}
-    lines, sentences, margins = [], [], []
-    for name, limit in allowed.items():
-        value: Floats = getattr(bounds, name)
-        plan: Floats = getattr(bounds, f"planned_{name}")
-        share = value / limit
-        cell, joint = (int(i) for i in np.unravel_index(int(np.argmax(share)), share.shape))
-        where = f"joint `{arm.joint_names[joint]}` at {times[cell]:.3g} s"
-        margins.append(1.0 - float(share[cell, joint]))
-        if not np.isfinite(limit).any():
-            continue
-        unit = arm.torque_units[joint]
-        sentence = (
-            f"the {words[name]} is at most {value[cell, joint]:.3g} {unit} of {limit[joint]:.3g} {unit} in {where}, of "
-            f"which the plan needs {plan[cell, joint]:.3g} {unit}"
-        )
-        if name == "step":
-            terms = {key: float(term[cell, joint]) for key, term in bounds.step_terms.items()}
-            sentence += f"; the largest share is {max(terms, key=lambda key: terms[key])}"
-        lines.append(Assumption(sentence, "proved" if margins[-1] >= 0.0 else "fails", float(value[cell, joint])))
-        sentences.append(sentence)
-    holds = min(margins) >= 0.0
-    first = "No drive limit acts" if holds else "Not certified: a drive limit may act"
-    statement = f"{first}: {'; '.join(sentences) or 'the arm has none'}."
-    bound = {
-        "torque": bounds.torque.max(axis=0),
-        "step": bounds.step.max(axis=0),
-        "planned_torque": bounds.planned_torque.max(axis=0),
-        "planned_step": bounds.planned_step.max(axis=0),
-    }
-    return Verdict(NAME, TITLE, holds, min(margins), bound, tuple(lines), statement)

@@ -96,7 +96,6 @@ def _suprema(cell: Cell) -> Suprema:
 
     # Rows know more of their change at the centre than its norm.
     (turn, turn_rate, rate, rate_rate), known = path.torques, cell.half * at.coriolis_rate
-
     # 2 C(q, q̇), and the derivative of the inverse dynamics by q.
     coriolis_shift, stiff_shift = cell.coriolis_shift, cell.stiffness_shift
     coriolis = (at.coriolis + coriolis_shift) * inflated

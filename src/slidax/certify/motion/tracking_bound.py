@@ -215,7 +215,7 @@ def verdict_of(
     arm: Articulated,
     allowed: Any = None,
     premises: Sequence[Assumption] = (
-        Assumption("no torque or torque rate limit acts (`drive_verdict`), and the gate rejects no sample", "assumed"),
+        Assumption("no torque or torque rate limit acts, and the gate rejects no sample", "assumed"),
     ),
 ) -> Verdict:
     """Return the verdict of error bounds.
