@@ -283,12 +283,8 @@ def test_small_innovations_and_single_ones_leave_the_filter_as_it_is():
 
 
 def test_the_innovations_after_a_wrong_measurement_leave_the_filter_as_it_is():
-    filter_, zero, memory, wrong = (
-        tracking(growth=3.0),
-        jnp.zeros(1),
-        tracking().init(State(jnp.zeros(1), jnp.zeros(1))),
-        200.0,
-    )
+    filter_, zero, wrong = tracking(growth=3.0), jnp.zeros(1), 200.0
+    memory = filter_.init(State(zero, zero))
     for innovation in (1.0, wrong, -30.0, -20.0, -15.0, -10.0, -6.0):
         measured = State(q=jnp.array([innovation * DEVIATION]), dq=zero)
         _, memory = filter_(

@@ -83,7 +83,9 @@ class Equations(eqx.Module):
     - `diagonal`: M_ii of the nominal arm [n].
     - `teaches`: True for each equation that is used [n].
     - `valid`: True for a window without a gap. `loud`: for a loud innovation of the learnt, and of the good model.
-    - `lost`: share of the payload whose loss explains a loud window; 0 for none. `left`: innovation without it [n].
+    - `fits`: True if the loss of a share of the payload explains the window.
+    - `lost`: that share, if it explains this loud window and the one before; 0 for none. `left`: innovation without it
+      [n].
     """
 
     rows: Float[Array, "n p"]
@@ -93,6 +95,7 @@ class Equations(eqx.Module):
     teaches: Bool[Array, " n"]
     valid: Bool[Array, ""]
     loud: Bool[Array, "2"]
+    fits: Bool[Array, ""]
     lost: Scalar
     left: Vector
 
@@ -212,6 +215,7 @@ class ArmLearning(AbstractAdaptation):
                 teaches=jnp.zeros(n, bool),
                 valid=jnp.zeros((), bool),
                 loud=jnp.zeros(2, bool),
+                fits=jnp.zeros((), bool),
                 lost=jnp.zeros(()),
                 left=jnp.zeros(n),
             ),
@@ -243,7 +247,7 @@ class ArmLearning(AbstractAdaptation):
         last = slot >= m - 1
         sums, equations, trust = jax.lax.cond(
             last,
-            lambda: self._next(x, sums, clean >= QUARTERS * m, trust, estimates),
+            lambda: self._next(x, sums, clean >= QUARTERS * m, trust, estimates, equations.fits),
             lambda: (sums, equations, trust),
         )
         joints = self.joints(x, memory.joints)
@@ -271,8 +275,12 @@ class ArmLearning(AbstractAdaptation):
         valid: Bool[Array, ""],
         trust: Trust,
         estimates: Estimates,
+        fitted: Bool[Array, ""],
     ) -> tuple[Float[Array, "4 k n"], Equations, Trust]:
-        """The equations of the window that ends with this sample."""
+        """The equations of the window that ends with this sample.
+
+        - `fitted`: `fits` of the window before.
+        """
         window, arm = Window.of(sums), articulated(x.nominal)
         n = window.q.size
         own = inertial_regressor(arm, window.q, window.dq, window.ddq)
@@ -285,7 +293,7 @@ class ArmLearning(AbstractAdaptation):
         squares = jnp.stack([missed * missed, missed_by_good * missed_by_good, y * y])
         heard = valid & moves
         trust, loud = trust.after_window(squares, heard, self.noise**2, self.samples * x.period)
-        lost, left = self._lost_payload(missed, rows[:, :PAYLOAD] @ estimates.parameters[:PAYLOAD], heard)
+        fits, lost, left = self._lost_payload(missed, rows[:, :PAYLOAD] @ estimates.parameters[:PAYLOAD], heard)
         equations = Equations(
             rows=rows,
             y=y,
@@ -294,18 +302,23 @@ class ArmLearning(AbstractAdaptation):
             teaches=heard & (trust.relearns | ~loud[0] | (trust.loud < 0.0)),
             valid=valid,
             loud=loud,
-            lost=jnp.where(loud[0], lost, 0.0),
+            fits=fits,
+            lost=jnp.where(loud[0] & fits & fitted & (lost > LEAST_LOST), lost, 0.0),
             left=left,
         )
         return next_windows(sums), equations, trust
 
-    def _lost_payload(self, missed: Vector, carried: Vector, heard: Bool[Array, " n"]) -> tuple[Scalar, Vector]:
-        """The share of the payload whose loss explains a window, 0 for none, and the innovation that it leaves [n]."""
+    def _lost_payload(
+        self, missed: Vector, carried: Vector, heard: Bool[Array, " n"]
+    ) -> tuple[Bool[Array, ""], Scalar, Vector]:
+        """Return if the loss of a share of the payload explains a window, the share, and the innovation without it [n].
+
+        - `missed`: innovation [n]. `carried`: torque of the whole payload [n].
+        """
         own, torque = (jnp.where(heard, each, 0.0) for each in (missed, carried))
         share = jnp.clip(-jnp.sum(own * torque) / jnp.maximum(jnp.sum(torque * torque), self.noise**2), 0.0, 1.0)
         left = own + share * torque
-        explains = jnp.sum(left * left) < UNEXPLAINED * jnp.sum(own * own)
-        return jnp.where(explains & (share > LEAST_LOST), share, 0.0), left
+        return jnp.sum(left * left) < UNEXPLAINED * jnp.sum(own * own), share, left
 
     def _decided(
         self, x: Experience, equations: Equations, trust: Trust, estimates: Estimates
