@@ -68,7 +68,7 @@ def test_a_model_that_has_lost_its_payload_stays_in_use(in_use):
     released, verdicts = judged(in_use, 0.01, innovation=3.0, of_good=3.0, lost=0.5, left=0.2)
     assert all(bool(verdict.unloads) for verdict in verdicts) and released.share == 1.0
     np.testing.assert_allclose(released.usual, 0.2**2)
-    # What the loss left unexplained is usual; louder windows end the use of the model only after the relief.
+    # The unexplained rest is usual; louder windows end the use of the model only after the relief.
     assert judged(released, RELIEF, innovation=9.0, of_good=3.0)[0].share == 1.0
     assert judged(released, RELIEF + SHORT + 0.15, innovation=9.0, of_good=3.0)[0].share == 0.0
     after, more = judged(released, 0.2, innovation=0.3, of_good=3.0)
