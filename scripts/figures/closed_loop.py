@@ -68,6 +68,7 @@ class CompiledLoop:
             parts = zip(jnp.split(state, ends), leaves, strict=True)
             carry = jax.tree.unflatten(tree, [part.reshape(leaf.shape).astype(leaf.dtype) for part, leaf in parts])
             after, log = sample(request.start(unpacked(row))[0], carry)
+            assert log.envelope is not None
             return packed(after), jnp.concatenate([log.e, log.envelope.lower, log.envelope.upper])
 
         self.size = sum(leaf.size for leaf in leaves)
