@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import math
 import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import equinox as eqx
@@ -16,17 +18,20 @@ from slidax.core.types import State
 from slidax.plant.disturbances import AbstractDisturbance
 from slidax.plant.sensors import AbstractSensor, Measurement
 from slidax.scenarios import load
-from slidax.simulation import simulate_batch
 
 from .arm_learning import LAWS, NEVER, RATED, random_arm
+from .closed_loop import CompiledLoop
 from .shared import table
 
 JOINTS = RATED.size
 EARLIEST, LATEST, END = 3.0, 4.5, 6.5
 """s: when events happen, and when runs end."""
 
-FULL, CHUNK = 200, 50
-"""Variants of each event by default, and runs that are simulated at a time."""
+FULL = 200
+"""Variants of each event, and arms of each scenario, by default."""
+
+ARMS_END, FINE, TAIL = 8.0, 10, 0.5
+"""s: when runs without events end; the plant's steps in a period there; and the time at the end of runs with events."""
 
 OUTLIERS, WINDOW = 1.0, 0.01
 """s: time with outliers; and time before the event from which its peak is taken."""
@@ -83,12 +88,7 @@ def drawn(variants: int, seed: int) -> dict[str, dict[str, np.ndarray]]:
     for number, name in enumerate(names):
         rng = np.random.default_rng([seed, number])
         size = variants, JOINTS
-        v = {
-            "mass": rng.uniform(0.8, 1.2, (variants, 1)),
-            "payload": rng.uniform(0.05, 3.0, variants),
-            "rotor": np.exp(rng.uniform(np.log(0.03), np.log(0.25), size)),
-            "coulomb": rng.uniform(0.1, 0.6, size),
-            "viscous": rng.uniform(0.05, 0.4, size),
+        v = random_arms(rng, variants, JOINTS, 3.0) | {
             "shift": rng.uniform(-0.3, 0.3, size),
             "phase": rng.uniform(0.0, 2.0 * np.pi, size),
             "at": np.round(rng.uniform(EARLIEST, LATEST, variants), 3),
@@ -129,15 +129,30 @@ def drawn(variants: int, seed: int) -> dict[str, dict[str, np.ndarray]]:
     return cases
 
 
-def definition(changes: dict[str, Any]) -> tuple[Any, Any]:
-    """The scenario, and the map from the values of a run to its parts."""
-    scenario = load("panda-payload", {"simulation.substeps": 5, "simulation.t1": END, **changes})
+def random_arms(rng: np.random.Generator, arms: int, joints: int, payload: float) -> dict[str, np.ndarray]:
+    """Values of random arms: link masses, payload, rotors and friction."""
+    size = arms, joints
+    return {
+        "mass": rng.uniform(0.8, 1.2, (arms, 1)),
+        "payload": rng.uniform(0.05, payload, arms),
+        "rotor": np.exp(rng.uniform(np.log(0.03), np.log(0.25), size)),
+        "coulomb": rng.uniform(0.1, 0.6, size),
+        "viscous": rng.uniform(0.05, 0.4, size),
+    }
+
+
+def definition(changes: dict[str, Any], name: str = "panda-payload", substeps: int = 5) -> tuple[Any, Any]:
+    """The scenario, and the map from the values of a run to its parts; without events if the values have none."""
+    scenario = load(name, {"simulation.substeps": substeps, **changes})
     plant, law, motion, state, *_ = scenario.parts
 
     def define(v: dict[str, Any]) -> Any:
+        changed = random_arm(plant, law.nominal, v)
+        if "at" not in v:
+            return changed, law, motion, state
         changed = eqx.tree_at(
             lambda p: (p.load.released, p.load.attached, p.disturbance, p.sensor),
-            random_arm(plant, law.nominal, v),
+            changed,
             (
                 v["released"],
                 v["attached"],
@@ -152,24 +167,6 @@ def definition(changes: dict[str, Any]) -> tuple[Any, Any]:
     return scenario, define
 
 
-def measured(law: tuple[Any, Any], values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Peak from the event on [rad], samples outside from there on, and 1 for a run that ends outside, of each run."""
-    scenario, define = law
-    results: dict[str, list[np.ndarray]] = {"peak": [], "outside": [], "lost": []}
-    variants = len(values["at"])
-    for first in range(0, variants, CHUNK):
-        chunk = {key: jnp.asarray(value[first : first + CHUNK]) for key, value in values.items()}
-        run = simulate_batch(define, chunk, t1=END, stepping=scenario.stepping, log_every=1, threads=2)
-        e, t = np.asarray(run.log.e), np.asarray(run.log.t)
-        lower, upper = np.asarray(run.log.envelope.lower), np.asarray(run.log.envelope.upper)
-        after = t >= np.asarray(chunk["at"])[:, None] - WINDOW
-        left = ((e <= lower) | (e >= upper)).any(axis=-1)
-        results["peak"].append(np.where(after, np.abs(e).max(axis=-1), 0.0).max(axis=1))
-        results["outside"].append((left & after).sum(axis=1))
-        results["lost"].append(left[:, -1] | ~np.isfinite(e).all(axis=(1, 2)))
-    return {key: np.concatenate(parts) for key, parts in results.items()}
-
-
 def summary(values: np.ndarray) -> tuple[float, float, float]:
     """Median, 90 % and largest."""
     return float(np.median(values)), float(np.quantile(values, 0.9)), float(values.max())
@@ -181,17 +178,54 @@ def measure_events() -> None:
     parser.add_argument("--variants", type=int, default=FULL, help="of each event")
     parser.add_argument("--events", nargs="*", default=[], help="only events whose name contains one of these")
     parser.add_argument("--seed", type=int, default=1, help="of the random variants")
+    parser.add_argument("--workers", type=int, help="processes; by default one for each processor")
     arguments = parser.parse_args()
-    laws = {name: definition(changes) for name, changes in LAWS.items()}
+    cases = drawn(arguments.variants, arguments.seed)
     rows = []
-    for event, values in drawn(arguments.variants, arguments.seed).items():
-        if arguments.events and not any(part in event for part in arguments.events):
-            continue
-        started = time.perf_counter()
-        results = {name: measured(law, values) for name, law in laws.items()}
-        rows.append(row_of(event, results))
-        print(" | ".join(rows[-1]), f"({time.perf_counter() - started:.0f} s)", flush=True)
+    with TemporaryDirectory() as folder:
+        laws = {}
+        for number, (name, changes) in enumerate(LAWS.items()):
+            place = Path(folder, str(number))
+            place.mkdir()
+            laws[name] = CompiledLoop(*definition(changes), example_of(next(iter(cases.values()))), END, place)
+        for event, values in cases.items():
+            if arguments.events and not any(part in event for part in arguments.events):
+                continue
+            started = time.perf_counter()
+            since = values["at"] - WINDOW
+            results = {name: law.measured(values, since, TAIL, arguments.workers) for name, law in laws.items()}
+            rows.append(row_of(event, results))
+            print(" | ".join(rows[-1]), f"({time.perf_counter() - started:.0f} s)", flush=True)
     print(table(HEAD, rows))
+
+
+def measure_arms() -> None:
+    """Errors of random arms without events, with both learnings."""
+    parser = argparse.ArgumentParser(description=measure_arms.__doc__)
+    parser.add_argument("scenarios", nargs="*", default=["panda-payload", "ur5e-payload"], help="scenarios")
+    parser.add_argument("--arms", type=int, default=FULL, help="of each scenario")
+    parser.add_argument("--seed", type=int, default=1, help="of the random arms")
+    parser.add_argument("--payload", type=float, default=3.0, help="largest payload [kg]")
+    parser.add_argument("--workers", type=int, help="processes; by default one for each processor")
+    arguments = parser.parse_args()
+    rows = []
+    for name in arguments.scenarios:
+        rng = np.random.default_rng(arguments.seed)
+        values = random_arms(rng, arguments.arms, load(name).plant.robot.joints, arguments.payload)
+        for law, changes in LAWS.items():
+            with TemporaryDirectory() as folder:
+                scenario, define = definition(changes, name, FINE)
+                loop = CompiledLoop(scenario, define, example_of(values), ARMS_END, Path(folder))
+                runs = loop.measured(values, np.zeros(arguments.arms), 0.5 * ARMS_END, arguments.workers)
+            inside = f"{np.sum(runs['outside'] == 0)} of {arguments.arms}"
+            rows.append([name, law, inside, *(f"{value:.2e}" for value in summary(runs["steady"]))])
+            print(" | ".join(rows[-1]), flush=True)
+    print(table(["scenario", "learning", "inside", "error of the last 4 s: median [rad]", "90 %", "largest"], rows))
+
+
+def example_of(values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Values of the first run."""
+    return {name: value[0] for name, value in values.items()}
 
 
 HEAD = [
@@ -205,4 +239,4 @@ def row_of(event: str, results: dict[str, dict[str, np.ndarray]]) -> list[str]:
     """An event's line of the table."""
     peaks = [" / ".join(f"{value:.2e}" for value in summary(runs["peak"])) for runs in results.values()]
     outside = [" / ".join(f"{math.ceil(value)}" for value in summary(runs["outside"])) for runs in results.values()]
-    return [event, *peaks, *outside, " / ".join(f"{np.sum(runs['lost'])}" for runs in results.values())]
+    return [event, *peaks, *outside, " / ".join(f"{np.sum(runs['lost']):.0f}" for runs in results.values())]

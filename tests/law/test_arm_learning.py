@@ -11,7 +11,7 @@ from slidax.core.integrators import value_rate_curvature
 from slidax.core.types import State
 from slidax.law import ArmLearning, ComputedTorque, JointLearning, Kalman, KnownArm, StrongTracking, sampled_data
 from slidax.law.arm_model import ArmParameters
-from slidax.law.model_trust import CALM, CONFIRMED, LASTING, PROBATION, PROVEN, SHORT, Trust, judge
+from slidax.law.model_trust import CALM, CONFIRMED, LASTING, PROBATION, PROVEN, RELIEF, SHORT, Trust, judge
 from slidax.scenarios import load
 from tests.law.moved import ARM, PERIOD, taught
 from tests.paper_examples import TWO_LINK
@@ -22,13 +22,17 @@ YES, NO = jnp.asarray(True), jnp.asarray(False)
 ARM_LEARNING = {"scheme.sampled_data.adaptation": {"kind": "arm_learning"}}
 
 
-def judged(trust, seconds, *, innovation=0.0, of_good=0.0, certain=YES, heard=True):
-    """Trust after windows in which every joint has the same innovation, N m, and a torque of 1 N m."""
+def judged(trust, seconds, *, innovation=0.0, of_good=0.0, certain=YES, heard=True, lost=0.0, left=0.0):
+    """Trust after windows in which every joint has the same innovation, N m, and a torque of 1 N m.
+
+    - `lost`: share of the payload that every window finds lost. `left`: innovation without it, N m.
+    """
     verdicts = []
     for _ in range(round(seconds / float(STEP))):
         squares = jnp.stack([jnp.full(2, innovation**2), jnp.full(2, of_good**2), jnp.ones(2)])
         trust, loud = trust.after_window(squares, jnp.full(2, heard), VARIANCE, STEP)
-        trust, verdict = judge(trust, certain, YES, loud, VARIANCE, STEP)
+        gone = jnp.asarray(lost), jnp.full(2, left)
+        trust, verdict = judge(trust, certain, YES, loud, *gone, VARIANCE, STEP)
         verdicts.append(verdict)
     return trust, verdicts
 
@@ -58,6 +62,20 @@ def test_a_lasting_change_is_learnt_anew(in_use):
     changed, verdicts = judged(in_use, LASTING + 0.05, innovation=3.0, of_good=3.0)
     assert changed.relearns and changed.share == 0.0 and any(bool(verdict.opens) for verdict in verdicts)
     assert judged(changed, 3.0, innovation=0.01, of_good=3.0)[0].share == 1.0
+
+
+def test_a_model_that_has_lost_its_payload_stays_in_use(in_use):
+    released, verdicts = judged(in_use, 0.01, innovation=3.0, of_good=3.0, lost=0.5, left=0.2)
+    assert all(bool(verdict.unloads) for verdict in verdicts) and released.share == 1.0
+    np.testing.assert_allclose(released.usual, 0.2**2)
+    # The unexplained rest is usual; louder windows end the use of the model only after the relief.
+    assert judged(released, RELIEF, innovation=9.0, of_good=3.0)[0].share == 1.0
+    assert judged(released, RELIEF + SHORT + 0.15, innovation=9.0, of_good=3.0)[0].share == 0.0
+    after, more = judged(released, 0.2, innovation=0.3, of_good=3.0)
+    assert after.share == 1.0 and not any(bool(verdict.unloads) for verdict in more)
+    # An arm that is learnt anew has no payload to lose.
+    changed, _ = judged(in_use, LASTING + 0.05, innovation=3.0, of_good=3.0)
+    assert not any(bool(v.unloads) for v in judged(changed, 0.03, innovation=3.0, of_good=3.0, lost=0.5)[1])
 
 
 def test_the_last_good_model_returns_when_a_long_push_ends(in_use):
@@ -129,6 +147,29 @@ def test_a_model_in_use_gives_the_arm_its_payload_and_links():
     np.testing.assert_allclose(jnp.abs(rest[0]), weight, rtol=1e-12)
 
 
+def test_a_lost_payload_is_found_by_the_torque_that_it_took():
+    adaptation, carried = learner(), jnp.array([4.0, -1.0])
+    heard = jnp.ones(2, bool)
+    for share, least in ((1.0, 1.0), (0.6, 0.6), (1.5, 1.0)):
+        fits, lost, left = adaptation._lost_payload(-share * carried + 0.1, carried, heard)
+        assert fits == (share <= 1.2)
+        np.testing.assert_allclose(lost, least, atol=0.05)
+        np.testing.assert_allclose(left, (lost - share) * carried + 0.1, atol=1e-12)
+    # More payload, and pushes in other directions.
+    for missed in (carried, jnp.array([1.0, 4.0]), jnp.array([0.0, 1.0])):
+        assert not adaptation._lost_payload(missed, carried, heard)[0]
+    assert not adaptation._lost_payload(-carried, carried, jnp.zeros(2, bool))[0]
+
+
+def test_the_filter_of_a_learnt_arm_belongs_to_the_inertia_that_couplings_leave():
+    adaptation, mass = learner(), jnp.array([[2.0, 0.8], [0.8, 0.5]])
+    memory = adaptation.init(State(q=jnp.zeros(2), dq=jnp.zeros(2)))
+    np.testing.assert_allclose(adaptation.filter_inertia(mass, memory), [2.0, 0.5], rtol=1e-12)
+    full = eqx.tree_at(lambda m: m.trust.share, memory, jnp.asarray(1.0))
+    expected = 1.0 / np.linalg.norm(np.linalg.inv(mass), axis=1)
+    np.testing.assert_allclose(adaptation.filter_inertia(mass, full), expected, rtol=1e-12)
+
+
 def slow_and_fast(t):
     """Positions of two joints that move slowly and fast, with many reversals [n]."""
     first = 0.6 * jnp.sin(1.3 * t) + 0.1 * jnp.sin(9.0 * t) + 0.02 * jnp.sin(23.0 * t)
@@ -196,13 +237,14 @@ def test_an_arm_that_is_not_described_by_its_links_is_refused():
         law(jnp.zeros(()), state, reference, reference, law.init(jnp.zeros(()), state, reference))
 
 
-def test_the_filter_of_a_learnt_arm_grows_faster_where_the_scenario_asks_for_it():
+def test_the_filter_of_a_learnt_arm_grows_faster_unless_the_scenario_forbids_it():
     estimator = "scheme.sampled_data.estimator"
     twice = {f"{estimator}.growth": 2.0}
     grows = load("panda-payload", {**ARM_LEARNING, **twice}).controller.estimator
     assert isinstance(grows, StrongTracking) and grows.growth == 2.0
     np.testing.assert_allclose(grows.deviation, 1e-5 / np.sqrt(12.0))
-    for changes in ({}, ARM_LEARNING):
+    assert load("panda-payload", ARM_LEARNING).controller.estimator.growth == 1.5
+    for changes in ({}, {**ARM_LEARNING, f"{estimator}.growth": 1.0}):
         assert isinstance(load("panda-payload", changes).controller.estimator, Kalman)
     with pytest.raises(DefinitionError, match="`acceleration_density` and `growth` both set the gains"):
         load("panda-payload", {estimator: {"kind": "kalman", "acceleration_density": 1.0, "growth": 2.0}})

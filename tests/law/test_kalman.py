@@ -258,12 +258,12 @@ def tracking(growth=2.0, inertia=1.0, share=1.0):
 def corrected(estimator, innovation, before=None, beyond=0.0, spent=0.0):
     """The change of q, q̇ and ŵ by an innovation [rad], and `p - 1` after it.
 
-    - `before`: the innovation before it [rad]; the same one if None.
+    - `before`: the sum of those before it [rad]; twice this one if None.
     """
     zero = jnp.zeros(1)
     measured = State(q=jnp.array([innovation]), dq=zero)
     args = measured, Estimate(State(zero, zero), zero), jnp.asarray(PERIOD), jnp.asarray(False)
-    last = (innovation if before is None else before) / DEVIATION
+    last = (2.0 * innovation if before is None else before) / DEVIATION
     memory = TrackingMemory(jnp.array([beyond]), jnp.array([last]), jnp.array([spent]))
     estimate, after = estimator(*args, memory if isinstance(estimator, StrongTracking) else ())
     change = np.array([*estimate.state.q, *estimate.state.dq, *estimate.disturbance])
@@ -282,6 +282,17 @@ def test_small_innovations_and_single_ones_leave_the_filter_as_it_is():
         assert beyond == 0.0
 
 
+def test_the_innovations_after_a_wrong_measurement_leave_the_filter_as_it_is():
+    filter_, zero, wrong = tracking(growth=3.0), jnp.zeros(1), 200.0
+    memory = filter_.init(State(zero, zero))
+    for innovation in (1.0, wrong, -30.0, -20.0, -15.0, -10.0, -6.0):
+        measured = State(q=jnp.array([innovation * DEVIATION]), dq=zero)
+        _, memory = filter_(
+            measured, Estimate(State(zero, zero), zero), jnp.asarray(PERIOD), jnp.asarray(False), memory
+        )
+        assert memory.growth[0] == 0.0
+
+
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_two_large_innovations_give_the_gains_of_a_faster_filter(sign):
     large = sign * 50.0 * DEVIATION
@@ -289,7 +300,7 @@ def test_two_large_innovations_give_the_gains_of_a_faster_filter(sign):
     change, beyond = corrected(tracking(), large)
     np.testing.assert_allclose(change, usual_change(large, 2.0**-3), rtol=1e-3)
     assert beyond == 1.0
-    less = sign * (SURPRISE + 0.4) * DEVIATION
+    less = sign * (SURPRISE + 0.4) * DEVIATION * np.exp(PERIOD / ALERT_TIME)
     change, beyond = corrected(tracking(), large, less)
     np.testing.assert_allclose(beyond, 0.4, rtol=1e-9)
     np.testing.assert_allclose(change, usual_change(large, 1.4**-3), rtol=1e-3)

@@ -162,6 +162,10 @@ class AbstractAdaptation(AbstractPart):
         """Return the nominal arm with the estimated inertias; its friction stays nominal."""
         return Believed.of(nominal, self.learnt(memory).rotor, self.counted)
 
+    def filter_inertia(self, mass: Matrix, memory: Memory) -> Vector:
+        """Return the inertia of each joint that the estimator's bandwidth belongs to [n], from M̂ [n n]."""
+        return jnp.diagonal(mass)
+
     def frozen(self, memory: Memory) -> AbstractAdaptation:
         """Return a constant adaptation with the estimates as they are, whose memory is zeros [n]."""
         learnt = self.learnt(memory)

@@ -15,6 +15,7 @@ from slidax.arms.adjusted import PAYLOAD, inertial_regressor
 from slidax.arms.arm import AbstractRobot
 from slidax.arms.articulated import Articulated
 from slidax.arms.pseudo_inertia import least_eigenvalue, nearest_body
+from slidax.core.linear_algebra import solve_symmetric
 from slidax.core.parameter import parameter, piece
 from slidax.core.types import Matrix, PerJoint, Scalar, State, Vector
 
@@ -66,6 +67,9 @@ FACTOR = 0.6
 LEAST_EIGENVALUE = 1e-6
 """Least eigenvalue of the pseudo-inertia of the last link with its payload, kg m² or kg."""
 
+UNEXPLAINED, LEAST_LOST = 0.05, 0.2
+"""Share of a loud window's energy that a lost payload may leave, and least share of a payload that is lost at once."""
+
 SLOWEST, SOFTEST = 0.01, 0.1
 """rad/s and rad/s², or m/s and m/s²: a joint below both teaches nothing."""
 
@@ -79,6 +83,9 @@ class Equations(eqx.Module):
     - `diagonal`: M_ii of the nominal arm [n].
     - `teaches`: True for each equation that is used [n].
     - `valid`: True for a window without a gap. `loud`: for a loud innovation of the learnt, and of the good model.
+    - `fits`: True if the loss of a share of the payload explains the window.
+    - `lost`: that share, if it explains this loud window and the one before; 0 for none. `left`: innovation without it
+      [n].
     """
 
     rows: Float[Array, "n p"]
@@ -88,6 +95,9 @@ class Equations(eqx.Module):
     teaches: Bool[Array, " n"]
     valid: Bool[Array, ""]
     loud: Bool[Array, "2"]
+    fits: Bool[Array, ""]
+    lost: Scalar
+    left: Vector
 
 
 class Estimates(eqx.Module):
@@ -205,6 +215,9 @@ class ArmLearning(AbstractAdaptation):
                 teaches=jnp.zeros(n, bool),
                 valid=jnp.zeros((), bool),
                 loud=jnp.zeros(2, bool),
+                fits=jnp.zeros((), bool),
+                lost=jnp.zeros(()),
+                left=jnp.zeros(n),
             ),
             estimates=Estimates(
                 parameters=nothing,
@@ -234,7 +247,7 @@ class ArmLearning(AbstractAdaptation):
         last = slot >= m - 1
         sums, equations, trust = jax.lax.cond(
             last,
-            lambda: self._next(x, sums, clean >= QUARTERS * m, trust, estimates),
+            lambda: self._next(x, sums, clean >= QUARTERS * m, trust, estimates, equations.fits),
             lambda: (sums, equations, trust),
         )
         joints = self.joints(x, memory.joints)
@@ -262,8 +275,12 @@ class ArmLearning(AbstractAdaptation):
         valid: Bool[Array, ""],
         trust: Trust,
         estimates: Estimates,
+        fitted: Bool[Array, ""],
     ) -> tuple[Float[Array, "4 k n"], Equations, Trust]:
-        """The equations of the window that ends with this sample."""
+        """The equations of the window that ends with this sample.
+
+        - `fitted`: `fits` of the window before.
+        """
         window, arm = Window.of(sums), articulated(x.nominal)
         n = window.q.size
         own = inertial_regressor(arm, window.q, window.dq, window.ddq)
@@ -276,16 +293,32 @@ class ArmLearning(AbstractAdaptation):
         squares = jnp.stack([missed * missed, missed_by_good * missed_by_good, y * y])
         heard = valid & moves
         trust, loud = trust.after_window(squares, heard, self.noise**2, self.samples * x.period)
+        fits, lost, left = self._lost_payload(missed, rows[:, :PAYLOAD] @ estimates.parameters[:PAYLOAD], heard)
         equations = Equations(
             rows=rows,
             y=y,
             inertia=own.inertia,
             diagonal=jnp.sum(own.inertia[:, PAYLOAD:], axis=1) + arm.armature,
-            teaches=heard & (trust.relearns | ~loud[0]),
+            teaches=heard & (trust.relearns | ~loud[0] | (trust.loud < 0.0)),
             valid=valid,
             loud=loud,
+            fits=fits,
+            lost=jnp.where(loud[0] & fits & fitted & (lost > LEAST_LOST), lost, 0.0),
+            left=left,
         )
         return next_windows(sums), equations, trust
+
+    def _lost_payload(
+        self, missed: Vector, carried: Vector, heard: Bool[Array, " n"]
+    ) -> tuple[Bool[Array, ""], Scalar, Vector]:
+        """Return if the loss of a share of the payload explains a window, the share, and the innovation without it [n].
+
+        - `missed`: innovation [n]. `carried`: torque of the whole payload [n].
+        """
+        own, torque = (jnp.where(heard, each, 0.0) for each in (missed, carried))
+        share = jnp.clip(-jnp.sum(own * torque) / jnp.maximum(jnp.sum(torque * torque), self.noise**2), 0.0, 1.0)
+        left = own + share * torque
+        return jnp.sum(left * left) < UNEXPLAINED * jnp.sum(own * own), share, left
 
     def _decided(
         self, x: Experience, equations: Equations, trust: Trust, estimates: Estimates
@@ -296,12 +329,21 @@ class ArmLearning(AbstractAdaptation):
         relative = self._inertia_deviation(equations, estimates)
         in_use = trust.share > 0.0
         trust, verdict = judge(
-            trust, jnp.all(relative < CERTAIN), equations.valid, equations.loud, self.noise**2, duration
+            trust,
+            jnp.all(relative < CERTAIN),
+            equations.valid,
+            equations.loud,
+            equations.lost,
+            equations.left,
+            self.noise**2,
+            duration,
         )
+        of_payload = np.arange(spread.size) < PAYLOAD
         parameters = jnp.where(verdict.restores, estimates.good, estimates.parameters)
+        parameters = jnp.where(verdict.unloads & of_payload, (1.0 - equations.lost) * parameters, parameters)
         # Only what teaches may fade: rest forgets nothing.
         share = jnp.sum(jnp.where(equations.teaches, 1.0 / n, 0.0))
-        growth = DRIFT * duration * share + jnp.where(verdict.opens, OPENED, 0.0)
+        growth = DRIFT * duration * share + jnp.where(verdict.opens | (verdict.unloads & of_payload), OPENED, 0.0)
         # The covariance is of the model that is given up, and the good one is known better.
         covariance = estimates.covariance * jnp.where(verdict.restores, RESTORED, 1.0)
         covariance = with_drift(covariance, growth * spread**2, LARGEST * spread**2)
@@ -309,7 +351,7 @@ class ArmLearning(AbstractAdaptation):
         move = -jnp.expm1(-duration / SMOOTHING) * (parameters - estimates.used)
         used = estimates.used + jnp.clip(move, -LARGEST_MOVE * spread, LARGEST_MOVE * spread)
         # A model that is given up, or not yet in use, must not be on the way to the good one.
-        used = self._consistent(x, jnp.where(in_use & ~verdict.restores, used, parameters))
+        used = self._consistent(x, jnp.where(in_use & ~verdict.restores & ~verdict.unloads, used, parameters))
         return trust, Estimates(
             parameters=parameters,
             covariance=covariance,
@@ -385,6 +427,17 @@ class ArmLearning(AbstractAdaptation):
         if self.ripple is None or own.more is None:
             return arm
         return Rippled(arm.joint_units, arm.joint_names, arm, self.shapes, memory.trust.share * own.more)
+
+    def filter_inertia(self, mass: Matrix, memory: ArmLearningMemory) -> Vector:
+        """Return a mean of `M̂_ii` and of `1/√(Σ_j (M̂⁻¹)_ij²)`, geometric, with the shares 1 - α and α.
+
+        The second is the inertia with which a joint responds to torques of one density on all joints. A payload's
+        coupling makes it much smaller than `M̂_ii`; the joints' own learning does not know the coupling.
+        """
+        inverse = jax.vmap(solve_symmetric, (None, 0))(mass, jnp.eye(mass.shape[0]))
+        diagonal = jnp.diagonal(mass)
+        smaller = jnp.log(jnp.sum(inverse * inverse, axis=1) * diagonal * diagonal)
+        return diagonal * jnp.exp(-0.5 * memory.trust.share * smaller)
 
     def mass_at_start(self, mass: Matrix) -> Matrix:
         return self.joints.mass_at_start(mass)

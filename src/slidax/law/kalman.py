@@ -233,22 +233,23 @@ class TrackingMemory(eqx.Module):
     """Memory of a filter whose bandwidth grows.
 
     - `growth`: p - 1 of each joint [n].
-    - `innovation`: the last one over σ [n].
+    - `trail`: sum of the innovations over σ [n], forgotten like the growth.
     - `spent`: recent time with growth, times the growth [n], s.
     """
 
     growth: Vector
-    innovation: Vector
+    trail: Vector
     spent: Vector
 
 
 class StrongTracking(AbstractEstimator):
     """A Kalman filter whose bandwidth grows while its innovations are larger than noise explains.
 
-    With the smaller one x of the last two innovations `|q' - q_predicted|/σ`, or 0 if their signs differ, the pace d of
-    each joint's filter becomes `p d`, `p = max(min(1 + x - 4, growth), 1 + (p₋ - 1) e^{-h/T})`, T = 15 ms, and at most
-    0.3. A sudden disturbance is then estimated in about half the time, and the noise of the undisturbed loop is as
-    before. A single wrong measurement is no disturbance: the innovation after it has the other sign.
+    With the innovation `(q' - q_predicted)/σ` and the sum of those before, each forgotten with T = 15 ms, x is the
+    smaller magnitude of both, or 0 if their signs differ. The pace d of each joint's filter becomes `p d`,
+    `p = max(min(1 + x - 4, growth), 1 + (p₋ - 1) e^{-h/T})`, and at most 0.3. A sudden disturbance is then estimated in
+    about half the time, and the noise of the undisturbed loop is as before. A single wrong measurement is no
+    disturbance: the innovations after it have the other sign.
 
     A faster filter bears less of a model that is too heavy: p - 1 is scaled by the share of the arm's model in use, and
     fades to 0 once the bandwidth has been doubled for 20 to 40 ms, so that an oscillation cannot hold it up.
@@ -278,7 +279,7 @@ class StrongTracking(AbstractEstimator):
 
     def init(self, measured: State) -> TrackingMemory:
         zero = jnp.zeros_like(measured.q)
-        return TrackingMemory(growth=zero, innovation=zero, spent=zero)
+        return TrackingMemory(growth=zero, trail=zero, spent=zero)
 
     def __call__(
         self, measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, ""], memory: TrackingMemory
@@ -286,15 +287,17 @@ class StrongTracking(AbstractEstimator):
         pace = self.filter.pace
         assert pace is not None
         innovation = (measured.q - prior.state.q) / self.deviation
-        both = jnp.minimum(jnp.abs(innovation), jnp.sign(innovation) * memory.innovation)
+        fade = jnp.exp(-elapsed / ALERT_TIME)
+        trail = fade * memory.trail
+        both = jnp.minimum(jnp.abs(innovation), jnp.sign(innovation) * trail)
         wanted = jnp.clip(both - SURPRISE, 0.0, self.growth - 1.0)
-        beyond = jnp.maximum(wanted, memory.growth * jnp.exp(-elapsed / ALERT_TIME))
+        beyond = jnp.maximum(wanted, memory.growth * fade)
         room = self.share * jnp.clip(2.0 - memory.spent / BUDGET, 0.0, 1.0)
         spent = memory.spent * jnp.exp(-elapsed / REST) + elapsed * beyond
         grown = jnp.maximum(jnp.minimum((1.0 + room * beyond) * pace, FASTEST_GROWN), pace)
         gains = self.filter.gains * (paced(grown) / paced(pace))
         estimate, _ = Kalman(gains)(measured, prior, elapsed, missed, ())
-        return estimate, TrackingMemory(beyond, innovation, spent)
+        return estimate, TrackingMemory(beyond, trail + innovation, spent)
 
 
 def paced(pace: Vector) -> Float[Array, "3 n"]:

@@ -34,6 +34,9 @@ CONFIRMED, PROBATION, PROVEN = 0.2, 0.6, 1.0
 """s: time in which the last good model must explain the torque before it is used again, time for which a new model must
 explain it before it is used, and time in full use after which a model counts as good."""
 
+RELIEF = 0.3
+"""s: time after the loss of a payload in which loud windows teach, and leave the arm's model in use."""
+
 RISE, FALL = 0.2, 0.1
 """s: times in which the share of the arm's model rises from 0 to 1 and falls from 1 to 0."""
 
@@ -47,7 +50,8 @@ class Trust(eqx.Module):
     - `share`: α, share of the arm's model in what the law uses; 0 for the joints' own learning.
     - `relearns`: True while the arm is learnt from the beginning, or anew after a lasting change.
     - `since`: time since that began or ended, or since the covariance was last opened [s].
-    - `loud`, `quiet`: time with loud windows, less that of quiet ones, and time since the last loud window [s].
+    - `loud`, `quiet`: time with loud windows, less that of quiet ones, and time since the last loud window [s]. `loud`
+      is negative for `RELIEF` after the loss of a payload.
     - `good`: time of full use without a loud window [s].
     - `confirmed`: time in which the last good model has explained the torque [s].
     - `has_good`: True if there is a last good model.
@@ -109,11 +113,13 @@ class Verdict(eqx.Module):
     - `restores`: True to continue with the last good model in place of the learnt one.
     - `opens`: True to enlarge the covariance, since the arm has changed.
     - `keeps`: True to take the learnt model as the last good one.
+    - `unloads`: True to take the lost share of the payload from the learnt model.
     """
 
     restores: Bool[Array, ""]
     opens: Bool[Array, ""]
     keeps: Bool[Array, ""]
+    unloads: Bool[Array, ""]
 
 
 def judge(
@@ -121,6 +127,8 @@ def judge(
     certain: Bool[Array, ""],
     valid: Bool[Array, ""],
     loud: Bool[Array, "2"],
+    lost: Scalar,
+    left: Vector,
     variance: Scalar,
     duration: Scalar,
 ) -> tuple[Trust, Verdict]:
@@ -133,8 +141,12 @@ def judge(
       taken for a payload ends before. The last good one returns as soon as it explains the torque again, also where
       the new one is in use and explains it less well.
 
+    - A loud window that a lost payload explains changes the model at once. It stays in use, what the loss leaves
+      unexplained counts as usual, and for `RELIEF` all windows teach.
+
     - `certain`: True if the model knows each joint's inertia.
     - `valid`: True for a valid window. `loud`: if it is loud by the learnt, and by the last good model.
+    - `lost`: share of the payload whose loss explains a loud window; 0 for none. `left`: innovation without it [n].
     - `variance`: of the torque's noise.
     - `duration`: from one window to the next [s].
     """
@@ -143,7 +155,7 @@ def judge(
     least = torque + FLOOR * FLOOR * variance
     ratio, ratio_good = jnp.max(learnt / least), jnp.max(good / least)
     since = trust.since + duration
-    louder = jnp.where(loud, trust.loud + duration, jnp.maximum(trust.loud - duration, 0.0))
+    louder = jnp.where(loud | (trust.loud < 0.0), trust.loud + duration, jnp.maximum(trust.loud - duration, 0.0))
     loud_time = jnp.where(valid, louder, trust.loud)
     quiet = jnp.where(valid & ~loud, trust.quiet + duration, 0.0)
     # The energies remember a push for seconds, single windows do not.
@@ -155,6 +167,8 @@ def judge(
     worse = (ratio > WORSE * ratio_good) & (ratio > WRONG)
     unproven = learns | (trust.share <= 0.0) & (since < PROBATION)
     restores = (unproven | worse) & ~done & trust.has_good & (confirmed > CONFIRMED)
+    unloads = ~learns & (lost > 0.0)
+    loud_time = jnp.where(unloads, -RELIEF, loud_time)
     changed = ~learns & (loud_time > LASTING)
     again = learns & ~done & ~restores & (ratio > FAILS) & (since > LASTING)
     relearns = (learns & ~done & ~restores) | changed
@@ -162,6 +176,7 @@ def judge(
     # After a change not the energy of the new model: what it has not explained yet would count as usual.
     of_model = jnp.where(restores, good, learnt)
     usual = jnp.where(restores | (done & ~trust.has_good), jnp.maximum(of_model, variance), trust.usual)
+    usual = jnp.where(unloads, jnp.maximum(usual, left * left), usual)
     loud_time = jnp.where(changed | settled, 0.0, loud_time)
     since = jnp.where(restores, PROBATION, jnp.where(changed | done | again, 0.0, since))
     uses = ~relearns & (since >= PROBATION) & ((loud_time < SHORT) | (quiet > CALM))
@@ -180,4 +195,4 @@ def judge(
         confirmed=confirmed,
         has_good=trust.has_good | keeps,
     )
-    return after, Verdict(restores, changed | again, keeps)
+    return after, Verdict(restores, changed | again, keeps, unloads & ~restores)

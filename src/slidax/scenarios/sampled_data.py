@@ -31,6 +31,9 @@ FINEST = 2e-6
 """rad: finest encoder resolution that a Kalman filter with an adaptation assumes; a faster filter tolerates smaller
 errors of the inertia (docs/learning.md)."""
 
+ARM_GROWTH = 1.5
+"""Largest growth of the estimator's bandwidth with `arm_learning` (docs/arm-learning.md)."""
+
 
 @dataclass(frozen=True)
 class Sampling:
@@ -47,6 +50,7 @@ class Sampling:
     - `rated`: rated torques of the joints [n], N m or N; infinite if unknown.
     - `limited`: False if the arm may move beyond its position limits.
     - `jitter`: width of the delay's random variation [periods].
+    - `growth`: largest growth of the estimator's bandwidth, by default.
     """
 
     period: float
@@ -60,6 +64,7 @@ class Sampling:
     rated: Array
     limited: bool = True
     jitter: float = 0.0
+    growth: float = 1.0
 
 
 class MeasuredDescription(AbstractDescription):
@@ -103,7 +108,9 @@ class KalmanDescription(AbstractDescription):
         "variance of a measured position", "rad² or m²", default=None, source="the sensor's resolution and noise"
     )
 
-    growth: float = same_field(StrongTracking, "growth", default=1.0)
+    growth: float | None = same_field(
+        StrongTracking, "growth", default=None, source="1.5 with `arm_learning`, otherwise 1, no growth"
+    )
 
     def build(self, sampling: Sampling) -> AbstractEstimator:
         """Build the estimator."""
@@ -120,10 +127,11 @@ class KalmanDescription(AbstractDescription):
             torque_density=self.torque_density,
             fastest=FASTEST_PACE if self.variance is None else None,
         )
-        if self.growth == 1.0:
+        growth = sampling.growth if self.growth is None else self.growth
+        if growth == 1.0:
             return kalman
         deviation = jnp.broadcast_to(jnp.sqrt(variance), sampling.mass.shape[:1])
-        return StrongTracking(kalman, deviation, jnp.asarray(self.growth))
+        return StrongTracking(kalman, deviation, jnp.asarray(growth))
 
 
 class GateDescription(AbstractDescription):
@@ -295,6 +303,8 @@ class SampledDataDescription(AbstractDescription):
                 self.adaptation.require_joints(sampling.mass.shape[0])
                 if isinstance(self.adaptation, JointLearningDescription | ArmLearningDescription):
                     adaptation = self.adaptation.build(sampling)
+                    if isinstance(self.adaptation, ArmLearningDescription):
+                        sampling = replace(sampling, growth=ARM_GROWTH)
                 else:
                     adaptation = self.adaptation.build()
                 # The estimator starts with the learnt inertia, and is slow enough to tolerate its errors.

@@ -318,10 +318,10 @@ class SampledData(AbstractController):
         """The estimate at this sample, the estimator's memory, and the prediction that the sample corrects."""
         prior = jax.lax.cond(gap, lambda: self._after_gap(robot, memory, elapsed - self.period), lambda: memory.prior)
         estimator = self.estimator
-        if self.adaptation is not None:
-            estimator = estimator.for_inertia(jnp.diagonal(robot.mass(prior.state.q)))
-            if memory.adapted is not None:
-                estimator = estimator.with_share(self.adaptation.share(memory.adapted.memory))
+        if self.adaptation is not None and memory.adapted is not None:
+            adapted = memory.adapted.memory
+            estimator = estimator.for_inertia(self.adaptation.filter_inertia(robot.mass(prior.state.q), adapted))
+            estimator = estimator.with_share(self.adaptation.share(adapted))
         estimate, estimated = estimator(state, prior, elapsed, missed, memory.estimator)
         return self._within_reason(estimate), estimated, prior
 
