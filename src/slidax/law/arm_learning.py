@@ -20,11 +20,22 @@ from slidax.core.parameter import parameter, piece
 from slidax.core.types import Matrix, PerJoint, Scalar, State, Vector
 
 from .adaptation import AbstractAdaptation, Believed, Experience, LearnedParameters
-from .arm_model import ArmParameters, KnownArm, Rippled, TorqueShapes, arm_with, friction_shapes, parameter_count
+from .arm_model import (
+    ArmParameters,
+    KnownArm,
+    Rippled,
+    TorqueShapes,
+    arm_with,
+    articulated,
+    friction_shapes,
+    link_body,
+    parameter_count,
+)
 from .joint_learning import JointLearning, Learning
 from .least_squares import (
     KINDS,
     QUARTERS,
+    Equations,
     Window,
     diagonal_covariance,
     measured_once,
@@ -72,32 +83,6 @@ UNEXPLAINED, LEAST_LOST = 0.05, 0.2
 
 SLOWEST, SOFTEST = 0.01, 0.1
 """rad/s and rad/s², or m/s and m/s²: a joint below both teaches nothing."""
-
-
-class Equations(eqx.Module):
-    """One equation `y = aᵀθ` for each joint, from one window.
-
-    - `rows`: a [n p].
-    - `y`: torque that the nominal arm does not explain [n], N m or N.
-    - `inertia`: derivative of M_ii by payload and link factors [n b].
-    - `diagonal`: M_ii of the nominal arm [n].
-    - `teaches`: True for each equation that is used [n].
-    - `valid`: True for a window without a gap. `loud`: for a loud innovation of the learnt, and of the good model.
-    - `fits`: True if the loss of a share of the payload explains the window.
-    - `lost`: that share, if it explains this loud window and the one before; 0 for none. `left`: innovation without it
-      [n].
-    """
-
-    rows: Float[Array, "n p"]
-    y: Vector
-    inertia: Float[Array, "n b"]
-    diagonal: Vector
-    teaches: Bool[Array, " n"]
-    valid: Bool[Array, ""]
-    loud: Bool[Array, "2"]
-    fits: Bool[Array, ""]
-    lost: Scalar
-    left: Vector
 
 
 class Estimates(eqx.Module):
@@ -508,15 +493,3 @@ class ArmLearning(AbstractAdaptation):
         known = {name: value for name, value in parameters.items() if value is not None}
         own = {"counted": joints.counted, "smoothing": joints.smoothing, "joints": joints, "samples": samples}
         return cls(**{**own, **known})
-
-
-def articulated(arm: AbstractRobot | None) -> Articulated:
-    """Return the arm itself, which `arm_with` has checked."""
-    assert isinstance(arm, Articulated)
-    return arm
-
-
-def link_body(arm: Articulated) -> Float[Array, "10"]:
-    """Return mass, moment and inertia of the link that carries the tip, with what it carries [10]."""
-    bodies, at = arm.bodies(), arm.tip_joint
-    return jnp.concatenate([bodies.mass[at][None], bodies.moment[:, at], bodies.inertia[:, at]])

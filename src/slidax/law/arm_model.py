@@ -167,6 +167,18 @@ def arm_with(nominal: AbstractRobot, share: Scalar, parameters: ArmParameters) -
     return Adjusted.of(nominal, share * parameters.factors, share * parameters.payload)
 
 
+def articulated(arm: AbstractRobot | None) -> Articulated:
+    """Return the arm itself, which `arm_with` has checked."""
+    assert isinstance(arm, Articulated)
+    return arm
+
+
+def link_body(arm: Articulated) -> Float[Array, "10"]:
+    """Return mass, moment and inertia of the link that carries the tip, with what it carries [10]."""
+    bodies, at = arm.bodies(), arm.tip_joint
+    return jnp.concatenate([bodies.mass[at][None], bodies.moment[:, at], bodies.inertia[:, at]])
+
+
 class KnownArm(AbstractAdaptation):
     """Constant differences from the nominal arm, from an identification or an earlier run of `arm_learning`."""
 

@@ -8,7 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from slidax.core.types import Scalar, Vector
 
@@ -17,6 +17,32 @@ TINY = 1e-30
 
 QUARTERS = 4
 """Windows that overlap: each begins a quarter of its length after the one before."""
+
+
+class Equations(eqx.Module):
+    """One equation `y = aᵀθ` for each joint, from one window.
+
+    - `rows`: a [n p].
+    - `y`: torque that the nominal arm does not explain [n], N m or N.
+    - `inertia`: derivative of M_ii by payload and link factors [n b].
+    - `diagonal`: M_ii of the nominal arm [n].
+    - `teaches`: True for each equation that is used [n].
+    - `valid`: True for a window without a gap. `loud`: for a loud innovation of the learnt, and of the good model.
+    - `fits`: True if the loss of a share of the payload explains the window.
+    - `lost`: that share, if it explains this loud window and the one before; 0 for none. `left`: innovation without it
+      [n].
+    """
+
+    rows: Float[Array, "n p"]
+    y: Vector
+    inertia: Float[Array, "n b"]
+    diagonal: Vector
+    teaches: Bool[Array, " n"]
+    valid: Bool[Array, ""]
+    loud: Bool[Array, "2"]
+    fits: Bool[Array, ""]
+    lost: Scalar
+    left: Vector
 
 
 class Window(eqx.Module):
