@@ -1,6 +1,10 @@
+from types import SimpleNamespace
+
 import pytest
 
+from slidax.cli.tables import print_study
 from slidax.studies import frame, monte_carlo
+from slidax.studies.study import Section
 from tests.documentation.pages import ROOT
 
 from .commands import STUDY, answer_of, in_process
@@ -65,3 +69,10 @@ def test_a_sweep_refuses_a_number_of_runs_by_its_name():
     sweep = ROOT / "examples" / "studies" / "sweep-payload.yaml"
     done = in_process("study", str(sweep), "--runs", "8", code=2)
     assert "a study of the kind `sweep` has no `runs` to set" in done.stderr
+
+
+def test_a_printed_table_of_a_study_keeps_its_units(capsys):
+    section = Section("The front", "", ("Gains", "steady_error [rad]"), [["own", 0.25]])
+    print_study(SimpleNamespace(summary="Kept [rad] all.", sections=lambda: [section]))
+    shown = capsys.readouterr().out
+    assert "steady_error [rad]" in shown and "Kept [rad] all." in shown

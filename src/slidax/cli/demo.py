@@ -57,7 +57,7 @@ def demo(
 
         # Fails before the runs if the folder cannot be written.
         out.mkdir(parents=True, exist_ok=True)
-        console = Console(highlight=False)
+        console = Console(markup=False, highlight=False)
         console.print("A two-link arm, commanded at 1 kHz", style="bold")
         console.print(INTRODUCTION)
         rivals = _play(console, still or not console.is_terminal)

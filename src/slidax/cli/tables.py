@@ -190,7 +190,7 @@ def _titled(title: str, units: list[str]) -> str:
 
 def print_study(result: AbstractResult) -> None:
     """Print the `result` of a study with its tables."""
-    console = Console(highlight=False)
+    console = Console(markup=False, highlight=False)
     _say(console, result.summary)
     for section in result.sections():
         if section.head:
@@ -221,7 +221,7 @@ def print_certificates(certificates: Certificates, *, every: bool = False) -> No
 
     - `every`: True for all assumptions, and the reasons of certificates that do not apply.
     """
-    console = Console(highlight=False)
+    console = Console(markup=False, highlight=False)
     console.print(Text(certificates.scenario, style="bold"))
     console.print(certificates_verdict(certificates))
     for verdict in certificates:
@@ -267,7 +267,7 @@ def print_admissions(
     law: CertifiedLaw, admissions: Sequence[MotionAdmission], monitor: dict[str, list[float]] | None
 ) -> None:
     """Print for each motion if a certified `law` admits it, its bound, and what forbids it; then the `monitor`."""
-    console = Console(highlight=False)
+    console = Console(markup=False, highlight=False)
     for answer in admissions:
         grade = f" (grade {answer.verdict.grade})" if answer.admitted else ""
         words, style = ("admitted", "green") if answer.admitted else ("not admitted", "bold red")

@@ -30,6 +30,22 @@ def test_the_page_makes_one_request(chromium, site):
         visit.close()
 
 
+@pytest.mark.parametrize("width", [390, 1280, 1600])
+def test_no_panel_covers_another_where_the_page_is_scrolled(visit, width):
+    visit.page.set_viewport_size({"width": width, "height": 800})
+    for y in (0, 300, 600, 900, 1500):
+        visit.page.evaluate(f"scrollTo(0, {y})")
+        boxes = visit.page.evaluate(
+            "[...document.querySelectorAll('.view > section')]"
+            ".map(panel => [panel.id, panel.getBoundingClientRect().toJSON()])"
+        )
+        for k, (name, box) in enumerate(boxes):
+            for other, beside in boxes[k + 1 :]:
+                across = min(box["right"], beside["right"]) - max(box["left"], beside["left"])
+                down = min(box["bottom"], beside["bottom"]) - max(box["top"], beside["top"])
+                assert min(across, down) <= 0, (y, name, other)
+
+
 def test_a_slider_moves_everything_and_resets(visit):
     before = visit.page.evaluate("slidaxPage.result('A').signals.e[2000]")
     visit.page.locator(f"{SCALE} > .slider .bar").focus()
