@@ -195,8 +195,8 @@ class GuardedStep(AbstractController):
         if isinstance(self.controller, SampledData):
             # Earlier commands count for the rate limit, and still act during the dead time.
             drives = self.controller.drives
-            given = memory.tau if drives is None else drives.torque(memory.tau)
-            torques = jnp.where(memory.commanded, given, law.torques)
+            last = memory.tau if drives is None else drives.torque(memory.tau)
+            torques = jnp.where(memory.commanded, last, law.torques)
             law = eqx.tree_at(lambda law: law.torques, law, torques)
         else:
             nominal = getattr(self.controller, "nominal", None)
