@@ -10,6 +10,7 @@ from slidax.core.errors import DefinitionError
 from slidax.core.integrators import value_rate_curvature
 from slidax.core.types import State
 from slidax.law import ArmLearning, ComputedTorque, JointLearning, Kalman, KnownArm, StrongTracking, sampled_data
+from slidax.law.adaptation import Experience
 from slidax.law.arm_model import ArmParameters
 from slidax.law.model_trust import CALM, CONFIRMED, LASTING, PROBATION, PROVEN, RELIEF, SHORT, Trust, judge
 from slidax.scenarios import load
@@ -62,6 +63,10 @@ def test_a_lasting_change_is_learnt_anew(in_use):
     changed, verdicts = judged(in_use, LASTING + 0.05, innovation=3.0, of_good=3.0)
     assert changed.relearns and changed.share == 0.0 and any(bool(verdict.opens) for verdict in verdicts)
     assert judged(changed, 3.0, innovation=0.01, of_good=3.0)[0].share == 1.0
+
+
+def test_a_small_push_does_not_become_usual_before_a_lasting_change_is_found(in_use):
+    assert any(bool(verdict.opens) for verdict in judged(in_use, LASTING + 0.05, innovation=0.2, of_good=0.2)[1])
 
 
 def test_a_model_that_has_lost_its_payload_stays_in_use(in_use):
@@ -145,6 +150,20 @@ def test_a_model_in_use_gives_the_arm_its_payload_and_links():
     weight = 9.81 * (1.0 * 0.5 + 0.1 * 2.0 * 0.25 - 0.1 * 0.5 * (0.5 + 0.2))
     rest = full.bias(0 * q, 0 * q) - ARM.bias(0 * q, 0 * q)
     np.testing.assert_allclose(jnp.abs(rest[0]), weight, rtol=1e-12)
+
+
+def test_the_joints_learning_continues_from_the_arm_in_full_use():
+    adaptation, still = learner(), jnp.zeros(2)
+    memory = adaptation.init(State(q=still, dq=still))
+    used = jnp.zeros(20).at[0].set(2.0).at[14:18].set(jnp.array([0.3, 0.2, 0.1, 9.0])).at[18:].set(0.05)
+    inertia = jnp.zeros((2, 12)).at[:, 0].set(jnp.array([0.4, 0.1]))
+    where = lambda m: (m.estimates.used, m.equations.inertia, m.trust.share)  # noqa: E731
+    args = still, still, still, ARM.mass(still), ARM.bias(still, still), jnp.asarray(PERIOD), NO, ARM
+    for share in (1.0, 0.9):
+        after = adaptation(Experience(*args), eqx.tree_at(where, memory, (used, inertia, jnp.asarray(share)))).joints
+        whole = share == 1.0
+        np.testing.assert_allclose(after.rotor, [0.85, 0.25] if whole else [0.1, 0.1], rtol=1e-12)
+        np.testing.assert_allclose(after.coulomb, [0.4, 3.0] if whole else [0.0, 0.0], atol=1e-12)
 
 
 def test_a_lost_payload_is_found_by_the_torque_that_it_took():

@@ -235,8 +235,20 @@ class ArmLearning(AbstractAdaptation):
             lambda: self._next(x, sums, clean >= QUARTERS * m, trust, estimates, equations.fits),
             lambda: (sums, equations, trust),
         )
-        joints = self.joints(x, memory.joints)
+        joints = self._joints_after(x, memory)
         return ArmLearningMemory(joints, jnp.where(last, 0.0, slot + 1.0), clean, sums, equations, estimates, trust)
+
+    def _joints_after(self, x: Experience, memory: ArmLearningMemory) -> Learning:
+        """Each joint's own learning after a sample; while the arm's model is in full use, its inertia and friction.
+
+        The joints' learning continues from there when the model is given up.
+        """
+        joints, arm, equations = self.joints(x, memory.joints), self.parameters(memory.estimates.used), memory.equations
+        of_links = jnp.sum(equations.inertia * jnp.concatenate([arm.payload, arm.factors]), axis=1)
+        rotor, coulomb = self.counted + arm.rotor + of_links, jnp.clip(arm.coulomb, 0.0, self.joints.coulomb_max)
+        full = memory.trust.share >= 1.0
+        both = jnp.where(full, rotor, joints.rotor), jnp.where(full, coulomb, joints.coulomb)
+        return eqx.tree_at(lambda own: (own.rotor, own.coulomb), joints, both)
 
     def _taught(self, slot: Scalar, equations: Equations, estimates: Estimates) -> Estimates:
         """The estimates after this sample's share of the equations."""

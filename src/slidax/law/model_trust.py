@@ -14,6 +14,9 @@ LOUD = 4.0
 USUAL_TIME, ENERGY_TIME = 1.0, 0.3
 """s: time constants of the usual innovation, and of the energies that decide."""
 
+OF_QUIET, OF_LOUD = 9.0, 2.0
+"""Largest energy of an innovation over the usual one that counts for the usual one, in a quiet and in a loud window."""
+
 EXPLAINS, FAILS = 0.1, 0.25
 """Energy of the innovations over that of the torque: below the first a model explains the torque, above the second it
 does not."""
@@ -100,8 +103,9 @@ class Trust(eqx.Module):
         loud = loud | jnp.stack([jnp.zeros((), bool), ~jnp.any(heard)])
         newer = jnp.where(heard, -jnp.expm1(-duration / ENERGY_TIME), 0.0)
         slower = jnp.where(heard, -jnp.expm1(-duration / USUAL_TIME), 0.0)
-        # A loud innovation counts as three usual ones, so that outliers cannot become usual.
-        clipped = jnp.minimum(squares[0], 9.0 * self.usual)
+        # Neither outliers nor pushes may become usual before a lasting change is found.
+        unusual = loud[0] & ~self.relearns & (self.loud >= 0.0)
+        clipped = jnp.minimum(squares[0], jnp.where(unusual, OF_LOUD, OF_QUIET) * self.usual)
         energy = self.energy + newer * (squares - self.energy)
         usual = jnp.maximum(self.usual + slower * (clipped - self.usual), variance)
         return eqx.tree_at(lambda trust: (trust.energy, trust.usual), self, (energy, usual)), loud
