@@ -53,10 +53,10 @@ def test_commands_keep_limits_that_the_joints_torques_reach():
 
 @needs_a_compiler
 def test_exported_law_has_the_map_as_in_python(tmp_path):
-    scenario, _ = run(actuator__map=MAP, actuator__torque=900.0, actuator__rate=1e6)
+    scenario, _ = run(actuator__map=MAP)
     export_c(scenario, tmp_path, name="law", golden=False)
     tau = assert_same_answers(sx.load_export(tmp_path), scenario, 60)
-    plain, _ = run(actuator__torque=900.0, actuator__rate=1e6)
+    plain, _ = run()
     guard = guarded_law(plain)
     still = State(plain.state0.q, plain.state0.dq)
     now, following = (plain.trajectory.reference(jnp.asarray(t)) for t in (0.0, 1e-3))
