@@ -28,6 +28,8 @@ AT_MID_PERIOD = {
     "scheme.sampled_data": {"midpoint": True, "viscous_feedforward": True, "delay": 2.0},
 }
 
+ARM_LEARNING = {**NO_LIMITS, "scheme.sampled_data.adaptation": {"kind": "arm_learning"}}
+
 # Torque limits hide most of the law at random states; one scheme shows that they act alike.
 PAIRS = [
     *((arm, scheme, {}) for arm in ("example-4.1", "example-4.2") for scheme in catalogue()["schemes"]),
@@ -35,6 +37,7 @@ PAIRS = [
     *((arm, "cftsmppc", {}) for arm in ("example-4.1-1khz", "example-4.2-1khz", "panda-payload")),
     ("panda-payload", "cftsmppc", NO_LIMITS),
     ("panda-payload", "computed_torque", AT_MID_PERIOD),
+    ("panda-payload", "cftsmppc", ARM_LEARNING),
 ]
 DAILY = ("example-4.1-1khz", "cftsmppc", {})
 
@@ -49,8 +52,9 @@ COMPOSED = {
 
 
 def named(pair):
-    arm, scheme, limits = pair
-    return f"{scheme}, {arm}{', no limits' if limits == NO_LIMITS else ', at mid-period' if limits else ''}"
+    arm, scheme, changes = pair
+    kinds = ((NO_LIMITS, ", no limits"), (AT_MID_PERIOD, ", at mid-period"), (ARM_LEARNING, ", arm learning"))
+    return f"{scheme}, {arm}{next((text for kind, text in kinds if changes == kind), '')}"
 
 
 def slack(guard, samples):
