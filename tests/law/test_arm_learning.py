@@ -12,7 +12,18 @@ from slidax.core.types import State
 from slidax.law import ArmLearning, ComputedTorque, JointLearning, Kalman, KnownArm, StrongTracking, sampled_data
 from slidax.law.adaptation import Experience
 from slidax.law.arm_model import ArmParameters
-from slidax.law.model_trust import CALM, CONFIRMED, LASTING, PROBATION, PROVEN, RELIEF, SHORT, Trust, judge
+from slidax.law.model_trust import (
+    CALM,
+    CONFIRMED,
+    LASTING,
+    PROBATION,
+    PROVEN,
+    RELIEF,
+    SHORT,
+    Trust,
+    judge,
+    lost_payload,
+)
 from slidax.scenarios import load
 from tests.law.moved import ARM, PERIOD, taught
 from tests.paper_examples import TWO_LINK
@@ -167,17 +178,17 @@ def test_the_joints_learning_continues_from_the_arm_in_full_use():
 
 
 def test_a_lost_payload_is_found_by_the_torque_that_it_took():
-    adaptation, carried = learner(), jnp.array([4.0, -1.0])
+    noise, carried = learner().noise ** 2, jnp.array([4.0, -1.0])
     heard = jnp.ones(2, bool)
     for share, least in ((1.0, 1.0), (0.6, 0.6), (1.5, 1.0)):
-        fits, lost, left = adaptation._lost_payload(-share * carried + 0.1, carried, heard)
+        fits, lost, left = lost_payload(-share * carried + 0.1, carried, heard, noise)
         assert fits == (share <= 1.2)
         np.testing.assert_allclose(lost, least, atol=0.05)
         np.testing.assert_allclose(left, (lost - share) * carried + 0.1, atol=1e-12)
     # More payload, and pushes in other directions.
     for missed in (carried, jnp.array([1.0, 4.0]), jnp.array([0.0, 1.0])):
-        assert not adaptation._lost_payload(missed, carried, heard)[0]
-    assert not adaptation._lost_payload(-carried, carried, jnp.zeros(2, bool))[0]
+        assert not lost_payload(missed, carried, heard, noise)[0]
+    assert not lost_payload(-carried, carried, jnp.zeros(2, bool), noise)[0]
 
 
 def test_the_filter_of_a_learnt_arm_belongs_to_the_inertia_that_couplings_leave():

@@ -46,7 +46,7 @@ from .least_squares import (
     window_sums,
     with_drift,
 )
-from .model_trust import Trust, judge
+from .model_trust import LEAST_LOST, Trust, judge, lost_payload
 
 UPDATE_TIME = 0.01
 """s: time between two windows."""
@@ -77,9 +77,6 @@ FACTOR = 0.6
 
 LEAST_EIGENVALUE = 1e-6
 """Least eigenvalue of the pseudo-inertia of the last link with its payload, kg m² or kg."""
-
-UNEXPLAINED, LEAST_LOST = 0.05, 0.2
-"""Share of a loud window's energy that a lost payload may leave, and least share of a payload that is lost at once."""
 
 SLOWEST, SOFTEST = 0.01, 0.1
 """rad/s and rad/s², or m/s and m/s²: a joint below both teaches nothing."""
@@ -290,7 +287,8 @@ class ArmLearning(AbstractAdaptation):
         squares = jnp.stack([missed * missed, missed_by_good * missed_by_good, y * y])
         heard = valid & moves
         trust, loud = trust.after_window(squares, heard, self.noise**2, self.samples * x.period)
-        fits, lost, left = self._lost_payload(missed, rows[:, :PAYLOAD] @ estimates.parameters[:PAYLOAD], heard)
+        carried = rows[:, :PAYLOAD] @ estimates.parameters[:PAYLOAD]
+        fits, lost, left = lost_payload(missed, carried, heard, self.noise**2)
         equations = Equations(
             rows=rows,
             y=y,
@@ -304,18 +302,6 @@ class ArmLearning(AbstractAdaptation):
             left=left,
         )
         return next_windows(sums), equations, trust
-
-    def _lost_payload(
-        self, missed: Vector, carried: Vector, heard: Bool[Array, " n"]
-    ) -> tuple[Bool[Array, ""], Scalar, Vector]:
-        """Return if the loss of a share of the payload explains a window, the share, and the innovation without it [n].
-
-        - `missed`: innovation [n]. `carried`: torque of the whole payload [n].
-        """
-        own, torque = (jnp.where(heard, each, 0.0) for each in (missed, carried))
-        share = jnp.clip(-jnp.sum(own * torque) / jnp.maximum(jnp.sum(torque * torque), self.noise**2), 0.0, 1.0)
-        left = own + share * torque
-        return jnp.sum(left * left) < UNEXPLAINED * jnp.sum(own * own), share, left
 
     def _decided(
         self, x: Experience, equations: Equations, trust: Trust, estimates: Estimates

@@ -40,6 +40,9 @@ explain it before it is used, and time in full use after which a model counts as
 RELIEF = 0.3
 """s: time after the loss of a payload in which loud windows teach, and leave the arm's model in use."""
 
+UNEXPLAINED, LEAST_LOST = 0.05, 0.2
+"""Share of a loud window's energy that a lost payload may leave, and least share of a payload that is lost at once."""
+
 RISE, FALL = 0.2, 0.1
 """s: times in which the share of the arm's model rises from 0 to 1 and falls from 1 to 0."""
 
@@ -200,3 +203,19 @@ def judge(
         has_good=trust.has_good | keeps,
     )
     return after, Verdict(restores, changed | again, keeps, unloads & ~restores)
+
+
+def lost_payload(
+    missed: Vector, carried: Vector, heard: Bool[Array, " n"], noise: Scalar
+) -> tuple[Bool[Array, ""], Scalar, Vector]:
+    """Return if the loss of a share of the payload explains a window, the share, and the innovation without it [n].
+
+    - `missed`: innovation [n].
+    - `carried`: torque of the whole payload [n].
+    - `heard`: joints whose equations count [n].
+    - `noise`: variance of a window's torque.
+    """
+    own, torque = (jnp.where(heard, each, 0.0) for each in (missed, carried))
+    share = jnp.clip(-jnp.sum(own * torque) / jnp.maximum(jnp.sum(torque * torque), noise), 0.0, 1.0)
+    left = own + share * torque
+    return jnp.sum(left * left) < UNEXPLAINED * jnp.sum(own * own), share, left
