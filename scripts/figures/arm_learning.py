@@ -33,7 +33,7 @@ FRONT: dict[str, dict[str, Any]] = {
     "`cftsmppc`": ARM,
     "`cftsmppc`, horizon 14 ms": {**ARM, "scheme.sampled_data.horizon": 0.014},
     "`cftsmppc`, horizon 20 ms": {**ARM, "scheme.sampled_data.horizon": 0.020},
-    "`cftsmppc`, calm, 200 rad/s": {**ARM, "scheme.sampled_data.calm": {"bandwidth": 200.0, "fastest": 400.0}},
+    "`cftsmppc`, calm, 120 rad/s": {**ARM, "scheme.sampled_data.calm": {"bandwidth": 120.0, "fastest": 210.0}},
     "`cftsmppc`, calm": {**ARM, "scheme.sampled_data.calm": True},
     "`cftsmppc`, calm, 30 rad/s": {**ARM, "scheme.sampled_data.calm": {"bandwidth": 30.0}},
 }
