@@ -43,7 +43,7 @@ class TorqueLimits(AbstractPart):
 
 
 class ActuatorMap(AbstractPart):
-    """Torques of the joints by the drives' commands, `τ = G c`: gains on the diagonal, cross-talk beside it."""
+    """Torques of the joints by the drives' commands, `τ = G c`: gains on the diagonal, cross-talk elsewhere."""
 
     matrix: Matrix = parameter("G", "N m or N per N m or N")
     inverse: Matrix = parameter("G⁻¹")
@@ -77,7 +77,10 @@ class ActuatorMap(AbstractPart):
         return matvec(self.inverse, tau)
 
     def within(self, limits: TorqueLimits) -> TorqueLimits:
-        """Return limits of the joints' torques whose commands keep the given limits for every combination of signs."""
+        """Return limits of the joints' torques whose commands keep the given limits for every combination of signs.
+
+        Torques of joints without a limit do not count.
+        """
 
         def box(limit: PerJoint) -> Vector:
             size = jnp.diagonal(self.matrix) * limit

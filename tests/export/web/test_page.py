@@ -40,9 +40,9 @@ def test_no_panel_covers_another_where_the_page_is_scrolled(visit, width):
             ".map(panel => [panel.id, panel.getBoundingClientRect().toJSON()])"
         )
         for k, (name, box) in enumerate(boxes):
-            for other, beside in boxes[k + 1 :]:
-                across = min(box["right"], beside["right"]) - max(box["left"], beside["left"])
-                down = min(box["bottom"], beside["bottom"]) - max(box["top"], beside["top"])
+            for other, second in boxes[k + 1 :]:
+                across = min(box["right"], second["right"]) - max(box["left"], second["left"])
+                down = min(box["bottom"], second["bottom"]) - max(box["top"], second["top"])
                 assert min(across, down) <= 0, (y, name, other)
 
 
