@@ -1,4 +1,5 @@
 import importlib.util
+import time
 import urllib.error
 import urllib.request
 import webbrowser
@@ -45,7 +46,11 @@ def test_a_replay_prints_nothing(swing, capsys):
 
 def test_seek_moves_both_arms_to_their_poses(view):
     drawn = view._drawing
-    view._show(0.25)
+    view.seek(0.25)
+    # The clock's thread shows it, and sets the slider last.
+    patience = time.monotonic() + 30.0
+    while abs(view._slider.value - 0.25) > 1e-3 and time.monotonic() < patience:
+        time.sleep(0.01)
     frame = drawn.motion.frame(0.25)
     for arm, poses in ((view._scene.actual, drawn.motion.actual), (view._scene.desired, drawn.motion.desired)):
         for body, node in arm._bodies.items():
