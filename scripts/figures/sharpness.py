@@ -1,4 +1,4 @@
-"""How much larger certified errors are than the worst that attacks reach along the same motions."""
+"""Certified errors over the worst that attacks reach along the same motions."""
 
 from __future__ import annotations
 
