@@ -155,11 +155,9 @@ def measure_instruments() -> None:
         rows = np.concatenate(blocks)
         off, half, _ = np.abs(rows[rows[:, 2] > 0.5]).T
         worst, inside = int(np.argmax(off)), int(np.sum(off <= half))
-        print(
-            f"| {title} | {len(blocks)} | {len(off)} of {len(rows)} | {off[worst]:.2g} {unit} | ± {half[worst]:.2g} {unit} "
-            f"| {inside} of {len(off)} | {np.median(seconds):.2g} |",
-            flush=True,
-        )
+        cells = [title, len(blocks), f"{len(off)} of {len(rows)}", f"{off[worst]:.2g} {unit}"]
+        cells += [f"± {half[worst]:.2g} {unit}", f"{inside} of {len(off)}", f"{np.median(seconds):.2g}"]
+        print(f"| {' | '.join(map(str, cells))} |", flush=True)
 
 
 def results_of(name: str, number: int, seconds: float) -> Iterator[tuple[Articulated, Identification]]:
@@ -177,10 +175,15 @@ def measure_several() -> None:
     parser.add_argument("--kinds", default=",".join(ARMS), help="comma-separated")
     parser.add_argument("--seconds", type=float, default=20.0, help="duration of a log")
     arguments = parser.parse_args()
-    print(
-        "| arm | logs | p, median [%] | largest true error of M [%] | rotors and friction inside | largest error [%] |"
+    titles = (
+        "arm",
+        "logs",
+        "p, median [%]",
+        "true error of M, largest [%]",
+        "rotors and friction inside",
+        "largest [%]",
     )
-    print("|---|---:|---:|---:|---:|---:|")
+    print(f"| {' | '.join(titles)} |\n|---|---:|---:|---:|---:|---:|")
     for name in arguments.kinds.split(","):
         cells: dict[int, list[Any]] = {}
         for number in range(arguments.arms):
@@ -199,7 +202,5 @@ def measure_several() -> None:
             shown = seen > 0.5
             share = 100 * off / np.concatenate([each[3] for each in measured])
             inside = f"{np.sum(off[shown] <= half[shown])} of {shown.sum()}"
-            row = (
-                f"| {name} | {count} | {np.median(p):.2g} | {errors.max():.2g} | {inside} | {share[shown].max():.2g} |"
-            )
-            print(row, flush=True)
+            row = [name, count, f"{np.median(p):.2g}", f"{errors.max():.2g}", inside, f"{share[shown].max():.2g}"]
+            print(f"| {' | '.join(map(str, row))} |", flush=True)

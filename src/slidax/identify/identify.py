@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from slidax.core.errors import DefinitionError, count_noun
 
 from .band import EstimateErrors
 from .checks import judge_result, require_torques, torque_sample
-from .identified_arm import Identification, LogFit, estimates_of, gravity_estimates, identified_robot
+from .identified_arm import Identification, estimates_of, gravity_estimates, identified_robot
 from .instruments import Instruments, in_commands, tangent
 from .logs import Conventions, JointLog
 from .records import has_known_difference, read_logs, record_of
@@ -117,73 +118,59 @@ def identify(
         _require_gravity(robot, conventions)
     Instruments.started(robot.joints, encoder_offset, actuator_map)
     records = [
-        record_of(each, robot, conventions, load)
+        record_of(each, robot, conventions, load, cut_off, held_out)
         for each, load in zip(read_logs(logs, robot.joint_names), loads, strict=True)
     ]
+    equation = partial(
+        unknowns_of,
+        loads=loads,
+        rotors=rotors,
+        payload=not links if payload is None else payload,
+        links=links,
+        asymmetric=asymmetric,
+        stribeck=stribeck,
+        ripple=ripple,
+    )
 
-    def equations(signals: Sequence[LogSignals], arm: Articulated) -> list[Unknowns]:
-        sizes = sizes_of(signals)
+    def equations(arm: Articulated) -> list[Unknowns]:
+        sizes = sizes_of([record.signals for record in records])
         return [
-            unknowns_of(
-                arm,
-                own,
-                sizes,
-                loads,
-                number,
-                rotors=rotors,
-                payload=not links if payload is None else payload,
-                links=links,
-                asymmetric=asymmetric,
-                stribeck=stribeck,
-                ripple=ripple,
-                ignored=~record.usable,
-            )
-            for number, (own, record) in enumerate(zip(signals, records, strict=True))
+            equation(arm, record.signals, sizes, number=number, ignored=~record.usable)
+            for number, record in enumerate(records)
         ]
 
-    sources = " and ".join(record.log.source for record in records)
-    signals = [record.signals(cut_off) for record in records]
-    splits = [int((1.0 - held_out) * len(own.t)) for own in signals]
-    rows = [slice(0, split) for split in splits]
-    for record, own, split in zip(records, signals, splits, strict=True):
-        shortage = record.shortage(own, split)
-        if shortage:
-            raise DefinitionError(shortage)
-    slow = [record.slow(own) for record, own in zip(records, signals, strict=True)]
-    direction = None
+    sources, direction = " and ".join(record.log.source for record in records), None
     if gravity:
-        samples = [torque_sample(own, record.usable) for own, record in zip(slow, records, strict=True)]
+        samples = [torque_sample(record.slow, record.usable) for record in records]
         direction = gravity_direction([record.robot for record in records], samples)
         if direction is None:
             raise DefinitionError(f"no torque of {sources} depends on gravity: leave `--gravity identify` out")
         robot = with_gravity(robot, direction)
     instruments = Instruments.started(robot.joints, encoder_offset, actuator_map, direction)
-    unknowns = equations(signals, robot)
+    unknowns = equations(robot)
     if not instruments.unknown:
-        for record, own in zip(records, slow, strict=True):
-            require_torques(record.log, record.robot, own, record.usable, conventions)
-    fitted = fit_parameters(unknowns, signals, rows)
+        for record in records:
+            require_torques(record.log, record.robot, record.slow, record.usable, conventions)
+    fitted = fit_parameters(unknowns, [record.fitted for record in records])
     if cut_off is None:
-        chosen = list(signals)
-        for k, (record, own) in enumerate(zip(records, signals, strict=True)):
-            band = explained_band(unknowns[k], own, fitted, rows[k])
-            if band < 0.8 * own.cut_off:
-                narrow = record.signals(band)
-                # A short log keeps its wider band: the noise there widens the intervals.
-                chosen[k] = own if record.shortage(narrow, splits[k]) else narrow
-        if any(new is not own for new, own in zip(chosen, signals, strict=True)):
-            signals, unknowns = chosen, equations(chosen, robot)
-            fitted = fit_parameters(unknowns, signals, rows)
+        narrowed = [
+            record.narrowed(explained_band(each, record.signals, fitted, slice(0, record.split)))
+            for record, each in zip(records, unknowns, strict=True)
+        ]
+        if any(new is not old for new, old in zip(narrowed, records, strict=True)):
+            records = narrowed
+            unknowns = equations(robot)
+            fitted = fit_parameters(unknowns, [record.fitted for record in records])
     axes = np.zeros((3, 0))
     if instruments.unknown:
         count, theta, before = len(unknowns[0].names), fitted.theta, np.zeros(0)
         for _ in range(ROUNDS):
             arm = instruments.robot(robot)
             unknowns = [
-                instruments.extended(each, arm, own, theta[:count])
-                for each, own in zip(equations(signals, arm), signals, strict=True)
+                instruments.extended(each, arm, record.signals, theta[:count])
+                for each, record in zip(equations(arm), records, strict=True)
             ]
-            fitted = fit_parameters(unknowns, signals, rows)
+            fitted = fit_parameters(unknowns, [record.fitted for record in records])
             theta = fitted.theta
             axes = axes if instruments.gravity is None else tangent(instruments.gravity)
             instruments = instruments.refined(unknowns[0], theta, sources)
@@ -193,9 +180,9 @@ def identify(
             # The angles of gravity count from the last estimate.
             before = np.where(np.array(unknowns[0].names)[count:] == "gravity", 0.0, theta[count:])
         robot = instruments.robot(robot)
-        for record, own in zip(records, slow, strict=True):
+        for record in records:
             arm = instruments.robot(record.robot)
-            require_torques(record.log, arm, instruments.corrected(own), record.usable, conventions)
+            require_torques(record.log, arm, instruments.corrected(record.slow), record.usable, conventions)
     first = unknowns[0]
     theta = consistent_parameters(
         fitted.theta, fitted.information, first.bodies, first.positive, _inside(first, fitted.theta)
@@ -204,14 +191,10 @@ def identify(
     errors = np.sqrt(np.diag(fitted.covariance))
     theta = np.where(first.positive & (theta < 1e-3 * errors), 0.0, theta)
     fits = tuple(
-        _log_fit(record.log, own, each.known + each.columns @ theta, (lag, lag_error), split)
-        for record, own, each, lag, lag_error, split in zip(
-            records, signals, unknowns, fitted.lag.tolist(), fitted.lag_error.tolist(), splits, strict=True
-        )
+        record.fit(each.known + each.columns @ theta, *lag)
+        for record, each, *lag in zip(records, unknowns, fitted.lag.tolist(), fitted.lag_error.tolist(), strict=True)
     )
-    warnings = [
-        sentence for record, own in zip(records, signals, strict=True) for sentence in own.warnings + record.warnings
-    ]
+    warnings = tuple(sentence for record in records for sentence in record.signals.warnings + record.warnings)
     unknowns, fitted, theta = in_commands(unknowns, fitted, theta)
     first = unknowns[0]
     parameters = estimates_of(robot, first, fitted, theta)
@@ -224,12 +207,19 @@ def identify(
         logs=fits,
         condition=float(fitted.gain[0] / max(fitted.gain[-1], fitted.gain[0] * np.finfo(float).eps, 1e-300)),
         unseen_directions=int(np.sum(fitted.gain < 1.0)),
-        warnings=tuple(warnings),
+        warnings=warnings,
         seconds=time.perf_counter() - started,
         estimate=EstimateErrors(first.names, first.joints, first.bodies, theta, fitted.covariance),
     )
-    doubts = judge_result(identification, robot, signals, unknowns, fitted, [~record.usable for record in records])
-    return replace(identification, warnings=(*warnings, *doubts))
+    doubts = judge_result(
+        identification,
+        robot,
+        [record.signals for record in records],
+        unknowns,
+        fitted,
+        [~record.usable for record in records],
+    )
+    return replace(identification, warnings=warnings + doubts)
 
 
 def _require_gravity(robot: Articulated, conventions: Conventions) -> None:
@@ -240,31 +230,6 @@ def _require_gravity(robot: Articulated, conventions: Conventions) -> None:
         )
     if not np.asarray(robot.gravity_vector).any():
         raise DefinitionError("`gravity` is 0 in the arm's description: `--gravity 0,0,-9.81` gives its size")
-
-
-def _log_fit(log: JointLog, signals: LogSignals, torque: np.ndarray, lag: tuple[float, float], split: int) -> LogFit:
-    """A log with its predicted torques.
-
-    - `torque`: torques of the arm for the log's motion [k n].
-    - `lag`: delay of the log's torques after its positions, and its standard error [s].
-    - `split`: first row of the held-out part.
-    """
-    predicted = signals.filtered(torque - lag[0] * signals.slope(torque))
-    measured = signals.filtered(signals.tau)
-    fitted = np.arange(len(torque)) < split
-    return LogFit(
-        log=log,
-        cut_off=signals.cut_off,
-        lag=lag[0],
-        lag_error=lag[1],
-        t=signals.t,
-        measured=measured,
-        predicted=predicted,
-        split=split,
-        fit_rms=_rms((measured - predicted)[signals.inner & fitted]),
-        held_out_rms=_rms((measured - predicted)[signals.inner & ~fitted]),
-        measured_rms=_rms(measured),
-    )
 
 
 def explained_band(unknowns: Unknowns, signals: LogSignals, fitted: ParameterFit, rows: slice) -> float:
@@ -298,7 +263,3 @@ def _inside(unknowns: Unknowns, theta: np.ndarray) -> np.ndarray:
         inside[start] = mass
         inside[start + 4 : start + 7] = mass * 1e-2
     return inside
-
-
-def _rms(values: np.ndarray) -> np.ndarray:
-    return np.sqrt(np.mean(values**2, axis=0))

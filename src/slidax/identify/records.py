@@ -14,6 +14,7 @@ from slidax.arms.articulated import Articulated
 from slidax.core.errors import DefinitionError, as_array, count_noun, short_repr
 
 from .checks import find_usable_torques
+from .identified_arm import LogFit
 from .log_checks import LogPieces, cut_at_gaps, remove_outliers, require_radians
 from .log_files import read_log
 from .logs import Conventions, JointLog
@@ -63,14 +64,18 @@ class LogRecord:
     - `pieces`: the log, cut at its gaps.
     - `robot`: the arm with the log's load, as far as known.
     - `usable`: True for joints whose torques are used [n].
-    - `conventions`: the log's conventions, which it has already.
+    - `signals`: the filtered signals.
+    - `slow`: signals in a band in which links and gears are rigid, to compare their torques with the arm's.
+    - `held_out`: share at the end that is predicted and not fitted.
     - `warnings`: sentences on what was left out.
     """
 
     pieces: LogPieces
     robot: Articulated
     usable: np.ndarray
-    conventions: Conventions
+    signals: LogSignals
+    slow: LogSignals
+    held_out: float
     warnings: tuple[str, ...]
 
     @property
@@ -78,31 +83,34 @@ class LogRecord:
         """The samples that are used."""
         return self.pieces.log
 
-    def signals(self, cut_off: float | None) -> LogSignals:
-        """The filtered signals.
+    @property
+    def split(self) -> int:
+        """First row of the held-out part."""
+        return int((1.0 - self.held_out) * len(self.signals.t))
 
-        - `cut_off`: cut-off frequency of the equations' filter [Hz]; None to choose it from the data.
+    @property
+    def fitted(self) -> LogSignals:
+        """The signals of the fitted part."""
+        return self.signals.part(slice(0, self.split))
+
+    def narrowed(self, band: float) -> LogRecord:
+        """The log in a narrower band, or in its own one if that is hardly wider, or if the log is too short for it.
+
+        - `band`: new end of the band [Hz].
         """
-        return signals_of(self.pieces, self.robot, cut_off)
+        if band >= 0.8 * self.signals.cut_off:
+            return self
+        narrow = replace(self, signals=signals_of(self.pieces, self.robot, band))
+        # A short log keeps its wider band: the noise there widens the intervals.
+        return self if narrow.shortage() else narrow
 
-    def slow(self, signals: LogSignals) -> LogSignals:
-        """Signals in a band in which links and gears are rigid, to compare their torques with the arm's.
-
-        - `signals`: the log's signals in its own band.
-        """
-        return signals if signals.cut_off <= BAND else self.signals(BAND)
-
-    def shortage(self, signals: LogSignals, split: int) -> str:
-        """A sentence if the filter leaves too few samples in the fitted or the held-out part; otherwise empty.
-
-        - `split`: first row of the held-out part.
-        """
+    def shortage(self) -> str:
+        """A sentence if the filter leaves too few samples in the fitted or the held-out part; otherwise empty."""
+        signals = self.signals
         row, settled, rate = np.arange(len(signals.t)), signals.settled, signals.rate
         within = f" in {len(signals.pieces)} parts without a gap" if len(signals.pieces) > 1 else ""
-        for name, rows, fewest in (
-            ("fitted", row < split, SETTLINGS * settled),
-            ("held out", row >= split, settled // 2),
-        ):
+        parts = (("fitted", row < self.split, SETTLINGS * settled), ("held out", row >= self.split, settled // 2))
+        for name, rows, fewest in parts:
             count = int(np.sum(signals.inner & rows))
             if count < fewest:
                 return (
@@ -112,12 +120,38 @@ class LogRecord:
                 )
         return ""
 
+    def fit(self, torque: np.ndarray, lag: float, lag_error: float) -> LogFit:
+        """The log with its predicted torques.
 
-def record_of(log: JointLog, robot: Articulated, conventions: Conventions, load: Payload | None) -> LogRecord:
-    """Convert a log to the arm's conventions, and check it.
+        - `torque`: torques of the arm for the log's motion [k n].
+        - `lag`, `lag_error`: delay of the log's torques after its positions, and its standard error [s].
+        """
+        signals = self.signals
+        predicted = signals.filtered(torque - lag * signals.slope(torque))
+        measured = signals.filtered(signals.tau)
+        error, fitted = measured - predicted, np.arange(len(torque)) < self.split
+        rms = (_rms(error[signals.inner & fitted]), _rms(error[signals.inner & ~fitted]), _rms(measured))
+        return LogFit(self.log, signals.cut_off, lag, lag_error, signals.t, measured, predicted, self.split, *rms)
+
+
+def _rms(values: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.mean(values**2, axis=0))
+
+
+def record_of(
+    log: JointLog,
+    robot: Articulated,
+    conventions: Conventions,
+    load: Payload | None,
+    cut_off: float | None,
+    held_out: float,
+) -> LogRecord:
+    """Convert a log to the arm's conventions, check it, and filter it.
 
     - `log`: the log as read.
     - `load`: what the arm carries in this log in addition to its own payload; None if it is unknown.
+    - `cut_off`: cut-off frequency of the filter [Hz]; None to choose it from the data.
+    - `held_out`: share at the end that is predicted and not fitted.
 
     Raises DefinitionError if the log cannot be used.
     """
@@ -133,7 +167,14 @@ def record_of(log: JointLog, robot: Articulated, conventions: Conventions, load:
     usable, sentences = find_usable_torques(log, robot, conventions)
     log, more = remove_outliers(log, robot)
     require_radians(log, robot)
-    return LogRecord(cut_at_gaps(log, robot), robot, usable, conventions, (*sentences, *more))
+    pieces = cut_at_gaps(log, robot)
+    signals = signals_of(pieces, robot, cut_off)
+    slow = signals if signals.cut_off <= BAND else signals_of(pieces, robot, BAND)
+    record = LogRecord(pieces, robot, usable, signals, slow, held_out, (*sentences, *more))
+    shortage = record.shortage()
+    if shortage:
+        raise DefinitionError(shortage)
+    return record
 
 
 def read_logs(logs: Sequence[JointLog | str | Path], joints: Sequence[str]) -> list[JointLog]:

@@ -43,10 +43,10 @@ class ParameterFit:
 class _Equations:
     """A log's filtered equations, scaled by the prior's standard deviations, so that the prior has unit information."""
 
-    def __init__(self, unknowns: Unknowns, signals: LogSignals, rows: slice) -> None:
-        part = self.part = signals.part(rows)
+    def __init__(self, unknowns: Unknowns, part: LogSignals) -> None:
+        self.part, rows = part, slice(0, len(part.t))
         self.columns = part.filtered(unknowns.columns[rows] * unknowns.scale)
-        self.target = part.filtered((signals.tau - unknowns.known)[rows])
+        self.target = part.filtered(part.tau - unknowns.known[rows])
         self.known = part.filtered(unknowns.known[rows])
         self.every = max(1, int(part.rate / (PER_CUT_OFF * part.cut_off)))
         self.counts = (unknowns.counts[rows] & part.inner[:, None])[:: self.every]
@@ -67,16 +67,16 @@ class _Equations:
         return x, self.target[:: self.every]
 
 
-def fit_parameters(unknowns: Sequence[Unknowns], signals: Sequence[LogSignals], rows: Sequence[slice]) -> ParameterFit:
+def fit_parameters(unknowns: Sequence[Unknowns], signals: Sequence[LogSignals]) -> ParameterFit:
     """Weighted least squares on the filtered equations of some logs, with each log's torque delay as a further unknown.
 
     Each joint's weight is the inverse of its residuals' variance in the log. The covariance is the sum of those of
     `covariance_of_fit`, since the logs' noise is independent, plus the prior's.
 
     - `unknowns`: the equation of each log, with the same parameters.
-    - `rows`: the fitted part of each log.
+    - `signals`: the fitted part of each log.
     """
-    logs = [_Equations(*each) for each in zip(unknowns, signals, rows, strict=True)]
+    logs = [_Equations(*each) for each in zip(unknowns, signals, strict=True)]
     scale, p, lags = unknowns[0].scale, len(unknowns[0].scale), np.eye(len(logs))
     start = np.append(unknowns[0].prior / scale, np.zeros(len(logs)))
     solved = start.copy()
