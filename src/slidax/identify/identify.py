@@ -139,12 +139,11 @@ def identify(
             for number, record in enumerate(records)
         ]
 
-    sources, direction = " and ".join(record.log.source for record in records), None
+    direction = None
     if gravity:
         samples = [torque_sample(record.slow, record.usable) for record in records]
         direction = gravity_direction([record.robot for record in records], samples)
-        if direction is None:
-            raise DefinitionError(f"no torque of {sources} depends on gravity: leave `--gravity identify` out")
+        direction = np.asarray(robot.gravity_vector) if direction is None else direction
         robot = with_gravity(robot, direction)
     instruments = Instruments.started(robot.joints, encoder_offset, actuator_map, direction)
     unknowns = equations(robot)
@@ -173,7 +172,7 @@ def identify(
             fitted = fit_parameters(unknowns, [record.fitted for record in records])
             theta = fitted.theta
             axes = axes if instruments.gravity is None else tangent(instruments.gravity)
-            instruments = instruments.refined(unknowns[0], theta, sources)
+            instruments = instruments.refined(unknowns[0], theta, " and ".join(record.log.source for record in records))
             close = 0.02 * np.sqrt(np.diag(fitted.covariance))[count:]
             if len(before) and (np.abs(theta[count:] - before) < close).all():
                 break

@@ -42,7 +42,8 @@ def parse_load(text: str) -> Payload | None:
         return Payload()
     try:
         parts = [[float(word) for word in part.split(",")] for part in text.split("@")]
-        if [len(part) for part in parts] not in ([1], [1, 3], [1, 3, 1], [1, 3, 6]):
+        is_finite = all(np.isfinite(part).all() for part in parts)
+        if not is_finite or [len(part) for part in parts] not in ([1], [1, 3], [1, 3, 1], [1, 3, 6]):
             raise ValueError
     except ValueError:
         raise DefinitionError(f"`--load` takes {FORM}; got {short_repr(text)}") from None

@@ -251,18 +251,25 @@ def consistent_parameters(
     # Scaled to information of about 1 in each parameter, so that the factors are well conditioned.
     unit = 1.0 / np.sqrt(np.diag(information))
     scaled = information * np.outer(unit, unit)
-    now, weight = inside.copy(), 1.0
-    while weight >= LAST_WEIGHT:
-        for _ in range(STEPS):
-            slope, curve = _derivatives(now, bodies, positive)
-            slope = weight * slope * unit + scaled @ ((now - theta) / unit)
-            curve = weight * curve * np.outer(unit, unit) + scaled
-            step = -_solve_positive(curve, slope)
-            decrement = float(-slope @ step)
-            if decrement < 1e-9 * max(weight, 1e-3):
+    # Far from the solution, Newton steps converge in time only from a barrier as large as the sum of squares.
+    far = max(1.0, float((inside - theta) @ information @ (inside - theta)))
+    for first in (1.0, far):
+        now, weight = inside.copy(), first
+        while weight >= LAST_WEIGHT:
+            for _ in range(STEPS):
+                slope, curve = _derivatives(now, bodies, positive)
+                slope = weight * slope * unit + scaled @ ((now - theta) / unit)
+                curve = weight * curve * np.outer(unit, unit) + scaled
+                step = -_solve_positive(curve, slope)
+                decrement = float(-slope @ step)
+                if decrement < 1e-9 * max(weight, 1e-3):
+                    break
+                now = _descend(now, step * unit, decrement, theta, information, weight, bodies, positive)
+            if weight == 1.0 == first and decrement > 1e-3:
                 break
-            now = _descend(now, step * unit, decrement, theta, information, weight, bodies, positive)
-        weight *= 0.1
+            weight *= 0.1
+        else:
+            break
     return now
 
 

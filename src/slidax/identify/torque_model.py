@@ -344,7 +344,7 @@ def gravity_direction(robots: Sequence[Articulated], samples: Sequence[TorqueSam
         return sum(match_torques(with_gravity(robot, gravity), sample).score for robot, sample in matches)
 
     around = [np.array(signs) * felt for signs in itertools.product((-1.0, 0.0, 1.0), repeat=3)]
-    starts = [direction, *(vector for vector in around if vector.any())]
+    starts = [direction, *(vector for vector in around if vector.any()), np.asarray(robots[0].gravity_vector)]
     start = min(starts, key=score)
     start = start / np.linalg.norm(start)
     best = optimize.minimize(score, start, method="Nelder-Mead", options={"maxfev": 80, "xatol": 1e-3}).x

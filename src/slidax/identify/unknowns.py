@@ -21,7 +21,7 @@ from .regressor import (
 )
 from .signals import LogSignals
 
-TILT = 0.3
+TILT = 0.1
 """Prior standard deviation of a step of gravity's direction [rad]."""
 
 REACH = 0.2
