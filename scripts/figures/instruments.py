@@ -96,7 +96,7 @@ def two_loads(name: str, number: int) -> np.ndarray:
         logged(each, 2 * number + k, gains) for k, each in enumerate((arm, carrying(arm, arm.payload.joined(BLOCK))))
     ]
     base = getattr(sx.arms, name)()
-    result = identify(logs, base, loads=[Payload(), BLOCK], links=True, actuator_map="gain")
+    result = identify(logs, base, loads=[Payload(), BLOCK], links=True, payload=True, actuator_map="gain")
     return rows_of(result, ("gain",), np.diag(gains)) * [100.0, 100.0, 1.0]
 
 
