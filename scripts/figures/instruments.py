@@ -125,7 +125,7 @@ CASES = {
     "gains, unknown payload": (lambda *case: drives(*case, "gain", False), "%"),
     "gains and cross-talk, known payload": (lambda *case: drives(*case, "full", True), "%"),
     "gains and cross-talk, unknown payload": (lambda *case: drives(*case, "full", False), "%"),
-    "gains and links, from two logs with known loads": (two_loads, "%"),
+    "gains, links and payload, from two logs with known loads": (two_loads, "%"),
     "unknown load of a second log": (unknown_loads, "g"),
     "direction of gravity, unknown payload": (mountings, "m/s²"),
 }

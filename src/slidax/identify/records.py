@@ -55,7 +55,7 @@ def parse_load(text: str) -> Payload | None:
 def has_known_difference(loads: Sequence[Payload | None]) -> bool:
     """True if two known loads differ in mass or in mass times centre."""
     known = [parameters_of_payload(load)[:4] for load in loads if load is not None]
-    return any((one != known[0]).any() for one in known)
+    return any((moments != known[0]).any() for moments in known)
 
 
 @dataclass(frozen=True, eq=False)
