@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -118,13 +119,13 @@ def mountings(name: str, number: int) -> np.ndarray:
     return rows_of(result, ("gravity.x", "gravity.y", "gravity.z"), gravity)
 
 
-CASES = {
-    "offsets, unknown payload": (lambda *case: offsets(*case, False), "mrad"),
-    "offsets, known payload": (lambda *case: offsets(*case, True), "mrad"),
-    "gains, known payload": (lambda *case: drives(*case, "gain", True), "%"),
-    "gains, unknown payload": (lambda *case: drives(*case, "gain", False), "%"),
-    "gains and cross-talk, known payload": (lambda *case: drives(*case, "full", True), "%"),
-    "gains and cross-talk, unknown payload": (lambda *case: drives(*case, "full", False), "%"),
+CASES: dict[str, tuple[Callable[[str, int], np.ndarray], str]] = {
+    "offsets, unknown payload": (partial(offsets, known_payload=False), "mrad"),
+    "offsets, known payload": (partial(offsets, known_payload=True), "mrad"),
+    "gains, known payload": (partial(drives, form="gain", known_payload=True), "%"),
+    "gains, unknown payload": (partial(drives, form="gain", known_payload=False), "%"),
+    "gains and cross-talk, known payload": (partial(drives, form="full", known_payload=True), "%"),
+    "gains and cross-talk, unknown payload": (partial(drives, form="full", known_payload=False), "%"),
     "gains, links and payload, from two logs with known loads": (two_loads, "%"),
     "unknown load of a second log": (unknown_loads, "g"),
     "direction of gravity, unknown payload": (mountings, "m/s²"),
