@@ -183,8 +183,9 @@ def identify(
             arm = instruments.robot(record.robot)
             require_torques(record.log, arm, instruments.corrected(record.slow), record.usable, conventions)
     first = unknowns[0]
+    inside = _inside(first, fitted.theta)
     theta = consistent_parameters(
-        fitted.theta, fitted.information, first.bodies, first.positive, _inside(first, fitted.theta)
+        fitted.theta, fitted.information, first.bodies, first.positive, inside, far=len(records) > 1
     )
     # The barrier stops just above 0: a parameter there is on its bound.
     errors = np.sqrt(np.diag(fitted.covariance))

@@ -231,7 +231,13 @@ def pseudo_inertia(phi: np.ndarray) -> np.ndarray:
 
 
 def consistent_parameters(
-    theta: np.ndarray, information: np.ndarray, bodies: Sequence[int], positive: np.ndarray, inside: np.ndarray
+    theta: np.ndarray,
+    information: np.ndarray,
+    bodies: Sequence[int],
+    positive: np.ndarray,
+    inside: np.ndarray,
+    *,
+    far: bool = False,
 ) -> np.ndarray:
     """The best-fitting physically consistent θ, which minimises `½ (θ - θ̂)ᵀ A (θ - θ̂)`.
 
@@ -245,31 +251,27 @@ def consistent_parameters(
     - `bodies`: index of each body's first parameter.
     - `positive`: True for other parameters that cannot be negative [p].
     - `inside`: a θ strictly inside the constraints [p].
+    - `far`: True to start from a larger barrier, for a θ̂ far from `inside`.
     """
     if np.isfinite(_barrier(theta, bodies, positive)):
         return theta
     # Scaled to information of about 1 in each parameter, so that the factors are well conditioned.
     unit = 1.0 / np.sqrt(np.diag(information))
     scaled = information * np.outer(unit, unit)
+    now = inside.copy()
     # Far from the solution, Newton steps converge in time only from a barrier as large as the sum of squares.
-    far = max(1.0, float((inside - theta) @ information @ (inside - theta)))
-    for first in (1.0, far):
-        now, weight = inside.copy(), first
-        while weight >= LAST_WEIGHT:
-            for _ in range(STEPS):
-                slope, curve = _derivatives(now, bodies, positive)
-                slope = weight * slope * unit + scaled @ ((now - theta) / unit)
-                curve = weight * curve * np.outer(unit, unit) + scaled
-                step = -_solve_positive(curve, slope)
-                decrement = float(-slope @ step)
-                if decrement < 1e-9 * max(weight, 1e-3):
-                    break
-                now = _descend(now, step * unit, decrement, theta, information, weight, bodies, positive)
-            if weight == 1.0 == first and decrement > 1e-3:
+    weight = max(1.0, float((inside - theta) @ information @ (inside - theta))) if far else 1.0
+    while weight >= LAST_WEIGHT:
+        for _ in range(STEPS):
+            slope, curve = _derivatives(now, bodies, positive)
+            slope = weight * slope * unit + scaled @ ((now - theta) / unit)
+            curve = weight * curve * np.outer(unit, unit) + scaled
+            step = -_solve_positive(curve, slope)
+            decrement = float(-slope @ step)
+            if decrement < 1e-9 * max(weight, 1e-3):
                 break
-            weight *= 0.1
-        else:
-            break
+            now = _descend(now, step * unit, decrement, theta, information, weight, bodies, positive)
+        weight *= 0.1
     return now
 
 
