@@ -74,22 +74,33 @@ ARMS: dict[str, dict[str, Any]] = {
         "density": 0.3,
         "resolution": 1e-6,
         "actuator": "{torque: robot, rate: robot}",
+        "payload": 2.0,
     },
-    "ur5e": {"period": 2e-3, "horizon": 0.02, "density": 10.0, "resolution": 1e-5, "actuator": "{torque: robot}"},
+    "ur5e": {
+        "period": 2e-3,
+        "horizon": 0.02,
+        "density": 10.0,
+        "resolution": 1e-5,
+        "actuator": "{torque: robot}",
+        "payload": 3.0,
+    },
 }
+OTHER = {"period": 1e-3, "payload": 2.0}
+"""Of an arm from a file: its sampling period [s] and payload [kg]."""
 ALLOWED = {"panda": 3e-3, "ur5e": 5e-3}
 """Largest error [rad]."""
 
 
 @cache
-def identified(name: str, seconds: float) -> tuple[Any, Any]:
+def identified(name: str, seconds: float, tip: str | None = None) -> tuple[Any, Any]:
     """The true arm, with a payload and friction of 0.3 N m, and what a log with 1 % of torque noise identifies.
 
     The arm that is known beforehand is that of the data sheet, without payload and with other rotors and friction.
     """
-    true = {"panda": cases.panda, "ur5e": cases.ur5e}[name]()
+    known = getattr(arms, name)() if name in ARMS else arms.from_urdf(name, tip=tip)
+    true = cases.loaded(known, ARMS.get(name, OTHER)["payload"])
     true = eqx.tree_at(lambda arm: arm.coulomb, true, jnp.full(true.joints, 0.3))
-    known, rate = getattr(arms, name)(), 1.0 / ARMS[name]["period"]
+    rate = 1.0 / ARMS.get(name, OTHER)["period"]
     motion = excite(known, seed=0, duration=seconds, rate=rate, payload=true.payload, links=True).motion
     log = recorded(true, noise=0.01, seed=0, times_and_motion=(np.arange(len(motion.q)) / rate, motion))
     return true, identify(log, known, links=True)
@@ -286,10 +297,12 @@ def measure_goals() -> None:
     print(f"decision: median {1e3 * np.median(seconds):.0f} ms, 99 % within {1e3 * np.quantile(seconds, 0.99):.0f} ms")
 
 
-def law_of(name: str, horizon: float, density: float, resolution: float, seconds: float) -> CertifiedLaw:
+def law_of(
+    name: str, horizon: float, density: float, resolution: float, seconds: float, tip: str | None = None
+) -> CertifiedLaw:
     """The certified law of an identified arm, with the torque limits of its data sheet."""
-    _, result = identified(name, seconds)
-    arm, period = result.robot, ARMS[name]["period"]
+    _, result = identified(name, seconds, tip)
+    arm, period = result.robot, ARMS.get(name, OTHER)["period"]
     law = certified_law(load(ROOT / "examples" / "motions" / "panda.yaml"))
     gate = dataclasses.replace(
         law.gate,
@@ -315,7 +328,8 @@ def law_parser(
 ) -> argparse.ArgumentParser:
     """A parser for the arm, its law, and the number of cases, with these defaults."""
     parser = argparse.ArgumentParser(description=purpose)
-    parser.add_argument("--arm", choices=sorted(ARMS), default="panda")
+    parser.add_argument("--arm", default="panda", help=f"{', '.join(ARMS)}, or a URDF file")
+    parser.add_argument("--tip", help="link of the tip of a file's arm")
     parser.add_argument("--horizon", type=float, default=horizon, help="H of the law [s]")
     parser.add_argument("--density", type=float, default=density, help="of the Kalman filter [(rad/s³)² s]")
     parser.add_argument("--resolution", type=float, default=resolution, help="of the encoders [rad]")
@@ -337,7 +351,7 @@ def measure_motions() -> None:
     parser.add_argument("--seed", type=int, default=7)
     parser.add_argument("--slow-down", action="store_true", help="also search how much slower a motion must be")
     options = parser.parse_args()
-    law = law_of(options.arm, options.horizon, options.density, options.resolution, options.seconds)
+    law = law_of(options.arm, options.horizon, options.density, options.resolution, options.seconds, options.tip)
     print(f"{options.arm}: p = {100 * law.uncertainty.region(law.bodies).p:.2f} %", flush=True)
     rng, answers, seconds = np.random.default_rng(options.seed), [], []
     for index in range(options.count):
@@ -392,12 +406,12 @@ def measure_streams() -> None:
     parser.add_argument("--speed", type=float, default=1.0, help="limit of the filter [rad/s]")
     parser.add_argument("--rate", type=float, default=50.0, help="the host's positions per second")
     options = parser.parse_args()
-    law = law_of(options.arm, options.horizon, options.density, options.resolution, 20.0)
+    law = law_of(options.arm, options.horizon, options.density, options.resolution, 20.0, options.tip)
     stream = StreamFilter.fitting(
         bandwidth=options.bandwidth,
         velocity=options.speed,
         acceleration=options.acceleration,
-        period=ARMS[options.arm]["period"],
+        period=ARMS.get(options.arm, OTHER)["period"],
         rate=options.rate,
     )
     rng, times = np.random.default_rng(7), np.arange(0.0, 4.0, 1.0 / options.rate)

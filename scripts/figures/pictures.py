@@ -37,8 +37,26 @@ ARMS, SEED, CHUNK = 1000, 1, 100
 DRAWN = 18
 """Arms that are drawn as single curves."""
 
-WIDTH, HEIGHT = 880, 384
-LEFT, TOP, ACROSS, DOWN = 62, 46, 560, 300
+
+@dataclass(frozen=True)
+class Layout:
+    """Size of the picture, and left, top, width and height of its axes; on a phone the labels are below the curves."""
+
+    width: int
+    height: int
+    left: int
+    top: int
+    across: int
+    down: int
+    labels_below: bool = False
+
+
+LAYOUTS = {
+    "hero": Layout(880, 384, 62, 46, 560, 300),
+    "hero-phone": Layout(400, 430, 46, 40, 344, 240, labels_below=True),
+}
+"""By the name of the file."""
+
 LOW, HIGH = 1e-3, 20.0
 """Ends of the axis of errors [mrad]."""
 
@@ -50,6 +68,7 @@ svg { --page: #fff; --ink: #1d2228; --soft: #59636e; --rule: #e3e8ed; --band: #e
 text { font: 13px system-ui, -apple-system, "Segoe UI", Roboto, Helvetica, Arial, sans-serif; fill: var(--soft); }
 .head { font-size: 15px; font-weight: 600; fill: var(--ink); }
 .name { font-weight: 600; }
+.below { font-size: 12px; }
 polyline { fill: none; stroke-linejoin: round; }
 """
 
@@ -65,7 +84,7 @@ def _opening(width: int, height: int, title: str, style: str) -> list[str]:
 
 
 def write_hero() -> None:
-    """Draw docs/figures/hero.svg, and write the numbers in it into README.md."""
+    """Draw docs/figures/hero.svg and the one for phones, and write the numbers in them into README.md."""
     scenario = scenarios.load(HERO_SCENARIO, ENVELOPE)
     verdict = tracking_bound(scenario)
     if not verdict.holds or verdict.grade != "A":
@@ -76,8 +95,9 @@ def write_hero() -> None:
     bound = 1e3 * np.asarray(verdict.bound["error_over_time"]).max(axis=1)[np.maximum(cells, 0)]
     _, textbook = errors(TEXTBOOK)
     envelope = 1e3 * _envelope(scenario, t)
-    text = draw_hero(t, envelope, bound, ours, textbook)
-    (DOCS / "figures" / "hero.svg").write_text(text, encoding="utf-8")
+    for name, layout in LAYOUTS.items():
+        text = draw_hero(layout, t, envelope, bound, ours, textbook)
+        (DOCS / "figures" / f"{name}.svg").write_text(text, encoding="utf-8")
     rows = [
         ["envelope that you set, from 0.2 s on", f"{envelope[-1]:.2f}"],
         ["bound proved before the run (`slidax admit`, grade A)", f"{bound.max():.2f}"],
@@ -110,21 +130,23 @@ def _envelope(scenario: Any, t: Floats) -> Floats:
     return np.minimum(-np.asarray(sides.lower), np.asarray(sides.upper))[:, 0]
 
 
-def draw_hero(t: Floats, envelope: Floats, bound: Floats, ours: Floats, textbook: Floats) -> str:
+def draw_hero(layout: Layout, t: Floats, envelope: Floats, bound: Floats, ours: Floats, textbook: Floats) -> str:
     """The SVG.
 
+    - `layout`: its size and places.
     - `t`: times of the samples [k], s.
     - `envelope`, `bound`: the one that is set and the one that is proved [k], mrad.
     - `ours`, `textbook`: errors of each arm [arms, k], mrad.
     """
     end = float(t[-1])
+    left, top, across, down = layout.left, layout.top, layout.across, layout.down
 
     def x(time: Any) -> Floats:
-        return LEFT + ACROSS * np.asarray(time) / end
+        return left + across * np.asarray(time) / end
 
     def y(value: Any) -> Floats:
         place = np.log10(np.clip(value, LOW, HIGH) / LOW) / np.log10(HIGH / LOW)
-        return np.asarray(TOP + DOWN * (1.0 - place))
+        return np.asarray(top + down * (1.0 - place))
 
     def line(time: Any, value: Any, look: str) -> str:
         return f'<polyline points="{_reduced(x(time), y(value))}" {look}/>'
@@ -141,18 +163,19 @@ def draw_hero(t: Floats, envelope: Floats, bound: Floats, ours: Floats, textbook
         "Error of the worst joint over time: 1000 arms below the proved bound, which is below the envelope; textbook "
         "computed torque leaves the envelope."
     )
+    start = 0 if layout.labels_below else left
     parts = [
-        *_opening(WIDTH, HEIGHT, title, HERO_STYLE),
-        f'<text class="head" x="{LEFT}" y="22">Error of the worst joint over one motion [mrad]</text>',
+        *_opening(layout.width, layout.height, title, HERO_STYLE),
+        f'<text class="head" x="{start}" y="22">Error of the worst joint over one motion [mrad]</text>',
         area(time, floor, envelope[coarse], 'fill="var(--band)"'),
     ]
     for decade in (0.001, 0.01, 0.1, 1.0, 10.0):
         at = float(y(decade))
-        parts.append(f'<line x1="{LEFT}" x2="{LEFT + ACROSS}" y1="{at:.1f}" y2="{at:.1f}" stroke="var(--rule)"/>')
-        parts.append(f'<text x="{LEFT - 8}" y="{at + 4:.1f}" text-anchor="end">{decade:g}</text>')
+        parts.append(f'<line x1="{left}" x2="{left + across}" y1="{at:.1f}" y2="{at:.1f}" stroke="var(--rule)"/>')
+        parts.append(f'<text x="{left - 8}" y="{at + 4:.1f}" text-anchor="end">{decade:g}</text>')
     for second in np.arange(0.0, end + 0.1, 0.5):
         label = f"{second:g} s" if second else "0"
-        parts.append(f'<text x="{float(x(second)):.0f}" y="{TOP + DOWN + 20}" text-anchor="middle">{label}</text>')
+        parts.append(f'<text x="{float(x(second)):.0f}" y="{top + down + 20}" text-anchor="middle">{label}</text>')
     parts.append(area(time, least, widest, 'fill="var(--fan)" fill-opacity="0.22"'))
     thin = 'stroke="var(--fan)" stroke-width="0.7" stroke-opacity="0.55"'
     parts += [line(time, each[coarse], thin) for each in ours[:DRAWN]]
@@ -161,14 +184,14 @@ def draw_hero(t: Floats, envelope: Floats, bound: Floats, ours: Floats, textbook
         line(t[::4], bound[::4], 'stroke="var(--bound)" stroke-width="2.4"'),
         line(t[::4], envelope[::4], 'stroke="var(--edge)" stroke-width="2" stroke-dasharray="7 4"'),
     ]
-    parts += _labels(
-        [
-            ("textbook computed torque", "same arms, model and gains", "bad", y(textbook[:, -1].max())),
-            ("envelope", "set by you", "edge", y(envelope[-1])),
-            ("bound", "proved before the run", "bound", y(bound[-1])),
-            (f"{ARMS} uncertain arms", "mass, inertia, friction vary", "fan", y(ours[:, -1].max())),
-        ]
-    )
+    labels = [
+        ("envelope", "set by you", "edge", y(envelope[-1])),
+        ("bound", "proved before the run", "bound", y(bound[-1])),
+        (f"{ARMS} uncertain arms", "mass, inertia, friction vary", "fan", y(ours[:, -1].max())),
+        ("textbook computed torque", "same arms, model and gains", "bad", y(textbook[:, -1].max())),
+    ]
+    place_labels = _labels_below if layout.labels_below else _labels_to_the_right
+    parts += place_labels(labels, layout)
     return "\n".join([*parts, "</svg>", ""])
 
 
@@ -176,7 +199,24 @@ LABEL = 38.0
 """Height of a label."""
 
 
-def _labels(labels: list[tuple[str, str, str, Any]]) -> list[str]:
+Label = tuple[str, str, str, Any]
+"""Name and note of a curve, its colour, and the height of its end."""
+
+
+def _labels_below(labels: list[Label], layout: Layout) -> list[str]:
+    """Names and notes below the axes, each after a line in its curve's colour."""
+    parts = []
+    for row, (name, note, colour, _) in enumerate(labels):
+        at = layout.top + layout.down + 52 + 28 * row
+        parts.append(
+            f'<path d="M2 {at - 4}h20" stroke="var(--{colour})" stroke-width="3"/>'
+            f'<text class="below" x="30" y="{at}"><tspan class="name" fill="var(--{colour})">{name}</tspan>'
+            f" {note}</text>"
+        )
+    return parts
+
+
+def _labels_to_the_right(labels: list[Label], layout: Layout) -> list[str]:
     """Names right of the ends of the curves, apart from each other, with a line to each end."""
     labels = sorted(labels, key=lambda label: float(label[3]))
     middle = float(np.mean([float(at) for *_, at in labels[:-1]]))
@@ -185,7 +225,7 @@ def _labels(labels: list[tuple[str, str, str, Any]]) -> list[str]:
         wanted = min(float(at), middle - LABEL) if number == 0 else float(at)
         heights.append(max(wanted, heights[-1] + LABEL) if heights else wanted)
     parts = []
-    right = LEFT + ACROSS
+    right = layout.left + layout.across
     for (name, note, colour, at), height in zip(labels, heights, strict=True):
         parts.append(
             f'<path d="M{right + 2} {float(at):.1f}L{right + 14} {height:.1f}" stroke="var(--{colour})" fill="none"/>'

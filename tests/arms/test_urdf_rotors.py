@@ -26,7 +26,7 @@ def transmission(form, joint, inertia, ratio):
 
 
 @pytest.mark.parametrize("form", [DRAKE, ROS])
-def test_a_rotor_moves_with_its_joint_as_the_square_of_the_reduction(form):
+def test_a_rotor_adds_its_inertia_times_the_squared_reduction(form):
     text = arm(more=transmission(form, "j2", 2e-5, -100) + transmission(form, "j3", 1e-4, 50))
     read = arms.from_urdf(text)
     assert np.asarray(read.armature).tolist() == pytest.approx([0.0, 0.2, 0.25, 0.0])

@@ -62,7 +62,7 @@ def test_the_operation_count_is_that_of_the_longest_run(monkeypatch, x, turns_ta
     assert (taken == most) if turns_taken == 20 else (taken == most - (20 - turns_taken) * 5)
 
 
-def test_a_branch_counts_its_longer_side_and_a_call_its_function():
+def test_operations_of_the_longer_branch_and_of_called_functions_count():
     b = Builder()
     x = b.input("x", "f64", ())[()]
     left = b.branch(

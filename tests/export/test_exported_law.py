@@ -44,11 +44,11 @@ def rows(reference):
 
 def assert_same_answers(law, scenario, count, noise=1e-4):
     guard, memory = guarded_law(scenario), None
-    step = eqx.filter_jit(guard.step)
+    init, step = eqx.filter_jit(guard.init), eqx.filter_jit(guard.step)
     for t, q, dq, now, following in samples(count, scenario, noise):
         state = State(jnp.asarray(q), jnp.asarray(dq))
         if memory is None:
-            memory = guard.init(jnp.asarray(t), state, now)
+            memory = init(jnp.asarray(t), state, now)
         command, status = step(jnp.asarray(t), state, now, following, memory)
         memory = command.memory
         tau, bits = law.step(t, q, dq, rows(now), rows(following))

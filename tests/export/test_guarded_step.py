@@ -341,7 +341,7 @@ def test_the_weight_that_the_arm_bears_before_the_first_command_counts_as_no_lim
     still = Reference(q=NOW.q, dq=jnp.zeros(2), ddq=jnp.zeros(2))
     state = State(q=still.q, dq=still.dq)
     # Far less than the weight, each period.
-    slow = eqx.tree_at(lambda g: g.controller.limits.rate, guard, jnp.full(2, 100.0))
+    slow = eqx.tree_at(lambda g: g.controller.limits.rate, guard, jnp.full(2, 100.0, float))
     command, status = step(slow, begun(slow, state=state), state=state, now=still, following=still)
     weight = slow.controller.nominal.gravity(state.q)
     assert np.abs(weight).max() > 1.0 and status == 0

@@ -163,7 +163,7 @@ def test_a_model_in_use_gives_the_arm_its_payload_and_links():
     np.testing.assert_allclose(jnp.abs(rest[0]), weight, rtol=1e-12)
 
 
-def test_the_joints_learning_continues_from_the_arm_in_full_use():
+def test_once_the_arms_model_is_fully_used_the_joints_learn_on_from_it():
     adaptation, still = learner(), jnp.zeros(2)
     memory = adaptation.init(State(q=still, dq=still))
     used = jnp.zeros(20).at[0].set(2.0).at[14:18].set(jnp.array([0.3, 0.2, 0.1, 9.0])).at[18:].set(0.05)

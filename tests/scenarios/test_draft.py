@@ -148,7 +148,7 @@ def test_names_with_a_meaning_in_yaml_are_quoted(tmp_path):
 
 
 @pytest.mark.full
-def test_joints_without_ends_and_joints_that_slide_have_a_motion_of_their_size(tmp_path):
+def test_continuous_and_prismatic_joints_get_a_motion_of_suitable_size(tmp_path):
     sliding = joint("lift", "base", "column", kind="prismatic", axis="0 0 1", limit=(0.0, 0.4, 0.2, 400.0), mass=2.0)
     turning = (
         arm().replace('type="revolute"', 'type="continuous"', 1).replace('parent link="base"', 'parent link="column"')

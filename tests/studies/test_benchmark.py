@@ -248,7 +248,7 @@ def test_failed_cases_enter_no_median_and_a_missing_error_ranks_last():
     assert scores[OTHER].medians["steady_error"] is None
     (first, second) = rank_overall([table], [FIRST, OTHER])
     assert first.entry == FIRST and first.error == 1.0 and second.error is None
-    assert "**cftsmppc (sampled-data)**, 50 % of the cases inside" in summarise_tasks([table])[0]
+    assert "**cftsmppc (sampled-data)** is the best, with 50 % of the cases inside" in summarise_tasks([table])[0]
 
 
 def test_a_task_that_no_scheme_keeps_has_no_best():

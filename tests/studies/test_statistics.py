@@ -142,7 +142,7 @@ def test_few_or_equal_cases_give_partial_results():
 
 
 @pytest.mark.parametrize("paired", [paired_difference, paired_shares])
-def test_different_cases_are_refused(paired):
+def test_a_paired_comparison_of_different_cases_is_refused(paired):
     with pytest.raises(DefinitionError, match="per case"):
         paired([1.0, 0.0], [1.0])
 

@@ -37,7 +37,7 @@ def test_a_job_that_reads_a_file_which_names_one_outside_is_refused(client, shar
     assert SECRET not in json.dumps(job)
 
 
-def test_a_job_writes_the_files_of_its_command_and_its_report_has_no_origin(client, shared_root):
+def test_a_job_writes_the_files_of_its_command_and_its_report_is_served_in_a_sandbox(client, shared_root):
     request = {"scenario": "example-4.1-1khz", "set": {"simulation.t1": 1.0}, "out": "results/one"}
     job = ended(client, client.post("/api/jobs", json={"kind": "run", "options": request}).json())
     assert (job["state"], job["code"], job["answer"]["outcome"]) == ("done", 0, "ok"), job

@@ -145,7 +145,7 @@ def reproduce(
 
         console = Console(stderr=True)
         columns = (TextColumn("{task.description:<44}"), BarColumn(), TimeElapsedColumn())
-        with Progress(*columns, console=console, transient=True) as bar:
+        with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
             task = bar.add_task("starting", total=1.0)
             results = paper.reproduce(
                 out,

@@ -70,7 +70,7 @@ def export_micro(
     """Export the law for Cortex-M and RISC-V: Makefile, start-up code, and a test that runs in emulators."""
 
     def summary(project: Any, _: Scenario) -> str:
-        return f"at most {project.stack} bytes of stack; test it with `make test` in this folder"
+        return f"at most {project.stack} bytes of stack; `make test` in the folder tests it in emulators"
 
     _export("micro", "slidax.export.micro", scenario, changes, out, summary, name=name, single=single)
 
@@ -209,7 +209,8 @@ def _export(
         project = export(parts, out, command=command_line(), **options)
         text = summary if isinstance(summary, str) else summary(project, parts)
         readme = out.resolve() / "README.md"
-        say(f"{project.law} in {project.real}s, {text}: {readme if readme.is_file() else out.resolve()}")
+        place = f"Next: read {readme}" if readme.is_file() else f"It is in {out.resolve()}"
+        say(f"Exported {project.law} in {project.real}s, {text}. {place}")
 
 
 @contextmanager

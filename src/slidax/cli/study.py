@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .common import INTERRUPTED, AsJson, Engine, command_line, errors_as_lines, prepare, print_json, say_where
+from .common import INTERRUPTED, AsJson, Engine, command_line, errors_as_lines, prepare, print_json, say, say_where
 
 if TYPE_CHECKING:
     from slidax.studies.runner import PartDone
@@ -330,7 +330,7 @@ def benchmark(
             print_json(as_json(results, tables, rank_overall(tables, round_.entries)))
             return
         for table, line in zip(tables, summarise_tasks(tables), strict=True):
-            typer.echo(f"{table.task}: {line.replace('**', '')}")
+            say(f"{table.task}: {line.replace('**', '')}", hang=2)
         for (name, refused), why in results.by_key.items():
             if isinstance(why, str):
                 typer.echo(f"{name}: {name_with_form(refused)} cannot run: {why}", err=True)

@@ -279,7 +279,7 @@ class CProject:
         return f"{{{inside}, {self.golden.statuses[row]}u, {within}}}"
 
     def _written(self, numbers: Any, member: Member) -> str:
-        """Numbers to the last bit."""
+        """Format numbers for C, doubles as hexadecimal so that no bit is lost."""
         if isinstance(numbers, list):
             return f"{{{', '.join(self._written(number, replace(member, shape=())) for number in numbers)}}}"
         if member.type != "f64" or not math.isfinite(numbers):

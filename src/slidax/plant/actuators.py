@@ -77,7 +77,7 @@ class ActuatorMap(AbstractPart):
         return matvec(self.inverse, tau)
 
     def within(self, limits: TorqueLimits) -> TorqueLimits:
-        """Return limits of the joints' torques whose commands keep the given limits for every combination of signs.
+        """Return limits of the joints' torques, within which each command keeps its limit for all signs.
 
         Torques of joints without a limit do not count.
         """

@@ -279,7 +279,7 @@ class Lossy(AbstractSensor):
             )
 
     def init(self, state: State) -> LossyMemory:
-        """Memory with the first state, which is never used since sample 0 arrives."""
+        """Memory before sample 0, which always arrives and replaces the first state in it."""
         return LossyMemory(last=state, inner=self.sensor.init(state))
 
     def __call__(

@@ -78,15 +78,15 @@ def _verdict(table: Ranking, p_value: float) -> str:
         return "no scheme keeps the tolerance band in any case"
     share = best.interval
     text = (
-        f"**{name_with_form(best.entry)}**, {percent(best.inside)} of the cases inside "
+        f"**{name_with_form(best.entry)}** is the best, with {percent(best.inside)} of the cases inside "
         f"[{percent(share.lower)}, {percent(share.upper)}]"
     )
     if len(table.scores) < 2:
         return text
     second = table.scores[1]
     sure = "significant" if p_value < 1.0 - CONFIDENCE else "not significant"
-    by = f"{table.by}: {_numbers(table.by, best)} to {_numbers(table.by, second)}"
-    return f"{text}; next {name_with_form(second.entry)}, by {by}, a difference that is {sure} (p = {p_value:.2g})"
+    by = f"{table.by}, {_numbers(table.by, best)} against {_numbers(table.by, second)}"
+    return f"{text}; next is {name_with_form(second.entry)}, by {by} ({sure}, p = {p_value:.2g})"
 
 
 def _numbers(by: str, score: Score) -> str:

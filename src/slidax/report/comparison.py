@@ -97,7 +97,7 @@ def standings(rivals: Mapping[str, Rival], also: Sequence[Metric[Any]] = ()) -> 
     """All metrics joint by joint.
 
     - `rivals`: runs by scheme, all on the same arm.
-    - `also`: further metrics, such as those of a paper; listed for scenarios from their source.
+    - `also`: further metrics; those of a paper are listed only for scenarios of that paper.
     """
     first = next(iter(rivals.values()))
     reached = [name for name, rival in rivals.items() if rival.run.outcome.ok]
@@ -204,7 +204,7 @@ def write_comparison(
     """Write `report.html`, `figures/*.svg` and `results.json` to the folder `out`, and return the page's path.
 
     - `rivals`: runs by scheme; a run without a log appears in the tables only.
-    - `also`: further metrics, such as those of a paper; listed for scenarios from their source.
+    - `also`: further metrics; those of a paper are listed only for scenarios of that paper.
     - `command`: command line, for the page.
 
     Raises DefinitionError if there are no runs, or they belong to different arms.

@@ -54,7 +54,7 @@ def write_run_report(
     """Write `report.html` and `figures/*.svg` to the folder `out`, and return the page's path.
 
     - `scenario`, `run`: a scenario with its run; without a log the page has no figures.
-    - `also`: further metrics, such as those of a paper; listed for scenarios from their source.
+    - `also`: further metrics; those of a paper are listed only for scenarios of that paper.
     - `command`: command line, for the page.
     - `cause`: a sentence on the likeliest cause of a failure.
     """

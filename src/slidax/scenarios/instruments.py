@@ -205,7 +205,7 @@ class ActuatorDescription(AbstractDescription):
             return ActuatorMap.of(rows)
 
     def joint_limits(self, joints: int) -> TorqueLimits:
-        """Return the limits of the joints' torques, which keep those of the commands."""
+        """Return limits of the joints' torques, within which every command keeps its own limit."""
         known = self.known_map(joints)
         return self.limits() if known is None else known.within(self.limits())
 

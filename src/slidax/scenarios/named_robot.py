@@ -55,8 +55,8 @@ def named_robot(
     kind = FILES.get(Path(word).suffix.lower())
     if kind is None and word not in built_in_names():
         raise DefinitionError(
-            f"unknown robot `{plain_name(word)}`; {nearest_word(word, built_in_names())} (a file ends in "
-            f"{', '.join(FILES)})"
+            f"unknown robot `{plain_name(word)}`; {nearest_word(word, built_in_names())} "
+            f"(the name of a robot file ends in {', '.join(FILES)})"
         )
     if tip is not None and kind not in ("urdf", "mjcf"):
         raise DefinitionError("`tip` is only for URDF and MJCF files; otherwise write it into the arm's description")

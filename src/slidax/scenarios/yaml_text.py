@@ -153,7 +153,7 @@ def _filled(text: str, width: int) -> str:
 
 
 def _shown(value: Any) -> Any:
-    """Plain values without null, except where null differs from the default."""
+    """Return a value of plain types for YAML, without the nulls that are defaults."""
     if isinstance(value, AbstractDescription):
         defaults = {name: field.default for name, field in type(value).model_fields.items()}
         return {name: _shown(part) for name, part in value if part is not None or defaults[name] is not None}

@@ -19,19 +19,20 @@ from slidax.motions.tabulated import Tabulated
 from tests.identify.recorded import moved
 
 
-def panda(payload: float = 2.0) -> Any:
-    """The Panda with a payload 0.1 m beyond its flange and rotors of 0.1 kg m²."""
-    load = arms.Payload(mass=payload, center=[0, 0, 0.1], inertia=0.0025 * payload)
+def loaded(arm: Any, payload: float) -> Any:
+    """The arm with a payload 0.1 m beyond its flange [kg] and rotors of 0.1 kg m²."""
+    load, n = arms.Payload(mass=payload, center=[0, 0, 0.1], inertia=0.0025 * payload), arm.joints
     return eqx.tree_at(
-        lambda arm: (arm.armature, arm.viscous, arm.payload), arms.panda(), (jnp.full(7, 0.1), jnp.full(7, 0.2), load)
+        lambda arm: (arm.armature, arm.viscous, arm.payload), arm, (jnp.full(n, 0.1), jnp.full(n, 0.2), load)
     )
+
+
+def panda(payload: float = 2.0) -> Any:
+    return loaded(arms.panda(), payload)
 
 
 def ur5e(payload: float = 3.0) -> Any:
-    load = arms.Payload(mass=payload, center=[0, 0, 0.1], inertia=0.0025 * payload)
-    return eqx.tree_at(
-        lambda arm: (arm.armature, arm.viscous, arm.payload), arms.ur5e(), (jnp.full(6, 0.1), jnp.full(6, 0.2), load)
-    )
+    return loaded(arms.ur5e(), payload)
 
 
 @cache

@@ -121,11 +121,11 @@ def test_an_uncertain_path_outside_the_bounds_scope_makes_it_not_applicable():
 
 
 def test_a_motion_that_is_too_fast_is_refused_until_it_is_slow_enough(law):
-    answer = admit(law, motion(0.45), allowed=0.003)
+    answer = admit(law, motion(0.33), allowed=0.003)
     assert not answer.admitted and answer.limit is not None and answer.slow_down is not None
-    assert judge_motion(law, slowed(motion(0.45), answer.slow_down), 0.003).step_proved
-    assert admit(law, slowed(motion(0.45), answer.slow_down), allowed=0.003).admitted
-    assert not admit(law, slowed(motion(0.45), 0.8 * answer.slow_down), allowed=0.003, slow_down=False).admitted
+    assert judge_motion(law, slowed(motion(0.33), answer.slow_down), 0.003).step_proved
+    assert admit(law, slowed(motion(0.33), answer.slow_down), allowed=0.003).admitted
+    assert not admit(law, slowed(motion(0.33), 0.8 * answer.slow_down), allowed=0.003, slow_down=False).admitted
 
 
 def test_a_motion_beyond_the_range_of_a_joint_is_refused_by_its_name(law):

@@ -1,7 +1,7 @@
 """Suprema along a motion against ascents on the quantities themselves, at any time of a cell and place of the tube."""
 
 from collections.abc import Callable
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import jax
@@ -48,13 +48,20 @@ class Point:
         self.root = np.linalg.inv(np.linalg.cholesky(self.mass)).swapaxes(1, 2)
         self.coriolis = 2.0 * t @ y1
         self.rate = t @ y1 + y1.swapaxes(1, 2) @ y
+        self.bodies, self.q, self.dq, self.ddq = bodies, q, dq, ddq
+
+    @cached_property
+    def stiffness(self) -> np.ndarray:
+        """The derivative of the inverse dynamics by the positions; computed where it is asked for, as it takes long."""
         step = 1e-6
-        self.bodies, self.q = bodies, q
         ahead, behind = (
-            np.stack([self.force(bodies, q + shift, dq, ddq) for shift in side * step * np.eye(q.shape[1])], axis=2)
+            np.stack(
+                [self.force(self.bodies, self.q + s, self.dq, self.ddq) for s in side * step * np.eye(self.q.shape[1])],
+                axis=2,
+            )
             for side in (1.0, -1.0)
         )
-        self.stiffness = (ahead - behind) / (2.0 * step)
+        return np.asarray((ahead - behind) / (2.0 * step))
 
     @property
     def by_joints(self) -> np.ndarray:

@@ -408,7 +408,7 @@ def _named(robot: ET.Element, tag: str, notes: Notes) -> dict[str, ET.Element]:
 def _check_kind(name: str, joint: ET.Element) -> None:
     kind = joint.get("type")
     if kind is None:
-        raise DefinitionError(f"joint `{name}` has no type; there are {', '.join(KINDS)}")
+        raise DefinitionError(f"joint `{name}` has no type; the types are {', '.join(KINDS)}")
     if kind in ("floating", "planar", "spherical"):
         raise DefinitionError(
             f"joint `{name}` is {kind}; an arm stands on a fixed base and has only {', '.join(KINDS)} joints"

@@ -166,7 +166,7 @@ def _encoders(sensor: AbstractSensor | None, law: SampledData) -> tuple[Floats, 
         raise DefinitionError("a bound along a motion needs every sample: leave out `sensor.loss`")
     if isinstance(sensor, Delayed):
         if sensor.jitter:
-            raise DefinitionError("a bound along a motion needs samples of one age: set `sensor.jitter: 0`")
+            raise DefinitionError("a bound along a motion needs measurements of constant age: set `sensor.jitter: 0`")
         delay, sensor = float(sensor.periods), sensor.sensor
     if delay != law.believed_delay:
         raise DefinitionError(

@@ -390,7 +390,7 @@ class SampledData(AbstractController):
         return viscous * dq
 
     def _at_midpoint(self, request: StepInput, decision: Decision) -> tuple[StepInput, Decision]:
-        """The model and the step's torque in the middle of the period, for the acceleration of the step."""
+        """Recompute the model in the middle of the period, and with it the torque for the planned acceleration."""
         middle = advance(request.state, decision.acceleration, 0.5 * self.period)
         mass, bias = barrier(request.robot.mass(middle.q)), request.robot.bias(middle.q, middle.dq)
         tau = matvec(mass, decision.acceleration) + bias
