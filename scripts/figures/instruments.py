@@ -190,8 +190,8 @@ def measure_several() -> None:
         for number in range(arguments.arms):
             for arm, result in results_of(name, number, arguments.seconds):
                 assert result.band is not None
-                found = arm_parameters(result.robot)
-                error = MassBound(result.robot, found).of((arm_parameters(arm) - found)[None])[0]
+                fitted = arm_parameters(result.robot)
+                error = MassBound(result.robot, fitted).of((arm_parameters(arm) - fitted)[None])[0]
                 names = ("armature", "coulomb", "viscous")
                 truth = np.concatenate([np.asarray(getattr(arm, each)) for each in names])
                 rows = rows_of(result, names, truth)
@@ -199,8 +199,8 @@ def measure_several() -> None:
                 print(name, number, len(result.logs), result.band.p, error, file=sys.stderr, flush=True)
         for count, measured in cells.items():
             p, errors = (100 * np.array([each[k] for each in measured]) for k in (0, 1))
-            off, half, seen = np.abs(np.concatenate([each[2] for each in measured])).T
-            shown = seen > 0.5
+            off, half, visible = np.abs(np.concatenate([each[2] for each in measured])).T
+            shown = visible > 0.5
             share = 100 * off / np.concatenate([each[3] for each in measured])
             inside = f"{np.sum(off[shown] <= half[shown])} of {shown.sum()}"
             row = [name, count, f"{np.median(p):.2g}", f"{errors.max():.2g}", inside, f"{share[shown].max():.2g}"]

@@ -75,10 +75,10 @@ def test_a_second_log_of_the_same_noise_counts_as_much_as_the_first():
     arm = arm_with_drives("three_link")
     motion = moved(12.0, 125.0, 3, seed=3, size=2.0)
     logs = [recorded(arm, seed=seed, times_and_motion=motion) for seed in range(4)]
-    one, four = identify(logs[0], known_arm(), cut_off=6.0), identify(logs, known_arm(), cut_off=6.0)
+    alone, four = identify(logs[0], known_arm(), cut_off=6.0), identify(logs, known_arm(), cut_off=6.0)
     assert [fit.log.source for fit in four.logs] == [f"a test (log {k})" for k in (1, 2, 3, 4)]
     for name in ("armature", "coulomb", "payload.mass"):
-        ratio = four.standard_errors(name) / one.standard_errors(name)
+        ratio = four.standard_errors(name) / alone.standard_errors(name)
         # A rotor of the first joint adds to the link's inertia about its axis, and is not seen.
         assert (ratio[name == "armature" :] > 0.25).all() and (ratio[name == "armature" :] < 0.6).all(), name
 
@@ -188,8 +188,8 @@ def test_gravity_that_no_torque_shows_is_named():
     # A planar arm feels no gravity along its axes.
     planar = sx.arms.from_urdf("examples/robots/two_link.urdf", gravity=(0.0, -9.81, 0.0), armature=[0.3, 0.2])
     moving = recorded(planar, times_and_motion=moved(12.0, 125.0, 2))
-    seen = {each.name: each.identifiable for each in identify(moving, planar, gravity=True).parameters}
-    assert seen["gravity.x"] and not seen["gravity.z"]
+    shown = {each.name: each.identifiable for each in identify(moving, planar, gravity=True).parameters}
+    assert shown["gravity.x"] and not shown["gravity.z"]
 
 
 @pytest.mark.parametrize(

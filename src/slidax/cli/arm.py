@@ -265,7 +265,7 @@ def identify(
     `robot: {kind: identified, file: arm.yaml}`. Several logs are fitted together; options on the log apply to all.
 
         slidax identify log.csv --robot panda --torque-unit mNm --out arm.yaml
-        slidax identify empty.csv full.csv --load none --load 2@0,0,0.1 --robot panda --links --payload --actuator-map gain
+        slidax identify a.csv b.csv --load none --load 2@0,0,0.1 --robot panda --links --payload --actuator-map gain
     """
     with errors_as_lines():
         prepare()
