@@ -158,10 +158,20 @@ Drop = Annotated[
 
 def identify(
     log: Annotated[
-        Path,
-        typer.Argument(help="Positions and torques: .csv, .parquet, .mcap, a ros2 bag, or JointState as .json(l)."),
+        list[Path],
+        typer.Argument(
+            help="Positions and torques: .csv, .parquet, .mcap, a ros2 bag, or JointState as .json(l); or several logs."
+        ),
     ],
     robot: Robot,
+    load: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KG@X,Y,Z",
+            help="Load of each log, in their order: none, unknown, or a mass [kg] with its centre in the tip's frame "
+            "[m], perhaps with @ and its inertia [kg m²]; it adds to the arm's own payload.",
+        ),
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="YAML file for the identified arm with its uncertainty.")] = None,
     report: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for a report with figures.")] = None,
     tip: Tip = None,
@@ -195,7 +205,12 @@ def identify(
     ] = None,
     cut_off: Annotated[float | None, typer.Option(help="Filter cut-off [Hz]; default: from the log.")] = None,
     held_out: Annotated[float, typer.Option(help="Share of the log, at its end, held out for validation.")] = 0.25,
-    gravity: Gravity = None,
+    gravity: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X,Y,Z", help="Gravity in the base frame [m/s²], for a mounted arm; `identify` finds its direction."
+        ),
+    ] = None,
     inertias: Inertias = None,
     locked: Locked = None,
     time_unit: Annotated[
@@ -243,13 +258,14 @@ def identify(
     ] = None,
     json: AsJson = False,
 ) -> None:
-    """Identify rotor inertia, friction, payload and optionally the links of an arm from a log of positions and torques.
+    """Identify rotor inertia, friction, payload and optionally the links of an arm from logs of positions and torques.
 
     Each parameter has a standard error. The log is first checked against the arm: time unit, gaps, gravity, and sign,
     scale and joint order of the torques. An error names the option that corrects it. A scenario reads the result with
-    `robot: {kind: identified, file: arm.yaml}`.
+    `robot: {kind: identified, file: arm.yaml}`. Several logs are fitted together; options on the log apply to all.
 
         slidax identify log.csv --robot panda --torque-unit mNm --out arm.yaml
+        slidax identify a.csv b.csv --load none --load 2@0,0,0.1 --robot panda --links --payload --actuator-map gain
     """
     with errors_as_lines():
         prepare()
@@ -257,7 +273,9 @@ def identify(
 
         if payload_as is not None:
             identification.require_payload_form(payload_as)
-        arm, description = named_arm(robot, tip, inertias, locked, gravity)
+        tilted = gravity == "identify"
+        arm, description = named_arm(robot, tip, inertias, locked, None if tilted else gravity)
+        loads = None if load is None else [identification.parse_load(text) for text in load]
         conventions = identification.Conventions(
             time_unit=time_unit,
             position_unit=_words(position_unit),
@@ -273,18 +291,23 @@ def identify(
             torque_order=_words(torque_order),
             ignore_torque=ignore_torque or [],
         )
-        record = identification.read_log(
-            log,
-            arm.joint_names,
-            topic=topic,
-            columns=identification.parse_columns(columns or []),
-            drop=drop or [],
-        )
-        for note in record.notes:
-            say_note(f"{record.source}: {note}")
+        records = [
+            identification.read_log(
+                path,
+                arm.joint_names,
+                topic=topic,
+                columns=identification.parse_columns(columns or []),
+                drop=drop or [],
+            )
+            for path in log
+        ]
+        for record in records:
+            for note in record.notes:
+                say_note(f"{record.source}: {note}")
         result = identification.identify(
-            record,
+            records,
             arm,
+            loads=loads,
             conventions=conventions,
             rotors=rotors,
             payload=payload,
@@ -294,6 +317,7 @@ def identify(
             ripple=numbers("--ripple", ripple) if ripple else [],
             encoder_offset=encoder_offset,
             actuator_map=actuator_map,
+            gravity=tilted,
             cut_off=cut_off,
             held_out=held_out,
         )

@@ -196,6 +196,8 @@ def _to_arm(robot: Articulated, estimate: EstimateErrors) -> np.ndarray:
     for start in estimate.bodies:
         body = estimate.joints[start]
         own = slice(start, start + BODY)
+        if estimate.names[start].startswith("load_"):
+            continue  # The load of a log is not part of the arm.
         if body >= 0:
             to_arm[body * BODY : (body + 1) * BODY, own] = np.eye(BODY)
         else:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,10 +11,10 @@ import numpy as np
 from slidax.arms.articulated import Articulated
 from slidax.core.errors import DefinitionError
 
-from .identified_arm import Identification
+from .identified_arm import Identification, LogFit
 from .log_checks import TRAVEL
 from .logs import Conventions, JointLog
-from .regression import ParameterFit, Unknowns, mark_moving
+from .regression import ParameterFit
 from .repairs import (
     Repair,
     joint_list,
@@ -30,6 +30,7 @@ from .repairs import (
 )
 from .signals import LogSignals
 from .torque_model import TorqueMatch, TorqueSample, match_torques, rigid_torques, sample_of
+from .unknowns import Unknowns, mark_moving
 
 DOUBT, COSTS = 0.1, 10.0
 """Residual, as a share of the torque, and cost of the prior per joint, above which other conventions are tried."""
@@ -66,8 +67,7 @@ def require_torques(
     - `signals`: signals of the log in a band of a few Hz.
     - `usable`: True for joints whose torques are used [n].
     """
-    sample = sample_of(signals, mark_moving(signals))
-    sample = replace(sample, counts=sample.counts & usable)
+    sample = torque_sample(signals, usable)
     match = match_torques(robot, sample)
     doubtful = (match.errors > DOUBT) & (sample.floor < 0.7 * match.errors)
     if not doubtful.any() and match.cost < COSTS * robot.joints:
@@ -93,6 +93,15 @@ def require_torques(
         f"{100 * match.explained:.0f} % of them (least for joint `{robot.joint_names[worst]}`). They explain "
         f"{100 * best.match.explained:.0f} % with {best.sentence}: `{best.option}` applies this{other}"
     )
+
+
+def torque_sample(signals: LogSignals, usable: np.ndarray) -> TorqueSample:
+    """A log at a few times, without the torques of joints that are not used.
+
+    - `usable`: True for joints whose torques are used [n].
+    """
+    sample = sample_of(signals, mark_moving(signals))
+    return replace(sample, counts=sample.counts & usable)
 
 
 def find_usable_torques(log: JointLog, robot: Articulated, conventions: Conventions) -> tuple[np.ndarray, list[str]]:
@@ -180,49 +189,53 @@ CERTAIN = 3.0
 def judge_result(
     result: Identification,
     robot: Articulated,
-    signals: LogSignals,
-    unknowns: Unknowns,
+    signals: Sequence[LogSignals],
+    unknowns: Sequence[Unknowns],
     fitted: ParameterFit,
-    ignored: np.ndarray,
+    ignored: Sequence[np.ndarray],
 ) -> tuple[str, ...]:
     """Check the identified parameters and the prediction, and return warnings.
 
     - `result`: the identification.
     - `robot`: the arm as it was known.
-    - `unknowns`, `fitted`: the equation, and its fit without physical bounds.
-    - `ignored`: True for joints whose torques were not used [n].
+    - `signals`, `unknowns`: the signals and the equation of each log.
+    - `fitted`: the fit without physical bounds.
+    - `ignored`: for each log, True for joints whose torques were not used [n].
 
     Raises DefinitionError if no such arm can have a parameter, or the prediction error exceeds the torque.
     """
     warnings: list[str] = []
     _judge_parameters(result, robot, warnings)
-    _judge_prediction(result, robot, signals, unknowns, fitted, ignored, warnings)
-    largest = np.abs(result.log.tau).max(axis=0)
     limit = np.asarray(robot.limits.torque)
-    for joint in np.nonzero((largest > 1.2 * limit) & ~ignored)[0]:
-        warnings.append(
-            f"the torque of joint `{robot.joint_names[joint]}` reaches {largest[joint]:.4g}, "
-            f"{largest[joint] / limit[joint]:.2g} times its limit in the arm's file"
-        )
+    for fit, own, each, sigma, unused in zip(result.logs, signals, unknowns, fitted.sigma, ignored, strict=True):
+        _judge_prediction(fit, robot, own, each, fitted.covariance, sigma, unused, warnings)
+        largest = np.abs(fit.log.tau).max(axis=0)
+        for joint in np.nonzero((largest > 1.2 * limit) & ~unused)[0]:
+            warnings.append(
+                f"the torque of {fit.log.source} reaches {largest[joint]:.4g} for joint `{robot.joint_names[joint]}`, "
+                f"{largest[joint] / limit[joint]:.2g} times its limit in the arm's file"
+            )
     if result.unseen:
         names = ", ".join(f"`{parameter.label}`" for parameter in result.unseen[:4])
         more = f" and {len(result.unseen) - 4} more" if len(result.unseen) > 4 else ""
-        warnings.append(f"the log does not show {names}{more}: they keep their prior values")
+        shows = "the log does" if len(result.logs) == 1 else "the logs do"
+        warnings.append(f"{shows} not show {names}{more}: they keep their prior values")
     return tuple(warnings)
 
 
 def _judge_prediction(
-    result: Identification,
+    fit: LogFit,
     robot: Articulated,
     signals: LogSignals,
     unknowns: Unknowns,
-    fitted: ParameterFit,
+    covariance: np.ndarray,
+    sigma: np.ndarray,
     ignored: np.ndarray,
     warnings: list[str],
 ) -> None:
     inner = signals.inner
-    size = np.std(result.measured[inner], axis=0) + 1e-12
-    errors = np.maximum(result.fit_rms, result.held_out_rms)
+    size = np.std(fit.measured[inner], axis=0) + 1e-12
+    errors = np.maximum(fit.fit_rms, fit.held_out_rms)
     share = errors / size
     limit = np.asarray(robot.limits.torque)
     silent = (
@@ -232,21 +245,23 @@ def _judge_prediction(
         if ignored[joint] or share[joint] <= POOR:
             continue
         if silent[joint]:
-            warnings.append(f"the torque of joint `{name}` is only noise: the log shows nothing about its drive")
+            warnings.append(
+                f"the torque of {fit.log.source} is only noise for joint `{name}`: it shows nothing about its drive"
+            )
             continue
-        held_out = result.held_out_rms[joint] >= result.fit_rms[joint]
+        held_out = fit.held_out_rms[joint] >= fit.fit_rms[joint]
         facts = (
-            f"{robot.name} as identified from {result.log.source} predicts the torque of joint `{name}` with an error "
+            f"{robot.name} as identified from {fit.log.source} predicts the torque of joint `{name}` with an error "
             f"of {errors[joint]:.3g} in the {'held-out' if held_out else 'fitted'} part; the torque itself varies by "
             f"{size[joint]:.3g}"
         )
         if share[joint] <= USELESS:
             warnings.append(f"{facts}: the arm's file or this torque may be wrong")
             continue
-        rows = inner & ((np.arange(len(inner)) >= result.split) == held_out)
+        rows = inner & ((np.arange(len(inner)) >= fit.split) == held_out)
         columns = signals.filtered(unknowns.columns[:, joint])[rows]
-        unsure = CERTAIN * float(np.sqrt(np.mean(columns @ fitted.covariance * columns) * columns.shape[1]))
-        explained = fitted.sigma[joint] < 0.5 * size[joint]
+        unsure = CERTAIN * float(np.sqrt(np.mean(columns @ covariance * columns) * columns.shape[1]))
+        explained = sigma[joint] < 0.5 * size[joint]
         if not explained or errors[joint] > USELESS * np.hypot(size[joint], unsure):
             raise DefinitionError(
                 f"{facts}. No other sign, scale, joint order, delay or gravity explains it. Is the arm's file right, "
@@ -294,7 +309,7 @@ def _judge_parameters(result: Identification, robot: Articulated, warnings: list
         facts = f"{parameter.label} would be {parameter.value:.4g} ± {half:.2g} {parameter.unit}"
         if parameter.value - SURE * parameter.standard_error > bound:
             raise DefinitionError(
-                f"{facts}: {rule}. Torques or times of {result.log.source} are in another unit, scale or joint order "
+                f"{facts}: {rule}. Torques or times of {result.source} are in another unit, scale or joint order "
                 f"than those of {robot.name}: `--torque-unit`, `--torque-scale`, `--time-unit` and `--joint-order` set "
                 "them"
             )

@@ -13,7 +13,6 @@ from slidax.arms.articulated import Articulated
 from slidax.core.errors import DefinitionError, each_of
 from slidax.core.writing import error_reason, write_text
 
-from .regression import REACH
 from .regressor import (
     BODY,
     JointMotion,
@@ -23,6 +22,7 @@ from .regressor import (
     payload_regressor,
     rigid_torque,
 )
+from .unknowns import REACH
 
 LIMITS = ("range", "velocity", "acceleration", "torque")
 """The limits whose shares an excitation reports."""

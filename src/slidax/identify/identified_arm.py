@@ -1,12 +1,9 @@
-"""The identified arm: parameters with standard errors, and the arm file."""
+"""The identified arm: parameters with standard errors, and the prediction of each log."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import equinox as eqx
@@ -16,12 +13,12 @@ from scipy import stats
 from slidax.arms.arm import Payload
 from slidax.arms.articulated import Articulated
 from slidax.core.errors import DefinitionError, as_array
-from slidax.core.writing import error_reason, write_text
 
 from .band import Band, EstimateErrors, band_of
 from .logs import JointLog
-from .regression import REACH, ParameterFit, Unknowns
+from .regression import ParameterFit
 from .regressor import BODY, PAIRS, body_of_parameters
+from .unknowns import REACH, TILT, Unknowns
 
 
 @dataclass(frozen=True)
@@ -60,31 +57,20 @@ class EstimatedParameter:
 
 
 @dataclass(frozen=True, eq=False)
-class Identification:
-    """Result of identification: the arm, its parameters with standard errors, and the prediction errors.
+class LogFit:
+    """A log, and the prediction of its torques by the identified arm.
 
-    - `robot`: the arm with identified rotors, friction, payload and links.
-    - `parameters`: each estimated parameter with its standard error.
     - `log`: the log that was fitted.
     - `cut_off`: cut-off frequency of the filter [Hz].
-    - `condition`: condition number of the weighted regressor relative to the prior, largest gain over smallest.
-    - `unseen_directions`: number of parameter combinations that the log does not show.
     - `lag`, `lag_error`: delay of the torques after the positions, and its standard error [s].
     - `t`, `measured`, `predicted`: times [k] and torques in the filter's band [k n].
     - `split`: first sample of the held-out part.
     - `fit_rms`, `held_out_rms`, `measured_rms`: root mean square of the prediction error in both parts, and of the
       measured torque, in the filter's band [n], N m or N.
-    - `warnings`: sentences on the log, and on parameters that it determines poorly.
-    - `seconds`: computing time.
-    - `estimate`: the estimate of the unknown parameters, and the covariance of its errors.
     """
 
-    robot: Articulated
-    parameters: tuple[EstimatedParameter, ...]
     log: JointLog
     cut_off: float
-    condition: float
-    unseen_directions: int
     lag: float
     lag_error: float
     t: np.ndarray
@@ -94,9 +80,64 @@ class Identification:
     fit_rms: np.ndarray
     held_out_rms: np.ndarray
     measured_rms: np.ndarray
+
+    def as_json(self) -> dict[str, Any]:
+        """An entry of `logs` in the output of `slidax identify --json`."""
+        return {
+            "source": self.log.source,
+            "samples": len(self.log.t),
+            "cut_off": self.cut_off,
+            "lag": {"value": self.lag, "standard_error": self.lag_error},
+            "torque_rms": {"fit": self.fit_rms.tolist(), "held_out": self.held_out_rms.tolist()},
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """Result of identification: the arm, its parameters with standard errors, and the prediction errors.
+
+    - `robot`: the arm with identified rotors, friction, payload and links.
+    - `parameters`: each estimated parameter with its standard error.
+    - `logs`: each log with its prediction.
+    - `condition`: condition number of the weighted regressor relative to the prior, largest gain over smallest.
+    - `unseen_directions`: number of parameter combinations that the log does not show.
+    - `warnings`: sentences on the log, and on parameters that it determines poorly.
+    - `seconds`: computing time.
+    - `estimate`: the estimate of the unknown parameters, and the covariance of its errors.
+    """
+
+    robot: Articulated
+    parameters: tuple[EstimatedParameter, ...]
+    logs: tuple[LogFit, ...]
+    condition: float
+    unseen_directions: int
     warnings: tuple[str, ...]
     seconds: float
     estimate: EstimateErrors
+
+    @property
+    def source(self) -> str:
+        """Names of the logs."""
+        return " and ".join(fit.log.source for fit in self.logs)
+
+    @property
+    def fit_rms(self) -> np.ndarray:
+        """Root mean square of the prediction error in the fitted parts, over all logs [n], N m or N."""
+        return self._rms("fit_rms")
+
+    @property
+    def held_out_rms(self) -> np.ndarray:
+        """As `fit_rms`, in the held-out parts [n]."""
+        return self._rms("held_out_rms")
+
+    @property
+    def measured_rms(self) -> np.ndarray:
+        """Root mean square of the measured torques, over all logs [n], N m or N."""
+        return self._rms("measured_rms")
+
+    def _rms(self, name: str) -> np.ndarray:
+        # The square root of the square of one log's number is that number.
+        return np.asarray(np.sqrt(np.mean([getattr(fit, name) ** 2 for fit in self.logs], axis=0)))
 
     @cached_property
     def band(self) -> Band | None:
@@ -160,18 +201,21 @@ class Identification:
             "torque_rms": {"fit": self.fit_rms.tolist(), "held_out": self.held_out_rms.tolist()},
             "measured_rms": self.measured_rms.tolist(),
             "warnings": list(self.warnings),
-            "cut_off": self.cut_off,
             "condition": self.condition,
             "unseen_directions": self.unseen_directions,
-            "lag": {"value": self.lag, "standard_error": self.lag_error},
+            "logs": [fit.as_json() for fit in self.logs],
         }
 
     def __str__(self) -> str:
+        these = "this log" if len(self.logs) == 1 else "these logs"
         width = max(len(parameter.label) for parameter in self.parameters)
-        lines = [f"{self.robot.name} from {self.log.source}: {len(self.log.t)} samples, band {self.cut_off:.3g} Hz"]
+        lines = [
+            f"{self.robot.name} from {fit.log.source}: {len(fit.log.t)} samples, band {fit.cut_off:.3g} Hz"
+            for fit in self.logs
+        ]
         for parameter in self.parameters:
             half = 0.5 * (parameter.interval()[1] - parameter.interval()[0])
-            end = "" if parameter.identifiable else "  not seen in this log"
+            end = "" if parameter.identifiable else f"  not seen in {these}"
             lines.append(f"{parameter.label:<{width}}  {parameter.value:>10.4g} ± {half:<8.2g} {parameter.unit}{end}")
         units = ", ".join(dict.fromkeys("N m" if unit == "rad" else "N" for unit in self.robot.joint_units))
         lines.append(f"root mean square of the torques [{units}], joint by joint:")
@@ -181,7 +225,7 @@ class Identification:
         lines.append(str(self.band) if self.band else "no band: some body of the arm has no mass or no inertia")
         lines += [f"warning: {sentence}" for sentence in self.warnings]
         if self.unseen_directions:
-            lines.append(f"{self.unseen_directions} combinations of these numbers do not show in this log")
+            lines.append(f"{self.unseen_directions} combinations of these numbers do not show in {these}")
         return "\n".join(lines)
 
     __repr__ = __str__
@@ -204,9 +248,6 @@ UNITS = {
     **dict.fromkeys(("gain", "crosstalk"), ("", "")),
 }
 """Units of a drive's parameters, for a revolute and for a prismatic joint; `ripple_30_cos` is a `ripple`."""
-
-NOT_OF_ARM = ("offset", "asymmetry", "stribeck", "ripple")
-"""Drive parameters that no arm's description has."""
 
 PATHS = {
     "armature": "nominal.armature",
@@ -238,6 +279,8 @@ def identified_robot(robot: Articulated, unknowns: Unknowns, theta: np.ndarray) 
     links = []
     for start in unknowns.bodies:
         mass, center, inertia = body_of_parameters(theta[start : start + BODY])
+        if unknowns.names[start].startswith("load_"):
+            continue  # The load of a log is not part of the arm.
         if unknowns.joints[start] < 0:
             changes["payload"] = Payload(mass=as_array(mass), center=as_array(center), inertia=as_array(inertia))
         else:
@@ -269,6 +312,8 @@ def estimates_of(
     errors = np.sqrt(np.maximum(np.diag(fitted.covariance), 0.0))
     for i in np.nonzero(~inside)[0]:
         name, joint = unknowns.names[i], unknowns.joints[i]
+        if name == "gravity":
+            continue
         listed.append(
             EstimatedParameter(
                 name=name,
@@ -305,7 +350,8 @@ def _body_estimates(
     mass = max(values[0], 1e-9)
     # The prior scale of centre and inertia follows the identified mass.
     believed = np.array([sizes[0], *3 * (REACH,), *6 * (mass * REACH**2,)])
-    body, section = ("payload", "nominal.load") if joint < 0 else ("link", "nominal.links")
+    body = unknowns.names[own][0].partition(".")[0]
+    section = {"payload": "nominal.load", "link": "nominal.links"}.get(body, "")
     listed = []
     for i, (name, unit, path) in enumerate(BODY_PARAMETERS):
         kind, _, entry = path.partition(".")
@@ -314,7 +360,7 @@ def _body_estimates(
             EstimatedParameter(
                 name=f"{body}.{name}",
                 joint="" if joint < 0 else robot.joint_names[joint],
-                path=f"{section}.{kind}{within}{'.' if entry else ''}{entry}",
+                path=section and f"{section}.{kind}{within}{'.' if entry else ''}{entry}",
                 unit=unit,
                 value=float(values[i]),
                 standard_error=float(errors[i]),
@@ -324,155 +370,34 @@ def _body_estimates(
     return listed
 
 
+def gravity_estimates(robot: Articulated, axes: np.ndarray, covariance: np.ndarray) -> tuple[EstimatedParameter, ...]:
+    """The identified gravity in the base frame.
+
+    - `robot`: the identified arm.
+    - `axes`: change of gravity per angle about two axes [3 2].
+    - `covariance`: covariance of these angles [2 2], rad².
+    """
+    gravity = np.asarray(robot.gravity_vector)
+    size = float(np.linalg.norm(gravity))
+    # Along gravity itself, the change is of second order in the angles.
+    along = 0.5 * float(np.sum(covariance**2))
+    errors = np.sqrt(np.diag(axes @ covariance @ axes.T) + along * gravity**2)
+    return tuple(
+        EstimatedParameter(
+            name=f"gravity.{axis}",
+            joint="",
+            path=f"nominal.gravity.{i}",
+            unit="m/s²",
+            value=float(gravity[i]),
+            standard_error=float(errors[i]),
+            identifiable=bool(errors[i] < IDENTIFIABLE * TILT * size),
+        )
+        for i, axis in enumerate("xyz")
+    )
+
+
 def _center_parameters(phi: np.ndarray) -> np.ndarray:
     """Mass, centre and inertia about the centre, [10]."""
     mass = phi[0] if abs(phi[0]) > 1e-9 else 1e-9
     _, center, inertia = body_of_parameters(np.array([abs(mass), *np.sign(mass) * phi[1:]]))
     return np.array([mass, *center, *(np.sign(mass) * inertia[pair] for pair in PAIRS)])
-
-
-DIGITS = 9
-"""Significant digits in the file: with fewer, rounding could make a body physically inconsistent."""
-
-
-def write_arm(identification: Identification, robot: Mapping[str, Any], path: str | Path) -> None:
-    """Write the identified arm to a file that `robot: {kind: identified, file: ...}` reads.
-
-    `robot` has the arm's description as in scenario files, with the identified parameters. `uncertainty` has the set
-    that contains the true arm with the band's confidence or, for an arm without a band, the standard error of each
-    parameter. `torque_offset`, `torque_asymmetry`, `torque_stribeck` and `torque_ripple_N_cos` have the terms that no
-    arm description has.
-
-    - `identification`: the identified arm.
-    - `robot`: the description of the arm as it was known, such as `{"kind": "panda"}`.
-    - `path`: the file to write.
-
-    Raises DefinitionError if the file cannot be written.
-    """
-    path = Path(path)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_text(path, arm_as_yaml(identification, robot, path.parent))
-    except OSError as error:
-        raise DefinitionError(f"cannot write the file `{path}`: {error_reason(error)}") from None
-
-
-def arm_as_yaml(identification: Identification, robot: Mapping[str, Any], folder: str | Path = Path()) -> str:
-    """The text of the file that `write_arm` writes.
-
-    - `identification`, `robot`: as in `write_arm`.
-    - `folder`: the file's folder, to which paths in the description are made relative.
-    """
-    described = {key: value for key, value in robot.items() if key not in ("nominal", "plant")}
-    if "file" in described:
-        described["file"] = os.path.relpath(described["file"], folder)
-    nominal = dict(robot.get("nominal", {}))
-    plant: dict[str, Any] = {}
-    named = {parameter.name for parameter in identification.parameters}
-    if "armature" in named:
-        nominal["armature"] = _plain(identification.robot.armature)
-    if "payload.mass" in named:
-        nominal.pop("load", None)
-        load = identification.robot.payload
-        if float(load.mass) > 0:
-            nominal["load"] = {"mass": _plain(load.mass), "center": _plain(load.center), "inertia": _six(load.inertia)}
-    if "encoder_offset" in named:
-        nominal["zero"] = _plain(identification.values("encoder_offset") + np.asarray(nominal.get("zero", 0.0)))
-    if "link.mass" in named:
-        arm = identification.robot
-        inertias = [_six(inertia) for inertia in np.asarray(arm.inertias)]
-        nominal["links"] = {"mass": _plain(arm.masses), "center": _plain(arm.centers), "inertia": inertias}
-    for name, section in (("coulomb", plant), ("viscous", nominal)):
-        if name in named:
-            section[name] = _plain(getattr(identification.robot, name))
-    lines = [
-        f"# {identification.robot.name}, identified from {identification.log.source}: "
-        f"{len(identification.log.t)} samples.",
-        *(f"# Warning: {sentence}." for sentence in identification.warnings),
-        "robot:",
-        *_block(described | ({"nominal": nominal} if nominal else {}) | ({"plant": plant} if plant else {}), 1),
-        "uncertainty:",
-        *(_standard_errors(identification) if identification.band is None else _band_lines(identification.band)),
-    ]
-    offsets = [each for each in identification.parameters if each.name.partition("_")[0] in NOT_OF_ARM]
-    for name in dict.fromkeys(parameter.name for parameter in offsets):
-        own = [parameter for parameter in offsets if parameter.name == name]
-        lines.append(f"torque_{name}:")
-        lines.append(f"  value: {_flow([parameter.value for parameter in own])}")
-        lines.append(f"  standard_error: {_flow([parameter.standard_error for parameter in own])}")
-    if identification.actuator_map is not None:
-        values, errors = identification.actuator_map
-        lines += ["actuator:", "  map:", *(f"    - {_short(row)}" for row in values)]
-        lines += ["actuator_map:", "  standard_error:", *(f"    - {_short(row)}" for row in errors)]
-    return "\n".join(lines) + "\n"
-
-
-def _band_lines(band: Band) -> list[str]:
-    """Uncertainty sets that hold simultaneously: the inertial band, and intervals of the friction parameters."""
-    lines = [
-        f"  # {band}",
-        "  robot.plant.inertial:",
-        f"    band: {_flow(_rounded(band.p, 4))}",
-        f"    confidence: {_flow(band.confidence)}",
-        "    deviations:",
-        *(f"    - {_short(row)}" for row in band.deviations),
-    ]
-    for name in ("coulomb", "viscous"):
-        ends = getattr(band, name)
-        if ends.size:
-            rows = ", ".join(_short(row) for row in ends)
-            lines.append(f"  robot.plant.{name}: {{between: [{rows}], each: joint}}")
-    return lines
-
-
-def _standard_errors(identification: Identification) -> list[str]:
-    return [
-        "  # Standard errors are one sigma; `identifiable: false` means that the log does not show the parameter.",
-        *(_line(parameter) for parameter in identification.parameters if parameter.path),
-    ]
-
-
-def _short(row: np.ndarray) -> str:
-    # YAML reads `1e-05`, without a decimal point, as text.
-    return f"[{', '.join(f'{value:.5e}' if value else '0' for value in row)}]"
-
-
-def _line(parameter: EstimatedParameter) -> str:
-    known = "true" if parameter.identifiable else "false"
-    error = _flow(_rounded(parameter.standard_error, 4))
-    return f'  robot.{parameter.path}: {{standard_error: {error}, unit: "{parameter.unit}", identifiable: {known}}}'
-
-
-def _block(mapping: Mapping[str, Any], depth: int) -> list[str]:
-    lines: list[str] = []
-    for key, value in mapping.items():
-        if isinstance(value, Mapping):
-            lines += [f"{'  ' * depth}{key}:", *_block(value, depth + 1)]
-        else:
-            lines.append(f"{'  ' * depth}{key}: {_flow(value)}")
-    return lines
-
-
-def _flow(value: Any) -> str:
-    if isinstance(value, str):
-        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, (list, tuple)):
-        return f"[{', '.join(_flow(entry) for entry in value)}]"
-    # YAML reads `1e-05`, without a decimal point, as text.
-    return repr(float(value)) if "e" not in repr(float(value)) else f"{float(value):.{DIGITS}e}"
-
-
-def _plain(values: Any) -> Any:
-    array = np.asarray(values)
-    return _rounded(array.item(), DIGITS) if array.ndim == 0 else [_plain(entry) for entry in array]
-
-
-def _six(inertia: Any) -> Sequence[float]:
-    full = np.asarray(inertia)
-    return [_plain(full[pair]) for pair in PAIRS]
-
-
-def _rounded(value: float, digits: int) -> float:
-    return float(f"{value:.{digits - 1}e}")

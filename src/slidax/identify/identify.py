@@ -1,31 +1,30 @@
-"""Identification of an arm's parameters from a log of positions and torques."""
+"""Identification of an arm's parameters from logs of positions and torques."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from slidax.arms.arm import Payload
 from slidax.arms.articulated import Articulated
 from slidax.core.errors import DefinitionError, count_noun
 
 from .band import EstimateErrors
-from .checks import find_usable_torques, judge_result, require_torques
-from .identified_arm import Identification, estimates_of, identified_robot
-from .instruments import Instruments, in_commands
-from .log_checks import cut_at_gaps, remove_outliers, require_radians
-from .log_files import read_log
+from .checks import judge_result, require_torques, torque_sample
+from .identified_arm import Identification, estimates_of, gravity_estimates, identified_robot
+from .instruments import Instruments, in_commands, tangent
 from .logs import Conventions, JointLog
-from .regression import ParameterFit, Unknowns, consistent_parameters, fit_parameters, unknowns_of
+from .records import has_known_difference, read_logs, record_of
+from .regression import ParameterFit, consistent_parameters, fit_parameters
 from .regressor import BODY
-from .signals import LEAST, LogSignals, signals_of
-from .torque_model import BAND, with_gravity_torques
-
-SETTLINGS = 4
-"""Least length of the fitted part between the filter's ends, in settling times of the filter."""
+from .signals import LEAST, LogSignals
+from .torque_model import gravity_direction, with_gravity
+from .unknowns import Unknowns, sizes_of, unknowns_of
 
 ROUNDS = 5
 """Linearisations of the equation about the errors of the instruments."""
@@ -35,9 +34,10 @@ EXPLAINED = 0.5
 
 
 def identify(
-    log: JointLog | str | Path,
+    log: JointLog | str | Path | Sequence[JointLog | str | Path],
     robot: Articulated,
     *,
+    loads: Sequence[Payload | None] | None = None,
     conventions: Conventions | None = None,
     rotors: bool = True,
     payload: bool | None = None,
@@ -47,10 +47,11 @@ def identify(
     ripple: Sequence[float] = (),
     encoder_offset: bool = False,
     actuator_map: str | None = None,
+    gravity: bool = False,
     cut_off: float | None = None,
     held_out: float = 0.25,
 ) -> Identification:
-    """Estimate rotor inertias, friction, payload and, if `links`, the links' inertial parameters from a log.
+    """Estimate rotor inertias, friction, payload and, if `links`, the links' inertial parameters from logs.
 
         arm = identify("log.csv", sx.arms.panda())
         print(arm)
@@ -61,11 +62,17 @@ def identify(
     these are listed by name.
 
     The log is checked against the arm first: its time unit, gaps and velocities, and the sign, scale, joint order and
-    gravity of its torques. `Conventions` has the remedies.
+    gravity of its torques. `Conventions` has the remedies. Several logs of one arm are fitted together, each with its
+    own rate, filter, noise and torque delay:
 
-    - `log`: a `JointLog`, or the path of a file that `read_log` reads.
+        two = [Payload(), Payload(mass=2.0, center=[0.0, 0.0, 0.1])]
+        identify(["empty.csv", "loaded.csv"], arm, loads=two, links=True, actuator_map="gain")
+
+    - `log`: a `JointLog`, or the path of a file that `read_log` reads; or several of them.
     - `robot`: the arm as it is known; the identified parameters replace its own.
-    - `conventions`: the log's units, signs and joint order, where they differ from the arm's.
+    - `loads`: for each log, what the tip carries in addition to the arm's own payload, in the tip's frame; `Payload()`
+      for nothing, None if it is unknown. By default there are none.
+    - `conventions`: the logs' units, signs and joint order, where they differ from the arm's.
     - `rotors`: True to identify rotor inertias; torques measured behind the gears do not show them.
     - `payload`: True to identify the payload; by default it is identified unless `links` is True, since the last link
       then contains it.
@@ -76,11 +83,13 @@ def identify(
     - `encoder_offset`: True if the encoders' zeros are unknown. Gravity shows them, except for a first joint about
       the vertical, and for a last joint with an unknown payload.
     - `actuator_map`: `gain` if the torque of each drive is a multiple of the log's, `full` if it is a combination of
-      those of all drives, `τ = G τ_log`. The known masses show the scale of G, so that `links` cannot be True.
+      those of all drives, `τ = G τ_log`. The known masses show the scale of G: with `links`, those of two different
+      known `loads`.
+    - `gravity`: True if the direction of gravity is unknown, as for an arm that is mounted at an angle.
     - `cut_off`: cut-off frequency of the filter [Hz]; chosen from the data by default.
-    - `held_out`: share at the end of the log that is predicted and not fitted, in (0, 0.9].
+    - `held_out`: share at the end of each log that is predicted and not fitted, in (0, 0.9].
 
-    Raises DefinitionError if the log cannot be read or used, contradicts the arm, or leads to impossible parameters.
+    Raises DefinitionError if a log cannot be read or used, contradicts the arm, or leads to impossible parameters.
     """
     started = time.perf_counter()
     if not 0.0 < held_out <= 0.9:
@@ -89,103 +98,138 @@ def identify(
         raise DefinitionError(f"`stribeck` must be > 0 rad/s, the Stribeck velocity; got {stribeck:g}")
     if not all(np.isfinite(periods) and periods > 0.0 for periods in ripple) or len(set(ripple)) < len(ripple):
         raise DefinitionError(f"`ripple` must be different numbers > 0, periods per turn; got {list(ripple)}")
-    if actuator_map is not None and links:
+    conventions = conventions or Conventions()
+    logs = [log] if isinstance(log, (JointLog, str, Path)) else list(log)
+    if not logs:
+        raise DefinitionError("`log` must be a log or several; got an empty list")
+    loads = [Payload()] * len(logs) if loads is None else list(loads)
+    if len(loads) != len(logs):
+        raise DefinitionError(
+            f"`loads` must have an entry for each of {count_noun(len(logs), 'log')}, in their order; got {len(loads)}: "
+            "`--load none` is a log without a load"
+        )
+    if actuator_map is not None and links and not has_known_difference(loads):
         raise DefinitionError(
             "`actuator_map` needs known masses: all torques and all masses may have a factor in common, which no log "
-            "shows; leave `links` out, so that the masses in the arm's file give the scale"
+            "shows; leave `links` out, so that the masses in the arm's file give the scale, or take two logs with "
+            "different known loads, such as `--load none --load 2.0@0,0,0.1`"
         )
-    instruments = Instruments.started(robot.joints, encoder_offset, actuator_map)
-    if not isinstance(log, JointLog):
-        log = read_log(log, robot.joint_names)
-    if len(log.joints) != robot.joints:
-        raise DefinitionError(
-            f"{log.source} has {count_noun(len(log.joints), 'joint')}, but {robot.name} has {robot.joints}"
-        )
-    if payload is None:
-        payload = not links
-    conventions = conventions or Conventions()
-    log = conventions.applied(log, robot.joint_units)
-    if conventions.add_gravity:
-        log = with_gravity_torques(log, robot)
-    usable, sentences = find_usable_torques(log, robot, conventions)
-    ignored = ~usable
-    log, more = remove_outliers(log, robot)
-    sentences += more
-    require_radians(log, robot)
-    pieces = cut_at_gaps(log, robot)
-    log = pieces.log
+    if gravity:
+        _require_gravity(robot, conventions)
+    Instruments.started(robot.joints, encoder_offset, actuator_map)
+    records = [
+        record_of(each, robot, conventions, load, cut_off, held_out)
+        for each, load in zip(read_logs(logs, robot.joint_names), loads, strict=True)
+    ]
+    equation = partial(
+        unknowns_of,
+        loads=loads,
+        rotors=rotors,
+        payload=not links if payload is None else payload,
+        links=links,
+        asymmetric=asymmetric,
+        stribeck=stribeck,
+        ripple=ripple,
+    )
 
-    def equation(signals: LogSignals, arm: Articulated) -> Unknowns:
-        options = {"rotors": rotors, "payload": payload, "links": links, "asymmetric": asymmetric}
-        return unknowns_of(arm, signals, **options, stribeck=stribeck, ripple=ripple, ignored=ignored)
+    def equations(arm: Articulated) -> list[Unknowns]:
+        sizes = sizes_of([record.signals for record in records])
+        return [
+            equation(arm, record.signals, sizes, number=number, ignored=~record.usable)
+            for number, record in enumerate(records)
+        ]
 
-    signals = signals_of(pieces, robot, cut_off)
-    split = int((1.0 - held_out) * len(signals.t))
-    shortage = _shortage(signals, split, log)
-    if shortage:
-        raise DefinitionError(shortage)
-    unknowns = equation(signals, robot)
-    slow = signals if signals.cut_off <= BAND else signals_of(pieces, robot, BAND)
-    if not (encoder_offset or actuator_map):
-        require_torques(log, robot, slow, usable, conventions)
-    fitted = fit_parameters(unknowns, signals, slice(0, split))
+    direction = None
+    if gravity:
+        samples = [torque_sample(record.slow, record.usable) for record in records]
+        direction = gravity_direction([record.robot for record in records], samples)
+        direction = np.asarray(robot.gravity_vector) if direction is None else direction
+        robot = with_gravity(robot, direction)
+    instruments = Instruments.started(robot.joints, encoder_offset, actuator_map, direction)
+    unknowns = equations(robot)
+    if not instruments.unknown:
+        for record in records:
+            require_torques(record.log, record.robot, record.slow, record.usable, conventions)
+    fitted = fit_parameters(unknowns, [record.fitted for record in records])
     if cut_off is None:
-        band = explained_band(unknowns, signals, fitted, slice(0, split))
-        if band < 0.8 * signals.cut_off:
-            narrow = signals_of(pieces, robot, band)
-            # A short log keeps its wider band: the noise there widens the intervals.
-            if not _shortage(narrow, split, log):
-                signals, unknowns = narrow, equation(narrow, robot)
-                fitted = fit_parameters(unknowns, signals, slice(0, split))
-    if encoder_offset or actuator_map:
-        own, theta = len(unknowns.names), fitted.theta
-        before = np.zeros(0)
+        narrowed = [
+            record.narrowed(explained_band(each, record.signals, fitted, slice(0, record.split)))
+            for record, each in zip(records, unknowns, strict=True)
+        ]
+        if any(new is not old for new, old in zip(narrowed, records, strict=True)):
+            records = narrowed
+            unknowns = equations(robot)
+            fitted = fit_parameters(unknowns, [record.fitted for record in records])
+    axes = np.zeros((3, 0))
+    if instruments.unknown:
+        count, theta, before = len(unknowns[0].names), fitted.theta, np.zeros(0)
         for _ in range(ROUNDS):
             arm = instruments.robot(robot)
-            unknowns = instruments.extended(equation(signals, arm), arm, signals, theta[:own])
-            fitted = fit_parameters(unknowns, signals, slice(0, split))
+            unknowns = [
+                instruments.extended(each, arm, record.signals, theta[:count])
+                for each, record in zip(equations(arm), records, strict=True)
+            ]
+            fitted = fit_parameters(unknowns, [record.fitted for record in records])
             theta = fitted.theta
-            instruments = instruments.refined(unknowns, theta, log.source)
-            close = 0.02 * np.sqrt(np.diag(fitted.covariance))[own:]
-            if len(before) and (np.abs(theta[own:] - before) < close).all():
+            axes = axes if instruments.gravity is None else tangent(instruments.gravity)
+            instruments = instruments.refined(unknowns[0], theta, " and ".join(record.log.source for record in records))
+            close = 0.02 * np.sqrt(np.diag(fitted.covariance))[count:]
+            if len(before) and (np.abs(theta[count:] - before) < close).all():
                 break
-            before = theta[own:]
+            # The angles of gravity count from the last estimate.
+            before = np.where(np.array(unknowns[0].names)[count:] == "gravity", 0.0, theta[count:])
         robot = instruments.robot(robot)
-        require_torques(log, robot, instruments.corrected(slow), usable, conventions)
+        for record in records:
+            arm = instruments.robot(record.robot)
+            require_torques(record.log, arm, instruments.corrected(record.slow), record.usable, conventions)
+    first = unknowns[0]
+    inside = _inside(first, fitted.theta)
     theta = consistent_parameters(
-        fitted.theta, fitted.information, unknowns.bodies, unknowns.positive, _inside(unknowns, fitted.theta)
+        fitted.theta, fitted.information, first.bodies, first.positive, inside, far=len(records) > 1
     )
     # The barrier stops just above 0: a parameter there is on its bound.
     errors = np.sqrt(np.diag(fitted.covariance))
-    theta = np.where(unknowns.positive & (theta < 1e-3 * errors), 0.0, theta)
-    torque = unknowns.known + unknowns.columns @ theta
-    torque = signals.filtered(torque - fitted.lag * signals.slope(torque))
-    measured = signals.filtered(signals.tau)
-    row = np.arange(len(torque))
-    warnings = signals.warnings + tuple(sentences)
+    theta = np.where(first.positive & (theta < 1e-3 * errors), 0.0, theta)
+    fits = tuple(
+        record.fit(each.known + each.columns @ theta, *lag)
+        for record, each, *lag in zip(records, unknowns, fitted.lag.tolist(), fitted.lag_error.tolist(), strict=True)
+    )
+    warnings = tuple(sentence for record in records for sentence in record.signals.warnings + record.warnings)
     unknowns, fitted, theta = in_commands(unknowns, fitted, theta)
+    first = unknowns[0]
+    parameters = estimates_of(robot, first, fitted, theta)
+    if gravity:
+        angles = np.array(first.names) == "gravity"
+        parameters += gravity_estimates(robot, axes, fitted.covariance[np.ix_(angles, angles)])
     identification = Identification(
-        robot=identified_robot(robot, unknowns, theta),
-        parameters=estimates_of(robot, unknowns, fitted, theta),
-        log=log,
-        cut_off=signals.cut_off,
+        robot=identified_robot(robot, first, theta),
+        parameters=parameters,
+        logs=fits,
         condition=float(fitted.gain[0] / max(fitted.gain[-1], fitted.gain[0] * np.finfo(float).eps, 1e-300)),
         unseen_directions=int(np.sum(fitted.gain < 1.0)),
-        lag=fitted.lag,
-        lag_error=fitted.lag_error,
-        t=signals.t,
-        measured=measured,
-        predicted=torque,
-        split=split,
-        fit_rms=_rms((measured - torque)[signals.inner & (row < split)]),
-        held_out_rms=_rms((measured - torque)[signals.inner & (row >= split)]),
-        measured_rms=_rms(measured),
         warnings=warnings,
         seconds=time.perf_counter() - started,
-        estimate=EstimateErrors(unknowns.names, unknowns.joints, unknowns.bodies, theta, fitted.covariance),
+        estimate=EstimateErrors(first.names, first.joints, first.bodies, theta, fitted.covariance),
     )
-    doubts = judge_result(identification, robot, signals, unknowns, fitted, ignored)
+    doubts = judge_result(
+        identification,
+        robot,
+        [record.signals for record in records],
+        unknowns,
+        fitted,
+        [~record.usable for record in records],
+    )
     return replace(identification, warnings=warnings + doubts)
+
+
+def _require_gravity(robot: Articulated, conventions: Conventions) -> None:
+    """Raise a DefinitionError if no log of the arm can show the direction of gravity."""
+    if conventions.add_gravity:
+        raise DefinitionError(
+            "`gravity` is not in torques to which `add_gravity` adds that of the arm's file: leave one of both out"
+        )
+    if not np.asarray(robot.gravity_vector).any():
+        raise DefinitionError("`gravity` is 0 in the arm's description: `--gravity 0,0,-9.81` gives its size")
 
 
 def explained_band(unknowns: Unknowns, signals: LogSignals, fitted: ParameterFit, rows: slice) -> float:
@@ -210,21 +254,6 @@ def explained_band(unknowns: Unknowns, signals: LogSignals, fitted: ParameterFit
     return float(np.clip(np.median(ends), 2.0 * LEAST, signals.cut_off))
 
 
-def _shortage(signals: LogSignals, split: int, log: JointLog) -> str:
-    """A sentence if the filter leaves too few samples in the fitted part or in the held-out part; otherwise empty."""
-    row, settled, rate = np.arange(len(signals.t)), signals.settled, signals.rate
-    within = f" in {len(signals.pieces)} parts without a gap" if len(signals.pieces) > 1 else ""
-    for name, rows, fewest in (("fitted", row < split, SETTLINGS * settled), ("held out", row >= split, settled // 2)):
-        count = int(np.sum(signals.inner & rows))
-        if count < fewest:
-            return (
-                f"{log.source} is too short, {len(row) / rate:.3g} s{within}: between the ends of its filter, "
-                f"{settled / rate:.3g} s each in a band of {signals.cut_off:.3g} Hz, the part that is {name} has "
-                f"{count / rate:.3g} s and needs {fewest / rate:.3g} s; `--held-out` and `--cut-off` set both"
-            )
-    return ""
-
-
 def _inside(unknowns: Unknowns, theta: np.ndarray) -> np.ndarray:
     """A θ inside the constraints: positive drive parameters, and each body a sphere with its centre at the origin."""
     inside = np.where(unknowns.positive, np.maximum(theta, 1e-3 * unknowns.scale), theta)
@@ -234,7 +263,3 @@ def _inside(unknowns: Unknowns, theta: np.ndarray) -> np.ndarray:
         inside[start] = mass
         inside[start + 4 : start + 7] = mass * 1e-2
     return inside
-
-
-def _rms(values: np.ndarray) -> np.ndarray:
-    return np.sqrt(np.mean(values**2, axis=0))

@@ -1,7 +1,8 @@
-"""Offsets of the encoders and the map of the actuators, as further unknowns of the arm's equation."""
+"""Encoder offsets, actuator map and direction of gravity, as further unknowns of the arm's equation."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,9 +10,11 @@ import numpy as np
 from slidax.arms.articulated import Articulated
 from slidax.core.errors import DefinitionError, as_array
 
-from .regression import ParameterFit, Unknowns
-from .regressor import BODY, JointMotion, parameters_of_links, parameters_of_payload, rigid_torque
+from .regression import ParameterFit
+from .regressor import BODY, JointMotion, parameters_of_links, rigid_torque
 from .signals import LogSignals
+from .torque_model import with_gravity
+from .unknowns import TILT, Unknowns
 
 OFFSET = {"rad": 0.1, "m": 0.05}
 """Prior standard deviation of an encoder's offset."""
@@ -31,23 +34,28 @@ STEP = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Instruments:
-    """Offsets of encoders, and errors of the torques, about which the equation is linearised.
+    """Offsets of encoders, errors of the torques, and gravity, about which the equation is linearised.
 
     - `offset`: true positions minus measured ones [n], rad or m; None if they are not unknown.
     - `error`: E with `τ_log = (1 + E) τ` for the joints' torques τ [n n]; None if it is not unknown.
     - `full`: True if all entries of E are unknown, False for those of its diagonal.
+    - `gravity`: gravity in the base frame [3], m/s²; None if its direction is not unknown.
     """
 
     offset: np.ndarray | None
     error: np.ndarray | None
     full: bool
+    gravity: np.ndarray | None = None
 
     @classmethod
-    def started(cls, joints: int, encoder_offset: bool, actuator_map: str | None) -> Instruments:
+    def started(
+        cls, joints: int, encoder_offset: bool, actuator_map: str | None, gravity: np.ndarray | None = None
+    ) -> Instruments:
         """Instruments without errors.
 
         - `encoder_offset`: True if offsets are unknown.
         - `actuator_map`: None, `gain` or `full`.
+        - `gravity`: a first estimate of gravity, if its direction is unknown.
 
         Raises DefinitionError for another form of the map.
         """
@@ -57,13 +65,19 @@ class Instruments:
             np.zeros(joints) if encoder_offset else None,
             None if actuator_map is None else np.zeros((joints, joints)),
             actuator_map == "full",
+            gravity,
         )
 
+    @property
+    def unknown(self) -> bool:
+        """True if any of them is unknown."""
+        return not (self.offset is None and self.error is None and self.gravity is None)
+
     def robot(self, robot: Articulated) -> Articulated:
-        """The arm in the encoders' positions."""
-        if self.offset is None:
-            return robot
-        return robot.with_zero(as_array(self.offset))
+        """The arm in the encoders' positions, and in this gravity."""
+        if self.gravity is not None:
+            robot = with_gravity(robot, self.gravity)
+        return robot if self.offset is None else robot.with_zero(as_array(self.offset))
 
     def corrected(self, signals: LogSignals) -> LogSignals:
         """The signals with the joints' torques in place of the log's."""
@@ -79,7 +93,7 @@ class Instruments:
 
         Raises DefinitionError if torques differ so much that no drive's gain explains it.
         """
-        offset, error = self.offset, self.error
+        offset, error, gravity = self.offset, self.error, self.gravity
         names, joints = np.array(unknowns.names), np.array(unknowns.joints)
         if offset is not None:
             offset = np.clip(theta[names == "encoder_offset"], -0.5, 0.5)
@@ -95,12 +109,17 @@ class Instruments:
                     f"{float(row == column):g} for a drive: check `--torque-scale`, `--torque-sign` and "
                     "`--joint-order` first, without this option"
                 )
-        return replace(self, offset=offset, error=error)
+        if gravity is not None:
+            size = np.linalg.norm(gravity)
+            gravity = gravity + tangent(gravity) @ theta[names == "gravity"]
+            gravity = size * gravity / np.linalg.norm(gravity)
+        return replace(self, offset=offset, error=error, gravity=gravity)
 
     def extended(self, unknowns: Unknowns, robot: Articulated, signals: LogSignals, theta: np.ndarray) -> Unknowns:
         """The equation with the instruments' errors as unknowns, linearised about these instruments and θ.
 
-        With the torques `τ = k + Y θ` of the arm in the encoders' positions, the log has `(1 + E) (τ + ∂τ/∂q Δδ)`.
+        With the torques `τ = k + Y θ` of the arm in the encoders' positions, the log has `(1 + E) (τ + ∂τ/∂q Δδ + ∂τ/∂γ
+        Δγ)`. The angles γ by which gravity turns about two axes count from the last estimate.
 
         - `unknowns`: the equation without the instruments' errors.
         - `robot`: the arm in the encoders' positions.
@@ -109,10 +128,11 @@ class Instruments:
         n = robot.joints
         torque = unknowns.known + unknowns.columns @ theta
         mixing = np.eye(n) + (0.0 if self.error is None else self.error)
+        links, payload = _bodies(unknowns, robot, theta)
         known, columns = unknowns.known @ mixing.T, [mixing @ unknowns.columns]
         names, joints, scale = list(unknowns.names), list(unknowns.joints), list(unknowns.scale)
         if self.offset is not None:
-            slope = mixing @ _slope(unknowns, robot, signals.motion, theta)
+            slope = mixing @ _slope(robot, signals.motion, links, payload)
             known = known - slope @ self.offset
             columns.append(slope)
             names += n * ["encoder_offset"]
@@ -128,6 +148,15 @@ class Instruments:
                 joints.append(i)
                 scale.append(GAIN if i == j else CROSSTALK)
             columns.append(mapped)
+        if self.gravity is not None:
+            still = signals.motion._replace(dq=0.0 * signals.motion.dq, ddq=0.0 * signals.motion.ddq)
+            turned = [
+                rigid_torque(with_gravity(robot, axis), still, links, payload) for axis in tangent(self.gravity).T
+            ]
+            columns.append(mixing @ np.stack(turned, axis=2))
+            names += 2 * ["gravity"]
+            joints += [-1, -1]
+            scale += [TILT, TILT]
         more = len(names) - len(unknowns.names)
         return replace(
             unknowns,
@@ -141,15 +170,31 @@ class Instruments:
         )
 
 
-def _slope(unknowns: Unknowns, robot: Articulated, motion: JointMotion, theta: np.ndarray) -> np.ndarray:
-    """Derivative of the bodies' torques by the positions, [k n n]."""
-    links, payload = parameters_of_links(robot), parameters_of_payload(robot.payload)
+def tangent(gravity: np.ndarray) -> np.ndarray:
+    """Change of gravity per angle about each of two axes across it, [3 2].
+
+    - `gravity`: gravity in the base frame [3], m/s².
+    """
+    # Of the base frame's axes, the one most across gravity.
+    across = np.cross(gravity, np.eye(3)[int(np.argmin(np.abs(gravity)))])
+    across *= np.linalg.norm(gravity) / np.linalg.norm(across)
+    return np.column_stack([across, np.cross(gravity, across) / np.linalg.norm(gravity)])
+
+
+def _bodies(unknowns: Unknowns, robot: Articulated, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Parameters of the links [10n], and of all that the tip carries in this log [10]."""
+    links, payload = parameters_of_links(robot), unknowns.carried
     for start in unknowns.bodies:
         joint, own = unknowns.joints[start], theta[start : start + BODY]
-        if joint < 0:
-            payload = own
-        else:
+        if joint >= 0:
             links[joint * BODY : (joint + 1) * BODY] = own
+        elif start in unknowns.carries:
+            payload = payload + own
+    return links, payload
+
+
+def _slope(robot: Articulated, motion: JointMotion, links: np.ndarray, payload: np.ndarray) -> np.ndarray:
+    """Derivative of the bodies' torques by the positions, [k n n]."""
     slopes = []
     for joint in range(robot.joints):
         step = STEP * np.eye(robot.joints)[joint]
@@ -159,15 +204,19 @@ def _slope(unknowns: Unknowns, robot: Articulated, motion: JointMotion, theta: n
 
 
 def in_commands(
-    unknowns: Unknowns, fitted: ParameterFit, theta: np.ndarray
-) -> tuple[Unknowns, ParameterFit, np.ndarray]:
-    """Replace E by the actuator map G = (1 + E)⁻¹ of the joints' torques by those of the log, with its covariance."""
-    own = np.char.startswith(np.array(unknowns.names), "map_")
+    unknowns: Sequence[Unknowns], fitted: ParameterFit, theta: np.ndarray
+) -> tuple[list[Unknowns], ParameterFit, np.ndarray]:
+    """Replace E by the actuator map G = (1 + E)⁻¹ of the joints' torques by those of the logs, with its covariance.
+
+    - `unknowns`: the equation of each log.
+    """
+    names = np.array(unknowns[0].names, object)
+    own = np.char.startswith(names.astype(str), "map_")
     if not own.any():
-        return unknowns, fitted, theta
-    n = 1 + max(unknowns.joints)
-    rows = np.array(unknowns.joints)[own]
-    columns = np.array([int(name.removeprefix("map_")) for name in np.array(unknowns.names)[own]])
+        return list(unknowns), fitted, theta
+    n = 1 + max(unknowns[0].joints)
+    rows = np.array(unknowns[0].joints)[own]
+    columns = np.array([int(name.removeprefix("map_")) for name in names[own]])
     error = np.zeros((n, n))
     error[rows, columns] = theta[own]
     gains = np.linalg.inv(np.eye(n) + error)
@@ -177,8 +226,7 @@ def in_commands(
     change[np.ix_(own, own)] = slope
     values = theta.copy()
     values[own] = gains[rows, columns]
-    names = np.array(unknowns.names, object)
     names[own] = ["gain" if i == j else f"crosstalk_{j}" for i, j in zip(rows, columns, strict=True)]
-    covariance = change @ fitted.covariance @ change.T
-    unknowns = replace(unknowns, names=tuple(names), columns=unknowns.columns @ np.linalg.inv(change))
+    covariance, back = change @ fitted.covariance @ change.T, np.linalg.inv(change)
+    unknowns = [replace(each, names=tuple(names), columns=each.columns @ back) for each in unknowns]
     return unknowns, replace(fitted, covariance=covariance), values

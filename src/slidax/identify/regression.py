@@ -1,4 +1,4 @@
-"""Unknown parameters, weighted least squares with standard errors, and the nearest physically consistent parameters."""
+"""Weighted least squares with standard errors, and the nearest physically consistent parameters."""
 
 from __future__ import annotations
 
@@ -8,181 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import fft, ndimage
 
-from slidax.arms.articulated import Articulated
-
-from .regressor import (
-    BODY,
-    PAIRS,
-    links_regressor,
-    parameters_of_links,
-    parameters_of_payload,
-    payload_regressor,
-    rigid_torque,
-)
+from .regressor import BODY, PAIRS
 from .signals import LogSignals
-
-REACH = 0.2
-"""Prior distance of a body's mass from its frame [m]; it sets the scale of first moment and inertia."""
-
-DRIVE_SCALE = 3.0
-"""Prior scale of a drive's parameters, as a multiple of the log's own scale."""
-
-MASS_SHARE = 0.5
-"""Prior standard deviation of a link's mass, as a share of the mass."""
-
-STANDSTILL = 1e-3
-"""Velocity, rad/s or m/s, below which a joint stands still."""
-
-FEW = 0.2
-"""Least share of the rows to use for a moving joint."""
-
-SLOW = 0.03
-"""Share of a joint's largest velocity below which dry friction may stick; its equation is not used there."""
-
-
-@dataclass(frozen=True, eq=False)
-class Unknowns:
-    """The equation `τ - known = columns @ θ` at each time and joint, and the prior of θ.
-
-    - `names`, `joints`: name (without the joint) and joint of each parameter; -1 for a parameter without a joint.
-    - `columns`: the regressor [k n p].
-    - `known`: torque of the known parameters [k n].
-    - `prior`, `scale`: prior mean and standard deviation of θ [p].
-    - `positive`: True for parameters that cannot be negative [p].
-    - `bodies`: index of each body's first parameter.
-    - `counts`: True for equations that the fit uses [k n].
-    """
-
-    names: tuple[str, ...]
-    joints: tuple[int, ...]
-    columns: np.ndarray
-    known: np.ndarray
-    prior: np.ndarray
-    scale: np.ndarray
-    positive: np.ndarray
-    bodies: tuple[int, ...]
-    counts: np.ndarray
-
-
-def unknowns_of(
-    robot: Articulated,
-    signals: LogSignals,
-    *,
-    rotors: bool,
-    payload: bool,
-    links: bool,
-    asymmetric: bool,
-    stribeck: float | None,
-    ripple: Sequence[float],
-    ignored: np.ndarray,
-) -> Unknowns:
-    """The equation of an arm, `τ = Y φ + J q̈ + f_c sign(q̇) + f_v q̇ + f_a |q̇| + f_o`.
-
-    With `stribeck`, there is `f_s exp(-(q̇/v_s)²) sign(q̇)` too, and with `ripple` `c cos(N q) + s sin(N q)` for each N.
-
-    f_o is the offset of the torque measurement, or half the difference of friction between the two directions: a log
-    cannot tell them apart. f_a is half the difference of viscous friction between the two directions, if `asymmetric`.
-
-    - `robot`: the arm as it is known.
-    - `rotors`, `payload`, `links`: True if rotors, payload, or the links' inertial parameters are unknown.
-    - `asymmetric`: True if viscous friction may differ between the two directions.
-    - `stribeck`: v_s [rad/s or m/s]; None without Stribeck friction.
-    - `ripple`: N, periods of torque ripple per turn.
-    - `ignored`: True for joints whose torques are not used [n].
-    """
-    motion, n = signals.motion, robot.joints
-    names: list[str] = []
-    joints: list[int] = []
-    columns: list[np.ndarray] = []
-    prior: list[float] = []
-    scale: list[float] = []
-    positive: list[bool] = []
-    bodies: list[int] = []
-    link_parameters = parameters_of_links(robot)
-
-    def add_body(kind: str, joint: int, believed: np.ndarray, mass: float) -> None:
-        bodies.append(len(names))
-        for entry, size in zip(BODY_NAMES, (mass, *3 * (mass * REACH,), *6 * (mass * REACH**2,)), strict=True):
-            names.append(f"{kind}.{entry}")
-            joints.append(joint)
-            scale.append(size)
-        prior.extend(believed)
-        positive.extend(BODY * [False])
-
-    total = max(float(np.sum(robot.masses)), 0.1)
-    if links:
-        for i in range(n):
-            add_body(
-                "link", i, link_parameters[i * BODY :][:BODY], MASS_SHARE * max(float(robot.masses[i]), 0.02 * total)
-            )
-        columns.append(links_regressor(robot, motion))
-    if payload:
-        add_body("payload", -1, np.zeros(BODY), total)
-        columns.append(payload_regressor(robot, motion))
-    # Unknown bodies are not part of the known torque.
-    carried = parameters_of_payload(robot.payload) * (not payload)
-    known = rigid_torque(robot, motion, link_parameters * (not links), carried)
-
-    size = np.sqrt(np.mean(signals.tau**2, axis=0)) + 1e-9
-    largest = np.maximum(np.abs(motion.dq).max(axis=0), STANDSTILL)
-    drives = [
-        ("coulomb", np.sign(motion.dq), np.ones(n), True),
-        ("viscous", motion.dq, largest, True),
-        ("offset", np.ones_like(motion.dq), np.ones(n), False),
-    ]
-    if asymmetric:
-        drives.append(("asymmetry", np.abs(motion.dq), largest, False))
-    if stribeck is not None:
-        drives.append(("stribeck", np.sign(motion.dq) * np.exp(-((motion.dq / stribeck) ** 2)), np.ones(n), True))
-    for periods in ripple:
-        for name, wave in (("cos", np.cos), ("sin", np.sin)):
-            drives.append((f"ripple_{periods:g}_{name}", wave(periods * motion.q), np.ones(n), False))
-    if rotors:
-        fastest = np.sqrt(np.mean(motion.ddq**2, axis=0)) + 1e-2
-        drives.insert(0, ("armature", motion.ddq, fastest, True))
-    else:
-        known += motion.ddq * np.asarray(robot.armature)
-    for name, basis, unit, nonnegative in drives:
-        columns.append(basis[:, :, None] * np.eye(n))
-        names.extend(n * [name])
-        joints.extend(range(n))
-        prior.extend(np.asarray(robot.armature) if name == "armature" else np.zeros(n))
-        scale.extend(DRIVE_SCALE * size / unit)
-        positive.extend(n * [nonnegative])
-    return Unknowns(
-        names=tuple(names),
-        joints=tuple(joints),
-        columns=np.concatenate(columns, axis=2),
-        known=known,
-        prior=np.array(prior),
-        scale=np.array(scale),
-        positive=np.array(positive),
-        bodies=tuple(bodies),
-        counts=mark_moving(signals) & ~ignored,
-    )
-
-
-BODY_NAMES = ("mass", "moment.x", "moment.y", "moment.z", "xx", "yy", "zz", "xy", "xz", "yz")
-
-
-def mark_moving(signals: LogSignals) -> np.ndarray:
-    """True at rows with sliding friction throughout the filter's settling time; always True for a still joint [k n]."""
-    dq = signals.motion.dq
-    largest = np.maximum(np.abs(dq).max(axis=0), STANDSTILL)
-    dead = np.maximum(SLOW * largest, 4.0 * signals.noise)
-    slow = (np.abs(dq) < dead) & (largest > STANDSTILL)
-    slides = np.empty(dq.shape, bool)
-    for joint in range(dq.shape[1]):
-        reach = signals.settled
-        while True:
-            near = np.convolve(slow[:, joint] * 1.0, np.ones(2 * reach + 1), "same") > 0.5
-            slides[:, joint] = ~near & signals.inner
-            # A joint that reverses too often for the filter to settle is used closer to its reversals.
-            if reach == 0 or slides[:, joint].mean() > FEW:
-                break
-            reach //= 2
-    return slides
-
+from .unknowns import Unknowns
 
 PER_CUT_OFF = 3.0
 """Rows kept per period of the cut-off frequency; rows between them add no information."""
@@ -193,76 +21,105 @@ ROUNDS = 4
 
 @dataclass(frozen=True, eq=False)
 class ParameterFit:
-    """The best-fitting parameters and their uncertainty.
+    """The best-fitting parameters of s logs, and their uncertainty.
 
     - `theta`: the parameters [p].
     - `covariance`: covariance of their errors [p p].
     - `information`: information of the data and the prior [p p].
     - `gain`: eigenvalues of the data's information relative to the prior's [p], largest first.
-    - `lag`, `lag_error`: delay of the torques after the positions, and its standard error [s].
-    - `sigma`: standard deviation of the residuals [n].
+    - `lag`, `lag_error`: delay of each log's torques after its positions, and its standard error [s].
+    - `sigma`: standard deviation of the residuals [s n].
     """
 
     theta: np.ndarray
     covariance: np.ndarray
     information: np.ndarray
     gain: np.ndarray
-    lag: float
-    lag_error: float
+    lag: np.ndarray
+    lag_error: np.ndarray
     sigma: np.ndarray
 
 
-def fit_parameters(unknowns: Unknowns, signals: LogSignals, rows: slice) -> ParameterFit:
-    """Weighted least squares on the filtered equation, with the delay of the torques as an additional unknown.
+class _Equations:
+    """A log's filtered equations, scaled by the prior's standard deviations, so that the prior has unit information."""
 
-    Each joint's weight is the inverse of its residuals' variance. The covariance is that of `covariance_of_fit` plus
-    the prior's.
+    def __init__(self, unknowns: Unknowns, part: LogSignals) -> None:
+        self.part, rows = part, slice(0, len(part.t))
+        self.columns = part.filtered(unknowns.columns[rows] * unknowns.scale)
+        self.target = part.filtered(part.tau - unknowns.known[rows])
+        self.known = part.filtered(unknowns.known[rows])
+        self.every = max(1, int(part.rate / (PER_CUT_OFF * part.cut_off)))
+        self.counts = (unknowns.counts[rows] & part.inner[:, None])[:: self.every]
+        # With so few equations a joint may fulfil all: its residuals show no noise then.
+        scarce = self.counts.sum(axis=0) < SCARCE
+        size = np.std(self.target, axis=0)
+        self.floor = np.where(scarce, 0.5 * part.torque_noise(), 0.0) + 1e-6 * size + 1e-12
+        self.sigma = np.maximum(size, 1e-12)
 
-    - `rows`: the fitted part of the log.
+    def with_lag(self, theta: np.ndarray, lags: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Regressor and target, with the log's delay as an additional unknown.
+
+        - `theta`: the scaled parameters, about which the delay is linearised.
+        - `lags`: 1 for this log's delay, 0 for those of other logs [s].
+        """
+        moved = self.part.slope(self.known + self.columns @ theta)[:: self.every]
+        x = np.concatenate([self.columns[:: self.every], -LAG_SCALE * moved[:, :, None] * lags], axis=2)
+        return x, self.target[:: self.every]
+
+
+def fit_parameters(unknowns: Sequence[Unknowns], signals: Sequence[LogSignals]) -> ParameterFit:
+    """Weighted least squares on the filtered equations of some logs, with each log's torque delay as a further unknown.
+
+    Each joint's weight is the inverse of its residuals' variance in the log. The covariance is the sum of those of
+    `covariance_of_fit`, since the logs' noise is independent, plus the prior's.
+
+    - `unknowns`: the equation of each log, with the same parameters.
+    - `signals`: the fitted part of each log.
     """
-    part = signals.part(rows)
-    # Scaled by the prior's standard deviations, the prior's information is the identity.
-    columns = part.filtered(unknowns.columns[rows] * unknowns.scale)
-    target = part.filtered((signals.tau - unknowns.known)[rows])
-    known = part.filtered(unknowns.known[rows])
-    counts = unknowns.counts[rows] & part.inner[:, None]
-    every = max(1, int(part.rate / (PER_CUT_OFF * part.cut_off)))
-    start = np.append(unknowns.prior / unknowns.scale, 0.0)
+    logs = [_Equations(*each) for each in zip(unknowns, signals, strict=True)]
+    scale, p, lags = unknowns[0].scale, len(unknowns[0].scale), np.eye(len(logs))
+    start = np.append(unknowns[0].prior / scale, np.zeros(len(logs)))
     solved = start.copy()
-    sigma = np.maximum(np.std(target, axis=0), 1e-12)
-    # With so few equations a joint may fulfil all: its residuals show no noise then.
-    scarce = counts[::every].sum(axis=0) < SCARCE
-    floor = np.where(scarce, 0.5 * part.torque_noise(), 0.0) + 1e-6 * np.std(target, axis=0) + 1e-12
     for _ in range(ROUNDS):
-        moved = part.slope(known + columns @ solved[:-1])
-        x = np.concatenate([columns, -LAG_SCALE * moved[:, :, None]], axis=2)[::every]
-        y, used = target[::every], counts[::every]
-        weight = used / sigma
-        a, b = x * weight[:, :, None], y * weight
-        solved = start + _solve_regularised(a.reshape(-1, len(start)), (b - a @ start).ravel())
-        off = (y - x @ solved) * used
-        size = np.maximum(used.sum(axis=0), 1)
-        sigma = np.maximum(np.sqrt((off**2).sum(axis=0) / size), floor)
-    data = np.einsum("kip,kiq->pq", a, a)
+        blocks = []
+        for log, lag in zip(logs, lags, strict=True):
+            x, y = log.with_lag(solved[:p], lag)
+            weight = log.counts / log.sigma
+            blocks.append((x, y, x * weight[:, :, None], y * weight))
+        a = np.concatenate([block.reshape(-1, len(start)) for _, _, block, _ in blocks])
+        b = np.concatenate([(right - block @ start).ravel() for _, _, block, right in blocks])
+        solved = start + _solve_regularised(a, b)
+        residuals = []
+        for log, (x, y, *_) in zip(logs, blocks, strict=True):
+            off = (y - x @ solved) * log.counts
+            size = np.maximum(log.counts.sum(axis=0), 1)
+            log.sigma = np.maximum(np.sqrt((off**2).sum(axis=0) / size), log.floor)
+            residuals.append(off / log.sigma)
+    data = sum(np.einsum("kip,kiq->pq", block, block) for _, _, block, _ in blocks)
     identity = np.eye(len(start))
     inverse = _inverse(data + identity)
-    rate = part.rate / every
-    covariance = covariance_of_fit(a, off / sigma, used, inverse, rate, part.cut_off) + inverse @ inverse
+    covariance = inverse @ inverse
+    for log, (_, _, block, _), off in zip(logs, blocks, residuals, strict=True):
+        rate = log.part.rate / log.every
+        covariance = covariance_of_fit(block, off, log.counts, inverse, rate, log.part.cut_off) + covariance
     # Correlated residuals reduce the effective number of samples, and so the data's information against the prior's.
     ratio = max(1.0, float(np.einsum("ij,ji->", data + identity, covariance)) / len(start))
     information = data / ratio + identity
     gain = np.linalg.eigvalsh(data / ratio)[::-1]
-    without_lag = information[:-1, :-1] - np.outer(information[:-1, -1], information[-1, :-1]) / information[-1, -1]
-    values, vectors = np.linalg.eigh(without_lag)
+    without_lags = information[:p, :p]
+    # No equation has the delays of two logs.
+    for i in range(p, len(start)):
+        without_lags = without_lags - np.outer(information[:p, i], information[i, :p]) / information[i, i]
+    values, vectors = np.linalg.eigh(without_lags)
     alone = (vectors * np.maximum(values, 1.0)) @ vectors.T
     return ParameterFit(
-        theta=solved[:-1] * unknowns.scale,
-        covariance=covariance[:-1, :-1] * np.outer(unknowns.scale, unknowns.scale),
-        information=alone / np.outer(unknowns.scale, unknowns.scale),
+        theta=solved[:p] * scale,
+        covariance=covariance[:p, :p] * np.outer(scale, scale),
+        information=alone / np.outer(scale, scale),
         gain=np.maximum(gain, 0.0),
-        lag=float(solved[-1]) * LAG_SCALE,
-        lag_error=float(np.sqrt(covariance[-1, -1])) * LAG_SCALE,
-        sigma=sigma,
+        lag=solved[p:] * LAG_SCALE,
+        lag_error=np.sqrt(np.diag(covariance)[p:]) * LAG_SCALE,
+        sigma=np.array([log.sigma for log in logs]),
     )
 
 
@@ -374,7 +231,13 @@ def pseudo_inertia(phi: np.ndarray) -> np.ndarray:
 
 
 def consistent_parameters(
-    theta: np.ndarray, information: np.ndarray, bodies: Sequence[int], positive: np.ndarray, inside: np.ndarray
+    theta: np.ndarray,
+    information: np.ndarray,
+    bodies: Sequence[int],
+    positive: np.ndarray,
+    inside: np.ndarray,
+    *,
+    far: bool = False,
 ) -> np.ndarray:
     """The best-fitting physically consistent θ, which minimises `½ (θ - θ̂)ᵀ A (θ - θ̂)`.
 
@@ -388,13 +251,16 @@ def consistent_parameters(
     - `bodies`: index of each body's first parameter.
     - `positive`: True for other parameters that cannot be negative [p].
     - `inside`: a θ strictly inside the constraints [p].
+    - `far`: True to start from a larger barrier, for a θ̂ far from `inside`.
     """
     if np.isfinite(_barrier(theta, bodies, positive)):
         return theta
     # Scaled to information of about 1 in each parameter, so that the factors are well conditioned.
     unit = 1.0 / np.sqrt(np.diag(information))
     scaled = information * np.outer(unit, unit)
-    now, weight = inside.copy(), 1.0
+    now = inside.copy()
+    # Far from the solution, Newton steps converge in time only from a barrier as large as the sum of squares.
+    weight = max(1.0, float((inside - theta) @ information @ (inside - theta))) if far else 1.0
     while weight >= LAST_WEIGHT:
         for _ in range(STEPS):
             slope, curve = _derivatives(now, bodies, positive)

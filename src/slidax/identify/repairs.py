@@ -19,10 +19,10 @@ from .torque_model import (
     TorqueMatch,
     TorqueSample,
     drive_columns,
+    gravity_direction,
     match_rigid_torques,
     match_torques,
     nonnegative,
-    rigid_torques,
     with_gravity,
 )
 
@@ -239,42 +239,20 @@ def mountings(robot: Articulated, sample: TorqueSample) -> Iterator[Repair]:
     """Other mountings: gravity in the direction that fits best, or gravity that the robot already compensates."""
     believed = np.asarray(robot.gravity_vector)
     strength = float(np.linalg.norm(believed)) or 9.81
-
-    def torque(gravity: np.ndarray) -> np.ndarray:
-        return rigid_torques(with_gravity(robot, gravity), sample.motion).total
-
-    still = torque(np.zeros(3))
-    each = np.stack([torque(axis) - still for axis in np.eye(3)], axis=2)
-    weight = sample.counts / sample.size
-    columns = np.concatenate([each, -each, drive_columns(sample)], axis=2) * weight[:, :, None]
-    a, b = columns.reshape(-1, columns.shape[2]), ((sample.tau - still) * weight).ravel()
-    solution = nonnegative(a, b)
-    # Along an axis without gravity torques, the columns are rounding errors.
-    felt = np.linalg.norm(each, axis=(0, 1)) > 1e-6 * np.linalg.norm(each)
-    direction = np.where(felt, solution[:3] - solution[3:6], 0.0)
-    if not felt.any() or not direction.any():
+    gravity = gravity_direction([robot], [sample])
+    if gravity is None:
         return
-
-    def score(vector: np.ndarray) -> float:
-        gravity = strength * vector / (np.linalg.norm(vector) + 1e-12)
-        return match_torques(with_gravity(robot, gravity), sample).score
-
     yield Repair(
         "the arm's gravity added to them, as for a robot that compensates gravity internally",
         "--add-gravity",
         1,
         match_torques(with_gravity(robot, np.zeros(3)), sample),
     )
-    around = [np.array(signs) * felt for signs in itertools.product((-1.0, 0.0, 1.0), repeat=3)]
-    starts = [direction, *(vector for vector in around if vector.any())]
-    start = min(starts, key=score)
-    start = start / np.linalg.norm(start)
-    best = optimize.minimize(score, start, method="Nelder-Mead", options={"maxfev": 80, "xatol": 1e-3})
-    gravity = strength * best.x / np.linalg.norm(best.x)
     angle = float(np.degrees(np.arccos(np.clip(gravity @ believed / strength**2, -1.0, 1.0))))
     if angle > 3.0:
         yield Repair(
-            f"gravity rotated by {angle:.0f}°, as for an arm mounted at this angle",
+            f"gravity rotated by {angle:.0f}°, as for an arm mounted at this angle, which `--gravity identify` finds "
+            "with an interval",
             f"--gravity {number_list(gravity, 4)}",
             2,
             match_torques(with_gravity(robot, gravity), sample),

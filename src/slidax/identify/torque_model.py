@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -309,6 +310,45 @@ def with_gravity(robot: Articulated, gravity: np.ndarray) -> Articulated:
     - `gravity`: acceleration [3], m/s².
     """
     return eqx.tree_at(lambda arm: arm.gravity_vector, robot, as_array(gravity))
+
+
+def gravity_direction(robots: Sequence[Articulated], samples: Sequence[TorqueSample]) -> np.ndarray | None:
+    """Gravity of the given size in the direction that fits the torques best, [3] m/s²; None if no torque shows it.
+
+    - `robots`: the arm with the load of each sample.
+    """
+    strength = float(np.linalg.norm(np.asarray(robots[0].gravity_vector))) or 9.81
+    rows, rights, sizes = [], [], []
+    for robot, sample in zip(robots, samples, strict=True):
+
+        def torque(gravity: np.ndarray, robot: Articulated = robot, sample: TorqueSample = sample) -> np.ndarray:
+            return rigid_torques(with_gravity(robot, gravity), sample.motion).total
+
+        still = torque(np.zeros(3))
+        each = np.stack([torque(axis) - still for axis in np.eye(3)], axis=2)
+        weight = sample.counts / sample.size
+        columns = np.concatenate([each, -each, drive_columns(sample)], axis=2) * weight[:, :, None]
+        rows.append(columns.reshape(-1, columns.shape[2]))
+        rights.append(((sample.tau - still) * weight).ravel())
+        sizes.append(np.linalg.norm(each, axis=(0, 1)))
+    solution = nonnegative(np.concatenate(rows), np.concatenate(rights))
+    # Along an axis without gravity torques, the columns are rounding errors.
+    felt = np.max(sizes, axis=0) > 1e-6 * np.max(sizes)
+    direction = np.where(felt, solution[:3] - solution[3:6], 0.0)
+    if not felt.any() or not direction.any():
+        return None
+
+    def score(vector: np.ndarray) -> float:
+        gravity = strength * vector / (np.linalg.norm(vector) + 1e-12)
+        matches = zip(robots, samples, strict=True)
+        return sum(match_torques(with_gravity(robot, gravity), sample).score for robot, sample in matches)
+
+    around = [np.array(signs) * felt for signs in itertools.product((-1.0, 0.0, 1.0), repeat=3)]
+    starts = [direction, *(vector for vector in around if vector.any()), np.asarray(robots[0].gravity_vector)]
+    start = min(starts, key=score)
+    start = start / np.linalg.norm(start)
+    best = optimize.minimize(score, start, method="Nelder-Mead", options={"maxfev": 80, "xatol": 1e-3}).x
+    return np.asarray(strength * best / np.linalg.norm(best))
 
 
 def with_gravity_torques(log: JointLog, robot: Articulated) -> JointLog:

@@ -297,13 +297,16 @@ def write_identification_report(identification: Identification, out: str | Path,
 
     - `command`: command line, for the page.
     """
-    torque = picture(
-        figures.identified_torques(identification),
-        Path(out, "figures"),
-        "identified-torques",
-        "Torques",
-        "Measured and predicted torques in the filter's band, and their difference. The shaded part was held out.",
-    )
+    torques = [
+        picture(
+            figures.identified_torques(identification.robot, fit),
+            Path(out, "figures"),
+            f"identified-torques-{k + 1}" if k else "identified-torques",
+            f"Torques of {fit.log.source}" if len(identification.logs) > 1 else "Torques",
+            "Measured and predicted torques in the filter's band, and their difference. The shaded part was held out.",
+        )
+        for k, fit in enumerate(identification.logs)
+    ]
     joint = int(np.argmax(identification.held_out_rms))
     robot = identification.robot
     intervals = [parameter.interval() for parameter in identification.parameters]
@@ -321,7 +324,7 @@ def write_identification_report(identification: Identification, out: str | Path,
             ("Error, fitted part", identification.fit_rms),
             ("Error, held-out part", identification.held_out_rms),
         ],
-        pictures=[torque],
+        pictures=torques,
         parameters={},
         seconds=identification.seconds,
         command=command,

@@ -14,9 +14,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from slidax.arms.articulated import Articulated
 from slidax.core.errors import DefinitionError
 from slidax.core.types import Envelope
-from slidax.identify.identified_arm import Identification
+from slidax.identify import LogFit
 from slidax.law.envelopes import AbstractPerformance
 from slidax.simulation.run import Run
 
@@ -273,23 +274,26 @@ def performance(functions: Mapping[str, AbstractPerformance], t: np.ndarray) -> 
 
 
 @styled
-def identified_torques(identification: Identification) -> Figure:
-    """Per joint: measured, predicted and remaining torque of an `identification`; the held-out part is shaded."""
-    t, n = identification.t - identification.t[0], identification.robot.joints
+def identified_torques(robot: Articulated, fit: LogFit) -> Figure:
+    """Per joint: measured, predicted and remaining torque of a log of the `robot`; the held-out part is shaded.
+
+    - `fit`: the log with its prediction.
+    """
+    t, n = fit.t - fit.t[0], robot.joints
     figure = Figure(figsize=(WIDTH, ROW * n + 0.25), layout="constrained")
     panels = figure.subplots(n, 2, sharex="col", squeeze=False, width_ratios=[1.6, 1])
-    left = identification.measured - identification.predicted
-    for i, unit in enumerate(identification.robot.torque_units):
+    left = fit.measured - fit.predicted
+    for i, unit in enumerate(robot.torque_units):
         whole, rest = panels[i]
-        whole.plot(*thin_curve(t, identification.measured[:, i]), **LINES[0])
-        whole.plot(*thin_curve(t, identification.predicted[:, i]), **LINES[1])
+        whole.plot(*thin_curve(t, fit.measured[:, i]), **LINES[0])
+        whole.plot(*thin_curve(t, fit.predicted[:, i]), **LINES[1])
         rest.plot(*thin_curve(t, left[:, i]), **LINES[2])
         # At the log's ends the filter has too few samples; what it makes of them would flatten the rest.
         largest = max(1.5 * float(np.quantile(np.abs(left[:, i]), 0.98)), 1e-12)
         rest.set_ylim(-largest, largest)
-        whole.set_ylabel(joint_label(identification.robot, i, r"\tau_{%d}", unit))
+        whole.set_ylabel(joint_label(robot, i, r"\tau_{%d}", unit))
         for axes in (whole, rest):
-            axes.axvspan(float(t[identification.split]), float(t[-1]), zorder=0.5, **BAND)
+            axes.axvspan(float(t[fit.split]), float(t[-1]), zorder=0.5, **BAND)
             axes.axhline(0.0, color="0.75", linewidth=0.6, zorder=1.5)
     for axes in panels[-1]:
         use_time_axis(axes, 0.0, float(t[-1]))
