@@ -1,7 +1,6 @@
 """Certified errors along motions, attacked on an independent plant."""
 
 import itertools
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -13,7 +12,6 @@ import numpy as np
 import pytest
 
 from slidax.arms.articulated import Articulated
-from slidax.certify.motion.body_points import BodyPoints
 from slidax.certify.motion.joint_loop import JointLoop
 from slidax.certify.motion.parameter_region import BodyBand
 from slidax.certify.motion.tracking_bound import ArmUncertainty, CertifiedPath, certified_path, motion_bound
@@ -271,16 +269,3 @@ def test_invalid_arguments_are_refused_by_name() -> None:
         BodyBand(1.0, 0.0)
     with pytest.raises(DefinitionError, match="one per joint"):
         motion_bound(arm, short(arm, 1), LOOP, ArmUncertainty(BodyBand(0.0, 0.0), coulomb=[0.1, 0.2]))
-
-
-@pytest.mark.full
-def test_a_motion_of_seven_joints_takes_less_than_a_third_of_a_second() -> None:
-    arm, rng = arm_of("panda"), np.random.default_rng(5)
-    bodies = BodyPoints.of(arm)
-    times = []
-    for _ in range(5):
-        motion = knotted(arm, rng, 0.6)
-        begin = time.perf_counter()
-        motion_bound(arm, motion, LOOP, uncertainty(0.02), bodies=bodies)
-        times.append(time.perf_counter() - begin)
-    assert np.median(times) < 0.35
