@@ -123,7 +123,7 @@ def test_a_log_is_compared_with_the_arm_that_carries_its_load():
     log = recorded(carrying(arm, heavy), times_and_motion=moved(12.0, 125.0, 3, seed=3, size=2.0))
     # The first check of the torques counts the load: without it they are not those of this arm.
     assert (identify(log, carrying(known_arm(), PAYLOAD), loads=[heavy], payload=False).values("coulomb") > 0.0).all()
-    with pytest.raises(DefinitionError, match="gravity|torque"):
+    with pytest.raises(DefinitionError, match=r"gravity|torque"):
         identify(log, carrying(known_arm(), PAYLOAD), payload=False)
 
 
