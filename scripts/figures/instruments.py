@@ -16,6 +16,7 @@ import numpy as np
 import slidax as sx
 from slidax.arms import Articulated, Payload
 from slidax.core import as_array
+from slidax.core.errors import DefinitionError
 from slidax.identify import Identification, JointLog, identify
 from slidax.identify.band import arm_parameters
 from slidax.identify.mass_bound import MassBound
@@ -140,23 +141,28 @@ def measure_instruments() -> None:
     parser.add_argument("--arms", default=",".join(ARMS), help="comma-separated")
     parser.add_argument("--only", default="", help="words in the rows to measure")
     arguments = parser.parse_args()
-    print("| identified | logs | shown | largest error | its 95 % interval | inside | median time [s] |")
-    print("|---|---:|---:|---:|---:|---:|---:|")
+    print("| identified | logs | refused | shown | largest error | its 95 % interval | inside | median time [s] |")
+    print("|---|---:|---:|---:|---:|---:|---:|---:|")
     for title, (errors_of, unit) in CASES.items():
         if arguments.only not in title:
             continue
-        blocks, seconds = [], []
+        blocks, seconds, refused = [], [], 0
         for name in arguments.arms.split(","):
             for number in range(arguments.logs):
                 started = time.perf_counter()
-                blocks.append(errors_of(name, number))
+                try:
+                    blocks.append(errors_of(name, number))
+                except DefinitionError as error:
+                    print(title, name, number, f"refused: {error}", file=sys.stderr, flush=True)
+                    refused += 1
+                    continue
                 seconds.append(time.perf_counter() - started)
                 shares = blocks[-1][:, 0] / blocks[-1][:, 1]
                 print(title, name, number, np.round(shares, 2), file=sys.stderr, flush=True)
         rows = np.concatenate(blocks)
         off, half, _ = np.abs(rows[rows[:, 2] > 0.5]).T
         worst, inside = int(np.argmax(off)), int(np.sum(off <= half))
-        cells = [title, len(blocks), f"{len(off)} of {len(rows)}", f"{off[worst]:.2g} {unit}"]
+        cells = [title, len(blocks) + refused, refused, f"{len(off)} of {len(rows)}", f"{off[worst]:.2g} {unit}"]
         cells += [f"± {half[worst]:.2g} {unit}", f"{inside} of {len(off)}", f"{np.median(seconds):.2g}"]
         print(f"| {' | '.join(map(str, cells))} |", flush=True)
 
