@@ -12,11 +12,10 @@ import numpy as np
 import pytest
 
 from slidax import analysis, scenarios, studies
-from slidax.analysis import METRICS, Metric
+from slidax.analysis import METRICS, Metric, index_sums
+from slidax.analysis.index_sums import INDEX_SUMS
 from slidax.analysis.metric import safe_sqrt
 from slidax.core.errors import DefinitionError
-from slidax.paper import printed as indices
-from slidax.paper.printed import INDICES
 from slidax.report import Rival, standings
 from slidax.simulation import Run, Tally, simulate, simulate_batch, value_and_gradient
 from slidax.simulation.run import data_frame
@@ -73,7 +72,7 @@ def test_sums_and_peaks_are_those_of_all_samples():
         np.testing.assert_allclose(getattr(analysis, name)(run), value, rtol=1e-10, err_msg=name)
     printed = {"iae": e[t > 2.0 + 1e-9].sum(0), "eci": (tau**2).sum(0), "aice": steps.sum(0)}
     for name, value in printed.items():
-        np.testing.assert_allclose(getattr(indices, name)(run), value, rtol=1e-10, err_msg=name)
+        np.testing.assert_allclose(getattr(index_sums, name)(run), value, rtol=1e-10, err_msg=name)
 
 
 def test_halving_the_period_keeps_the_integrals_but_doubles_the_papers_sums():
@@ -81,7 +80,7 @@ def test_halving_the_period_keeps_the_integrals_but_doubles_the_papers_sums():
     whole_period, half = whole(), scenarios.load("example-4.1", changes).simulate(log_every=None)
     for metric in (analysis.iae, analysis.rms_error, analysis.torque_energy, analysis.torque_travel):
         np.testing.assert_allclose(metric(half), metric(whole_period), rtol=2e-3, err_msg=metric.key)
-    for index in (indices.iae, indices.eci):
+    for index in (index_sums.iae, index_sums.eci):
         assert np.all(index(half) > 1.9 * index(whole_period))
 
 
@@ -99,11 +98,11 @@ def test_each_run_of_a_batch_has_the_metrics_of_the_single_run(engine):
     how: dict[str, Any] = {"t1": 1.0, "period": 1e-3, "log_every": None, "engine": engine}
     many = simulate_batch(parts, deadlines, **how)
     singles = [simulate(*parts(deadline), **how) for deadline in deadlines]
-    summary = analysis.summary(many, indices.INDICES)
+    summary = analysis.summary(many, INDEX_SUMS)
     assert [run.outcome.ok for run in singles] == [True, False, False]
     for i, run in enumerate(singles):
-        alone = analysis.summary(run, indices.INDICES)
-        for metric in (*analysis.metrics_of(run), *indices.INDICES):
+        alone = analysis.summary(run, INDEX_SUMS)
+        for metric in (*analysis.metrics_of(run), *INDEX_SUMS):
             group, _, name = metric.key.partition(".")
             ours, theirs = (part[group][name] if name else part[group] for part in (summary, alone))
             # A missing value is None for a single run, and None for each joint of a batch.
@@ -139,7 +138,7 @@ def test_a_metric_record_defines_title_unit_and_meaning_for_all_tables():
 
 
 def test_every_metric_has_a_title_a_unit_and_a_meaning_of_its_own():
-    metrics = (*analysis.metrics_of(whole()), *indices.INDICES)
+    metrics = (*analysis.metrics_of(whole()), *INDEX_SUMS)
     for field in ("key", "title"):
         assert len({getattr(metric, field) for metric in metrics}) == len(metrics)
     assert all(metric.meaning and not metric.meaning.endswith(".") for metric in metrics)
@@ -154,7 +153,7 @@ def test_every_metric_has_a_title_a_unit_and_a_meaning_of_its_own():
 def test_a_run_without_a_valid_sample_has_no_meaningless_metric():
     start = scenarios.load("example-4.1", {"simulation.t1": 0.01}).simulate(log_every=None)
     empty = eqx.tree_at(lambda r: r.tally, start, Tally.empty(2, 5))
-    text = json.dumps(analysis.summary(empty, indices.INDICES), allow_nan=False)
+    text = json.dumps(analysis.summary(empty, INDEX_SUMS), allow_nan=False)
     assert '"envelope_margin": null' in text and '"rms_error": null' in text
 
 
@@ -264,7 +263,7 @@ def test_a_data_frame_of_another_library_is_refused(monkeypatch):
 
 
 HOW: dict[str, Any] = {"t1": 0.2, "period": 2e-3, "log_every": None}
-SMOOTH = [metric for metric in (*METRICS, *INDICES) if not metric.counts]
+SMOOTH = [metric for metric in (*METRICS, *INDEX_SUMS) if not metric.counts]
 COUNTING = [analysis.envelope_violations, analysis.tolerance_violations, analysis.warned_at]
 
 

@@ -73,7 +73,7 @@ def run(
         if log is not None:
             _require_log(parts, log)
         if folder is not None:
-            from slidax.paper.printed import INDICES
+            from slidax.analysis.index_sums import INDEX_SUMS
             from slidax.report import files
             from slidax.report.files import write_scenario
             from slidax.report.pages import write_run_report
@@ -92,7 +92,7 @@ def run(
         if folder is not None:
             files.write_log(finished, folder / "log.parquet")
             write_scenario(parts.description, folder / "scenario.yaml")
-            report = partial(write_run_report, parts, finished, folder, also=INDICES, command=command_line())
+            report = partial(write_run_report, parts, finished, folder, also=INDEX_SUMS, command=command_line())
             report()
         if log is not None:
             _write_log(parts, finished, log)
@@ -258,7 +258,7 @@ def compare(
     """
     with errors_as_lines():
         prepare()
-        from slidax.paper.printed import INDICES
+        from slidax.analysis.index_sums import INDEX_SUMS
         from slidax.report.comparison import Rival, results, write_comparison
 
         from .tables import print_comparison
@@ -272,9 +272,9 @@ def compare(
                 begin(name, len(parts))
                 rivals[name] = Rival.simulated(each, judge, logged=out is not None)
         if out is not None:
-            write_comparison(rivals, out, also=INDICES, command=command_line())
+            write_comparison(rivals, out, also=INDEX_SUMS, command=command_line())
         if json:
-            print_json(results(rivals, INDICES))
+            print_json(results(rivals, INDEX_SUMS))
         else:
             print_comparison(rivals)
             if out is not None:

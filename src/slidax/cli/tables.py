@@ -10,11 +10,11 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from slidax.analysis.index_sums import INDEX_SUMS
 from slidax.analysis.metric import short_names
 from slidax.analysis.metrics import envelope_violations, metrics_of, summary
 from slidax.analysis.run_verdict import run_verdict
 from slidax.core.errors import count_noun
-from slidax.paper.printed import INDICES
 
 from .common import columns, wrapped
 
@@ -53,7 +53,7 @@ def run_as_json(parts: Scenario, finished: Run, import_s: float) -> dict[str, An
         "t1": parts.t1,
         "outcome": outcome.kind,
         "stopped": outcome.stopped,
-        "metrics": summary(finished, INDICES),
+        "metrics": summary(finished, INDEX_SUMS),
         "timing": {
             "import_s": round(import_s, 4),
             "compile_s": round(timing.compile_s, 4) if timing else None,
@@ -73,7 +73,7 @@ def print_run(parts: Scenario, finished: Run, answer: dict[str, Any], *, every: 
     - `every`: True for all metrics, False for the most important ones.
     """
     rows: list[tuple[str, list[float | None]]] = []
-    for metric in (*metrics_of(finished), *INDICES):
+    for metric in (*metrics_of(finished), *INDEX_SUMS):
         if not (metric.per_joint and metric.source in parts.description.source and (every or metric.brief)):
             continue
         values = metric.shown(finished)
@@ -126,7 +126,7 @@ def print_comparison(rivals: Mapping[str, Rival]) -> None:
     console = Console(markup=False, highlight=False)
     first = next(iter(rivals.values()))
     joints = dict(zip(first.run.joint_names, short_names(first.run.joint_names), strict=True))
-    rows = [row for row in standings(rivals, INDICES) if row.metric.brief]
+    rows = [row for row in standings(rivals, INDEX_SUMS) if row.metric.brief]
     titles = {row.metric: f"{row.metric.title} [{row.unit}]" for row in reversed(rows)}
     widest = max(map(len, [*titles.values(), OUTSIDE]))
     _say(console, first.scenario.description.title, style="bold")

@@ -10,10 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from slidax import analysis
+from slidax.analysis import index_sums
 from slidax.report.page import significant
 from slidax.simulation.run import Run
 
-from . import printed as indices
 from .examples import COMPARED, EXAMPLES, PROPOSED, READINGS, SCHEMES, Case, Runs
 from .numbers import (
     chatter,
@@ -158,7 +158,7 @@ def compare_schemes(runs: Runs) -> list[dict[str, Any]]:
             "settling_time": table_3(runs[case], "settling_time", 1e-3),
             "steady_error": _listed(analysis.steady_error(runs[case])),
             "peak_torque": analysis.peak_torque(runs[case]).tolist(),
-            **{name: getattr(indices, name)(runs[case]).tolist() for name in ("iae", "eci", "aice")},
+            **{name: getattr(index_sums, name)(runs[case]).tolist() for name in ("iae", "eci", "aice")},
             "chatters": any(chatter(runs[case], runs[case.halved])) if case.layer is None else None,
         }
         for example in EXAMPLES
@@ -275,7 +275,7 @@ def layers(runs: Runs, scheme: str) -> dict[str, Any]:
     """
     case = Case("4.1", runs.readings[0], scheme=scheme)
     variants = {
-        name: {"aice": indices.aice(runs[item]).tolist(), "steady_error": _listed(analysis.steady_error(runs[item]))}
+        name: {"aice": index_sums.aice(runs[item]).tolist(), "steady_error": _listed(analysis.steady_error(runs[item]))}
         for name, item in (("listed", case), ("other", case.relayered))
     }
     return {"layer": SCHEMES[scheme].other, **variants}
@@ -395,10 +395,10 @@ def _sampled(runs: Runs, case: Case) -> dict[str, Any]:
         "outcome": run.outcome.kind,
         "message": run.outcome.message,
         "t": run.outcome.t,
-        "aice": indices.aice(run).tolist(),
+        "aice": index_sums.aice(run).tolist(),
         "aice_ratio": _ratio(run, reference),
     }
 
 
 def _ratio(run: Run, reference: Run) -> list[float] | None:
-    return (indices.aice(run) / indices.aice(reference)).tolist() if run.outcome.ok else None
+    return (index_sums.aice(run) / index_sums.aice(reference)).tolist() if run.outcome.ok else None

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from slidax.analysis import index_sums
 from slidax.core.errors import as_array
 from slidax.law.envelopes import AbstractPerformance, Exponential, FiniteTime, FixedTime
 from slidax.report import figures
@@ -14,15 +15,14 @@ from slidax.report.page import Picture, picture
 from slidax.report.pages import tip_paths
 from slidax.simulation.run import Run
 
-from . import printed
 from .examples import PROPOSED, READINGS, Case, Runs
 from .printed import TABLE_3
 
 Drawn = list[tuple[str, str, Figure, str]]
 BARS = (
-    ("fig-12", "Fig. 12", printed.iae),
-    ("fig-13", "Fig. 13", printed.eci),
-    ("fig-14", "Fig. 14", printed.aice),
+    ("fig-12", "Fig. 12", index_sums.iae),
+    ("fig-13", "Fig. 13", index_sums.eci),
+    ("fig-14", "Fig. 14", index_sums.aice),
 )
 
 

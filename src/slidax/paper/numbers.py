@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from slidax import analysis
+from slidax.analysis import index_sums
 from slidax.core.errors import DefinitionError
 from slidax.core.types import State
 from slidax.law.envelopes import FixedTime
@@ -23,8 +24,6 @@ from slidax.report.page import significant
 from slidax.scenarios.scenario import Scenario
 from slidax.simulation.run import Run
 
-from . import printed
-from . import printed as indices
 from .examples import SCHEMES, Case, Reading, Runs
 from .printed import (
     CLOSE,
@@ -224,7 +223,7 @@ def torque_step_ratio(run: Run, halved: Run) -> tuple[list[float], list[float]]:
 
     - `halved`: run at half the step.
     """
-    pairs = [(analysis.max_torque_step(r), printed.aice(r)) for r in (run, halved)]
+    pairs = [(analysis.max_torque_step(r), index_sums.aice(r)) for r in (run, halved)]
     (step, total), (half_step, half_total) = pairs
     return (half_step / step).tolist(), (half_total / total).tolist()
 
@@ -237,7 +236,7 @@ def chatter(run: Run, halved: Run) -> list[float | None]:
 
     - `halved`: run at half the step.
     """
-    ratios = printed.aice(halved) / printed.aice(run)
+    ratios = index_sums.aice(halved) / index_sums.aice(run)
     return [float(ratio) if abs(ratio - 1.0) > CLOSE else None for ratio in ratios]
 
 
@@ -283,7 +282,7 @@ def energy_share(runs: Runs, reading: Reading, layered: bool) -> float:
     - `layered`: True if NFTSMC has a boundary layer.
     """
     rival = _nftsmc(reading, layered)
-    return float(100 * indices.eci(runs[Case("4.2", reading)]).sum() / indices.eci(runs[rival]).sum())
+    return float(100 * index_sums.eci(runs[Case("4.2", reading)]).sum() / index_sums.eci(runs[rival]).sum())
 
 
 def _joints(runs: Runs, scheme: str, item: Printed) -> list[Row]:

@@ -1,4 +1,4 @@
-"""The paper's printed values and its index sums, and the rule for verdicts."""
+"""The paper's printed values, and the rule for verdicts."""
 
 from __future__ import annotations
 
@@ -6,47 +6,10 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-
-from slidax.analysis.metric import Metric, array_of, metric
+from slidax.analysis.index_sums import DOI as DOI
 from slidax.report.page import significant
-from slidax.simulation.run import Run
 
 from .examples import SCHEMES
-
-DOI = "10.1007/s11071-022-07650-w"
-
-
-@metric("IAE (80)", "{position}", key="paper.iae", source=DOI)
-def iae(run: Run) -> np.ndarray:
-    """`IAE = Σ |e(k)|` over the samples with t > 2 s, eq. (80).
-
-    - `run`: a finished run, or a batch.
-    """
-    return array_of(run.tally.late_error)
-
-
-@metric("ECI (81)", "({torque})²", key="paper.eci", source=DOI)
-def eci(run: Run) -> np.ndarray:
-    """`ECI = Σ |τ(k)|²` over all samples, eq. (81).
-
-    - `run`: a finished run, or a batch.
-    """
-    return array_of(run.tally.torque_square)
-
-
-@metric("AICE (82)", "{torque}", key="paper.aice", source=DOI)
-def aice(run: Run) -> np.ndarray:
-    """`AICE = Σ |τ(k+1) - τ(k)|` over all samples, eq. (82).
-
-    - `run`: a finished run, or a batch.
-    """
-    return array_of(run.tally.torque_travel)
-
-
-INDICES: tuple[Metric[np.ndarray], ...] = (iae, eci, aice)
-"""The paper's index sums."""
-
 
 TITLE = (
     "Approximate continuous fixed-time terminal sliding mode control with prescribed performance for uncertain "

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from slidax import analysis
+from slidax.analysis import index_sums
 from slidax.core.errors import DefinitionError
 from slidax.core.errors import short_repr as in_short
 from slidax.core.files import json_value
@@ -17,7 +18,6 @@ from slidax.core.writing import write_text
 from slidax.report.page import machine, render, versions
 from slidax.scenarios.yaml_text import as_yaml
 
-from . import printed
 from .claims import CONTINUOUS, Claim, claims, findings, parameter_claims
 from .examples import EXAMPLES, PROPOSED, READINGS, SCHEMES, Case, Progress, Reading, Runs, simulate_all
 from .figures import draw
@@ -74,7 +74,7 @@ def _run_result(case: Case, runs: Runs) -> dict[str, Any]:
         "t1": float(run.t1),
         "outcome": run.outcome.kind,
         "message": run.outcome.message,
-        "metrics": analysis.summary(run, printed.INDICES),
+        "metrics": analysis.summary(run, index_sums.INDEX_SUMS),
         "compile_s": None if timing is None else timing.compile_s,
         "run_s": None if timing is None else timing.run_s,
     }

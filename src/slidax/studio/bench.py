@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from slidax.analysis.index_sums import INDEX_SUMS
 from slidax.analysis.metrics import summary
 from slidax.core.errors import DefinitionError, DefinitionWarning
-from slidax.paper.printed import INDICES
 
 from .files import Folder, require_ending
 from .references import YAML, require_beneath, require_file_beneath
@@ -229,7 +229,7 @@ def result_of(run: Run, scenario: Scenario, milliseconds: float) -> tuple[dict[s
         "outcome": {"kind": outcome.kind, "message": outcome.message, "time": outcome.t, "joint": outcome.joint},
         "rows": rows,
         "signals": [{"name": name, "width": values.size // max(rows, 1)} for name, values in arrays.items()],
-        "metrics": _finite(_dotted(summary(run, INDICES))),
+        "metrics": _finite(_dotted(summary(run, INDEX_SUMS))),
         "milliseconds": milliseconds,
     }
     return head, b"".join(np.ascontiguousarray(values, "<f8").tobytes() for values in arrays.values())

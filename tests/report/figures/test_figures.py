@@ -226,3 +226,17 @@ def test_importing_slidax_does_not_load_matplotlib():
     code = "import sys, slidax, slidax.simulation; print('matplotlib' in sys.modules, 'jinja2' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False", "False"]
+
+
+def test_running_a_scenario_loads_neither_drawing_nor_statistics():
+    code = """
+import sys
+from slidax.cli import main
+sys.argv[1:] = ["run", "example-4.1", "--set", "simulation.t1=0.01"]
+try:
+    main()
+finally:
+    print("loaded:", {"matplotlib", "jinja2", "scipy.stats", "scipy.optimize"} & set(sys.modules), file=sys.stderr)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert "loaded: set()" in done.stderr

@@ -6,8 +6,8 @@ import equinox as eqx
 import pytest
 
 from slidax import analysis, scenarios
+from slidax.analysis.index_sums import INDEX_SUMS
 from slidax.core.errors import DefinitionError
-from slidax.paper.printed import INDICES
 from slidax.report import Rival, results, standings, write_comparison
 from slidax.report.comparison import comparison_verdict
 
@@ -28,13 +28,13 @@ def rivals():
 @pytest.fixture(scope="module")
 def page(rivals, tmp_path_factory):
     return write_comparison(
-        rivals, tmp_path_factory.mktemp("comparison") / "new", also=INDICES, command="slidax compare x > y"
+        rivals, tmp_path_factory.mktemp("comparison") / "new", also=INDEX_SUMS, command="slidax compare x > y"
     )
 
 
 def test_the_least_value_is_best_and_never_that_of_a_failed_run(rivals):
     assert not rivals["hasty"].run.outcome.ok
-    rows = {(row.metric.key, row.joint): row for row in standings(rivals, INDICES)}
+    rows = {(row.metric.key, row.joint): row for row in standings(rivals, INDEX_SUMS)}
     for metric in ("peak_torque", "torque_energy", "torque_travel", "paper.iae", "steady_error"):
         for joint in ("joint 1", "joint 2"):
             row = rows[metric, joint]
