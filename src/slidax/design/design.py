@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from itertools import product
 from os.path import relpath
 from pathlib import Path
 from typing import Any, Literal
@@ -193,18 +192,25 @@ def law_with_bound(space: DesignSpace, first: DesignPoint) -> tuple[DesignPoint,
     """Return the law with the smallest certified error on a grid of H and densities, and its verdict.
 
     If no verdict holds, return the law with the fewest failing assumptions, and of these the one with the longest H.
+    Torque steps grow as H gets shorter: of each density, horizons shorter than one that fails after one that held are
+    not tried.
 
     - `first`: the law's other values.
     """
     results: list[tuple[int, float, int]] = []
     laws: list[tuple[DesignPoint, Verdict]] = []
-    for horizon, drift in product(space.horizons, DRIFTS):
-        law = replace(first, horizon=horizon, drift=drift, final=LARGEST * space.initial)
-        verdict = tracking_verdict(space.described(law))
-        failing = 0 if verdict.holds else 1 + sum(line.status == "fails" for line in verdict.assumptions)
-        error = float(np.max(verdict.bound["error"])) if verdict.holds else -horizon
-        results.append((failing, error, len(results)))
-        laws.append((replace(law, final=first.final), verdict))
+    for drift in DRIFTS:
+        held = False
+        for horizon in sorted(space.horizons, reverse=True):
+            law = replace(first, horizon=horizon, drift=drift, final=LARGEST * space.initial)
+            verdict = tracking_verdict(space.described(law))
+            if held and not verdict.holds:
+                break
+            held = verdict.holds is True
+            failing = 0 if held else 1 + sum(line.status == "fails" for line in verdict.assumptions)
+            error = float(np.max(verdict.bound["error"])) if held else -horizon
+            results.append((failing, error, len(results)))
+            laws.append((replace(law, final=first.final), verdict))
     return laws[min(results)[2]]
 
 

@@ -136,7 +136,7 @@ class _Numbers:
             "PERIOD": h,
             "MASS_BAND": float(region.p),
             "DECAY": float(law.loop.decay),
-            "REST": 2.0 * fixed_point.memory(law.loop, region.p),
+            "REST": 2.0 * fixed_point.memory(law.loop),
             "MEMORY": kernels.memory,
             "COUNT": kernels.memory + 1,
             "LAGS": len(kernels.last),
@@ -234,7 +234,7 @@ class _Kernels:
 
     @classmethod
     def of(cls, loop: JointLoop, p: float) -> _Kernels:
-        memory = round(fixed_point.memory(loop, p) / loop.period)
+        memory = round(fixed_point.memory(loop) / loop.period)
         growths, lengths = _groups(loop, p)
         fine = min(memory + round(path_cells.LONGEST_CELL / loop.period) + 1, lengths[-1] + 1)
         cuts = {0, *range(1, fine + 1), *(length + 1 for length in lengths)}

@@ -480,9 +480,9 @@ def _or_next(values: Floats) -> Floats:
     return np.maximum(values, np.concatenate([values[1:], values[-1:]]))
 
 
-def memory(loop: JointLoop, p: float) -> float:
+def memory(loop: JointLoop) -> float:
     """Return the time after which less than a small share of the error's kernel is left [s]."""
-    return _memory(spreads_of(loop, p, 0.0)["error"].nominal) * loop.period
+    return _memory(spreads_of(loop, 0.0, 0.0)["error"].nominal) * loop.period
 
 
 def _memory(kernel: LoopKernel) -> int:

@@ -83,10 +83,16 @@ def rigid_links(robot: Any) -> Articulated:
     Raises DefinitionError for another arm.
     """
     if isinstance(robot, TwoLink | Scara):
-        return robot.rigid_links()
+        return _chain(robot)
     if not isinstance(robot, Articulated):
         raise DefinitionError(f"a bound along a motion needs an arm of rigid links; got a {type(robot).__name__}")
     return robot
+
+
+@eqx.filter_jit
+def _chain(robot: TwoLink | Scara) -> Articulated:
+    # Compiled, since a set of numbers needs hundreds of arms, and its parts one by one take ten times as long.
+    return robot.rigid_links()
 
 
 def true_parameters(robot: AbstractRobot, load: TimedPayload | None) -> Floats:

@@ -161,7 +161,7 @@ def certified_path(
     inputs = uncertainty.inputs(arm)
     bodies = bodies or BodyPoints.of(arm)
     region = uncertainty.region(bodies)
-    rest = 2.0 * memory(loop, region.p)
+    rest = 2.0 * memory(loop)
     cells = PathCells.of(motion, loop.period, rest=rest, until=until)
     if uncertainty.settled and np.any(cells.pieces.at(np.zeros(1))[1]):
         raise DefinitionError("`ArmUncertainty.settled` needs a motion that starts at rest; got one that moves at 0 s")
