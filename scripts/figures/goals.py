@@ -223,7 +223,7 @@ def random_goal(index: int, arm: Any, rng: np.random.Generator) -> Any:
 def is_true(answer: Any, motion: Any, law: Any, name: str) -> bool | None:
     """Return whether `slidax admit` or the motion confirms joint and limit; None if it admits the motion.
 
-    C takes longer cells for long motions, which makes its bound larger.
+    C has room for 6144 cells, and takes longer ones where a motion needs more, which makes its bound larger.
     """
     what, limits = REASONS.get(answer.reason), law.arm.limits
     if what in ("position", "speed"):

@@ -47,7 +47,7 @@ LANES = 4
 BLOCK = 32
 """Lags in a group beyond the loop's memory."""
 
-POWERS, PIECES, CELLS = 12, 256, 2048
+POWERS, PIECES, CELLS = 12, 256, 6144
 """Most coefficients of a polynomial, pieces of a motion, and cells."""
 
 FINE = 2**18
