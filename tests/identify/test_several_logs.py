@@ -70,6 +70,35 @@ def test_logs_of_different_rates_noises_and_delays_are_fitted_together(two):
     assert both.logs[0].lag_error > both.logs[1].lag_error
 
 
+def part_of(log, rows):
+    return replace(log, t=log.t[rows], q=log.q[rows], tau=log.tau[rows])
+
+
+def joined(log, other):
+    return replace(log, t=np.r_[log.t, other.t], q=np.r_[log.q, other.q], tau=np.r_[log.tau, other.tau])
+
+
+@pytest.mark.parametrize(
+    "copy",
+    [
+        lambda log: log,
+        lambda log: replace(log, t=log.t + 100.0),
+        lambda log: part_of(log, slice(400, None)),
+        lambda log: part_of(log, slice(0, None, 2)),
+        lambda log: replace(log, q=np.round(log.q, 6), tau=np.round(log.tau, 5)),
+    ],
+    ids=["the same", "at another time", "a part of it", "every second sample", "other digits"],
+)
+def test_a_copy_of_measurements_is_refused_in_several_logs_and_behind_a_gap(copy):
+    log = log_of(0)
+    copied = replace(copy(log), source="the copy")
+    with pytest.raises(DefinitionError, match=r"\d+ samples of .*, from .* stand in .*, too: .*leave the copy out"):
+        identify([log, copied], known_arm())
+    if copied.t[0] == 100.0:
+        with pytest.raises(DefinitionError, match="stand in log 0 from 100"):
+            identify(joined(log, copied), known_arm())
+
+
 def test_a_second_log_of_the_same_noise_counts_as_much_as_the_first():
     """Independent logs of one motion: errors fall by the square root of their number."""
     arm = arm_with_drives("three_link")

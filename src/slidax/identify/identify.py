@@ -18,6 +18,7 @@ from .band import EstimateErrors
 from .checks import judge_result, require_torques, torque_sample
 from .identified_arm import Identification, estimates_of, gravity_estimates, identified_robot
 from .instruments import Instruments, in_commands, tangent
+from .log_checks import require_no_copies
 from .logs import Conventions, JointLog
 from .records import has_known_difference, read_logs, record_of
 from .regression import ParameterFit, consistent_parameters, fit_parameters
@@ -121,6 +122,7 @@ def identify(
         record_of(each, robot, conventions, load, cut_off, held_out)
         for each, load in zip(read_logs(logs, robot.joint_names), loads, strict=True)
     ]
+    require_no_copies([record.pieces for record in records])
     equation = partial(
         unknowns_of,
         loads=loads,

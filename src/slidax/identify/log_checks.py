@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,6 +32,10 @@ FAST, USUAL = 4.0, 1.0
 STILL = 2e-3
 """Share of the speed limit below which an arm stands still."""
 
+COPIED, SAME = 50, 1e-4
+"""Samples in a row that no other part of the logs may have, and the share of a column's range by which equal values may
+differ, since a copy may have other digits."""
+
 
 @dataclass(frozen=True, eq=False)
 class LogPieces:
@@ -44,6 +49,43 @@ class LogPieces:
     log: JointLog
     pieces: tuple[slice, ...]
     warnings: tuple[str, ...]
+
+
+def require_no_copies(logs: Sequence[LogPieces]) -> None:
+    """Raise DefinitionError if a stretch of samples stands in two parts of the logs.
+
+    Noise that counts twice would halve the variance of every parameter. Samples at rest may be equal.
+
+    - `logs`: the logs of a fit, cut at their gaps.
+    """
+    parts = [(pieces.log, piece) for pieces in logs for piece in pieces.pieces]
+    if len(parts) == 1:
+        return
+    rows = [np.hstack([log.q[piece], log.tau[piece]]) for log, piece in parts]
+    moving = [np.append(False, np.any(np.diff(log.q[piece], axis=0) != 0.0, axis=1)) for log, piece in parts]
+    part = np.repeat(np.arange(len(parts)), [len(some) for some in rows])
+    values = np.concatenate(rows)
+    span = np.ptp(values, axis=0)
+    digits = np.round((values - values.min(axis=0)) / np.where(span > 0.0, SAME * span, 1.0)).astype(np.int32)
+    _, same = np.unique(digits, axis=0, return_inverse=True)
+    first, last = np.full(same.max() + 1, len(parts)), np.full(same.max() + 1, -1)
+    np.minimum.at(first, same, part)
+    np.maximum.at(last, same, part)
+    copied = (first != last)[same] & np.concatenate(moving)
+    for k, (log, piece) in enumerate(parts):
+        labels, _ = ndimage.label(copied[part == k])
+        sizes = np.bincount(labels)[1:]
+        if sizes.size and sizes.max() >= COPIED:
+            begin = int(np.argmax(labels == 1 + np.argmax(sizes)))
+            there = same[part == k][begin]
+            index = last[there] if first[there] == k else first[there]
+            other, where = parts[index]
+            at = other.t[where][np.argmax(same[part == index] == there)]
+            raise DefinitionError(
+                f"{np.sum(copied[part == k])} samples of {log.source}, from {log.t[piece][begin]:.4g} s on, stand in "
+                f"{other.source} from {at:.4g} s on, too: the same noise would count twice, and the parameters would "
+                "seem more certain than they are; leave the copy out"
+            )
 
 
 def cut_at_gaps(log: JointLog, robot: Articulated) -> LogPieces:
