@@ -35,7 +35,8 @@ def test_rotors_friction_and_payload_are_identified_up_to_the_noise(identified):
 
 
 def test_torque_delay_is_identified(identified):
-    assert identified.lag == pytest.approx(2e-3, abs=5e-4) and abs(identified.lag - 2e-3) < 4.0 * identified.lag_error
+    (fit,) = identified.logs
+    assert fit.lag == pytest.approx(2e-3, abs=5e-4) and abs(fit.lag - 2e-3) < 4.0 * fit.lag_error
 
 
 def test_identified_arm_has_the_estimates_and_predicts_the_held_out_part(identified):
@@ -234,4 +235,5 @@ def test_log_of_20_s_identifies_rotors_friction_and_payload():
     center = [identified.values(f"payload.center.{axis}")[0] for axis in "xyz"]
     np.testing.assert_allclose(center, [0.0, 0.0, 0.1], atol=5e-3)
     # Torques that are held for a period come half of it before what they do.
-    assert identified.lag == pytest.approx(-0.45e-3, abs=5 * identified.lag_error + 5e-5)
+    (fit,) = identified.logs
+    assert fit.lag == pytest.approx(-0.45e-3, abs=5 * fit.lag_error + 5e-5)

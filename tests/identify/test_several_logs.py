@@ -99,6 +99,33 @@ def test_a_copy_of_measurements_is_refused_in_several_logs_and_behind_a_gap(copy
             identify(joined(log, copied), known_arm())
 
 
+def slower(arm, factor):
+    return eqx.tree_at(lambda robot: (robot.coulomb, robot.viscous), arm, (factor * arm.coulomb, factor * arm.viscous))
+
+
+@pytest.mark.parametrize(
+    ("change", "name"),
+    [
+        (lambda arm: carrying(arm, Payload(mass=as_array(0.1), center=as_array([0.0, 0.0, 0.05]))), "payload.mass"),
+        (lambda arm: slower(arm, 1.2), "coulomb"),
+    ],
+    ids=["more load", "more friction"],
+)
+def test_intervals_of_logs_that_disagree_have_the_arm_of_each(change, name):
+    arm = arm_with_drives("three_link")
+    result = identify([log_of(0), log_of(1, change(arm))], known_arm())
+    assert any(
+        "log 0 fits" in text and "times worse with the other logs than alone" in text for text in result.warnings
+    )
+    for each in (arm, change(arm)):
+        truth = each.payload.mass if name == "payload.mass" else each.coulomb
+        assert (np.abs(errors(result, name, truth)) < 2.0).all()
+
+
+def test_logs_that_agree_are_not_said_to_disagree(two):
+    assert not any("with the other logs" in text for text in two[1].warnings)
+
+
 def test_a_second_log_of_the_same_noise_counts_as_much_as_the_first():
     """Independent logs of one motion: errors fall by the square root of their number."""
     arm = arm_with_drives("three_link")

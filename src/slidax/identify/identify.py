@@ -21,7 +21,7 @@ from .instruments import Instruments, in_commands, tangent
 from .log_checks import require_no_copies
 from .logs import Conventions, JointLog
 from .records import has_known_difference, read_logs, record_of
-from .regression import ParameterFit, consistent_parameters, fit_parameters
+from .regression import DISAGREE, ParameterFit, consistent_parameters, fit_parameters, with_disagreement
 from .regressor import BODY
 from .signals import LEAST, LogSignals
 from .torque_model import gravity_direction, with_gravity
@@ -184,6 +184,7 @@ def identify(
         for record in records:
             arm = instruments.robot(record.robot)
             require_torques(record.log, arm, instruments.corrected(record.slow), record.usable, conventions)
+    fitted, ratios = with_disagreement(fitted, unknowns, [record.fitted for record in records])
     first = unknowns[0]
     inside = _inside(first, fitted.theta)
     theta = consistent_parameters(
@@ -197,6 +198,14 @@ def identify(
         for record, each, *lag in zip(records, unknowns, fitted.lag.tolist(), fitted.lag_error.tolist(), strict=True)
     )
     warnings = tuple(sentence for record in records for sentence in record.signals.warnings + record.warnings)
+    for record, ratio in zip(records, ratios, strict=True):
+        joint = int(np.argmax(ratio))
+        if ratio[joint] > DISAGREE:
+            warnings += (
+                f"{record.log.source} fits {ratio[joint]:.2g} times worse with the other logs than alone, most in the "
+                f"torque of joint `{robot.joint_names[joint]}`: the arm, its friction or its load was another one. The "
+                "intervals are widened to the arm of each log; `--load` gives their loads",
+            )
     unknowns, fitted, theta = in_commands(unknowns, fitted, theta)
     first = unknowns[0]
     parameters = estimates_of(robot, first, fitted, theta)

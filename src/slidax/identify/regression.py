@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import fft, ndimage
@@ -121,6 +121,33 @@ def fit_parameters(unknowns: Sequence[Unknowns], signals: Sequence[LogSignals]) 
         lag_error=np.sqrt(np.diag(covariance)[p:]) * LAG_SCALE,
         sigma=np.array([log.sigma for log in logs]),
     )
+
+
+DISAGREE = 1.5
+"""Residuals of a log in a joint fit, relative to those of its own fit, from which on the logs disagree."""
+
+
+def with_disagreement(
+    fitted: ParameterFit, unknowns: Sequence[Unknowns], signals: Sequence[LogSignals]
+) -> tuple[ParameterFit, np.ndarray]:
+    """Return a joint fit whose set of parameters has those of logs that disagree, and the ratios of residuals [s n].
+
+    A log that others contradict, since the arm carried more or its friction was another one, gets a small weight. The
+    covariance C gains `d dᵀ`, with d the step to the log's own fit in directions that it shows; then
+    `dᵀ (C + d dᵀ)⁻¹ d < 1`, and the step lies in every usual confidence region.
+
+    - `unknowns`, `signals`: as for `fit_parameters`.
+    """
+    covariance, ratios = fitted.covariance, np.ones_like(fitted.sigma)
+    if len(unknowns) == 1:
+        return fitted, ratios
+    for k, (equation, signal) in enumerate(zip(unknowns, signals, strict=True)):
+        own = fit_parameters([replace(equation, prior=fitted.theta)], [signal])
+        ratios[k] = fitted.sigma[k] / own.sigma[0]
+        if np.max(ratios[k]) > DISAGREE:
+            step = own.theta - fitted.theta
+            covariance = covariance + np.outer(step, step)
+    return replace(fitted, covariance=covariance), ratios
 
 
 SCARCE = 30
