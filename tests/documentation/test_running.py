@@ -48,6 +48,7 @@ def test_blocks_share_variables_and_show_results_as_a_notebook(tmp_path):
         ("```console\n$ slidax --version\nslidax 9.9\n```\n", "the page shows 'slidax 9.9'"),
         ("```python\nprint(1)\n```\n\n<!-- said: above -->\n```text\n2\n```\n", "the page shows '2'"),
         ('<!-- show: nowhere.svg "A picture" -->\n', "no `nowhere.svg`"),
+        ("```python\nprint('x' * 2000)\n```\n", r"page\.md, line 1: prints a line of 2000 characters"),
     ],
 )
 def test_a_failing_block_is_an_error_with_its_line(text, message, tmp_path):
