@@ -108,6 +108,12 @@ def test_prose_has_no_line_that_the_builder_takes_for_something_else(page):
         assert not inside or re.match(item, first), f"a list within a paragraph is none: {inside}"
 
 
+@pytest.mark.parametrize("page", PAGES, ids=path_of)
+def test_every_column_of_a_table_has_a_title(page):
+    heads = re.findall(r"^(\|.*\|)\n\|[ :|-]*-[ :|-]*\|$", prose(page), re.MULTILINE)
+    assert not [head for head in heads if re.search(r"\|\s*(?=\|)", head)]
+
+
 def site(folder, **pages):
     for name, text in pages.items():
         (folder / f"{name}.html").write_text(text, encoding="utf-8")
