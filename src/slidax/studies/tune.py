@@ -284,7 +284,7 @@ class TuneResult(AbstractResult):
             front = np.array([list(judged[index].aims.values()) for index in range(len(self.gains))])
             today = np.array(list(judged[None].aims.values()))
             drawing = ([_label(aim) for aim in self.aims], front, today, self.best)
-            figures = [Chart("front", "The front", "Means over held-out cases.", "aims_front", drawing)]
+            figures = [Chart("front", "The front", "Means over held-out cases.", "pareto_front", drawing)]
         result = [Section("The front", note, head, rows, figures)]
         if self.best is None:
             return result

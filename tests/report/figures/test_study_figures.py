@@ -2,11 +2,13 @@
 
 import re
 from itertools import pairwise
+from typing import get_args
 
 import numpy as np
 import pytest
 
 from slidax.report import figures
+from slidax.studies.study import ChartKind
 
 RANDOM = np.random.default_rng(3)
 
@@ -55,3 +57,8 @@ def test_tick_labels_of_margins_do_not_touch():
         boxes = tick_boxes(figure, axes.xaxis)
         assert len(boxes) >= 2
         assert all(left.x1 + 3 < right.x0 for left, right in pairwise(boxes))
+
+
+@pytest.mark.parametrize("kind", get_args(ChartKind))
+def test_every_kind_of_chart_has_a_function_that_draws_it(kind):
+    assert callable(getattr(figures, kind))
