@@ -16,7 +16,7 @@ from slidax.studies.cases import columns_of
 from slidax.studies.predicates import Predicate
 from slidax.studies.sensitivity import sobol_indices
 from slidax.studies.sweep import one_number
-from slidax.studies.tune import evaluate_aims, point_of_own_values
+from slidax.studies.tune import distinct_ends, evaluate_aims, point_of_own_values
 from tests.studies.files import SHORT, SMALL_SETS, result_of, study_of_kind, weak
 
 pytest.importorskip("llvmlite")
@@ -313,6 +313,11 @@ def test_a_candidate_is_out_if_one_of_its_cases_fails_or_has_too_little_margin()
     result = evaluate_aims(rows, 2, ["steady_error"], [Predicate("envelope")], 0.05)
     assert result.aims[:, 0].tolist() == [2.0, 5.0, 3.0]
     np.testing.assert_allclose(result.broken, [-0.15, 1.55, 0.01])
+
+
+def test_gains_are_named_by_the_end_of_their_path_that_tells_them_apart():
+    paths = ["scheme.surface.k1", "scheme.reaching.k1", "scheme.sampled_data.horizon", "k1"]
+    assert distinct_ends(paths) == ["surface.k1", "reaching.k1", "horizon", "k1"]
 
 
 def test_page_and_answer_of_a_tuning_hold_the_front(tuned, tmp_path):
