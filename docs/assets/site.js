@@ -1,3 +1,5 @@
+// A figure that is hardly wider than a phone is fitted to it, and does not scroll.
+const fit = (image) => image.classList.toggle("narrow", image.naturalWidth < 430);
 // Tables and figures that scroll can be reached by the keyboard, and the bars of buttons beside code have names.
 const reachable = () => {
   for (const wrap of document.querySelectorAll(".md-typeset__scrollwrap")) {
@@ -5,7 +7,11 @@ const reachable = () => {
     wrap.setAttribute("role", "group");
     wrap.setAttribute("aria-label", "table");
   }
-  for (const figure of document.querySelectorAll('.md-typeset p:has(> img[src$=".svg"])')) figure.tabIndex = 0;
+  for (const image of document.querySelectorAll('.md-typeset p > img[src$=".svg"]')) {
+    image.parentElement.tabIndex = 0;
+    if (image.complete) fit(image);
+    else image.onload = () => fit(image);
+  }
   document.querySelectorAll(".md-code__nav").forEach((bar, i) => bar.setAttribute("aria-label", `code block ${i + 1}`));
 };
 // The theme wraps tables, and adds the bars, after the page has loaded.

@@ -171,6 +171,8 @@ ROOT = Path(__file__).parents[2]
 START = ROOT / "docs" / "getting-started.md"
 INSTALL = re.compile(r"pip install '(?:slidax|\.)\[([\w,]+)\]'")
 COLUMNS = 95
+LONGEST_LINE = 1000
+"""Longest line that a block may print [characters]."""
 
 
 def modules_of_other_extras(text: str) -> set[str]:
@@ -235,6 +237,9 @@ class PageRun:
             except Exception as error:
                 message = str(error) if isinstance(error, PageError) else traceback.format_exc(limit=-4)
                 raise PageError(f"{self.page.name}, line {block.first + 1}: {message}") from error
+            longest = max((len(line) for text in outcome.texts for line in text.splitlines()), default=0)
+            if longest > LONGEST_LINE:
+                raise PageError(f"{self.page.name}, line {block.first + 1}: prints a line of {longest} characters")
             outcome.seconds = time.perf_counter() - started
             outcomes.append(outcome)
         return outcomes

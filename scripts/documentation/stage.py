@@ -27,6 +27,7 @@ ELSEWHERE = {
 LINK = re.compile(r"(!?\[(?:[^\[\]]|\[[^\]]*\])*\])\(([^()\s]+)(\s+\"[^\"]*\")?\)")
 CODE = re.compile(r"(^ *```.*?^ *```|`[^`\n]*`|^    [^\n]*$)", re.DOTALL | re.MULTILINE)
 SCHEME = re.compile(r"[a-z]+:")
+POWER = re.compile(r"(?<![\w.-])\d+(?:\.\d+)?e-\d+\b")
 
 
 @dataclass
@@ -76,7 +77,7 @@ class Stage:
 
         parts = CODE.split(text)
         # GitHub needs a backslash before a bar in a table's code; the site would show it.
-        return "".join(_unbarred(part) if k % 2 else LINK.sub(relink, part) for k, part in enumerate(parts))
+        return "".join(_unbarred(part) if k % 2 else _unbroken(LINK.sub(relink, part)) for k, part in enumerate(parts))
 
     def place_of(self, source: str) -> str:
         """Where a file of the repository is on the site."""
@@ -145,6 +146,11 @@ def _unbarred(code: str) -> str:
     return code if code.lstrip().startswith("```") or code.startswith("    ") else code.replace("\\|", "|")
 
 
+def _unbroken(text: str) -> str:
+    """Numbers such as 1.2e-04 in one line: a browser would break them after the hyphen."""
+    return POWER.sub(r'<span class="number">\g<0></span>', text)
+
+
 def _title(page: Path) -> str:
     """The title of a page, up to a colon."""
     first = page.read_text(encoding="utf-8").lstrip().partition("\n")[0].removeprefix("# ")
@@ -163,10 +169,11 @@ def with_results(text: str, place: str, result: PageResult) -> str:
 
     - `text`: of the page, as it is laid out.
     """
-    lines = text.split("\n")
-    for block, outcome in reversed(list(zip(blocks(text), result.outcomes, strict=True))):
+    lines, every = text.split("\n"), blocks(text)
+    for block, following, outcome in reversed(list(zip(every, [*every[1:], None], result.outcomes, strict=True))):
         below: list[str] = []
-        if place.startswith(SHOWN):
+        # Where the page has the output itself, it is not shown twice.
+        if place.startswith(SHOWN) and not (following and "said" in following.marks):
             for text_shown in _texts(block, outcome["texts"]):
                 below += ["", *_folded(text_shown)]
             if outcome["skipped"] and "not run" not in block.marks:

@@ -289,7 +289,7 @@ def loop_row(name: str, answer: dict, again: dict) -> list[str]:
 
 
 LOOP_HEAD = [
-    "",
+    "quantity",
     "ticks",
     "wake-up of the law, p50 / p99 / p99.9 / max [µs]",
     "wake-up of the arm [µs]",
@@ -435,7 +435,7 @@ def bad_files_counts(by_format: dict[str, Sequence[Sequence[str]]]) -> str:
             counted = Counter(row[column] for row in rows)
             lines.append(f"| {name} | {reader} | " + " | ".join(str(counted[key]) for key in OUTCOMES) + " |")
         lines.append(f"| {name} | slidax | {len(rows)} | 0 | 0 | 0 | 0 |")
-    head = "| | reader | " + " | ".join(OUTCOMES.values()) + " |\n|---|---|" + "---:|" * len(OUTCOMES)
+    head = "| format | reader | " + " | ".join(OUTCOMES.values()) + " |\n|---|---|" + "---:|" * len(OUTCOMES)
     return head + "\n" + "\n".join(lines)
 
 

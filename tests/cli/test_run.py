@@ -141,6 +141,11 @@ def test_a_warning_of_a_robot_file_is_one_line_and_the_run_goes_on(tmp_path):
     assert result.stderr == f"{message} infinite\n"
 
 
+def test_a_failed_run_whose_outcome_has_a_remedy_gets_no_other_one():
+    result = in_process("run", "example-4.1-1khz", "--set", "scheme.sampled_data=null", code=3)
+    assert "use its sampled-data form" in " ".join(result.stdout.split()) and result.stderr == ""
+
+
 def test_the_report_of_a_run_that_returned_shows_exit_and_return(tmp_path):
     arguments = ("--set", "start.q=[-0.8,2.9]", "--set", "simulation.t1=1.5", "--out", str(tmp_path))
     in_process("run", "example-4.1-1khz", *arguments, code=3)

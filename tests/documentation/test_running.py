@@ -48,6 +48,7 @@ def test_blocks_share_variables_and_show_results_as_a_notebook(tmp_path):
         ("```console\n$ slidax --version\nslidax 9.9\n```\n", "the page shows 'slidax 9.9'"),
         ("```python\nprint(1)\n```\n\n<!-- said: above -->\n```text\n2\n```\n", "the page shows '2'"),
         ('<!-- show: nowhere.svg "A picture" -->\n', "no `nowhere.svg`"),
+        ("```python\nprint('x' * 2000)\n```\n", r"page\.md, line 1: prints a line of 2000 characters"),
     ],
 )
 def test_a_failing_block_is_an_error_with_its_line(text, message, tmp_path):
@@ -79,6 +80,9 @@ def test_results_are_shown_as_text_below_their_blocks():
     assert "&lt;b&gt; &amp; 1\n&#8203;\n2" in shown
     assert shown.index("print(") < shown.index("&lt;b&gt;") < shown.index("](made/t-0.svg)") < shown.index("End")
     assert "&lt;b&gt;" not in with_results(text, "robots.md", PageResult([outcome], []))
+    quoted = text.replace("End", "<!-- said: above -->\n```text\n<b> & 1\n```\n\nEnd")
+    empty = {**outcome, "index": 1, "texts": [], "figures": []}
+    assert "&lt;b&gt;" not in with_results(quoted, "tutorials/t.md", PageResult([outcome, empty], []))
     long = {**outcome, "texts": ["\n".join(str(k) for k in range(LONGEST + 10))]}
     assert f"<summary>{LONGEST // 2 + 10} more lines</summary>" in with_results(
         text, "tutorials/t.md", PageResult([long], [])

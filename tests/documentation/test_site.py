@@ -86,6 +86,14 @@ def test_links_are_rewritten_for_the_site_and_code_is_unchanged():
     assert stage.files == {"examples/design"}
 
 
+def test_a_number_with_an_exponent_is_one_word_on_the_site():
+    text = "| 1.2e-04 to 3e-5 | `1e-6` | abc1e-7 |\n"
+    number = '<span class="number">{}</span>'.format
+    assert Stage(ROOT).linked(text, "docs/x.md", "x.md") == (
+        f"| {number('1.2e-04')} to {number('3e-5')} | `1e-6` | abc1e-7 |\n"
+    )
+
+
 def test_a_bar_in_the_code_of_a_table_has_no_backslash_on_the_site():
     text = "| `--arm own\\|auto` | a\\|b |\n\n```\na\\|b\n```\n"
     assert Stage(ROOT).linked(text, "docs/x.md", "x.md") == "| `--arm own|auto` | a\\|b |\n\n```\na\\|b\n```\n"
@@ -106,6 +114,12 @@ def test_prose_has_no_line_that_the_builder_takes_for_something_else(page):
         first, *others = paragraph.strip("\n").split("\n")
         inside = [line for line in others if re.match(item.removeprefix(" *"), line)]
         assert not inside or re.match(item, first), f"a list within a paragraph is none: {inside}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=path_of)
+def test_every_column_of_a_table_has_a_title(page):
+    heads = re.findall(r"^(\|.*\|)\n\|[ :|-]*-[ :|-]*\|$", prose(page), re.MULTILINE)
+    assert not [head for head in heads if re.search(r"\|\s*(?=\|)", head)]
 
 
 def site(folder, **pages):

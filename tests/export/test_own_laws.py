@@ -60,7 +60,8 @@ def sampled():
 
 @needs_a_compiler
 def test_c_project_of_a_law_from_outside_answers_golden_samples_and_loads_in_python(sampled, tmp_path):
-    export_c(sampled, str(tmp_path), name="law")
+    project = export_c(sampled, str(tmp_path), name="law")
+    assert repr(project).startswith("C project `law`: PDPlus on two_link in doubles, at most ")
     sources = ("slidax_law.c", "slidax_law_scenario.c", "test_law.c")
     compiled(COMPILERS[0], tmp_path, "-O2", *sources, "-o", "test_law", "-lm")
     message = run(tmp_path, "./test_law")

@@ -12,7 +12,7 @@ import pytest
 from slidax import scenarios
 from slidax.core.errors import DefinitionError
 from slidax.core.types import State
-from slidax.law import Recovery
+from slidax.law import ComputedTorque, Recovery, sampled_data
 from slidax.scenarios.instruments import ActuatorDescription, LossDescription, OutageDescription, SensorDescription
 from slidax.scenarios.sampled_data import SampledDataDescription
 from slidax.scenarios.yaml_text import read_yaml
@@ -202,6 +202,16 @@ def test_replace_changes_parts_times_and_stepping_alone():
     assert (before.t1, before.stepping.mode) == (10.0, "continuous")
     assert after.controller is before.controller and after.stepping.integrator is before.stepping.integrator
     assert after.changed == ("state0", "t1", "period", "mode") and int(after.simulate().tally.samples) == 51
+
+
+def test_a_replaced_controller_gives_its_name_to_the_scheme():
+    nominal = BASE.controller.nominal
+    torque = ComputedTorque(nominal, kp=100.0, kd=20.0)
+    assert BASE.replace(controller=torque).scheme == "ComputedTorque"
+    sampled = sampled_data(torque, period=1e-3)
+    assert BASE.replace(controller=sampled).scheme == "ComputedTorque"
+    assert BASE.replace(controller=BASE.controller).scheme == BASE.scheme
+    assert BASE.replace(controller=torque, scheme="mine").scheme == "mine"
 
 
 @pytest.mark.parametrize(

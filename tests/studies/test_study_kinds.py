@@ -10,13 +10,13 @@ import pytest
 
 from slidax import scenarios
 from slidax.core.errors import DefinitionError, DefinitionWarning
-from slidax.report import write_scenario
+from slidax.report import write_scenario, write_study_report
 from slidax.studies import RunOptions, read_study, study_of
 from slidax.studies.cases import columns_of
 from slidax.studies.predicates import Predicate
 from slidax.studies.sensitivity import sobol_indices
 from slidax.studies.sweep import one_number
-from slidax.studies.tune import evaluate_aims, point_of_own_values
+from slidax.studies.tune import distinct_ends, evaluate_aims, point_of_own_values
 from tests.studies.files import SHORT, SMALL_SETS, result_of, study_of_kind, weak
 
 pytest.importorskip("llvmlite")
@@ -315,7 +315,12 @@ def test_a_candidate_is_out_if_one_of_its_cases_fails_or_has_too_little_margin()
     np.testing.assert_allclose(result.broken, [-0.15, 1.55, 0.01])
 
 
-def test_page_and_answer_of_a_tuning_hold_the_front(tuned):
+def test_gains_are_named_by_the_end_of_their_path_that_tells_them_apart():
+    paths = ["scheme.surface.k1", "scheme.reaching.k1", "scheme.sampled_data.horizon", "k1"]
+    assert distinct_ends(paths) == ["surface.k1", "reaching.k1", "horizon", "k1"]
+
+
+def test_page_and_answer_of_a_tuning_hold_the_front(tuned, tmp_path):
     text = tuned.as_json()
     assert len(text["front"]) == len(tuned.gains) and text["today"]["gains"] is None
     assert text["difference"]["steady_error"]["mean"] == tuned.difference(tuned.best, "steady_error").mean
@@ -323,6 +328,8 @@ def test_page_and_answer_of_a_tuning_hold_the_front(tuned):
     front, gains, beside = tuned.sections()
     assert len(front.rows) == len(tuned.gains) + 1 and len(gains.rows) == len(tuned.gains) and len(beside.rows) == 2
     assert set(tuned.scenarios()) == {"best", *(f"front-{k + 1}" for k in range(len(tuned.gains)))}
+    write_study_report(study_of_kind("tune", **HOW), tuned, tmp_path, seconds=1.0)
+    assert (tmp_path / "figures" / "front.svg").exists()
 
 
 FILES = sorted((Path(__file__).parents[2] / "examples" / "studies").glob("*.yaml"))

@@ -164,7 +164,7 @@ def export_web(
     ] = None,
     beside: Annotated[
         str | None,
-        typer.Option("--with", help="Further schemes, comma-separated; `printed` is the scenario's own as printed."),
+        typer.Option("--with", metavar="A,B,C", help="Further schemes; `printed` is the scenario's own as printed."),
     ] = None,
     changes: Changes = None,
 ) -> None:

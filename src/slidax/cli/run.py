@@ -31,6 +31,7 @@ from .common import (
 
 if TYPE_CHECKING:
     from slidax.scenarios.scenario import Scenario
+    from slidax.simulation.outcome import Outcome
     from slidax.simulation.run import Run
 
 SECONDS = 20.0
@@ -108,8 +109,8 @@ def run(
         if not finished.outcome.ok:
             if json:
                 say(finished.outcome.message, err=True)
-            cause = _print_cause(parts)
-            if folder is not None:
+            cause = _print_cause(parts, finished.outcome)
+            if folder is not None and cause:
                 report(cause=cause)
         if recording is not None or view:
             _replay(parts, finished, view, recording)
@@ -169,13 +170,16 @@ def _warn_of_rejections(finished: Run) -> None:
     )
 
 
-def _print_cause(parts: Scenario) -> str:
-    """Print the likeliest cause, or a general remedy if none shows; return the line."""
+def _print_cause(parts: Scenario, outcome: Outcome) -> str:
+    """Print the likeliest cause, or a general remedy if neither a cause nor the outcome has one; return the line."""
     from slidax.analysis.explain import likeliest_cause
 
     cause = likeliest_cause(parts, seconds=SECONDS)
-    line = f"Most likely: {cause}" if cause else "Allow more torque, or shorten the period."
-    say(line, err=True)
+    # A run that went on outside its envelope has an outcome without a remedy.
+    general = "" if outcome.beyond is None else "Allow more torque, or shorten the period."
+    line = f"Most likely: {cause}" if cause else general
+    if line:
+        say(line, err=True)
     return line
 
 

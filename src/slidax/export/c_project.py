@@ -94,6 +94,9 @@ class CProject:
     conditions = CONDITIONS
     held = HELD
 
+    def __repr__(self) -> str:
+        return f"C project `{self.name}`: {self.law} in {self.real}s, at most {self.stack} bytes of stack"
+
     @property
     def prefix(self) -> str:
         """Prefix of all types and functions."""

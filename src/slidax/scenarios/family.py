@@ -282,7 +282,7 @@ def _space(base: ScenarioDescription, sets: Mapping[str, AbstractSet], *, law: b
             raise DefinitionError("`inside` is for `start`", where=path)
         if not law and full.split(".")[0] in OF_THE_LAW:
             raise DefinitionError(
-                f"belongs to the law or the simulation, which has no unknown true value: {KNOWN_TO_LAW_REMEDY}",
+                f"belongs to the law or simulation, which has no unknown true value: {KNOWN_TO_LAW_REMEDY}",
                 where=path,
             )
         if full in placed:

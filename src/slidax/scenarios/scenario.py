@@ -33,6 +33,7 @@ from slidax.core.types import State, Timing
 from slidax.law.controllers import AbstractController
 from slidax.law.error_transformations import PrescribedPerformance
 from slidax.law.presets import Preset
+from slidax.law.sampled.recipe import class_of_law
 from slidax.motions.stream import Streamed
 from slidax.motions.trajectory import AbstractMotion
 from slidax.simulation.define import require_fitting
@@ -109,11 +110,12 @@ class Scenario:
         for name in changes:
             if name not in names | of_stepping:
                 raise DefinitionError(f"a scenario has no field `{name}`; {nearest_word(name, names | of_stepping)}")
-        steps = {name: value for name, value in changes.items() if name in of_stepping}
         others = {name: value for name, value in changes.items() if name in names}
+        if (law := class_of_law(others.get("controller", self.controller))) is not class_of_law(self.controller):
+            others = {"scheme": law.__name__} | others
+        steps = {name: value for name, value in changes.items() if name in of_stepping}
         stepping = Stepping.of(others.pop("stepping", self.stepping), steps)
-        changed = tuple(dict.fromkeys([*self.changed, *changes]))
-        scenario = replace(self, **others, stepping=stepping, changed=changed)
+        scenario = replace(self, **others, stepping=stepping, changed=tuple(dict.fromkeys((*self.changed, *changes))))
         require_fitting(*scenario.parts, stepping=stepping)
         return scenario
 
@@ -385,9 +387,7 @@ class ScenarioDescription(AbstractDescription):
         with locate_errors("truth"):
             unseen = [path for path in self.truth if path.split(".")[0] in OF_THE_LAW]
             if unseen:
-                message = (
-                    f"belongs to the law or the simulation, which has no unknown true value: {KNOWN_TO_LAW_REMEDY}"
-                )
+                message = f"belongs to the law or simulation, which has no unknown true value: {KNOWN_TO_LAW_REMEDY}"
                 raise DefinitionError(message, where=unseen[0])
             data = with_changes(data, dict(self.truth))
             try:

@@ -30,11 +30,11 @@ Cell: TypeAlias = str | float | int | None
 """Text or a number of a table; None is shown as a dash."""
 
 ChartKind = Literal[
-    "aims_front",
     "histograms",
     "intervals",
     "margin_over",
     "parameter_map",
+    "pareto_front",
     "search_history",
     "variance_shares",
 ]

@@ -284,7 +284,7 @@ class TuneResult(AbstractResult):
             front = np.array([list(judged[index].aims.values()) for index in range(len(self.gains))])
             today = np.array(list(judged[None].aims.values()))
             drawing = ([_label(aim) for aim in self.aims], front, today, self.best)
-            figures = [Chart("front", "The front", "Means over held-out cases.", "aims_front", drawing)]
+            figures = [Chart("front", "The front", "Means over held-out cases.", "pareto_front", drawing)]
         result = [Section("The front", note, head, rows, figures)]
         if self.best is None:
             return result
@@ -292,7 +292,7 @@ class TuneResult(AbstractResult):
         values = [
             [names[index], *(_short(self.gains[index][path]) for path in paths)] for index in range(len(self.gains))
         ]
-        result.append(Section("Its gains", "", ("Gains", *paths), values))
+        result.append(Section("Its gains", "By the end of their path.", ("Gains", *distinct_ends(paths)), values))
         differences = []
         for aim in self.aims:
             item = self.difference(self.best, aim)
@@ -340,6 +340,17 @@ def _label(aim: str) -> str:
         if item.key == aim:
             return f"{item.title}  [{item.unit.format(position='rad or m', torque='N m or N')}]"
     return aim
+
+
+def distinct_ends(paths: Sequence[str]) -> list[str]:
+    """The shortest end of each path, in whole words, that no other path has."""
+    words = [path.split(".") for path in paths]
+
+    def shared(end: list[str]) -> bool:
+        return sum(other[-len(end) :] == end for other in words) > 1
+
+    ends = [next((word[-k:] for k in range(1, len(word)) if not shared(word[-k:])), word) for word in words]
+    return [".".join(end) for end in ends]
 
 
 def _short(value: Any) -> str:

@@ -2,11 +2,13 @@
 
 import re
 from itertools import pairwise
+from typing import get_args
 
 import numpy as np
 import pytest
 
 from slidax.report import figures
+from slidax.studies.study import ChartKind
 
 RANDOM = np.random.default_rng(3)
 
@@ -55,3 +57,25 @@ def test_tick_labels_of_margins_do_not_touch():
         boxes = tick_boxes(figure, axes.xaxis)
         assert len(boxes) >= 2
         assert all(left.x1 + 3 < right.x0 for left, right in pairwise(boxes))
+
+
+@pytest.mark.parametrize("kind", get_args(ChartKind))
+def test_every_kind_of_chart_has_a_function_that_draws_it(kind):
+    assert callable(getattr(figures, kind))
+
+
+def test_tick_labels_of_a_front_do_not_touch():
+    error, step = np.geomspace(1.8e-7, 1.3e-6, 12), np.geomspace(0.16, 0.042, 12)
+    figure = figures.pareto_front(["error", "step"], np.stack([error, step], axis=1), np.array([1.83e-7, 0.1586]), 0)
+    boxes = [label.get_window_extent() for label in shown_labels(figure, figure.axes[0].xaxis)]
+    assert len(boxes) >= 2 and all(left.x1 < right.x0 for left, right in pairwise(boxes))
+
+
+def shown_labels(figure, axis):
+    """Labels of an axis, major and minor, from left to right."""
+    figure.draw_without_rendering()
+    labels = [label for label in axis.get_ticklabels(which="both") if label.get_text()]
+    low, high = axis.get_view_interval()
+    return sorted(
+        (label for label in labels if low <= label.get_position()[0] <= high), key=lambda x: x.get_position()[0]
+    )

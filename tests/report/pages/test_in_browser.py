@@ -58,6 +58,12 @@ def of_an_identification(out):
     write_identification_report(identify(recorded(true_arm()), sx.arms.ur5e()), out)
 
 
+def of_several_logs(out):
+    arm = true_arm()
+    logs = [recorded(arm), recorded(arm, seconds=8.0, rate=200.0, noise=0.02, seed=1)]
+    write_identification_report(identify(logs, sx.arms.ur5e(), links=True), out)
+
+
 def of_the_benchmark(out):
     small = BenchmarkRound({"scara-slow": task("scara-slow")}, [*entries(["pid"], [], ("printed",))]).small()
     write_benchmark(small.run(out, 0), out, seconds=1.0)
@@ -74,6 +80,7 @@ KINDS = {
     "study": of_a_study,
     "linear": of_a_linear_loop,
     "identification": of_an_identification,
+    "several-logs": of_several_logs,
     "benchmark": of_the_benchmark,
     "paper": of_the_paper,
 }

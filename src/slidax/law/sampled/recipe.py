@@ -149,3 +149,9 @@ def sampled_data(
         midpoint=midpoint,
         viscous_feedforward=viscous_feedforward,
     )
+
+
+def class_of_law(controller: AbstractController) -> type:
+    """Class of a law, or of what its sampled-data form evaluates once a period."""
+    step = getattr(controller, "step", controller)
+    return type(getattr(step, "law", step))

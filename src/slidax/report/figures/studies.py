@@ -43,10 +43,11 @@ def pareto_front(labels: Sequence[str], front: np.ndarray, today: np.ndarray, be
                 style = {"marker": mark, "markeredgecolor": edge, "markerfacecolor": face, "markersize": 5.0}
                 panel.plot(points[:, 0], points[:, other], linestyle="none", **style)
         numbers = np.concatenate([front, today[None]])
-        for column, scale in ((0, panel.set_xscale), (other, panel.set_yscale)):
+        for column, scale, axis in ((0, panel.set_xscale, panel.xaxis), (other, panel.set_yscale, panel.yaxis)):
             known = numbers[np.isfinite(numbers[:, column]), column]
             if known.size and known.min() > 0 and known.max() > 3 * known.min():
                 scale("log")
+                use_plain_ticks(axis, known.min(), known.max())
         panel.set_xlabel(labels[0])
         panel.set_ylabel(labels[other])
         panel.margins(0.08)
