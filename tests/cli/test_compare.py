@@ -26,7 +26,7 @@ def test_json_has_each_scheme_and_the_best():
 
 
 def test_the_table_has_a_column_per_scheme_and_a_row_per_metric_and_joint():
-    result = in_process("compare", "example-4.1", "--schemes", "cftsmppc,ftsmc", *SHORT, code=0)
+    result = in_process("compare", "example-4.1", "--schemes", "cftsmppc,ftsmc", code=0)
     assert result.stdout.splitlines()[1] == "✓ Both schemes stay inside the envelope."
     lines = [line.strip() for line in result.stdout.splitlines()]
     assert lines[lines.index("peak torque [N m]") + 2].split()[:2] == ["joint", "2"]

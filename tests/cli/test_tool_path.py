@@ -82,6 +82,6 @@ def test_table_json_and_report_show_the_tool_error(file, tmp_path):
     assert error > 0 and turn > 0
     page = (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
     sentence = f"The tool is at most {error:.2g} m and {turn:.2g} rad off its path."
-    assert sentence in page
+    assert sentence in page.replace("\xa0", " ")
     shown = in_process("run", str(file))
     assert sentence in " ".join(shown.stdout.split())
