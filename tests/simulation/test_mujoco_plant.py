@@ -93,7 +93,7 @@ def test_mujoco_agrees_with_slidax_before_with_and_after_a_payload(name):
     for time in (0.0, 0.05, 0.1):
         world.advance_to(time)
         arm = LOAD.on(robot, jnp.asarray(time))
-        model, data, at = world.model, world.data, world._built.dofs
+        model, data, at = world.model, world.data, world.dofs
         for _ in range(20):
             q, dq, tau = random.uniform(-3, 3, n), random.normal(0, 2, n), random.normal(0, 20, n)
             data.qpos[at], data.qvel[at], data.qfrc_applied[at] = q, dq, tau

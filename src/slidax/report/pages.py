@@ -302,7 +302,7 @@ def write_identification_report(identification: Identification, out: str | Path,
             figures.identified_torques(identification.robot, fit),
             Path(out, "figures"),
             f"identified-torques-{k + 1}" if k else "identified-torques",
-            f"Torques of {fit.log.source}" if len(identification.logs) > 1 else "Torques",
+            f"Torques of {fit.log.source.replace('`', '')}" if len(identification.logs) > 1 else "Torques",
             "Measured and predicted torques in the filter's band, and their difference. The shaded part was held out.",
         )
         for k, fit in enumerate(identification.logs)
