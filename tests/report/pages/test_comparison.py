@@ -76,7 +76,7 @@ def test_the_page_shows_best_values_in_bold_and_failed_runs(page, rivals):
     row = next(row for row in standings(rivals) if row.metric is analysis.peak_torque)
     (best,) = row.best
     assert f"<b>{row.values[best]:.2f}</b>" in text
-    assert rivals["hasty"].run.outcome.message.split(" (")[0] in text
+    assert rivals["hasty"].run.outcome.message.split(" (")[0] in text.replace("\xa0", " ")
 
 
 def test_the_results_are_strict_json(page, rivals):

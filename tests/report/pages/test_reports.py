@@ -80,7 +80,7 @@ def test_a_bad_outcome_is_shown_with_the_metrics_up_to_it(tmp_path):
     run = scenario.simulate(progress=False)
     assert not run.outcome.ok
     text = write_run_report(scenario, run, tmp_path).read_text(encoding="utf-8")
-    assert "outcome bad" in text and run.outcome.message.split(" (")[0] in text
+    assert "outcome bad" in text and run.outcome.message.split(" (")[0] in text.replace("\xa0", " ")
 
 
 def test_a_run_without_a_log_has_a_report_without_figures(tmp_path):
