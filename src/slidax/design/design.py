@@ -192,8 +192,8 @@ def law_with_bound(space: DesignSpace, first: DesignPoint) -> tuple[DesignPoint,
     """Return the law with the smallest certified error on a grid of H and densities, and its verdict.
 
     If no verdict holds, return the law with the fewest failing assumptions, and of these the one with the longest H.
-    Torque steps grow as H gets shorter: of each density, horizons shorter than one that fails after one that held are
-    not tried.
+    Torque steps usually grow as H gets shorter: of each density, horizons shorter than one that fails after one that
+    held are not tried, and a law that holds there would be missed.
 
     - `first`: the law's other values.
     """
