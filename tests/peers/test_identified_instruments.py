@@ -126,19 +126,20 @@ def assert_as_sure_as_possible(deviations, least):
 
 
 MORE = [
-    pytest.param(name, seed, False, marks=pytest.mark.full)
-    for name in ("panda", "ur5e", "iiwa14", "gen3")
-    for seed in (2, 3)
+    pytest.param(name, seed, marks=pytest.mark.full) for name in ("panda", "ur5e", "iiwa14", "gen3") for seed in (2, 3)
 ]
-"""Logs of joints that reverse so often or carry so little that they show some parameters poorly: not `clear`."""
+
+CLEAR = 2
+"""Logs of lower seeds show each inner joint closely. In the others joints reverse so often, or carry so little, that the
+equations between their reversals show some offsets and gains poorly: to 10 mrad and to 6 % at best."""
 
 
 def some_offset(joints, seed):
     return np.random.default_rng(50 + seed).uniform(-0.04, 0.04, joints)
 
 
-@pytest.mark.parametrize(("name", "seed", "clear"), [("ur5e", 0, True), ("panda", 1, True), *MORE])
-def test_offsets_of_encoders_are_identified_where_gravity_shows_them(name, seed, clear):
+@pytest.mark.parametrize(("name", "seed"), [("ur5e", 0), ("panda", 1), *MORE])
+def test_offsets_of_encoders_are_identified_where_gravity_shows_them(name, seed):
     known = getattr(sx.arms, name)()
     offset = some_offset(known.joints, seed)
     arm, log = pinocchio_log(name, seed, offset)
@@ -149,7 +150,7 @@ def test_offsets_of_encoders_are_identified_where_gravity_shows_them(name, seed,
     assert (np.abs(errors) < 3.5 * deviations)[1:-1].all()
     least = least_errors(name, seed, result, "encoder_offset", prior, payload=True)
     assert_as_sure_as_possible(deviations[1:-1], least[1:-1])
-    assert deviations[1:-1].max() < 0.01 or not clear
+    assert deviations[1:-1].max() < 0.01 or seed >= CLEAR
     unseen = [parameter.joint for parameter in result.unseen if parameter.name == "encoder_offset"]
     assert {known.joint_names[0], known.joint_names[-1]} <= set(unseen)
     assert unseen == [joint for joint, error in zip(known.joint_names, deviations, strict=True) if error > 0.01]
@@ -157,7 +158,7 @@ def test_offsets_of_encoders_are_identified_where_gravity_shows_them(name, seed,
     assert all(lines[f"encoder_offset of {joint}"].endswith("  not seen in this log") for joint in unseen)
     plain = identify(log, known)
     held_out, without = (each.held_out_rms[1:-1] for each in (result, plain))
-    assert (held_out < without).all() or not clear
+    assert (held_out < without).all() or seed >= CLEAR
     # Dry friction at a standstill is in both errors, and may be larger than what the offsets explain.
     floor = NOISE * np.sqrt(np.mean(log.tau**2, axis=0) * 2.0 * result.logs[0].cut_off / RATE)[1:-1]
     assert (held_out < without + 2.0 * floor).all()
@@ -168,7 +169,7 @@ def test_offsets_of_encoders_are_identified_where_gravity_shows_them(name, seed,
     deviation = last.standard_errors("encoder_offset")[-1]
     assert abs(last.values("encoder_offset") - offset)[-1] < 3.5 * deviation
     assert_as_sure_as_possible(deviation, least_errors(name, seed, last, "encoder_offset", prior)[-1])
-    assert deviation < 0.01 or not clear
+    assert deviation < 0.01 or seed >= CLEAR
 
 
 def test_an_arm_file_has_the_offsets_of_its_encoders_and_a_law_uses_them(tmp_path):
@@ -195,14 +196,14 @@ def some_gains(joints, seed):
     return np.diag(rng.uniform(0.8, 1.2, joints)) + rng.uniform(-0.03, 0.03, (joints, joints)) * (1 - np.eye(joints))
 
 
-@pytest.mark.parametrize(("name", "seed", "clear"), [("iiwa14", 1, True), *MORE])
-def test_gains_and_cross_talk_of_drives_are_identified_to_within_their_intervals(name, seed, clear):
+@pytest.mark.parametrize(("name", "seed"), [("iiwa14", 1), *MORE])
+def test_gains_and_cross_talk_of_drives_are_identified_to_within_their_intervals(name, seed):
     known = getattr(sx.arms, name)()
     gains = some_gains(known.joints, seed)
     prior = np.where(np.eye(known.joints), GAIN, CROSSTALK).ravel()
     inside = []
     # The entries of one log err together, as the noise of a torque moves a whole row: their share needs several logs.
-    for noise in range(1 if clear else 4):
+    for noise in range(1 if seed < CLEAR else 4):
         arm, log = pinocchio_log(name, seed, gains=gains, noise=noise)
         carries = eqx.tree_at(lambda robot: robot.payload, known, arm.payload)
         full = identify(log, carries, actuator_map="full", payload=False)
@@ -212,7 +213,7 @@ def test_gains_and_cross_talk_of_drives_are_identified_to_within_their_intervals
         least = least_errors(name, seed, full, "full", prior, gains)
         # A factor of up to 3.7 in 8 to 20 logs of each motion.
         assert 0.8 * np.median(least) < np.median(deviations) < 4.0 * np.median(least)
-        assert np.median(deviations) < 0.01 or not clear
+        assert np.median(deviations) < 0.01 or seed >= CLEAR
     assert np.mean(inside) > 0.9
     diagonal = np.diag(np.diag(gains))
     _, log = pinocchio_log(name, seed, gains=diagonal)
@@ -221,7 +222,7 @@ def test_gains_and_cross_talk_of_drives_are_identified_to_within_their_intervals
     assert (np.abs(off) < 4.0 * deviations).all()
     least = least_errors(name, seed, result, "gain", np.full(known.joints, GAIN), diagonal, payload=True)
     assert_as_sure_as_possible(deviations, least)
-    assert np.abs(off).max() < 0.02 or not clear
+    assert np.abs(off).max() < 0.02 or seed >= CLEAR
     assert abs(result.values("payload.mass")[0] - arm.payload.mass) < 4.0 * result.standard_errors("payload.mass")[0]
 
 
