@@ -155,7 +155,8 @@ def test_offsets_of_encoders_are_identified_where_gravity_shows_them(name, seed)
     assert {known.joint_names[0], known.joint_names[-1]} <= set(unseen)
     assert unseen == [joint for joint, error in zip(known.joint_names, deviations, strict=True) if error > 0.01]
     lines = {line.split("  ")[0]: line for line in str(result).splitlines()}
-    assert all(lines[f"encoder_offset of {joint}"].endswith("  not seen in this log") for joint in unseen)
+    ends = [lines[f"encoder_offset of {joint}"].split("  ")[-1] for joint in unseen]
+    assert ends[0] == ends[-1] == "not seen in this log" and set(ends[1:-1]) <= {"poorly seen in this log"}
     plain = identify(log, known)
     held_out, without = (each.held_out_rms[1:-1] for each in (result, plain))
     assert (held_out < without).all() or seed >= CLEAR
@@ -224,6 +225,20 @@ def test_gains_and_cross_talk_of_drives_are_identified_to_within_their_intervals
     assert_as_sure_as_possible(deviations, least)
     assert np.abs(off).max() < 0.02 or seed >= CLEAR
     assert abs(result.values("payload.mass")[0] - arm.payload.mass) < 4.0 * result.standard_errors("payload.mass")[0]
+
+
+def test_a_gain_that_a_log_shows_poorly_is_not_said_to_be_unknown_or_known():
+    gains = np.diag(np.diag(some_gains(7, 3)))
+    _, log = pinocchio_log("panda", 3, gains=gains)
+    result = identify(log, sx.arms.panda(), actuator_map="gain")
+    (weak,) = result.unseen
+    assert weak.label == "gain of panda_joint7" and 0.1 * GAIN < weak.standard_error < 0.5 * GAIN
+    low, high = weak.interval()
+    # The value is not that of before the log, 1, and the interval is narrower.
+    assert low < gains[6, 6] < high and abs(weak.value - 1.0) > 0.05
+    line = next(line for line in str(result).splitlines() if line.startswith(weak.label))
+    assert line.endswith("  poorly seen in this log")
+    assert any(f"shows `{weak.label}` poorly: trust the interval" in sentence for sentence in result.warnings)
 
 
 def test_a_map_is_written_for_a_scenario_and_shown_on_the_command_line(tmp_path):

@@ -215,11 +215,15 @@ def judge_result(
                 f"the torque of {fit.log.source} reaches {largest[joint]:.4g} for joint `{robot.joint_names[joint]}`, "
                 f"{largest[joint] / limit[joint]:.2g} times its limit in the arm's file"
             )
-    if result.unseen:
-        names = ", ".join(f"`{parameter.label}`" for parameter in result.unseen[:4])
-        more = f" and {len(result.unseen) - 4} more" if len(result.unseen) > 4 else ""
-        shows = "the log does" if len(result.logs) == 1 else "the logs do"
-        warnings.append(f"{shows} not show {names}{more}: they keep their prior values")
+    one = len(result.logs) == 1
+    for poor, start, end in (
+        (True, "the log shows" if one else "the logs show", " poorly: trust the interval, not the value"),
+        (False, "the log does not show" if one else "the logs do not show", ": the value stays near the prior one"),
+    ):
+        labels = [f"`{parameter.label}`" for parameter in result.unseen if parameter.is_poorly_seen == poor]
+        if labels:
+            more = f" and {len(labels) - 4} more" if len(labels) > 4 else ""
+            warnings.append(f"{start} {', '.join(labels[:4])}{more}{end}")
     return tuple(warnings)
 
 
