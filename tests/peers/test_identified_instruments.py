@@ -130,8 +130,11 @@ MORE = [
 ]
 
 CLEAR = 2
-"""Logs of lower seeds show each inner joint closely. In the others joints reverse so often, or carry so little, that the
-equations between their reversals show some offsets and gains poorly: to 10 mrad and to 6 % at best."""
+"""Logs of lower seeds show each inner joint closely.
+
+In the others, joints reverse so often or carry so little that the equations between the reversals show some offsets and
+gains poorly: to 10 mrad and to 6 % at best.
+"""
 
 
 def some_offset(joints, seed):
