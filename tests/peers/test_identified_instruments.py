@@ -31,20 +31,17 @@ def with_tool(name, tool):
     return model
 
 
-NOISE = 0.01
-"""Torque noise, as a share of each joint's root mean square."""
+RATE, NOISE = 125.0, 0.01
+"""Samples per second [Hz], and torque noise as a share of each joint's root mean square."""
 
 
 def moved_arm(name, seed):
-    """An arm with a random tool, Pinocchio's model of it, and a motion at 125 Hz for 12 s."""
+    """An arm with a random tool, Pinocchio's model of it, and a motion for 12 s."""
     rng = np.random.default_rng(seed)
     arm = random_tool(name, 3.0, rng)
     model = with_tool(name, arm.payload)
     model.armature = np.array(arm.armature)
     return arm, model, *moved(12.0, RATE, arm.joints, size=1.0, seed=seed), rng
-
-
-RATE = 125.0
 
 
 def torques(arm, model, motion):
