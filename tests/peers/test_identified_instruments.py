@@ -1,6 +1,8 @@
 """Offsets of encoders and maps of actuators, identified from logs of arms that Pinocchio moves."""
 
+import itertools
 import json
+import math
 
 import equinox as eqx
 import numpy as np
@@ -11,6 +13,7 @@ import slidax as sx
 from slidax.core import as_array
 from slidax.core.errors import DefinitionError
 from slidax.identify import JointLog, identify, write_arm
+from slidax.identify.instruments import CROSSTALK, GAIN, OFFSET
 from slidax.scenarios import named_robot
 from tests.cli.commands import in_process
 from tests.identify.recorded import moved
@@ -28,23 +31,107 @@ def with_tool(name, tool):
     return model
 
 
-def pinocchio_log(name, seed, offset=0.0, gains=None, seconds=12.0, rate=125.0):
-    """An arm with a random tool, and its log by encoders with an offset and drives with `τ = gains τ_log`."""
+RATE, NOISE = 125.0, 0.01
+"""Samples per second [Hz], and torque noise as a share of each joint's root mean square."""
+
+
+def moved_arm(name, seed):
+    """An arm with a random tool, Pinocchio's model of it, and a motion for 12 s."""
     rng = np.random.default_rng(seed)
     arm = random_tool(name, 3.0, rng)
     model = with_tool(name, arm.payload)
-    model.armature, data = np.array(arm.armature), model.createData()
-    t, motion = moved(seconds, rate, arm.joints, size=1.0, seed=seed)
+    model.armature = np.array(arm.armature)
+    return arm, model, *moved(12.0, RATE, arm.joints, size=1.0, seed=seed), rng
+
+
+def torques(arm, model, motion):
+    data = model.createData()
     tau = np.stack([pinocchio.rnea(model, data, *row) for row in zip(*motion, strict=True)])
-    tau = tau + motion.dq * np.asarray(arm.viscous) + np.sign(motion.dq) * np.asarray(arm.coulomb)
+    return tau + motion.dq * np.asarray(arm.viscous) + np.sign(motion.dq) * np.asarray(arm.coulomb)
+
+
+def pinocchio_log(name, seed, offset=0.0, gains=None, noise=0):
+    """An arm with a random tool, and its log by encoders with an offset and drives with `τ = gains τ_log`.
+
+    Logs of the same motion have another `noise`.
+    """
+    arm, model, t, motion, rng = moved_arm(name, seed)
+    tau = torques(arm, model, motion)
     tau = tau if gains is None else np.linalg.solve(gains, tau.T).T
-    tau += 0.01 * np.sqrt(np.mean(tau**2, axis=0)) * rng.normal(size=tau.shape)
+    tau += NOISE * np.sqrt(np.mean(tau**2, axis=0)) * rng.normal(size=(noise + 1, *tau.shape))[-1]
     return arm, JointLog("a log", arm.joint_names, t, 1e-5 * np.round((motion.q - offset) / 1e-5), tau)
+
+
+def sliding(velocity, reach):
+    """True further than this reach [samples], or half of it and so on, from the reversals of a joint.
+
+    Dry friction may stick there, so that `identify` uses no such row while a fifth of the rows is left.
+    """
+    slow = np.abs(velocity) < 0.03 * np.abs(velocity).max()
+    kept = (np.convolve(slow, np.ones(2 * (reach // 2**k) + 1), "same") < 0.5 for k in itertools.count())
+    return next(rows for rows in kept if rows.mean() > 0.2)
+
+
+def least_errors(name, seed, result, kind, prior, gains=None, payload=False):
+    """Cramér-Rao bound of the standard errors, from Pinocchio's regressors and the rows that `identify` may use.
+
+    The fitted part of the log has white noise and unknown rotors, friction and offsets of the torques.
+
+    - `kind`: `encoder_offset`, `gain` or `full`.
+    - `prior`: prior standard deviations of the unknowns of this kind.
+    - `payload`: True if the payload is unknown.
+    """
+    arm, model, _, motion, _ = moved_arm(name, seed)
+    n, data, fitted = arm.joints, model.createData(), [part[: len(motion.q) * 3 // 4] for part in motion]
+    gains = np.eye(n) if gains is None else gains
+    tau, mixing, units = torques(arm, model, motion), np.linalg.inv(gains), np.eye(n)
+    sigma = NOISE * np.sqrt(np.mean((tau @ mixing.T) ** 2, axis=0))
+    reach = math.ceil(RATE / result.logs[0].cut_off)
+    weight = np.stack([sliding(column, reach) for column in motion.dq.T], axis=1)[: len(fitted[0])] / sigma
+    q, dq, ddq = fitted
+    others = [basis[:, :, None] * units for basis in (ddq, dq, np.sign(dq), np.ones_like(dq))]
+    states = list(zip(*fitted, strict=True))
+    # Pinocchio returns the same memory each time, to be copied.
+    if payload:
+        # A tool on the last link has the parameters of this link, in another frame.
+        bodies = [pinocchio.computeJointTorqueRegressor(model, data, *row)[:, -10:].copy() for row in states]
+        others.append(np.stack(bodies))
+    if kind == "encoder_offset":
+        own = np.stack([pinocchio.computeRNEADerivatives(model, data, *row)[0].copy() for row in states])
+    else:
+        pairs = [(i, j) for i in range(n) for j in range(n) if kind == "full" or i == j]
+        own = np.stack([tau[: len(q), j, None] * units[i] for i, j in pairs], axis=2)
+    columns = np.concatenate([own, *(mixing @ part for part in others)], axis=2) * weight[:, :, None]
+    columns, m = columns.reshape(-1, columns.shape[2]), own.shape[2]
+    scale = np.append(prior, 1.0 / np.linalg.norm(columns[:, m:], axis=0))
+    information = (columns * scale).T @ (columns * scale) + np.diag([1.0] * m + [1e-12] * (len(scale) - m))
+    covariance = (np.linalg.inv(information) * np.outer(scale, scale))[:m, :m]
+    if kind != "encoder_offset":
+        # The unknowns are of E = G⁻¹ - 1: dG = -G dE G.
+        slope = np.array([[-gains[a, i] * gains[j, b] for i, j in pairs] for a, b in pairs])
+        covariance = slope @ covariance @ slope.T
+    return np.sqrt(np.diag(covariance))
+
+
+def assert_as_sure_as_possible(deviations, least):
+    """Standard errors are at least those of the Cramér-Rao bound, and at most three times as large.
+
+    They are estimates that scatter, and so may be 20 % below the bound. The filter's band and the unknown delay of the
+    torques cost up to a factor of 2.6 in 8 to 20 logs of each motion here.
+    """
+    assert (deviations > 0.8 * least).all() and (deviations < 3.0 * least).all(), deviations / least
 
 
 MORE = [
     pytest.param(name, seed, marks=pytest.mark.full) for name in ("panda", "ur5e", "iiwa14", "gen3") for seed in (2, 3)
 ]
+
+CLEAR = 2
+"""Logs of lower seeds show each inner joint closely.
+
+In the others, joints reverse so often or carry so little that the equations between the reversals show some offsets and
+gains poorly: to 10 mrad and to 6 % at best.
+"""
 
 
 def some_offset(joints, seed):
@@ -58,18 +145,32 @@ def test_offsets_of_encoders_are_identified_where_gravity_shows_them(name, seed)
     arm, log = pinocchio_log(name, seed, offset)
     result = identify(log, known, encoder_offset=True)
     errors, deviations = result.values("encoder_offset") - offset, result.standard_errors("encoder_offset")
+    prior = np.full(known.joints, OFFSET["rad"])
     # The first axis is vertical. The last joint turns the unknown payload, whose place is unknown too.
-    assert (np.abs(errors) < 3.5 * deviations)[1:-1].all() and deviations[1:-1].max() < 0.01
+    assert (np.abs(errors) < 3.5 * deviations)[1:-1].all()
+    least = least_errors(name, seed, result, "encoder_offset", prior, payload=True)
+    assert_as_sure_as_possible(deviations[1:-1], least[1:-1])
+    assert deviations[1:-1].max() < 0.01 or seed >= CLEAR
     unseen = [parameter.joint for parameter in result.unseen if parameter.name == "encoder_offset"]
-    assert unseen == [known.joint_names[0], known.joint_names[-1]]
-    assert f"encoder_offset of {known.joint_names[0]}" in str(result)
+    assert {known.joint_names[0], known.joint_names[-1]} <= set(unseen)
+    assert unseen == [joint for joint, error in zip(known.joint_names, deviations, strict=True) if error > 0.01]
+    lines = {line.split("  ")[0]: line for line in str(result).splitlines()}
+    ends = [lines[f"encoder_offset of {joint}"].split("  ")[-1] for joint in unseen]
+    assert ends[0] == ends[-1] == "not seen in this log" and set(ends[1:-1]) <= {"poorly seen in this log"}
     plain = identify(log, known)
-    assert (result.held_out_rms[1:-1] < plain.held_out_rms[1:-1]).all()
+    held_out, without = (each.held_out_rms[1:-1] for each in (result, plain))
+    assert (held_out < without).all() or seed >= CLEAR
+    # Dry friction at a standstill is in both errors, and may be larger than what the offsets explain.
+    floor = NOISE * np.sqrt(np.mean(log.tau**2, axis=0) * 2.0 * result.logs[0].cut_off / RATE)[1:-1]
+    assert (held_out < without + 2.0 * floor).all()
+    assert np.linalg.norm(held_out / floor) < np.linalg.norm(without / floor)
     # A known payload shows the last joint's offset.
     carries = eqx.tree_at(lambda robot: robot.payload, known, arm.payload)
     last = identify(log, carries, encoder_offset=True, payload=False)
-    assert last.standard_errors("encoder_offset")[-1] < 0.01
-    assert abs(last.values("encoder_offset") - offset)[-1] < 3.5 * last.standard_errors("encoder_offset")[-1]
+    deviation = last.standard_errors("encoder_offset")[-1]
+    assert abs(last.values("encoder_offset") - offset)[-1] < 3.5 * deviation
+    assert_as_sure_as_possible(deviation, least_errors(name, seed, last, "encoder_offset", prior)[-1])
+    assert deviation < 0.01 or seed >= CLEAR
 
 
 def test_an_arm_file_has_the_offsets_of_its_encoders_and_a_law_uses_them(tmp_path):
@@ -100,17 +201,44 @@ def some_gains(joints, seed):
 def test_gains_and_cross_talk_of_drives_are_identified_to_within_their_intervals(name, seed):
     known = getattr(sx.arms, name)()
     gains = some_gains(known.joints, seed)
-    arm, log = pinocchio_log(name, seed, gains=gains)
-    carries = eqx.tree_at(lambda robot: robot.payload, known, arm.payload)
-    values, deviations = identify(log, carries, actuator_map="full", payload=False).actuator_map
-    assert (np.abs(values - gains) < 4.0 * deviations).all()
-    assert np.mean(np.abs(values - gains) < 1.96 * deviations) > 0.9 and np.median(deviations) < 0.01
-    _, log = pinocchio_log(name, seed, gains=np.diag(np.diag(gains)))
+    prior = np.where(np.eye(known.joints), GAIN, CROSSTALK).ravel()
+    inside = []
+    # The entries of one log err together, as the noise of a torque moves a whole row: their share needs several logs.
+    for noise in range(1 if seed < CLEAR else 4):
+        arm, log = pinocchio_log(name, seed, gains=gains, noise=noise)
+        carries = eqx.tree_at(lambda robot: robot.payload, known, arm.payload)
+        full = identify(log, carries, actuator_map="full", payload=False)
+        values, deviations = full.actuator_map
+        assert (np.abs(values - gains) < 4.0 * deviations).all()
+        inside.append(np.abs(values - gains) < 1.96 * deviations)
+        least = least_errors(name, seed, full, "full", prior, gains)
+        # A factor of up to 3.7 in 8 to 20 logs of each motion.
+        assert 0.8 * np.median(least) < np.median(deviations) < 4.0 * np.median(least)
+        assert np.median(deviations) < 0.01 or seed >= CLEAR
+    assert np.mean(inside) > 0.9
+    diagonal = np.diag(np.diag(gains))
+    _, log = pinocchio_log(name, seed, gains=diagonal)
     result = identify(log, known, actuator_map="gain")
-    np.testing.assert_allclose(result.values("gain"), np.diag(gains), atol=0.02)
-    off = result.values("gain") - np.diag(gains)
-    assert (np.abs(off) < 4.0 * result.standard_errors("gain")).all()
+    off, deviations = result.values("gain") - np.diag(gains), result.standard_errors("gain")
+    assert (np.abs(off) < 4.0 * deviations).all()
+    least = least_errors(name, seed, result, "gain", np.full(known.joints, GAIN), diagonal, payload=True)
+    assert_as_sure_as_possible(deviations, least)
+    assert np.abs(off).max() < 0.02 or seed >= CLEAR
     assert abs(result.values("payload.mass")[0] - arm.payload.mass) < 4.0 * result.standard_errors("payload.mass")[0]
+
+
+def test_a_gain_that_a_log_shows_poorly_is_not_said_to_be_unknown_or_known():
+    gains = np.diag(np.diag(some_gains(7, 3)))
+    _, log = pinocchio_log("panda", 3, gains=gains)
+    result = identify(log, sx.arms.panda(), actuator_map="gain")
+    (weak,) = result.unseen
+    assert weak.label == "gain of panda_joint7" and 0.1 * GAIN < weak.standard_error < 0.5 * GAIN
+    low, high = weak.interval()
+    # The value is not that of before the log, 1, and the interval is narrower.
+    assert low < gains[6, 6] < high and abs(weak.value - 1.0) > 0.05
+    line = next(line for line in str(result).splitlines() if line.startswith(weak.label))
+    assert line.endswith("  poorly seen in this log")
+    assert any(f"shows `{weak.label}` poorly: trust the interval" in sentence for sentence in result.warnings)
 
 
 def test_a_map_is_written_for_a_scenario_and_shown_on_the_command_line(tmp_path):

@@ -119,7 +119,7 @@ def _band_lines(band: Band) -> list[str]:
 
 def _standard_errors(identification: Identification) -> list[str]:
     return [
-        "  # Standard errors are one sigma; `identifiable: false` means that the log does not show the parameter.",
+        "  # Standard errors are one sigma; `identifiable: false` means that the log shows it poorly or not.",
         *(_line(parameter) for parameter in identification.parameters if parameter.path),
     ]
 

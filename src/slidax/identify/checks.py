@@ -215,12 +215,19 @@ def judge_result(
                 f"the torque of {fit.log.source} reaches {largest[joint]:.4g} for joint `{robot.joint_names[joint]}`, "
                 f"{largest[joint] / limit[joint]:.2g} times its limit in the arm's file"
             )
-    if result.unseen:
-        names = ", ".join(f"`{parameter.label}`" for parameter in result.unseen[:4])
-        more = f" and {len(result.unseen) - 4} more" if len(result.unseen) > 4 else ""
-        shows = "the log does" if len(result.logs) == 1 else "the logs do"
-        warnings.append(f"{shows} not show {names}{more}: they keep their prior values")
+    shows, does_not = ("log shows", "log does not") if len(result.logs) == 1 else ("logs show", "logs do not")
+    poorly = [f"`{parameter.label}`" for parameter in result.unseen if parameter.is_poorly_seen]
+    if poorly:
+        warnings.append(f"the {shows} {_some(poorly)} poorly: trust the interval, not the value")
+    hidden = [f"`{parameter.label}`" for parameter in result.unseen if not parameter.is_poorly_seen]
+    if hidden:
+        warnings.append(f"the {does_not} show {_some(hidden)}: the value stays near the prior one")
     return tuple(warnings)
+
+
+def _some(labels: Sequence[str]) -> str:
+    more = f" and {len(labels) - 4} more" if len(labels) > 4 else ""
+    return f"{', '.join(labels[:4])}{more}"
 
 
 def _judge_prediction(

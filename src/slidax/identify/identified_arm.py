@@ -31,7 +31,7 @@ class EstimatedParameter:
     - `unit`: unit of the value.
     - `value`: the estimate.
     - `standard_error`: standard error of the value.
-    - `identifiable`: True if the log determines the parameter more closely than the prior.
+    - `prior_error`: standard deviation of what was believed before the log.
     """
 
     name: str
@@ -40,7 +40,17 @@ class EstimatedParameter:
     unit: str
     value: float
     standard_error: float
-    identifiable: bool
+    prior_error: float
+
+    @property
+    def identifiable(self) -> bool:
+        """True if the log determines the parameter much more closely than the prior."""
+        return self.standard_error < IDENTIFIABLE * self.prior_error
+
+    @property
+    def is_poorly_seen(self) -> bool:
+        """True if the log shows the parameter, but not much more closely than the prior."""
+        return not self.identifiable and self.standard_error < HIDDEN * self.prior_error
 
     @property
     def label(self) -> str:
@@ -165,7 +175,7 @@ class Identification:
 
     @property
     def unseen(self) -> tuple[EstimatedParameter, ...]:
-        """The parameters that this log does not determine more closely than the prior."""
+        """The parameters that this log does not determine much more closely than the prior."""
         return tuple(parameter for parameter in self.parameters if not parameter.identifiable)
 
     def values(self, name: str) -> np.ndarray:
@@ -215,7 +225,9 @@ class Identification:
         ]
         for parameter in self.parameters:
             half = 0.5 * (parameter.interval()[1] - parameter.interval()[0])
-            end = "" if parameter.identifiable else f"  not seen in {these}"
+            end = (
+                "" if parameter.identifiable else f"  {'poorly' if parameter.is_poorly_seen else 'not'} seen in {these}"
+            )
             lines.append(f"{parameter.label:<{width}}  {parameter.value:>10.4g} ± {half:<8.2g} {parameter.unit}{end}")
         units = ", ".join(dict.fromkeys("N m" if unit == "rad" else "N" for unit in self.robot.joint_units))
         lines.append(f"root mean square of the torques [{units}], joint by joint:")
@@ -235,8 +247,11 @@ def _listed(values: np.ndarray) -> str:
     return " ".join(f"{value:8.3g}" for value in values)
 
 
-IDENTIFIABLE = 0.1
-"""A parameter is identifiable if its standard error is less than this share of its prior standard deviation."""
+IDENTIFIABLE, HIDDEN = 0.1, 0.5
+"""A parameter is identifiable if its standard error is less than the first share of its prior standard deviation.
+
+Below the second one the log shows it poorly; above it, hardly or not at all.
+"""
 
 UNITS = {
     "armature": ("kg m²", "kg"),
@@ -295,7 +310,7 @@ def identified_robot(robot: Articulated, unknowns: Unknowns, theta: np.ndarray) 
 def estimates_of(
     robot: Articulated, unknowns: Unknowns, fitted: ParameterFit, theta: np.ndarray
 ) -> tuple[EstimatedParameter, ...]:
-    """Each parameter with its standard error, marked identifiable or not.
+    """Each parameter with its standard error, and that of its prior.
 
     - `robot`: the arm as it was known.
     - `fitted`: the unconstrained fit, which has the covariance.
@@ -322,7 +337,7 @@ def estimates_of(
                 unit=UNITS[name.partition("_")[0]][robot.joint_units[joint] == "m"],
                 value=float(theta[i]),
                 standard_error=float(errors[i]),
-                identifiable=bool(errors[i] < IDENTIFIABLE * unknowns.scale[i]),
+                prior_error=float(unknowns.scale[i]),
             )
         )
     return tuple(listed)
@@ -364,7 +379,7 @@ def _body_estimates(
                 unit=unit,
                 value=float(values[i]),
                 standard_error=float(errors[i]),
-                identifiable=bool(errors[i] < IDENTIFIABLE * believed[i]),
+                prior_error=float(believed[i]),
             )
         )
     return listed
@@ -390,7 +405,7 @@ def gravity_estimates(robot: Articulated, axes: np.ndarray, covariance: np.ndarr
             unit="m/s²",
             value=float(gravity[i]),
             standard_error=float(errors[i]),
-            identifiable=bool(errors[i] < IDENTIFIABLE * TILT * size),
+            prior_error=TILT * size,
         )
         for i, axis in enumerate("xyz")
     )
