@@ -118,12 +118,13 @@ def test_motions_of_an_arm_known_from_a_log_stay_within_their_bounds_in_mujoco(t
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("joints", [4, 6])
-def test_one_hundred_motions_stay_within_their_bounds_in_mujoco(joints: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("joints", "count", "refused_at_most"), [(4, 100, 0), (6, 20, 4)])
+def test_random_motions_stay_within_their_bounds_in_mujoco(
+    joints: int, count: int, refused_at_most: int, tmp_path: Path
+) -> None:
     urdf = Path("examples/robots/small_arm.urdf").resolve()
     if joints == 6:
         urdf = tmp_path / "chain.urdf"
         urdf.write_text(chain_urdf(6, np.random.default_rng(6)))
     last = {4: "hand", 6: "l5"}[joints]
-    refused_at_most = {4: 0, 6: 20}[joints]
-    assert_motions_stay_within_their_bounds(MujocoArm(urdf, last, **TRUTH), urdf, tmp_path, 100, refused_at_most)
+    assert_motions_stay_within_their_bounds(MujocoArm(urdf, last, **TRUTH), urdf, tmp_path, count, refused_at_most)
