@@ -163,18 +163,22 @@ def test_a_model_in_use_gives_the_arm_its_payload_and_links():
     np.testing.assert_allclose(jnp.abs(rest[0]), weight, rtol=1e-12)
 
 
-def test_once_the_arms_model_is_fully_used_the_joints_learn_on_from_it():
+def test_once_the_arms_model_is_fully_used_the_joints_learn_on_from_its_rotors_and_friction():
     adaptation, still = learner(), jnp.zeros(2)
     memory = adaptation.init(State(q=still, dq=still))
     used = jnp.zeros(20).at[0].set(2.0).at[14:18].set(jnp.array([0.3, 0.2, 0.1, 9.0])).at[18:].set(0.05)
-    inertia = jnp.zeros((2, 12)).at[:, 0].set(jnp.array([0.4, 0.1]))
-    where = lambda m: (m.estimates.used, m.equations.inertia, m.trust.share)  # noqa: E731
     args = still, still, still, ARM.mass(still), ARM.bias(still, still), jnp.asarray(PERIOD), NO, ARM
     for share in (1.0, 0.9):
-        after = adaptation(Experience(*args), eqx.tree_at(where, memory, (used, inertia, jnp.asarray(share)))).joints
+        known = eqx.tree_at(lambda m: (m.estimates.used, m.trust.share), memory, (used, jnp.asarray(share)))
+        after = adaptation(Experience(*args), known)
         whole = share == 1.0
-        np.testing.assert_allclose(after.rotor, [0.85, 0.25] if whole else [0.1, 0.1], rtol=1e-12)
-        np.testing.assert_allclose(after.coulomb, [0.4, 3.0] if whole else [0.0, 0.0], atol=1e-12)
+        np.testing.assert_allclose(after.joints.rotor, 0.05 if whole else 0.1, rtol=1e-12)
+        np.testing.assert_allclose(after.joints.coulomb, [0.4, 3.0] if whole else [0.0, 0.0], atol=1e-12)
+        # The payload's inertia, without its couplings, would make the feedback too strong.
+        given_up = adaptation.robot(ARM, eqx.tree_at(lambda m: m.trust.share, after, jnp.zeros(())))
+        true = adaptation.robot(ARM, eqx.tree_at(lambda m: m.trust.share, after, jnp.asarray(1.0)))
+        ratio = np.linalg.eigvals(np.linalg.solve(true.mass(still), given_up.mass(still)))
+        assert not whole or ratio.real.max() < 1.0 + 1e-9
 
 
 def test_a_lost_payload_is_found_by_the_torque_that_it_took():
@@ -192,12 +196,21 @@ def test_a_lost_payload_is_found_by_the_torque_that_it_took():
 
 
 def test_the_filter_of_a_learnt_arm_belongs_to_the_inertia_that_couplings_leave():
-    adaptation, mass = learner(), jnp.array([[2.0, 0.8], [0.8, 0.5]])
-    memory = adaptation.init(State(q=jnp.zeros(2), dq=jnp.zeros(2)))
-    np.testing.assert_allclose(adaptation.filter_inertia(mass, memory), [2.0, 0.5], rtol=1e-12)
-    full = eqx.tree_at(lambda m: m.trust.share, memory, jnp.asarray(1.0))
-    expected = 1.0 / np.linalg.norm(np.linalg.inv(mass), axis=1)
-    np.testing.assert_allclose(adaptation.filter_inertia(mass, full), expected, rtol=1e-12)
+    adaptation, q, still = learner(), jnp.array([0.3, -0.5]), jnp.zeros(2)
+    memory = adaptation.init(State(q=q, dq=still))
+    args = q, still, still, ARM.mass(q), ARM.bias(q, still), jnp.asarray(PERIOD), NO, ARM
+    for share in (0.0, 0.5, 1.0):
+        before = eqx.tree_at(lambda m: (m.trust.share, m.slot), memory, (jnp.asarray(share), jnp.asarray(9.0)))
+        after = adaptation(Experience(*args), before)
+        mass = np.asarray(adaptation.robot(ARM, before).mass(q))
+        coupled = 1.0 / np.linalg.norm(np.linalg.inv(mass), axis=1)
+        expected = np.diagonal(mass) ** (1.0 - share) * coupled**share
+        assert share == 0.0 or (expected < 0.9 * np.diagonal(mass)).any()
+        # Without the arm's model the inertia is that of this posture, not of the last window.
+        for at in (q, q + 1.0):
+            now = adaptation.robot(ARM, after)
+            wanted = expected if share > 0.0 else np.diagonal(now.mass(at))
+            np.testing.assert_allclose(adaptation.filter_inertia(now, at, after), wanted, rtol=1e-12)
 
 
 def slow_and_fast(t):
