@@ -228,7 +228,7 @@ class ArmLearning(AbstractAdaptation):
         clean = jnp.where(x.missed, 0.0, jnp.minimum(memory.clean + 1.0, float(QUARTERS * m)))
         slot, equations, estimates, trust = memory.slot, memory.equations, memory.estimates, memory.trust
 
-        estimates = self._taught(slot, equations, estimates)
+        estimates = self._taught(slot, equations, estimates, trust.noise(self.noise**2))
         trust, estimates = jax.lax.cond(
             slot == m - 2,
             lambda: self._decided(x, equations, trust, estimates),
@@ -259,8 +259,8 @@ class ArmLearning(AbstractAdaptation):
         both = jnp.where(full, rotor, joints.rotor), jnp.where(full, coulomb, joints.coulomb)
         return eqx.tree_at(lambda own: (own.rotor, own.coulomb), joints, both)
 
-    def _taught(self, slot: Scalar, equations: Equations, estimates: Estimates) -> Estimates:
-        """The estimates after this sample's share of the equations."""
+    def _taught(self, slot: Scalar, equations: Equations, estimates: Estimates, variance: Vector) -> Estimates:
+        """The estimates after this sample's share of the equations, whose noise has a variance [n]."""
         n = equations.y.size
         share = math.ceil(n / min(BUSY, self.samples - 2))
 
@@ -271,7 +271,7 @@ class ArmLearning(AbstractAdaptation):
                 at = jnp.minimum(number, n - 1)
                 both = jax.lax.cond(
                     (number < n) & equations.teaches[at],
-                    lambda both=both, at=at: measured_once(*both, equations.row(at), equations.y[at], self.noise**2),
+                    lambda both=both, at=at: measured_once(*both, equations.row(at), equations.y[at], variance[at]),
                     lambda both=both: both,
                 )
             return both
