@@ -249,13 +249,14 @@ class ArmLearning(AbstractAdaptation):
     def _joints_after(self, x: Experience, memory: ArmLearningMemory) -> Learning:
         """Each joint's own learning after a sample; while the arm's model is in full use, its rotors and friction.
 
-        The joints' learning continues from there when the model is given up: with the arm's rotors alone, since with
-        the inertia of payload and links on the diagonal, but without their couplings, the feedback would be too strong.
+        The joints' learning continues from there after a loud window, when the arm may have changed: with the arm's
+        rotors alone, since with the inertia of payload and links on the diagonal, but without their couplings, the
+        feedback would be too strong.
         """
         joints, arm = self.joints(x, memory.joints), self.parameters(memory.estimates.used)
         rotor = jnp.clip(self.counted + arm.rotor, self.joints.rotor_min, self.joints.rotor_max)
         coulomb = jnp.clip(arm.coulomb, 0.0, self.joints.coulomb_max)
-        full = memory.trust.share >= 1.0
+        full = (memory.trust.share >= 1.0) & (memory.trust.loud <= 0.0)
         both = jnp.where(full, rotor, joints.rotor), jnp.where(full, coulomb, joints.coulomb)
         return eqx.tree_at(lambda own: (own.rotor, own.coulomb), joints, both)
 

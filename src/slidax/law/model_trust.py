@@ -28,7 +28,7 @@ FLOOR = 5.0
 """Torque that every joint is taken to have at least, relative to the noise."""
 
 BLIND = 0.025
-"""s: time without a valid window after a loud one, from which the joints' own learning takes over."""
+"""s: time without valid windows, where they make a model doubtful, from which the joints' own learning takes over."""
 
 UNSURE = 3.0
 """Variance of the torque's noise over the usual squared innovation, for a model that is learnt or on probation."""
@@ -60,7 +60,7 @@ class Trust(eqx.Module):
     - `relearns`: True while the arm is learnt from the beginning, or anew after a lasting change.
     - `since`: time since that began or ended, or since the covariance was last opened [s].
     - `loud`: time with loud windows, less that of quiet ones [s]; negative for `RELIEF` after the loss of a payload.
-    - `blind`: time without a valid window after a loud one [s].
+    - `blind`: time without a valid window after a loud one, or in the use of a model that is not proven [s].
     - `good`: time of full use without a loud window [s].
     - `confirmed`: time in which the last good model has explained the torque [s].
     - `has_good`: True if there is a last good model.
@@ -154,8 +154,8 @@ def judge(
     """Decide after a window.
 
     - A window whose innovation is loud teaches nothing: a push or a contact is no property of the arm, whose model
-      stays in use. Where a loud window is followed by gaps, since predictions fail, the joints' own learning takes over
-      after `BLIND`, and the gaps count as loud.
+      stays in use. Where gaps follow a loud window, since predictions fail, and in a model that is not `PROVEN`, the
+      joints' own learning takes over after `BLIND`, and the gaps count as loud.
     - Loud windows for `LASTING` show that the arm has changed. It is learnt anew, while the joints' own learning is in
       use. The new model is used once it has explained the torque for `PROBATION` and knows each inertia: a push that is
       taken for a payload ends before. The last good one returns as soon as it explains the torque again, also where
@@ -176,7 +176,7 @@ def judge(
     ratio, ratio_good = jnp.max(learnt / least), jnp.max(good / least)
     since = trust.since + duration
     louder = jnp.where(loud | (trust.loud < 0.0), trust.loud + duration, jnp.maximum(trust.loud - duration, 0.0))
-    unseen = ~valid & (trust.loud > 0.0)
+    unseen = ~valid & (trust.loud >= 0.0) & ((trust.loud > 0.0) | (trust.good < PROVEN))
     loud_time = jnp.where(valid, louder, jnp.where(unseen, trust.loud + duration, trust.loud))
     blind = jnp.where(unseen, trust.blind + duration, 0.0)
     # The energies remember a push for seconds, single windows do not.
@@ -203,7 +203,7 @@ def judge(
     since = jnp.where(restores, PROBATION, jnp.where(changed | done | again | fails, 0.0, since))
     uses = ~relearns & (since >= PROBATION) & (blind < BLIND)
     share = jnp.clip(trust.share + jnp.where(uses, duration / RISE, -duration / FALL), 0.0, 1.0)
-    proven = jnp.where((share >= 1.0) & ~loud, trust.good + duration, 0.0)
+    proven = jnp.where((share >= 1.0) & ~loud & ~unseen, trust.good + jnp.where(valid, duration, 0.0), 0.0)
     keeps = proven > PROVEN
     after = Trust(
         energy=trust.energy,
