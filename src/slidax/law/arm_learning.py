@@ -54,9 +54,9 @@ UPDATE_TIME = 0.01
 FEWEST = 3
 """Least number of samples between two windows: for the least squares, the decision and the next window."""
 
-BUSY = 3
-"""Samples between two windows in which equations are used; few, since an equation takes as long as a seventh of a step.
-The sample that decides takes longer than each of these."""
+BUSY = 2
+"""Samples between two windows in which equations are used; few, so that most samples take the time of a step without.
+The sample that decides takes as long as each of these."""
 
 SETTLING = 5.0
 """Samples after the start whose torques are not yet those that acted."""
