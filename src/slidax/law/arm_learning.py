@@ -16,7 +16,7 @@ from slidax.arms.arm import AbstractRobot
 from slidax.arms.articulated import Articulated
 from slidax.arms.pseudo_inertia import least_eigenvalue, nearest_body
 from slidax.core.parameter import parameter, piece
-from slidax.core.types import PerJoint, Scalar, State, Vector
+from slidax.core.types import Matrix, PerJoint, Scalar, State, Vector
 
 from .adaptation import AbstractAdaptation, Believed, Experience, LearnedParameters
 from .arm_model import (
