@@ -36,6 +36,7 @@ from .least_squares import (
     KINDS,
     QUARTERS,
     Equations,
+    Estimates,
     Window,
     diagonal_covariance,
     measured_once,
@@ -84,26 +85,6 @@ LEAST_EIGENVALUE = 1e-6
 
 SLOWEST, SOFTEST = 0.01, 0.1
 """rad/s and rad/s², or m/s and m/s²: a joint below both teaches nothing."""
-
-
-class Estimates(eqx.Module):
-    """Parameters of the arm.
-
-    - `parameters`, `covariance`: θ, and P as its packed lower triangle.
-    - `used`: what the law uses, smoothed and physically consistent [p].
-    - `good`: the last good model [p].
-    - `deviation`: standard deviation of each parameter [p].
-    - `inertia_deviation`: standard deviation of M_ii relative to itself [n].
-    - `turn`: number of the joint whose inertia deviation is computed next.
-    """
-
-    parameters: Float[Array, " p"]
-    covariance: Float[Array, " c"]
-    used: Float[Array, " p"]
-    good: Float[Array, " p"]
-    deviation: Float[Array, " p"]
-    inertia_deviation: Vector
-    turn: Scalar
 
 
 class ArmLearningMemory(eqx.Module):

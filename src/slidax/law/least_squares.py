@@ -60,6 +60,26 @@ class Equations(eqx.Module):
         return jnp.sum(self.inertial * parameters[:inertial], axis=1) + jnp.sum(self.drives * drives, axis=0)
 
 
+class Estimates(eqx.Module):
+    """Parameters of the arm.
+
+    - `parameters`, `covariance`: θ, and P as its packed lower triangle.
+    - `used`: what the law uses, smoothed and physically consistent [p].
+    - `good`: the last good model [p].
+    - `deviation`: standard deviation of each parameter [p].
+    - `inertia_deviation`: standard deviation of M_ii relative to itself [n].
+    - `turn`: number of the joint whose inertia deviation is computed next.
+    """
+
+    parameters: Float[Array, " p"]
+    covariance: Float[Array, " c"]
+    used: Float[Array, " p"]
+    good: Float[Array, " p"]
+    deviation: Float[Array, " p"]
+    inertia_deviation: Vector
+    turn: Scalar
+
+
 class Window(eqx.Module):
     """Smoothed motion in the middle of a window.
 
