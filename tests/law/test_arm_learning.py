@@ -13,13 +13,13 @@ from slidax.law import ArmLearning, ComputedTorque, JointLearning, Kalman, Known
 from slidax.law.adaptation import Experience
 from slidax.law.arm_model import ArmParameters
 from slidax.law.model_trust import (
-    CALM,
+    BLIND,
     CONFIRMED,
     LASTING,
     PROBATION,
     PROVEN,
     RELIEF,
-    SHORT,
+    UNSURE,
     Trust,
     judge,
     lost_payload,
@@ -34,7 +34,7 @@ YES, NO = jnp.asarray(True), jnp.asarray(False)
 ARM_LEARNING = {"scheme.sampled_data.adaptation": {"kind": "arm_learning"}}
 
 
-def judged(trust, seconds, *, innovation=0.0, of_good=0.0, certain=YES, heard=True, lost=0.0, left=0.0):
+def judged(trust, seconds, *, innovation=0.0, of_good=0.0, certain=YES, valid=YES, heard=True, lost=0.0, left=0.0):
     """Trust after windows in which every joint has the same innovation, N m, and a torque of 1 N m.
 
     - `lost`: share of the payload that every window finds lost. `left`: innovation without it, N m.
@@ -42,9 +42,9 @@ def judged(trust, seconds, *, innovation=0.0, of_good=0.0, certain=YES, heard=Tr
     verdicts = []
     for _ in range(round(seconds / float(STEP))):
         squares = jnp.stack([jnp.full(2, innovation**2), jnp.full(2, of_good**2), jnp.ones(2)])
-        trust, loud = trust.after_window(squares, jnp.full(2, heard), VARIANCE, STEP)
+        trust, loud = trust.after_window(squares, jnp.full(2, heard) & valid, VARIANCE, STEP)
         gone = jnp.asarray(lost), jnp.full(2, left)
-        trust, verdict = judge(trust, certain, YES, loud, *gone, VARIANCE, STEP)
+        trust, verdict = judge(trust, certain, valid, loud, *gone, VARIANCE, STEP)
         verdicts.append(verdict)
     return trust, verdicts
 
@@ -62,16 +62,50 @@ def test_a_model_that_explains_the_torque_and_knows_each_inertia_is_used(in_use)
     assert unsure.share == 0.0 and wrong.share == 0.0
 
 
-def test_a_push_returns_to_the_joints_learning_and_then_to_the_same_model(in_use):
-    pushed, verdicts = judged(in_use, SHORT + 0.15, innovation=3.0, of_good=3.0)
-    assert pushed.share == 0.0 and not pushed.relearns
-    after, more = judged(pushed, CALM + 0.4, innovation=0.01)
+def test_a_push_leaves_the_model_in_use_unless_gaps_follow(in_use):
+    pushed, verdicts = judged(in_use, LASTING - 0.2, innovation=3.0, of_good=3.0)
+    assert pushed.share == 1.0 and not pushed.relearns
+    # Predictions fail, and no window is valid: the joints' own learning takes over.
+    blind, more = judged(pushed, BLIND + 0.12, valid=NO)
+    assert blind.share == 0.0 and not blind.relearns
+    assert judged(pushed, BLIND - 0.01, valid=NO)[0].share == 1.0
+    after, most = judged(blind, 0.4, innovation=0.01)
     assert after.share == 1.0
-    assert not any(bool(verdict.opens | verdict.restores) for verdict in (*verdicts, *more))
+    assert not any(bool(verdict.opens | verdict.restores) for verdict in (*verdicts, *more, *most))
+    # Lost samples alone say nothing of a proven model; those after a loud window say that the arm may have changed.
+    assert judged(in_use, 2.0, valid=NO)[0].share == 1.0
+    assert judged(pushed, 0.3, valid=NO)[0].relearns
+    new, _ = judged(Trust.init(2, VARIANCE), 0.8 + PROBATION, innovation=0.01)
+    assert new.share == 1.0 and judged(new, BLIND + 0.12, valid=NO)[0].share == 0.0
+    # After the loss of a payload its model stays in use.
+    released, _ = judged(in_use, 0.01, innovation=3.0, of_good=3.0, lost=0.5, left=0.2)
+    assert judged(released, RELIEF - 0.05, valid=NO)[0].share == 1.0
+
+
+def test_a_model_that_fails_in_its_probation_is_not_used():
+    first, _ = judged(Trust.init(2, VARIANCE), 0.4, innovation=0.01)
+    half, _ = judged(first, 0.7 * PROBATION, innovation=0.01)
+    failing, _ = judged(half, 0.5 * PROBATION, innovation=1.0)
+    assert not failing.relearns and failing.share == 0.0
+
+
+def test_equations_count_less_while_a_model_is_not_proven(in_use):
+    adaptation, still = learner(), jnp.zeros(2)
+    memory = adaptation.init(State(q=still, dq=still))
+    speeds = memory.equations.drives.at[0].set(jnp.ones(2))
+    where = lambda m: (m.equations.drives, m.equations.y, m.equations.teaches)  # noqa: E731
+    memory = eqx.tree_at(where, memory, (speeds, jnp.ones(2), jnp.ones(2, bool)))
+    args = still, still, still, ARM.mass(still), ARM.bias(still, still), jnp.asarray(PERIOD), NO, ARM
+    first, _ = judged(Trust.init(2, VARIANCE), 0.4, innovation=0.01)
+    for trust, variance in ((Trust.init(2, VARIANCE), UNSURE * 0.3), (first, UNSURE * 0.3), (in_use, 0.02**2)):
+        trust = eqx.tree_at(lambda t: t.usual, trust, jnp.array([0.3, 0.2]))
+        after = adaptation(Experience(*args), eqx.tree_at(lambda m: m.trust, memory, trust))
+        viscous = adaptation.parameters(after.estimates.parameters).viscous
+        np.testing.assert_allclose(viscous, [0.16 / (0.16 + variance), 0.0], rtol=1e-12)
 
 
 def test_a_lasting_change_is_learnt_anew(in_use):
-    changed, verdicts = judged(in_use, LASTING + 0.05, innovation=3.0, of_good=3.0)
+    changed, verdicts = judged(in_use, LASTING + 0.15, innovation=3.0, of_good=3.0)
     assert changed.relearns and changed.share == 0.0 and any(bool(verdict.opens) for verdict in verdicts)
     assert judged(changed, 3.0, innovation=0.01, of_good=3.0)[0].share == 1.0
 
@@ -84,9 +118,9 @@ def test_a_model_that_has_lost_its_payload_stays_in_use(in_use):
     released, verdicts = judged(in_use, 0.01, innovation=3.0, of_good=3.0, lost=0.5, left=0.2)
     assert all(bool(verdict.unloads) for verdict in verdicts) and released.share == 1.0
     np.testing.assert_allclose(released.usual, 0.2**2)
-    # The unexplained rest is usual; louder windows end the use of the model only after the relief.
-    assert judged(released, RELIEF, innovation=9.0, of_good=3.0)[0].share == 1.0
-    assert judged(released, RELIEF + SHORT + 0.15, innovation=9.0, of_good=3.0)[0].share == 0.0
+    # The unexplained rest is usual; the time of louder windows counts only after the relief.
+    assert judged(released, RELIEF + LASTING - 0.05, innovation=9.0, of_good=9.0)[0].share == 1.0
+    assert judged(released, RELIEF + LASTING + 0.15, innovation=9.0, of_good=9.0)[0].share == 0.0
     after, more = judged(released, 0.2, innovation=0.3, of_good=3.0)
     assert after.share == 1.0 and not any(bool(verdict.unloads) for verdict in more)
     # An arm that is learnt anew has no payload to lose.
@@ -163,18 +197,23 @@ def test_a_model_in_use_gives_the_arm_its_payload_and_links():
     np.testing.assert_allclose(jnp.abs(rest[0]), weight, rtol=1e-12)
 
 
-def test_once_the_arms_model_is_fully_used_the_joints_learn_on_from_it():
+def test_once_the_arms_model_is_fully_used_the_joints_learn_on_from_its_rotors_and_friction():
     adaptation, still = learner(), jnp.zeros(2)
     memory = adaptation.init(State(q=still, dq=still))
     used = jnp.zeros(20).at[0].set(2.0).at[14:18].set(jnp.array([0.3, 0.2, 0.1, 9.0])).at[18:].set(0.05)
-    inertia = jnp.zeros((2, 12)).at[:, 0].set(jnp.array([0.4, 0.1]))
-    where = lambda m: (m.estimates.used, m.equations.inertia, m.trust.share)  # noqa: E731
     args = still, still, still, ARM.mass(still), ARM.bias(still, still), jnp.asarray(PERIOD), NO, ARM
-    for share in (1.0, 0.9):
-        after = adaptation(Experience(*args), eqx.tree_at(where, memory, (used, inertia, jnp.asarray(share)))).joints
-        whole = share == 1.0
-        np.testing.assert_allclose(after.rotor, [0.85, 0.25] if whole else [0.1, 0.1], rtol=1e-12)
-        np.testing.assert_allclose(after.coulomb, [0.4, 3.0] if whole else [0.0, 0.0], atol=1e-12)
+    for share, loud in ((1.0, 0.0), (0.9, 0.0), (1.0, 0.01)):
+        where = lambda m: (m.estimates.used, m.trust.share, m.trust.loud)  # noqa: E731
+        known = eqx.tree_at(where, memory, (used, jnp.asarray(share), jnp.asarray(loud)))
+        after = adaptation(Experience(*args), known)
+        whole = share == 1.0 and loud == 0.0
+        np.testing.assert_allclose(after.joints.rotor, 0.05 if whole else 0.1, rtol=1e-12)
+        np.testing.assert_allclose(after.joints.coulomb, [0.4, 3.0] if whole else [0.0, 0.0], atol=1e-12)
+        # The payload's inertia, without its couplings, would make the feedback too strong.
+        given_up = adaptation.robot(ARM, eqx.tree_at(lambda m: m.trust.share, after, jnp.zeros(())))
+        true = adaptation.robot(ARM, eqx.tree_at(lambda m: m.trust.share, after, jnp.asarray(1.0)))
+        ratio = np.linalg.eigvals(np.linalg.solve(true.mass(still), given_up.mass(still)))
+        assert not whole or ratio.real.max() < 1.0 + 1e-9
 
 
 def test_a_lost_payload_is_found_by_the_torque_that_it_took():
@@ -192,12 +231,21 @@ def test_a_lost_payload_is_found_by_the_torque_that_it_took():
 
 
 def test_the_filter_of_a_learnt_arm_belongs_to_the_inertia_that_couplings_leave():
-    adaptation, mass = learner(), jnp.array([[2.0, 0.8], [0.8, 0.5]])
-    memory = adaptation.init(State(q=jnp.zeros(2), dq=jnp.zeros(2)))
-    np.testing.assert_allclose(adaptation.filter_inertia(mass, memory), [2.0, 0.5], rtol=1e-12)
-    full = eqx.tree_at(lambda m: m.trust.share, memory, jnp.asarray(1.0))
-    expected = 1.0 / np.linalg.norm(np.linalg.inv(mass), axis=1)
-    np.testing.assert_allclose(adaptation.filter_inertia(mass, full), expected, rtol=1e-12)
+    adaptation, q, still = learner(), jnp.array([0.3, -0.5]), jnp.zeros(2)
+    memory = adaptation.init(State(q=q, dq=still))
+    args = q, still, still, ARM.mass(q), ARM.bias(q, still), jnp.asarray(PERIOD), NO, ARM
+    for share in (0.0, 0.5, 1.0):
+        before = eqx.tree_at(lambda m: (m.trust.share, m.slot), memory, (jnp.asarray(share), jnp.asarray(9.0)))
+        after = adaptation(Experience(*args), before)
+        mass = np.asarray(adaptation.robot(ARM, before).mass(q))
+        coupled = 1.0 / np.linalg.norm(np.linalg.inv(mass), axis=1)
+        expected = np.diagonal(mass) ** (1.0 - share) * coupled**share
+        assert share == 0.0 or (expected < 0.9 * np.diagonal(mass)).any()
+        # Without the arm's model the inertia is that of this posture, not of the last window.
+        for at in (q, q + 1.0):
+            now = adaptation.robot(ARM, after)
+            wanted = expected if share > 0.0 else np.diagonal(now.mass(at))
+            np.testing.assert_allclose(adaptation.filter_inertia(now, at, after), wanted, rtol=1e-12)
 
 
 def slow_and_fast(t):
@@ -327,7 +375,8 @@ def test_a_push_that_lasts_long_enough_to_be_learnt_is_forgotten_at_any_horizon(
     run = load("panda-payload", {**ARM_LEARNING, **changes}).simulate(log_every=1)
     error, share = np.abs(np.asarray(run.log.e)).max(axis=1), np.asarray(run.log.signals["arm_share"])
     assert share[5100:6000].min() == 0.0 and share[-1] == 1.0
-    assert error[6050:6500].max() < 3e-4 and error[6500:].max() < 3e-5
+    # The model that was learnt during the push is in use at its end, and errors are up to twice those of joint_learning.
+    assert error[6060:6500].max() < 3e-4 and error[6500:].max() < 3e-5
 
 
 @pytest.mark.full
@@ -335,5 +384,7 @@ def test_a_payload_that_is_let_go_is_learnt_anew():
     run = load("panda-payload", {**ARM_LEARNING, "robot.plant.load.released": 3.0}).simulate(log_every=1)
     share = np.asarray(run.log.signals["arm_share"])
     error = np.abs(np.asarray(run.log.e)).max(axis=1)
-    assert share[2999] == 1.0 and share[3000:].min() == 0.0 and share[-1] == 1.0
+    mass = np.asarray(run.log.signals["payload_mass"])
+    # The loss is recognised: the model stays in use, without the payload.
+    assert share[2999:].min() == 1.0 and abs(mass[-1]) < 0.1 * mass[2999]
     assert error[-500:].max() < 5e-5 and run.outcome.kind == "ok"

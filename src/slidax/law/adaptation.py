@@ -158,13 +158,17 @@ class AbstractAdaptation(AbstractPart):
         """True while the learnt model is in full use."""
         return jnp.ones((), bool)
 
-    def robot(self, nominal: AbstractRobot, memory: Memory) -> AbstractRobot:
+    def robot(self, nominal: AbstractRobot, memory: Memory) -> Believed:
         """Return the nominal arm with the estimated inertias; its friction stays nominal."""
         return Believed.of(nominal, self.learnt(memory).rotor, self.counted)
 
-    def filter_inertia(self, mass: Matrix, memory: Memory) -> Vector:
-        """Return the inertia of each joint that the estimator's bandwidth belongs to [n], from M̂ [n n]."""
-        return jnp.diagonal(mass)
+    def changed_links(self, memory: Memory) -> Bool[Array, ""]:
+        """True if the last sample may have changed more of the arm's model than J and f; asked where `moves_bias`."""
+        return jnp.ones((), bool)
+
+    def filter_inertia(self, robot: AbstractRobot, q: Vector, memory: Memory) -> Vector:
+        """Return the inertia of each joint that the estimator's bandwidth belongs to [n], of the arm M̂ at q."""
+        return jnp.diagonal(robot.mass(q))
 
     def frozen(self, memory: Memory) -> AbstractAdaptation:
         """Return a constant adaptation with the estimates as they are, whose memory is zeros [n]."""

@@ -15,7 +15,6 @@ from slidax.arms.adjusted import PAYLOAD, inertial_regressor
 from slidax.arms.arm import AbstractRobot
 from slidax.arms.articulated import Articulated
 from slidax.arms.pseudo_inertia import least_eigenvalue, nearest_body
-from slidax.core.linear_algebra import solve_symmetric
 from slidax.core.parameter import parameter, piece
 from slidax.core.types import Matrix, PerJoint, Scalar, State, Vector
 
@@ -27,6 +26,7 @@ from .arm_model import (
     TorqueShapes,
     arm_with,
     articulated,
+    coupled_inertia,
     friction_shapes,
     link_body,
     parameter_count,
@@ -36,6 +36,7 @@ from .least_squares import (
     KINDS,
     QUARTERS,
     Equations,
+    Estimates,
     Window,
     diagonal_covariance,
     measured_once,
@@ -53,6 +54,10 @@ UPDATE_TIME = 0.01
 
 FEWEST = 3
 """Least number of samples between two windows: for the least squares, the decision and the next window."""
+
+BUSY = 2
+"""Samples between two windows in which equations are used; few, so that most samples take the time of a step without.
+The sample that decides takes as long as each of these."""
 
 SETTLING = 5.0
 """Samples after the start whose torques are not yet those that acted."""
@@ -82,26 +87,6 @@ SLOWEST, SOFTEST = 0.01, 0.1
 """rad/s and rad/s², or m/s and m/s²: a joint below both teaches nothing."""
 
 
-class Estimates(eqx.Module):
-    """Parameters of the arm.
-
-    - `parameters`, `covariance`: θ, and P as its packed lower triangle.
-    - `used`: what the law uses, smoothed and physically consistent [p].
-    - `good`: the last good model [p].
-    - `deviation`: standard deviation of each parameter [p].
-    - `inertia_deviation`: standard deviation of M_ii relative to itself [n].
-    - `turn`: number of the joint whose inertia deviation is computed next.
-    """
-
-    parameters: Float[Array, " p"]
-    covariance: Float[Array, " c"]
-    used: Float[Array, " p"]
-    good: Float[Array, " p"]
-    deviation: Float[Array, " p"]
-    inertia_deviation: Vector
-    turn: Scalar
-
-
 class ArmLearningMemory(eqx.Module):
     """Memory of the learning.
 
@@ -110,6 +95,7 @@ class ArmLearningMemory(eqx.Module):
     - `clean`: samples since the last gap.
     - `sums`: of the overlapping windows.
     - `equations`, `estimates`, `trust`: from the last window on.
+    - `filter_inertia`: inertia of each joint that the estimator's bandwidth belongs to, from the last window [n].
     """
 
     joints: Learning
@@ -119,6 +105,7 @@ class ArmLearningMemory(eqx.Module):
     equations: Equations
     estimates: Estimates
     trust: Trust
+    filter_inertia: Vector
 
 
 class ArmLearning(AbstractAdaptation):
@@ -190,10 +177,11 @@ class ArmLearning(AbstractAdaptation):
             clean=jnp.zeros(()) - SETTLING,
             sums=jnp.zeros((QUARTERS, KINDS + self.shapes.count, n)),
             equations=Equations(
-                rows=jnp.zeros((n, p)),
+                inertial=jnp.zeros((n, PAYLOAD + n)),
+                drives=jnp.zeros((4 + self.shapes.count, n)),
                 y=jnp.zeros(n),
-                inertia=jnp.zeros((n, PAYLOAD + n)),
-                diagonal=jnp.ones(n),
+                inertia=jnp.zeros(PAYLOAD + n),
+                nominal=jnp.ones(()),
                 teaches=jnp.zeros(n, bool),
                 valid=jnp.zeros((), bool),
                 loud=jnp.zeros(2, bool),
@@ -211,6 +199,7 @@ class ArmLearning(AbstractAdaptation):
                 turn=jnp.zeros(()),
             ),
             trust=Trust.init(n, self.noise**2),
+            filter_inertia=jnp.ones(n),
         )
 
     def __call__(self, experience: Experience, memory: ArmLearningMemory) -> ArmLearningMemory:
@@ -220,46 +209,57 @@ class ArmLearning(AbstractAdaptation):
         clean = jnp.where(x.missed, 0.0, jnp.minimum(memory.clean + 1.0, float(QUARTERS * m)))
         slot, equations, estimates, trust = memory.slot, memory.equations, memory.estimates, memory.trust
 
-        estimates = self._taught(slot, equations, estimates)
+        estimates = self._taught(slot, equations, estimates, trust.noise(self.noise**2))
         trust, estimates = jax.lax.cond(
             slot == m - 2,
             lambda: self._decided(x, equations, trust, estimates),
             lambda: (trust, estimates),
         )
         last = slot >= m - 1
-        sums, equations, trust = jax.lax.cond(
+        sums, equations, trust, inertia = jax.lax.cond(
             last,
-            lambda: self._next(x, sums, clean >= QUARTERS * m, trust, estimates, equations.fits),
-            lambda: (sums, equations, trust),
+            lambda: self._next(x, sums, clean >= QUARTERS * m, trust, estimates, memory),
+            lambda: (sums, equations, trust, memory.filter_inertia),
         )
-        joints = self._joints_after(x, memory)
-        return ArmLearningMemory(joints, jnp.where(last, 0.0, slot + 1.0), clean, sums, equations, estimates, trust)
+        joints, slot = self._joints_after(x, memory), jnp.where(last, 0.0, slot + 1.0)
+        return ArmLearningMemory(joints, slot, clean, sums, equations, estimates, trust, inertia)
+
+    def changed_links(self, memory: ArmLearningMemory) -> Bool[Array, ""]:
+        return memory.slot == self.samples - 1
 
     def _joints_after(self, x: Experience, memory: ArmLearningMemory) -> Learning:
-        """Each joint's own learning after a sample; while the arm's model is in full use, its inertia and friction.
+        """Each joint's own learning after a sample; while the arm's model is in full use, its rotors and friction.
 
-        The joints' learning continues from there when the model is given up.
+        The joints' learning continues from there after a loud window, when the arm may have changed: with the arm's
+        rotors alone, since with the inertia of payload and links on the diagonal, but without their couplings, the
+        feedback would be too strong.
         """
-        joints, arm, equations = self.joints(x, memory.joints), self.parameters(memory.estimates.used), memory.equations
-        of_links = jnp.sum(equations.inertia * jnp.concatenate([arm.payload, arm.factors]), axis=1)
-        rotor, coulomb = self.counted + arm.rotor + of_links, jnp.clip(arm.coulomb, 0.0, self.joints.coulomb_max)
-        full = memory.trust.share >= 1.0
+        joints, arm = self.joints(x, memory.joints), self.parameters(memory.estimates.used)
+        rotor = jnp.clip(self.counted + arm.rotor, self.joints.rotor_min, self.joints.rotor_max)
+        coulomb = jnp.clip(arm.coulomb, 0.0, self.joints.coulomb_max)
+        full = (memory.trust.share >= 1.0) & (memory.trust.loud <= 0.0)
         both = jnp.where(full, rotor, joints.rotor), jnp.where(full, coulomb, joints.coulomb)
         return eqx.tree_at(lambda own: (own.rotor, own.coulomb), joints, both)
 
-    def _taught(self, slot: Scalar, equations: Equations, estimates: Estimates) -> Estimates:
-        """The estimates after this sample's share of the equations."""
-        n, m = equations.y.size, self.samples
-        both = estimates.parameters, estimates.covariance
-        share = math.ceil(n / (m - 2))
-        for k in range(share):
-            number = share * slot.astype(int) + k
-            at = jnp.minimum(number, n - 1)
-            both = jax.lax.cond(
-                (number < n) & equations.teaches[at],
-                lambda both=both, at=at: measured_once(*both, equations.rows[at], equations.y[at], self.noise**2),
-                lambda both=both: both,
-            )
+    def _taught(self, slot: Scalar, equations: Equations, estimates: Estimates, variance: Vector) -> Estimates:
+        """The estimates after this sample's share of the equations, whose noise has a variance [n]."""
+        n = equations.y.size
+        share = math.ceil(n / min(BUSY, self.samples - 2))
+
+        def taught() -> tuple[Float[Array, " p"], Float[Array, " c"]]:
+            both = estimates.parameters, estimates.covariance
+            for k in range(share):
+                number = share * slot.astype(int) + k
+                at = jnp.minimum(number, n - 1)
+                both = jax.lax.cond(
+                    (number < n) & equations.teaches[at],
+                    lambda both=both, at=at: measured_once(*both, equations.row(at), equations.y[at], variance[at]),
+                    lambda both=both: both,
+                )
+            return both
+
+        before = estimates.parameters, estimates.covariance
+        both = jax.lax.cond(share * slot < n, taught, lambda: before)
         return eqx.tree_at(lambda e: (e.parameters, e.covariance), estimates, both)
 
     def _next(
@@ -269,39 +269,46 @@ class ArmLearning(AbstractAdaptation):
         valid: Bool[Array, ""],
         trust: Trust,
         estimates: Estimates,
-        fitted: Bool[Array, ""],
-    ) -> tuple[Float[Array, "4 k n"], Equations, Trust]:
-        """The equations of the window that ends with this sample.
+        memory: ArmLearningMemory,
+    ) -> tuple[Float[Array, "4 k n"], Equations, Trust, Vector]:
+        """The equations of the window that ends with this sample, and the filter's inertia.
 
-        - `fitted`: `fits` of the window before.
+        - `memory`: before this sample.
         """
         window, arm = Window.of(sums), articulated(x.nominal)
         n = window.q.size
         own = inertial_regressor(arm, window.q, window.dq, window.ddq)
-        each = (jnp.eye(n) * v for v in (window.dq, window.first, window.second, *window.more, window.ddq))
-        rows = jnp.concatenate([own.torque, *each], axis=1)
-        y = window.tau - jnp.sum(own.torque[:, PAYLOAD:], axis=1) - arm.armature * window.ddq
-        missed = y - jnp.sum(rows * estimates.parameters, axis=1)
-        missed_by_good = y - jnp.sum(rows * estimates.good, axis=1)
+        turn = jnp.arange(n, dtype=float) == estimates.turn
+        equations = eqx.tree_at(
+            lambda e: (e.inertial, e.drives, e.y, e.inertia, e.nominal),
+            memory.equations,
+            (
+                own.torque,
+                jnp.stack([window.dq, window.first, window.second, *window.more, window.ddq]),
+                window.tau - jnp.sum(own.torque[:, PAYLOAD:], axis=1) - arm.armature * window.ddq,
+                jnp.sum(jnp.where(turn[:, None], own.inertia, 0.0), axis=0),
+                jnp.sum(jnp.where(turn, jnp.sum(own.inertia[:, PAYLOAD:], axis=1) + arm.armature, 0.0)),
+            ),
+        )
+        y = equations.y
+        missed = y - equations.explained(estimates.parameters)
+        missed_by_good = y - equations.explained(estimates.good)
         moves = (jnp.abs(window.dq) > SLOWEST) | (jnp.abs(window.ddq) > SOFTEST)
         squares = jnp.stack([missed * missed, missed_by_good * missed_by_good, y * y])
         heard = valid & moves
         trust, loud = trust.after_window(squares, heard, self.noise**2, self.samples * x.period)
-        carried = rows[:, :PAYLOAD] @ estimates.parameters[:PAYLOAD]
+        carried = jnp.sum(own.torque[:, :PAYLOAD] * estimates.parameters[:PAYLOAD], axis=1)
         fits, lost, left = lost_payload(missed, carried, heard, self.noise**2)
-        equations = Equations(
-            rows=rows,
-            y=y,
-            inertia=own.inertia,
-            diagonal=jnp.sum(own.inertia[:, PAYLOAD:], axis=1) + arm.armature,
-            teaches=heard & (trust.relearns | ~loud[0] | (trust.loud < 0.0)),
-            valid=valid,
-            loud=loud,
-            fits=fits,
-            lost=jnp.where(loud[0] & fits & fitted & (lost > LEAST_LOST), lost, 0.0),
-            left=left,
+        fitted, teaches = memory.equations.fits, heard & (trust.relearns | ~loud[0] | (trust.loud < 0.0))
+        lost = jnp.where(loud[0] & fits & fitted & (lost > LEAST_LOST), lost, 0.0)
+        equations = eqx.tree_at(
+            lambda e: (e.teaches, e.valid, e.loud, e.fits, e.lost, e.left),
+            equations,
+            (teaches, valid, loud, fits, lost, left),
         )
-        return next_windows(sums), equations, trust
+        now = eqx.tree_at(lambda own: (own.estimates, own.trust), memory, (estimates, trust))
+        inertia = coupled_inertia(self.robot(arm, now).mass(x.q), trust.share)
+        return next_windows(sums), equations, trust, inertia
 
     def _decided(
         self, x: Experience, equations: Equations, trust: Trust, estimates: Estimates
@@ -349,10 +356,9 @@ class ArmLearning(AbstractAdaptation):
         """`√(m_iᵀ P m_i)/M_ii` with `m_i = ∂M_ii/∂θ` [n], anew for one joint after each window."""
         n, p = equations.y.size, estimates.parameters.size
         turn = jnp.arange(n, dtype=float) == estimates.turn
-        inertia = equations.inertia[estimates.turn.astype(int)]
+        inertia, nominal = equations.inertia, equations.nominal
         row = jnp.concatenate([inertia, jnp.zeros(p - inertia.size - n), jnp.where(turn, 1.0, 0.0)])
         variance = quadratic_form(estimates.covariance, row)
-        nominal = jnp.sum(jnp.where(turn, equations.diagonal, 0.0))
         mass = jnp.maximum(nominal + jnp.sum(row * estimates.parameters), 0.1 * nominal)
         return jnp.where(turn, jnp.sqrt(jnp.maximum(variance, 0.0)) / mass, estimates.inertia_deviation)
 
@@ -403,24 +409,19 @@ class ArmLearning(AbstractAdaptation):
             coulomb=own.coulomb + share * (arm.coulomb - own.coulomb),
         )
 
-    def robot(self, nominal: AbstractRobot, memory: ArmLearningMemory) -> AbstractRobot:
+    def robot(self, nominal: AbstractRobot, memory: ArmLearningMemory) -> Believed:
         """Return the nominal arm with a share of the learnt payload and link masses, and the rotors."""
         own = self.parameters(memory.estimates.used)
-        arm = Believed.of(arm_with(nominal, memory.trust.share, own), self.learnt(memory).rotor, self.counted)
-        if self.ripple is None or own.more is None:
-            return arm
-        return Rippled(arm.joint_units, arm.joint_names, arm, self.shapes, memory.trust.share * own.more)
+        arm: AbstractRobot = arm_with(nominal, memory.trust.share, own)
+        if self.ripple is not None and own.more is not None:
+            arm = Rippled(arm.joint_units, arm.joint_names, arm, self.shapes, memory.trust.share * own.more)
+        return Believed.of(arm, self.learnt(memory).rotor, self.counted)
 
-    def filter_inertia(self, mass: Matrix, memory: ArmLearningMemory) -> Vector:
-        """Return a mean of `M̂_ii` and of `1/√(Σ_j (M̂⁻¹)_ij²)`, geometric, with the shares 1 - α and α.
-
-        The second is the inertia with which a joint responds to torques of one density on all joints. A payload's
-        coupling makes it much smaller than `M̂_ii`; the joints' own learning does not know the coupling.
-        """
-        inverse = jax.vmap(solve_symmetric, (None, 0))(mass, jnp.eye(mass.shape[0]))
-        diagonal = jnp.diagonal(mass)
-        smaller = jnp.log(jnp.sum(inverse * inverse, axis=1) * diagonal * diagonal)
-        return diagonal * jnp.exp(-0.5 * memory.trust.share * smaller)
+    def filter_inertia(self, robot: AbstractRobot, q: Vector, memory: ArmLearningMemory) -> Vector:
+        """Return `coupled_inertia` of the last window; `M̂_ii` at q while α is 0, since no coupling is known."""
+        return jax.lax.cond(
+            memory.trust.share > 0.0, lambda: memory.filter_inertia, lambda: jnp.diagonal(robot.mass(q))
+        )
 
     def mass_at_start(self, mass: Matrix) -> Matrix:
         return self.joints.mass_at_start(mass)

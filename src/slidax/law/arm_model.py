@@ -5,13 +5,15 @@ from __future__ import annotations
 from typing import ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from slidax.arms.adjusted import PAYLOAD, Adjusted
 from slidax.arms.arm import AbstractRobot
 from slidax.arms.articulated import Articulated
 from slidax.core.errors import DefinitionError
+from slidax.core.linear_algebra import solve_symmetric
 from slidax.core.parameter import parameter, piece
 from slidax.core.types import Matrix, PerJoint, Scalar, State, Vector
 
@@ -70,9 +72,10 @@ class ArmParameters(eqx.Module):
 
 
 def friction_shapes(dq: Vector) -> tuple[Vector, Vector]:
-    """Return `tanh(q̇/v_1)` and `tanh(q̇/v_2)`, [n]."""
-    first, second = FRICTION_SPEEDS
-    return jnp.tanh(dq / first), jnp.tanh(dq / second)
+    """Return `tanh(q̇/v_1)` and `tanh(q̇/v_2)`, [n], the first by doubling the argument twice: `v_2 = 4 v_1`."""
+    second = jnp.tanh(dq / FRICTION_SPEEDS[1])
+    half = 2.0 * second / (1.0 + second * second)
+    return 2.0 * half / (1.0 + half * half), second
 
 
 class TorqueShapes(eqx.Module):
@@ -149,6 +152,21 @@ class Rippled(AbstractRobot):
         return self.arm.tip(q)
 
 
+def coupled_inertia(mass: Matrix, share: Scalar) -> Vector:
+    """Return a mean of `M_ii` and of `1/√(Σ_j (M⁻¹)_ij²)`, geometric, with the shares 1 - α and α, [n].
+
+    The second is the inertia with which a joint responds to torques of one density on all joints. A payload's coupling
+    makes it much smaller than `M_ii`.
+
+    - `mass`: M [n n].
+    - `share`: α.
+    """
+    inverse = jax.vmap(solve_symmetric, (None, 0))(mass, jnp.eye(mass.shape[0]))
+    diagonal = jnp.diagonal(mass)
+    smaller = jnp.log(jnp.sum(inverse * inverse, axis=1) * diagonal * diagonal)
+    return diagonal * jnp.exp(-0.5 * share * smaller)
+
+
 def parameter_count(joints: int, more: int = 0) -> int:
     """Number of parameters of an arm with `more` further shapes of torque."""
     return PAYLOAD + (5 + more) * joints
@@ -212,10 +230,13 @@ class KnownArm(AbstractAdaptation):
         friction = memory + self.viscous, memory + self.first, memory + self.second
         return ArmParameters(self.payload, memory + self.factors, *friction, memory + self.rotor - self.counted)
 
+    def changed_links(self, memory: Vector) -> Bool[Array, ""]:
+        return jnp.zeros((), bool)
+
     def learnt(self, memory: Vector) -> LearnedParameters:
         return LearnedParameters(rotor=memory + self.rotor, coulomb=memory + self.first + self.second)
 
-    def robot(self, nominal: AbstractRobot, memory: Vector) -> AbstractRobot:
+    def robot(self, nominal: AbstractRobot, memory: Vector) -> Believed:
         arm = arm_with(nominal, jnp.ones(()), self.parameters(memory))
         return Believed.of(arm, self.learnt(memory).rotor, self.counted)
 

@@ -295,7 +295,11 @@ class StrongTracking(AbstractEstimator):
         room = self.share * jnp.clip(2.0 - memory.spent / BUDGET, 0.0, 1.0)
         spent = memory.spent * jnp.exp(-elapsed / REST) + elapsed * beyond
         grown = jnp.maximum(jnp.minimum((1.0 + room * beyond) * pace, FASTEST_GROWN), pace)
-        gains = self.filter.gains * (paced(grown) / paced(pace))
+        gains = jax.lax.cond(
+            jnp.any(grown > pace),
+            lambda: self.filter.gains * (paced(grown) / paced(pace)),
+            lambda: self.filter.gains,
+        )
         estimate, _ = Kalman(gains)(measured, prior, elapsed, missed, ())
         return estimate, TrackingMemory(beyond, trail + innovation, spent)
 

@@ -8,7 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from slidax.core.types import Scalar, Vector
 
@@ -22,10 +22,11 @@ QUARTERS = 4
 class Equations(eqx.Module):
     """One equation `y = aᵀθ` for each joint, from one window.
 
-    - `rows`: a [n p].
+    - `inertial`: derivative of the torque by payload and link factors [n b].
+    - `drives`: derivative of each joint's torque by its own further parameters [k n].
     - `y`: torque that the nominal arm does not explain [n], N m or N.
-    - `inertia`: derivative of M_ii by payload and link factors [n b].
-    - `diagonal`: M_ii of the nominal arm [n].
+    - `inertia`, `nominal`: derivative of M_ii by payload and link factors [b], and M_ii of the nominal arm, for the
+      joint whose deviation is computed next.
     - `teaches`: True for each equation that is used [n].
     - `valid`: True for a window without a gap. `loud`: for a loud innovation of the learnt, and of the good model.
     - `fits`: True if the loss of a share of the payload explains the window.
@@ -33,16 +34,50 @@ class Equations(eqx.Module):
       [n].
     """
 
-    rows: Float[Array, "n p"]
+    inertial: Float[Array, "n b"]
+    drives: Float[Array, "k n"]
     y: Vector
-    inertia: Float[Array, "n b"]
-    diagonal: Vector
+    inertia: Float[Array, " b"]
+    nominal: Scalar
     teaches: Bool[Array, " n"]
     valid: Bool[Array, ""]
     loud: Bool[Array, "2"]
     fits: Bool[Array, ""]
     lost: Scalar
     left: Vector
+
+    # Traced once, and a function in exported C.
+    @jax.jit
+    def row(self, joint: Int[Array, ""]) -> Float[Array, " p"]:
+        """Return a of one joint."""
+        own = jnp.where(jnp.arange(self.y.size) == joint, self.drives, 0.0)
+        return jnp.concatenate([self.inertial[joint], own.reshape(-1)])
+
+    def explained(self, parameters: Float[Array, " p"]) -> Vector:
+        """Return `aᵀθ` [n]."""
+        inertial = self.inertial.shape[1]
+        drives = parameters[inertial:].reshape(self.drives.shape)
+        return jnp.sum(self.inertial * parameters[:inertial], axis=1) + jnp.sum(self.drives * drives, axis=0)
+
+
+class Estimates(eqx.Module):
+    """Parameters of the arm.
+
+    - `parameters`, `covariance`: θ, and P as its packed lower triangle.
+    - `used`: what the law uses, smoothed and physically consistent [p].
+    - `good`: the last good model [p].
+    - `deviation`: standard deviation of each parameter [p].
+    - `inertia_deviation`: standard deviation of M_ii relative to itself [n].
+    - `turn`: number of the joint whose inertia deviation is computed next.
+    """
+
+    parameters: Float[Array, " p"]
+    covariance: Float[Array, " c"]
+    used: Float[Array, " p"]
+    good: Float[Array, " p"]
+    deviation: Float[Array, " p"]
+    inertia_deviation: Vector
+    turn: Scalar
 
 
 class Window(eqx.Module):

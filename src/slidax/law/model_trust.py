@@ -27,8 +27,11 @@ WORSE, WRONG = 4.0, 0.02
 FLOOR = 5.0
 """Torque that every joint is taken to have at least, relative to the noise."""
 
-SHORT, CALM = 0.025, 0.15
-"""s: loud time after which the joints' own learning takes over, and quiet time after which the arm's model returns."""
+BLIND = 0.025
+"""s: time without valid windows, where they make a model doubtful, from which the joints' own learning takes over."""
+
+UNSURE = 3.0
+"""Variance of the torque's noise over the usual squared innovation, for a model that is learnt or on probation."""
 
 LASTING = 0.5
 """s: loud time after which the arm counts as changed, and is learnt anew."""
@@ -56,8 +59,8 @@ class Trust(eqx.Module):
     - `share`: α, share of the arm's model in what the law uses; 0 for the joints' own learning.
     - `relearns`: True while the arm is learnt from the beginning, or anew after a lasting change.
     - `since`: time since that began or ended, or since the covariance was last opened [s].
-    - `loud`, `quiet`: time with loud windows, less that of quiet ones, and time since the last loud window [s]. `loud`
-      is negative for `RELIEF` after the loss of a payload.
+    - `loud`: time with loud windows, less that of quiet ones [s]; negative for `RELIEF` after the loss of a payload.
+    - `blind`: time without a valid window after a loud one, or in the use of a model that is not proven [s].
     - `good`: time of full use without a loud window [s].
     - `confirmed`: time in which the last good model has explained the torque [s].
     - `has_good`: True if there is a last good model.
@@ -69,7 +72,7 @@ class Trust(eqx.Module):
     relearns: Bool[Array, ""]
     since: Scalar
     loud: Scalar
-    quiet: Scalar
+    blind: Scalar
     good: Scalar
     confirmed: Scalar
     has_good: Bool[Array, ""]
@@ -85,11 +88,20 @@ class Trust(eqx.Module):
             relearns=jnp.ones((), bool),
             since=nothing,
             loud=nothing,
-            quiet=nothing,
+            blind=nothing,
             good=nothing,
             confirmed=nothing,
             has_good=jnp.zeros((), bool),
         )
+
+    def noise(self, variance: Scalar) -> Vector:
+        """Return the variance of the torque's noise that an equation is taken to have [n], (N m)² or N².
+
+        While the model is not proven its own error counts, so that no single event decides a parameter.
+
+        - `variance`: of a proven model's equations.
+        """
+        return jnp.where(self.relearns | (self.since < PROBATION), UNSURE * self.usual, variance)
 
     def after_window(
         self, squares: Float[Array, "3 n"], heard: Bool[Array, " n"], variance: Scalar, duration: Scalar
@@ -141,8 +153,9 @@ def judge(
 ) -> tuple[Trust, Verdict]:
     """Decide after a window.
 
-    - A window whose innovation is loud teaches nothing, and after `SHORT` of them the joints' own learning takes over:
-      a push or a contact is no property of the arm. The model returns after `CALM`.
+    - A window whose innovation is loud teaches nothing: a push or a contact is no property of the arm, whose model
+      stays in use. Where gaps follow a loud window, since predictions fail, and in a model that is not `PROVEN`, the
+      joints' own learning takes over after `BLIND`, and the gaps count as loud.
     - Loud windows for `LASTING` show that the arm has changed. It is learnt anew, while the joints' own learning is in
       use. The new model is used once it has explained the torque for `PROBATION` and knows each inertia: a push that is
       taken for a payload ends before. The last good one returns as soon as it explains the torque again, also where
@@ -163,8 +176,9 @@ def judge(
     ratio, ratio_good = jnp.max(learnt / least), jnp.max(good / least)
     since = trust.since + duration
     louder = jnp.where(loud | (trust.loud < 0.0), trust.loud + duration, jnp.maximum(trust.loud - duration, 0.0))
-    loud_time = jnp.where(valid, louder, trust.loud)
-    quiet = jnp.where(valid & ~loud, trust.quiet + duration, 0.0)
+    unseen = ~valid & (trust.loud >= 0.0) & ((trust.loud > 0.0) | (trust.good < PROVEN))
+    loud_time = jnp.where(valid, louder, jnp.where(unseen, trust.loud + duration, trust.loud))
+    blind = jnp.where(unseen, trust.blind + duration, 0.0)
     # The energies remember a push for seconds, single windows do not.
     explains = (ratio_good < EXPLAINS) | ~loud_by_good
     confirmed = jnp.where(valid & explains, trust.confirmed + duration, 0.0)
@@ -185,10 +199,11 @@ def judge(
     usual = jnp.where(restores | (done & ~trust.has_good), jnp.maximum(of_model, variance), trust.usual)
     usual = jnp.where(unloads, jnp.maximum(usual, left * left), usual)
     loud_time = jnp.where(changed | settled, 0.0, loud_time)
-    since = jnp.where(restores, PROBATION, jnp.where(changed | done | again, 0.0, since))
-    uses = ~relearns & (since >= PROBATION) & ((loud_time < SHORT) | (quiet > CALM))
+    fails = ~relearns & (trust.since < PROBATION) & (ratio > EXPLAINS)
+    since = jnp.where(restores, PROBATION, jnp.where(changed | done | again | fails, 0.0, since))
+    uses = ~relearns & (since >= PROBATION) & (blind < BLIND)
     share = jnp.clip(trust.share + jnp.where(uses, duration / RISE, -duration / FALL), 0.0, 1.0)
-    proven = jnp.where((share >= 1.0) & ~loud, trust.good + duration, 0.0)
+    proven = jnp.where((share >= 1.0) & ~loud & ~unseen, trust.good + jnp.where(valid, duration, 0.0), 0.0)
     keeps = proven > PROVEN
     after = Trust(
         energy=trust.energy,
@@ -197,7 +212,7 @@ def judge(
         relearns=relearns,
         since=since,
         loud=loud_time,
-        quiet=quiet,
+        blind=blind,
         good=proven,
         confirmed=confirmed,
         has_good=trust.has_good | keeps,

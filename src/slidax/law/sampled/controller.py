@@ -34,8 +34,8 @@ from .prediction import (
     commands_kept,
     experience_of,
     free_acceleration,
+    left_unexplained,
     mean_past_torque,
-    newly_explained,
     predict_state,
     predict_up_to,
     reference_ahead,
@@ -320,7 +320,7 @@ class SampledData(AbstractController):
         estimator = self.estimator
         if self.adaptation is not None and memory.adapted is not None:
             adapted = memory.adapted.memory
-            estimator = estimator.for_inertia(self.adaptation.filter_inertia(robot.mass(prior.state.q), adapted))
+            estimator = estimator.for_inertia(self.adaptation.filter_inertia(robot, prior.state.q, adapted))
             estimator = estimator.with_share(self.adaptation.share(adapted))
         estimate, estimated = estimator(state, prior, elapsed, missed, memory.estimator)
         return self._within_reason(estimate), estimated, prior
@@ -355,10 +355,12 @@ class SampledData(AbstractController):
         adapted = AdaptationMemory(self.adaptation(experience, known.memory), friction, recovering)
         # The disturbance is a torque: with another inertia it is another acceleration.
         at, revised = estimate.state, self._robot(adapted)
-        lumped = matvec(robot.mass(at.q), estimate.disturbance)
         if self.adaptation.moves_bias:
             before, after = (self.adaptation.friction(part.memory, reference.dq) for part in (known, adapted))
-            lumped = lumped + newly_explained(robot, revised, at, reference) + after - before
+            changed = self.adaptation.changed_links(adapted.memory)
+            lumped = left_unexplained(robot, revised, changed, estimate, reference) + after - before
+        else:
+            lumped = matvec(robot.mass(at.q), estimate.disturbance)
         explained = Estimate(at, solve_symmetric(revised.mass(at.q), lumped))
         return LearnedModel(revised, explained, net, adapted, self.adaptation.settled(adapted.memory))
 

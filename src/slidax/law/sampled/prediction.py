@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
@@ -14,7 +15,7 @@ from slidax.arms.arm import AbstractRobot
 from slidax.core.linear_algebra import matvec, solve_symmetric
 from slidax.core.types import Memory, Reference, Scalar, State, Vector
 
-from ..adaptation import AbstractAdaptation, Experience
+from ..adaptation import AbstractAdaptation, Believed, Experience
 from ..estimators import Estimate
 
 
@@ -37,14 +38,26 @@ def free_acceleration(nominal: AbstractRobot, state: State, tau: Vector) -> Vect
     return solve_symmetric(nominal.mass(state.q), tau - nominal.bias(state.q, state.dq))
 
 
-def newly_explained(before: AbstractRobot, after: AbstractRobot, state: State, reference: Reference) -> Vector:
-    """Return the part of the disturbance that a changed model explains [n], N m or N, without friction.
+def left_unexplained(
+    before: AbstractRobot, after: AbstractRobot, changed: Bool[Array, ""], estimate: Estimate, reference: Reference
+) -> Vector:
+    """Return the disturbance of a changed model [n], N m or N, without friction.
 
-    `(M_new - M_old) q̈_d + b_new - b_old`. Added to `M_old w` it leaves the torque of the law as it was.
+    `M_old w + (M_new - M_old) q̈_d + b_new - b_old`, which leaves the torque of the law as it was.
+
+    - `changed`: False if only the rotors differ: the model of the links is then evaluated once.
     """
-    q, dq = state.q, state.dq
-    change = after.mass(q) - before.mass(q)
-    return matvec(change, reference.ddq) + after.bias(q, dq) - before.bias(q, dq)
+    assert isinstance(before, Believed)
+    assert isinstance(after, Believed)
+    q, dq = estimate.state.q, estimate.state.dq
+    new, bias = after.mass(q), after.bias(q, dq)
+    rotors = eqx.tree_at(lambda arm: arm.rotor, after, before.rotor)
+    old, moved = jax.lax.cond(
+        changed,
+        lambda: (before.mass(q), bias - before.bias(q, dq)),
+        lambda: (rotors.mass(q), jnp.zeros_like(bias)),
+    )
+    return matvec(old, estimate.disturbance) + matvec(new - old, reference.ddq) + moved
 
 
 class Prediction(NamedTuple):
