@@ -375,7 +375,7 @@ def test_a_push_that_lasts_long_enough_to_be_learnt_is_forgotten_at_any_horizon(
     run = load("panda-payload", {**ARM_LEARNING, **changes}).simulate(log_every=1)
     error, share = np.abs(np.asarray(run.log.e)).max(axis=1), np.asarray(run.log.signals["arm_share"])
     assert share[5100:6000].min() == 0.0 and share[-1] == 1.0
-    # The model that was learnt during the push is in use at its end, and errors are up to twice those of joint_learning.
+    # The model that was learnt during the push is in use at its end: errors are up to twice those of joint_learning.
     assert error[6060:6500].max() < 3e-4 and error[6500:].max() < 3e-5
 
 
