@@ -360,6 +360,12 @@ PUSHED = {
 
 
 @pytest.mark.full
+def test_the_arms_model_comes_into_use_with_a_law_whose_error_is_large():
+    run = load("panda-payload", {**ARM_LEARNING, "scheme.name": "computed_torque", "simulation.t1": 4.0}).simulate()
+    assert np.asarray(run.log.signals["arm_share"])[-1] == 1.0
+
+
+@pytest.mark.full
 def test_after_pushes_the_error_is_soon_as_small_as_before():
     run = load("panda-payload", {**ARM_LEARNING, **PUSHED}).simulate(log_every=1)
     error = np.abs(np.asarray(run.log.e)).max(axis=1)

@@ -199,7 +199,7 @@ def judge(
     usual = jnp.where(restores | (done & ~trust.has_good), jnp.maximum(of_model, variance), trust.usual)
     usual = jnp.where(unloads, jnp.maximum(usual, left * left), usual)
     loud_time = jnp.where(changed | settled, 0.0, loud_time)
-    fails = ~relearns & (trust.since < PROBATION) & (ratio > EXPLAINS)
+    fails = ~relearns & (trust.since < PROBATION) & (ratio > FAILS)
     since = jnp.where(restores, PROBATION, jnp.where(changed | done | again | fails, 0.0, since))
     uses = ~relearns & (since >= PROBATION) & (blind < BLIND)
     share = jnp.clip(trust.share + jnp.where(uses, duration / RISE, -duration / FALL), 0.0, 1.0)
