@@ -38,7 +38,7 @@ LASTING = 0.5
 
 CONFIRMED, PROBATION, PROVEN = 0.2, 0.6, 1.0
 """s: time in which the last good model must explain the torque before it is used again, time for which a new model must
-explain it before it is used, and time in full use after which a model counts as good."""
+not fail before it is used, and time in full use after which a model counts as good."""
 
 RELIEF = 0.3
 """s: time after the loss of a payload in which loud windows teach, and leave the arm's model in use."""
@@ -157,7 +157,7 @@ def judge(
       stays in use. Where gaps follow a loud window, since predictions fail, and in a model that is not `PROVEN`, the
       joints' own learning takes over after `BLIND`, and the gaps count as loud.
     - Loud windows for `LASTING` show that the arm has changed. It is learnt anew, while the joints' own learning is in
-      use. The new model is used once it has explained the torque for `PROBATION` and knows each inertia: a push that is
+      use. The new model is used once it knows each inertia, and then has not failed for `PROBATION`: a push that is
       taken for a payload ends before. The last good one returns as soon as it explains the torque again, also where
       the new one is in use and explains it less well.
 
