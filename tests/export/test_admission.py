@@ -26,10 +26,20 @@ REASONS = {1: "error", 2: "position", 3: "speed", 4: "torque", 5: "torque step",
 class CompiledAdmission:
     """The function of an exported law, called from here."""
 
-    def __init__(self, scenario: Any, folder: Any, optimised: str = "-O1") -> None:
+    def __init__(self, scenario: Any, folder: Any, *optimised: str) -> None:
         export_admission(scenario, project(scenario, name="law", with_golden=False), folder)
         self.joints = n = scenario.controller.joints
-        compiled(COMPILERS[0], folder, optimised, "-shared", "-fPIC", "slidax_law_admission.c", "-o", "a.so", "-lm")
+        compiled(
+            COMPILERS[0],
+            folder,
+            *(optimised or ["-O1"]),
+            "-shared",
+            "-fPIC",
+            "slidax_law_admission.c",
+            "-o",
+            "a.so",
+            "-lm",
+        )
         library = ctypes.CDLL(str(folder / "a.so"))
 
         class Motion(ctypes.Structure):
