@@ -16,7 +16,7 @@ def test_the_demo_shows_three_laws_and_writes_a_page(tmp_path):
     shown = in_process("demo", "--out", str(tmp_path), code=0)
     rows = {line[:20].strip(): line[20:].split() for line in shown.stdout.splitlines() if " of 10001" in line}
     assert rows["CFTSMPPC"][:3] == ["0", "of", "10001"] and int(rows["computed torque + PD"][0]) > 1000
-    assert "not finite at 4." in shown.stdout
+    assert "infinite at 4." in shown.stdout
     assert "steady error [rad]" in shown.stdout, "a unit in brackets is no markup of rich"
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "computed torque + PD" in page and "nan" not in shown.stdout.lower()

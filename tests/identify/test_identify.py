@@ -11,7 +11,7 @@ import slidax as sx
 from slidax.arms import Payload
 from slidax.core import as_array
 from slidax.core.errors import DefinitionError
-from slidax.identify import JointLog, identify, write_arm
+from slidax.identify import EstimatedParameter, JointLog, identify, write_arm
 from slidax.identify.regressor import JointMotion, parameters_of_body
 from slidax.identify.torque_model import UNIT_MASSES
 from tests.identify.recorded import PAYLOAD, moved, recorded, true_arm
@@ -166,7 +166,8 @@ def test_joint_at_rest_is_reported_as_not_excited_by_name():
     last = sx.arms.ur5e().joint_names[5]
     assert {("armature", last), ("coulomb", last), ("viscous", last)} <= unseen
     assert ("armature", sx.arms.ur5e().joint_names[0]) not in unseen
-    assert f"armature of {last}" in str(identified) and "not seen in this log" in str(identified)
+    (line,) = (line for line in str(identified).splitlines() if line.startswith(f"armature of {last}"))
+    assert line.endswith("  not seen")
     assert identified.unseen_directions >= 3
 
 
@@ -237,3 +238,20 @@ def test_log_of_20_s_identifies_rotors_friction_and_payload():
     # Torques that are held for a period come half of it before what they do.
     (fit,) = identified.logs
     assert fit.lag == pytest.approx(-0.45e-3, abs=5 * fit.lag_error + 5e-5)
+
+
+@pytest.mark.parametrize(
+    ("value", "standard_error", "text"),
+    [
+        (1.37912, 0.01684, ("1.379", "0.033")),
+        (2.976e-12, 0.1, ("0.00", "0.20")),
+        (-1e-4, 0.05, ("0.000", "0.098")),
+        (3.761, 1.9, ("3.8", "3.7")),
+        (0.99999, 0.0509, ("1.00", "0.10")),
+        (412.3, 60.0, ("412", "120")),
+        (1.23456e-9, 1e-11, ("1.235e-09", "2e-11")),
+    ],
+)
+def test_a_value_is_shown_to_the_second_digit_of_its_interval(value, standard_error, text):
+    parameter = EstimatedParameter("payload.mass", "", "", "kg", value, standard_error, 1.0)
+    assert parameter.as_text() == text

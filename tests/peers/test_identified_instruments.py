@@ -156,7 +156,7 @@ def test_offsets_of_encoders_are_identified_where_gravity_shows_them(name, seed)
     assert unseen == [joint for joint, error in zip(known.joint_names, deviations, strict=True) if error > 0.01]
     lines = {line.split("  ")[0]: line for line in str(result).splitlines()}
     ends = [lines[f"encoder_offset of {joint}"].split("  ")[-1] for joint in unseen]
-    assert ends[0] == ends[-1] == "not seen in this log" and set(ends[1:-1]) <= {"poorly seen in this log"}
+    assert ends[0] == ends[-1] == "not seen" and set(ends[1:-1]) <= {"poorly seen"}
     plain = identify(log, known)
     held_out, without = (each.held_out_rms[1:-1] for each in (result, plain))
     assert (held_out < without).all() or seed >= CLEAR
@@ -237,7 +237,7 @@ def test_a_gain_that_a_log_shows_poorly_is_not_said_to_be_unknown_or_known():
     # The value is not that of before the log, 1, and the interval is narrower.
     assert low < gains[6, 6] < high and abs(weak.value - 1.0) > 0.05
     line = next(line for line in str(result).splitlines() if line.startswith(weak.label))
-    assert line.endswith("  poorly seen in this log")
+    assert line.endswith("  poorly seen")
     assert any(f"shows `{weak.label}` poorly: trust the interval" in sentence for sentence in result.warnings)
 
 

@@ -121,7 +121,8 @@ def _print_verdicts(console: Console, rivals: dict[str, Rival]) -> None:
             numbers = [f"{value:.2g}" for value in worst]
             table.add_row(title, f"{rival.outside} of {int(run.tally.samples)}", *numbers)
         else:
-            table.add_row(title, f"{run.outcome.kind.replace('_', ' ')} at {run.outcome.t:.2f} s", "-", "-")
+            end = "infinite" if run.outcome.kind == "not_finite" else "ended"
+            table.add_row(title, f"{end} at {run.outcome.t:.2f} s", "-", "-")
     console.print(table)
 
 

@@ -57,7 +57,8 @@ class Excitation:
 
     def __str__(self) -> str:
         width = max(map(len, self.joints))
-        lines = [f"{self.t[-1]:g} s from rest to rest, {self.information:.0f} bits; the largest share of each limit:"]
+        amount = f"{self.information:.0f} bits of information"
+        lines = [f"{self.t[-1]:g} s from rest to rest, {amount}; the largest share of each limit:"]
         lines.append(f"{'':<{width}}  {'  '.join(f'{name:>12}' for name in LIMITS)}  {'start':>9}")
         for joint, name in enumerate(self.joints):
             shares = "  ".join(f"{100 * value:>10.0f} %" for value in self.share[:, joint])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -56,6 +57,16 @@ class EstimatedParameter:
     def label(self) -> str:
         """Name and joint: `armature of panda_joint1`."""
         return f"{self.name} of {self.joint}" if self.joint else self.name
+
+    def as_text(self) -> tuple[str, str]:
+        """The value and half of its 95 % interval, to the second significant digit of the latter."""
+        low, high = self.interval()
+        half = float(f"{0.5 * (high - low):.1e}")
+        if not 1e-7 <= half < np.inf:
+            return f"{self.value:.4g}", f"{half:.2g}"
+        places = max(0, 1 - math.floor(math.log10(half)))
+        # Adding zero takes the sign from a zero.
+        return f"{round(self.value, places) + 0.0:.{places}f}", f"{half:.{places}f}"
 
     def interval(self, confidence: float = 0.95) -> tuple[float, float]:
         """Confidence interval of the true value, if the form of the model is right.
@@ -224,11 +235,9 @@ class Identification:
             for fit in self.logs
         ]
         for parameter in self.parameters:
-            half = 0.5 * (parameter.interval()[1] - parameter.interval()[0])
-            end = (
-                "" if parameter.identifiable else f"  {'poorly' if parameter.is_poorly_seen else 'not'} seen in {these}"
-            )
-            lines.append(f"{parameter.label:<{width}}  {parameter.value:>10.4g} ± {half:<8.2g} {parameter.unit}{end}")
+            value, half = parameter.as_text()
+            end = "" if parameter.identifiable else f"  {'poorly' if parameter.is_poorly_seen else 'not'} seen"
+            lines.append(f"{parameter.label:<{width}}  {value:>10} ± {half:<8} {parameter.unit}{end}")
         units = ", ".join(dict.fromkeys("N m" if unit == "rad" else "N" for unit in self.robot.joint_units))
         lines.append(f"root mean square of the torques [{units}], joint by joint:")
         lines.append(f"measured      {_listed(self.measured_rms)}")

@@ -309,15 +309,11 @@ def write_identification_report(identification: Identification, out: str | Path,
     ]
     joint = int(np.argmax(identification.held_out_rms))
     robot = identification.robot
-    intervals = [parameter.interval() for parameter in identification.parameters]
     return write_page(
         out,
         "identification.html.j2",
         identification=identification,
-        rows=[
-            (parameter, 0.5 * (interval[1] - interval[0]))
-            for parameter, interval in zip(identification.parameters, intervals, strict=True)
-        ],
+        rows=[(parameter, *parameter.as_text()) for parameter in identification.parameters],
         worst=(robot.joint_names[joint], identification.held_out_rms[joint], robot.torque_units[joint]),
         torques=[
             ("Measured", identification.measured_rms),
