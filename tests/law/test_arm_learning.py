@@ -114,6 +114,16 @@ def test_a_small_push_does_not_become_usual_before_a_lasting_change_is_found(in_
     assert any(bool(verdict.opens) for verdict in judged(in_use, LASTING + 0.05, innovation=0.2, of_good=0.2)[1])
 
 
+def test_the_first_model_learns_on_from_small_errors_and_stays_in_use():
+    new, _ = judged(Trust.init(2, VARIANCE), 0.8 + PROBATION, innovation=0.01)
+    assert new.share == 1.0 and not new.has_good
+    refined, verdicts = judged(new, LASTING + 0.15, innovation=0.2)
+    assert refined.share == 1.0 and not refined.relearns and not any(bool(verdict.opens) for verdict in verdicts)
+    # All windows teach for a while, the unusual ones too.
+    assert -RELIEF < refined.loud < 0.0
+    assert judged(new, LASTING + 0.15, innovation=3.0)[0].relearns
+
+
 def test_a_model_that_has_lost_its_payload_stays_in_use(in_use):
     released, verdicts = judged(in_use, 0.01, innovation=3.0, of_good=3.0, lost=0.5, left=0.2)
     assert all(bool(verdict.unloads) for verdict in verdicts) and released.share == 1.0
@@ -363,6 +373,15 @@ PUSHED = {
 def test_the_arms_model_comes_into_use_with_a_law_whose_error_is_large():
     run = load("panda-payload", {**ARM_LEARNING, "scheme.name": "computed_torque", "simulation.t1": 4.0}).simulate()
     assert np.asarray(run.log.signals["arm_share"])[-1] == 1.0
+
+
+@pytest.mark.full
+def test_the_first_model_is_not_given_up_while_the_error_falls():
+    run = load("panda-payload", {**ARM_LEARNING, "scheme.name": "slotine_li", "simulation.t1": 6.0}).simulate(
+        log_every=1
+    )
+    error, share = np.abs(np.asarray(run.log.e)).max(axis=1), np.asarray(run.log.signals["arm_share"])
+    assert error[4000:].max() < 1e-4 and share[3000:].min() == 1.0
 
 
 @pytest.mark.full

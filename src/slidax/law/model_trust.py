@@ -41,7 +41,8 @@ CONFIRMED, PROBATION, PROVEN = 0.2, 0.6, 1.0
 not fail before it is used, and time in full use after which a model counts as good."""
 
 RELIEF = 0.3
-"""s: time after the loss of a payload in which loud windows teach, and leave the arm's model in use."""
+"""s: time in which loud windows teach and leave the arm's model in use: after the loss of a payload, and where a first
+model misses little."""
 
 UNEXPLAINED, LEAST_LOST = 0.05, 0.2
 """Share of a loud window's energy that a lost payload may leave, and least share of a payload that is lost at once."""
@@ -59,7 +60,7 @@ class Trust(eqx.Module):
     - `share`: α, share of the arm's model in what the law uses; 0 for the joints' own learning.
     - `relearns`: True while the arm is learnt from the beginning, or anew after a lasting change.
     - `since`: time since that began or ended, or since the covariance was last opened [s].
-    - `loud`: time with loud windows, less that of quiet ones [s]; negative for `RELIEF` after the loss of a payload.
+    - `loud`: time with loud windows, less that of quiet ones [s]; negative while all windows teach, for `RELIEF`.
     - `blind`: time without a valid window after a loud one, or in the use of a model that is not proven [s].
     - `good`: time of full use without a loud window [s].
     - `confirmed`: time in which the last good model has explained the torque [s].
@@ -161,6 +162,8 @@ def judge(
       taken for a payload ends before. The last good one returns as soon as it explains the torque again, also where
       the new one is in use and explains it less well.
 
+    - Before any model was good there is none to return to. One that explains the torque but for a little stays in use
+      instead of being learnt anew, and for `RELIEF` all windows teach.
     - A loud window that a lost payload explains changes the model at once. It stays in use, what the loss leaves
       unexplained counts as usual, and for `RELIEF` all windows teach.
 
@@ -190,7 +193,9 @@ def judge(
     restores = (unproven | worse) & ~done & trust.has_good & (confirmed > CONFIRMED)
     unloads = ~learns & (lost > 0.0)
     loud_time = jnp.where(unloads, -RELIEF, loud_time)
-    changed = ~learns & (loud_time > LASTING)
+    unusual = ~learns & (loud_time > LASTING)
+    refines = unusual & ~trust.has_good & (ratio < EXPLAINS)
+    changed = unusual & ~refines
     again = learns & ~done & ~restores & (ratio > FAILS) & (since > LASTING)
     relearns = (learns & ~done & ~restores) | changed
     settled = done | restores
@@ -198,7 +203,7 @@ def judge(
     of_model = jnp.where(restores, good, learnt)
     usual = jnp.where(restores | (done & ~trust.has_good), jnp.maximum(of_model, variance), trust.usual)
     usual = jnp.where(unloads, jnp.maximum(usual, left * left), usual)
-    loud_time = jnp.where(changed | settled, 0.0, loud_time)
+    loud_time = jnp.where(changed | settled, 0.0, jnp.where(refines, -RELIEF, loud_time))
     fails = ~relearns & (trust.since < PROBATION) & (ratio > FAILS)
     since = jnp.where(restores, PROBATION, jnp.where(changed | done | again | fails, 0.0, since))
     uses = ~relearns & (since >= PROBATION) & (blind < BLIND)
