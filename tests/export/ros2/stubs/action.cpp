@@ -135,7 +135,7 @@ int main() {
     activate(false);
 
     int succeeded = 0, refused = 0, wrong = 0;
-    for (int k = 0; k < 60; ++k) {
+    for (int k = 0; k < 200; ++k) {
         const Handle handle = server().goal(anywhere(2.0));
         if (handle->result) {
             refused += ended(handle, rclcpp_action::GoalState::ABORTED, Action::Result::INVALID_GOAL) ? 1 : 0;
@@ -149,7 +149,7 @@ int main() {
 
     int preempted = 0, slowed = 0;
     activate(true);
-    for (int k = 0; k < 50; ++k) {
+    for (int k = 0; k < 65; ++k) {
         const Handle first = server().goal(anywhere(1.0));
         wrong += moved(static_cast<int>(uniform(30.0, 450.0))) ? 0 : 1;
         const bool was_active = !first->result;
@@ -170,7 +170,7 @@ int main() {
     std::printf("preempted: %d\nslowed: %d\nwrong then: %d\n", preempted, slowed, wrong);
 
     int canceled = 0, asked = 0;
-    for (int k = 0; k < 50; ++k) {
+    for (int k = 0; k < 65; ++k) {
         const Handle handle = server().goal(anywhere(1.0));
         wrong += moved(static_cast<int>(uniform(0.0, 480.0))) ? 0 : 1;
         if (handle->result || !server().cancel(handle)) {
