@@ -45,9 +45,6 @@ from .shared import ROOT
 SUBSTEPS, REST, MEMBERS = 2, 0.3, 40
 """Steps of MuJoCo in a period, seconds after a motion, and number of arms in MuJoCo."""
 
-COMPARED = 40
-"""Number of refusals that are compared with `slidax admit`."""
-
 SCENARIO = """
 title: goals of a planner
 robot: {{kind: identified, file: arm.yaml}}
@@ -250,6 +247,7 @@ def measure_goals() -> None:
     parser.add_argument("--arm", choices=sorted(ARMS), default="panda")
     parser.add_argument("--count", type=int, default=5000)
     parser.add_argument("--seed", type=int, default=11)
+    parser.add_argument("--compared", type=int, default=40, help="refusals that are compared with `slidax admit`")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         goals = Goals(options.arm, Path(folder))
@@ -267,7 +265,7 @@ def measure_goals() -> None:
         counts["admitted as it is" if first.reason == 0 else f"refused: {REASONS.get(first.reason, 'no motion')}"] += 1
         bound = np.array(first.error[:])
         if first.reason:
-            if counts["compared"] < COMPARED:
+            if counts["compared"] < options.compared:
                 counts["compared"] += 1
                 confirmed = is_true(first, motion, law, options.arm)
                 counts["confirmed"] += confirmed is True
