@@ -84,7 +84,7 @@ def test_a_push_leaves_the_model_in_use_unless_gaps_follow(in_use):
 
 def test_a_model_that_fails_in_its_probation_is_not_used():
     first, _ = judged(Trust.init(2, VARIANCE), 0.4, innovation=0.01)
-    half, _ = judged(first, 0.7 * PROBATION, innovation=0.01)
+    half, _ = judged(first, 0.5 * PROBATION, innovation=0.01)
     failing, _ = judged(half, 0.5 * PROBATION, innovation=1.0)
     assert not failing.relearns and failing.share == 0.0
 
