@@ -161,9 +161,8 @@ def judge(
       use. The new model is used once it knows each inertia, and then has not failed for `PROBATION`: a push that is
       taken for a payload ends before. The last good one returns as soon as it explains the torque again, also where
       the new one is in use and explains it less well.
-
-    - Before any model was good there is none to return to. One that explains the torque but for a little stays in use
-      instead of being learnt anew, and for `RELIEF` all windows teach.
+    - Before any model was good there is none to return to. A first model that misses less than the share `EXPLAINS` of
+      the torque's energy stays in use instead of being learnt anew, and for `RELIEF` all windows teach.
     - A loud window that a lost payload explains changes the model at once. It stays in use, what the loss leaves
       unexplained counts as usual, and for `RELIEF` all windows teach.
 
