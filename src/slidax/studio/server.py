@@ -146,7 +146,7 @@ def serve(
     server = _Server(config, studio)
 
     def begin() -> None:
-        say(f"The studio is at {address} until Ctrl-C; it reads and writes only {folder.root}")
+        say(f"The studio runs until Ctrl-C, and reads and writes only {folder.root}:\n{address}")
         if browser:
             webbrowser.open(address)
 
