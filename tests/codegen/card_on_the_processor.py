@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from slidax.codegen import cuda
-from slidax.codegen.cuda.launch import dtype_on_card, pack_inputs, unpack_outputs
+from slidax.codegen.cuda import dtype_on_card, pack_inputs, unpack_outputs
 
 THREADS = 4
 """Of a block, so that some of the last one have no run."""

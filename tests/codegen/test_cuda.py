@@ -9,7 +9,7 @@ import pytest
 from slidax import DefinitionError
 from slidax.codegen import cuda
 from slidax.codegen.builder import Builder
-from slidax.codegen.cuda.launch import pack_inputs
+from slidax.codegen.cuda import pack_inputs
 
 from .card_on_the_processor import CardOnTheProcessor, needs_gxx
 from .random_programs import RandomProgram, random_arrays

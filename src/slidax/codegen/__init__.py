@@ -8,7 +8,7 @@ Read first: `ir.py`, then `trace/tracing.py`, `c/functions.py` and `llvm/kernel.
 """
 
 from .c.functions import c_code as c_code
-from .cuda.source import cuda_code as cuda_code
+from .cuda import cuda_code as cuda_code
 from .ir import NoNativeCodeError as NoNativeCodeError
 from .ir import Program as Program
 from .llvm.kernel import Kernel as Kernel
