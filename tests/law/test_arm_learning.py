@@ -93,8 +93,8 @@ def test_equations_count_less_while_a_model_is_not_proven(in_use):
     adaptation, still = learner(), jnp.zeros(2)
     memory = adaptation.init(State(q=still, dq=still))
     speeds = memory.equations.drives.at[0].set(jnp.ones(2))
-    where = lambda m: (m.equations.drives, m.equations.y, m.equations.teaches)  # noqa: E731
-    memory = eqx.tree_at(where, memory, (speeds, jnp.ones(2), jnp.ones(2, bool)))
+    where = lambda m: (m.equations.drives, m.equations.y, m.equations.weights)  # noqa: E731
+    memory = eqx.tree_at(where, memory, (speeds, jnp.ones(2), jnp.ones(2)))
     args = still, still, still, ARM.mass(still), ARM.bias(still, still), jnp.asarray(PERIOD), NO, ARM
     first, _ = judged(Trust.init(2, VARIANCE), 0.4, innovation=0.01)
     for trust, variance in ((Trust.init(2, VARIANCE), UNSURE * 0.3), (first, UNSURE * 0.3), (in_use, 0.02**2)):
@@ -179,6 +179,35 @@ def test_a_new_model_is_used_only_after_its_probation():
 
 def learner(**changes):
     return ArmLearning(joints=JointLearning(rotor=0.1, rotor_max=2.0, coulomb_max=3.0), **changes)
+
+
+def test_a_push_moves_a_model_that_is_still_learnt_only_a_little(in_use):
+    young, _ = judged(Trust.init(2, VARIANCE), 0.8, innovation=0.05, certain=NO)
+    old, _ = judged(young, PROVEN, innovation=0.05, certain=NO)
+    usual = float(old.usual[0])
+    squares = usual * jnp.array([1.0, 1600.0])
+    np.testing.assert_array_equal(young.weights(squares, YES), 1.0)
+    np.testing.assert_allclose(old.weights(squares, YES), [1.0, 0.01], rtol=1e-12)
+    np.testing.assert_array_equal(in_use.weights(squares, NO), 1.0)
+    np.testing.assert_array_equal(in_use.weights(squares, YES), 0.0)
+    np.testing.assert_array_equal(eqx.tree_at(lambda t: t.loud, in_use, -STEP).weights(squares, YES), 1.0)
+    # A push opens no covariance, what lasts does.
+    pushed, verdicts = judged(old, LASTING - 0.05, innovation=3.0, certain=NO)
+    assert pushed.since > PROVEN and not any(bool(verdict.opens) for verdict in verdicts)
+    assert any(bool(verdict.opens) for verdict in judged(pushed, 0.1, innovation=3.0, certain=NO)[1])
+    assert any(bool(verdict.opens) for verdict in judged(young, 0.1, innovation=3.0, certain=NO)[1])
+
+
+def test_an_equation_with_less_weight_has_a_larger_variance():
+    adaptation, still = learner(), jnp.zeros(2)
+    memory = adaptation.init(State(q=still, dq=still))
+    args = still, still, still, ARM.mass(still), ARM.bias(still, still), jnp.asarray(PERIOD), NO, ARM
+    where = lambda m: (m.equations.drives, m.equations.y, m.equations.weights)  # noqa: E731
+    speeds = memory.equations.drives.at[0].set(jnp.ones(2))
+    memory = eqx.tree_at(where, memory, (speeds, jnp.ones(2), jnp.array([0.25, 0.0])))
+    after = adaptation(Experience(*args), eqx.tree_at(lambda m: m.trust.usual, memory, jnp.array([0.3, 0.2])))
+    viscous = adaptation.parameters(after.estimates.parameters).viscous
+    np.testing.assert_allclose(viscous, [0.16 / (0.16 + UNSURE * 0.3 / 0.25), 0.0], rtol=1e-12)
 
 
 def test_a_model_in_use_gives_the_arm_its_payload_and_links():

@@ -182,7 +182,7 @@ class ArmLearning(AbstractAdaptation):
                 y=jnp.zeros(n),
                 inertia=jnp.zeros(PAYLOAD + n),
                 nominal=jnp.ones(()),
-                teaches=jnp.zeros(n, bool),
+                weights=jnp.zeros(n),
                 valid=jnp.zeros((), bool),
                 loud=jnp.zeros(2, bool),
                 fits=jnp.zeros((), bool),
@@ -251,9 +251,12 @@ class ArmLearning(AbstractAdaptation):
             for k in range(share):
                 number = share * slot.astype(int) + k
                 at = jnp.minimum(number, n - 1)
+                weight = equations.weights[at]
                 both = jax.lax.cond(
-                    (number < n) & equations.teaches[at],
-                    lambda both=both, at=at: measured_once(*both, equations.row(at), equations.y[at], variance[at]),
+                    (number < n) & (weight > 0.0),
+                    lambda both=both, at=at, weight=weight: measured_once(
+                        *both, equations.row(at), equations.y[at], variance[at] / weight
+                    ),
                     lambda both=both: both,
                 )
             return both
@@ -296,15 +299,16 @@ class ArmLearning(AbstractAdaptation):
         moves = (jnp.abs(window.dq) > SLOWEST) | (jnp.abs(window.ddq) > SOFTEST)
         squares = jnp.stack([missed * missed, missed_by_good * missed_by_good, y * y])
         heard = valid & moves
-        trust, loud = trust.after_window(squares, heard, self.noise**2, self.samples * x.period)
+        before = trust
+        trust, loud = before.after_window(squares, heard, self.noise**2, self.samples * x.period)
         carried = jnp.sum(own.torque[:, :PAYLOAD] * estimates.parameters[:PAYLOAD], axis=1)
         fits, lost, left = lost_payload(missed, carried, heard, self.noise**2)
-        fitted, teaches = memory.equations.fits, heard & (trust.relearns | ~loud[0] | (trust.loud < 0.0))
+        fitted, weights = memory.equations.fits, jnp.where(heard, before.weights(squares[0], loud[0]), 0.0)
         lost = jnp.where(loud[0] & fits & fitted & (lost > LEAST_LOST), lost, 0.0)
         equations = eqx.tree_at(
-            lambda e: (e.teaches, e.valid, e.loud, e.fits, e.lost, e.left),
+            lambda e: (e.weights, e.valid, e.loud, e.fits, e.lost, e.left),
             equations,
-            (teaches, valid, loud, fits, lost, left),
+            (weights, valid, loud, fits, lost, left),
         )
         now = eqx.tree_at(lambda own: (own.estimates, own.trust), memory, (estimates, trust))
         inertia = coupled_inertia(self.robot(arm, now).mass(x.q), trust.share)
@@ -332,7 +336,7 @@ class ArmLearning(AbstractAdaptation):
         parameters = jnp.where(verdict.restores, estimates.good, estimates.parameters)
         parameters = jnp.where(verdict.unloads & of_payload, (1.0 - equations.lost) * parameters, parameters)
         # Only what teaches may fade: rest forgets nothing.
-        share = jnp.sum(jnp.where(equations.teaches, 1.0 / n, 0.0))
+        share = jnp.mean(equations.weights)
         growth = DRIFT * duration * share + jnp.where(verdict.opens | (verdict.unloads & of_payload), OPENED, 0.0)
         # The covariance is of the model that is given up, and the good one is known better.
         covariance = estimates.covariance * jnp.where(verdict.restores, RESTORED, 1.0)

@@ -27,7 +27,8 @@ class Equations(eqx.Module):
     - `y`: torque that the nominal arm does not explain [n], N m or N.
     - `inertia`, `nominal`: derivative of M_ii by payload and link factors [b], and M_ii of the nominal arm, for the
       joint whose deviation is computed next.
-    - `teaches`: True for each equation that is used [n].
+    - `weights`: weight of each equation, 1 over its variance relative to that of the noise; 0 for one that is not used
+      [n].
     - `valid`: True for a window without a gap. `loud`: for a loud innovation of the learnt, and of the good model.
     - `fits`: True if the loss of a share of the payload explains the window.
     - `lost`: that share, if it explains this loud window and the one before; 0 for none. `left`: innovation without it
@@ -39,7 +40,7 @@ class Equations(eqx.Module):
     y: Vector
     inertia: Float[Array, " b"]
     nominal: Scalar
-    teaches: Bool[Array, " n"]
+    weights: Vector
     valid: Bool[Array, ""]
     loud: Bool[Array, "2"]
     fits: Bool[Array, ""]

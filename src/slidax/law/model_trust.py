@@ -126,6 +126,18 @@ class Trust(eqx.Module):
         usual = jnp.maximum(self.usual + slower * (clipped - self.usual), variance)
         return eqx.tree_at(lambda trust: (trust.energy, trust.usual), self, (energy, usual)), loud
 
+    def weights(self, squares: Vector, loud: Bool[Array, ""]) -> Vector:
+        """Return the weight of each equation of a window [n]: 1 for a usual one, 0 for one that teaches nothing.
+
+        A model that is learnt must be taught by loud windows. Once it had the time `PROVEN`, an innovation counts less
+        the more it is above the usual one, so that a push does not replace what was learnt before it.
+
+        - `self`: before the window. `squares`: squared innovations of the learnt model [n]. `loud`: by that model.
+        """
+        robust = jnp.minimum(1.0, LOUD * LOUD * self.usual / jnp.maximum(squares, self.usual))
+        learning = jnp.where(self.since > PROVEN, robust, 1.0)
+        return jnp.where(self.relearns, learning, jnp.where(loud & (self.loud >= 0.0), 0.0, 1.0))
+
 
 class Verdict(eqx.Module):
     """Decision about the models.
@@ -161,6 +173,8 @@ def judge(
       use. The new model is used once it knows each inertia, and then has not failed for `PROBATION`: a push that is
       taken for a payload ends before. The last good one returns as soon as it explains the torque again, also where
       the new one is in use and explains it less well.
+    - A model that fails while it is learnt is learnt anew; once it had the time `PROVEN`, only after loud windows for
+      `LASTING`: a push ends before.
     - Before any model was good there is none to return to. A first model that misses less than the share `EXPLAINS` of
       the torque's energy stays in use instead of being learnt anew, and for `RELIEF` all windows teach.
     - A loud window that a lost payload explains changes the model at once. It stays in use, what the loss leaves
@@ -195,7 +209,8 @@ def judge(
     unusual = ~learns & (loud_time > LASTING)
     refines = unusual & ~trust.has_good & (ratio < EXPLAINS)
     changed = unusual & ~refines
-    again = learns & ~done & ~restores & (ratio > FAILS) & (since > LASTING)
+    lasts = (since <= PROVEN) | (loud_time > LASTING)
+    again = learns & ~done & ~restores & (ratio > FAILS) & (since > LASTING) & lasts
     relearns = (learns & ~done & ~restores) | changed
     settled = done | restores
     # After a change not the energy of the new model: what it has not explained yet would count as usual.
